@@ -1,0 +1,37 @@
+"""Learn a bilinear Koopman model of a wheeled robot and drive it, in real time on a small board."""
+
+from kmpc_lite.control import Circle, Controller, NavigationProblem, Plan, PlanStatus
+from kmpc_lite.dictionary import Dictionary, HermiteTrigDictionary, InputHistoryDictionary, UnicycleDictionary
+from kmpc_lite.errors import DataError, KmpcError, ModelError, ProblemError, ScenarioError
+from kmpc_lite.learn import Accumulator, Dataset, Episode, FitReport, evaluate, fit
+from kmpc_lite.model import KoopmanModel, nominal_unicycle
+from kmpc_lite.sim.robots import DifferentialDrive, generate_dataset
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Accumulator",
+    "Circle",
+    "Controller",
+    "DataError",
+    "Dataset",
+    "Dictionary",
+    "DifferentialDrive",
+    "Episode",
+    "FitReport",
+    "HermiteTrigDictionary",
+    "InputHistoryDictionary",
+    "KmpcError",
+    "KoopmanModel",
+    "ModelError",
+    "NavigationProblem",
+    "Plan",
+    "PlanStatus",
+    "ProblemError",
+    "ScenarioError",
+    "UnicycleDictionary",
+    "evaluate",
+    "fit",
+    "generate_dataset",
+    "nominal_unicycle",
+]

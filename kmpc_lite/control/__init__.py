@@ -1,0 +1,8 @@
+"""From a model and a pose to a command."""
+
+from kmpc_lite.control.controller import Controller
+from kmpc_lite.control.obstacles import Circle
+from kmpc_lite.control.plan import Plan, PlanStatus
+from kmpc_lite.control.problem import NavigationProblem
+
+__all__ = ["Circle", "Controller", "NavigationProblem", "Plan", "PlanStatus"]

@@ -1,0 +1,213 @@
+"""Controller.step: from a measured pose to a command that is safe to send."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kmpc_lite.control.fallback import Fallback
+from kmpc_lite.control.obstacles import Circle, circle_distances, circles_to_array
+from kmpc_lite.control.osqp_workspace import QPStatus
+from kmpc_lite.control.plan import Plan, PlanStatus
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.sqp import SQP, SQPResult, Trajectory
+from kmpc_lite.dictionary import INPUTS, STATES, Array
+from kmpc_lite.errors import ProblemError
+from kmpc_lite.model import KoopmanModel
+
+POSITION_LIMIT = 1e4
+"""A pose or a goal farther out [m] is taken for a broken sensor."""
+JUMP = (0.5, 1.0)
+"""A pose that is farther from the predicted one [m, rad] makes the last plan worthless as a start."""
+DEFECT = 0.05
+"""How far the model may contradict a plan over one period [m, rad] before the plan is refused."""
+BOUND_SLACK = 0.02
+"""How far the solver may leave the command bounds, as a share of their width; the command itself is clipped."""
+
+
+class Controller:
+    """Nonlinear model predictive control with a learned bilinear model (paper, alg. 1).
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        Learned by `fit`, or `nominal_unicycle`; its dt must be the problem's.
+    problem : NavigationProblem, optional
+        The paper's where not given.
+    sqp_iterations : int
+        Passes per step: 1 is the real-time iteration, more run until the plan changes by less than `tolerance`.
+    tolerance : float
+        See above.
+    obstacle_slots : int
+        How many obstacles and sides of the area each stage of the plan can be held away from: the nearest ones.
+
+    Raises
+    ------
+    ProblemError
+        For options that contradict each other.
+
+    Examples
+    --------
+    >>> from kmpc_lite import nominal_unicycle
+    >>> controller = Controller(nominal_unicycle(0.1))
+    >>> plan = controller.step((0.0, 0.0, 0.0), goal=(1.0, 0.0, 0.0))
+    >>> plan.status.name, plan.command.round(2)
+    ('SOLVED', array([0.6, 0. ]))
+    """
+
+    def __init__(
+        self,
+        model: KoopmanModel,
+        problem: NavigationProblem | None = None,
+        *,
+        sqp_iterations: int = 1,
+        tolerance: float = 1e-5,
+        obstacle_slots: int = 6,
+    ) -> None:
+        self.model = model
+        self.problem = NavigationProblem() if problem is None else problem
+        if abs(model.dt - self.problem.dt) > 1e-9 * self.problem.dt:
+            raise ProblemError(
+                f"the model's dt is {model.dt:g} s, the problem's {self.problem.dt:g} s; fit the log at the problem's dt, "
+                f"or use NavigationProblem(dt={model.dt:g}) or model.with_dt({self.problem.dt:g})"
+            )
+        for name, value in (("sqp_iterations", sqp_iterations), ("obstacle_slots", obstacle_slots)):
+            if not isinstance(value, int) or value < 1:
+                raise ProblemError(f"{name}: expected a whole number >= 1, got {value!r}")
+        if not (np.isfinite(tolerance) and tolerance > 0):
+            raise ProblemError(f"tolerance: expected a number > 0, got {tolerance!r}")
+        self._sqp = SQP(model, self.problem, sqp_iterations, tolerance, obstacle_slots)
+        self._fallback = Fallback(self.problem)
+        self._u_min, self._u_max, _, _ = self.problem.bounds
+        self._margin = BOUND_SLACK * (self._u_max - self._u_min)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last plan, the commands sent and the side from which the goal's heading is approached."""
+        self._last: Trajectory | None = None
+        self._past = np.zeros((self.model.history, INPUTS))
+        self._heading_error = 0.0
+        self._fallback.reset()
+
+    def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Sequence[Circle] | ArrayLike = ()) -> Plan:
+        """Plan from the measured pose and give the command of the coming period.
+
+        Parameters
+        ----------
+        x : array_like
+            Pose (3,) [m, m, rad]; any multiple of 2 pi in the heading.
+        goal : array_like
+            Pose to reach (3,).
+        obstacles : sequence of Circle, or array_like
+            Where they are now; an array has rows x, y, radius or x, y, radius, vx, vy.
+
+        Returns
+        -------
+        Plan
+            Whatever the values that came: a finite command within bounds, and a status.
+
+        Raises
+        ------
+        ValueError
+            For wrong shapes, and for nothing else.
+        """
+        start = perf_counter()
+        pose, target = np.asarray(x, dtype=float), np.asarray(goal, dtype=float)
+        if pose.shape != (STATES,) or target.shape != (STATES,):
+            raise ValueError(f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}")
+        circles = circles_to_array(obstacles)
+        for name, values in (("pose", pose), ("goal", target), ("obstacle", circles)):
+            # also false for NaN
+            if not (np.abs(values) <= POSITION_LIMIT).all():
+                return self._without_solution(pose, circles, start, {}, 0, f"{name} not usable: {values.ravel()[:5]}")
+        turns = 2 * np.pi * np.round(pose[2] / (2 * np.pi))
+        here = pose - (0.0, 0.0, turns)
+        reference = np.tile((target[0], target[1], here[2] + self._turn_to(target[2] - here[2])), (self.problem.horizon + 1, 1))
+        guess = self._warm_start(here)
+        shifted = perf_counter()
+        result = self._sqp.solve(guess or self._sqp.at_rest(here), reference, circles, self._past, cold=guess is None)
+        solved = perf_counter()
+        trajectory, reason = self._verify(result)
+        timing = {"shift": shifted - start, **result.timing, "verify": perf_counter() - solved}
+        if trajectory is None:
+            self._last = None
+            return self._without_solution(pose, circles, start, timing, result.passes, reason)
+        self._last = trajectory
+        self._fallback.accept(trajectory)
+        self._remember(trajectory.inputs[0])
+        states = trajectory.states + (0.0, 0.0, turns)
+        status = PlanStatus.SOLVED if result.status is QPStatus.SOLVED else PlanStatus.FEASIBLE
+        return self._plan(states, trajectory.inputs, status, circles, start, timing, result.passes, reason)
+
+    def _turn_to(self, error: float) -> float:
+        """Signed turn to the goal's heading; near a half turn it keeps the side of the step before."""
+        error = float(np.remainder(error + np.pi, 2 * np.pi) - np.pi)
+        if abs(error) > 0.75 * np.pi and error * self._heading_error < 0.0 and abs(self._heading_error) > 0.5 * np.pi:
+            error -= np.copysign(2 * np.pi, error)
+        self._heading_error = error
+        return error
+
+    def _warm_start(self, here: Array) -> Trajectory | None:
+        """Last plan, one period on, if the robot is where that plan put it."""
+        if self._last is None:
+            return None
+        expected = self._last.states[1]
+        turns = 2 * np.pi * np.round((expected[2] - here[2]) / (2 * np.pi))
+        error = np.abs(expected - here - (0.0, 0.0, turns))
+        if max(error[0], error[1]) > JUMP[0] or error[2] > JUMP[1]:
+            return None
+        guess = self._sqp.shift(self._last, here)
+        if turns:
+            guess.states[1:, 2] -= turns
+        return guess
+
+    def _verify(self, result: SQPResult) -> tuple[Trajectory | None, str]:
+        """Make a plan fit to drive, commands within bounds, or None; and what is wrong."""
+        if result.status is QPStatus.FAILED:
+            return None, result.reason
+        found = result.trajectory
+        excess = np.maximum(found.inputs - self._u_max, self._u_min - found.inputs)
+        if (excess > self._margin).any():
+            return None, f"solution leaves the command bounds by {excess.max():.3g} ({result.reason or 'solved'})"
+        inputs = np.clip(found.inputs, self._u_min, self._u_max)
+        predicted = self.model.predict(found.states[:-1], inputs, self._sqp.past_windows(self._past, inputs))
+        defect = float(np.abs(predicted - found.states[1:]).max())
+        if not defect <= DEFECT:
+            return None, f"the model contradicts the plan by {defect:.3g} ({result.reason or 'solved'})"
+        return Trajectory(found.states, inputs, found.duals), result.reason
+
+    def _without_solution(self, pose: Array, circles: Array, start: float, timing: dict[str, float], passes: int, reason: str) -> Plan:
+        """Drive the rest of the last good plan while there is one, then brake."""
+        rest = self._fallback.replay()
+        n = self.problem.horizon
+        if rest is not None:
+            self._remember(rest.inputs[0])
+            missing = n - len(rest.inputs)
+            states = np.concatenate([rest.states, np.repeat(rest.states[-1:], missing, axis=0)])
+            inputs = np.concatenate([rest.inputs, np.zeros((missing, INPUTS))])
+            return self._plan(states, inputs, PlanStatus.FALLBACK, circles, start, timing, passes, reason)
+        self._last = None
+        command = self._fallback.brake()
+        self._remember(command)
+        inputs = np.zeros((n, INPUTS))
+        inputs[0] = command
+        states = np.tile(np.where(np.isfinite(pose), pose, 0.0), (n + 1, 1))
+        return self._plan(states, inputs, PlanStatus.STOPPED, circles, start, timing, passes, reason)
+
+    def _remember(self, command: Array) -> None:
+        if len(self._past):
+            self._past[:-1] = self._past[1:]
+            self._past[-1] = command
+
+    def _plan(
+        self, states: Array, inputs: Array, status: PlanStatus, circles: Array, start: float, timing: dict[str, float], passes: int, reason: str
+    ) -> Plan:
+        clearance = np.inf
+        if len(circles):
+            distances, _ = circle_distances(circles, states[:, :2], self.problem.dt * np.arange(len(states)))
+            clearance = float(distances.min()) - self.problem.robot_radius
+        timing["total"] = perf_counter() - start
+        return Plan(inputs[0].copy(), states, inputs, status, clearance, passes, timing, reason)

@@ -1,0 +1,140 @@
+"""The only file that touches OSQP: guards what goes in, believes only its status.
+
+OSQP reads raw pointers, keeps old data without a word when a bound crosses, fills the solution of an infeasible
+problem with finite garbage and returns NaN for NaN. Here arrays are owned, of the exact type and length, checked before and after.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+import osqp
+import scipy.sparse as sp
+
+from kmpc_lite.dictionary import Array
+
+INFINITY = 1e20
+"""Bounds beyond this are open. A row must not change between open and closed: that refactorises."""
+
+
+class QPStatus(Enum):
+    """What became of a QP."""
+
+    SOLVED = "solved"
+    STOPPED_EARLY = "stopped early"
+    """Iteration or time limit: the iterate is finite and worth checking."""
+    FAILED = "failed"
+    """Infeasible, bad data or not finite: there is no iterate."""
+
+
+@dataclass(frozen=True, eq=False)
+class QPSolution:
+    """An iterate with its status; `x` and `y` are copies."""
+
+    status: QPStatus
+    x: Array
+    y: Array
+    iterations: int
+    primal_residual: float
+    dual_residual: float
+    reason: str
+
+
+class OSQPWorkspace:
+    """One QP, ``min x'Px/2 + q'x, l <= Ax <= u``, set up once and solved many times with new numbers.
+
+    Parameters
+    ----------
+    P, A : scipy.sparse.csc_matrix
+        Upper triangle of P (n, n), and A (m, n); entries that may become nonzero are stored from the start.
+    q, lower, upper : ndarray
+        (n,), (m,), (m,).
+    settings
+        OSQP's own.
+    """
+
+    def __init__(self, P: sp.csc_matrix, q: Array, A: sp.csc_matrix, lower: Array, upper: Array, **settings: Any) -> None:
+        self.n, self.m, self.nnz = A.shape[1], A.shape[0], A.nnz
+        self._q = np.array(q, dtype=float)
+        self._lower, self._upper = np.array(lower, dtype=float), np.array(upper, dtype=float)
+        self._Ax = np.array(A.data, dtype=float)
+        self._x, self._y = np.zeros(self.n), np.zeros(self.m)
+        for name, array, length in (("q", self._q, self.n), ("lower", self._lower, self.m), ("upper", self._upper, self.m)):
+            if array.shape != (length,):
+                raise ValueError(f"{name}: expected shape ({length},), got {array.shape}")
+        self._osqp = osqp.OSQP()
+        self._osqp.setup(sp.csc_matrix(P), self._q, sp.csc_matrix(A), self._lower, self._upper, verbose=False, **settings)
+        # The wrapper copies and renames; its compiled half takes the same arrays and returns error codes.
+        self._solver = self._osqp._solver
+
+    def configure(self, **settings: Any) -> None:
+        """Change OSQP's settings between solves."""
+        self._osqp.update_settings(**settings)
+
+    def solve(self, q: Array, lower: Array, upper: Array, Ax: Array, x: Array, y: Array) -> QPSolution:
+        """Solve with new numbers from a warm start.
+
+        Parameters
+        ----------
+        q, lower, upper : ndarray
+            (n,), (m,), (m,).
+        Ax : ndarray
+            All stored entries of A, in CSC order, (nnz,).
+        x, y : ndarray
+            Warm start (n,), (m,); one that is not finite is replaced by zeros.
+
+        Raises
+        ------
+        ValueError
+            For wrong shapes.
+        """
+        for own, new in ((self._q, q), (self._lower, lower), (self._upper, upper), (self._Ax, Ax), (self._x, x), (self._y, y)):
+            if new.shape != own.shape:
+                raise ValueError(f"QP data: expected shape {own.shape}, got {new.shape}")
+            own[:] = new
+        # a NaN compares as false; a finite sum of finite numbers this small cannot overflow
+        if not (np.isfinite(self._q.sum() + self._Ax.sum()) and (self._lower <= self._upper).all()):
+            return self._failed("QP data not finite, or bounds cross")
+        np.maximum(self._lower, -INFINITY, out=self._lower)
+        np.minimum(self._upper, INFINITY, out=self._upper)
+        if not np.isfinite(self._x.sum() + self._y.sum()):
+            self._x[:] = 0.0
+            self._y[:] = 0.0
+        solver = self._solver
+        if solver.update_data_vec(q=self._q, l=self._lower, u=self._upper) or solver.update_data_mat(
+            P_x=None, P_i=None, A_x=self._Ax, A_i=None
+        ):
+            return self._failed("OSQP refused the data")
+        # After a matrix update the problem is scaled anew but not the iterates.
+        solver.warm_start(self._x, self._y)
+        solver.solve()
+        info = solver.info
+        status = info.status_val
+        if status == SOLVED:
+            outcome, reason = QPStatus.SOLVED, ""
+        elif status in EARLY:
+            outcome, reason = QPStatus.STOPPED_EARLY, info.status
+        else:
+            return self._failed(f"OSQP: {info.status}")
+        solution = solver.solution
+        primal, dual = np.array(solution.x), np.array(solution.y)
+        if not np.isfinite(primal.sum() + dual.sum()):
+            return self._failed("OSQP: solution not finite")
+        return QPSolution(outcome, primal, dual, info.iter, info.prim_res, info.dual_res, reason)
+
+    def _failed(self, reason: str) -> QPSolution:
+        return QPSolution(QPStatus.FAILED, np.zeros(self.n), np.zeros(self.m), 0, np.inf, np.inf, reason)
+
+
+SOLVED = int(osqp.SolverStatus.OSQP_SOLVED)
+EARLY = frozenset(
+    int(s)
+    for s in (
+        osqp.SolverStatus.OSQP_SOLVED_INACCURATE,
+        osqp.SolverStatus.OSQP_MAX_ITER_REACHED,
+        osqp.SolverStatus.OSQP_TIME_LIMIT_REACHED,
+    )
+)

@@ -1,0 +1,138 @@
+"""The optimal control problem's data: validated once, then trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kmpc_lite.dictionary import INPUTS, STATES, Array
+from kmpc_lite.errors import ProblemError
+
+
+@dataclass(frozen=True, eq=False)
+class NavigationProblem:
+    """Drive to a pose within bounds and past obstacles (paper, eq. 9 to 11); the defaults are the paper's.
+
+    ``min sum_{k=0}^{N-1} |x_k - x_ref|^2_Q + |u_k|^2_R + |x_N - x_ref|^2_{Q_terminal}``, commands within bounds,
+    position within the area, and every obstacle at least `robot_radius` + `margin` away from the robot's centre.
+
+    Parameters
+    ----------
+    horizon : int
+        Stages N.
+    dt : float
+        Period [s].
+    Q, R : array_like
+        Weights of state (3,) and command (2,), or full positive semidefinite matrices.
+    Q_terminal : array_like, optional
+        Weight of the last state; zero where not given, as in the paper.
+    u_min, u_max : array_like
+        Command bounds (2,) [m/s, rad/s]; they contain zero, since braking must be allowed.
+    x_min, x_max : array_like
+        State bounds (3,) [m, m, rad]; position bounds are kept softly, the heading must be free.
+    robot_radius : float
+        [m].
+    margin : float
+        Distance to obstacles beyond the radii [m]; the paper has none.
+    deceleration : array_like
+        How fast the braking ramp ends a command (2,) [m/s^2, rad/s^2].
+    slack_weights : array_like
+        Weights (2,) of the linear [1/m] and the quadratic [1/m^2] penalty on entering an obstacle or leaving the area. The
+        penalty is exact while the linear weight exceeds the constraint's multiplier.
+
+    Raises
+    ------
+    ProblemError
+        Names the field that is wrong.
+    """
+
+    horizon: int = 20
+    dt: float = 0.1
+    Q: ArrayLike = (1.0, 5.0, 0.1)
+    R: ArrayLike = (0.5, 0.05)
+    Q_terminal: ArrayLike | None = None
+    u_min: ArrayLike = (-0.6, -np.pi / 4)
+    u_max: ArrayLike = (0.6, np.pi / 4)
+    x_min: ArrayLike = (-2.0, -2.0, -np.inf)
+    x_max: ArrayLike = (2.0, 2.0, np.inf)
+    robot_radius: float = 0.15
+    margin: float = 0.0
+    deceleration: ArrayLike = (1.0, 4.0)
+    slack_weights: ArrayLike = (100.0, 1000.0)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.horizon, bool) or not isinstance(self.horizon, int | np.integer) or not 1 <= self.horizon <= 1000:
+            raise ProblemError(f"horizon: expected a whole number of stages from 1 to 1000, got {self.horizon!r}")
+        for name in ("dt", "robot_radius", "margin"):
+            value = getattr(self, name)
+            if not (np.isscalar(value) and np.isfinite(value) and (value > 0 if name == "dt" else value >= 0)):  # type: ignore[arg-type]
+                raise ProblemError(f"{name}: expected a number {'> 0 s' if name == 'dt' else '>= 0 m'}, got {value!r}")
+        set_field = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
+        set_field("Q", _weight("Q", self.Q, STATES))
+        set_field("R", _weight("R", self.R, INPUTS))
+        set_field("Q_terminal", _weight("Q_terminal", np.zeros(STATES) if self.Q_terminal is None else self.Q_terminal, STATES))
+        for name, length in (("u_min", INPUTS), ("u_max", INPUTS), ("x_min", STATES), ("x_max", STATES)):
+            set_field(name, _vector(name, getattr(self, name), length))
+        for name in ("deceleration", "slack_weights"):
+            value = _vector(name, getattr(self, name), 2)
+            if not (np.isfinite(value).all() and (value > 0).all()):
+                raise ProblemError(f"{name}: expected finite numbers > 0, got {value}")
+            set_field(name, value)
+        u_min, u_max, x_min, x_max = self.bounds
+        if not (np.isfinite(u_min).all() and np.isfinite(u_max).all()):
+            raise ProblemError(f"u_min, u_max: expected finite bounds, got {u_min} and {u_max}")
+        if (u_min >= u_max).any():
+            raise ProblemError(f"u_min, u_max: bounds cross: {u_min} and {u_max}")
+        if (u_min > 0).any() or (u_max < 0).any():
+            raise ProblemError(f"u_min, u_max: must contain the zero command, or the robot could not brake; got {u_min} and {u_max}")
+        if (x_min >= x_max).any():
+            raise ProblemError(f"x_min, x_max: bounds cross: {x_min} and {x_max}")
+        if np.isfinite(x_min[2]) or np.isfinite(x_max[2]):
+            raise ProblemError(f"x_min, x_max: the heading cannot be bounded; use -inf and inf, got {x_min[2]} and {x_max[2]}")
+
+    @property
+    def bounds(self) -> tuple[Array, Array, Array, Array]:
+        """u_min (2,), u_max (2,), x_min (3,), x_max (3,)."""
+        return self.u_min, self.u_max, self.x_min, self.x_max  # type: ignore[return-value]
+
+    @property
+    def weights(self) -> tuple[Array, Array, Array]:
+        """Q (3, 3), R (2, 2), Q_terminal (3, 3)."""
+        return self.Q, self.R, self.Q_terminal  # type: ignore[return-value]
+
+    def cost(self, states: Array, inputs: Array, reference: Array) -> float:
+        """Objective of a plan without penalties: states (N+1, 3), inputs (N, 2), reference (3,) or (N+1, 3)."""
+        q, r, q_terminal = self.weights
+        error = states - reference
+        return float(
+            np.einsum("ki,ij,kj->", error[:-1], q, error[:-1])
+            + np.einsum("ki,ij,kj->", inputs, r, inputs)
+            + error[-1] @ q_terminal @ error[-1]
+        )
+
+
+def _vector(name: str, value: Any, length: int) -> Array:
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ProblemError(f"{name}: expected {length} numbers, got {value!r}") from error
+    if array.shape != (length,) or np.isnan(array).any():
+        raise ProblemError(f"{name}: expected {length} numbers, got {value!r}")
+    return array
+
+
+def _weight(name: str, value: Any, size: int) -> Array:
+    """Symmetric positive semidefinite (size, size) matrix from a diagonal or a full matrix."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ProblemError(f"{name}: expected {size} weights or a ({size}, {size}) matrix, got {value!r}") from error
+    matrix = np.diag(array) if array.ndim == 1 else array
+    if matrix.shape != (size, size) or not np.isfinite(matrix).all():
+        raise ProblemError(f"{name}: expected {size} finite weights or a ({size}, {size}) matrix, got {value!r}")
+    if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix).min() < -1e-9 * max(1.0, np.abs(matrix).max()):
+        raise ProblemError(f"{name}: must be symmetric and positive semidefinite, got {value!r}")
+    return matrix

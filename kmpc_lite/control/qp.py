@@ -1,0 +1,144 @@
+"""The sparse QP of one SQP pass: pattern built once, numbers written in place through index maps.
+
+Variables: states X_1 .. X_N, commands U_0 .. U_{N-1}, one slack S_1 .. S_N per stage. The present state is data.
+Rows: dynamics (3 per stage), keep-out half-planes (`slots` per stage), command bounds, slack >= 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.dictionary import INPUTS, STATES, Array
+from kmpc_lite.model import Linearization
+
+OPEN = 1e3
+"""Bound of a half-plane row that is not in use [m]: finite, so that OSQP keeps its factorisation pattern."""
+
+
+class NavigationQP:
+    """Matrices P, q, A, lower, upper of the QP, in the form that OSQP wants.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Weights, bounds, horizon.
+    history : int
+        Past commands that the model depends on, L.
+    slots : int
+        Half-plane rows per stage.
+    """
+
+    def __init__(self, problem: NavigationProblem, history: int, slots: int) -> None:
+        n = problem.horizon
+        self.horizon, self.history, self.slots = n, history, slots
+        self.state_columns = np.arange(STATES * n).reshape(n, STATES)
+        self.input_columns = STATES * n + np.arange(INPUTS * n).reshape(n, INPUTS)
+        self.slack_columns = (STATES + INPUTS) * n + np.arange(n)
+        self.size = (STATES + INPUTS + 1) * n
+        rows = np.cumsum([0, STATES * n, slots * n, INPUTS * n, n])
+        self.dynamics_rows = np.arange(rows[0], rows[1]).reshape(n, STATES)
+        self.keepout_rows = np.arange(rows[1], rows[2]).reshape(n, slots)
+        self.input_rows = np.arange(rows[2], rows[3]).reshape(n, INPUTS)
+        self.slack_rows = np.arange(rows[3], rows[4])
+        self.row_count = int(rows[4])
+        self._build_constraints()
+        self._build_cost(problem)
+        self.lower, self.upper = np.zeros(self.row_count), np.full(self.row_count, np.inf)
+        self.upper[self.dynamics_rows] = 0.0
+        self.lower[self.keepout_rows] = -OPEN
+        u_min, u_max, _, _ = problem.bounds
+        self.lower[self.input_rows], self.upper[self.input_rows] = u_min, u_max
+
+    def _build_constraints(self) -> None:
+        n, blocks = self.horizon, []
+
+        def block(rows: Array, columns: Array, values: Array | float) -> int:
+            """Add entries; return where they begin in the list."""
+            rows, columns, values = np.broadcast_arrays(rows, columns, np.asarray(values, dtype=float))
+            blocks.append((rows.ravel(), columns.ravel(), values.ravel()))
+            return sum(len(b[0]) for b in blocks[:-1])
+
+        dynamics, states, inputs = self.dynamics_rows, self.state_columns, self.input_columns
+        block(dynamics, states, 1.0)
+        a_start = block(dynamics[1:, :, None], states[:-1, None, :], 0.0)
+        b_starts = [block(dynamics[j:, :, None], inputs[: n - j, None, :], 0.0) for j in range(min(self.history, n - 1) + 1)]
+        normal_start = block(self.keepout_rows[..., None], states[:, None, :2], 0.0)
+        block(self.keepout_rows, self.slack_columns[:, None], 1.0)
+        block(self.input_rows, inputs, 1.0)
+        block(self.slack_rows, self.slack_columns, 1.0)
+
+        row, column, value = (np.concatenate(part) for part in zip(*blocks, strict=True))
+        order = np.lexsort((row, column))
+        place = np.empty(len(order), dtype=np.intp)
+        place[order] = np.arange(len(order))
+        pointers = np.concatenate([[0], np.cumsum(np.bincount(column, minlength=self.size))])
+        self.A = sp.csc_matrix((value[order], row[order], pointers), shape=(self.row_count, self.size))
+        # where the numbers of each block stand in A.data
+        self._a_place = place[a_start : a_start + (n - 1) * STATES * STATES]
+        self._b_places = [place[s : s + (n - j) * STATES * INPUTS] for j, s in enumerate(b_starts)]
+        self._normal_place = place[normal_start : normal_start + n * self.slots * 2]
+
+    def _build_cost(self, problem: NavigationProblem) -> None:
+        q, r, q_terminal = problem.weights
+        linear, quadratic = problem.slack_weights  # type: ignore[misc]
+        n = self.horizon
+        blocks = [2 * q] * (n - 1) + [2 * q_terminal] + [2 * r] * n
+        corner = sp.triu(sp.block_diag(blocks), format="csc")
+        self.P = sp.block_diag([corner, sp.diags(np.full(n, 2 * quadratic))], format="csc")
+        self.q = np.zeros(self.size)
+        self.q[self.slack_columns] = linear
+        self._Q, self._Q_terminal = q, q_terminal
+
+    def fill(self, lin: Linearization, x: Array, u: Array, reference: Array, normals: Array, offsets: Array) -> None:
+        """Write one linearisation into the matrices.
+
+        Parameters
+        ----------
+        lin : Linearization
+            Of the model at states `x[:-1]` and commands `u`, N points.
+        x, u : ndarray
+            Where: states (N + 1, 3), the first being the present one, and commands (N, 2).
+        reference : ndarray
+            States (N + 1, 3).
+        normals, offsets : ndarray
+            Half-planes ``normal . p + slack >= offset`` of stages 1 to N: (N, slots, 2) and (N, slots).
+        """
+        data, n = self.A.data, self.horizon
+        data[self._a_place] = -lin.A[1:].ravel()
+        data[self._b_places[0]] = -lin.B.ravel()
+        # x_{k+1} - A_k x_k - sum_j B_kj u_{k-j} = f - A_k x - sum_j B_kj u: what is known moves to the right
+        right = lin.value - (lin.B @ u[..., None])[..., 0]
+        right[1:] -= (lin.A[1:] @ x[1:-1, :, None])[..., 0]
+        for j in range(1, self.history + 1):
+            by_age = lin.B_past[:, j - 1]
+            if j < n:
+                data[self._b_places[j]] = -by_age[j:].ravel()
+                right[j:] -= (by_age[j:] @ u[: n - j, :, None])[..., 0]
+        self.lower[self.dynamics_rows] = right
+        self.upper[self.dynamics_rows] = right
+        data[self._normal_place] = normals.ravel()
+        self.lower[self.keepout_rows] = np.maximum(offsets, -OPEN)
+        self.q[self.state_columns[:-1]] = -2 * reference[1:-1] @ self._Q
+        self.q[self.state_columns[-1]] = -2 * reference[-1] @ self._Q_terminal
+
+    def pack(self, x: Array, u: Array, slack: Array) -> Array:
+        """One vector of variables from states (N + 1, 3), commands (N, 2) and slacks (N,)."""
+        return np.concatenate([x[1:].ravel(), u.ravel(), slack])
+
+    def unpack(self, variables: Array, x_init: Array) -> tuple[Array, Array, Array]:
+        """States (N + 1, 3), commands (N, 2) and slacks (N,) from one vector of variables."""
+        n = self.horizon
+        x = np.empty((n + 1, STATES))
+        x[0] = x_init
+        x[1:] = variables[: STATES * n].reshape(n, STATES)
+        return x, variables[STATES * n : (STATES + INPUTS) * n].reshape(n, INPUTS).copy(), variables[(STATES + INPUTS) * n :].copy()
+
+    def shift_duals(self, y: Array) -> Array:
+        """Multipliers one stage on, the last stage kept."""
+        shifted = np.empty_like(y)
+        for rows in (self.dynamics_rows, self.keepout_rows, self.input_rows, self.slack_rows):
+            shifted[rows[:-1]] = y[rows[1:]]
+            shifted[rows[-1]] = y[rows[-1]]
+        return shifted

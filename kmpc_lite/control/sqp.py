@@ -1,0 +1,217 @@
+"""Sequential quadratic programming: linearise, fill, solve, step.
+
+One pass per period from the shifted last solution is the real-time iteration; more passes with a line search on an
+exact L1 merit function converge to a Karush-Kuhn-Tucker point of the nonlinear problem.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.control.obstacles import Boundary, circle_distances
+from kmpc_lite.control.osqp_workspace import OSQPWorkspace, QPStatus
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.qp import NavigationQP
+from kmpc_lite.dictionary import Array
+from kmpc_lite.model import KoopmanModel
+
+REAL_TIME: dict[str, Any] = {"eps_abs": 1e-3, "eps_rel": 1e-3, "max_iter": 200, "rho": 0.1, "adaptive_rho": 0}
+CONVERGED: dict[str, Any] = {"eps_abs": 1e-8, "eps_rel": 1e-8, "max_iter": 20000, "rho": 0.1, "adaptive_rho": 1}
+"""OSQP's settings for one pass per period, and for passes to convergence."""
+
+COLD_PASSES = 10
+"""Passes without a warm start, at most: the first linearisation, at rest, sees no way to steer."""
+COLD_TOLERANCE = 0.02
+ARMIJO = 1e-4
+SHORTEST_STEP = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """States (N + 1, 3), commands (N, 2) and the QP's multipliers (m,): an iterate, and a warm start."""
+
+    states: Array
+    inputs: Array
+    duals: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SQPResult:
+    """Where the passes ended."""
+
+    trajectory: Trajectory
+    status: QPStatus
+    passes: int
+    step: float
+    """Largest change of the last pass [m, rad, m/s, rad/s]."""
+    timing: dict[str, float] = field(default_factory=dict)
+    reason: str = ""
+
+
+class SQP:
+    """Solver of one navigation problem with one model; holds all memory that a pass needs.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        Predicts.
+    problem : NavigationProblem
+        What is asked.
+    iterations : int
+        Passes per call at the most; 1 is the real-time iteration.
+    tolerance : float
+        Change of the trajectory below which passes end.
+    slots : int
+        Keep-out half-planes per stage: the nearest of all obstacles and sides of the area.
+    """
+
+    def __init__(self, model: KoopmanModel, problem: NavigationProblem, iterations: int, tolerance: float, slots: int) -> None:
+        self.model, self.problem = model, problem
+        self.iterations, self.tolerance, self.slots = iterations, tolerance, slots
+        self.qp = NavigationQP(problem, model.history, slots)
+        settings = REAL_TIME if iterations == 1 else CONVERGED
+        self.workspace = OSQPWorkspace(self.qp.P, self.qp.q, self.qp.A, self.qp.lower, self.qp.upper, **settings)
+        self.boundary = Boundary(problem)
+        self._times = problem.dt * np.arange(1, problem.horizon + 1)
+        self._keep_out = problem.robot_radius + problem.margin
+        self._normals = np.zeros((problem.horizon, slots, 2))
+        self._offsets = np.zeros((problem.horizon, slots))
+        self._penalty = 0.0
+
+    def at_rest(self, x: Array) -> Trajectory:
+        """Return the trajectory of a robot that stands at x: a cold start."""
+        n = self.problem.horizon
+        return Trajectory(np.tile(x, (n + 1, 1)), np.zeros((n, 2)), np.zeros(self.qp.row_count))
+
+    def shift(self, last: Trajectory, x: Array) -> Trajectory:
+        """Return the trajectory one period on, from the measured state; the last stage is held."""
+        states = np.concatenate([x[None], last.states[2:], last.states[-1:]])
+        inputs = np.concatenate([last.inputs[1:], last.inputs[-1:]])
+        return Trajectory(states, inputs, self.qp.shift_duals(last.duals))
+
+    def past_windows(self, past: Array, inputs: Array) -> Array | None:
+        """Commands before each stage, oldest first, (N, L, 2), from the known past (L, 2) and a plan (N, 2)."""
+        if not self.model.history:
+            return None
+        commands = np.concatenate([past, inputs[:-1]])
+        return np.lib.stride_tricks.sliding_window_view(commands, self.model.history, axis=0).transpose(0, 2, 1)
+
+    def solve(self, guess: Trajectory, reference: Array, circles: Array, past: Array, cold: bool) -> SQPResult:
+        """Run the passes from a guess whose first state is the present one.
+
+        Parameters
+        ----------
+        guess : Trajectory
+            Where to linearise first.
+        reference : ndarray
+            States (N + 1, 3).
+        circles : ndarray
+            (M, 5) rows x, y, radius, vx, vy.
+        past : ndarray
+            Commands already sent, (L, 2), oldest first.
+        cold : bool
+            Whether the guess knows nothing: more passes are then allowed.
+        """
+        timing = {"linearise": 0.0, "fill": 0.0, "solve": 0.0}
+        to_convergence = self.iterations > 1
+        limit, tolerance = (COLD_PASSES, COLD_TOLERANCE) if cold and not to_convergence else (self.iterations, self.tolerance)
+        self._penalty = 0.0
+        step, passes, status, reason = np.inf, 0, QPStatus.FAILED, ""
+        while passes < limit:
+            t0 = perf_counter()
+            lin = self.model.linearize(guess.states[:-1], guess.inputs, self.past_windows(past, guess.inputs))
+            t1 = perf_counter()
+            violation = self._half_planes(guess.states, circles)
+            self.qp.fill(lin, guess.states, guess.inputs, reference, self._normals, self._offsets)
+            t2 = perf_counter()
+            warm = self.qp.pack(guess.states, guess.inputs, violation)
+            solution = self.workspace.solve(self.qp.q, self.qp.lower, self.qp.upper, self.qp.A.data, warm, guess.duals)
+            t3 = perf_counter()
+            timing["linearise"] += t1 - t0
+            timing["fill"] += t2 - t1
+            timing["solve"] += t3 - t2
+            passes += 1
+            status, reason = solution.status, solution.reason
+            if status is QPStatus.FAILED:
+                break
+            states, inputs, slack = self.qp.unpack(solution.x, guess.states[0])
+            length = 1.0
+            if to_convergence:
+                length = self._line_search(guess, states, inputs, slack, solution.y, lin.value, reference, circles, past)
+                states = guess.states + length * (states - guess.states)
+                inputs = guess.inputs + length * (inputs - guess.inputs)
+            step = max(float(np.abs(states - guess.states).max()), float(np.abs(inputs - guess.inputs).max()))
+            guess = Trajectory(states, inputs, solution.y)
+            if step <= tolerance:
+                break
+        return SQPResult(guess, status, passes, step, timing, reason)
+
+    def _gaps(self, states: Array, circles: Array) -> tuple[Array, Array]:
+        """Distances of stages 1 to N to what must be kept out of, less what must be kept: (N, K), and normals (N, K, 2)."""
+        positions = states[1:, :2]
+        sides = self.boundary.distances(positions, states[0, :2])
+        side_normals = np.broadcast_to(self.boundary.normals, (*sides.shape, 2))
+        if not len(circles):
+            return sides, side_normals
+        distances, normals = circle_distances(circles, positions, self._times)
+        distances -= self._keep_out
+        return np.concatenate([distances, sides], axis=1), np.concatenate([normals, side_normals], axis=1)
+
+    def _half_planes(self, states: Array, circles: Array) -> Array:
+        """Write the nearest half-planes of every stage; return how far each stage stands inside one, (N,)."""
+        gaps, normals = self._gaps(states, circles)
+        if gaps.shape[1] > self.slots:
+            nearest = np.sort(np.argpartition(gaps, self.slots - 1, axis=1)[:, : self.slots], axis=1)
+            gaps = np.take_along_axis(gaps, nearest, axis=1)
+            normals = np.take_along_axis(normals, nearest[..., None], axis=1)
+        used = gaps.shape[1]
+        self._normals[:, :used] = normals
+        self._normals[:, used:] = 0.0
+        np.subtract(np.einsum("nsi,ni->ns", normals, states[1:, :2]), gaps, out=self._offsets[:, :used])
+        self._offsets[:, used:] = -np.inf
+        return np.maximum(-gaps.min(axis=1), 0.0) if used else np.zeros(len(gaps))
+
+    def _soft_cost(self, states: Array, inputs: Array, reference: Array, violation: Array) -> float:
+        """Objective with the exact penalty on the violation of each stage (N,)."""
+        linear, quadratic = self.problem.slack_weights  # type: ignore[misc]
+        return self.problem.cost(states, inputs, reference) + float(linear * violation.sum() + quadratic * (violation @ violation))
+
+    def _merit(self, states: Array, inputs: Array, predicted: Array, reference: Array, circles: Array) -> float:
+        """Exact L1 merit function: objective, penalties, and what the dynamics lack."""
+        gaps, _ = self._gaps(states, circles)
+        violation = np.maximum(-gaps.min(axis=1), 0.0) if gaps.shape[1] else np.zeros(len(gaps))
+        return self._soft_cost(states, inputs, reference, violation) + self._penalty * float(np.abs(states[1:] - predicted).sum())
+
+    def _line_search(
+        self,
+        guess: Trajectory,
+        states: Array,
+        inputs: Array,
+        slack: Array,
+        duals: Array,
+        predicted: Array,
+        reference: Array,
+        circles: Array,
+        past: Array,
+    ) -> float:
+        """Length in (0, 1] at which the merit function falls enough (Armijo), by halving."""
+        self._penalty = max(self._penalty, 1.1 * float(np.abs(duals[self.qp.dynamics_rows]).max()))
+        now = self._merit(guess.states, guess.inputs, predicted, reference, circles)
+        expected = now - self._soft_cost(states, inputs, reference, np.maximum(slack, 0.0))
+        length = 1.0
+        while length > SHORTEST_STEP:
+            trial_states = guess.states + length * (states - guess.states)
+            trial_inputs = guess.inputs + length * (inputs - guess.inputs)
+            history = self.past_windows(past, trial_inputs)
+            trial = self._merit(
+                trial_states, trial_inputs, self.model.predict(trial_states[:-1], trial_inputs, history), reference, circles
+            )
+            # the last term forgives what rounding takes once nothing is left to gain
+            if trial <= now - ARMIJO * length * expected + 1e-10 * abs(now):
+                return length
+            length *= 0.5
+        return length

@@ -1,0 +1,311 @@
+"""Dictionaries: how a pose is lifted, and which commands enter the bilinear model.
+
+A dictionary gives the lifted state ``z = phi(x)`` (paper, eq. 3) and its Jacobian, both batched over
+any leading axes. It also says which inputs ``w`` the model is bilinear in: the command itself for
+most, delayed and past commands for `InputHistoryDictionary`.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kmpc_lite.errors import ModelError
+
+Array = NDArray[np.float64]
+
+STATES = 3
+"""Length of a robot state ``(x [m], y [m], theta [rad])``."""
+INPUTS = 2
+"""Length of a command ``(v [m/s], omega [rad/s])``."""
+
+
+class Dictionary(Protocol):
+    """Lifting functions of a Koopman model; subclass it to write your own.
+
+    Only `names`, `lift` and `jacobian` must be given: the defaults of the others say that the model
+    is bilinear in the present command. `kind` and `config` are needed to save a model to a file.
+    """
+
+    kind: ClassVar[str] = "custom"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """One name for each lifted coordinate; ``"1"`` stands for the constant."""
+        ...
+
+    def lift(self, x: Array) -> Array:
+        """Lift states (..., 3) to (..., nz)."""
+        ...
+
+    def jacobian(self, x: Array) -> Array:
+        """Derivative of `lift` at states (..., 3): (..., nz, 3)."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """Number of lifted coordinates, nz."""
+        return len(self.names)
+
+    @property
+    def history(self) -> int:
+        """How many past commands the model needs, L."""
+        return 0
+
+    @property
+    def input_size(self) -> int:
+        """Number of inputs the model is bilinear in, nw."""
+        return INPUTS
+
+    def inputs(self, u: Array, history: Array | None = None) -> Array:
+        """Inputs of the bilinear model (..., nw) for commands (..., 2) and past commands (..., L, 2).
+
+        `history` is in order of time: its last row is the command before `u`.
+        """
+        return u
+
+    def inputs_jacobian(self, u: Array, history: Array | None = None) -> Array | None:
+        """Derivative of `inputs`: (..., nw, 1 + L, 2), by present and past commands, newest first.
+
+        None stands for the identity.
+        """
+        return None
+
+    def config(self) -> dict[str, Any]:
+        """Constructor arguments, as values that JSON can hold."""
+        return {}
+
+
+class UnicycleDictionary(Dictionary):
+    """The paper's minimal dictionary, ``[1, x, y, theta, cos theta, sin theta]`` (sec. IV).
+
+    Examples
+    --------
+    >>> UnicycleDictionary().lift(np.array([1.0, 2.0, 0.0]))
+    array([1., 1., 2., 0., 1., 0.])
+    """
+
+    kind = "unicycle"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the six lifted coordinates."""
+        return ("1", "x", "y", "theta", "cos", "sin")
+
+    @property
+    def size(self) -> int:
+        """Six."""
+        return 6
+
+    def lift(self, x: Array) -> Array:
+        """Lift states (..., 3) to (..., 6)."""
+        z = np.empty((*x.shape[:-1], 6), dtype=x.dtype)
+        z[..., 0] = 1.0
+        z[..., 1:4] = x
+        z[..., 4] = np.cos(x[..., 2])
+        z[..., 5] = np.sin(x[..., 2])
+        return z
+
+    def jacobian(self, x: Array) -> Array:
+        """Derivative of `lift`: (..., 6, 3)."""
+        jac = np.zeros((*x.shape[:-1], 6, 3))
+        jac[..., 1, 0] = jac[..., 2, 1] = jac[..., 3, 2] = 1.0
+        jac[..., 4, 2] = -np.sin(x[..., 2])
+        jac[..., 5, 2] = np.cos(x[..., 2])
+        return jac
+
+
+class HermiteTrigDictionary(Dictionary):
+    """Hermite polynomials of the pose times trigonometric functions of the heading (ACD-EDMD).
+
+    All products ``He_i(x) He_j(y) He_k(theta) * {1, cos(m theta), sin(m theta)}`` with
+    ``i + j + k <= order`` and ``m <= harmonics`` (Shi & Karydis 2021, probabilists' polynomials).
+    Order 0 with one harmonic is ``[1, cos, sin]``: a model that does not depend on where the robot is,
+    the right one for logs from a real floor.
+
+    Parameters
+    ----------
+    order : int
+        Highest total degree of the polynomials, >= 0.
+    harmonics : int
+        Highest multiple of the heading, >= 0.
+
+    Examples
+    --------
+    >>> HermiteTrigDictionary(order=0).names
+    ('1', 'cos(theta)', 'sin(theta)')
+    >>> HermiteTrigDictionary(order=1).size
+    12
+    """
+
+    kind = "hermite_trig"
+
+    def __init__(self, order: int = 1, harmonics: int = 1) -> None:
+        if order < 0 or harmonics < 0 or order != int(order) or harmonics != int(harmonics):
+            raise ModelError(f"HermiteTrigDictionary: order and harmonics must be integers >= 0, got {order}, {harmonics}")
+        self.order, self.harmonics = int(order), int(harmonics)
+        degrees = [d for d in product(range(self.order + 1), repeat=3) if sum(d) <= self.order]
+        self._degrees = np.array(sorted(degrees, key=lambda d: (sum(d), tuple(-i for i in d))))
+        trig = ["1"] + [f"{f}({m if m > 1 else ''}theta)" for m in range(1, self.harmonics + 1) for f in ("cos", "sin")]
+        poly = ["*".join(f"He{i}({s})" for i, s in zip(d, ("x", "y", "theta"), strict=True) if i) for d in self._degrees]
+        self._names = tuple("*".join(p for p in (a, b if b != "1" or not a else "") if p) for a in poly for b in trig)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the lifted coordinates."""
+        return self._names
+
+    def _factors(self, x: Array) -> tuple[Array, Array]:
+        """Polynomials He_n of each coordinate (..., 3, order + 1) and trigonometric terms (..., 2 harmonics + 1)."""
+        he = np.ones((*x.shape, self.order + 1), dtype=x.dtype)
+        for n in range(1, self.order + 1):
+            he[..., n] = x * he[..., n - 1] - ((n - 1) * he[..., n - 2] if n > 1 else 0.0)
+        trig = np.ones((*x.shape[:-1], 2 * self.harmonics + 1), dtype=x.dtype)
+        for m in range(1, self.harmonics + 1):
+            trig[..., 2 * m - 1] = np.cos(m * x[..., 2])
+            trig[..., 2 * m] = np.sin(m * x[..., 2])
+        return he, trig
+
+    def lift(self, x: Array) -> Array:
+        """Lift states (..., 3) to (..., nz)."""
+        he, trig = self._factors(x)
+        d = self._degrees
+        poly = he[..., 0, d[:, 0]] * he[..., 1, d[:, 1]] * he[..., 2, d[:, 2]]
+        z: Array = (poly[..., :, None] * trig[..., None, :]).reshape(*x.shape[:-1], -1)
+        return z
+
+    def jacobian(self, x: Array) -> Array:
+        """Derivative of `lift`: (..., nz, 3), with ``He_n' = n He_(n-1)``."""
+        he, trig = self._factors(x)
+        slope = np.zeros_like(he)
+        slope[..., 1:] = np.arange(1, self.order + 1) * he[..., :-1]
+        multiples = np.arange(1, self.harmonics + 1)
+        trig_slope = np.zeros_like(trig)
+        trig_slope[..., 1::2] = -multiples * trig[..., 2::2]
+        trig_slope[..., 2::2] = multiples * trig[..., 1::2]
+        d = self._degrees
+        value = [he[..., i, d[:, i]] for i in range(3)]
+        gradient = [slope[..., i, d[:, i]] for i in range(3)]
+        poly = value[0] * value[1] * value[2]
+        by_pose = np.stack(
+            [gradient[0] * value[1] * value[2], value[0] * gradient[1] * value[2], value[0] * value[1] * gradient[2]], -1
+        )
+        jac = by_pose[..., :, None, :] * trig[..., None, :, None]
+        jac[..., 2] += poly[..., :, None] * trig_slope[..., None, :]
+        return np.ascontiguousarray(jac.reshape(*x.shape[:-1], -1, 3))
+
+    def config(self) -> dict[str, Any]:
+        """Order and harmonics."""
+        return {"order": self.order, "harmonics": self.harmonics}
+
+
+class InputHistoryDictionary(Dictionary):
+    """A dictionary whose model is driven by past commands too: motor lag and dead time.
+
+    The model is bilinear in ``w = [u(k - j) for j in lags]``; ``lags=(0, 1, 2)`` learns a response of
+    three periods, ``lags=(2,)`` is a pure delay of two.
+
+    Parameters
+    ----------
+    base : Dictionary
+        How the pose is lifted.
+    lags : tuple of int
+        Ages of the commands that act, in periods, 0 being the present one.
+    product : bool
+        Whether ``v * omega`` of each age joins `w`: the side slip of a skid-steer robot.
+
+    Examples
+    --------
+    >>> slow = InputHistoryDictionary(UnicycleDictionary(), lags=(0, 1))
+    >>> slow.inputs(np.array([0.3, 0.0]), np.array([[0.1, 0.2]]))
+    array([0.3, 0. , 0.1, 0.2])
+    """
+
+    kind = "input_history"
+
+    def __init__(self, base: Dictionary, lags: tuple[int, ...] = (0, 1, 2), product: bool = False) -> None:
+        ages = tuple(int(j) for j in lags)
+        if not ages or min(ages) < 0 or len(set(ages)) != len(ages) or list(ages) != list(lags):
+            raise ModelError(f"InputHistoryDictionary: lags must be different integers >= 0, got {lags}")
+        if base.history:
+            raise ModelError("InputHistoryDictionary: its base must not have an input history itself")
+        self.base, self.lags, self.product = base, ages, bool(product)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the base's coordinates."""
+        return self.base.names
+
+    def lift(self, x: Array) -> Array:
+        """As the base."""
+        return self.base.lift(x)
+
+    def jacobian(self, x: Array) -> Array:
+        """As the base."""
+        return self.base.jacobian(x)
+
+    @property
+    def history(self) -> int:
+        """The longest lag."""
+        return max(self.lags)
+
+    @property
+    def input_size(self) -> int:
+        """Two, or three with the product, for every lag."""
+        return (3 if self.product else 2) * len(self.lags)
+
+    def _delayed(self, u: Array, history: Array | None) -> list[Array]:
+        """The command of each lag, (..., 2) each; commands before the first known are zero."""
+        past = np.zeros((*u.shape[:-1], self.history, INPUTS)) if history is None else history
+        return [u if j == 0 else past[..., -j, :] for j in self.lags]
+
+    def inputs(self, u: Array, history: Array | None = None) -> Array:
+        """Commands of each lag side by side, then their products: (..., nw)."""
+        delayed = self._delayed(u, history)
+        products = [c[..., :1] * c[..., 1:] for c in delayed] if self.product else []
+        w: Array = np.concatenate([*delayed, *products], axis=-1)
+        return w
+
+    def inputs_jacobian(self, u: Array, history: Array | None = None) -> Array:
+        """Derivative of `inputs`: (..., nw, 1 + L, 2), by the command of each age."""
+        jac = np.zeros((*u.shape[:-1], self.input_size, 1 + self.history, INPUTS))
+        for i, (lag, command) in enumerate(zip(self.lags, self._delayed(u, history), strict=True)):
+            jac[..., 2 * i, lag, 0] = jac[..., 2 * i + 1, lag, 1] = 1.0
+            if self.product:
+                jac[..., 2 * len(self.lags) + i, lag, :] = command[..., ::-1]
+        return jac
+
+    def config(self) -> dict[str, Any]:
+        """Base, lags and product."""
+        return {"base": dictionary_to_config(self.base), "lags": list(self.lags), "product": self.product}
+
+
+def dictionary_to_config(dictionary: Dictionary) -> dict[str, Any]:
+    """Describe a dictionary as values that JSON can hold."""
+    return {"kind": dictionary.kind, **dictionary.config()}
+
+
+def dictionary_from_config(config: dict[str, Any]) -> Dictionary:
+    """Build the dictionary that `dictionary_to_config` described.
+
+    Raises
+    ------
+    ModelError
+        For a kind that this version does not know, or arguments that it does not take.
+    """
+    arguments = {key: value for key, value in config.items() if key != "kind"}
+    try:
+        match config.get("kind"):
+            case "unicycle":
+                return UnicycleDictionary(**arguments)
+            case "hermite_trig":
+                return HermiteTrigDictionary(**arguments)
+            case "input_history":
+                base = dictionary_from_config(arguments["base"])
+                return InputHistoryDictionary(base, tuple(arguments["lags"]), arguments["product"])
+    except (TypeError, KeyError, AttributeError) as error:
+        raise ModelError(f"dictionary {config}: {error}") from error
+    raise ModelError(f"unknown dictionary kind {config.get('kind')!r}; expected unicycle, hermite_trig or input_history")

@@ -1,0 +1,7 @@
+"""From logs to a model."""
+
+from kmpc_lite.learn.dataset import Dataset, Episode
+from kmpc_lite.learn.evaluation import FitReport, evaluate
+from kmpc_lite.learn.regression import Accumulator, fit
+
+__all__ = ["Accumulator", "Dataset", "Episode", "FitReport", "evaluate", "fit"]

@@ -1,0 +1,232 @@
+"""Episodes of driving, checked once: finite, evenly sampled, never differenced across a gap."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from kmpc_lite.dictionary import INPUTS, STATES, Array
+from kmpc_lite.errors import DataError
+
+CHUNK = 8192
+"""Rows handled at once: what fits a small board's second-level cache."""
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """One stretch of driving without a gap.
+
+    Parameters
+    ----------
+    states : ndarray
+        Poses (T + 1, 3): x [m], y [m], theta [rad]; the heading is unwrapped here.
+    inputs : ndarray
+        Commands (T, 2): v [m/s], omega [rad/s]; row k acts from state k to state k + 1.
+    dt : float
+        Sampling period [s].
+
+    Raises
+    ------
+    DataError
+        For other shapes, NaN, infinity, or fewer than two states.
+    """
+
+    states: Array
+    inputs: Array
+    dt: float
+
+    def __post_init__(self) -> None:
+        states, inputs = np.ascontiguousarray(self.states, dtype=float), np.ascontiguousarray(self.inputs, dtype=float)
+        if states.ndim != 2 or states.shape[1] != STATES or len(states) < 2:
+            raise DataError(f"episode states: expected shape (T + 1, {STATES}) with T >= 1, got {states.shape}")
+        if inputs.shape != (len(states) - 1, INPUTS):
+            raise DataError(f"episode inputs: expected shape ({len(states) - 1}, {INPUTS}), one row per step, got {inputs.shape}")
+        if not (np.isfinite(self.dt) and self.dt > 0.0):
+            raise DataError(f"episode dt: expected a time > 0 s, got {self.dt}")
+        for name, array in (("states", states), ("inputs", inputs)):
+            if not np.isfinite(array).all():
+                row, column = np.argwhere(~np.isfinite(array))[0]
+                raise DataError(f"episode {name}: row {row}, column {column} is {array[row, column]}; expected finite numbers")
+        if np.any(np.abs(np.diff(states[:, 2])) > np.pi):
+            states = states.copy()
+            states[:, 2] = np.unwrap(states[:, 2])
+        object.__setattr__(self, "states", states)
+        object.__setattr__(self, "inputs", inputs)
+
+    def __len__(self) -> int:
+        """Number of steps, T."""
+        return len(self.inputs)
+
+    def resample(self, dt: float) -> Episode | None:
+        """Return the same drive at another period [s], or None where it is shorter than one period.
+
+        Poses are interpolated linearly; a command is the mean of what was held during the new period.
+        """
+        return resample(np.arange(len(self) + 1) * self.dt, self.states, self.inputs, dt)
+
+
+def resample(time: Array, states: Array, inputs: Array, dt: float) -> Episode | None:
+    """Put states (T + 1, 3) at times (T + 1,) [s] and the inputs (T, 2) between them on an even grid."""
+    elapsed = time - time[0]
+    steps = int(np.floor(elapsed[-1] / dt + 1e-6))
+    if steps < 1:
+        return None
+    grid = np.arange(steps + 1) * dt
+    travelled = np.vstack([np.zeros(INPUTS), np.cumsum(inputs * np.diff(time)[:, None], axis=0)])
+    poses = np.column_stack([np.interp(grid, elapsed, column) for column in states.T])
+    held = np.column_stack([np.interp(grid, elapsed, column) for column in travelled.T])
+    return Episode(poses, np.diff(held, axis=0) / dt, dt)
+
+
+class Transitions(NamedTuple):
+    """Single steps, gathered over episodes."""
+
+    x: Array
+    """States before, (n, 3)."""
+    u: Array
+    """Commands, (n, 2)."""
+    x_next: Array
+    """States after, (n, 3)."""
+    history: Array | None
+    """Commands before `u`, oldest first, (n, L, 2); None for L = 0."""
+
+
+class Dataset:
+    """Episodes of one robot, all at one sampling period.
+
+    Parameters
+    ----------
+    episodes : sequence of Episode
+        At least one.
+
+    Raises
+    ------
+    DataError
+        For no episodes, or different periods.
+
+    Examples
+    --------
+    >>> steps = np.arange(5.0)
+    >>> drive = Episode(np.c_[0.1 * steps, 0 * steps, 0 * steps], np.tile([1.0, 0.0], (4, 1)), 0.1)
+    >>> len(Dataset([drive, drive]))
+    2
+    """
+
+    def __init__(self, episodes: Sequence[Episode]) -> None:
+        self.episodes = tuple(episodes)
+        if not self.episodes:
+            raise DataError("a dataset needs at least one episode, got none")
+        periods = sorted({e.dt for e in self.episodes})
+        if periods[-1] - periods[0] > 1e-9 * periods[-1]:
+            raise DataError(f"episodes have different periods ({periods[0]:g} to {periods[-1]:g} s): resample them to one dt")
+        self.dt = periods[0]
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], dt: float | None = None, gap: float | None = None) -> Dataset:
+        """Read a log with the columns t, x, y, theta, v, omega (s, m, rad, m/s, rad/s).
+
+        Parameters
+        ----------
+        path : path
+            A .csv file with a header, or an .npz file with one array per column.
+        dt : float, optional
+            Period [s] to resample to; without it the log must be evenly sampled and keeps its own.
+        gap : float, optional
+            A longer time between rows [s] ends an episode; 2.5 times the median period where not given.
+
+        Raises
+        ------
+        DataError
+            With file, line and column, for whatever is wrong.
+        """
+        from kmpc_lite.learn.formats import read_log
+
+        return cls(read_log(path, dt=dt, gap=gap))
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the episodes as a .csv or .npz log that `load` reads; whole or not at all."""
+        from kmpc_lite.learn.formats import write_log
+
+        write_log(self.episodes, path)
+
+    def __len__(self) -> int:
+        """Number of episodes."""
+        return len(self.episodes)
+
+    def __repr__(self) -> str:
+        """Episodes, steps and minutes."""
+        return f"Dataset({len(self)} episodes, {self.steps} steps of {self.dt:g} s, {self.steps * self.dt / 60:.1f} min)"
+
+    @property
+    def steps(self) -> int:
+        """Number of steps over all episodes."""
+        return sum(len(e) for e in self.episodes)
+
+    def split(self, fraction: float = 0.5, seed: int = 0) -> tuple[Dataset, Dataset]:
+        """Split by whole episodes, at random: `fraction` of them first, the rest second.
+
+        Raises
+        ------
+        DataError
+            Where one side would be empty.
+        """
+        count = int(round(fraction * len(self)))
+        if not 0 < count < len(self):
+            raise DataError(
+                f"cannot split {len(self)} episode(s) at {fraction:g}: each side needs at least one; cut the log with windows(seconds) first"
+            )
+        order = np.random.default_rng(seed).permutation(len(self))
+        pick = [self.episodes[i] for i in order]
+        return Dataset(pick[:count]), Dataset(pick[count:])
+
+    def windows(self, seconds: float) -> Dataset:
+        """Cut every episode into pieces of at most `seconds`, so that one long log can be split."""
+        length = max(1, int(round(seconds / self.dt)))
+        pieces = [
+            Episode(e.states[k : k + length + 1], e.inputs[k : k + length], e.dt) for e in self.episodes for k in range(0, len(e), length)
+        ]
+        return Dataset(pieces)
+
+    def resample(self, dt: float) -> Dataset:
+        """Return the same drives at another period [s]."""
+        if not (np.isfinite(dt) and dt > 0.0):
+            raise DataError(f"dt: expected a time > 0 s, got {dt}")
+        if abs(dt - self.dt) <= 1e-9 * dt:
+            return self
+        kept = [r for e in self.episodes if (r := e.resample(dt)) is not None]
+        if not kept:
+            raise DataError(f"no episode is as long as one period of {dt:g} s")
+        return Dataset(kept)
+
+    def transitions(self, history: int = 0, chunk: int = CHUNK) -> Iterator[Transitions]:
+        """Yield all steps in chunks of about `chunk` rows; steps without a full input history are left out."""
+        batch: list[Transitions] = []
+        rows = 0
+        for episode in self.episodes:
+            for start in range(history, len(episode), chunk):
+                part = slice(start, min(start + chunk, len(episode)))
+                past = None
+                if history:
+                    windows = np.lib.stride_tricks.sliding_window_view(episode.inputs, history, axis=0)
+                    past = windows[part.start - history : part.stop - history].transpose(0, 2, 1)
+                batch.append(
+                    Transitions(episode.states[part], episode.inputs[part], episode.states[part.start + 1 : part.stop + 1], past)
+                )
+                rows += part.stop - part.start
+                if rows >= chunk:
+                    yield _gather(batch)
+                    batch, rows = [], 0
+        if batch:
+            yield _gather(batch)
+
+
+def _gather(batch: list[Transitions]) -> Transitions:
+    """One set of contiguous arrays from many."""
+    if len(batch) == 1:
+        return batch[0]
+    past = None if batch[0].history is None else np.concatenate([b.history for b in batch if b.history is not None])
+    return Transitions(*(np.concatenate([b[i] for b in batch]) for i in range(3)), past)  # type: ignore[arg-type]

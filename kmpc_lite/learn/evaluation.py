@@ -1,0 +1,120 @@
+"""How well a model predicts driving that it has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.dictionary import Array
+from kmpc_lite.errors import DataError
+from kmpc_lite.learn.dataset import CHUNK, Dataset
+from kmpc_lite.model import KoopmanModel, nominal_unicycle
+
+
+@dataclass(frozen=True)
+class FitReport:
+    """Held-out prediction errors, root mean square, of a model and of the nominal unicycle."""
+
+    horizon: float
+    """How far ahead the many-step errors look [s]."""
+    starts: int
+    """From how many poses."""
+    one_step: tuple[float, float, float]
+    """Longitudinal [m], lateral [m], heading [rad], one period ahead; in the frame of the true starting pose."""
+    multi_step: tuple[float, float, float]
+    """The same after `horizon`."""
+    nominal_one_step: tuple[float, float, float]
+    """The nominal unicycle, one period ahead."""
+    nominal_multi_step: tuple[float, float, float]
+    """The nominal unicycle after `horizon`."""
+    rmse_percent: float
+    """The paper's ``100 sqrt(mean |x - xhat|^2)`` of one period."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        """Render as a table."""
+        rows = (
+            ("one step", "model", self.one_step),
+            ("one step", "nominal unicycle", self.nominal_one_step),
+            (f"{self.horizon:g} s", "model", self.multi_step),
+            (f"{self.horizon:g} s", "nominal unicycle", self.nominal_multi_step),
+        )
+        lines = [f"held-out RMS error from {self.starts} starts   longitudinal [m]  lateral [m]  heading [rad]"]
+        lines += [f"  {ahead:<9} {who:<32}{e[0]:>14.4g}{e[1]:>13.4g}{e[2]:>15.4g}" for ahead, who, e in rows]
+        lines.append(f"  paper's RMSE of one step: {self.rmse_percent:.2f} %")
+        return "\n".join(lines)
+
+
+def evaluate(model: KoopmanModel, dataset: Dataset, horizon: float = 1.0, stride: int = 1) -> FitReport:
+    """Open-loop prediction errors from true poses, against the nominal unicycle.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        What is judged.
+    dataset : Dataset
+        Episodes that the model has not seen, at the model's dt.
+    horizon : float
+        How far to predict [s]; rounded to whole periods.
+    stride : int
+        Every how many samples a prediction starts.
+
+    Raises
+    ------
+    DataError
+        For another dt, or where no episode is long enough.
+    """
+    if abs(dataset.dt - model.dt) > 1e-9 * model.dt:
+        raise DataError(f"the dataset's dt is {dataset.dt:g} s, the model's {model.dt:g} s: resample it")
+    steps = max(1, int(round(horizon / model.dt)))
+    nominal = nominal_unicycle(model.dt)
+    sums = np.zeros((4, 3))
+    total, count, long_count = 0.0, 0, 0
+    for x, inputs, truth in _segments(dataset, model.history, 1, stride):
+        predicted = model.rollout(x, inputs[:, -1:], inputs[:, :-1] if model.history else None)[:, -1]
+        sums[0] += _squares(predicted, truth, x)
+        sums[1] += _squares(nominal.rollout(x, inputs[:, -1:])[:, -1], truth, x)
+        total += float(np.sum((predicted - truth) ** 2))
+        count += len(x)
+    for x, inputs, truth in _segments(dataset, model.history, steps, stride):
+        past, future = inputs[:, : model.history], inputs[:, model.history :]
+        sums[2] += _squares(model.rollout(x, future, past if model.history else None)[:, -1], truth, x)
+        sums[3] += _squares(nominal.rollout(x, future)[:, -1], truth, x)
+        long_count += len(x)
+    if long_count == 0:
+        longest = max(len(e) for e in dataset.episodes) * dataset.dt
+        raise DataError(
+            f"no held-out episode is as long as {horizon:g} s plus an input history of {model.history} steps (longest {longest:g} s)"
+        )
+    rms = np.sqrt(sums / np.array([count, count, long_count, long_count])[:, None])
+    one, nominal_one, multi, nominal_multi = (tuple(float(v) for v in row) for row in rms)
+    return FitReport(steps * model.dt, long_count, one, multi, nominal_one, nominal_multi, 100 * float(np.sqrt(total / count)))  # type: ignore[arg-type]
+
+
+def _segments(dataset: Dataset, history: int, steps: int, stride: int) -> Iterator[tuple[Array, Array, Array]]:
+    """Starts (n, 3), commands (n, history + steps, 2) and final states (n, 3), in chunks over the episodes."""
+    batch: list[tuple[Array, Array, Array]] = []
+    for episode in dataset.episodes:
+        starts = np.arange(history, len(episode) - steps + 1, stride)
+        if len(starts):
+            windows = np.lib.stride_tricks.sliding_window_view(episode.inputs, history + steps, axis=0).transpose(0, 2, 1)
+            batch.append((episode.states[starts], windows[starts - history], episode.states[starts + steps]))
+        if sum(len(b[0]) for b in batch) >= CHUNK:
+            yield tuple(np.concatenate(column) for column in zip(*batch, strict=True))  # type: ignore[misc]
+            batch = []
+    if batch:
+        yield tuple(np.concatenate(column) for column in zip(*batch, strict=True))  # type: ignore[misc]
+
+
+def _squares(predicted: Array, truth: Array, start: Array) -> Array:
+    """Sums of squared errors along and across the starting heading, and of the heading."""
+    error = predicted - truth
+    cos, sin = np.cos(start[:, 2]), np.sin(start[:, 2])
+    along, across = cos * error[:, 0] + sin * error[:, 1], cos * error[:, 1] - sin * error[:, 0]
+    return np.array([np.sum(along**2), np.sum(across**2), np.sum(error[:, 2] ** 2)])

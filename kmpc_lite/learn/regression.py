@@ -1,0 +1,282 @@
+"""Least squares from a stream: the paper's discrete fit and the integral (weak) form.
+
+Whatever the length of the log, only Gram matrices are kept. Two accumulators can be merged, so chunks can be
+fitted apart, on other cores or on other days.
+"""
+
+from __future__ import annotations
+
+from itertools import islice
+from typing import Any, Literal
+
+import numpy as np
+
+from kmpc_lite.dictionary import INPUTS, STATES, Array, Dictionary, UnicycleDictionary
+from kmpc_lite.errors import DataError
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.model import KoopmanModel, NoiseModel
+
+Method = Literal["integral", "edmdc"]
+
+RANK_TOLERANCE = 1e-13
+"""Eigenvalues of the scaled Gram matrix below this share of the largest count as zero."""
+
+
+NOISE_SAMPLES = 250_000
+"""Residuals that the covariance is estimated from: its relative error is then below 1 %."""
+
+
+class Accumulator:
+    """Streaming normal equations of one fit.
+
+    ``edmdc`` regresses the next lifted state on ``[z; w (x) z; w]`` and the state on `z` (paper, eq. 8, with the
+    blocks in the order in which they are stacked). ``integral`` regresses ``(x+ - x) / dt`` on the mean of
+    ``[z; w (x) z; w]`` over the step by Simpson's rule; `w` is left out where the dictionary holds the
+    constant, since it then stands in ``w (x) z`` already.
+
+    Parameters
+    ----------
+    dictionary : Dictionary
+        Lifts the pose.
+    dt : float
+        Sampling period [s].
+    method : {"integral", "edmdc"}
+        See above.
+    midpoint : KoopmanModel, optional
+        Continuous model of an earlier pass. Its derivatives bend the path between two samples (cubic Hermite
+        midpoint); without it the midpoint is the mean, which is exact only to second order in dt.
+
+    Examples
+    --------
+    >>> from kmpc_lite import DifferentialDrive, generate_dataset
+    >>> data = generate_dataset(DifferentialDrive(), episodes=4, steps=50, dt=0.1, seed=0)
+    >>> halves = [Accumulator(UnicycleDictionary(), 0.1), Accumulator(UnicycleDictionary(), 0.1)]
+    >>> for half, part in zip(halves, data.split(0.5)):
+    ...     half.add(part)
+    >>> halves[0].merge(halves[1])
+    >>> halves[0].count
+    200
+    """
+
+    def __init__(self, dictionary: Dictionary, dt: float, method: Method = "integral", midpoint: KoopmanModel | None = None) -> None:
+        if method not in ("integral", "edmdc"):
+            raise DataError(f"method: expected 'integral' or 'edmdc', got {method!r}")
+        self.dictionary, self.dt, self.method, self.midpoint = dictionary, float(dt), method, midpoint
+        nz, nw = dictionary.size, dictionary.input_size
+        self._with_inputs = method == "edmdc" or "1" not in dictionary.names
+        self._features = nz + nw * nz + (nw if self._with_inputs else 0)
+        self._targets = nz + STATES if method == "edmdc" else STATES
+        width = self._features + self._targets
+        self._gram = np.zeros((width, width))
+        self._input_moments = np.zeros((2, INPUTS))
+        self._buffer = np.empty((0, width))
+        self.count = 0
+
+    def add(self, data: Dataset) -> None:
+        """Take in every step of a dataset, chunk by chunk."""
+        if abs(data.dt - self.dt) > 1e-9 * self.dt:
+            raise DataError(f"the dataset's dt is {data.dt:g} s, the fit's {self.dt:g} s: resample it")
+        for part in data.transitions(self.dictionary.history):
+            self._add(part.x, part.u, part.x_next, part.history)
+
+    def _add(self, x: Array, u: Array, x_next: Array, history: Array | None) -> None:
+        w = self.dictionary.inputs(u, history)
+        z, z_next = self.dictionary.lift(x), self.dictionary.lift(x_next)
+        if len(self._buffer) < len(x):
+            self._buffer = np.empty((len(x), self._buffer.shape[1]))
+        rows = self._buffer[: len(x)]
+        if self.method == "edmdc":
+            self._fill(rows, z, w)
+            rows[:, self._features : -STATES] = z_next
+            rows[:, -STATES:] = x
+        else:
+            middle = 0.5 * (x + x_next)
+            if self.midpoint is not None:
+                middle += self.dt / 8 * _derivative_difference(self.midpoint, z, z_next, w)
+            mean = self.dictionary.lift(middle)
+            mean *= 4.0
+            mean += z
+            mean += z_next
+            mean *= 1 / 6
+            self._fill(rows, mean, w)
+            np.subtract(x_next, x, out=rows[:, self._features :])
+            rows[:, self._features :] *= 1 / self.dt
+        self._gram += rows.T @ rows
+        self._input_moments += [u.sum(axis=0), (u**2).sum(axis=0)]
+        self.count += len(x)
+
+    def _fill(self, rows: Array, z: Array, w: Array) -> None:
+        """Write the regressor [z; w (x) z; w] into the first columns."""
+        nz = z.shape[1]
+        rows[:, :nz] = z
+        for i in range(w.shape[1]):
+            np.multiply(w[:, i : i + 1], z, out=rows[:, (1 + i) * nz : (2 + i) * nz])
+        if self._with_inputs:
+            rows[:, self._features - w.shape[1] : self._features] = w
+
+    def merge(self, other: Accumulator) -> None:
+        """Take in what another accumulator of the same fit has seen."""
+        same = (self.method, self.dt, self.dictionary.names, self._gram.shape) == (
+            other.method,
+            other.dt,
+            other.dictionary.names,
+            other._gram.shape,
+        )
+        if not same:
+            raise DataError("cannot merge accumulators of different fits (method, dt or dictionary)")
+        self._gram += other._gram
+        self._input_moments += other._input_moments
+        self.count += other.count
+
+    def solve(self, ridge: float = 0.0) -> KoopmanModel:
+        """Solve for the model.
+
+        Parameters
+        ----------
+        ridge : float
+            Added to the diagonal of the Gram matrix scaled to ones; 0 is the pseudoinverse.
+
+        Raises
+        ------
+        DataError
+            For too few samples, inputs that do not vary, or a dictionary that the method cannot use.
+        """
+        self._check_excitation()
+        p, nz, nw = self._features, self.dictionary.size, self.dictionary.input_size
+        weights, rank, condition = _least_squares(self._gram[:p, :p], self._gram[:p, p:], ridge)
+        if rank < self._structural_rank():
+            raise DataError(
+                f"the log does not excite the model: rank {rank} of {self._structural_rank()} from {self.count} samples; "
+                "drive with varied speeds, turns and headings, or choose a smaller dictionary"
+            )
+        rows = nz if self.method == "edmdc" else STATES
+        a, h = weights[:rows, :nz], weights[:rows, nz : nz + nw * nz]
+        b = weights[:rows, nz + nw * nz :] if self._with_inputs else np.zeros((rows, nw))
+        c = self._state_reconstruction() if self.method == "edmdc" else np.eye(STATES)
+        info: dict[str, Any] = {
+            "method": self.method,
+            "samples": self.count,
+            "rank": rank,
+            "features": p,
+            "condition": condition,
+        }
+        return KoopmanModel(self.dictionary, self.dt, a, b, h, c, continuous=self.method == "integral", info=info)
+
+    def _check_excitation(self) -> None:
+        if self.count < self._features:
+            raise DataError(f"too few samples: {self.count} steps for {self._features} unknowns per state")
+        mean, square = self._input_moments / self.count
+        spread = np.sqrt(np.maximum(square - mean**2, 0.0))
+        for i, name in enumerate(("v", "omega")):
+            if spread[i] <= 1e-6 * max(1e-3, abs(mean[i])):
+                raise DataError(f"column {name} is constant ({mean[i]:g}) over {self.count} samples: the fit needs it to vary")
+
+    def _structural_rank(self) -> int:
+        """Rank that ample data would have: the paper's regressor holds `w` twice."""
+        redundant = self._with_inputs and "1" in self.dictionary.names
+        return self._features - (self.dictionary.input_size if redundant else 0)
+
+    def _state_reconstruction(self) -> Array:
+        """Fit C = X Z^+ (paper, eq. 8) and make sure that the state does lie in the dictionary."""
+        nz = self.dictionary.size
+        c, _, _ = _least_squares(self._gram[:nz, :nz], self._gram[:nz, -STATES:], 0.0)
+        power = np.diag(self._gram)[-STATES:]
+        missed = power - 2 * np.sum(c * self._gram[:nz, -STATES:].T, axis=1) + np.sum((c @ self._gram[:nz, :nz]) * c, axis=1)
+        if (missed > 1e-6 * power).any():
+            raise DataError("method 'edmdc' needs x, y and theta in the span of the dictionary; use method='integral'")
+        return c
+
+
+def _derivative_difference(model: KoopmanModel, z: Array, z_next: Array, w: Array) -> Array:
+    """f(x) - f(x+) at one command, (n, 3), for the Hermite midpoint: linear in z, so one product serves both."""
+    blocks = np.concatenate([model.A, model.H], axis=1).reshape(STATES, 1 + w.shape[1], z.shape[1])
+    products = ((z - z_next) @ blocks.transpose(2, 1, 0).reshape(z.shape[1], -1)).reshape(len(z), -1, STATES)
+    difference: Array = products[:, 0].copy()
+    for i in range(w.shape[1]):
+        difference += w[:, i : i + 1] * products[:, 1 + i]
+    return difference
+
+
+def _least_squares(gram: Array, moments: Array, ridge: float) -> tuple[Array, int, float]:
+    """Weights (q, p) of smallest norm, rank, and condition of the regressor, from G (p, p) and moments (p, q)."""
+    scale = np.sqrt(np.diag(gram))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
+    kept = values > RANK_TOLERANCE * len(values) * values[-1]
+    v = vectors[:, kept]
+    weights = (v / (values[kept] + ridge)) @ (v.T @ (moments / scale[:, None])) / scale[:, None]
+    return weights.T, int(kept.sum()), float(np.sqrt(values[-1] / values[kept][0]))
+
+
+def fit(
+    dataset: Dataset,
+    dictionary: Dictionary | None = None,
+    method: Method = "integral",
+    ridge: float = 0.0,
+    noise: bool = True,
+) -> KoopmanModel:
+    """Learn a bilinear Koopman model from driving.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Evenly sampled episodes.
+    dictionary : Dictionary, optional
+        The paper's `UnicycleDictionary` where not given.
+    method : {"integral", "edmdc"}
+        ``"integral"`` fits the generator in weak form, twice, the second time with the path between samples bent by
+        the first result. ``"edmdc"`` is the paper's one-step regression (eq. 8).
+    ridge : float
+        Share of the scaled Gram matrix's diagonal that is added to it.
+    noise : bool
+        Whether to learn the covariance of the residuals too (one more pass).
+
+    Returns
+    -------
+    KoopmanModel
+        Its `info` tells method, samples, rank and condition.
+
+    Raises
+    ------
+    DataError
+        Where the data cannot determine a model: too few samples, a constant input.
+
+    Examples
+    --------
+    >>> from kmpc_lite import DifferentialDrive, generate_dataset
+    >>> data = generate_dataset(DifferentialDrive(), episodes=10, steps=100, dt=0.1, seed=0)
+    >>> fit(data).info["rank"]
+    18
+    """
+    lifting = UnicycleDictionary() if dictionary is None else dictionary
+    model: KoopmanModel | None = None
+    for _ in range(2 if method == "integral" else 1):
+        accumulator = Accumulator(lifting, dataset.dt, method, midpoint=model)
+        accumulator.add(dataset)
+        model = accumulator.solve(ridge)
+    assert model is not None
+    if not noise:
+        return model
+    return KoopmanModel(
+        model.dictionary, model.dt, model.A, model.B, model.H, model.C, model.continuous, fit_noise(model, dataset), model.info
+    )
+
+
+def fit_noise(model: KoopmanModel, dataset: Dataset) -> NoiseModel:
+    """Regress outer products of the one-step residuals, in the robot's frame, on ``[1, v^2, omega^2]``.
+
+    At most about NOISE_SAMPLES steps are looked at, spread evenly over the dataset. Each coefficient matrix is projected to the nearest positive semidefinite one, so every covariance is one.
+    """
+    gram, moments = np.zeros((3, 3)), np.zeros((3, STATES * STATES))
+    every = -(-dataset.steps // NOISE_SAMPLES)
+    for part in islice(dataset.transitions(model.history), 0, None, every):
+        error = part.x_next - model.advance(part.x, model.dictionary.inputs(part.u, part.history))
+        cos, sin = np.cos(part.x[:, 2]), np.sin(part.x[:, 2])
+        body = np.stack([cos * error[:, 0] + sin * error[:, 1], cos * error[:, 1] - sin * error[:, 0], error[:, 2]], axis=1)
+        terms = np.column_stack([np.ones(len(body)), part.u[:, 0] ** 2, part.u[:, 1] ** 2])
+        gram += terms.T @ terms
+        moments += terms.T @ (body[:, :, None] * body[:, None, :]).reshape(len(body), -1)
+    weights, _, _ = _least_squares(gram, moments, 0.0)
+    coefficients = weights.T.reshape(3, STATES, STATES)
+    values, vectors = np.linalg.eigh(coefficients)
+    return NoiseModel((vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1))

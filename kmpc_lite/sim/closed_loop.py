@@ -1,0 +1,241 @@
+"""Drive a controller on a plant, and look at every quarter of a period for a collision."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kmpc_lite.control.obstacles import circle_distances
+from kmpc_lite.control.plan import Plan, PlanStatus
+from kmpc_lite.dictionary import Array
+from kmpc_lite.model import KoopmanModel
+from kmpc_lite.sim.robots import DifferentialDrive
+from kmpc_lite.sim.scenario import Scenario
+
+SUBSAMPLES = 4
+
+
+class Steps(Protocol):
+    """Whatever plans one period: our controller, and its peers."""
+
+    def step(self, x: ArrayLike, goal: ArrayLike, obstacles: ArrayLike = ()) -> Plan:
+        """Plan from a pose."""
+        ...
+
+
+class Plant(Protocol):
+    """Whatever can be driven."""
+
+    def trace(self, x: ArrayLike, u: ArrayLike, dt: float, substeps: int) -> Array:
+        """States (substeps, 3) during one period."""
+        ...
+
+
+class LearnedPlant:
+    """A plant that behaves as a learned model does, with noise of the model's residual covariance.
+
+    For a robot of which there is only a log. It remembers its own past commands.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        Its period is the plant's.
+    seed : int
+        Of the noise.
+    """
+
+    def __init__(self, model: KoopmanModel, seed: int = 0) -> None:
+        self.model = model
+        self._random = np.random.default_rng(seed)
+        self._past = np.zeros((model.history, 2))
+
+    def trace(self, x: ArrayLike, u: ArrayLike, dt: float, substeps: int) -> Array:
+        """States (substeps, 3) during one period, evenly spaced between the predicted ends."""
+        state, command = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
+        noise = self._random.multivariate_normal(np.zeros(3), self.model.noise(command), method="eigh")
+        end = self.model.predict(state, command, self._past)
+        cos, sin = np.cos(state[2]), np.sin(state[2])
+        end = end + (cos * noise[0] - sin * noise[1], sin * noise[0] + cos * noise[1], noise[2])
+        self._past = np.concatenate([self._past[1:], command[None]]) if len(self._past) else self._past
+        share = np.arange(1, substeps + 1)[:, None] / substeps
+        return state + share * (end - state)
+
+
+class Outcome(Enum):
+    """How a drive ended."""
+
+    REACHED = "reached"
+    COLLISION = "collision"
+    TIMEOUT = "timeout"
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A drive, period by period; T periods of S sub-samples."""
+
+    scenario: Scenario
+    dt: float
+    outcome: Outcome
+    duration: float
+    """Until the end of the drive [s]; of a collision, to the sub-sample."""
+    states: Array
+    """(T + 1, 3) true poses at the period's beginning, and the last one."""
+    path: Array
+    """(T S + 1, 3) true poses at every sub-sample."""
+    inputs: Array
+    """(T, 2) commands."""
+    plans: Array
+    """(T, N + 1, 3) what was planned."""
+    statuses: tuple[str, ...]
+    """(T,) names of `PlanStatus`."""
+    step_times: Array
+    """(T,) time of each `Controller.step` [s]."""
+    clearance: float
+    """Smallest distance between the edges of robot and obstacles [m]; negative in a collision."""
+    info: dict[str, Any] = field(default_factory=dict)
+    """What the caller wants to keep with the run; values that JSON can hold."""
+
+    @property
+    def position_error(self) -> float:
+        """Distance to the goal at the end [m]."""
+        return float(np.hypot(*(self.states[-1, :2] - self.scenario.goal[:2])))
+
+    @property
+    def heading_error(self) -> float:
+        """Heading error at the end [rad]."""
+        return float(abs(np.remainder(self.states[-1, 2] - self.scenario.goal[2] + np.pi, 2 * np.pi) - np.pi))
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        times = 1e3 * self.step_times
+        return {
+            "scenario": self.scenario.name,
+            "outcome": self.outcome.value,
+            "duration_s": round(self.duration, 6),
+            "position_error_m": self.position_error,
+            "heading_error_rad": self.heading_error,
+            "clearance_m": self.clearance if np.isfinite(self.clearance) else None,
+            "step_ms": {"p50": float(np.median(times)), "p99": float(np.quantile(times, 0.99)), "max": float(times.max())},
+            "statuses": {s.name: self.statuses.count(s.name) for s in PlanStatus if s.name in self.statuses},
+            **self.info,
+        }
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the run to an npz file that `Run.load` and ``kmpc report`` read."""
+        from kmpc_lite.sim.run_file import save_run
+
+        save_run(self, Path(path))
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Run:
+        """Read a run that `save` wrote.
+
+        Raises
+        ------
+        ScenarioError
+            For a file that is missing, damaged, or no run.
+        """
+        from kmpc_lite.sim.run_file import load_run
+
+        return load_run(Path(path))
+
+
+def drive(
+    controller: Steps,
+    scenario: Scenario,
+    plant: Plant | None = None,
+    dt: float = 0.1,
+    settle: float = 0.0,
+    stop_norm: float | None = None,
+    info: dict[str, Any] | None = None,
+) -> Run:
+    """Drive a scenario to its end: arrived, collided, or out of time.
+
+    Parameters
+    ----------
+    controller : Steps
+        Ours or a peer's.
+    scenario : Scenario
+        Map, robot, plant.
+    plant : Plant, optional
+        The scenario's slipping `DifferentialDrive` where not given.
+    dt : float
+        Period [s].
+    settle : float
+        How long the robot must stay within the tolerances to have arrived [s].
+    stop_norm : float, optional
+        Where given, arrival is ``|x - goal| <= stop_norm`` over the whole state, as in the paper's study.
+    info : dict, optional
+        Kept with the run.
+    """
+    robot = DifferentialDrive(scenario.slip, scenario.seed, scenario.turn_gain) if plant is None else plant
+    noise = np.random.default_rng([scenario.seed, 1])
+    goal, x = np.array(scenario.goal), np.array(scenario.start)
+    states, path, inputs, plans = [x], [x], [], []
+    statuses: list[str] = []
+    times: list[float] = []
+    clearance, outcome, inside = np.inf, Outcome.TIMEOUT, 0.0
+    steps = int(np.ceil(scenario.timeout / dt - 1e-9))
+    duration = steps * dt
+    for k in range(steps):
+        measured = x + noise.normal(size=3) * scenario.pose_noise
+        plan = controller.step(measured, goal, scenario.circles_at(k * dt))
+        trace = robot.trace(x, plan.command, dt, SUBSAMPLES)
+        inputs.append(plan.command)
+        plans.append(plan.states)
+        statuses.append(plan.status.name)
+        times.append(plan.timing["total"])
+        gaps = _clearances(scenario, trace, k * dt, dt)
+        path.extend(trace)
+        x = trace[-1]
+        states.append(x)
+        clearance = min(clearance, float(gaps.min(initial=np.inf)))
+        if (gaps < 0.0).any():
+            outcome, duration = Outcome.COLLISION, k * dt + (int(np.argmax(gaps < 0.0)) + 1) * dt / SUBSAMPLES
+            break
+        error = x - goal
+        error[2] = np.remainder(error[2] + np.pi, 2 * np.pi) - np.pi
+        if stop_norm is None:
+            here = np.hypot(error[0], error[1]) <= scenario.tolerance and abs(error[2]) <= scenario.heading_tolerance
+        else:
+            here = bool(np.linalg.norm(error) <= stop_norm)
+        inside = inside + dt if here else 0.0
+        if here and inside >= settle:
+            outcome, duration = Outcome.REACHED, (k + 1) * dt
+            break
+    return Run(
+        scenario,
+        dt,
+        outcome,
+        duration,
+        np.array(states),
+        np.array(path),
+        np.array(inputs),
+        np.array(plans),
+        tuple(statuses),
+        np.array(times),
+        clearance,
+        dict(info or {}),
+    )
+
+
+def _clearances(scenario: Scenario, trace: Array, time: float, dt: float) -> Array:
+    """Distances between the edges of robot and nearest obstacle at each sub-sample (S,) [m]."""
+    if not scenario.circles:
+        return np.full(len(trace), np.inf)
+    times = time + dt * np.arange(1, len(trace) + 1) / len(trace)
+    distances, _ = circle_distances(scenario.circles_at(0.0), trace[:, :2], times)
+    gaps: Array = distances.min(axis=1) - scenario.radius
+    return gaps
+
+
+def arrived(runs: Sequence[Run]) -> list[Run]:
+    """Select the runs that reached their goal."""
+    return [r for r in runs if r.outcome is Outcome.REACHED]

@@ -1,0 +1,103 @@
+"""Plants: what the controller does not know."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kmpc_lite.dictionary import STATES, Array
+from kmpc_lite.errors import ProblemError
+from kmpc_lite.learn.dataset import Dataset, Episode
+
+class DifferentialDrive:
+    """Two-wheeled robot on a floor that slips (paper, eq. 13).
+
+    ``x' = (v + v_t) cos + v_s sin``, ``y' = (v + v_t) sin - v_s cos``, ``theta' = omega + omega_s`` with
+    ``v_s = alpha v``, ``v_t = beta v``, ``omega_s = gamma omega``; alpha, beta and gamma are exponential with mean `slip`,
+    drawn anew every period and held during it.
+
+    Parameters
+    ----------
+    slip : float
+        Mean of the three slip ratios, >= 0.
+    turn_gain : float
+        How much of a commanded turn happens before the slip: skid-steer robots have 0.3 to 0.7.
+    seed : int
+        Of the slip.
+
+    Examples
+    --------
+    >>> DifferentialDrive().step([0.0, 0.0, 0.0], [1.0, 0.0], 0.1).round(3)
+    array([0.1, 0. , 0. ])
+    """
+
+    def __init__(self, slip: float = 0.0, seed: int = 0, turn_gain: float = 1.0) -> None:
+        if not (np.isfinite(slip) and slip >= 0.0):
+            raise ProblemError(f"slip: expected a mean ratio >= 0, got {slip}")
+        if not (np.isfinite(turn_gain) and turn_gain > 0.0):
+            raise ProblemError(f"turn_gain: expected a factor > 0, got {turn_gain}")
+        self.slip, self.turn_gain = float(slip), float(turn_gain)
+        self._random = np.random.default_rng(seed)
+
+    def step(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
+        """State after one period: states (..., 3), commands (..., 2), dt [s] -> (..., 3)."""
+        return self.trace(x, u, dt, 1)[0]
+
+    def trace(self, x: ArrayLike, u: ArrayLike, dt: float, substeps: int) -> Array:
+        """Evenly spaced states during one period, without the first: (substeps, ..., 3)."""
+        state, command = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
+        if state.shape[-1:] != (3,) or command.shape[-1:] != (2,):
+            raise ValueError(f"expected states (..., 3) and commands (..., 2), got {state.shape} and {command.shape}")
+        v, omega = command[..., 0], command[..., 1] * self.turn_gain
+        if self.slip:
+            alpha, beta, gamma = self._random.exponential(self.slip, (3, *v.shape))
+        else:
+            alpha = beta = gamma = np.zeros_like(v)
+        forward, left, turn = (1 + beta) * v, -alpha * v, (1 + gamma) * omega
+        path = np.empty((substeps, *state.shape))
+        h = dt / substeps
+
+        def f(s: Array) -> Array:
+            cos, sin = np.cos(s[..., 2]), np.sin(s[..., 2])
+            return np.stack([forward * cos - left * sin, forward * sin + left * cos, turn + 0.0 * cos], axis=-1)
+
+        for i in range(substeps):
+            k1 = f(state)
+            k2 = f(state + h / 2 * k1)
+            k3 = f(state + h / 2 * k2)
+            k4 = f(state + h * k3)
+            path[i] = state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return path
+
+
+def generate_dataset(
+    plant: DifferentialDrive,
+    episodes: int = 1000,
+    steps: int = 1000,
+    dt: float = 0.1,
+    seed: int = 0,
+    u_max: ArrayLike = (1.0, 1.0),
+    x_max: ArrayLike = (1.0, 1.0, 1.0),
+) -> Dataset:
+    """Drive at random, as the paper trains (sec. V.A): uniform commands, uniform starts.
+
+    Parameters
+    ----------
+    plant : DifferentialDrive
+        What is driven; all episodes at once.
+    episodes, steps : int
+        How many drives, and of how many periods.
+    dt : float
+        Period [s].
+    seed : int
+        Of starts and commands.
+    u_max, x_max : array_like
+        Commands are uniform on [-u_max, u_max] (m/s, rad/s), starts on [-x_max, x_max] (m, m, rad).
+    """
+    random = np.random.default_rng(seed)
+    states = np.empty((episodes, steps + 1, STATES))
+    states[:, 0] = random.uniform(-1.0, 1.0, (episodes, STATES)) * np.asarray(x_max)
+    inputs = random.uniform(-1.0, 1.0, (episodes, steps, 2)) * np.asarray(u_max)
+    for k in range(steps):
+        states[:, k + 1] = plant.step(states[:, k], inputs[:, k], dt)
+    return Dataset([Episode(s, u, dt) for s, u in zip(states, inputs, strict=True)])

@@ -1,0 +1,192 @@
+"""Scenario files: a map, a robot, a plant and how long to try.
+
+A scenario is TOML; the ones that come with the package are named by their stem (``mehrez``, ``four_circles_1``, ...).
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.control.obstacles import Circle
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.dictionary import Array
+from kmpc_lite.errors import ProblemError, ScenarioError
+
+FLOAT_LISTS = {"bounds": 4, "start": 3, "goal": 3, "pose_noise": 3}
+KEYS: Mapping[str, Mapping[str, Any]] = {
+    "map": {"bounds": None, "circles": []},
+    "robot": {"radius": 0.15, "start": None, "goal": None},
+    "plant": {"slip": 0.0, "turn_gain": 1.0, "pose_noise": [0.0, 0.0, 0.0]},
+    "run": {"seed": 0, "timeout": 20.0, "tolerance": 0.05, "heading_tolerance": 0.15, "margin": 0.0},
+}
+"""Sections, keys and defaults; None means that the key must be given."""
+POSITIVE = frozenset({"radius", "turn_gain", "timeout", "tolerance", "heading_tolerance"})
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """One drive: where, past what, on which floor.
+
+    Lengths in m, angles in rad, times in s; frame ENU, heading counter-clockwise from east.
+    """
+
+    name: str
+    bounds: tuple[float, float, float, float]
+    """xmin, ymin, xmax, ymax of the robot's centre."""
+    circles: tuple[Circle, ...]
+    radius: float
+    start: tuple[float, float, float]
+    goal: tuple[float, float, float]
+    slip: float = 0.0
+    """Mean slip ratio of the plant."""
+    turn_gain: float = 1.0
+    """Share of a commanded turn that the plant makes."""
+    pose_noise: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Standard deviation of the measured pose [m, m, rad]."""
+    seed: int = 0
+    timeout: float = 20.0
+    tolerance: float = 0.05
+    """Distance to the goal [m] that counts as arrived."""
+    heading_tolerance: float = 0.15
+    """Heading error [rad] that counts as arrived."""
+    margin: float = 0.0
+    """Distance [m] that the controller is asked to keep beyond the radii."""
+
+    def __post_init__(self) -> None:
+        x_min, y_min, x_max, y_max = self.bounds
+        if x_min >= x_max or y_min >= y_max:
+            raise ScenarioError(f"{self.name}: [map] bounds: expected xmin < xmax and ymin < ymax, got {list(self.bounds)}")
+        for key in ("start", "goal"):
+            x, y, _ = getattr(self, key)
+            if not (x_min <= x <= x_max and y_min <= y <= y_max):
+                raise ScenarioError(f"{self.name}: [robot] {key}: ({x:g}, {y:g}) lies outside the bounds {list(self.bounds)}")
+            for i, circle in enumerate(self.circles):
+                distance = float(np.hypot(x - circle.x, y - circle.y))
+                moving = circle.vx != 0.0 or circle.vy != 0.0
+                if distance < circle.radius + self.radius and not (moving and key == "goal"):
+                    raise ScenarioError(
+                        f"{self.name}: [robot] {key}: ({x:g}, {y:g}) is {distance:g} m from the centre of circle {i}, "
+                        f"but the radii add up to {circle.radius + self.radius:g} m"
+                    )
+
+    @classmethod
+    def load(cls, source: str | os.PathLike[str]) -> Scenario:
+        """Read a scenario file, or one of the package's own by its name.
+
+        Raises
+        ------
+        ScenarioError
+            Names the file, the section and the key.
+        """
+        path = Path(source)
+        if not path.suffix and not path.exists():
+            path = Path(str(resources.files("kmpc_lite.sim") / "scenarios" / f"{path.name}.toml"))
+            if not path.exists():
+                raise ScenarioError(f"no scenario named {str(source)!r}; expected a .toml file or one of {', '.join(bundled())}")
+        try:
+            table = tomllib.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise ScenarioError(f"{path}: cannot read the scenario: {error.strerror or error}") from error
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise ScenarioError(f"{path}: not TOML: {error}") from error
+        return cls.from_table(table, path.stem, str(path))
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any], name: str, where: str) -> Scenario:
+        """Check a parsed scenario, section by section."""
+        for section, content in table.items():
+            if section not in KEYS:
+                raise ScenarioError(f"{where}: unknown section [{section}]; expected {', '.join(f'[{s}]' for s in KEYS)}")
+            if not isinstance(content, Mapping):
+                raise ScenarioError(f"{where}: [{section}] must be a section, got {content!r}")
+            for key in content:
+                if key not in KEYS[section]:
+                    raise ScenarioError(f"{where}: [{section}] {key}: unknown key; expected {', '.join(KEYS[section])}")
+        values: dict[str, Any] = {}
+        for section, defaults in KEYS.items():
+            given = table.get(section, {})
+            for key, default in defaults.items():
+                if key not in given and default is None:
+                    raise ScenarioError(f"{where}: [{section}] {key}: missing")
+                values[key] = _value(f"{where}: [{section}] {key}", key, given.get(key, default))
+        return cls(name=name, **values)
+
+    def to_toml(self) -> str:
+        """Render as a scenario file that `load` reads back."""
+        rows = [list(c) if c.vx or c.vy else list(c[:3]) for c in self.circles]
+        values = {**self.__dict__, "bounds": list(self.bounds), "circles": rows, "start": list(self.start), "goal": list(self.goal)}
+        values["pose_noise"] = list(self.pose_noise)
+        lines: list[str] = []
+        for section, keys in KEYS.items():
+            lines += [f"[{section}]", *(f"{key} = {values[key]!r}" for key in keys), ""]
+        return "\n".join(lines)
+
+    def problem(self, base: NavigationProblem | None = None) -> NavigationProblem:
+        """Navigation problem of this map and robot, the rest as in `base` (the paper's where not given)."""
+        x_min, y_min, x_max, y_max = self.bounds
+        try:
+            return replace(
+                base or NavigationProblem(),
+                x_min=(x_min, y_min, -np.inf),
+                x_max=(x_max, y_max, np.inf),
+                robot_radius=self.radius,
+                margin=self.margin,
+            )
+        except ProblemError as error:
+            raise ScenarioError(f"{self.name}: {error}") from error
+
+    def circles_at(self, time: float) -> Array:
+        """Rows x, y, radius, vx, vy of the obstacles at a time [s], (M, 5)."""
+        rows = np.array(self.circles, dtype=float).reshape(-1, 5)
+        rows[:, :2] += time * rows[:, 3:]
+        return rows
+
+
+def bundled() -> list[str]:
+    """Names of the scenarios that come with the package."""
+    return sorted(Path(str(f)).stem for f in (resources.files("kmpc_lite.sim") / "scenarios").iterdir() if str(f).endswith(".toml"))
+
+
+def _number(where: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        raise ScenarioError(f"{where}: expected a finite number, got {value!r}")
+    return float(value)
+
+
+def _value(where: str, key: str, value: Any) -> Any:
+    """One checked value of a scenario."""
+    if key == "circles":
+        if not isinstance(value, list):
+            raise ScenarioError(f"{where}: expected a list of [x, y, radius] or [x, y, radius, vx, vy], got {value!r}")
+        circles = []
+        for i, row in enumerate(value):
+            if not isinstance(row, list) or len(row) not in (3, 5):
+                raise ScenarioError(f"{where}: circle {i}: expected [x, y, radius] or [x, y, radius, vx, vy], got {row!r}")
+            try:
+                circles.append(Circle(*(_number(f"{where}: circle {i}", v) for v in row)))
+            except ProblemError as error:
+                raise ScenarioError(f"{where}: circle {i}: {error}") from error
+        return tuple(circles)
+    if key in FLOAT_LISTS:
+        if not isinstance(value, list) or len(value) != FLOAT_LISTS[key]:
+            raise ScenarioError(f"{where}: expected {FLOAT_LISTS[key]} numbers, got {value!r}")
+        numbers = tuple(_number(where, v) for v in value)
+        if key == "pose_noise" and min(numbers) < 0:
+            raise ScenarioError(f"{where}: expected numbers >= 0, got {value!r}")
+        return numbers
+    if key == "seed":
+        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+            raise ScenarioError(f"{where}: expected a whole number >= 0, got {value!r}")
+        return value
+    number = _number(where, value)
+    if number < 0 or (key in POSITIVE and number == 0):
+        raise ScenarioError(f"{where}: expected a number {'>' if key in POSITIVE else '>='} 0, got {value!r}")
+    return number
