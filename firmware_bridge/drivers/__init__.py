@@ -1,0 +1,39 @@
+"""One file per protocol; each is a `Driver`."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from firmware_bridge.messages import LinkStatus, State
+
+
+class Driver(Protocol):
+    """The near end of a link to a motor controller or an autopilot.
+
+    All methods return at once: the transport's own thread reads, parses and keeps the newest. Commands come
+    only from the safety gate.
+    """
+
+    def connect(self, timeout: float) -> None:
+        """Open the link, wait for the other end, set its watchdog. Raises LinkError after `timeout` [s]."""
+        ...
+
+    def state(self) -> State | None:
+        """Newest state, or None before the first."""
+        ...
+
+    def send(self, v: float, omega: float) -> None:
+        """Command forward speed [m/s] and turn rate [rad/s]; non-finite values raise ValueError before any byte."""
+        ...
+
+    def stop(self) -> None:
+        """Zero speed now, then give the robot back: HOLD mode, released motors, whatever the board has."""
+        ...
+
+    def health(self) -> LinkStatus:
+        """What is known of the other end."""
+        ...
+
+    def close(self) -> None:
+        """Close the link; idempotent."""
+        ...

@@ -1,0 +1,75 @@
+"""What travels through the bridge: frozen, SI units, ENU frame, monotonic stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+
+class BridgeError(Exception):
+    """Base of every error that the bridge raises on purpose; its text is one line a user can act on."""
+
+
+class LinkError(BridgeError, OSError):
+    """A link cannot be opened, or its other end does not answer."""
+
+
+class ConfigError(BridgeError, ValueError):
+    """A robot file, a link URL or an option is wrong: names the key, what was expected and what came."""
+
+
+@dataclass(frozen=True)
+class State:
+    """Where the robot is: ENU (x east, y north), theta counter-clockwise from east."""
+
+    x: float
+    """[m]"""
+    y: float
+    """[m]"""
+    theta: float
+    """[rad]"""
+    v: float
+    """Forward speed [m/s]."""
+    omega: float
+    """Turn rate, counter-clockwise [rad/s]."""
+    stamp: float
+    """`time.monotonic()` at which this was true, as well as is known [s]."""
+
+
+@dataclass(frozen=True)
+class VelocityCommand:
+    """What the controller wants."""
+
+    v: float
+    """[m/s]"""
+    omega: float
+    """[rad/s], counter-clockwise."""
+    stamp: float
+    """`time.monotonic()` at which it was computed [s]."""
+
+
+@dataclass(frozen=True)
+class LinkStatus:
+    """What a driver knows of the other end. Stamps are `time.monotonic()`, minus infinity for never."""
+
+    connected: bool
+    """Whether the transport is open."""
+    heartbeat_stamp: float
+    """When the board was last heard."""
+    pose_stamp: float
+    """When the source of the pose last gave one: for motion capture the source itself, not the autopilot's echo."""
+    ready: bool
+    """Whether the board obeys our commands now: armed and in the mode we need; always true for plain motor controllers."""
+    pose_ok: bool = True
+    """Whether the board trusts its own estimate (EKF flags, valid encoder estimates)."""
+    armed: bool = True
+    mode: str = ""
+    """The board's own word for its mode."""
+    faults: tuple[str, ...] = ()
+    """Standing errors in words: over-temperature, encoder lost, ..."""
+    counters: Mapping[str, int] = field(default_factory=dict)
+    """bytes, frames, bad CRCs, resynchronisations, refused messages, reconnects, ..."""
+
+
+Controller = Callable[[State], VelocityCommand]
+"""All that the bridge knows of a controller."""
