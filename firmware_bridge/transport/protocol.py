@@ -1,4 +1,4 @@
-"""Bytes in, bytes out."""
+"""What every link offers: bytes in, bytes out."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ class Transport(Protocol):
 
     @property
     def counters(self) -> dict[str, int]:
-        """bytes_in, bytes_out, reconnects, dropped_frames."""
+        """bytes_in, bytes_out, reconnects, dropped_frames, refused_writes, errors."""
+        ...
+
+    @property
+    def last_error(self) -> str:
+        """Why the link last went down, in words; empty if it never did."""
         ...
 
     def close(self) -> None:
         """Stop the thread and close the port; idempotent."""
         ...
-
-
-def open_transport(url: str) -> Transport:
-    """Build the transport of a link URL (serial:, pty:, tcp:, udp:, loopback:); ConfigError for another."""
-    raise NotImplementedError

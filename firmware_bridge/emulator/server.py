@@ -1,0 +1,153 @@
+"""The far end of a link: a pseudo-terminal that it makes, a TCP listener for one client, a UDP port, a loopback end."""
+
+from __future__ import annotations
+
+import os
+import socket
+import termios
+
+from firmware_bridge.messages import ConfigError, LinkError
+from firmware_bridge.transport import Transport, loopback_wire
+from firmware_bridge.transport.sockets import TcpPort, UdpEndpoint
+from firmware_bridge.transport.threaded import Endpoint, Port, ThreadedTransport
+from firmware_bridge.transport.tty import make_raw
+from firmware_bridge.transport.url import LinkUrl
+
+READ_BYTES = 65536
+
+
+class PtyPort:
+    """The master side of a pseudo-terminal whose slave side is linked to a path.
+
+    It holds the slave open as well, so that a bridge that leaves is no hang-up. What nobody reads is lost, as on a wire.
+    """
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._master, self._slave = os.openpty()
+        try:
+            os.set_blocking(self._master, False)
+            make_raw(self._slave, None)  # at once, before the terminal echoes the first byte
+            self._name = os.ttyname(self._slave)
+            if os.path.islink(path) and not os.path.exists(path):
+                os.unlink(path)  # left behind by an emulator that was killed
+            os.symlink(self._name, path)
+        except OSError as error:
+            os.close(self._master)
+            os.close(self._slave)
+            hint = ": another emulator or file is there" if isinstance(error, FileExistsError) else ""
+            raise LinkError(f"pty:{path}: {error.strerror}{hint}") from error
+
+    def fileno(self) -> int:
+        """Descriptor to poll."""
+        return self._master
+
+    @property
+    def speed(self) -> int:
+        """The other side's output speed as a termios constant."""
+        return int(termios.tcgetattr(self._slave)[5])
+
+    def read(self) -> bytes:
+        """Take what has arrived."""
+        try:
+            return os.read(self._master, READ_BYTES)
+        except BlockingIOError:
+            return b""
+
+    def write(self, data: memoryview) -> int:
+        """Bytes that the terminal took; all of them where nobody reads."""
+        try:
+            return os.write(self._master, data)
+        except BlockingIOError:
+            return len(data)
+
+    def close(self) -> None:
+        """Hang up and remove the link."""
+        if os.path.islink(self._path) and os.readlink(self._path) == self._name:
+            os.unlink(self._path)
+        os.close(self._master)
+        os.close(self._slave)
+
+
+class PtyEndpoint(Endpoint):
+    """Makes the pseudo-terminal once."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self.port: PtyPort | None = None
+
+    def open(self) -> Port:
+        """Make it."""
+        self.port = PtyPort(self._path)
+        return self.port
+
+
+class TcpListener(Endpoint):
+    """Listens for one client at a time; others are sent away."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._address = (host, port)
+        self._socket: socket.socket | None = None
+        self.turned_away = 0
+
+    @property
+    def port(self) -> int:
+        """Port it listens at, once open: the system's choice where 0 was asked for."""
+        return 0 if self._socket is None else int(self._socket.getsockname()[1])
+
+    def open(self) -> Port | None:
+        """Listen at first, then take the next client."""
+        if self._socket is None:
+            host, port = self._address
+            try:
+                family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+                self._socket = socket.create_server(self._address, family=family, backlog=4)
+            except OSError as error:
+                raise LinkError(f"tcp:{host}:{port}: cannot listen: {error.strerror or error}") from error
+            self._socket.setblocking(False)
+            return None
+        try:
+            return TcpPort(self._socket.accept()[0])
+        except BlockingIOError:
+            return None
+
+    def fileno(self) -> int | None:
+        """Descriptor that becomes readable when a client comes."""
+        return None if self._socket is None else self._socket.fileno()
+
+    def turn_away(self) -> None:
+        """Close the connection of a second client."""
+        assert self._socket is not None
+        try:
+            self._socket.accept()[0].close()
+        except BlockingIOError:
+            return
+        self.turned_away += 1
+
+    def close(self) -> None:
+        """Stop listening."""
+        if self._socket is not None:
+            self._socket.close()
+
+
+def serve(url: str) -> Transport:
+    """Build the far end of a link, for the same URL that the bridge opens; `start` makes the port.
+
+    Raises
+    ------
+    ConfigError
+        For a URL that nobody can serve: a serial port is served by the board itself.
+    """
+    link = LinkUrl.parse(url)
+    if link.kind == "pty":
+        link.allow("baud")
+        return ThreadedTransport(PtyEndpoint(link.path()))
+    if link.kind == "tcp":
+        link.allow()
+        return ThreadedTransport(TcpListener(*link.address()))
+    if link.kind == "udp":
+        link.allow("listen")
+        return ThreadedTransport(UdpEndpoint(*link.address(), listen=True))
+    if link.kind == "loopback":
+        return loopback_wire(link).take(board=True)
+    raise ConfigError(f"link {url!r}: an emulator serves pty:, tcp:, udp: or loopback:")
