@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from kmpc_lite.errors import ModelError
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 STATES = 3
 """Length of a robot state ``(x [m], y [m], theta [rad])``."""
@@ -190,9 +190,7 @@ class HermiteTrigDictionary(Dictionary):
         value = [he[..., i, d[:, i]] for i in range(3)]
         gradient = [slope[..., i, d[:, i]] for i in range(3)]
         poly = value[0] * value[1] * value[2]
-        by_pose = np.stack(
-            [gradient[0] * value[1] * value[2], value[0] * gradient[1] * value[2], value[0] * value[1] * gradient[2]], -1
-        )
+        by_pose = np.stack([gradient[0] * value[1] * value[2], value[0] * gradient[1] * value[2], value[0] * value[1] * gradient[2]], -1)
         jac = by_pose[..., :, None, :] * trig[..., None, :, None]
         jac[..., 2] += poly[..., :, None] * trig_slope[..., None, :]
         return np.ascontiguousarray(jac.reshape(*x.shape[:-1], -1, 3))

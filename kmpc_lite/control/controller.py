@@ -23,7 +23,9 @@ POSITION_LIMIT = 1e4
 JUMP = (0.5, 1.0)
 """A pose that is farther from the predicted one [m, rad] makes the last plan worthless as a start."""
 DEFECT = 0.05
-"""How far the model may contradict a plan over one period [m, rad] before the plan is refused."""
+"""How far the model may contradict a plan over one period [m, rad] before its commands are rolled out anew."""
+TOUCH = 0.02
+"""How deep such a rolled-out plan may cut into an obstacle [m] and still be driven, the rest being left to the next pass."""
 BOUND_SLACK = 0.02
 """How far the solver may leave the command bounds, as a share of their width; the command itself is clipped."""
 
@@ -122,7 +124,8 @@ class Controller:
         for name, values in (("pose", pose), ("goal", target), ("obstacle", circles)):
             # also false for NaN
             if not (np.abs(values) <= POSITION_LIMIT).all():
-                return self._without_solution(pose, circles, start, {}, 0, f"{name} not usable: {values.ravel()[:5]}")
+                known = circles if name == "goal" else circles_to_array(())
+                return self._without_solution(pose, known, start, {}, 0, f"{name} not usable: {values.ravel()[:5]}")
         turns = 2 * np.pi * np.round(pose[2] / (2 * np.pi))
         here = pose - (0.0, 0.0, turns)
         reference = np.tile((target[0], target[1], here[2] + self._turn_to(target[2] - here[2])), (self.problem.horizon + 1, 1))
@@ -130,16 +133,15 @@ class Controller:
         shifted = perf_counter()
         result = self._sqp.solve(guess or self._sqp.at_rest(here), reference, circles, self._past, cold=guess is None)
         solved = perf_counter()
-        trajectory, reason = self._verify(result)
+        usable, self._last, reason = self._verify(result, circles)
         timing = {"shift": shifted - start, **result.timing, "verify": perf_counter() - solved}
-        if trajectory is None:
-            self._last = None
+        trajectory = self._last
+        if trajectory is None or not usable:
             return self._without_solution(pose, circles, start, timing, result.passes, reason)
-        self._last = trajectory
         self._fallback.accept(trajectory)
         self._remember(trajectory.inputs[0])
         states = trajectory.states + (0.0, 0.0, turns)
-        status = PlanStatus.SOLVED if result.status is QPStatus.SOLVED else PlanStatus.FEASIBLE
+        status = PlanStatus.FEASIBLE if reason else PlanStatus.SOLVED
         return self._plan(states, trajectory.inputs, status, circles, start, timing, result.passes, reason)
 
     def _turn_to(self, error: float) -> float:
@@ -164,26 +166,32 @@ class Controller:
             guess.states[1:, 2] -= turns
         return guess
 
-    def _verify(self, result: SQPResult) -> tuple[Trajectory | None, str]:
-        """Make a plan fit to drive, commands within bounds, or None; and what is wrong."""
+    def _verify(self, result: SQPResult, circles: Array) -> tuple[bool, Trajectory | None, str]:
+        """Whether a result may be driven, the plan with commands within bounds as far as there is one, and what is wrong."""
         if result.status is QPStatus.FAILED:
-            return None, result.reason
+            return False, None, result.reason
         found = result.trajectory
         excess = np.maximum(found.inputs - self._u_max, self._u_min - found.inputs)
         if (excess > self._margin).any():
-            return None, f"solution leaves the command bounds by {excess.max():.3g} ({result.reason or 'solved'})"
+            return False, None, f"solution leaves the command bounds by {excess.max():.3g} ({result.reason or 'solved'})"
         inputs = np.clip(found.inputs, self._u_min, self._u_max)
         predicted = self.model.predict(found.states[:-1], inputs, self._sqp.past_windows(self._past, inputs))
         defect = float(np.abs(predicted - found.states[1:]).max())
-        if not defect <= DEFECT:
-            return None, f"the model contradicts the plan by {defect:.3g} ({result.reason or 'solved'})"
-        return Trajectory(found.states, inputs, found.duals), result.reason
+        if not np.isfinite(defect):
+            return False, None, "the model's prediction is not finite"
+        if defect <= DEFECT:
+            return True, Trajectory(found.states, inputs, found.duals), result.reason
+        states = self.model.rollout(found.states[0], inputs, self._past)
+        clearance = self._clearance(states, circles)
+        reason = f"rolled out anew: the model contradicted the plan by {defect:.3g}"
+        usable = np.isfinite(states).all() and clearance >= -TOUCH
+        return bool(usable), Trajectory(states, inputs, found.duals), reason
 
     def _without_solution(self, pose: Array, circles: Array, start: float, timing: dict[str, float], passes: int, reason: str) -> Plan:
         """Drive the rest of the last good plan while there is one, then brake."""
         rest = self._fallback.replay()
         n = self.problem.horizon
-        if rest is not None:
+        if rest is not None and self._clearance(rest.states, circles) >= -TOUCH:
             self._remember(rest.inputs[0])
             missing = n - len(rest.inputs)
             states = np.concatenate([rest.states, np.repeat(rest.states[-1:], missing, axis=0)])
@@ -203,11 +211,22 @@ class Controller:
             self._past[-1] = command
 
     def _plan(
-        self, states: Array, inputs: Array, status: PlanStatus, circles: Array, start: float, timing: dict[str, float], passes: int, reason: str
+        self,
+        states: Array,
+        inputs: Array,
+        status: PlanStatus,
+        circles: Array,
+        start: float,
+        timing: dict[str, float],
+        passes: int,
+        reason: str,
     ) -> Plan:
-        clearance = np.inf
-        if len(circles):
-            distances, _ = circle_distances(circles, states[:, :2], self.problem.dt * np.arange(len(states)))
-            clearance = float(distances.min()) - self.problem.robot_radius
         timing["total"] = perf_counter() - start
-        return Plan(inputs[0].copy(), states, inputs, status, clearance, passes, timing, reason)
+        return Plan(inputs[0].copy(), states, inputs, status, self._clearance(states, circles), passes, timing, reason)
+
+    def _clearance(self, states: Array, circles: Array) -> float:
+        """Smallest distance between the edges of robot and obstacles along a plan [m]."""
+        if not len(circles):
+            return np.inf
+        distances, _ = circle_distances(circles, states[:, :2], self.problem.dt * np.arange(len(states)))
+        return float(distances.min()) - self.problem.robot_radius

@@ -72,7 +72,9 @@ def circles_to_array(obstacles: Sequence[Circle] | ArrayLike) -> Array:
     if array.ndim == 2 and array.shape[1] == 3:
         array = np.hstack([array, np.zeros((len(array), 2))])
     if array.ndim != 2 or array.shape[1] != COLUMNS:
-        raise ValueError(f"obstacles: expected circles, or an array (M, 3) or (M, {COLUMNS}) of x, y, radius, vx, vy; got shape {array.shape}")
+        raise ValueError(
+            f"obstacles: expected circles, or an array (M, 3) or (M, {COLUMNS}) of x, y, radius, vx, vy; got shape {array.shape}"
+        )
     return array
 
 

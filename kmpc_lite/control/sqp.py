@@ -19,7 +19,7 @@ from kmpc_lite.control.qp import NavigationQP
 from kmpc_lite.dictionary import Array
 from kmpc_lite.model import KoopmanModel
 
-REAL_TIME: dict[str, Any] = {"eps_abs": 1e-3, "eps_rel": 1e-3, "max_iter": 200, "rho": 0.1, "adaptive_rho": 0}
+REAL_TIME: dict[str, Any] = {"eps_abs": 1e-3, "eps_rel": 1e-3, "max_iter": 100, "rho": 1.0, "adaptive_rho": 0}
 CONVERGED: dict[str, Any] = {"eps_abs": 1e-8, "eps_rel": 1e-8, "max_iter": 20000, "rho": 0.1, "adaptive_rho": 1}
 """OSQP's settings for one pass per period, and for passes to convergence."""
 
@@ -140,7 +140,7 @@ class SQP:
                 break
             states, inputs, slack = self.qp.unpack(solution.x, guess.states[0])
             length = 1.0
-            if to_convergence:
+            if limit > 1:
                 length = self._line_search(guess, states, inputs, slack, solution.y, lin.value, reference, circles, past)
                 states = guess.states + length * (states - guess.states)
                 inputs = guess.inputs + length * (inputs - guess.inputs)

@@ -213,9 +213,7 @@ class Dataset:
                 if history:
                     windows = np.lib.stride_tricks.sliding_window_view(episode.inputs, history, axis=0)
                     past = windows[part.start - history : part.stop - history].transpose(0, 2, 1)
-                batch.append(
-                    Transitions(episode.states[part], episode.inputs[part], episode.states[part.start + 1 : part.stop + 1], past)
-                )
+                batch.append(Transitions(episode.states[part], episode.inputs[part], episode.states[part.start + 1 : part.stop + 1], past))
                 rows += part.stop - part.start
                 if rows >= chunk:
                     yield _gather(batch)

@@ -25,18 +25,29 @@ GAP = 2.5
 
 def read_log(path: str | os.PathLike[str], dt: float | None = None, gap: float | None = None) -> list[Episode]:
     """Read a log into episodes; see `Dataset.load`."""
-    file = Path(path)
-    reader = READERS.get(file.suffix.lower())
-    if reader is None:
-        raise DataError(f"{file}: unknown log format {file.suffix or '(no ending)'!r}; expected {' or '.join(READERS)}")
     for name, value in (("dt", dt), ("gap", gap)):
         if value is not None and not (np.isfinite(value) and value > 0.0):
             raise DataError(f"{name}: expected a time > 0 s, got {value}")
+    file = Path(path)
+    return _episodes(file, _read_table(file), dt, gap)
+
+
+def read_period(path: str | os.PathLike[str]) -> float:
+    """Median time between the rows of a log [s], however uneven it is."""
+    return float(np.median(np.diff(_read_table(Path(path))[:, 0])))
+
+
+def _read_table(file: Path) -> Array:
+    """Rows (n, 6) in the order of COLUMNS: at least two, finite, with growing times."""
+    reader = READERS.get(file.suffix.lower())
+    if reader is None:
+        raise DataError(f"{file}: unknown log format {file.suffix or '(no ending)'!r}; expected {' or '.join(READERS)}")
     try:
         table = reader(file)
     except OSError as error:
         raise DataError(f"{file}: cannot read the log: {error.strerror or error}") from error
-    return _episodes(file, table, dt, gap)
+    _check_table(file, table)
+    return table
 
 
 def _read_csv(file: Path) -> Array:
@@ -82,7 +93,9 @@ def _check_names(file: Path, names: Sequence[str], where: str) -> None:
     doubled = [c for c in COLUMNS if list(names).count(c) > 1]
     if missing or doubled:
         what = " and ".join(
-            part for part in (f"{', '.join(missing)} missing" if missing else "", f"{', '.join(doubled)} doubled" if doubled else "") if part
+            part
+            for part in (f"{', '.join(missing)} missing" if missing else "", f"{', '.join(doubled)} doubled" if doubled else "")
+            if part
         )
         raise DataError(f"{file}: {where}: {what}; expected {','.join(COLUMNS)}, got {','.join(names)}")
 
@@ -100,13 +113,18 @@ def _locate(message: str, header: list[str]) -> str:
     return message
 
 
-def _episodes(file: Path, table: Array, dt: float | None, gap: float | None) -> list[Episode]:
-    """Cut rows (n, 6) at the gaps, check the times, resample."""
+def _first_line(file: Path) -> int:
+    """Number of the first row in the file's own count: after the header of a CSV, from 0 in an npz."""
+    return 2 if file.suffix.lower() == ".csv" else 0
+
+
+def _check_table(file: Path, table: Array) -> None:
+    """Refuse a table that no episode can be made of, with the line."""
     if len(table) > MAX_ROWS:
         raise DataError(f"{file}: more than {MAX_ROWS:,} rows; cut the log into files and join their datasets")
     if len(table) < 2:
         raise DataError(f"{file}: {len(table)} row(s); expected at least 2")
-    first_line = 2 if file.suffix.lower() == ".csv" else 0
+    first_line = _first_line(file)
     if not np.isfinite(table).all():
         row, column = np.argwhere(~np.isfinite(table))[0]
         raise DataError(
@@ -118,6 +136,12 @@ def _episodes(file: Path, table: Array, dt: float | None, gap: float | None) -> 
         raise DataError(
             f"{file}: line {row + 1 + first_line}, column t: time must grow, got {table[row + 1, 0]:g} s after {table[row, 0]:g} s"
         )
+
+
+def _episodes(file: Path, table: Array, dt: float | None, gap: float | None) -> list[Episode]:
+    """Cut rows (n, 6) at the gaps, check that they are even, resample."""
+    steps = np.diff(table[:, 0])
+    first_line = _first_line(file)
     period = float(np.median(steps))
     limit = GAP * period if gap is None else gap
     whole = steps <= limit
@@ -133,7 +157,9 @@ def _episodes(file: Path, table: Array, dt: float | None, gap: float | None) -> 
         if len(rows) >= 2 and (episode := _episode(rows, period, dt)) is not None:
             episodes.append(episode)
     if not episodes:
-        raise DataError(f"{file}: no two rows closer than {limit:g} s (the gap limit), or none as long as one period: nothing to learn from")
+        raise DataError(
+            f"{file}: no two rows closer than {limit:g} s (the gap limit), or none as long as one period: nothing to learn from"
+        )
     return episodes
 
 

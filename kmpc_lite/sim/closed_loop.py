@@ -39,9 +39,10 @@ class Plant(Protocol):
 
 
 class LearnedPlant:
-    """A plant that behaves as a learned model does, with noise of the model's residual covariance.
+    """A plant that behaves as a learned model does, with noise of the covariance that the model learned.
 
-    For a robot of which there is only a log. It remembers its own past commands.
+    For a robot of which there is only a log. It remembers its own past commands. Only the part of the covariance that
+    grows with the speeds moves it: what is left at rest is the noise of the measured pose.
 
     Parameters
     ----------
@@ -59,7 +60,8 @@ class LearnedPlant:
     def trace(self, x: ArrayLike, u: ArrayLike, dt: float, substeps: int) -> Array:
         """States (substeps, 3) during one period, evenly spaced between the predicted ends."""
         state, command = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
-        noise = self._random.multivariate_normal(np.zeros(3), self.model.noise(command), method="eigh")
+        covariance = self.model.noise(command) - self.model.noise(np.zeros(2))
+        noise = self._random.multivariate_normal(np.zeros(3), covariance, method="eigh")
         end = self.model.predict(state, command, self._past)
         cos, sin = np.cos(state[2]), np.sin(state[2])
         end = end + (cos * noise[0] - sin * noise[1], sin * noise[0] + cos * noise[1], noise[2])

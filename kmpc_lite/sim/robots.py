@@ -9,6 +9,7 @@ from kmpc_lite.dictionary import STATES, Array
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.learn.dataset import Dataset, Episode
 
+
 class DifferentialDrive:
     """Two-wheeled robot on a floor that slips (paper, eq. 13).
 

@@ -1,0 +1,53 @@
+# Everything runs in a virtual environment of its own, .venv; python3 (>= 3.11), make, gcc and the package registries suffice.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+export PYTHONDONTWRITEBYTECODE := 1
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test test-long check format study clean
+
+help:  ## show what can be made
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-10s %s\n", $$1, $$2}'
+
+$(VENV)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "python3 >= 3.11 is needed, $$($(PYTHON) --version) was found: make PYTHON=python3.12"; exit 2; }
+	@$(PYTHON) -m venv $(VENV)
+	@touch $@
+
+$(VENV)/demo: $(VENV)/python pyproject.toml
+	@echo "installing kmpc_lite with its pictures ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot,bridge]'
+	@touch $@
+
+$(VENV)/dev: $(VENV)/python pyproject.toml
+	@echo "installing kmpc_lite with all that its tests need ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot,bridge,peers,dev]'
+	@touch $@ $(VENV)/demo
+
+demo: $(VENV)/demo  ## learn from a drive, drive past four obstacles, end in a report: out/report.html
+	@$(BIN)/kmpc demo $(if $(LOG),--log $(LOG)) --output out
+
+check: $(VENV)/dev  ## style, types and import rules
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+test: check  ## check, then doctests, README, examples and all tests but the long ones
+	$(BIN)/python -m pytest -m "not long" --cov --cov-report=term:skip-covered $(ARGS)
+
+test-long: $(VENV)/dev  ## the tests that take minutes
+	$(BIN)/python -m pytest -m long $(ARGS)
+
+format: $(VENV)/dev  ## put the code into the project's layout
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+study: $(VENV)/dev  ## the paper's table 1 beside ours
+	@$(BIN)/kmpc study table1
+
+clean:  ## remove what was installed and made here
+	rm -rf $(VENV) out build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage
