@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import ProblemError
@@ -51,26 +50,27 @@ class NavigationProblem:
 
     horizon: int = 20
     dt: float = 0.1
-    Q: ArrayLike = (1.0, 5.0, 0.1)
-    R: ArrayLike = (0.5, 0.05)
-    Q_terminal: ArrayLike | None = None
-    u_min: ArrayLike = (-0.6, -np.pi / 4)
-    u_max: ArrayLike = (0.6, np.pi / 4)
-    x_min: ArrayLike = (-2.0, -2.0, -np.inf)
-    x_max: ArrayLike = (2.0, 2.0, np.inf)
+    Q: Any = (1.0, 5.0, 0.1)
+    R: Any = (0.5, 0.05)
+    Q_terminal: Any = None
+    u_min: Any = (-0.6, -np.pi / 4)
+    u_max: Any = (0.6, np.pi / 4)
+    x_min: Any = (-2.0, -2.0, -np.inf)
+    x_max: Any = (2.0, 2.0, np.inf)
     robot_radius: float = 0.15
     margin: float = 0.0
-    deceleration: ArrayLike = (1.0, 4.0)
-    slack_weights: ArrayLike = (100.0, 1000.0)
+    deceleration: Any = (1.0, 4.0)
+    slack_weights: Any = (100.0, 1000.0)
 
     def __post_init__(self) -> None:
         if isinstance(self.horizon, bool) or not isinstance(self.horizon, int | np.integer) or not 1 <= self.horizon <= 1000:
             raise ProblemError(f"horizon: expected a whole number of stages from 1 to 1000, got {self.horizon!r}")
         for name in ("dt", "robot_radius", "margin"):
-            value = getattr(self, name)
-            if not (np.isscalar(value) and np.isfinite(value) and (value > 0 if name == "dt" else value >= 0)):  # type: ignore[arg-type]
-                raise ProblemError(f"{name}: expected a number {'> 0 s' if name == 'dt' else '>= 0 m'}, got {value!r}")
-        set_field = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
+            _scalar(name, getattr(self, name), above_zero=name == "dt")
+
+        def set_field(name: str, value: Array) -> None:
+            object.__setattr__(self, name, value)
+
         set_field("Q", _weight("Q", self.Q, STATES))
         set_field("R", _weight("R", self.R, INPUTS))
         set_field("Q_terminal", _weight("Q_terminal", np.zeros(STATES) if self.Q_terminal is None else self.Q_terminal, STATES))
@@ -96,12 +96,12 @@ class NavigationProblem:
     @property
     def bounds(self) -> tuple[Array, Array, Array, Array]:
         """u_min (2,), u_max (2,), x_min (3,), x_max (3,)."""
-        return self.u_min, self.u_max, self.x_min, self.x_max  # type: ignore[return-value]
+        return self.u_min, self.u_max, self.x_min, self.x_max
 
     @property
     def weights(self) -> tuple[Array, Array, Array]:
         """Q (3, 3), R (2, 2), Q_terminal (3, 3)."""
-        return self.Q, self.R, self.Q_terminal  # type: ignore[return-value]
+        return self.Q, self.R, self.Q_terminal
 
     def cost(self, states: Array, inputs: Array, reference: Array) -> float:
         """Objective of a plan without penalties: states (N+1, 3), inputs (N, 2), reference (3,) or (N+1, 3)."""
@@ -112,6 +112,12 @@ class NavigationProblem:
             + np.einsum("ki,ij,kj->", inputs, r, inputs)
             + error[-1] @ q_terminal @ error[-1]
         )
+
+
+def _scalar(name: str, value: Any, above_zero: bool) -> None:
+    number = not isinstance(value, bool) and isinstance(value, int | float | np.number)
+    if not number or not np.isfinite(value) or value < 0 or (above_zero and value == 0):
+        raise ProblemError(f"{name}: expected a number {'> 0' if above_zero else '>= 0'}, got {value!r}")
 
 
 def _vector(name: str, value: Any, length: int) -> Array:

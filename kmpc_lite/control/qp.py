@@ -82,7 +82,7 @@ class NavigationQP:
 
     def _build_cost(self, problem: NavigationProblem) -> None:
         q, r, q_terminal = problem.weights
-        linear, quadratic = problem.slack_weights  # type: ignore[misc]
+        linear, quadratic = problem.slack_weights
         n = self.horizon
         blocks = [2 * q] * (n - 1) + [2 * q_terminal] + [2 * r] * n
         corner = sp.triu(sp.block_diag(blocks), format="csc")

@@ -177,7 +177,7 @@ class SQP:
 
     def _soft_cost(self, states: Array, inputs: Array, reference: Array, violation: Array) -> float:
         """Objective with the exact penalty on the violation of each stage (N,)."""
-        linear, quadratic = self.problem.slack_weights  # type: ignore[misc]
+        linear, quadratic = self.problem.slack_weights
         return self.problem.cost(states, inputs, reference) + float(linear * violation.sum() + quadratic * (violation @ violation))
 
     def _merit(self, states: Array, inputs: Array, predicted: Array, reference: Array, circles: Array) -> float:

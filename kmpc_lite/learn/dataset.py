@@ -177,7 +177,8 @@ class Dataset:
         count = int(round(fraction * len(self)))
         if not 0 < count < len(self):
             raise DataError(
-                f"cannot split {len(self)} episode(s) at {fraction:g}: each side needs at least one; cut the log with windows(seconds) first"
+                f"cannot split {len(self)} episode(s) at {fraction:g}: each side needs at least one; "
+                "cut the log with windows(seconds) first"
             )
         order = np.random.default_rng(seed).permutation(len(self))
         pick = [self.episodes[i] for i in order]
@@ -227,4 +228,6 @@ def _gather(batch: list[Transitions]) -> Transitions:
     if len(batch) == 1:
         return batch[0]
     past = None if batch[0].history is None else np.concatenate([b.history for b in batch if b.history is not None])
-    return Transitions(*(np.concatenate([b[i] for b in batch]) for i in range(3)), past)  # type: ignore[arg-type]
+    return Transitions(
+        np.concatenate([b.x for b in batch]), np.concatenate([b.u for b in batch]), np.concatenate([b.x_next for b in batch]), past
+    )

@@ -128,7 +128,8 @@ def _check_table(file: Path, table: Array) -> None:
     if not np.isfinite(table).all():
         row, column = np.argwhere(~np.isfinite(table))[0]
         raise DataError(
-            f"{file}: line {row + first_line}, column {COLUMNS[column]}: expected a finite number in {UNITS[column]}, got {table[row, column]}"
+            f"{file}: line {row + first_line}, column {COLUMNS[column]}: expected a finite number in {UNITS[column]}, "
+            f"got {table[row, column]}"
         )
     steps = np.diff(table[:, 0])
     if (steps <= 0.0).any():

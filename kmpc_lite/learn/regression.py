@@ -265,7 +265,8 @@ def fit(
 def fit_noise(model: KoopmanModel, dataset: Dataset) -> NoiseModel:
     """Regress outer products of the one-step residuals, in the robot's frame, on ``[1, v^2, omega^2]``.
 
-    At most about NOISE_SAMPLES steps are looked at, spread evenly over the dataset. Each coefficient matrix is projected to the nearest positive semidefinite one, so every covariance is one.
+    At most about NOISE_SAMPLES steps are looked at, spread evenly over the dataset. Each coefficient matrix is projected to
+    the nearest positive semidefinite one, so every covariance is one.
     """
     gram, moments = np.zeros((3, 3)), np.zeros((3, STATES * STATES))
     every = -(-dataset.steps // NOISE_SAMPLES)

@@ -22,8 +22,8 @@ def symbolic_step(model: KoopmanModel) -> Any:
     import casadi
 
     x, u = casadi.SX.sym("x", STATES), casadi.SX.sym("u", INPUTS)
-    as_array = lambda v: np.array(casadi.vertsplit(v), dtype=object)  # noqa: E731
-    following = model.advance(as_array(x), model.dictionary.inputs(as_array(u)))
+    pose, command = (np.array(casadi.vertsplit(v), dtype=object) for v in (x, u))
+    following = model.advance(pose, model.dictionary.inputs(command))
     return casadi.Function("f", [x, u], [casadi.vertcat(*following)])
 
 

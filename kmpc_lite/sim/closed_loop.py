@@ -67,7 +67,8 @@ class LearnedPlant:
         end = end + (cos * noise[0] - sin * noise[1], sin * noise[0] + cos * noise[1], noise[2])
         self._past = np.concatenate([self._past[1:], command[None]]) if len(self._past) else self._past
         share = np.arange(1, substeps + 1)[:, None] / substeps
-        return state + share * (end - state)
+        path: Array = state + share * (end - state)
+        return path
 
 
 class Outcome(Enum):

@@ -42,7 +42,8 @@ class DifferentialDrive:
 
     def step(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """State after one period: states (..., 3), commands (..., 2), dt [s] -> (..., 3)."""
-        return self.trace(x, u, dt, 1)[0]
+        end: Array = self.trace(x, u, dt, 1)[0]
+        return end
 
     def trace(self, x: ArrayLike, u: ArrayLike, dt: float, substeps: int) -> Array:
         """Evenly spaced states during one period, without the first: (substeps, ..., 3)."""
