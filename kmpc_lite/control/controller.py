@@ -128,7 +128,7 @@ class Controller:
                 return self._without_solution(pose, known, start, {}, 0, f"{name} not usable: {values.ravel()[:5]}")
         turns = 2 * np.pi * np.round(pose[2] / (2 * np.pi))
         here = pose - (0.0, 0.0, turns)
-        reference = np.tile((target[0], target[1], here[2] + self._turn_to(target[2] - here[2])), (self.problem.horizon + 1, 1))
+        reference = self._reference(here, target, circles)
         guess = self._warm_start(here)
         shifted = perf_counter()
         result = self._sqp.solve(guess or self._sqp.at_rest(here), reference, circles, self._past, cold=guess is None)
@@ -143,6 +143,11 @@ class Controller:
         states = trajectory.states + (0.0, 0.0, turns)
         status = PlanStatus.FEASIBLE if reason else PlanStatus.SOLVED
         return self._plan(states, trajectory.inputs, status, circles, start, timing, result.passes, reason)
+
+    def _reference(self, here: Array, target: Array, circles: Array) -> Array:
+        """States (N + 1, 3) to steer for: the goal, with its heading on the side that was chosen before."""
+        heading = here[2] + self._turn_to(target[2] - here[2])
+        return np.tile((target[0], target[1], heading), (self.problem.horizon + 1, 1))
 
     def _turn_to(self, error: float) -> float:
         """Signed turn to the goal's heading; near a half turn it keeps the side of the step before."""
