@@ -8,6 +8,7 @@ most, delayed and past commands for `InputHistoryDictionary`.
 from __future__ import annotations
 
 from itertools import product
+from math import comb
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -21,6 +22,10 @@ STATES = 3
 """Length of a robot state ``(x [m], y [m], theta [rad])``."""
 INPUTS = 2
 """Length of a command ``(v [m/s], omega [rad/s])``."""
+MAX_SIZE = 10_000
+"""Lifted coordinates of the largest dictionary: a Gram matrix of them still fits a big machine's memory."""
+MAX_LAG = 1000
+"""Longest input history [periods]."""
 
 
 class Dictionary(Protocol):
@@ -42,7 +47,7 @@ class Dictionary(Protocol):
         ...
 
     def jacobian(self, x: Array) -> Array:
-        """Derivative of `lift` at states (..., 3): (..., nz, 3)."""
+        """Differentiate `lift` at states (..., 3): (..., nz, 3)."""
         ...
 
     @property
@@ -61,21 +66,21 @@ class Dictionary(Protocol):
         return INPUTS
 
     def inputs(self, u: Array, history: Array | None = None) -> Array:
-        """Inputs of the bilinear model (..., nw) for commands (..., 2) and past commands (..., L, 2).
+        """Give the inputs of the bilinear model (..., nw) for commands (..., 2) and past commands (..., L, 2).
 
         `history` is in order of time: its last row is the command before `u`.
         """
         return u
 
     def inputs_jacobian(self, u: Array, history: Array | None = None) -> Array | None:
-        """Derivative of `inputs`: (..., nw, 1 + L, 2), by present and past commands, newest first.
+        """Differentiate `inputs`: (..., nw, 1 + L, 2), by present and past commands, newest first.
 
         None stands for the identity.
         """
         return None
 
     def config(self) -> dict[str, Any]:
-        """Constructor arguments, as values that JSON can hold."""
+        """Give the constructor arguments, as values that JSON can hold."""
         return {}
 
 
@@ -102,7 +107,8 @@ class UnicycleDictionary(Dictionary):
 
     def lift(self, x: Array) -> Array:
         """Lift states (..., 3) to (..., 6)."""
-        z = np.empty((*x.shape[:-1], 6), dtype=x.dtype)
+        # poses of whole numbers too must come out as floats; symbolic ones stay objects
+        z = np.empty((*x.shape[:-1], 6), dtype=np.result_type(x, np.float64))
         z[..., 0] = 1.0
         z[..., 1:4] = x
         z[..., 4] = np.cos(x[..., 2])
@@ -110,7 +116,7 @@ class UnicycleDictionary(Dictionary):
         return z
 
     def jacobian(self, x: Array) -> Array:
-        """Derivative of `lift`: (..., 6, 3)."""
+        """Differentiate `lift`: (..., 6, 3)."""
         jac = np.zeros((*x.shape[:-1], 6, 3))
         jac[..., 1, 0] = jac[..., 2, 1] = jac[..., 3, 2] = 1.0
         jac[..., 4, 2] = -np.sin(x[..., 2])
@@ -144,9 +150,14 @@ class HermiteTrigDictionary(Dictionary):
     kind = "hermite_trig"
 
     def __init__(self, order: int = 1, harmonics: int = 1) -> None:
-        if order < 0 or harmonics < 0 or order != int(order) or harmonics != int(harmonics):
+        if not (0 <= order <= MAX_SIZE and 0 <= harmonics <= MAX_SIZE and order == int(order) and harmonics == int(harmonics)):
             raise ModelError(f"HermiteTrigDictionary: order and harmonics must be integers >= 0, got {order}, {harmonics}")
         self.order, self.harmonics = int(order), int(harmonics)
+        size = comb(self.order + 3, 3) * (2 * self.harmonics + 1)
+        if size > MAX_SIZE:
+            raise ModelError(
+                f"HermiteTrigDictionary: order {order} and harmonics {harmonics} give {size:,} coordinates, at most {MAX_SIZE:,}"
+            )
         degrees = [d for d in product(range(self.order + 1), repeat=3) if sum(d) <= self.order]
         self._degrees = np.array(sorted(degrees, key=lambda d: (sum(d), tuple(-i for i in d))))
         trig = ["1"] + [f"{f}({m if m > 1 else ''}theta)" for m in range(1, self.harmonics + 1) for f in ("cos", "sin")]
@@ -160,10 +171,11 @@ class HermiteTrigDictionary(Dictionary):
 
     def _factors(self, x: Array) -> tuple[Array, Array]:
         """Polynomials He_n of each coordinate (..., 3, order + 1) and trigonometric terms (..., 2 harmonics + 1)."""
-        he = np.ones((*x.shape, self.order + 1), dtype=x.dtype)
+        kind = np.result_type(x, np.float64)
+        he = np.ones((*x.shape, self.order + 1), dtype=kind)
         for n in range(1, self.order + 1):
             he[..., n] = x * he[..., n - 1] - ((n - 1) * he[..., n - 2] if n > 1 else 0.0)
-        trig = np.ones((*x.shape[:-1], 2 * self.harmonics + 1), dtype=x.dtype)
+        trig = np.ones((*x.shape[:-1], 2 * self.harmonics + 1), dtype=kind)
         for m in range(1, self.harmonics + 1):
             trig[..., 2 * m - 1] = np.cos(m * x[..., 2])
             trig[..., 2 * m] = np.sin(m * x[..., 2])
@@ -178,7 +190,7 @@ class HermiteTrigDictionary(Dictionary):
         return z
 
     def jacobian(self, x: Array) -> Array:
-        """Derivative of `lift`: (..., nz, 3), with ``He_n' = n He_(n-1)``."""
+        """Differentiate `lift`: (..., nz, 3), with ``He_n' = n He_(n-1)``."""
         he, trig = self._factors(x)
         slope = np.zeros_like(he)
         slope[..., 1:] = np.arange(1, self.order + 1) * he[..., :-1]
@@ -225,12 +237,12 @@ class InputHistoryDictionary(Dictionary):
     kind = "input_history"
 
     def __init__(self, base: Dictionary, lags: tuple[int, ...] = (0, 1, 2), product: bool = False) -> None:
-        ages = tuple(int(j) for j in lags)
-        if not ages or min(ages) < 0 or len(set(ages)) != len(ages) or list(ages) != list(lags):
-            raise ModelError(f"InputHistoryDictionary: lags must be different integers >= 0, got {lags}")
+        ages = tuple(lags)
+        if not ages or len(set(ages)) != len(ages) or not all(0 <= j <= MAX_LAG and j == int(j) for j in ages):
+            raise ModelError(f"InputHistoryDictionary: lags must be different integers from 0 to {MAX_LAG}, got {lags}")
         if base.history:
             raise ModelError("InputHistoryDictionary: its base must not have an input history itself")
-        self.base, self.lags, self.product = base, ages, bool(product)
+        self.base, self.lags, self.product = base, tuple(int(j) for j in ages), bool(product)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -256,7 +268,7 @@ class InputHistoryDictionary(Dictionary):
         return (3 if self.product else 2) * len(self.lags)
 
     def _delayed(self, u: Array, history: Array | None) -> list[Array]:
-        """The command of each lag, (..., 2) each; commands before the first known are zero."""
+        """Pick the command of each lag, (..., 2) each; commands before the first known are zero."""
         past = np.zeros((*u.shape[:-1], self.history, INPUTS)) if history is None else history
         return [u if j == 0 else past[..., -j, :] for j in self.lags]
 
@@ -268,7 +280,7 @@ class InputHistoryDictionary(Dictionary):
         return w
 
     def inputs_jacobian(self, u: Array, history: Array | None = None) -> Array:
-        """Derivative of `inputs`: (..., nw, 1 + L, 2), by the command of each age."""
+        """Differentiate `inputs`: (..., nw, 1 + L, 2), by the command of each age."""
         jac = np.zeros((*u.shape[:-1], self.input_size, 1 + self.history, INPUTS))
         for i, (lag, command) in enumerate(zip(self.lags, self._delayed(u, history), strict=True)):
             jac[..., 2 * i, lag, 0] = jac[..., 2 * i + 1, lag, 1] = 1.0
@@ -277,7 +289,7 @@ class InputHistoryDictionary(Dictionary):
         return jac
 
     def config(self) -> dict[str, Any]:
-        """Base, lags and product."""
+        """Give base, lags and product."""
         return {"base": dictionary_to_config(self.base), "lags": list(self.lags), "product": self.product}
 
 
@@ -294,6 +306,8 @@ def dictionary_from_config(config: dict[str, Any]) -> Dictionary:
     ModelError
         For a kind that this version does not know, or arguments that it does not take.
     """
+    if not isinstance(config, dict):
+        raise ModelError(f"dictionary: expected its kind and arguments, got {config!r}")
     arguments = {key: value for key, value in config.items() if key != "kind"}
     try:
         match config.get("kind"):
@@ -304,6 +318,8 @@ def dictionary_from_config(config: dict[str, Any]) -> Dictionary:
             case "input_history":
                 base = dictionary_from_config(arguments["base"])
                 return InputHistoryDictionary(base, tuple(arguments["lags"]), arguments["product"])
-    except (TypeError, KeyError, AttributeError) as error:
+    except (TypeError, KeyError, ValueError) as error:
+        if isinstance(error, ModelError):
+            raise
         raise ModelError(f"dictionary {config}: {error}") from error
     raise ModelError(f"unknown dictionary kind {config.get('kind')!r}; expected unicycle, hermite_trig or input_history")
