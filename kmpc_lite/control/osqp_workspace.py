@@ -98,6 +98,9 @@ class OSQPWorkspace:
         # a NaN compares as false; a finite sum of finite numbers this small cannot overflow
         if not (np.isfinite(self._q.sum() + self._Ax.sum()) and (self._lower <= self._upper).all()):
             return self._failed("QP data not finite, or bounds cross")
+        # such a row would cross once its other side is cut to INFINITY, and OSQP would complain on stderr
+        if (self._lower >= INFINITY).any() or (self._upper <= -INFINITY).any():
+            return self._failed(f"QP bounds that leave nothing below {INFINITY:g}")
         np.maximum(self._lower, -INFINITY, out=self._lower)
         np.minimum(self._upper, INFINITY, out=self._upper)
         if not np.isfinite(self._x.sum() + self._y.sum()):
