@@ -50,6 +50,10 @@ class Dictionary(Protocol):
         """Differentiate `lift` at states (..., 3): (..., nz, 3)."""
         ...
 
+    def expand(self, x: Array) -> Array:
+        """Give `lift` and `jacobian` side by side, (..., nz, 1 + 3): what a linearisation needs, in one array."""
+        return np.concatenate([self.lift(x)[..., None], self.jacobian(x)], axis=-1)
+
     @property
     def size(self) -> int:
         """Number of lifted coordinates, nz."""
@@ -117,11 +121,22 @@ class UnicycleDictionary(Dictionary):
 
     def jacobian(self, x: Array) -> Array:
         """Differentiate `lift`: (..., 6, 3)."""
-        jac = np.zeros((*x.shape[:-1], 6, 3))
-        jac[..., 1, 0] = jac[..., 2, 1] = jac[..., 3, 2] = 1.0
-        jac[..., 4, 2] = -np.sin(x[..., 2])
-        jac[..., 5, 2] = np.cos(x[..., 2])
-        return jac
+        return self.expand(x)[..., 1:]
+
+    def expand(self, x: Array) -> Array:
+        """Give `lift` and `jacobian` side by side, (..., 6, 4)."""
+        both = np.zeros((*x.shape[:-1], 6, 4))
+        both[..., _ONES, _ONES] = 1.0
+        both[..., 1:4, 0] = x
+        cos, sin = np.cos(x[..., 2]), np.sin(x[..., 2])
+        both[..., 4, 0] = both[..., 5, 3] = cos
+        both[..., 5, 0] = sin
+        both[..., 4, 3] = -sin
+        return both
+
+
+_ONES = np.arange(4)
+"""Diagonal of `UnicycleDictionary.expand`: one wherever the robot is."""
 
 
 class HermiteTrigDictionary(Dictionary):
@@ -158,6 +173,7 @@ class HermiteTrigDictionary(Dictionary):
             raise ModelError(
                 f"HermiteTrigDictionary: order {order} and harmonics {harmonics} give {size:,} coordinates, at most {MAX_SIZE:,}"
             )
+        self._multiples = np.arange(1, self.harmonics + 1)
         degrees = [d for d in product(range(self.order + 1), repeat=3) if sum(d) <= self.order]
         self._degrees = np.array(sorted(degrees, key=lambda d: (sum(d), tuple(-i for i in d))))
         trig = ["1"] + [f"{f}({m if m > 1 else ''}theta)" for m in range(1, self.harmonics + 1) for f in ("cos", "sin")]
@@ -169,43 +185,62 @@ class HermiteTrigDictionary(Dictionary):
         """Names of the lifted coordinates."""
         return self._names
 
-    def _factors(self, x: Array) -> tuple[Array, Array]:
-        """Polynomials He_n of each coordinate (..., 3, order + 1) and trigonometric terms (..., 2 harmonics + 1)."""
-        kind = np.result_type(x, np.float64)
-        he = np.ones((*x.shape, self.order + 1), dtype=kind)
+    def _trigonometric(self, x: Array) -> Array:
+        """Give [1, cos theta, sin theta, cos 2 theta, ...] (..., 2 harmonics + 1)."""
+        trig = np.ones((*x.shape[:-1], 2 * self.harmonics + 1), dtype=np.result_type(x, np.float64))
+        for m in range(1, self.harmonics + 1):
+            angle = x[..., 2] if m == 1 else m * x[..., 2]
+            trig[..., 2 * m - 1] = np.cos(angle)
+            trig[..., 2 * m] = np.sin(angle)
+        return trig
+
+    def _trigonometric_slope(self, trig: Array) -> Array:
+        """Differentiate `_trigonometric` by the heading."""
+        slope = np.zeros_like(trig)
+        slope[..., 1::2] = -self._multiples * trig[..., 2::2]
+        slope[..., 2::2] = self._multiples * trig[..., 1::2]
+        return slope
+
+    def _polynomials(self, x: Array) -> Array:
+        """Give He_n of each coordinate, (..., 3, order + 1)."""
+        he = np.ones((*x.shape, self.order + 1), dtype=np.result_type(x, np.float64))
         for n in range(1, self.order + 1):
             he[..., n] = x * he[..., n - 1] - ((n - 1) * he[..., n - 2] if n > 1 else 0.0)
-        trig = np.ones((*x.shape[:-1], 2 * self.harmonics + 1), dtype=kind)
-        for m in range(1, self.harmonics + 1):
-            trig[..., 2 * m - 1] = np.cos(m * x[..., 2])
-            trig[..., 2 * m] = np.sin(m * x[..., 2])
-        return he, trig
+        return he
 
     def lift(self, x: Array) -> Array:
         """Lift states (..., 3) to (..., nz)."""
-        he, trig = self._factors(x)
-        d = self._degrees
+        trig = self._trigonometric(x)
+        if self.order == 0:
+            return trig
+        he, d = self._polynomials(x), self._degrees
         poly = he[..., 0, d[:, 0]] * he[..., 1, d[:, 1]] * he[..., 2, d[:, 2]]
         z: Array = (poly[..., :, None] * trig[..., None, :]).reshape(*x.shape[:-1], -1)
         return z
 
     def jacobian(self, x: Array) -> Array:
         """Differentiate `lift`: (..., nz, 3), with ``He_n' = n He_(n-1)``."""
-        he, trig = self._factors(x)
+        return self.expand(x)[..., 1:]
+
+    def expand(self, x: Array) -> Array:
+        """Give `lift` and `jacobian` side by side, (..., nz, 4)."""
+        trig = self._trigonometric(x)
+        trig_slope = self._trigonometric_slope(trig)
+        if self.order == 0:
+            both = np.zeros((*trig.shape, 4))
+            both[..., 0] = trig
+            both[..., 3] = trig_slope
+            return both
+        he, d = self._polynomials(x), self._degrees
         slope = np.zeros_like(he)
         slope[..., 1:] = np.arange(1, self.order + 1) * he[..., :-1]
-        multiples = np.arange(1, self.harmonics + 1)
-        trig_slope = np.zeros_like(trig)
-        trig_slope[..., 1::2] = -multiples * trig[..., 2::2]
-        trig_slope[..., 2::2] = multiples * trig[..., 1::2]
-        d = self._degrees
         value = [he[..., i, d[:, i]] for i in range(3)]
         gradient = [slope[..., i, d[:, i]] for i in range(3)]
         poly = value[0] * value[1] * value[2]
-        by_pose = np.stack([gradient[0] * value[1] * value[2], value[0] * gradient[1] * value[2], value[0] * value[1] * gradient[2]], -1)
-        jac = by_pose[..., :, None, :] * trig[..., None, :, None]
-        jac[..., 2] += poly[..., :, None] * trig_slope[..., None, :]
-        return np.ascontiguousarray(jac.reshape(*x.shape[:-1], -1, 3))
+        by_pose = [poly, gradient[0] * value[1] * value[2], value[0] * gradient[1] * value[2], value[0] * value[1] * gradient[2]]
+        by_all: Array = np.stack(by_pose, axis=-1)[..., :, None, :] * trig[..., None, :, None]
+        by_all[..., 3] += poly[..., :, None] * trig_slope[..., None, :]
+        return by_all.reshape(*x.shape[:-1], -1, 4)
 
     def config(self) -> dict[str, Any]:
         """Order and harmonics."""
@@ -256,6 +291,10 @@ class InputHistoryDictionary(Dictionary):
     def jacobian(self, x: Array) -> Array:
         """As the base."""
         return self.base.jacobian(x)
+
+    def expand(self, x: Array) -> Array:
+        """As the base."""
+        return self.base.expand(x)
 
     @property
     def history(self) -> int:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kmpc_lite.border import read_npz, real_array, write_whole
 from kmpc_lite.dictionary import (
     INPUTS,
     STATES,
@@ -29,6 +28,9 @@ VERSION = 1
 
 RK4_NODES = (0.0, 0.5, 0.5, 1.0)
 RK4_WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
+
+
+_DIAGONAL = np.arange(STATES)
 
 
 class Linearization(NamedTuple):
@@ -53,6 +55,15 @@ class NoiseModel:
     """
 
     coefficients: Array
+
+    def check(self) -> None:
+        """Raise ModelError unless the coefficients are three covariances."""
+        s = real_array(self.coefficients, "model noise", ModelError)
+        if s.shape != (3, STATES, STATES) or not np.isfinite(s).all():
+            raise ModelError(f"model noise: expected finite values of shape (3, 3, 3), got {s.shape}")
+        tolerance = 1e-9 * np.abs(s).max()
+        if np.abs(s - s.transpose(0, 2, 1)).max() > tolerance or np.linalg.eigvalsh(s).min() < -tolerance:
+            raise ModelError("model noise: expected symmetric positive semidefinite matrices")
 
     def covariance(self, u: Array) -> Array:
         """Covariances (..., 3, 3) for commands (..., 2)."""
@@ -103,22 +114,22 @@ class KoopmanModel:
     info: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        """Check the matrices and fold them into the form that `advance` uses."""
         nz, nw = self.dictionary.size, self.dictionary.input_size
-        for name, columns in (("A", nz), ("B", nw), ("H", nw * nz), ("C", None)):
-            matrix = np.ascontiguousarray(getattr(self, name), dtype=float)
-            rows = STATES if name == "C" else len(self.A)
-            expected = (rows, len(self.A) if columns is None else columns)
+        rows = len(real_array(self.A, "model matrix A", ModelError))
+        for name, expected in (("A", (rows, nz)), ("B", (rows, nw)), ("H", (rows, nw * nz)), ("C", (STATES, rows))):
+            matrix = real_array(getattr(self, name), f"model matrix {name}", ModelError)
             if matrix.shape != expected:
                 raise ModelError(f"model matrix {name}: expected shape {expected} for {nz} lifted coordinates, got {matrix.shape}")
             if not np.isfinite(matrix).all():
                 raise ModelError(f"model matrix {name} holds NaN or infinity")
             object.__setattr__(self, name, matrix)
-        if not (np.isfinite(self.dt) and self.dt > 0.0):
+        dt = real_array(self.dt, "model dt", ModelError)
+        if dt.size != 1 or not (np.isfinite(dt).all() and (dt > 0.0).all()):
             raise ModelError(f"model dt: expected a time > 0 s, got {self.dt}")
-        if self.noise_model is not None and (
-            self.noise_model.coefficients.shape != (3, STATES, STATES) or not np.isfinite(self.noise_model.coefficients).all()
-        ):
-            raise ModelError(f"model noise: expected finite values of shape (3, 3, 3), got {self.noise_model.coefficients.shape}")
+        object.__setattr__(self, "dt", float(dt.item()))
+        if self.noise_model is not None:
+            self.noise_model.check()
         # C is folded into the other matrices once. H is kept in two layouts: by input, to form the
         # state-dependent matrix M(w), and by lifted coordinate, to form the derivative by w.
         h_blocks = (self.C @ self.H).reshape(STATES, nw, nz)
@@ -198,11 +209,12 @@ class KoopmanModel:
             For wrong shapes.
         """
         commands = np.asarray(inputs, dtype=float)
-        if commands.ndim < 2:
+        if commands.ndim < 2 or commands.shape[-1] != INPUTS:
             raise ValueError(f"inputs: expected shape (T, {INPUTS}), got {commands.shape}")
         x, _, past = self._check(x0, np.zeros((*commands.shape[:-2], INPUTS)), history)
         steps, length = commands.shape[-2], self.history
-        before = np.zeros((*commands.shape[:-2], length, INPUTS)) if past is None else past
+        commands = np.broadcast_to(commands, (*x.shape[:-1], steps, INPUTS))
+        before = np.zeros((*x.shape[:-1], length, INPUTS)) if past is None else past
         all_commands = np.concatenate([before, commands], axis=-2)
         states = np.empty((*x.shape[:-1], steps + 1, STATES))
         states[..., 0, :] = x
@@ -235,39 +247,39 @@ class KoopmanModel:
         matrix = (w @ self._H_by_input).reshape(*lead, STATES, -1) + self._A
         offset = w @ self._B.T
 
-        def f(state: Array) -> tuple[Array, Array, Array]:
-            z = self.dictionary.lift(state)
-            by_w = (z @ self._H_by_lift).reshape(*lead, STATES, nw) + self._B
-            value = (matrix @ z[..., None])[..., 0] + offset
-            return value, matrix @ self.dictionary.jacobian(state), by_w
-
-        if not self.continuous:
-            value, by_x, by_w = f(x)
-        else:
-            value, by_x, by_w = self._runge_kutta_derivatives(f, x, nw)
+        by_all = self._derivatives(x, w, matrix, offset)
+        value, by_x, by_w = by_all[..., 0], by_all[..., 1 : 1 + STATES], by_all[..., 1 + STATES :]
         jacobian = self.dictionary.inputs_jacobian(u, past)
         if jacobian is None:
             return Linearization(value, by_x, by_w, np.empty((*lead, 0, STATES, INPUTS)))
         by_age = np.einsum("...iw,...wau->...aiu", by_w, jacobian)
         return Linearization(value, by_x, by_age[..., 0, :, :], by_age[..., 1:, :, :])
 
-    def _runge_kutta_derivatives(self, f: Any, x: Array, nw: int) -> tuple[Array, Array, Array]:
-        """Chain rule through the stages; the sensitivities by x and w travel side by side in one array."""
-        identity = np.zeros((*x.shape[:-1], STATES, STATES + nw))
-        identity[..., :STATES] = np.eye(STATES)
-        value, sensitivity = x, identity
-        slope, slope_sensitivity = x, identity
+    def _derivatives(self, x: Array, w: Array, matrix: Array, offset: Array) -> Array:
+        """Prediction, its derivative by x and by w side by side in one array, (..., 3, 1 + 3 + nw).
+
+        All three travel through the Runge-Kutta stages together: few, large array operations.
+        """
+        start = np.zeros((*w.shape[:-1], STATES, 1 + STATES + w.shape[-1]))
+        start[..., 0] = x
+        start[..., _DIAGONAL, 1 + _DIAGONAL] = 1.0
+
+        def f(stage: Array) -> Array:
+            expanded = self.dictionary.expand(stage[..., 0])
+            product = matrix @ expanded
+            slope = np.empty_like(start)
+            np.add(product[..., 0], offset, out=slope[..., 0])
+            np.matmul(product[..., 1:], stage[..., 1:], out=slope[..., 1:])
+            slope[..., 1 + STATES :] += (expanded[..., 0] @ self._H_by_lift).reshape(*w.shape[:-1], STATES, -1) + self._B
+            return slope
+
+        if not self.continuous:
+            return f(start)
+        total, slope = start.copy(), start
         for node, weight in zip(RK4_NODES, RK4_WEIGHTS, strict=True):
-            if node:
-                slope, by_x, by_w = f(x + (node * self.dt) * slope)
-                slope_sensitivity = by_x @ (identity + (node * self.dt) * slope_sensitivity)
-            else:
-                slope, by_x, by_w = f(x)
-                slope_sensitivity = by_x @ identity
-            slope_sensitivity[..., STATES:] += by_w
-            value = value + (weight * self.dt) * slope
-            sensitivity = sensitivity + (weight * self.dt) * slope_sensitivity
-        return value, sensitivity[..., :STATES], sensitivity[..., STATES:]
+            slope = f(start + (node * self.dt) * slope if node else start)
+            total += (weight * self.dt) * slope
+        return total
 
     def noise(self, u: ArrayLike) -> Array:
         """Covariance of the one-step residual in the robot's frame, (..., 3, 3), for commands (..., 2).
@@ -275,6 +287,8 @@ class KoopmanModel:
         Order: forward [m], left [m], heading [rad]. Zeros where the model has no noise model.
         """
         commands = np.asarray(u, dtype=float)
+        if commands.shape[-1:] != (INPUTS,):
+            raise ValueError(f"expected commands (..., {INPUTS}), got {commands.shape}")
         if self.noise_model is None:
             return np.zeros((*commands.shape[:-1], STATES, STATES))
         return self.noise_model.covariance(commands)
@@ -292,28 +306,30 @@ class KoopmanModel:
         return replace(self, dt=dt, noise_model=None)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the model to an npz file, whole or not at all; numbers and JSON only, no pickle."""
-        target = Path(path)
+        """Write the model to an npz file, whole or not at all; numbers and JSON only, no pickle.
+
+        Raises
+        ------
+        ModelError
+            Where the file cannot be written, or `info` or the dictionary's configuration is not JSON.
+        """
         header = {
             "format": FORMAT,
             "version": VERSION,
             "dictionary": dictionary_to_config(self.dictionary),
             "dt": self.dt,
-            "continuous": self.continuous,
+            "continuous": bool(self.continuous),
             "info": dict(self.info),
         }
         noise = np.empty((0,)) if self.noise_model is None else self.noise_model.coefficients
-        temporary = target.with_name(target.name + ".part")
         try:
-            with open(temporary, "wb") as file:
-                np.savez(
-                    file, allow_pickle=False, header=np.array(json.dumps(header)), A=self.A, B=self.B, H=self.H, C=self.C, noise=noise
-                )
-            os.replace(temporary, target)
+            text = np.array(json.dumps(header))
+            with write_whole(path) as file:
+                np.savez(file, allow_pickle=False, header=text, A=self.A, B=self.B, H=self.H, C=self.C, noise=noise)
         except OSError as error:
-            raise ModelError(f"{target}: cannot write the model: {error.strerror or error}") from error
-        finally:
-            temporary.unlink(missing_ok=True)
+            raise ModelError(f"{path}: cannot write the model: {error.strerror or error}") from error
+        except (TypeError, ValueError) as error:
+            raise ModelError(f"{path}: cannot write the model: {error}") from error
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], dictionary: Dictionary | None = None) -> KoopmanModel:
@@ -332,17 +348,17 @@ class KoopmanModel:
             For a file that is missing, damaged, not a model, or from a newer version.
         """
         try:
-            with np.load(path, allow_pickle=False) as archive:
-                if "header" not in archive:
-                    raise ModelError(f"{path}: an npz file, but not a kmpc_lite model (it has {', '.join(archive.files) or 'nothing'})")
-                header = json.loads(str(archive["header"]))
-                arrays = {key: archive[key] for key in ("A", "B", "H", "C", "noise")}
+            arrays, names = read_npz(path, ("header", "A", "B", "H", "C", "noise"))
         except OSError as error:
             raise ModelError(f"{path}: cannot read the model: {error.strerror or error}") from error
-        except (ValueError, KeyError, EOFError, zipfile.BadZipFile, AttributeError, NotImplementedError) as error:
-            if isinstance(error, ModelError):
-                raise
+        except ValueError as error:
             raise ModelError(f"{path}: not a kmpc_lite model, or damaged: {error}") from error
+        if "header" not in arrays:
+            raise ModelError(f"{path}: an npz file, but not a kmpc_lite model (it has {', '.join(names[:10]) or 'nothing'})")
+        try:
+            header = json.loads(str(arrays.pop("header")))
+        except (ValueError, RecursionError) as error:
+            raise ModelError(f"{path}: damaged model header: {error}") from error
         if not isinstance(header, dict) or header.get("format") != FORMAT:
             raise ModelError(f"{path}: not a kmpc_lite model")
         if header.get("version") != VERSION:
@@ -351,15 +367,17 @@ class KoopmanModel:
             )
         try:
             noise = arrays.pop("noise")
+            if not isinstance(header["info"], dict) or not isinstance(header["continuous"], bool):
+                raise TypeError("expected info to be a table and continuous true or false")
             return cls(
-                dictionary=dictionary or dictionary_from_config(header["dictionary"]),
-                dt=float(header["dt"]),
-                continuous=bool(header["continuous"]),
+                dictionary=dictionary_from_config(header["dictionary"]) if dictionary is None else dictionary,
+                dt=header["dt"],
+                continuous=header["continuous"],
                 noise_model=NoiseModel(noise) if noise.size else None,
                 info=header["info"],
                 **arrays,
             )
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, RecursionError) as error:
             raise ModelError(f"{path}: damaged model: {error}") from error
 
     def _check(self, x: ArrayLike, u: ArrayLike, history: ArrayLike | None) -> tuple[Array, Array, Array | None]:
@@ -367,15 +385,17 @@ class KoopmanModel:
         states, commands = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
         if states.shape[-1:] != (STATES,) or commands.shape[-1:] != (INPUTS,):
             raise ValueError(f"expected states (..., {STATES}) and commands (..., {INPUTS}), got {states.shape} and {commands.shape}")
-        if states.shape[:-1] != commands.shape[:-1]:
-            lead = np.broadcast_shapes(states.shape[:-1], commands.shape[:-1])
+        past = None
+        if history is not None and self.history:
+            past = np.asarray(history, dtype=float)
+            if past.shape[-2:] != (self.history, INPUTS):
+                raise ValueError(f"history: expected shape (..., {self.history}, {INPUTS}), got {past.shape}")
+        lead = states.shape[:-1]
+        if lead != commands.shape[:-1] or (past is not None and lead != past.shape[:-2]):
+            lead = np.broadcast_shapes(lead, commands.shape[:-1], () if past is None else past.shape[:-2])
             states, commands = np.broadcast_to(states, (*lead, STATES)), np.broadcast_to(commands, (*lead, INPUTS))
-        if history is None or not self.history:
-            return states, commands, None
-        past = np.asarray(history, dtype=float)
-        if past.shape[-2:] != (self.history, INPUTS):
-            raise ValueError(f"history: expected shape (..., {self.history}, {INPUTS}), got {past.shape}")
-        return states, commands, np.broadcast_to(past, (*commands.shape[:-1], self.history, INPUTS))
+            past = None if past is None else np.broadcast_to(past, (*lead, self.history, INPUTS))
+        return states, commands, past
 
 
 def nominal_unicycle(dt: float) -> KoopmanModel:
