@@ -16,8 +16,8 @@ import scipy.sparse as sp
 
 from kmpc_lite.dictionary import Array
 
-INFINITY = 1e20
-"""Bounds beyond this are open. A row must not change between open and closed: that refactorises."""
+INFINITY = 1e30
+"""Bounds beyond this are open, as OSQP itself has it. A row must not change between open and closed: that refactorises."""
 
 
 class QPStatus(Enum):
