@@ -26,8 +26,11 @@ from kmpc_lite.errors import ModelError
 FORMAT = "kmpc_lite.model"
 VERSION = 1
 
-RK4_NODES = (0.0, 0.5, 0.5, 1.0)
-RK4_WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
+TABLEAUX = {
+    "rk4": ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)),
+    "midpoint": ((0.0, 0.0), (0.5, 1.0)),
+}
+"""Explicit Runge-Kutta methods whose stages depend on the stage before only: node and weight of each."""
 
 
 _DIAGONAL = np.arange(STATES)
@@ -79,7 +82,7 @@ class KoopmanModel:
     With ``z = phi(x)`` and the bilinear inputs ``w`` (the command, unless the dictionary delays it),
     ``f(x, u) = C (A z + B w + H (w (x) z))`` is the next state of a discrete model (``edmdc``, the paper),
     and the derivative of the state for a continuous one (``integral``), which is then integrated over
-    `dt` by the classical Runge-Kutta method with the command held.
+    `dt` by the classical Runge-Kutta method with the command held (see `integrator`).
 
     Parameters
     ----------
@@ -96,6 +99,9 @@ class KoopmanModel:
         Covariance of what the model cannot explain.
     info : dict
         What the fit wants remembered: method, samples, rank, condition. Values that JSON can hold.
+    integrator : {"rk4", "midpoint"}
+        How a continuous model is integrated over a period. The midpoint rule takes half the time of the classical
+        Runge-Kutta method; at 0.6 m/s, pi/4 rad/s and 0.1 s it differs by 0.015 mm per period.
 
     Raises
     ------
@@ -112,6 +118,7 @@ class KoopmanModel:
     continuous: bool
     noise_model: NoiseModel | None = None
     info: Mapping[str, Any] = field(default_factory=dict)
+    integrator: str = "rk4"
 
     def __post_init__(self) -> None:
         """Check the matrices and fold them into the form that `advance` uses."""
@@ -183,7 +190,7 @@ class KoopmanModel:
         if not self.continuous:
             return f(x)
         total, slope = x, x
-        for node, weight in zip(RK4_NODES, RK4_WEIGHTS, strict=True):
+        for node, weight in TABLEAUX[self.integrator]:
             slope = f(x + (node * self.dt) * slope if node else x)
             total = total + (weight * self.dt) * slope
         return total
@@ -276,7 +283,7 @@ class KoopmanModel:
         if not self.continuous:
             return f(start)
         total, slope = start.copy(), start
-        for node, weight in zip(RK4_NODES, RK4_WEIGHTS, strict=True):
+        for node, weight in TABLEAUX[self.integrator]:
             slope = f(start + (node * self.dt) * slope if node else start)
             total += (weight * self.dt) * slope
         return total

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -69,7 +70,8 @@ class Controller:
         tolerance: float = 1e-5,
         obstacle_slots: int = 6,
     ) -> None:
-        self.model = model
+        # half the time of rk4, and far below what slip does; prediction, verification and fallback share it
+        self.model = replace(model, integrator="midpoint")
         self.problem = NavigationProblem() if problem is None else problem
         if abs(model.dt - self.problem.dt) > 1e-9 * self.problem.dt:
             raise ProblemError(
@@ -81,7 +83,7 @@ class Controller:
                 raise ProblemError(f"{name}: expected a whole number >= 1, got {value!r}")
         if not (np.isfinite(tolerance) and tolerance > 0):
             raise ProblemError(f"tolerance: expected a number > 0, got {tolerance!r}")
-        self._sqp = SQP(model, self.problem, sqp_iterations, tolerance, obstacle_slots)
+        self._sqp = SQP(self.model, self.problem, sqp_iterations, tolerance, obstacle_slots)
         self._fallback = Fallback(self.problem)
         self._u_min, self._u_max, _, _ = self.problem.bounds
         self._margin = BOUND_SLACK * (self._u_max - self._u_min)

@@ -93,30 +93,98 @@ def circle_distances(circles: Array, positions: Array, times: Array) -> tuple[Ar
     distances, normals : ndarray
         (n, M) [m], negative inside, and (n, M, 2); a normal at a centre is arbitrary.
     """
-    away = positions[:, None, :] - circles[:, :2] - times[:, None, None] * circles[:, 3:]
-    length = np.sqrt(np.einsum("nmi,nmi->nm", away, away))
-    at_centre = length < 1e-9
-    if at_centre.any():
+    away = positions[:, None, :] - circles[:, :2]
+    if circles[:, 3:].any():
+        away -= times[:, None, None] * circles[:, 3:]
+    length = np.hypot(away[..., 0], away[..., 1])
+    if length.min() < 1e-9:
+        at_centre = length < 1e-9
         away[at_centre] = (1e-9, 0.0)
         length[at_centre] = 1e-9
-    return length - circles[:, 2], away / length[..., None]
+    away /= length[..., None]
+    return length - circles[:, 2], away
 
 
-class Boundary:
-    """The four sides of the area, as distances of the robot's centre to half-planes.
+class KeepOut:
+    """What the robot's centre must stay out of: circles grown by radius and margin, and beyond the sides of the area.
 
-    A robot that stands outside widens its side to where it stands: it is asked to come back, at no
-    obstacle's expense.
+    Holds the memory for one problem; what it returns is overwritten by the next call.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Bounds, radius, margin, horizon.
+    slots : int
+        Half-planes per stage: the nearest of all obstacles and sides.
     """
 
-    def __init__(self, problem: NavigationProblem) -> None:
+    def __init__(self, problem: NavigationProblem, slots: int) -> None:
         _, _, x_min, x_max = problem.bounds
         sides = [(axis, sign, bound) for axis in (0, 1) for sign, bound in ((1.0, x_min[axis]), (-1.0, x_max[axis])) if np.isfinite(bound)]
-        self.normals = np.array([[sign if axis == i else 0.0 for i in (0, 1)] for axis, sign, _ in sides]).reshape(-1, 2)
-        self.offsets = np.array([sign * bound for _, sign, bound in sides])
+        self._side_normals = np.array([[sign if axis == i else 0.0 for i in (0, 1)] for axis, sign, _ in sides]).reshape(-1, 2)
+        self._side_offsets = np.array([sign * bound for _, sign, bound in sides])
+        self._distance = problem.robot_radius + problem.margin
+        self.horizon, self.slots = problem.horizon, slots
+        self._times = problem.dt * np.arange(1, problem.horizon + 1)
+        self._count = -1
+        self._row_starts = np.arange(problem.horizon)[:, None]
+        self._normals, self._offsets = np.zeros((self.horizon, slots, 2)), np.full((self.horizon, slots), -np.inf)
 
-    def distances(self, positions: Array, present: Array) -> Array:
-        """Distances (n, sides) [m] of positions (n, 2), for a robot that is at `present` (2,)."""
-        offsets = np.minimum(self.offsets, self.normals @ present)
-        distances: Array = positions @ self.normals.T - offsets
-        return distances
+    def gaps(self, states: Array, circles: Array) -> tuple[Array, Array]:
+        """Room left at stages 1 to N, (N, K) [m], negative where there is none, and normals (N, K, 2): circles, then sides.
+
+        A robot that stands outside the area widens its side to where it stands: it is asked to come back, at no
+        obstacle's expense.
+
+        Parameters
+        ----------
+        states, circles : ndarray
+            (N + 1, 3), the first being the present one, and (M, 5).
+        """
+        count = len(circles)
+        if count != self._count:
+            self._count = count
+            self._gaps = np.empty((self.horizon, count + len(self._side_offsets)))
+            self._gap_normals = np.empty((*self._gaps.shape, 2))
+            self._gap_normals[:, count:] = self._side_normals
+        positions = states[1:, :2]
+        if count:
+            distances, self._gap_normals[:, :count] = circle_distances(circles, positions, self._times)
+            np.subtract(distances, self._distance, out=self._gaps[:, :count])
+        offsets = np.minimum(self._side_offsets, self._side_normals @ states[0, :2])
+        np.subtract(positions @ self._side_normals.T, offsets, out=self._gaps[:, count:])
+        return self._gaps, self._gap_normals
+
+    def half_planes(self, states: Array, circles: Array) -> tuple[Array, Array, Array]:
+        """Nearest half-planes ``normal . p >= offset`` of stages 1 to N.
+
+        Returns
+        -------
+        normals, offsets, violation : ndarray
+            (N, slots, 2); (N, slots) [m], minus infinity where a slot is not needed; (N,) how far each stage is inside one [m].
+        """
+        gaps, normals = self.gaps(states, circles)
+        kinds = gaps.shape[1]
+        used = min(kinds, self.slots)
+        if kinds > self.slots:
+            # in the order of the obstacles, so that a row keeps its obstacle, and its multiplier, from pass to pass
+            nearest = np.argpartition(gaps, self.slots - 1, axis=1)[:, : self.slots]
+            nearest.sort(axis=1)
+            nearest += kinds * self._row_starts
+            gaps = gaps.reshape(-1)[nearest]
+            normals = normals.reshape(-1, 2)[nearest]
+        self._normals[:, :used] = normals
+        positions = states[1:, None, :2]
+        np.subtract((normals * positions).sum(axis=2), gaps, out=self._offsets[:, :used])
+        if used < self.slots:
+            self._normals[:, used:] = 0.0
+            self._offsets[:, used:] = -np.inf
+        return self._normals, self._offsets, penetration(gaps)
+
+
+def penetration(gaps: Array) -> Array:
+    """How far each stage stands inside its deepest obstacle, (N,) [m], from gaps (N, K)."""
+    if not gaps.shape[1]:
+        return np.zeros(len(gaps))
+    deepest: Array = np.maximum(-gaps.min(axis=1), 0.0)
+    return deepest

@@ -43,6 +43,9 @@ class NavigationQP:
         self.input_rows = np.arange(rows[2], rows[3]).reshape(n, INPUTS)
         self.slack_rows = np.arange(rows[3], rows[4])
         self.row_count = int(rows[4])
+        self._next_stage = np.empty(self.row_count, dtype=np.intp)
+        for part in (self.dynamics_rows, self.keepout_rows, self.input_rows, self.slack_rows):
+            self._next_stage[part] = np.concatenate([part[1:], part[-1:]])
         self._build_constraints()
         self._build_cost(problem)
         self.lower, self.upper = np.zeros(self.row_count), np.full(self.row_count, np.inf)
@@ -137,8 +140,4 @@ class NavigationQP:
 
     def shift_duals(self, y: Array) -> Array:
         """Multipliers one stage on, the last stage kept."""
-        shifted = np.empty_like(y)
-        for rows in (self.dynamics_rows, self.keepout_rows, self.input_rows, self.slack_rows):
-            shifted[rows[:-1]] = y[rows[1:]]
-            shifted[rows[-1]] = y[rows[-1]]
-        return shifted
+        return y[self._next_stage]

@@ -12,14 +12,22 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.control.obstacles import Boundary, circle_distances
+from kmpc_lite.control.obstacles import KeepOut, penetration
 from kmpc_lite.control.osqp_workspace import OSQPWorkspace, QPStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.qp import NavigationQP
 from kmpc_lite.dictionary import Array
 from kmpc_lite.model import KoopmanModel
 
-REAL_TIME: dict[str, Any] = {"eps_abs": 1e-3, "eps_rel": 1e-3, "max_iter": 100, "rho": 1.0, "adaptive_rho": 0}
+REAL_TIME: dict[str, Any] = {
+    "eps_abs": 1e-3,
+    "eps_rel": 1e-3,
+    "max_iter": 100,
+    "rho": 1.0,
+    "adaptive_rho": 0,
+    "scaling": 3,
+    "check_termination": 10,
+}
 CONVERGED: dict[str, Any] = {"eps_abs": 1e-8, "eps_rel": 1e-8, "max_iter": 20000, "rho": 0.1, "adaptive_rho": 1}
 """OSQP's settings for one pass per period, and for passes to convergence."""
 
@@ -71,15 +79,11 @@ class SQP:
 
     def __init__(self, model: KoopmanModel, problem: NavigationProblem, iterations: int, tolerance: float, slots: int) -> None:
         self.model, self.problem = model, problem
-        self.iterations, self.tolerance, self.slots = iterations, tolerance, slots
+        self.iterations, self.tolerance = iterations, tolerance
         self.qp = NavigationQP(problem, model.history, slots)
         settings = REAL_TIME if iterations == 1 else CONVERGED
         self.workspace = OSQPWorkspace(self.qp.P, self.qp.q, self.qp.A, self.qp.lower, self.qp.upper, **settings)
-        self.boundary = Boundary(problem)
-        self._times = problem.dt * np.arange(1, problem.horizon + 1)
-        self._keep_out = problem.robot_radius + problem.margin
-        self._normals = np.zeros((problem.horizon, slots, 2))
-        self._offsets = np.zeros((problem.horizon, slots))
+        self.keep_out = KeepOut(problem, slots)
         self._penalty = 0.0
 
     def at_rest(self, x: Array) -> Trajectory:
@@ -125,8 +129,8 @@ class SQP:
             t0 = perf_counter()
             lin = self.model.linearize(guess.states[:-1], guess.inputs, self.past_windows(past, guess.inputs))
             t1 = perf_counter()
-            violation = self._half_planes(guess.states, circles)
-            self.qp.fill(lin, guess.states, guess.inputs, reference, self._normals, self._offsets)
+            normals, offsets, violation = self.keep_out.half_planes(guess.states, circles)
+            self.qp.fill(lin, guess.states, guess.inputs, reference, normals, offsets)
             t2 = perf_counter()
             warm = self.qp.pack(guess.states, guess.inputs, violation)
             solution = self.workspace.solve(self.qp.q, self.qp.lower, self.qp.upper, self.qp.A.data, warm, guess.duals)
@@ -150,31 +154,6 @@ class SQP:
                 break
         return SQPResult(guess, status, passes, step, timing, reason)
 
-    def _gaps(self, states: Array, circles: Array) -> tuple[Array, Array]:
-        """Distances of stages 1 to N to what must be kept out of, less what must be kept: (N, K), and normals (N, K, 2)."""
-        positions = states[1:, :2]
-        sides = self.boundary.distances(positions, states[0, :2])
-        side_normals = np.broadcast_to(self.boundary.normals, (*sides.shape, 2))
-        if not len(circles):
-            return sides, side_normals
-        distances, normals = circle_distances(circles, positions, self._times)
-        distances -= self._keep_out
-        return np.concatenate([distances, sides], axis=1), np.concatenate([normals, side_normals], axis=1)
-
-    def _half_planes(self, states: Array, circles: Array) -> Array:
-        """Write the nearest half-planes of every stage; return how far each stage stands inside one, (N,)."""
-        gaps, normals = self._gaps(states, circles)
-        if gaps.shape[1] > self.slots:
-            nearest = np.sort(np.argpartition(gaps, self.slots - 1, axis=1)[:, : self.slots], axis=1)
-            gaps = np.take_along_axis(gaps, nearest, axis=1)
-            normals = np.take_along_axis(normals, nearest[..., None], axis=1)
-        used = gaps.shape[1]
-        self._normals[:, :used] = normals
-        self._normals[:, used:] = 0.0
-        np.subtract(np.einsum("nsi,ni->ns", normals, states[1:, :2]), gaps, out=self._offsets[:, :used])
-        self._offsets[:, used:] = -np.inf
-        return np.maximum(-gaps.min(axis=1), 0.0) if used else np.zeros(len(gaps))
-
     def _soft_cost(self, states: Array, inputs: Array, reference: Array, violation: Array) -> float:
         """Objective with the exact penalty on the violation of each stage (N,)."""
         linear, quadratic = self.problem.slack_weights
@@ -182,8 +161,7 @@ class SQP:
 
     def _merit(self, states: Array, inputs: Array, predicted: Array, reference: Array, circles: Array) -> float:
         """Exact L1 merit function: objective, penalties, and what the dynamics lack."""
-        gaps, _ = self._gaps(states, circles)
-        violation = np.maximum(-gaps.min(axis=1), 0.0) if gaps.shape[1] else np.zeros(len(gaps))
+        violation = penetration(self.keep_out.gaps(states, circles)[0])
         return self._soft_cost(states, inputs, reference, violation) + self._penalty * float(np.abs(states[1:] - predicted).sum())
 
     def _line_search(
