@@ -180,7 +180,7 @@ class KoopmanModel:
 
     def advance(self, x: Array, w: Array) -> Array:
         """Next states (..., 3) for bilinear inputs (..., nw); any NumPy dtype, symbolic objects too."""
-        matrix = (w @ self._H_by_input).reshape(*w.shape[:-1], STATES, -1) + self._A
+        matrix = (w @ self._H_by_input).reshape(*w.shape[:-1], *self._A.shape) + self._A
         offset = w @ self._B.T
 
         def f(state: Array) -> Array:
@@ -251,7 +251,7 @@ class KoopmanModel:
         x, u, past = self._check(x, u, history)
         w = self.dictionary.inputs(u, past)
         lead, nw = w.shape[:-1], w.shape[-1]
-        matrix = (w @ self._H_by_input).reshape(*lead, STATES, -1) + self._A
+        matrix = (w @ self._H_by_input).reshape(*lead, *self._A.shape) + self._A
         offset = w @ self._B.T
 
         by_all = self._derivatives(x, w, matrix, offset)
@@ -277,7 +277,7 @@ class KoopmanModel:
             slope = np.empty_like(start)
             np.add(product[..., 0], offset, out=slope[..., 0])
             np.matmul(product[..., 1:], stage[..., 1:], out=slope[..., 1:])
-            slope[..., 1 + STATES :] += (expanded[..., 0] @ self._H_by_lift).reshape(*w.shape[:-1], STATES, -1) + self._B
+            slope[..., 1 + STATES :] += (expanded[..., 0] @ self._H_by_lift).reshape(*w.shape[:-1], *self._B.shape) + self._B
             return slope
 
         if not self.continuous:
