@@ -215,7 +215,7 @@ class HermiteTrigDictionary(Dictionary):
             return trig
         he, d = self._polynomials(x), self._degrees
         poly = he[..., 0, d[:, 0]] * he[..., 1, d[:, 1]] * he[..., 2, d[:, 2]]
-        z: Array = (poly[..., :, None] * trig[..., None, :]).reshape(*x.shape[:-1], -1)
+        z: Array = (poly[..., :, None] * trig[..., None, :]).reshape(*x.shape[:-1], self.size)
         return z
 
     def jacobian(self, x: Array) -> Array:
@@ -240,7 +240,7 @@ class HermiteTrigDictionary(Dictionary):
         by_pose = [poly, gradient[0] * value[1] * value[2], value[0] * gradient[1] * value[2], value[0] * value[1] * gradient[2]]
         by_all: Array = np.stack(by_pose, axis=-1)[..., :, None, :] * trig[..., None, :, None]
         by_all[..., 3] += poly[..., :, None] * trig_slope[..., None, :]
-        return by_all.reshape(*x.shape[:-1], -1, 4)
+        return by_all.reshape(*x.shape[:-1], self.size, 4)
 
     def config(self) -> dict[str, Any]:
         """Order and harmonics."""
