@@ -1,0 +1,174 @@
+"""What maps are made of: area, obstacles, footprints, and labels that find their own place."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kmpc_lite.control.obstacles import Circle
+from kmpc_lite.dictionary import Array
+from kmpc_lite.report.style import BLUE, GREEN, INK, RED, SMALL, WIDTH, new_figure
+from kmpc_lite.sim.scenario import Scenario
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TALLEST = 7.0
+"""Of a map's axes [in]."""
+
+
+def map_axes(view: Array) -> tuple[Figure, Any]:
+    """Figure and axes that show `view`, [[xmin, ymin], [xmax, ymax]] [m], 1 m as long in x as in y."""
+    width, height = view[1] - view[0]
+    figure = new_figure(float(np.clip((WIDTH - 0.7) * height / width, 1.2, TALLEST)) + 1.4)
+    axes = figure.subplots()
+    axes.set(xlim=view[:, 0], ylim=view[:, 1], aspect="equal", xlabel="x, east [m]", ylabel="y, north [m]")
+    axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
+    return figure, axes
+
+
+def draw_scenario(axes: Any, scenario: Scenario, times: Array, labels: Labels) -> list[Any]:
+    """Draw area, obstacles and goal; moving obstacles at the start and at `times` [s]. Returns their legend entries."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Rectangle
+
+    x_min, y_min, x_max, y_max = scenario.bounds
+    side: dict[str, Any] = {"linewidth": 1.2, "linestyle": "-."}
+    axes.add_patch(Rectangle((x_min, y_min), x_max - x_min, y_max - y_min, fill=False, edgecolor=INK, zorder=1, **side))
+    along = np.linspace(0.0, 1.0, 100)[:, None]
+    corners = np.array([(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max), (x_min, y_min)])
+    labels.avoid_lines(np.concatenate([(1.0 - along) * a + along * b for a, b in zip(corners[:-1], corners[1:], strict=True)]))
+    handles = [Line2D([], [], color=INK, label="area bounds", **side)]
+    dot: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 9, "markeredgecolor": INK}
+    still = [c for c in scenario.circles if not (c.vx or c.vy)]
+    moving = [c for c in scenario.circles if c.vx or c.vy]
+    for circle in still:
+        disc(axes, circle[:2], circle.radius, facecolor="#a9a9a9", edgecolor=INK, linewidth=0.9, zorder=2)
+        labels.avoid(circle[:2], circle.radius)
+    for circle in moving:
+        _draw_moving(axes, circle, times, labels)
+    if still:
+        handles.append(Line2D([], [], markerfacecolor="#a9a9a9", label="obstacle", **dot))
+    if moving:
+        handles.append(Line2D([], [], markerfacecolor="#e4e4e4", label="moving, at the start", **dot))
+    goal = np.array(scenario.goal)
+    disc(axes, goal, scenario.radius, fill=False, edgecolor=GREEN, linewidth=1.6, linestyle="--", zorder=5)
+    disc(axes, goal, scenario.tolerance, facecolor=GREEN, alpha=0.45, edgecolor="none", zorder=3)
+    _arrow(axes, goal, goal_front(scenario), GREEN, 1.8)
+    labels.avoid(goal, scenario.radius)
+    labels.avoid(goal_front(scenario), 0.2 * scenario.radius)
+    handles.append(Line2D([], [], color=GREEN, marker="o", markerfacecolor="none", linestyle="none", markersize=9, label="goal pose"))
+    return handles
+
+
+def goal_front(scenario: Scenario) -> Array:
+    """Give the tip (2,) of the arrow that shows the goal's heading."""
+    tip: Array = np.array(scenario.goal[:2]) + 1.6 * scenario.radius * np.array([np.cos(scenario.goal[2]), np.sin(scenario.goal[2])])
+    return tip
+
+
+def _draw_moving(axes: Any, circle: Circle, times: Array, labels: Labels) -> None:
+    """Fill the circle where it starts, outline it at `times` where these are apart, and draw its way with an arrow."""
+    centre, velocity = np.array(circle[:2]), np.array(circle[3:])
+    speed = float(np.hypot(*velocity))
+    disc(axes, centre, circle.radius, facecolor="#e4e4e4", edgecolor=INK, hatch="///", linewidth=0.9, zorder=2)
+    labels.avoid(centre, circle.radius)
+    end = last = float(times[-1])
+    # from the end back, so that the last outline is always there
+    for time in times[::-1]:
+        if time == end or min(time, last - time) * speed >= 0.9 * circle.radius:
+            last, point = float(time), centre + time * velocity
+            disc(axes, point, circle.radius, fill=False, edgecolor="#555555", linewidth=0.9, linestyle=":", zorder=2.4)
+            _write(axes, point, f"{time:.4g} s", fontsize=7, color="#444444")
+    _arrow(axes, centre, centre + (end + 1.5 * circle.radius / speed) * velocity, "#555555", 0.9)
+
+
+def disc(axes: Any, centre: Any, radius: float, **look: Any) -> None:
+    """Circle to scale."""
+    from matplotlib.patches import Circle as Patch
+
+    axes.add_patch(Patch((float(centre[0]), float(centre[1])), radius, **look))
+
+
+def footprint(axes: Any, pose: Array, radius: float, strong: bool) -> None:
+    """Robot to scale, with a line from its centre to its front."""
+    disc(axes, pose, radius, facecolor="#cfe4f3", alpha=0.75 if strong else 0.5, edgecolor="none", zorder=3.5)
+    disc(axes, pose, radius, fill=False, edgecolor=BLUE, linewidth=1.5 if strong else 0.9, zorder=4.5)
+    front = pose[:2] + radius * np.array([np.cos(pose[2]), np.sin(pose[2])])
+    axes.plot([pose[0], front[0]], [pose[1], front[1]], color=INK, linewidth=1.8 if strong else 1.2, zorder=5, solid_capstyle="butt")
+
+
+def cross(axes: Any, point: Array) -> None:
+    """Mark a collision."""
+    axes.plot(*point, "X", color=RED, markeredgecolor="white", markersize=11, zorder=7)
+
+
+def _arrow(axes: Any, start: Any, end: Any, colour: str, width: float) -> None:
+    from matplotlib.patches import FancyArrowPatch
+
+    ends = [(float(p[0]), float(p[1])) for p in (start, end)]
+    axes.add_patch(
+        FancyArrowPatch(*ends, arrowstyle="-|>", mutation_scale=9, shrinkA=0, shrinkB=0, color=colour, linewidth=width, zorder=5.5)
+    )
+
+
+def _write(axes: Any, where: Array, text: str, **look: Any) -> None:
+    """Text in the middle of a place, with a white rim so that it stays legible on lines."""
+    from matplotlib.patheffects import withStroke
+
+    written = axes.text(*where, text, ha="center", va="center", zorder=8, clip_on=True, **look)
+    written.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
+
+
+class Labels:
+    """Puts short texts beside things, where the least lies under them.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Written on.
+    view : ndarray
+        (2, 2) what they show [m].
+    points : ndarray
+        (n, 2) of lines to stay away from [m].
+    """
+
+    def __init__(self, axes: Any, view: Array, points: Array) -> None:
+        self._axes, self._view = axes, view
+        width, height = view[1] - view[0]
+        self._metres_per_point = float(width) / (72.0 * min(WIDTH - 0.7, TALLEST * width / height))
+        points = points[np.isfinite(points).all(axis=1)]
+        self._points = points[:: max(1, len(points) // 2000)]
+        self._discs: list[tuple[Array, float]] = []
+
+    def avoid(self, centre: Any, radius: float) -> None:
+        """Keep later texts away from a disc."""
+        self._discs.append((np.array(centre[:2], dtype=float), radius))
+
+    def avoid_lines(self, points: Array) -> None:
+        """Keep later texts away from points (n, 2) of lines."""
+        self._points = np.concatenate([self._points, points])
+
+    def put(self, text: str, centre: Any, radius: float, bold: bool = False) -> None:
+        """Write beside a disc of `radius` [m] around `centre`."""
+        half = np.array([0.32 * SMALL * len(text), 0.55 * SMALL]) * self._metres_per_point
+        best, where = -np.inf, np.array(centre[:2], dtype=float)
+        for direction in np.linspace(0.0, 2 * np.pi, 16, endpoint=False):
+            unit = np.array([np.cos(direction), np.sin(direction)])
+            # far enough that the text's box just stays outside the disc
+            reach = radius + 3.0 * self._metres_per_point + float(np.min(half / np.maximum(np.abs(unit), 1e-9)))
+            spot = centre[:2] + reach * unit
+            box = spot + half * np.array([[x, y] for x in (-1, -0.5, 0, 0.5, 1) for y in (-1, 0, 1)])
+            if (box < self._view[0]).any() or (box > self._view[1]).any():
+                continue
+            free = float(np.min(np.hypot(*(self._points[:, None] - box).transpose(2, 0, 1)), initial=np.inf))
+            for other, size in self._discs:
+                free = min(free, float(np.hypot(*(box - other).T).min()) - size)
+            # beyond the height of two lines, more room is no better
+            free = min(free, 2.0 * SMALL * self._metres_per_point)
+            if free > best + 1e-9:
+                best, where = free, spot
+        _write(self._axes, where, text, fontsize=SMALL, fontweight="bold" if bold else "normal")
+        for x in (-0.6, 0.0, 0.6):
+            self._discs.append((where + half * np.array([x, 0.0]), float(half[1])))
