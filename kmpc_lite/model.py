@@ -135,6 +135,8 @@ class KoopmanModel:
         if dt.size != 1 or not (np.isfinite(dt).all() and (dt > 0.0).all()):
             raise ModelError(f"model dt: expected a time > 0 s, got {self.dt}")
         object.__setattr__(self, "dt", float(dt.item()))
+        if self.integrator not in TABLEAUX:
+            raise ModelError(f"model integrator: expected {' or '.join(TABLEAUX)}, got {self.integrator!r}")
         if self.noise_model is not None:
             self.noise_model.check()
         # C is folded into the other matrices once. H is kept in two layouts: by input, to form the
@@ -326,6 +328,7 @@ class KoopmanModel:
             "dictionary": dictionary_to_config(self.dictionary),
             "dt": self.dt,
             "continuous": bool(self.continuous),
+            "integrator": self.integrator,
             "info": dict(self.info),
         }
         noise = np.empty((0,)) if self.noise_model is None else self.noise_model.coefficients
@@ -380,6 +383,7 @@ class KoopmanModel:
                 dictionary=dictionary_from_config(header["dictionary"]) if dictionary is None else dictionary,
                 dt=header["dt"],
                 continuous=header["continuous"],
+                integrator=header["integrator"],
                 noise_model=NoiseModel(noise) if noise.size else None,
                 info=header["info"],
                 **arrays,
