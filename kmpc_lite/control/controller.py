@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from time import perf_counter
 
@@ -14,7 +14,7 @@ from kmpc_lite.control.obstacles import Circle, circle_distances, circles_to_arr
 from kmpc_lite.control.osqp_workspace import QPStatus
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.sqp import SQP, SQPResult, Trajectory
+from kmpc_lite.control.sqp import SQP, SQPResult, Task, Trajectory
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model import KoopmanModel
@@ -27,6 +27,8 @@ DEFECT = 0.05
 """How far the model may contradict a plan over one period [m, rad] before its commands are rolled out anew."""
 TOUCH = 0.02
 """How deep such a rolled-out plan may cut into an obstacle [m] and still be driven, the rest being left to the next pass."""
+AFTER_SOLVE = 5e-5
+"""Time that a step takes after its plan is verified [s]."""
 BOUND_SLACK = 0.02
 """How far the solver may leave the command bounds, as a share of their width; the command itself is clipped."""
 
@@ -44,6 +46,11 @@ class Controller:
         Passes per step: 1 is the real-time iteration, more run until the plan changes by less than `tolerance`.
     tolerance : float
         See above.
+    time_budget : float, optional
+        Longest that a step may take [s]. Passes that would not end in time are not begun, and the QP solver is stopped;
+        what it has by then is used if it passes the checks (FEASIBLE).
+    clock : callable
+        Gives the time for budget and timing [s].
     obstacle_slots : int
         How many obstacles and sides of the area each stage of the plan can be held away from: the nearest ones.
 
@@ -69,6 +76,8 @@ class Controller:
         sqp_iterations: int = 1,
         tolerance: float = 1e-5,
         obstacle_slots: int = 6,
+        time_budget: float | None = None,
+        clock: Callable[[], float] = perf_counter,
     ) -> None:
         # half the time of rk4, and far below what slip does; prediction, verification and fallback share it
         self.model = replace(model, integrator="midpoint")
@@ -83,7 +92,10 @@ class Controller:
                 raise ProblemError(f"{name}: expected a whole number >= 1, got {value!r}")
         if not (np.isfinite(tolerance) and tolerance > 0):
             raise ProblemError(f"tolerance: expected a number > 0, got {tolerance!r}")
-        self._sqp = SQP(self.model, self.problem, sqp_iterations, tolerance, obstacle_slots)
+        if time_budget is not None and not (np.isfinite(time_budget) and time_budget > 0):
+            raise ProblemError(f"time_budget: expected a time > 0 s, got {time_budget!r}")
+        self._time_budget, self._clock, self._after_solve = time_budget, clock, AFTER_SOLVE
+        self._sqp = SQP(self.model, self.problem, sqp_iterations, tolerance, obstacle_slots, clock)
         self._fallback = Fallback(self.problem)
         self._u_min, self._u_max, _, _ = self.problem.bounds
         self._margin = BOUND_SLACK * (self._u_max - self._u_min)
@@ -118,7 +130,7 @@ class Controller:
         ValueError
             For wrong shapes, and for nothing else.
         """
-        start = perf_counter()
+        start = self._clock()
         pose, target = np.asarray(x, dtype=float), np.asarray(goal, dtype=float)
         if pose.shape != (STATES,) or target.shape != (STATES,):
             raise ValueError(f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}")
@@ -130,13 +142,17 @@ class Controller:
                 return self._without_solution(pose, known, start, {}, 0, f"{name} not usable: {values.ravel()[:5]}")
         turns = 2 * np.pi * np.round(pose[2] / (2 * np.pi))
         here = pose - (0.0, 0.0, turns)
-        reference = self._reference(here, target, circles)
+        deadline = np.inf if self._time_budget is None else start + self._time_budget - self._after_solve
+        task = Task(self._reference(here, target, circles), circles, self._past, deadline)
         guess = self._warm_start(here)
-        shifted = perf_counter()
-        result = self._sqp.solve(guess or self._sqp.at_rest(here), reference, circles, self._past, cold=guess is None)
-        solved = perf_counter()
+        shifted = self._clock()
+        result = self._sqp.solve(guess or self._sqp.at_rest(here), task, cold=guess is None)
+        solved = self._clock()
         usable, self._last, reason = self._verify(result, circles)
-        timing = {"shift": shifted - start, **result.timing, "verify": perf_counter() - solved}
+        verified = self._clock()
+        # what is still to come after a solve is learned from the steps before, quickly upwards
+        self._after_solve = max(verified - solved + AFTER_SOLVE, 0.95 * self._after_solve)
+        timing = {"shift": shifted - start, **result.timing, "verify": verified - solved}
         trajectory = self._last
         if trajectory is None or not usable:
             return self._without_solution(pose, circles, start, timing, result.passes, reason)
@@ -228,7 +244,7 @@ class Controller:
         passes: int,
         reason: str,
     ) -> Plan:
-        timing["total"] = perf_counter() - start
+        timing["total"] = self._clock() - start
         return Plan(inputs[0].copy(), states, inputs, status, self._clearance(states, circles), passes, timing, reason)
 
     def _clearance(self, states: Array, circles: Array) -> float:

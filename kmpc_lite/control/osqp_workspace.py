@@ -70,9 +70,10 @@ class OSQPWorkspace:
         # The wrapper copies and renames; its compiled half takes the same arrays and returns error codes.
         self._solver = self._osqp._solver
 
-    def configure(self, **settings: Any) -> None:
-        """Change OSQP's settings between solves."""
-        self._osqp.update_settings(**settings)
+    def limit_time(self, seconds: float) -> None:
+        """Stop later solves after this long [s]; what there is by then comes back as STOPPED_EARLY."""
+        self._osqp.settings.time_limit = seconds
+        self._solver.update_settings(self._osqp.settings)
 
     def solve(self, q: Array, lower: Array, upper: Array, Ax: Array, x: Array, y: Array) -> QPSolution:
         """Solve with new numbers from a warm start.

@@ -85,14 +85,19 @@ class NavigationQP:
 
     def _build_cost(self, problem: NavigationProblem) -> None:
         q, r, q_terminal = problem.weights
-        linear, quadratic = problem.slack_weights
+        _, quadratic = problem.slack_weights
         n = self.horizon
         blocks = [2 * q] * (n - 1) + [2 * q_terminal] + [2 * r] * n
         corner = sp.triu(sp.block_diag(blocks), format="csc")
         self.P = sp.block_diag([corner, sp.diags(np.full(n, 2 * quadratic))], format="csc")
         self.q = np.zeros(self.size)
-        self.q[self.slack_columns] = linear
+        self.set_slack_penalty(float(problem.slack_weights[0]))
         self._Q, self._Q_terminal = q, q_terminal
+
+    def set_slack_penalty(self, weight: float) -> None:
+        """Write the linear weight of the slacks [1/m]."""
+        self.slack_penalty = weight
+        self.q[self.slack_columns] = weight
 
     def fill(self, lin: Linearization, x: Array, u: Array, reference: Array, normals: Array, offsets: Array) -> None:
         """Write one linearisation into the matrices.

@@ -6,6 +6,7 @@ exact L1 merit function converge to a Karush-Kuhn-Tucker point of the nonlinear 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
@@ -28,7 +29,7 @@ REAL_TIME: dict[str, Any] = {
     "scaling": 3,
     "check_termination": 10,
 }
-CONVERGED: dict[str, Any] = {"eps_abs": 1e-8, "eps_rel": 1e-8, "max_iter": 20000, "rho": 0.1, "adaptive_rho": 1}
+CONVERGED: dict[str, Any] = {"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iter": 4000, "rho": 1.0, "adaptive_rho": 1}
 """OSQP's settings for one pass per period, and for passes to convergence."""
 
 COLD_PASSES = 10
@@ -36,6 +37,13 @@ COLD_PASSES = 10
 COLD_TOLERANCE = 0.02
 ARMIJO = 1e-4
 SHORTEST_STEP = 1e-3
+PENALTY_GROWTH = 10.0
+PENALTY_LIMIT = 1e5
+"""To convergence, the linear penalty grows by this factor, up to this weight, until obstacles are kept out of."""
+VIOLATION = 1e-5
+"""How far inside an obstacle a converged plan may stand [m] before the penalty grows."""
+MIN_SOLVE_TIME = 5e-5
+"""OSQP is given at least this long [s], even past a deadline: the iterate it starts from is worth nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +53,20 @@ class Trajectory:
     states: Array
     inputs: Array
     duals: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What one call of the SQP is asked."""
+
+    reference: Array
+    """(N + 1, 3) states to steer for."""
+    circles: Array
+    """(M, 5) rows x, y, radius, vx, vy."""
+    past: Array
+    """(L, 2) commands already sent, oldest first."""
+    deadline: float = np.inf
+    """When the answer must be there, on the clock of the SQP [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,16 +97,26 @@ class SQP:
         Change of the trajectory below which passes end.
     slots : int
         Keep-out half-planes per stage: the nearest of all obstacles and sides of the area.
+    clock : callable
+        Gives the time [s] that deadlines are on.
     """
 
-    def __init__(self, model: KoopmanModel, problem: NavigationProblem, iterations: int, tolerance: float, slots: int) -> None:
+    def __init__(
+        self,
+        model: KoopmanModel,
+        problem: NavigationProblem,
+        iterations: int,
+        tolerance: float,
+        slots: int,
+        clock: Callable[[], float] = perf_counter,
+    ) -> None:
         self.model, self.problem = model, problem
-        self.iterations, self.tolerance = iterations, tolerance
+        self.iterations, self.tolerance, self.clock = iterations, tolerance, clock
         self.qp = NavigationQP(problem, model.history, slots)
         settings = REAL_TIME if iterations == 1 else CONVERGED
         self.workspace = OSQPWorkspace(self.qp.P, self.qp.q, self.qp.A, self.qp.lower, self.qp.upper, **settings)
         self.keep_out = KeepOut(problem, slots)
-        self._penalty = 0.0
+        self._dynamics_penalty = 0.0
 
     def at_rest(self, x: Array) -> Trajectory:
         """Return the trajectory of a robot that stands at x: a cold start."""
@@ -104,37 +136,42 @@ class SQP:
         commands = np.concatenate([past, inputs[:-1]])
         return np.lib.stride_tricks.sliding_window_view(commands, self.model.history, axis=0).transpose(0, 2, 1)
 
-    def solve(self, guess: Trajectory, reference: Array, circles: Array, past: Array, cold: bool) -> SQPResult:
+    def solve(self, guess: Trajectory, task: Task, cold: bool) -> SQPResult:
         """Run the passes from a guess whose first state is the present one.
+
+        At least one pass is made; another only if it is expected to end before the deadline. OSQP is stopped there.
 
         Parameters
         ----------
         guess : Trajectory
             Where to linearise first.
-        reference : ndarray
-            States (N + 1, 3).
-        circles : ndarray
-            (M, 5) rows x, y, radius, vx, vy.
-        past : ndarray
-            Commands already sent, (L, 2), oldest first.
+        task : Task
+            What is asked.
         cold : bool
-            Whether the guess knows nothing: more passes are then allowed.
+            Whether the guess knows nothing: a real-time iteration then makes more passes.
         """
         timing = {"linearise": 0.0, "fill": 0.0, "solve": 0.0}
         to_convergence = self.iterations > 1
         limit, tolerance = (COLD_PASSES, COLD_TOLERANCE) if cold and not to_convergence else (self.iterations, self.tolerance)
-        self._penalty = 0.0
+        self._dynamics_penalty = 0.0
+        self.qp.set_slack_penalty(float(self.problem.slack_weights[0]))
         step, passes, status, reason = np.inf, 0, QPStatus.FAILED, ""
+        longest = 0.0
         while passes < limit:
-            t0 = perf_counter()
-            lin = self.model.linearize(guess.states[:-1], guess.inputs, self.past_windows(past, guess.inputs))
-            t1 = perf_counter()
-            normals, offsets, violation = self.keep_out.half_planes(guess.states, circles)
-            self.qp.fill(lin, guess.states, guess.inputs, reference, normals, offsets)
-            t2 = perf_counter()
+            t0 = self.clock()
+            if passes and t0 + longest > task.deadline:
+                reason = reason or "time budget"
+                break
+            lin = self.model.linearize(guess.states[:-1], guess.inputs, self.past_windows(task.past, guess.inputs))
+            t1 = self.clock()
+            normals, offsets, violation = self.keep_out.half_planes(guess.states, task.circles)
+            self.qp.fill(lin, guess.states, guess.inputs, task.reference, normals, offsets)
+            t2 = self.clock()
+            if task.deadline < np.inf:
+                self.workspace.limit_time(max(task.deadline - t2, MIN_SOLVE_TIME))
             warm = self.qp.pack(guess.states, guess.inputs, violation)
             solution = self.workspace.solve(self.qp.q, self.qp.lower, self.qp.upper, self.qp.A.data, warm, guess.duals)
-            t3 = perf_counter()
+            t3 = self.clock()
             timing["linearise"] += t1 - t0
             timing["fill"] += t2 - t1
             timing["solve"] += t3 - t2
@@ -143,53 +180,47 @@ class SQP:
             if status is QPStatus.FAILED:
                 break
             states, inputs, slack = self.qp.unpack(solution.x, guess.states[0])
-            length = 1.0
             if limit > 1:
-                length = self._line_search(guess, states, inputs, slack, solution.y, lin.value, reference, circles, past)
+                length = self._line_search(guess, Trajectory(states, inputs, solution.y), slack, lin.value, task)
                 states = guess.states + length * (states - guess.states)
                 inputs = guess.inputs + length * (inputs - guess.inputs)
             step = max(float(np.abs(states - guess.states).max()), float(np.abs(inputs - guess.inputs).max()))
             guess = Trajectory(states, inputs, solution.y)
             if step <= tolerance:
-                break
+                if not (to_convergence and self._penalty_too_weak(guess, task)):
+                    break
+                self.qp.set_slack_penalty(PENALTY_GROWTH * self.qp.slack_penalty)
+            longest = max(longest, self.clock() - t0)
         return SQPResult(guess, status, passes, step, timing, reason)
 
-    def _soft_cost(self, states: Array, inputs: Array, reference: Array, violation: Array) -> float:
+    def _penalty_too_weak(self, found: Trajectory, task: Task) -> bool:
+        """Whether a converged plan stands in an obstacle only because the linear penalty is too weak."""
+        violation = penetration(self.keep_out.gaps(found.states, task.circles)[0])
+        return self.qp.slack_penalty < PENALTY_LIMIT and float(violation.max()) > VIOLATION
+
+    def _soft_cost(self, states: Array, inputs: Array, violation: Array, task: Task) -> float:
         """Objective with the exact penalty on the violation of each stage (N,)."""
-        linear, quadratic = self.problem.slack_weights
-        return self.problem.cost(states, inputs, reference) + float(linear * violation.sum() + quadratic * (violation @ violation))
+        penalty = self.qp.slack_penalty * violation.sum() + self.problem.slack_weights[1] * (violation @ violation)
+        return self.problem.cost(states, inputs, task.reference) + float(penalty)
 
-    def _merit(self, states: Array, inputs: Array, predicted: Array, reference: Array, circles: Array) -> float:
+    def _merit(self, states: Array, inputs: Array, predicted: Array, task: Task) -> float:
         """Exact L1 merit function: objective, penalties, and what the dynamics lack."""
-        violation = penetration(self.keep_out.gaps(states, circles)[0])
-        return self._soft_cost(states, inputs, reference, violation) + self._penalty * float(np.abs(states[1:] - predicted).sum())
+        violation = penetration(self.keep_out.gaps(states, task.circles)[0])
+        defect = float(np.abs(states[1:] - predicted).sum())
+        return self._soft_cost(states, inputs, violation, task) + self._dynamics_penalty * defect
 
-    def _line_search(
-        self,
-        guess: Trajectory,
-        states: Array,
-        inputs: Array,
-        slack: Array,
-        duals: Array,
-        predicted: Array,
-        reference: Array,
-        circles: Array,
-        past: Array,
-    ) -> float:
+    def _line_search(self, guess: Trajectory, found: Trajectory, slack: Array, predicted: Array, task: Task) -> float:
         """Length in (0, 1] at which the merit function falls enough (Armijo), by halving."""
-        self._penalty = max(self._penalty, 1.1 * float(np.abs(duals[self.qp.dynamics_rows]).max()))
-        now = self._merit(guess.states, guess.inputs, predicted, reference, circles)
-        expected = now - self._soft_cost(states, inputs, reference, np.maximum(slack, 0.0))
+        self._dynamics_penalty = max(self._dynamics_penalty, 1.1 * float(np.abs(found.duals[self.qp.dynamics_rows]).max()))
+        now = self._merit(guess.states, guess.inputs, predicted, task)
+        expected = now - self._soft_cost(found.states, found.inputs, np.maximum(slack, 0.0), task)
         length = 1.0
         while length > SHORTEST_STEP:
-            trial_states = guess.states + length * (states - guess.states)
-            trial_inputs = guess.inputs + length * (inputs - guess.inputs)
-            history = self.past_windows(past, trial_inputs)
-            trial = self._merit(
-                trial_states, trial_inputs, self.model.predict(trial_states[:-1], trial_inputs, history), reference, circles
-            )
+            states = guess.states + length * (found.states - guess.states)
+            inputs = guess.inputs + length * (found.inputs - guess.inputs)
+            predicted = self.model.predict(states[:-1], inputs, self.past_windows(task.past, inputs))
             # the last term forgives what rounding takes once nothing is left to gain
-            if trial <= now - ARMIJO * length * expected + 1e-10 * abs(now):
-                return length
+            if self._merit(states, inputs, predicted, task) <= now - ARMIJO * length * expected + 1e-10 * abs(now):
+                break
             length *= 0.5
         return length
