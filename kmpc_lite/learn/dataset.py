@@ -9,11 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kmpc_lite.border import real_array
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import DataError
 
 CHUNK = 8192
 """Rows handled at once: what fits a small board's second-level cache."""
+MAX_ROWS = 10_000_000
+"""Rows of the longest log that is taken in, or made by resampling."""
+SAME_DT = 1e-6
+"""Relative difference up to which two periods count as one: the digits of a log's time stamps end somewhere."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +45,13 @@ class Episode:
     dt: float
 
     def __post_init__(self) -> None:
-        states, inputs = np.ascontiguousarray(self.states, dtype=float), np.ascontiguousarray(self.inputs, dtype=float)
+        """Check the arrays and unwrap the heading."""
+        states, inputs = real_array(self.states, "episode states", DataError), real_array(self.inputs, "episode inputs", DataError)
         if states.ndim != 2 or states.shape[1] != STATES or len(states) < 2:
             raise DataError(f"episode states: expected shape (T + 1, {STATES}) with T >= 1, got {states.shape}")
         if inputs.shape != (len(states) - 1, INPUTS):
             raise DataError(f"episode inputs: expected shape ({len(states) - 1}, {INPUTS}), one row per step, got {inputs.shape}")
-        if not (np.isfinite(self.dt) and self.dt > 0.0):
-            raise DataError(f"episode dt: expected a time > 0 s, got {self.dt}")
+        dt = check_time("episode dt", self.dt)
         for name, array in (("states", states), ("inputs", inputs)):
             if not np.isfinite(array).all():
                 row, column = np.argwhere(~np.isfinite(array))[0]
@@ -56,9 +61,10 @@ class Episode:
             states[:, 2] = np.unwrap(states[:, 2])
         object.__setattr__(self, "states", states)
         object.__setattr__(self, "inputs", inputs)
+        object.__setattr__(self, "dt", dt)
 
     def __len__(self) -> int:
-        """Number of steps, T."""
+        """Count the steps, T."""
         return len(self.inputs)
 
     def resample(self, dt: float) -> Episode | None:
@@ -69,9 +75,20 @@ class Episode:
         return resample(np.arange(len(self) + 1) * self.dt, self.states, self.inputs, dt)
 
 
+def check_time(name: str, value: float) -> float:
+    """Give back a time [s] as a float, or raise DataError naming it."""
+    time = real_array(value, name, DataError)
+    if time.size != 1 or not (np.isfinite(time).all() and (time > 0.0).all()):
+        raise DataError(f"{name}: expected a time > 0 s, got {value}")
+    return float(time.item())
+
+
 def resample(time: Array, states: Array, inputs: Array, dt: float) -> Episode | None:
     """Put states (T + 1, 3) at times (T + 1,) [s] and the inputs (T, 2) between them on an even grid."""
+    dt = check_time("dt", dt)
     elapsed = time - time[0]
+    if elapsed[-1] > MAX_ROWS * dt:
+        raise DataError(f"dt: {dt:g} s would cut a drive of {elapsed[-1]:g} s into more than {MAX_ROWS:,} steps")
     steps = int(np.floor(elapsed[-1] / dt + 1e-6))
     if steps < 1:
         return None
@@ -121,7 +138,7 @@ class Dataset:
         if not self.episodes:
             raise DataError("a dataset needs at least one episode, got none")
         periods = sorted({e.dt for e in self.episodes})
-        if periods[-1] - periods[0] > 1e-9 * periods[-1]:
+        if periods[-1] - periods[0] > SAME_DT * periods[-1]:
             raise DataError(f"episodes have different periods ({periods[0]:g} to {periods[-1]:g} s): resample them to one dt")
         self.dt = periods[0]
 
@@ -132,7 +149,7 @@ class Dataset:
         Parameters
         ----------
         path : path
-            A .csv file with a header, or an .npz file with one array per column.
+            A .csv file with a header, or an .npz file with one array per column; other columns are not looked at.
         dt : float, optional
             Period [s] to resample to; without it the log must be evenly sampled and keeps its own.
         gap : float, optional
@@ -154,7 +171,7 @@ class Dataset:
         write_log(self.episodes, path)
 
     def __len__(self) -> int:
-        """Number of episodes."""
+        """Count the episodes."""
         return len(self.episodes)
 
     def __repr__(self) -> str:
@@ -174,6 +191,8 @@ class Dataset:
         DataError
             Where one side would be empty.
         """
+        if not 0.0 < fraction < 1.0:
+            raise DataError(f"split fraction: expected a share between 0 and 1, got {fraction}")
         count = int(round(fraction * len(self)))
         if not 0 < count < len(self):
             raise DataError(
@@ -185,8 +204,8 @@ class Dataset:
         return Dataset(pick[:count]), Dataset(pick[count:])
 
     def windows(self, seconds: float) -> Dataset:
-        """Cut every episode into pieces of at most `seconds`, so that one long log can be split."""
-        length = max(1, int(round(seconds / self.dt)))
+        """Cut every episode into pieces of at most `seconds` (one step at least), so that one long log can be split."""
+        length = max(1, int(min(check_time("windows", seconds) / self.dt + 1e-6, MAX_ROWS)))
         pieces = [
             Episode(e.states[k : k + length + 1], e.inputs[k : k + length], e.dt) for e in self.episodes for k in range(0, len(e), length)
         ]
@@ -194,8 +213,7 @@ class Dataset:
 
     def resample(self, dt: float) -> Dataset:
         """Return the same drives at another period [s]."""
-        if not (np.isfinite(dt) and dt > 0.0):
-            raise DataError(f"dt: expected a time > 0 s, got {dt}")
+        dt = check_time("dt", dt)
         if abs(dt - self.dt) <= 1e-9 * dt:
             return self
         kept = [r for e in self.episodes if (r := e.resample(dt)) is not None]
