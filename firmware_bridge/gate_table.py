@@ -26,7 +26,7 @@ class Event(Enum):
     RESET = "reset by the operator"
     ENABLE = "enabled by the operator"
     STOP = "stop asked for (Ctrl-C, goal held)"
-    TAKEN = "the board is heard but no longer obeys us: disarmed, or in another mode"
+    TAKEN = "the autopilot is heard but no longer obeys us: disarmed, or in another mode"
     FAULT = "something is missing, stale or wrong"
     STILL = "the command has come to zero"
     HELD = "zeros for as long as `hold`"
@@ -50,7 +50,7 @@ class Reason(Enum):
 
     LINK = "link down"
     HEARTBEAT = "board not heard"
-    NOT_READY = "board not armed, or not in the mode that obeys us"
+    NOT_READY = "board not ready: not armed, not in the mode that obeys us, or not set up"
     BOARD = "board reports a fault"
     ESTIMATE = "board distrusts its own pose estimate"
     POSE = "no pose, or too old"

@@ -105,6 +105,8 @@ class ControlLoop:
         Told of each tick.
     operator : Operator, optional
         Emergency stop, reset, enable.
+    take : callable, optional
+        Asks the board for control again, where the operator enables the robot after it was given back or taken.
     clock, sleep : callable
         For tests.
     """
@@ -119,12 +121,13 @@ class ControlLoop:
         tick: float = TICK,
         observers: tuple[Observer, ...] = (),
         operator: Operator | None = None,
+        take: Callable[[], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.driver, self.gate, self.planner = driver, gate, planner
         self._command_period, self._tick, self._observers, self._operator = command_period, tick, observers, operator
-        self._clock, self._sleep = clock, sleep
+        self._take, self._clock, self._sleep = take, clock, sleep
         self.statistics = Statistics()
         self.changes: deque[Change] = deque(maxlen=1000)
         """The gate's last changes of state."""
@@ -217,6 +220,12 @@ class ControlLoop:
             return
         self._operator.tell(self.gate.state)
         for request in self._operator.take():
+            if (
+                request == "enable"
+                and self._take is not None
+                and self.gate.state in (GateState.RELEASED, GateState.YIELDED, GateState.IDLE)
+            ):
+                self._guarded(self._take)
             {"stop": self.gate.estop, "reset": self.gate.reset, "enable": self.gate.enable}[request]()
 
     def _do(self, now: float, output: GateOutput) -> bool:

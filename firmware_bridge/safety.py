@@ -44,11 +44,13 @@ class GateSettings:
     """How long all must be good before the robot drives (again) [s]."""
     geofence: tuple[float, float, float, float] | None = None
     """xmin, ymin, xmax, ymax [m]: outside the robot stops, and is given back."""
+    pilot: bool = True
+    """Whether somebody else can take the robot: an autopilot's modes. Without, a board that is not ready is a fault."""
 
     def __post_init__(self) -> None:
         for item in fields(self):
             value = getattr(self, item.name)
-            if item.name in ("limits", "geofence"):
+            if item.name in ("limits", "geofence", "pilot"):
                 continue
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value <= 60.0:
                 raise ConfigError(f"{item.name}: expected a time from 0 to 60 s, not 0, got {value!r}")
@@ -83,8 +85,6 @@ class SafetyGate:
     ----------
     settings : GateSettings
         Limits and patience.
-    latched : bool
-        Start in ESTOP: the emergency stop of an earlier process was never reset.
 
     Examples
     --------
@@ -93,14 +93,14 @@ class SafetyGate:
     'NOTHING'
     """
 
-    def __init__(self, settings: GateSettings | None = None, latched: bool = False) -> None:
+    def __init__(self, settings: GateSettings | None = None) -> None:
         self.settings = GateSettings() if settings is None else settings
-        self.state = GateState.ESTOP if latched else GateState.IDLE
+        self.state = GateState.IDLE
         self._requests: set[Event] = set()
         self._output = (0.0, 0.0)
         self._final = False
         self._last: float | None = None
-        self._entered: float | None = None
+        self._entered = -math.inf
         self._clear_since: float | None = None
         self._released_at: float | None = None
         self._acknowledged = False
@@ -144,8 +144,6 @@ class SafetyGate:
         """
         dt = 0.0 if self._last is None else min(max(now - self._last, 0.0), MAX_STEP)
         self._last = now
-        if self._entered is None:
-            self._entered = now
         reasons = self._judge(now, command, state, status)
         if reasons:
             self._clear_since = None
@@ -157,7 +155,7 @@ class SafetyGate:
         self._requests.clear()
         if reasons:
             events.add(Event.FAULT)
-        if Reason.NOT_READY in reasons and UNHEARD.isdisjoint(reasons):
+        if self.settings.pilot and Reason.NOT_READY in reasons and UNHEARD.isdisjoint(reasons):
             events.add(Event.TAKEN)
         # several transitions may fall into one step: a stop asked of a robot that stands, and that a pilot has taken
         while (then := self._next(now, events)) is not None:
@@ -194,7 +192,6 @@ class SafetyGate:
 
     def _next(self, now: float, events: set[Event]) -> GateState | None:
         """Where the table leads, or None."""
-        assert self._entered is not None
         for transition in BY_STATE[self.state]:
             event = transition.event
             if event is Event.CLEAR:
@@ -225,8 +222,8 @@ class SafetyGate:
         elif self.state is GateState.STOPPING:
             output = limits.slew(self._output, (0.0, 0.0), dt)
         elif self.state is GateState.WAITING:
-            # zeros feed the watchdog of a board that would trip on silence
-            if Reason.NOT_READY in reasons or not UNHEARD.isdisjoint(reasons):
+            # zeros feed the watchdog of a board that would trip on silence, and take back motors that were released
+            if (self.settings.pilot and Reason.NOT_READY in reasons) or not UNHEARD.isdisjoint(reasons):
                 action = Action.NOTHING
         elif self.state in (GateState.RELEASED, GateState.ESTOP):
             action = self._release(now, status, reasons)
@@ -236,21 +233,19 @@ class SafetyGate:
         return GateOutput(*output, action, self.state, reasons)
 
     def _release(self, now: float, status: LinkStatus, reasons: tuple[Reason, ...]) -> Action:
-        """Give the robot back until the board has obeyed. A board without modes obeys when it is heard again."""
-        assert self._entered is not None
-        latched, heard = self.state is GateState.ESTOP, UNHEARD.isdisjoint(reasons)
+        """Give the robot back until the board has obeyed; a plain motor controller has obeyed when it is heard again."""
+        latched, heard, pilot = self.state is GateState.ESTOP, UNHEARD.isdisjoint(reasons), self.settings.pilot
         if self._released_at is not None and heard and status.heartbeat_stamp > self._released_at:
-            obeyed = not status.ready or not status.mode
             # a robot that somebody drives on after a plain release is theirs; after an emergency stop it is nobody's
-            self._acknowledged = obeyed or (self._acknowledged and not latched)
+            self._acknowledged = not pilot or not status.ready or (self._acknowledged and not latched)
         if self._acknowledged:
             return Action.NOTHING
-        # a board without HOLD would coast when released: it brakes first
-        brake_first = latched and not status.mode and now - self._entered < self.settings.hold
+        # released motors coast: without an autopilot's HOLD the robot is braked first
+        brake_first = latched and not pilot and now - self._entered < self.settings.hold
         if not brake_first and (self._released_at is None or now - self._released_at >= RESEND):
             self._released_at = now
             return Action.RELEASE
-        return Action.SEND if latched and (brake_first or status.mode or not heard) else Action.NOTHING
+        return Action.SEND if latched and (brake_first or pilot or not heard) else Action.NOTHING
 
 
 def _fresh(now: float, stamp: float, limit: float) -> bool:

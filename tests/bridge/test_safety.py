@@ -17,9 +17,9 @@ SETTINGS = GateSettings(geofence=(-5.0, -5.0, 5.0, 5.0))
 class World:
     """A gate with good inputs at every tick, which a test then spoils."""
 
-    def __init__(self, settings: GateSettings = SETTINGS, mode: str = "GUIDED", command: tuple[float, float] = (0.3, 0.4)) -> None:
-        self.gate, self.now, self.command = SafetyGate(settings), 100.0, command
-        self.ready, self.mode, self.x, self.pose_ok, self.connected = True, mode, 0.0, True, True
+    def __init__(self, pilot: bool = True) -> None:
+        self.gate, self.now, self.command = SafetyGate(replace(SETTINGS, pilot=pilot)), 100.0, (0.3, 0.4)
+        self.ready, self.x, self.pose_ok, self.connected = True, 0.0, True, True
         self.faults: tuple[str, ...] = ()
         self.silent: set[str] = set()
         self.stamps = dict.fromkeys(("command", "pose", "source", "heartbeat"), self.now)
@@ -35,7 +35,6 @@ class World:
             self.stamps["source"],
             self.ready,
             self.pose_ok,
-            mode=self.mode,
             faults=self.faults,
         )
         state = State(self.x, 0.0, 0.0, 0.0, 0.0, self.stamps["pose"])
@@ -54,9 +53,9 @@ class World:
         return self
 
 
-def into(state: GateState, **kwargs: object) -> World:
+def into(state: GateState) -> World:
     """A world whose gate is in `state`."""
-    world = World(**kwargs)  # type: ignore[arg-type]
+    world = World()
     if state is GateState.IDLE:
         world.run(1.0)
     elif state is GateState.WAITING:
@@ -256,15 +255,15 @@ def test_ramp_then_zeros_for_a_second_then_release_until_the_board_obeys():
     assert not world.gate.done
     again = [world.step().action for _ in range(round(2.1 * RESEND / TICK))]
     assert again.count(Action.RELEASE) == 2 and again.count(Action.SEND) == 0
-    world.ready, world.mode = False, "HOLD"
+    world.ready = False
     assert world.step().action is Action.NOTHING and world.gate.done
     # whoever takes it back to GUIDED now has it
-    world.ready, world.mode = True, "GUIDED"
+    world.ready = True
     assert {o.action for o in (world.step() for _ in range(100))} == {Action.NOTHING}
 
 
-def test_a_board_without_modes_is_released_once():
-    world = World(mode="").drive()
+def test_a_plain_board_is_released_once():
+    world = World(pilot=False).drive()
     world.gate.stop()
     world.run(5.0)
     assert [o.action for o in world.outputs].count(Action.RELEASE) == 1
@@ -272,7 +271,7 @@ def test_a_board_without_modes_is_released_once():
 
 
 def test_a_release_is_sent_again_when_the_link_was_down():
-    world = World(mode="").drive()
+    world = World(pilot=False).drive()
     world.silent, world.connected = {"heartbeat"}, False
     world.run(5.0)
     assert [o.action for o in world.outputs].count(Action.RELEASE) > 3 and not world.gate.done
@@ -283,10 +282,10 @@ def test_a_release_is_sent_again_when_the_link_was_down():
 
 def test_a_pilot_who_takes_over_keeps_the_robot():
     world = World().drive()
-    world.ready, world.mode = False, "MANUAL"
+    world.ready = False
     first = world.step()
     assert (first.state, first.action) == (GateState.YIELDED, Action.NOTHING)
-    world.ready, world.mode = True, "GUIDED"
+    world.ready = True
     assert {world.step().action for _ in range(500)} == {Action.NOTHING}
     world.gate.stop()
     world.step()
@@ -311,13 +310,13 @@ def test_a_stop_while_the_pilot_drives_sends_nothing():
     assert world.step().state is GateState.YIELDED and world.outputs[-1].action is Action.NOTHING
 
 
-@pytest.mark.parametrize("mode", ["GUIDED", ""])
-def test_emergency_stop_is_zero_at_once_and_latched(mode):
-    world = World(mode=mode).drive()
+@pytest.mark.parametrize("pilot", [True, False])
+def test_emergency_stop_is_zero_at_once_and_latched(pilot):
+    world = World(pilot).drive()
     world.gate.estop()
     output = world.step()
     assert (output.state, output.v, output.omega) == (GateState.ESTOP, 0.0, 0.0)
-    assert output.action is (Action.RELEASE if mode else Action.SEND)
+    assert output.action is (Action.RELEASE if pilot else Action.SEND)
     world.gate.enable()
     world.gate.stop()
     world.run(10.0)
@@ -329,8 +328,8 @@ def test_emergency_stop_is_zero_at_once_and_latched(mode):
     assert world.run(1.0).state is GateState.ACTIVE
 
 
-def test_a_board_without_modes_brakes_for_a_second_before_it_is_released():
-    world = World(mode="").drive()
+def test_a_plain_board_brakes_for_a_second_before_it_is_released():
+    world = World(pilot=False).drive()
     world.gate.estop()
     world.run(1.0)
     assert [o.action for o in world.outputs if o.state is GateState.ESTOP] == [Action.SEND] * 50
@@ -348,20 +347,25 @@ def test_an_emergency_stop_is_repeated_until_obeyed_and_when_somebody_lifts_it()
     assert world.step().action is not Action.NOTHING
 
 
+def test_a_plain_board_that_is_not_ready_is_a_fault_and_takes_its_motors_back_by_zeros():
+    world = World(pilot=False).drive()
+    world.ready = False
+    assert world.step().state is GateState.STOPPING
+    world.run(3.0)
+    assert world.gate.state is GateState.RELEASED and world.gate.done
+    world.gate.enable()
+    output = world.run(1.0)
+    assert (output.state, output.action, output.v) == (GateState.WAITING, Action.SEND, 0.0)
+    world.ready = True
+    assert world.run(1.0).state is GateState.ACTIVE
+
+
 def test_an_emergency_stop_beats_a_reset_in_the_same_step():
     world = World().drive()
     world.gate.reset()
     world.gate.estop()
     world.gate.enable()
     assert world.run(1.0).state is GateState.ESTOP
-
-
-def test_a_latched_gate_starts_stopped():
-    gate = SafetyGate(SETTINGS, latched=True)
-    gate.enable()
-    world = World()
-    world.gate = gate
-    assert world.run(2.0).state is GateState.ESTOP
 
 
 def test_time_that_stands_or_runs_back_moves_no_command():

@@ -33,12 +33,11 @@ inputs = st.fixed_dictionaries(
         "ready": st.booleans(),
         "pose_ok": st.booleans(),
         "connected": st.booleans(),
-        "mode": st.sampled_from(["", "GUIDED"]),
         "faults": st.sampled_from([(), (), ("over-temperature",)]),
         "request": st.sampled_from([None, None, None, "enable", "stop", "estop", "reset"]),
     }
 )
-GOOD = {"dt": TICK, "ages": (0.0,) * 4, "ready": True, "pose_ok": True, "connected": True, "mode": "GUIDED", "faults": (), "request": None}
+GOOD = {"dt": TICK, "ages": (0.0,) * 4, "ready": True, "pose_ok": True, "connected": True, "faults": (), "request": None}
 
 
 def step(gate: SafetyGate, now: float, given: dict) -> GateOutput:
@@ -51,7 +50,6 @@ def step(gate: SafetyGate, now: float, given: dict) -> GateOutput:
         now - source_age,
         given["ready"],
         given["pose_ok"],
-        mode=given["mode"],
         faults=given["faults"],
     )
     command = None if given["command"] is None else VelocityCommand(*given["command"], now - command_age)
@@ -75,9 +73,9 @@ def histories(draw):
 
 
 @settings(max_examples=150, deadline=None)
-@given(limits, histories())
-def test_limits_hold_whatever_comes(bounds, history):
-    gate, now, before = SafetyGate(GateSettings(bounds)), 10.0, (0.0, 0.0)
+@given(limits, st.booleans(), histories())
+def test_limits_hold_whatever_comes(bounds, pilot, history):
+    gate, now, before = SafetyGate(GateSettings(bounds, pilot=pilot)), 10.0, (0.0, 0.0)
     latched = False
     for given_inputs in history:
         now += given_inputs["dt"]
@@ -102,7 +100,7 @@ def test_limits_hold_whatever_comes(bounds, history):
             assert output.action is Action.NOTHING
         if output.state is GateState.ACTIVE:
             assert output.reasons == ()
-        if output.action is Action.SEND and output.state is not GateState.ESTOP and Reason.NOT_READY in output.reasons:
+        if pilot and output.action is Action.SEND and output.state is not GateState.ESTOP and Reason.NOT_READY in output.reasons:
             assert {Reason.HEARTBEAT, Reason.LINK} & set(output.reasons), "sent to a robot that somebody else has"
         latched = given_inputs["request"] == "estop" or (latched and given_inputs["request"] != "reset")
         assert not latched or output.state is GateState.ESTOP
