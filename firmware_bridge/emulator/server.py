@@ -10,7 +10,7 @@ from firmware_bridge.messages import ConfigError, LinkError
 from firmware_bridge.transport import Transport, loopback_wire
 from firmware_bridge.transport.sockets import TcpPort, UdpEndpoint
 from firmware_bridge.transport.threaded import Endpoint, Port, ThreadedTransport
-from firmware_bridge.transport.tty import make_raw
+from firmware_bridge.transport.tty import SPEEDS, make_raw
 from firmware_bridge.transport.url import LinkUrl
 
 READ_BYTES = 65536
@@ -128,6 +128,14 @@ class TcpListener(Endpoint):
         """Stop listening."""
         if self._socket is not None:
             self._socket.close()
+
+
+def line_speed(transport: Transport) -> int | None:
+    """Bits per second that the bridge has set on a pseudo-terminal; None for other links, and for speeds that no port here has."""
+    endpoint = transport.endpoint if isinstance(transport, ThreadedTransport) else None
+    if not isinstance(endpoint, PtyEndpoint) or endpoint.port is None:
+        return None
+    return {constant: rate for rate, constant in SPEEDS.items()}.get(endpoint.port.speed)
 
 
 def serve(url: str) -> Transport:

@@ -68,7 +68,7 @@ class ThreadedTransport:
     """
 
     def __init__(self, endpoint: Endpoint, queue: int = QUEUE_FRAMES) -> None:
-        self._endpoint = endpoint
+        self.endpoint = endpoint
         self._lock = threading.Lock()
         self._queue: deque[bytes] = deque()
         self._queue_frames = queue
@@ -102,7 +102,7 @@ class ThreadedTransport:
         if self._closing or self._thread is not None:
             raise LinkError("this link was started before: open a new one")
         self._on_bytes = on_bytes
-        port = self._endpoint.open()
+        port = self.endpoint.open()
         self._wake_read, self._wake_write = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
         self._port, self._was_open = port, port is not None
         self._thread = threading.Thread(target=self._run, name="bridge-io", daemon=True)
@@ -130,7 +130,7 @@ class ThreadedTransport:
             if self._thread is not None:
                 self._wake()
         if self._thread is None:
-            self._endpoint.close()
+            self.endpoint.close()
         elif self._thread is not threading.current_thread():
             self._thread.join()
 
@@ -149,6 +149,10 @@ class ThreadedTransport:
                     self._down(str(error))
                 except Exception as error:  # a bug in a callback must not end the thread: it counts as a lost link
                     self._down(f"{type(error).__name__}: {error}")
+            if self._port is not None:
+                self._send()  # the last words, as far as the port takes them at once
+        except OSError as error:
+            self._last_error = str(error)
         finally:
             with self._lock:
                 self._closing = True
@@ -157,17 +161,17 @@ class ThreadedTransport:
                 os.close(self._wake_write)
             if port is not None:
                 port.close()
-            self._endpoint.close()
+            self.endpoint.close()
 
     def _turn(self) -> None:
         """Wait for one event and deal with it."""
         if self._port is None:
             self._reopen()
             return
-        door = self._endpoint.fileno()
+        door = self.endpoint.fileno()
         ready = self._poll(self._port.fileno(), door, None)
         if door in ready:
-            self._endpoint.turn_away()
+            self.endpoint.turn_away()
         if self._port.fileno() in ready:
             data = self._port.read()
             if data:
@@ -202,13 +206,13 @@ class ThreadedTransport:
                 return
 
     def _reopen(self) -> None:
-        door = self._endpoint.fileno()
+        door = self.endpoint.fileno()
         self._poll(None, door, self._backoff if door is None else None)
         if self._closing:
             return
         self._backoff = min(2.0 * self._backoff, BACKOFF_LAST)
         try:
-            port = self._endpoint.open()
+            port = self.endpoint.open()
         except LinkError as error:  # still gone: no new loss to count
             self._last_error = str(error)
             return

@@ -1,0 +1,356 @@
+"""What the serial motor controllers have in common: one thread that asks, odometry, health, and a last guard on old commands."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Hashable
+
+from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.messages import LinkError, LinkStatus, State
+from firmware_bridge.transport import Transport
+
+SETTLE = 0.012
+"""Silence after a reply that did not come: past the 10 ms after which a RoboClaw forgets half a packet [s]."""
+SILENCE = 0.5
+"""A board that has answered nothing for so long is set up anew [s]."""
+JUMP_SHOWN = 1.0
+"""How long a jump of the counters makes the pose count as untrue [s]."""
+ABSURD = 5.0
+"""Speeds past so many times the limit are refused."""
+STRANGERS, STRANGERS_WITHIN = 5, 1.0
+"""So many replies that nobody asked for within so many seconds: somebody else talks to the board."""
+
+
+class NoReply(Exception):
+    """A reply that did not come in time."""
+
+
+class PolledDriver:
+    """A `Driver` that asks a board for its counters, one request under way at a time.
+
+    A subclass builds the frames: `_configure`, `_poll`, `_drive`, `_release`, `_feed`. They run in the driver's thread, but
+    `_feed`, which runs in the transport's.
+
+    Parameters
+    ----------
+    transport : Transport
+        Not yet started; the driver starts and closes it.
+    geometry : WheelGeometry
+        Of the robot.
+    odometry : WheelOdometry
+        Fits the board's counters.
+    poll_hz : float
+        Rounds of questions per second [Hz].
+    reply_timeout : float
+        How long a reply may take [s].
+    command_timeout : float
+        The driver itself sends zero speed when the last command is older [s].
+    """
+
+    board = "board"
+    hint = "is it powered and wired, TX to RX?"
+    answers_commands = True
+    """Whether the board answers commands; they then wait for the reply that is under way, else they go out at once."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        geometry: WheelGeometry,
+        odometry: WheelOdometry,
+        poll_hz: float,
+        reply_timeout: float,
+        command_timeout: float,
+    ) -> None:
+        self._transport, self._geometry, self._odometry = transport, geometry, odometry
+        self._period, self._reply_timeout, self._command_timeout = 1.0 / poll_hz, reply_timeout, command_timeout
+        self._changed = threading.Condition()
+        self._thread: threading.Thread | None = None
+        self._closing = False
+        self._configured = False
+        self._released = False
+        self._armed = True
+        self._command = (0.0, 0.0)
+        self._command_stamp = -math.inf
+        self._pending = False
+        self._expected: Hashable = None
+        self._reply: tuple[bytes, float] | None = None
+        self._heard = self._jumped = -math.inf
+        self._state: State | None = None
+        self._errors: tuple[str, ...] = ()
+        self._warnings: tuple[str, ...] = ()
+        self._estimate_ok = True
+        self._mode = ""
+        self._strangers: list[float] = []
+        self._links = 0
+        names = ("frames", "timeouts", "unexpected_replies", "refused_replies", "refused_commands", "stale_commands", "odometry_jumps")
+        self._counters = dict.fromkeys((*names, "setups", "board_restarts", "driver_errors"), 0)
+
+    # What a board adds
+
+    def _configure(self) -> None:
+        """Find the board, stop it, set its watchdog and read it back; raises NoReply or LinkError."""
+        raise NotImplementedError
+
+    def _poll(self, cycle: int) -> None:
+        """Ask for counters, speeds and errors once; calls `_moved`."""
+        raise NotImplementedError
+
+    def _drive(self, first: float, second: float) -> None:
+        """Send the speeds of both channels, in motor turns per second."""
+        raise NotImplementedError
+
+    def _release(self) -> None:
+        """Let go of the motors, which stand still."""
+
+    def _feed(self, data: bytes, stamp: float) -> None:
+        """Take bytes off the link; calls `_deliver` for each frame."""
+        raise NotImplementedError
+
+    def _begin(self, key: Hashable) -> None:
+        """Prepare the decoder for the reply to `key`."""
+
+    def _damaged(self) -> int:
+        """Bytes that the decoder had to skip."""
+        return 0
+
+    # Driver protocol
+
+    def connect(self, timeout: float) -> None:
+        """Open the link, set the board up and wait for its first counters."""
+        self._transport.start(self._receive)
+        self._thread = threading.Thread(target=self._run, name=f"bridge-{self.board.lower()}", daemon=True)
+        self._thread.start()
+        with self._changed:
+            done = self._changed.wait_for(lambda: self._configured and self._state is not None, timeout)
+        if not done:
+            reason = self._why_silent(timeout)
+            self.close()
+            raise LinkError(reason)
+
+    def state(self) -> State | None:
+        """Newest odometry."""
+        return self._state
+
+    def send(self, v: float, omega: float) -> None:
+        """Command speeds: written at once, or after the reply that is under way."""
+        left, right = self._geometry.wheels(v, omega)
+        with self._changed:
+            self._command, self._command_stamp = self._geometry.to_channels(left, right), time.monotonic()
+            self._pending = True
+            if left == right == 0.0:
+                self._released = False  # only standing still may take the motors back
+            if not self.answers_commands:
+                self._send_pending()
+            self._changed.notify_all()
+
+    def stop(self) -> None:
+        """Zero speed, then release the motors; the next zero command takes them back."""
+        with self._changed:
+            self._command, self._command_stamp = (0.0, 0.0), time.monotonic()
+            self._pending = self._released = True
+            if not self.answers_commands:
+                self._send_pending()
+            self._changed.notify_all()
+
+    def health(self) -> LinkStatus:
+        """What is known of the board."""
+        now = time.monotonic()
+        with self._changed:
+            jumped = now - self._jumped < JUMP_SHOWN
+            faults = self._errors + self._warnings
+            if jumped:
+                faults += ("the wheel counters jumped: the board was restarted, or a reply was damaged",)
+            if len([stamp for stamp in self._strangers if now - stamp < STRANGERS_WITHIN]) >= STRANGERS:
+                faults += ("replies that nobody asked for: does another program talk to the board?",)
+            fresh = now - self._heard < SILENCE
+            connected = self._transport.connected
+            if not connected and self._transport.last_error:
+                faults += (self._transport.last_error,)
+            return LinkStatus(
+                connected=connected,
+                heartbeat_stamp=self._heard,
+                pose_stamp=self._state.stamp if self._state is not None else -math.inf,
+                ready=connected and self._configured and fresh and self._armed and not self._errors and not self._released,
+                pose_ok=self._estimate_ok and not jumped,
+                armed=self._armed and not self._released,
+                mode=self._mode,
+                faults=faults,
+                counters={**self._transport.counters, **self._counters, "bad_bytes": self._damaged()},
+            )
+
+    def close(self) -> None:
+        """Zero speed as the last word, then close the link."""
+        with self._changed:
+            if self._closing:
+                return
+            self._closing = True
+            self._changed.notify_all()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join()
+        self._transport.close()
+
+    def reset_pose(self, x: float, y: float, theta: float) -> None:
+        """Say where the robot stands now: x, y [m], theta [rad]."""
+        if not all(map(math.isfinite, (x, y, theta))):
+            raise ValueError(f"expected a finite pose, got {(x, y, theta)}")
+        with self._changed:
+            self._odometry.x, self._odometry.y, self._odometry.theta = x, y, math.remainder(theta, math.tau)
+
+    # Thread of the driver
+
+    def _run(self) -> None:
+        deadline, cycle = time.monotonic(), 0
+        while not self._closing:
+            try:
+                if not self._ready_to_ask():
+                    self._wait(lambda: False, 0.05)
+                    continue
+                self._send_pending()
+                now = time.monotonic()
+                if now >= deadline:
+                    deadline = max(deadline + self._period, now)  # after a stall, skip: do not burst
+                    self._poll(cycle)
+                    cycle += 1
+                self._guard()
+                self._wait(lambda: self._pending, deadline - time.monotonic())
+            except NoReply:
+                self._settle()
+            except Exception as error:  # nothing that a board says may end this thread: it is counted and told
+                self._counters["driver_errors"] += 1
+                self._warnings = (str(error) if isinstance(error, LinkError) else f"{type(error).__name__}: {error}",)
+                self._configured = False
+                self._wait(lambda: False, 0.05)
+        try:
+            self._drive(0.0, 0.0)
+            if self._released:
+                self._release()
+        except NoReply:
+            pass  # the last words are written; nobody waits for their replies
+
+    def _ready_to_ask(self) -> bool:
+        """Whether the board is there and set up; sets it up again after a loss."""
+        if not self._transport.connected:
+            self._configured = False
+            return False
+        links = self._transport.counters["reconnects"]
+        if links != self._links or time.monotonic() - self._heard > SILENCE:
+            self._configured, self._links = False, links
+        still = self._command == (0.0, 0.0) and time.monotonic() - self._command_stamp < self._command_timeout
+        if not self._armed and not self._released and still:
+            self._configured = False  # a board that let go is taken back only while somebody asks it to stand still
+        if not self._configured:
+            self._configure()
+            with self._changed:
+                self._configured = True
+                self._counters["setups"] += 1
+                self._heard = time.monotonic()
+        return True
+
+    def _send_pending(self) -> None:
+        """Send the newest command, if it has not been."""
+        with self._changed:
+            if not self._pending:
+                return
+            self._pending = False
+            (first, second), released = self._command, self._released
+        moving = first != 0.0 or second != 0.0
+        if moving and (released or not self._armed or not self._configured):
+            self._counters["refused_commands"] += 1
+            first = second = 0.0
+        self._drive(first, second)
+        if released:
+            self._release()
+
+    def _guard(self) -> None:
+        """Replace a command that has become old by zero: asking alone keeps some boards' watchdogs fed."""
+        with self._changed:
+            if self._command != (0.0, 0.0) and time.monotonic() - self._command_stamp > self._command_timeout:
+                self._command, self._pending = (0.0, 0.0), True
+                self._counters["stale_commands"] += 1
+        self._send_pending()
+
+    def _ask(self, frame: bytes, key: Hashable, timeout: float | None = None) -> tuple[bytes, float]:
+        """Send a request and wait for its reply; returns the reply and when it was true, as well as is known [s]."""
+        with self._changed:
+            self._begin(key)
+            self._expected, self._reply = key, None
+            sent = time.monotonic()
+            if not self._transport.write(frame):
+                self._expected = None
+                raise NoReply
+            self._changed.wait_for(lambda: self._reply is not None or self._closing, timeout or self._reply_timeout)
+            self._expected = None
+            if self._reply is None:
+                self._counters["timeouts"] += not self._closing
+                raise NoReply
+            reply, received = self._reply
+            self._heard = received
+            self._counters["frames"] += 1
+        self._send_pending()
+        return reply, (sent + received) / 2.0
+
+    def _deliver(self, key: Hashable, reply: bytes, stamp: float) -> None:
+        """Hand a reply to the request that waits for it; any other is refused and counted."""
+        with self._changed:
+            if key is not None and key == self._expected and self._reply is None:
+                self._reply = (reply, stamp)
+                self._changed.notify_all()
+                return
+            self._counters["unexpected_replies"] += 1
+            self._strangers = [*self._strangers[-STRANGERS:], stamp]
+
+    def _refuse(self, why: str) -> NoReply:
+        """Count a reply that came for the right request and makes no sense."""
+        self._counters["refused_replies"] += 1
+        return NoReply(why)
+
+    def _restarted(self) -> None:
+        """Note that the board was switched off and on: its counters begin anew, and nobody knows how far it rolled."""
+        with self._changed:
+            self._odometry.rebase()
+            self._counters["board_restarts"] += 1
+            self._jumped = time.monotonic()
+        self._configured = False
+
+    def _moved(self, counts: tuple[float, float], speeds: tuple[float, float], stamp: float) -> None:
+        """Take counters and speeds (motor turns per second) of both channels into the odometry."""
+        left, right = self._geometry.from_channels(*speeds)
+        v, omega = self._geometry.body(left, right)
+        fastest = (ABSURD * self._geometry.max_wheel_speed + 1.0) / self._geometry.wheel_radius
+        if not (math.isfinite(counts[0] + counts[1]) and abs(left) <= fastest and abs(right) <= fastest):
+            raise self._refuse(f"counters {counts}, speeds {speeds}")
+        with self._changed:
+            if not self._odometry.update(*counts, stamp):
+                self._counters["odometry_jumps"] += 1
+                self._jumped = stamp
+            self._state = State(self._odometry.x, self._odometry.y, self._odometry.theta, v, omega, stamp)
+            self._changed.notify_all()
+
+    # Small things
+
+    def _receive(self, data: bytes, stamp: float) -> None:
+        self._feed(data, stamp)
+
+    def _wait(self, done: Callable[[], bool], seconds: float) -> None:
+        if seconds > 0.0:
+            with self._changed:
+                self._changed.wait_for(lambda: self._closing or done(), seconds)
+
+    def _settle(self) -> None:
+        """Let what is late arrive and be thrown away before the next request."""
+        self._wait(lambda: False, SETTLE)
+
+    def _why_silent(self, timeout: float) -> str:
+        """Say why `connect` failed, in words a user can act on."""
+        counters, faults = self._transport.counters, self._errors + self._warnings
+        if not self._transport.connected:
+            return f"{self.board}: {self._transport.last_error or 'the link is down'}"
+        if faults and self._counters["frames"]:
+            return f"{self.board}: answers, but cannot drive: {'; '.join(faults)}"
+        if counters["bytes_in"] == 0:
+            return f"{self.board}: no answer within {timeout:g} s: {self.hint}"
+        if self._counters["frames"] == 0:
+            return f"{self.board}: {counters['bytes_in']} bytes came and none made sense: wrong baud rate or protocol? {self.hint}"
+        return f"{self.board}: answers come, but too few within {timeout:g} s: {self._counters['timeouts']} are missing"

@@ -1,0 +1,134 @@
+"""Body speeds <-> wheel speeds, and odometry from wheel counters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from firmware_bridge.options import bounded, check
+
+WRAP = 2**32
+
+
+@dataclass(frozen=True)
+class WheelGeometry:
+    """A robot with a left and a right wheel (or side), each on its own motor.
+
+    Examples
+    --------
+    >>> rosbot = WheelGeometry(wheel_radius=0.0425, track=0.27, max_wheel_speed=0.9)
+    >>> left, right = rosbot.wheels(0.4, 1.0)
+    >>> v, omega = rosbot.body(left, right)
+    >>> round(v, 9), round(omega, 9)
+    (0.4, 1.0)
+    """
+
+    wheel_radius: float = bounded(1e-3, 10.0, "m")
+    """[m]"""
+    track: float = bounded(1e-2, 100.0, "m")
+    """Effective distance between the wheels [m]; skid-steer robots: 1.3 to 2 times the measured one."""
+    max_wheel_speed: float = bounded(1e-3, 100.0, "m/s")
+    """At the rim [m/s]. Faster commands are scaled down on both sides, which keeps the curvature."""
+    gear_ratio: float = bounded(1e-3, 1e4, "", 1.0)
+    """Motor turns per wheel turn."""
+    invert_left: bool = False
+    """The left motor turns backwards for positive commands."""
+    invert_right: bool = False
+    swap: bool = False
+    """The right wheel is on the board's first channel."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check(self)
+
+    def wheels(self, v: float, omega: float) -> tuple[float, float]:
+        """Wheel speeds (left, right) [rad/s] of v [m/s] and omega [rad/s], within the limit at the same curvature.
+
+        Raises
+        ------
+        ValueError
+            If v or omega is not finite.
+        """
+        if not (math.isfinite(v) and math.isfinite(omega)):
+            raise ValueError(f"expected finite speeds, got v = {v}, omega = {omega}")
+        huge = max(abs(v), abs(omega)) / 1e6  # so that nothing overflows on its way to the limit
+        if huge > 1.0:
+            v, omega = v / huge, omega / huge
+        left, right = v - omega * self.track / 2.0, v + omega * self.track / 2.0
+        largest = max(abs(left), abs(right))
+        scale = self.max_wheel_speed / largest if largest > self.max_wheel_speed else 1.0
+        return left * scale / self.wheel_radius, right * scale / self.wheel_radius
+
+    def body(self, left: float, right: float) -> tuple[float, float]:
+        """Body speeds v [m/s] and omega [rad/s] of wheel speeds [rad/s]."""
+        return self.wheel_radius * (left + right) / 2.0, self.wheel_radius * (right - left) / self.track
+
+    def to_channels(self, left: float, right: float) -> tuple[float, float]:
+        """Motor turns per second of the board's first and second channel, of wheel speeds [rad/s]."""
+        factor = self.gear_ratio / math.tau
+        left, right = factor * (-left if self.invert_left else left), factor * (-right if self.invert_right else right)
+        return (right, left) if self.swap else (left, right)
+
+    def from_channels(self, first: float, second: float) -> tuple[float, float]:
+        """Wheel speeds or angles (left, right) [rad(/s)] of motor turns (per second) of both channels."""
+        left, right = (second, first) if self.swap else (first, second)
+        factor = math.tau / self.gear_ratio
+        return factor * (-left if self.invert_left else left), factor * (-right if self.invert_right else right)
+
+
+def wrapped(difference: float) -> float:
+    """Difference of two int32 counters that may have wrapped round in between.
+
+    Examples
+    --------
+    >>> wrapped(-2**31 - (2**31 - 1))
+    1
+    """
+    return (difference + WRAP // 2) % WRAP - WRAP // 2
+
+
+class WheelOdometry:
+    """Pose from the counters of both channels, along exact arcs.
+
+    Parameters
+    ----------
+    geometry : WheelGeometry
+        Of the robot.
+    counts_per_turn : float
+        Counts per motor turn.
+    wraps : bool
+        Whether the counters are int32 that wrap round.
+    """
+
+    def __init__(self, geometry: WheelGeometry, counts_per_turn: float, wraps: bool) -> None:
+        self._geometry, self._counts_per_turn, self._wraps = geometry, counts_per_turn, wraps
+        self._last: tuple[float, float, float] | None = None
+        self.x = self.y = self.theta = 0.0
+        """[m], [m], [rad] in (-pi, pi]"""
+
+    def rebase(self) -> None:
+        """Forget the counters: the next ones are a new beginning at the same pose."""
+        self._last = None
+
+    def update(self, first: float, second: float, stamp: float) -> bool:
+        """Move by what the counters say; False, without a move, where no wheel can have turned so far.
+
+        A board that was switched off and on, or a damaged reply, makes such jumps.
+        """
+        last, self._last = self._last, (first, second, stamp)
+        if last is None:
+            return True
+        steps = (first - last[0], second - last[1])
+        if self._wraps:
+            steps = (wrapped(steps[0]), wrapped(steps[1]))
+        left, right = self._geometry.from_channels(steps[0] / self._counts_per_turn, steps[1] / self._counts_per_turn)
+        reach = (2.0 * self._geometry.max_wheel_speed * max(0.0, stamp - last[2]) + 0.02) / self._geometry.wheel_radius
+        if not (abs(left) <= reach and abs(right) <= reach):
+            return False
+        forward, turn = self._geometry.body(left, right)
+        half = turn / 2.0
+        chord = forward * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
+        self.x += chord * math.cos(self.theta + half)
+        self.y += chord * math.sin(self.theta + half)
+        self.theta = math.remainder(self.theta + turn, math.tau)
+        return True

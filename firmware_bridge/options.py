@@ -1,0 +1,73 @@
+"""Options as frozen dataclasses that check themselves and can be read from a table of a robot file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import MISSING, field, fields
+from typing import Any, TypeVar, get_type_hints
+
+from firmware_bridge.messages import ConfigError
+
+T = TypeVar("T")
+
+
+def bounded(low: float, high: float, unit: str = "", default: Any = MISSING) -> Any:
+    """Describe a number of a dataclass: its range, its unit, and its default if it has one."""
+    return field(default=default, metadata={"low": low, "high": high, "unit": unit})
+
+
+def check(options: Any) -> None:
+    """Check the ranges of a dataclass; ConfigError names the field, what was expected and what came."""
+    for entry in fields(options):
+        value = getattr(options, entry.name)
+        if "low" not in entry.metadata or value is None:
+            continue
+        low, high, unit = entry.metadata["low"], entry.metadata["high"], entry.metadata["unit"]
+        if not (math.isfinite(value) and low <= value <= high):
+            raise ConfigError(f"{entry.name}: expected {low:g} to {high:g}{unit and ' ' + unit}, got {value}")
+
+
+def from_table(kind: type[T], table: Mapping[str, Any], section: str) -> T:
+    """Build a dataclass from the section of a robot file.
+
+    Parameters
+    ----------
+    kind : type
+        A frozen dataclass whose fields are bool, int, float or str, or those or None.
+    table : mapping
+        The section.
+    section : str
+        Its name, for the messages.
+
+    Raises
+    ------
+    ConfigError
+        For a key that is missing, unknown, of another type, or out of range.
+    """
+    if not isinstance(table, Mapping):
+        raise ConfigError(f"[{section}]: expected a table, got {table!r}")
+    known = {entry.name: entry for entry in fields(kind)}  # type: ignore[arg-type]
+    hints = get_type_hints(kind)
+    for key in table:
+        if key not in known:
+            raise ConfigError(f"{section}.{key}: unknown key; [{section}] takes {', '.join(known)}")
+    values: dict[str, Any] = {}
+    for name, entry in known.items():
+        if name in table:
+            values[name] = _typed(table[name], str(hints[name]) if "|" in str(hints[name]) else hints[name].__name__, f"{section}.{name}")
+        elif entry.default is MISSING and entry.default_factory is MISSING:
+            raise ConfigError(f"{section}.{name}: missing")
+    try:
+        return kind(**values)
+    except ConfigError as error:
+        raise ConfigError(f"{section}.{error}") from None
+
+
+def _typed(value: Any, expected: str, name: str) -> Any:
+    kinds: dict[str, tuple[type, ...]] = {"bool": (bool,), "int": (int,), "float": (int, float), "str": (str,)}
+    kind = expected.split(" ")[0]
+    if not isinstance(value, kinds[kind]) or (isinstance(value, bool) and kind != "bool"):
+        raise ConfigError(f"{name}: expected {kind}, got {value!r}")
+    typed: Any = value
+    return float(typed) if kind == "float" else typed
