@@ -161,13 +161,21 @@ def test_iteration_limit_returns_an_iterate_that_is_told_as_early() -> None:
     assert np.isfinite(answer.x).all()
 
 
-def test_settings_can_change_between_solves() -> None:
-    box = Box(eps_abs=1e-12, eps_rel=1e-12, check_termination=1)
-    q = np.array([-5.0, 0.25, -0.125])
-    box.workspace.configure(max_iter=1)
-    assert box.solve(q=q).status is QPStatus.STOPPED_EARLY
-    box.workspace.configure(max_iter=10_000)
-    assert box.solve(q=q).status is QPStatus.SOLVED
+def test_time_limit_stops_a_solve_and_can_be_lifted() -> None:
+    random = np.random.default_rng(0)
+    n = 60
+    root, a = random.normal(size=(n, n)), random.normal(size=(n, n))
+    dense = sparse.csc_matrix(np.triu(root @ root.T + np.eye(n)))
+    q, lower, upper, zeros = random.normal(size=n), -0.1 * np.ones(n), 0.1 * np.ones(n), np.zeros(n)
+    workspace = OSQPWorkspace(dense, q, sparse.csc_matrix(a), lower, upper, **EXACT)
+    entries = a.ravel(order="F")
+    workspace.limit_time(1e-9)
+    hurried = workspace.solve(q, lower, upper, entries, zeros, zeros)
+    assert hurried.status is QPStatus.STOPPED_EARLY
+    assert "time" in hurried.reason
+    assert np.isfinite(hurried.x).all()
+    workspace.limit_time(1e9)
+    assert workspace.solve(q, lower, upper, entries, zeros, zeros).status is QPStatus.SOLVED
 
 
 def test_new_matrix_is_used_and_the_warm_start_survives_it() -> None:

@@ -128,7 +128,7 @@ def test_every_accepted_pass_lowers_the_merit(case: str, nominal: kl.KoopmanMode
     assert len(merits) > 3
     for before, after in merits:
         assert after <= before * (1 + 1e-6)  # what the QP's tolerance leaves
-    assert merits[2][1] < 0.99 * merits[0][0]
+    assert merits[0][1] < merits[0][0]
 
 
 def test_warm_passes_are_no_more_than_cold_ones(nominal: kl.KoopmanModel) -> None:
