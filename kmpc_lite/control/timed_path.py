@@ -1,0 +1,83 @@
+"""A way to the goal as poses over time: how fast the bounds allow it to be driven, and where on it the robot is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kmpc_lite.control.tangents import Way, wrap
+from kmpc_lite.dictionary import Array
+
+RESOLUTION = 0.05
+"""Time between the poses that the robot's place is looked up on [s]."""
+TURN_LENGTH = 0.3
+"""A turn of one radian counts as that many metres when the robot's place is looked up."""
+BACKWARD, FORWARD = 0.5, 1.5
+"""How far the robot's place may move in one look-up [s]."""
+
+
+class TimedPath:
+    """Poses along a way, at the times at which they can be reached.
+
+    Parameters
+    ----------
+    way : Way
+        Points and directions.
+    start, goal : ndarray
+        Poses (3,).
+    speed : ndarray
+        Speed [m/s] and rate of turn [rad/s] to drive at, (2,).
+    free_turn : float
+        Part of the first turn that is left to the controller, to be made while driving [rad].
+    """
+
+    def __init__(self, way: Way, start: Array, goal: Array, speed: Array, free_turn: float = 0.0) -> None:
+        self.way, self.goal = way, goal
+        heading = way.headings + (np.pi if way.reverse else 0.0)
+        first = float(wrap(heading[0] - start[2]))
+        last = float(wrap(goal[2] - heading[-1]))
+        rest = np.sign(first) * max(abs(first) - free_turn, 0.0)
+        heading = heading + (start[2] + first - heading[0])
+        self.poses = np.empty((len(heading) + 2, 3))
+        self.poses[1:-1, :2], self.poses[1:-1, 2] = way.points, heading
+        self.poses[0] = (*way.points[0], heading[0] - rest)
+        self.poses[-1] = (goal[0], goal[1], heading[-1] + last)
+        steps = np.diff(self.poses, axis=0)
+        lengths = np.hypot(steps[:, 0], steps[:, 1])
+        needed = np.maximum(lengths / speed[0], np.abs(steps[:, 2]) / speed[1])
+        self.times = np.concatenate([[0.0], np.cumsum(np.maximum(needed, 1e-9))])
+        self.duration = float(self.times[-1])
+        self.drive_end = float(self.times[-2])
+        """When the goal's position is reached, and the last turn begins [s]."""
+        self._grid_times = np.append(np.arange(0.0, self.duration, RESOLUTION), self.duration)
+        self._grid = self.at(self._grid_times)
+        self.place = 0.0
+
+    @property
+    def points(self) -> Array:
+        """The way's points (K, 2)."""
+        return self.way.points
+
+    def at(self, times: Array) -> Array:
+        """Poses (n, 3) at times (n,) [s]; the ends are held."""
+        poses = np.empty((len(times), 3))
+        for i in range(3):
+            poses[:, i] = np.interp(times, self.times, self.poses[:, i])
+        return poses
+
+    def locate(self, pose: Array) -> tuple[float, float]:
+        """Find the time [s] of the path's pose that is nearest, and its distance [m]; near the place of the last look-up."""
+        begin = int(max(self.place - BACKWARD, 0.0) / RESOLUTION)
+        end = int((self.place + FORWARD) / RESOLUTION) + 2
+        error = self._grid[begin:end] - pose
+        error[:, 2] = TURN_LENGTH * wrap(error[:, 2])
+        nearest = int(np.argmin(np.einsum("ni,ni->n", error, error)))
+        self.place = float(self._grid_times[begin + nearest])
+        return self.place, float(np.hypot(error[nearest, 0], error[nearest, 1]))
+
+    def remaining(self) -> float:
+        """Time from the robot's place to the end [s]."""
+        return self.duration - self.place
+
+    def heading_at(self, time: float) -> float:
+        """Heading [rad] at a time [s]."""
+        return float(np.interp(time, self.times, self.poses[:, 2]))
