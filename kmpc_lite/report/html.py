@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import re
 import sys
 from base64 import b64encode
 from collections.abc import Iterable, Mapping
@@ -26,8 +27,9 @@ from kmpc_lite.report.words import STATUS_WORDS, angle, length, milliseconds, ou
 from kmpc_lite.sim.closed_loop import Outcome, Run
 
 BADGES = {Outcome.REACHED: ("good", "✓ reached"), Outcome.COLLISION: ("bad", "✕ collision"), Outcome.TIMEOUT: ("late", "◷ out of time")}
-NOISE_COMMANDS = ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5))
+NOISE_COMMANDS = {"at rest": (0.0, 0.0), "at 0.5 m/s": (0.5, 0.0), "at 0.5 rad/s": (0.0, 0.5)}
 """Commands (v [m/s], omega [rad/s]) for which the model's noise is told."""
+UNIT = re.compile(r"(?<=\d) (?=(?:mm|ms|mrad|m|s|rad|m/s|rad/s|%)(?![\w]))")
 
 
 def write_report(
@@ -80,7 +82,7 @@ def write_report(
         scenario=escape(run.scenario.name),
         tone=tone,
         badge=badge,
-        sentence=escape(outcome_sentence(run)),
+        sentence=_text(outcome_sentence(run)),
         tiles="\n".join(_tiles(run)),
         map=pictures["map"],
         commands=pictures["commands"],
@@ -105,6 +107,11 @@ def _image(name: str, svg: bytes, more: str) -> str:
     return f'<figure class="{name}">{image}<figcaption>{escape(caption + more)}</figcaption></figure>'
 
 
+def _text(text: str) -> str:
+    """Escape, and keep a number and its unit on one line."""
+    return escape(UNIT.sub("\u00a0", text))
+
+
 def _tiles(run: Run) -> Iterable[str]:
     """Key numbers."""
     scenario, times = run.scenario, run.step_times
@@ -122,13 +129,13 @@ def _tiles(run: Run) -> Iterable[str]:
         ("Steps solved", f"{solved} of {len(run.statuses)}", f"{without or 'none'} without a new plan"),
     )
     for name, value, note in numbers:
-        content = f'<span class="name">{name}</span><strong>{escape(value)}</strong><span class="note">{escape(note)}</span>'
+        content = f'<span class="name">{name}</span><strong>{_text(value)}</strong><span class="note">{_text(note)}</span>'
         yield f'<div class="tile">{content}</div>'
 
 
 def _table(rows: Iterable[tuple[str, str]]) -> str:
     """Rows of a name and a value; both are text, not HTML."""
-    body = "\n".join(f'<tr><th scope="row">{escape(name)}</th><td>{escape(value)}</td></tr>' for name, value in rows)
+    body = "\n".join(f'<tr><th scope="row">{_text(name)}</th><td>{_text(value)}</td></tr>' for name, value in rows)
     return f'<div class="scroll"><table>\n{body}\n</table></div>'
 
 
@@ -136,7 +143,7 @@ def _status_rows(run: Run) -> Iterable[tuple[str, str]]:
     for status, words in STATUS_WORDS.items():
         count = run.statuses.count(status)
         if count:
-            yield f"{status}: {words}", f"{count} of {len(run.statuses)} steps ({100 * count / len(run.statuses):.3g} %)"
+            yield status, f"{count} of {len(run.statuses)} steps ({100 * count / len(run.statuses):.3g} %): {words}"
 
 
 def _time_rows(run: Run) -> Iterable[tuple[str, str]]:
@@ -146,7 +153,7 @@ def _time_rows(run: Run) -> Iterable[tuple[str, str]]:
     yield "Half of them within (p50)", milliseconds(float(np.median(times)))
     yield "99 % within (p99)", milliseconds(float(np.quantile(times, 0.99)))
     yield "All within (max)", milliseconds(float(times.max()))
-    yield "Slowest step", f"at {slowest * run.dt:.4g} s; {STATUS_WORDS[run.statuses[slowest]]}"
+    yield "Slowest step", f"at {slowest * run.dt:.4g} s; {STATUS_WORDS.get(run.statuses[slowest], run.statuses[slowest])}"
     yield "Period, the budget", milliseconds(run.dt)
     yield "Steps over budget", str(late) if late else "none"
 
@@ -189,12 +196,9 @@ def _model_rows(model: KoopmanModel) -> Iterable[tuple[str, str]]:
     if "log" in info:
         yield "Log", ", ".join(map(str, info["log"])) if isinstance(info["log"], list) else str(info["log"])
     if model.noise_model is not None:
-        for v, omega in NOISE_COMMANDS:
-            forward, left, heading = 1e3 * np.sqrt(np.diag(model.noise((v, omega))))
-            yield (
-                f"Unexplained per step at {v:g} m/s, {omega:g} rad/s",
-                f"{forward:.3g} mm forward, {left:.3g} mm sideways, {heading:.3g} mrad (one standard deviation)",
-            )
+        for name, command in NOISE_COMMANDS.items():
+            forward, left, heading = 1e3 * np.sqrt(np.diag(model.noise(command)))
+            yield f"Noise {name}", f"{forward:.3g} mm forward, {left:.3g} mm sideways, {heading:.3g} mrad per step (standard deviation)"
 
 
 def _errors_table(report: FitReport) -> str:
@@ -248,7 +252,7 @@ def _made_rows(run: Run, command: str | None) -> Iterable[tuple[str, str]]:
     yield "Python", platform.python_version()
     for name in ("kmpc-lite", "numpy", "scipy", "osqp", "matplotlib"):
         yield name, _version(name)
-    yield "Machine", ", ".join(part for part in (_processor(), platform.machine(), f"{os.cpu_count()} cores", sys.platform) if part)
+    yield "Machine", ", ".join(part for part in (_processor(), platform.machine(), f"{os.cpu_count() or '?'} cores", sys.platform) if part)
 
 
 def _version(name: str) -> str:
@@ -274,5 +278,5 @@ def _kept(info: Mapping[str, Any]) -> str:
     """What the caller kept with the run, as JSON in a fold."""
     if not info:
         return ""
-    text = escape(json.dumps(info, indent=2, sort_keys=True, ensure_ascii=False))
+    text = escape(json.dumps(info, indent=2, sort_keys=True, ensure_ascii=False, default=str))
     return f"<details><summary>What was kept with the run</summary><pre>{text}</pre></details>"

@@ -21,7 +21,7 @@ TALLEST = 7.0
 def map_axes(view: Array) -> tuple[Figure, Any]:
     """Figure and axes that show `view`, [[xmin, ymin], [xmax, ymax]] [m], 1 m as long in x as in y."""
     width, height = view[1] - view[0]
-    figure = new_figure(float(np.clip((WIDTH - 0.7) * height / width, 1.2, TALLEST)) + 1.4)
+    figure = new_figure(float(np.clip((WIDTH - 0.9) * height / width, 1.2, TALLEST)) + 1.05)
     axes = figure.subplots()
     axes.set(xlim=view[:, 0], ylim=view[:, 1], aspect="equal", xlabel="x, east [m]", ylabel="y, north [m]")
     axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
@@ -36,7 +36,7 @@ def draw_scenario(axes: Any, scenario: Scenario, times: Array, labels: Labels) -
     x_min, y_min, x_max, y_max = scenario.bounds
     side: dict[str, Any] = {"linewidth": 1.2, "linestyle": "-."}
     axes.add_patch(Rectangle((x_min, y_min), x_max - x_min, y_max - y_min, fill=False, edgecolor=INK, zorder=1, **side))
-    along = np.linspace(0.0, 1.0, 100)[:, None]
+    along = np.linspace(0.0, 1.0, 50)[:, None]
     corners = np.array([(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max), (x_min, y_min)])
     labels.avoid_lines(np.concatenate([(1.0 - along) * a + along * b for a, b in zip(corners[:-1], corners[1:], strict=True)]))
     handles = [Line2D([], [], color=INK, label="area bounds", **side)]
@@ -81,6 +81,7 @@ def _draw_moving(axes: Any, circle: Circle, times: Array, labels: Labels) -> Non
             last, point = float(time), centre + time * velocity
             disc(axes, point, circle.radius, fill=False, edgecolor="#555555", linewidth=0.9, linestyle=":", zorder=2.4)
             _write(axes, point, f"{time:.4g} s", fontsize=7, color="#444444")
+            labels.avoid(point, circle.radius)
     _arrow(axes, centre, centre + (end + 1.5 * circle.radius / speed) * velocity, "#555555", 0.9)
 
 
@@ -137,9 +138,8 @@ class Labels:
     def __init__(self, axes: Any, view: Array, points: Array) -> None:
         self._axes, self._view = axes, view
         width, height = view[1] - view[0]
-        self._metres_per_point = float(width) / (72.0 * min(WIDTH - 0.7, TALLEST * width / height))
-        points = points[np.isfinite(points).all(axis=1)]
-        self._points = points[:: max(1, len(points) // 2000)]
+        self._metres_per_point = float(width) / (72.0 * min(WIDTH - 0.9, TALLEST * width / height))
+        self._points = points[:: max(1, len(points) // 300)]
         self._discs: list[tuple[Array, float]] = []
 
     def avoid(self, centre: Any, radius: float) -> None:
@@ -148,27 +148,37 @@ class Labels:
 
     def avoid_lines(self, points: Array) -> None:
         """Keep later texts away from points (n, 2) of lines."""
-        self._points = np.concatenate([self._points, points])
+        self._points = np.concatenate([self._points, points[np.isfinite(points).all(axis=1)]])
 
     def put(self, text: str, centre: Any, radius: float, bold: bool = False) -> None:
         """Write beside a disc of `radius` [m] around `centre`."""
-        half = np.array([0.32 * SMALL * len(text), 0.55 * SMALL]) * self._metres_per_point
-        best, where = -np.inf, np.array(centre[:2], dtype=float)
-        for direction in np.linspace(0.0, 2 * np.pi, 16, endpoint=False):
-            unit = np.array([np.cos(direction), np.sin(direction)])
-            # far enough that the text's box just stays outside the disc
-            reach = radius + 3.0 * self._metres_per_point + float(np.min(half / np.maximum(np.abs(unit), 1e-9)))
-            spot = centre[:2] + reach * unit
-            box = spot + half * np.array([[x, y] for x in (-1, -0.5, 0, 0.5, 1) for y in (-1, 0, 1)])
-            if (box < self._view[0]).any() or (box > self._view[1]).any():
-                continue
-            free = float(np.min(np.hypot(*(self._points[:, None] - box).transpose(2, 0, 1)), initial=np.inf))
-            for other, size in self._discs:
-                free = min(free, float(np.hypot(*(box - other).T).min()) - size)
-            # beyond the height of two lines, more room is no better
-            free = min(free, 2.0 * SMALL * self._metres_per_point)
-            if free > best + 1e-9:
-                best, where = free, spot
+        letter = SMALL * self._metres_per_point
+        half = np.array([0.32 * len(text), 0.55]) * letter
+        point = np.array(centre[:2], dtype=float)
+        best, where, leader = -np.inf, point, None
+        for away in range(5):
+            for direction in np.linspace(0.0, 2 * np.pi, 16, endpoint=False):
+                unit = np.array([np.cos(direction), np.sin(direction)])
+                # far enough that the text's box just stays outside the disc
+                gap, inside = (0.35 + 1.2 * away) * letter, float(np.min(half / np.maximum(np.abs(unit), 1e-9)))
+                spot = point + (radius + gap + inside) * unit
+                # a place farther off must be worth it
+                merit = self._room(spot, half, 0.8 * letter) - 0.6 * away * letter
+                if merit > best + 1e-9:
+                    best, where = merit, spot
+                    leader = np.array([point + radius * unit, point + (radius + gap) * unit]) if away else None
+        if leader is not None:
+            self._axes.plot(leader[:, 0], leader[:, 1], color=INK, linewidth=0.8, zorder=6.5)
         _write(self._axes, where, text, fontsize=SMALL, fontweight="bold" if bold else "normal")
         for x in (-0.6, 0.0, 0.6):
             self._discs.append((where + half * np.array([x, 0.0]), float(half[1])))
+
+    def _room(self, spot: Array, half: Array, enough: float) -> float:
+        """Distance [m] from a box of half sizes (2,) around a spot to the nearest thing, at most `enough`."""
+        box = spot + half * np.array([[x, y] for x in (-1, -0.5, 0, 0.5, 1) for y in (-1, 0, 1)])
+        if (box < self._view[0]).any() or (box > self._view[1]).any():
+            return -np.inf
+        free = float(np.min(np.hypot(*(self._points[:, None] - box).transpose(2, 0, 1)), initial=enough))
+        for other, size in self._discs:
+            free = min(free, float(np.hypot(*(box - other).T).min()) - size)
+        return free

@@ -39,6 +39,7 @@ def map_picture(run: Run) -> Figure:
         # with a collision, also what the robot had in mind just before it
         for k in (0, *moments[:: 1 if len(moments) <= ENOUGH else 2], *([len(run.plans) - 1] if collided else [])):
             axes.plot(run.plans[k, :, 0], run.plans[k, :, 1], **PLAN, zorder=4.2)
+            labels.avoid_lines(run.plans[k, :, :2])
             axes.plot(*run.plans[k, -1, :2], "o", color=ORANGE, markeredgecolor=INK, markeredgewidth=0.5, markersize=3.2, zorder=4.2)
         axes.plot(run.path[: end + 1, 0], run.path[: end + 1, 1], color=BLUE, linewidth=2.8, zorder=4, solid_capstyle="round")
         for index in (0, *(every * k for k in moments), end):
@@ -78,6 +79,7 @@ def overlay_picture(runs: Sequence[Run], labels: Sequence[str]) -> Figure:
         raise KmpcError(f"overlay: expected at least one run and a label for each, got {len(runs)} runs and {len(labels)} labels")
     scenario = runs[0].scenario
     for i, run in enumerate(runs):
+        substeps(run)
         if _map_of(run.scenario) != _map_of(scenario):
             raise KmpcError(f"overlay: run {i} ({run.scenario.name}) has another map than the first ({scenario.name})")
     names = list(dict.fromkeys(labels))
@@ -114,7 +116,6 @@ def _view(scenario: Scenario, runs: Sequence[Run]) -> Array:
     """Give what the map shows, [[xmin, ymin], [xmax, ymax]] [m]: all that was driven, obstacles and area where they are near."""
     ends = np.array([scenario.start[:2], scenario.goal[:2], goal_front(scenario)])
     points = np.concatenate([*(run.path[:, :2] for run in runs), ends])
-    points = points[np.isfinite(points).all(axis=1)]
     low, high = points.min(axis=0) - scenario.radius, points.max(axis=0) + scenario.radius
     span = float((high - low).max())
     near_low, near_high = low - 0.35 * span, high + 0.35 * span

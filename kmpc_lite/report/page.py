@@ -16,7 +16,7 @@ CAPTIONS = {
     ),
     "timing": (
         "Time of each control step and its distribution, against the period",
-        "Time from pose to command. The first step is slower: it starts without an earlier plan.",
+        "Time from pose to command. The first step starts without an earlier plan.",
     ),
     "fit": (
         "Held-out prediction errors of the model and of the nominal unicycle",
@@ -60,6 +60,7 @@ figcaption { margin-top: 8px; }
 .scroll { overflow-x: auto; margin-bottom: 14px; }
 table { border-collapse: collapse; width: 100%; font-size: 0.94rem; }
 th, td { text-align: left; padding: 5px 10px 5px 0; border-bottom: 1px solid var(--line); vertical-align: top; overflow-wrap: anywhere; }
+tr:last-child > * { border-bottom: none; }
 th { font-weight: 600; min-width: 8.5em; }
 table:not(.numbers) th { width: 34%; }
 .numbers th, .numbers td { font-variant-numeric: tabular-nums; min-width: 5em; overflow-wrap: normal; }

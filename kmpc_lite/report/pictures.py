@@ -45,7 +45,7 @@ def commands_picture(run: Run, u_min: ArrayLike | None = None, u_max: ArrayLike 
     with style():
         from matplotlib.lines import Line2D
 
-        figure = new_figure(4.4)
+        figure = new_figure(3.9)
         panels = figure.subplots(2, 1, sharex=True)
         for i, (panel, title, unit) in enumerate(zip(panels, ("Forward speed v", "Turn rate ω"), ("m/s", "rad/s"), strict=True)):
             handles = _status_bands(panel, run)
@@ -117,7 +117,7 @@ def errors_picture(run: Run) -> Figure:
     with style():
         from matplotlib.lines import Line2D
 
-        figure = new_figure(5.8 if scenario.circles else 4.2)
+        figure = new_figure(5.5 if scenario.circles else 3.9)
         panels = figure.subplots(3 if scenario.circles else 2, 1, sharex=True)
         curve: dict[str, Any] = {"color": BLUE, "linewidth": 1.8}
         arrival: dict[str, Any] = {"color": GREEN, "linestyle": "--", "linewidth": 1.3}
@@ -180,7 +180,7 @@ def timing_picture(run: Run) -> Figure:
     with style():
         from matplotlib.lines import Line2D
 
-        figure = new_figure(3.6)
+        figure = new_figure(3.1)
         over_time, share = figure.subplots(1, 2, sharey=True, width_ratios=(2.6, 1))
         over_time.plot(
             times, values, ".", color=GREY, markeredgecolor=INK, markeredgewidth=0.3, markersize=5, rasterized=len(values) > MANY
@@ -223,7 +223,7 @@ def fit_picture(report: FitReport) -> Figure:
     with style():
         from matplotlib.patches import Patch
 
-        figure = new_figure(5.2)
+        figure = new_figure(4.9)
         panels = figure.subplots(3, 1)
         for i, (panel, name, unit) in enumerate(
             zip(panels, ("Along the heading", "Across the heading", "Heading"), ("mm", "mm", "mrad"), strict=True)

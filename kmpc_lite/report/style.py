@@ -77,7 +77,7 @@ def style() -> Iterator[None]:
 
 
 def new_figure(height: float) -> Figure:
-    """Make an empty figure, `WIDTH` by `height` [in], that lays itself out; inside `style` only."""
+    """Make an empty figure, `WIDTH` by `height` [in] without a legend, that lays itself out; inside `style` only."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -88,8 +88,10 @@ def new_figure(height: float) -> Figure:
 
 
 def legend_below(figure: Figure, handles: list[Any], columns: int = 3) -> None:
-    """Put a legend under everything, where it can cover no data."""
+    """Put a legend under everything, where it can cover no data; the figure grows by its height."""
     if handles:
+        rows = -(-len(handles) // columns)
+        figure.set_figheight(figure.get_figheight() + 0.12 + 0.18 * rows)
         figure.legend(handles=handles, loc="outside lower center", ncols=min(columns, len(handles)), columnspacing=1.4, handlelength=2.2)
 
 

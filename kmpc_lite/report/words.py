@@ -87,11 +87,13 @@ def substeps(run: Run) -> int:
     Raises
     ------
     KmpcError
-        For a run without a single step, or whose arrays do not fit together.
+        For a run without a single step, whose arrays do not fit together, or that ran away to infinity.
     """
     steps = len(run.inputs)
     if steps == 0 or (len(run.path) - 1) % steps or len(run.path) <= steps:
         raise KmpcError(f"run: expected at least one step and whole sub-samples, got {steps} steps and a path of {len(run.path)} poses")
+    if not (np.isfinite(run.path).all() and np.isfinite(run.inputs).all()):
+        raise KmpcError("run: the path or the commands hold NaN or infinity; there is nothing that could be drawn to scale")
     return (len(run.path) - 1) // steps
 
 
