@@ -12,7 +12,7 @@ import numpy as np
 
 from kmpc_lite.control.parking import ENTER, LEAVE
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.tangents import Way, quickest_ways, wrap
+from kmpc_lite.control.tangents import Way, quickest_ways
 from kmpc_lite.control.timed_path import TimedPath
 from kmpc_lite.dictionary import Array
 
@@ -22,8 +22,12 @@ SPEED_SHARE = (1.0, 0.9)
 """Share of the bounds at which the way is timed: speed, rate of turn."""
 LEAD = 0.2
 """How far the reference runs ahead of the robot [s]."""
-OFF_WAY = 0.15
-"""Distance from the way at which a new one is looked for [m]."""
+OFF_WAY = (0.01, 0.08, 0.15)
+"""Distance from the way at which a new one is looked for: least [m], share of the distance to the goal, most [m]."""
+PATIENCE = (0.3, 0.8)
+"""Least time between two new ways for the same map, and how long the robot may stand still on its way [s]."""
+STILL = 0.05
+"""Progress along the way that ends a stand [s]."""
 MOVED = 0.01
 """How far an obstacle must be from where it was expected to give a reason for a new way [m]."""
 FREE_TURN = np.pi / 3
@@ -80,6 +84,7 @@ class Guide:
         self._age = 0.0
         self._turning = False
         self._waiting: Array | None = None
+        self._furthest = self._still = 0.0
 
     def reference(self, pose: Array, goal: Array, circles: Array) -> Guidance:
         """Give the reference of the coming stages.
@@ -127,17 +132,21 @@ class Guide:
                 return True
         if self._path is None:
             return self._age > 0.5
-        if off > OFF_WAY:
-            return True
         if self._turning:
             return False
-        # at the end, beside the goal
-        return place >= self._path.drive_end - 1e-3 and distance > ENTER[0] and self._age > 0.3
+        if place > self._furthest + STILL:
+            self._furthest, self._still = place, 0.0
+        self._still += self._dt
+        if self._still > PATIENCE[1]:
+            return True
+        least, share, most = OFF_WAY
+        return self._age > PATIENCE[0] and off > min(max(least, share * distance), most)
 
     def _refresh(self, pose: Array, goal: Array, circles: Array) -> bool:
         """Look for a way; return whether it passes obstacles on other sides than the one before."""
         previous = self._path
         self._goal, self._circles, self._age = goal.copy(), circles.copy(), 0.0
+        self._furthest = self._still = 0.0
         way = self._find(pose, goal, circles)
         if way is None:
             if self._waiting is None:
