@@ -97,9 +97,10 @@ def _rows(file: Path, lines: TextIO, width: int) -> Iterator[str]:
     """Yield the lines that are not blank; each must have as many values as the header."""
     rows = 0
     for number, line in enumerate(lines, 2):
-        if '"' in line and line.count('"') % 2:
+        quoted = '"' in line
+        if quoted and line.count('"') % 2:
             raise DataError(f"{file}: line {number}: a quote without its end")
-        if line.count(",") != width - 1:
+        if quoted or line.count(",") != width - 1:
             if not line.strip():
                 continue
             if (count := len(_values(line))) != width:
