@@ -70,7 +70,8 @@ class Episode:
     def resample(self, dt: float) -> Episode | None:
         """Return the same drive at another period [s], or None where it is shorter than one period.
 
-        Poses are interpolated linearly; a command is the mean of what was held during the new period.
+        Poses are interpolated linearly; a command is the mean of what was held during the new period. DataError where
+        the robot turns by more than half a turn within it.
         """
         return resample(np.arange(len(self) + 1) * self.dt, self.states, self.inputs, dt)
 
@@ -96,6 +97,9 @@ def resample(time: Array, states: Array, inputs: Array, dt: float) -> Episode | 
     travelled = np.vstack([np.zeros(INPUTS), np.cumsum(inputs * np.diff(time)[:, None], axis=0)])
     poses = np.column_stack([np.interp(grid, elapsed, column) for column in states.T])
     held = np.column_stack([np.interp(grid, elapsed, column) for column in travelled.T])
+    turn = np.abs(np.diff(poses[:, 2])).max()
+    if turn > np.pi:  # an episode would take it for the shorter turn the other way
+        raise DataError(f"dt: within {dt:g} s the robot turns by {turn:.2f} rad, more than half a turn: choose a shorter period")
     return Episode(poses, np.diff(held, axis=0) / dt, dt)
 
 
