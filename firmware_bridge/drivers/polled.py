@@ -17,6 +17,8 @@ SILENCE = 0.5
 """A board that has answered nothing for so long is set up anew [s]."""
 JUMP_SHOWN = 1.0
 """How long a jump of the counters makes the pose count as untrue [s]."""
+ZEROS = 3
+"""How often a zero is repeated to a board that does not answer commands."""
 ABSURD = 5.0
 """Speeds past so many times the limit are refused."""
 STRANGERS, STRANGERS_WITHIN = 5, 1.0
@@ -52,7 +54,10 @@ class PolledDriver:
     board = "board"
     hint = "is it powered and wired, TX to RX?"
     answers_commands = True
-    """Whether the board answers commands; they then wait for the reply that is under way, else they go out at once."""
+    """Whether the board answers commands; they then wait for the reply that is under way, and are repeated until answered.
+
+    Else they go out at once, and zeros a few times more.
+    """
 
     def __init__(
         self,
@@ -73,7 +78,8 @@ class PolledDriver:
         self._armed = True
         self._command = (0.0, 0.0)
         self._command_stamp = -math.inf
-        self._pending = False
+        self._pending = self._late = False
+        self._zeros = 0
         self._expected: Hashable = None
         self._reply: tuple[bytes, float] | None = None
         self._heard = self._jumped = -math.inf
@@ -104,6 +110,12 @@ class PolledDriver:
     def _release(self) -> None:
         """Let go of the motors, which stand still."""
 
+    def _arm(self) -> None:
+        """Take the motors, at zero speed; raises NoReply, or LinkError where the board refuses."""
+
+    def _barrier(self) -> None:
+        """Ask something that `_poll` never asks first: what is late comes before its reply, and is thrown away."""
+
     def _feed(self, data: bytes, stamp: float) -> None:
         """Take bytes off the link; calls `_deliver` for each frame."""
         raise NotImplementedError
@@ -119,11 +131,15 @@ class PolledDriver:
 
     def connect(self, timeout: float) -> None:
         """Open the link, set the board up and wait for its first counters."""
-        self._transport.start(self._receive)
+        try:
+            self._transport.start(self._feed)
+        except LinkError:
+            self.close()
+            raise
         self._thread = threading.Thread(target=self._run, name=f"bridge-{self.board.lower()}", daemon=True)
         self._thread.start()
         with self._changed:
-            done = self._changed.wait_for(lambda: self._configured and self._state is not None, timeout)
+            done = self._changed.wait_for(lambda: self._configured and self._armed and self._state is not None, timeout)
         if not done:
             reason = self._why_silent(timeout)
             self.close()
@@ -138,7 +154,7 @@ class PolledDriver:
         left, right = self._geometry.wheels(v, omega)
         with self._changed:
             self._command, self._command_stamp = self._geometry.to_channels(left, right), time.monotonic()
-            self._pending = True
+            self._pending, self._zeros = True, self._repeats()
             if left == right == 0.0:
                 self._released = False  # only standing still may take the motors back
             if not self.answers_commands:
@@ -149,7 +165,8 @@ class PolledDriver:
         """Zero speed, then release the motors; the next zero command takes them back."""
         with self._changed:
             self._command, self._command_stamp = (0.0, 0.0), time.monotonic()
-            self._pending = self._released = True
+            self._pending, self._zeros = True, self._repeats()
+            self._released = True
             if not self.answers_commands:
                 self._send_pending()
             self._changed.notify_all()
@@ -211,23 +228,46 @@ class PolledDriver:
                 now = time.monotonic()
                 if now >= deadline:
                     deadline = max(deadline + self._period, now)  # after a stall, skip: do not burst
-                    self._poll(cycle)
+                    self._round(cycle)
                     cycle += 1
                 self._guard()
                 self._wait(lambda: self._pending, deadline - time.monotonic())
             except NoReply:
+                self._late = True
                 self._settle()
+            except LinkError as error:  # the board answers, and does not do what it should
+                self._warnings = (str(error),)
+                self._wait(lambda: False, 0.05)
             except Exception as error:  # nothing that a board says may end this thread: it is counted and told
                 self._counters["driver_errors"] += 1
-                self._warnings = (str(error) if isinstance(error, LinkError) else f"{type(error).__name__}: {error}",)
+                self._warnings = (f"{type(error).__name__}: {error}",)
                 self._configured = False
                 self._wait(lambda: False, 0.05)
-        try:
-            self._drive(0.0, 0.0)
-            if self._released:
-                self._release()
-        except NoReply:
-            pass  # the last words are written; nobody waits for their replies
+        for last_word in (self._halt, self._release) if self._released else (self._halt,):
+            try:
+                last_word()
+            except NoReply:
+                pass  # it is written; nobody waits for the reply
+
+    def _halt(self) -> None:
+        self._drive(0.0, 0.0)
+
+    def _round(self, cycle: int) -> None:
+        """Ask once, repeat a zero that may have been lost, and take back motors that the board let go."""
+        if self._late:
+            self._barrier()
+            self._late = False
+        with self._changed:
+            if self._zeros and self._command == (0.0, 0.0):
+                self._zeros -= 1
+                self._pending = True
+        self._send_pending()
+        self._poll(cycle)
+        never = self._command_stamp == -math.inf
+        still = self._command == (0.0, 0.0) and (never or time.monotonic() - self._command_stamp < self._command_timeout)
+        if not self._armed and not self._released and still and cycle % 5 == 0:
+            self._arm()  # only while somebody asks it to stand still
+            self._warnings = ()
 
     def _ready_to_ask(self) -> bool:
         """Whether the board is there and set up; sets it up again after a loss."""
@@ -237,42 +277,46 @@ class PolledDriver:
         links = self._transport.counters["reconnects"]
         if links != self._links or time.monotonic() - self._heard > SILENCE:
             self._configured, self._links = False, links
-        still = self._command == (0.0, 0.0) and time.monotonic() - self._command_stamp < self._command_timeout
-        if not self._armed and not self._released and still:
-            self._configured = False  # a board that let go is taken back only while somebody asks it to stand still
         if not self._configured:
             self._configure()
             with self._changed:
                 self._configured = True
                 self._counters["setups"] += 1
+                self._warnings = ()
                 self._heard = time.monotonic()
         return True
 
     def _send_pending(self) -> None:
         """Send the newest command, if it has not been."""
-        with self._changed:
+        with self._changed:  # held while a frame is queued, so that two threads cannot swap a command and a zero
             if not self._pending:
                 return
             self._pending = False
-            (first, second), released = self._command, self._released
-        moving = first != 0.0 or second != 0.0
-        if moving and (released or not self._armed or not self._configured):
-            self._counters["refused_commands"] += 1
-            first = second = 0.0
-        self._drive(first, second)
-        if released:
-            self._release()
+            first, second = self._command
+            if (first != 0.0 or second != 0.0) and (self._released or not self._armed or not self._configured):
+                self._counters["refused_commands"] += 1
+                first = second = 0.0
+            try:
+                self._drive(first, second)
+                if self._released:
+                    self._release()
+            except NoReply:
+                self._pending = True  # perhaps it was not heard: the board's watchdog is fed by questions, so say it again
+                raise
 
     def _guard(self) -> None:
         """Replace a command that has become old by zero: asking alone keeps some boards' watchdogs fed."""
         with self._changed:
             if self._command != (0.0, 0.0) and time.monotonic() - self._command_stamp > self._command_timeout:
-                self._command, self._pending = (0.0, 0.0), True
+                self._command, self._pending, self._zeros = (0.0, 0.0), True, self._repeats()
                 self._counters["stale_commands"] += 1
         self._send_pending()
 
-    def _ask(self, frame: bytes, key: Hashable, timeout: float | None = None) -> tuple[bytes, float]:
-        """Send a request and wait for its reply; returns the reply and when it was true, as well as is known [s]."""
+    def _ask(self, frame: bytes, key: Hashable, command: bool = False) -> tuple[bytes, float]:
+        """Send a request and wait for its reply; returns the reply and when it was true, as well as is known [s].
+
+        A question, which is no command itself, lets a command that waits go next.
+        """
         with self._changed:
             self._begin(key)
             self._expected, self._reply = key, None
@@ -280,7 +324,7 @@ class PolledDriver:
             if not self._transport.write(frame):
                 self._expected = None
                 raise NoReply
-            self._changed.wait_for(lambda: self._reply is not None or self._closing, timeout or self._reply_timeout)
+            self._changed.wait_for(lambda: self._reply is not None or self._closing, self._reply_timeout)
             self._expected = None
             if self._reply is None:
                 self._counters["timeouts"] += not self._closing
@@ -288,7 +332,8 @@ class PolledDriver:
             reply, received = self._reply
             self._heard = received
             self._counters["frames"] += 1
-        self._send_pending()
+        if not command:
+            self._send_pending()
         return reply, (sent + received) / 2.0
 
     def _deliver(self, key: Hashable, reply: bytes, stamp: float) -> None:
@@ -330,8 +375,8 @@ class PolledDriver:
 
     # Small things
 
-    def _receive(self, data: bytes, stamp: float) -> None:
-        self._feed(data, stamp)
+    def _repeats(self) -> int:
+        return 0 if self.answers_commands else ZEROS
 
     def _wait(self, done: Callable[[], bool], seconds: float) -> None:
         if seconds > 0.0:

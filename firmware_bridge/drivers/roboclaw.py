@@ -145,6 +145,9 @@ class RoboClawDriver(PolledDriver):
         if cycle % 25 == 12 and not self._watchdog_is_set():
             self._restarted()
 
+    def _barrier(self) -> None:
+        self._read(GET_TIMEOUT, 1)
+
     def _watchdog_is_set(self) -> bool:
         return self._read(GET_TIMEOUT, 1)[0][0] == self._watchdog
 
@@ -159,7 +162,7 @@ class RoboClawDriver(PolledDriver):
         self._write(DUTY, bytes(4))
 
     def _write(self, command: int, payload: bytes) -> None:
-        self._ask(roboclaw_packet(self._address, command, payload), (command, 0))
+        self._ask(roboclaw_packet(self._address, command, payload), (command, 0), command=True)
 
     def _read(self, command: int, size: int) -> tuple[bytes, float]:
         return self._ask(roboclaw_request(self._address, command), (command, size))

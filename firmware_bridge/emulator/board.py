@@ -128,7 +128,7 @@ class BoardEmulator:
 
     def _turns(self, channel: int) -> float:
         """Motor turns since the counter was zero."""
-        return self._body.turns[channel] - self._zero[channel]
+        return self._body.turned(channel, self._clock()) - self._zero[channel]
 
     def _set(self, channel: int, turns_per_second: float) -> None:
         self._body.command[channel], self._body.driven[channel] = turns_per_second, True

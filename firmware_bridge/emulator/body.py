@@ -54,6 +54,10 @@ class Body:
         """True x, y [m] and theta [rad], not wrapped."""
         return float(self._pose[0]), float(self._pose[1]), float(self._pose[2])
 
+    def turned(self, channel: int, now: float) -> float:
+        """Motor turns at `now`, between two steps too: encoders know no steps."""
+        return self.turns[channel] + self.speeds[channel] * max(0.0, now - self._start - self._steps * STEP)
+
     def place(self, x: float, y: float, theta: float) -> None:
         """Put the robot down somewhere."""
         self._pose = np.array((x, y, theta))

@@ -1,0 +1,198 @@
+"""Two VESCs over one UART: the first directly, the second through its CAN bus (bldc firmware, commands.c)."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from firmware_bridge.drivers.polled import NoReply, PolledDriver
+from firmware_bridge.framing import VescPackets, vesc_packet
+from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.messages import ConfigError
+from firmware_bridge.options import bounded, check, from_table
+from firmware_bridge.transport import Transport
+
+FW_VERSION, GET_VALUES, SET_CURRENT, SET_BRAKE, SET_RPM, ALIVE, FORWARD_CAN, GET_SELECTIVE = 0, 4, 6, 7, 8, 30, 34, 50
+MASK = 1 << 7 | 1 << 13 | 1 << 15 | 1 << 17
+"""rpm, tachometer, fault, controller id"""
+SELECTIVE = struct.Struct(">BIiiBB")
+"""command, mask, rpm, tachometer, fault, controller id"""
+VALUES = struct.Struct(">BhhiiiihihiiiiiiBiB")
+"""The whole of GET_VALUES up to the controller id."""
+VALUES_RPM, VALUES_TACHO, VALUES_FAULT, VALUES_ID = 8, 14, 16, 18
+STEPS_PER_ELECTRIC_TURN = 6
+MAX_PAYLOAD = 128
+"""The longest answer that the driver asks for has about 75 bytes."""
+FAULTS = (
+    "",
+    "over-voltage",
+    "under-voltage",
+    "gate driver",
+    "over-current",
+    "over-temperature of the bridge",
+    "over-temperature of the motor",
+    "gate driver over-voltage",
+    "gate driver under-voltage",
+    "processor under-voltage",
+    "restarted by its own watchdog",
+    "encoder SPI",
+    "encoder sin/cos too small",
+    "encoder sin/cos too large",
+    "flash corrupted",
+    "offset of current sensor 1",
+    "offset of current sensor 2",
+    "offset of current sensor 3",
+    "unbalanced currents",
+    "brake",
+    "resolver lost tracking",
+    "resolver degraded",
+    "resolver lost",
+    "application settings corrupted",
+    "motor settings corrupted",
+    "encoder without magnet",
+    "encoder magnet too strong",
+    "phase filter",
+    "encoder",
+    "low-voltage output",
+)
+ENCODER_FAULTS = frozenset({11, 12, 13, 20, 21, 22, 25, 26, 28})
+
+
+@dataclass(frozen=True)
+class VescOptions:
+    """The ``[board]`` section of a robot file."""
+
+    can_id: int = bounded(0, 253)
+    """Of the second VESC, as VESC Tool shows it; the first is the one on the UART."""
+    pole_pairs: int = bounded(1, 200)
+    """Of both motors."""
+    brake_current: float = bounded(0.0, 200.0, "A", 0.0)
+    """Brake with this current at zero speed [A]; 0: zero ERPM, under which VESCs let the motor roll."""
+    command_timeout: float = bounded(0.05, 0.9, "s", 0.5)
+    """The driver sends zero when the last command is older [s]; below the board's own second."""
+    poll_hz: float = bounded(1.0, 200.0, "Hz", 50.0)
+    reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check(self)
+
+
+class VescDriver(PolledDriver):
+    """Two VESCs: ERPM by 8, the second through 34, values by 50 or, for old firmware, 4.
+
+    Their time-out (1 s unless changed in VESC Tool) is fed by commands only; ALIVE (30), which would keep an old
+    set-point, is never sent.
+    """
+
+    board = "VESC"
+    answers_commands = False
+
+    def __init__(self, transport: Transport, geometry: WheelGeometry, options: VescOptions) -> None:
+        odometry = WheelOdometry(geometry, STEPS_PER_ELECTRIC_TURN * options.pole_pairs, wraps=True)
+        super().__init__(transport, geometry, odometry, options.poll_hz, options.reply_timeout, options.command_timeout)
+        self._erpm = 60.0 * options.pole_pairs
+        if geometry.max_wheel_speed / geometry.wheel_radius * geometry.gear_ratio / math.tau * self._erpm >= 2**31:
+            raise ConfigError(f"board.pole_pairs: {options.pole_pairs} makes speeds past the board's 32 bits")
+        self._can_id, self._brake = options.can_id, round(1000.0 * options.brake_current)
+        self._packets = VescPackets(MAX_PAYLOAD)
+        self._local_id: int | None = None
+        self._selective = True
+        self.hint = "is it powered, wired TX to RX, with its app set to UART and this baud rate?"
+
+    @classmethod
+    def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> VescDriver:
+        """Build it from the ``[geometry]`` and ``[board]`` sections of a robot file; ConfigError names a wrong key."""
+        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
+        return cls(transport, geometry, from_table(VescOptions, table.get("board", {}), "board"))
+
+    def _configure(self) -> None:
+        self._local_id = None
+        version, _ = self._ask(vesc_packet(bytes((FW_VERSION,))), "version")
+        if len(version) < 3:
+            raise self._refuse("firmware version")
+        self._mode = f"firmware {version[1]}.{version[2]:02d}"
+        self._drive(0.0, 0.0)
+        self._selective = True
+        try:
+            values = self._values("local")
+        except NoReply:
+            self._settle()
+            self._selective = False
+            values = self._values("local")
+        self._local_id = values[3]
+        self.hint = f"is the second VESC (CAN id {self._can_id}) powered and on the CAN bus?"
+        self._values("can")
+
+    def _poll(self, cycle: int) -> None:
+        rpm1, tacho1, fault1, _, stamp1 = self._values("local")
+        rpm2, tacho2, fault2, _, stamp2 = self._values("can")
+        named = ((fault1, "first"), (fault2, "second"))
+        self._errors = tuple(
+            f"{which} VESC: {FAULTS[fault] if fault < len(FAULTS) else f'fault {fault}'}" for fault, which in named if fault
+        )
+        self._estimate_ok = not ENCODER_FAULTS & {fault1, fault2}
+        # Both tachometers at the same instant, so that their difference is a turn and nothing else.
+        ahead = rpm1 / 60.0 * STEPS_PER_ELECTRIC_TURN * (stamp2 - stamp1)
+        self._moved((tacho1 + ahead, tacho2), (rpm1 / self._erpm, rpm2 / self._erpm), stamp2)
+
+    def _barrier(self) -> None:
+        self._ask(vesc_packet(bytes((FW_VERSION,))), "version")
+
+    def _values(self, which: str) -> tuple[int, int, int, int, float]:
+        """Ask one VESC: ERPM, tachometer, fault, controller id, stamp."""
+        request = struct.pack(">BI", GET_SELECTIVE, MASK) if self._selective else bytes((GET_VALUES,))
+        if which == "can":
+            request = bytes((FORWARD_CAN, self._can_id)) + request
+        reply, stamp = self._ask(vesc_packet(request), (which, self._selective))
+        return (*_numbers(reply), stamp)
+
+    def _drive(self, first: float, second: float) -> None:
+        payloads = [self._set_point(first), bytes((FORWARD_CAN, self._can_id)) + self._set_point(second)]
+        self._transport.write(b"".join(map(vesc_packet, payloads)))
+
+    def _set_point(self, speed: float) -> bytes:
+        if speed == 0.0 and self._brake:
+            return struct.pack(">Bi", SET_BRAKE, self._brake)
+        return struct.pack(">Bi", SET_RPM, round(speed * self._erpm))
+
+    def _release(self) -> None:
+        free = struct.pack(">Bi", SET_CURRENT, 0)
+        self._transport.write(vesc_packet(free) + vesc_packet(bytes((FORWARD_CAN, self._can_id)) + free))
+
+    def _begin(self, key: Hashable) -> None:
+        self._packets.reset()
+
+    def _feed(self, data: bytes, stamp: float) -> None:
+        with self._changed:
+            payloads = self._packets.feed(data, stamp)
+        for payload in payloads:
+            self._deliver(self._key(payload), payload, stamp)
+
+    def _key(self, payload: bytes) -> Hashable:
+        """Which request this answers, None for none."""
+        if payload[0] == FW_VERSION:
+            return "version"
+        selective = payload[0] == GET_SELECTIVE
+        if selective and (len(payload) != SELECTIVE.size or int.from_bytes(payload[1:5], "big") != MASK):
+            return None
+        if not selective and (payload[0] != GET_VALUES or len(payload) < VALUES.size):
+            return None
+        sender = _numbers(payload)[3]
+        if sender == self._can_id:
+            return ("can", selective)
+        return ("local", selective) if self._local_id in (None, sender) else None
+
+    def _damaged(self) -> int:
+        return self._packets.bad
+
+
+def _numbers(payload: bytes) -> tuple[int, int, int, int]:
+    """ERPM, tachometer, fault, controller id of either kind of answer."""
+    if payload[0] == GET_SELECTIVE:
+        return SELECTIVE.unpack(payload)[2:]
+    values = VALUES.unpack(payload[: VALUES.size])
+    return values[VALUES_RPM], values[VALUES_TACHO], values[VALUES_FAULT], values[VALUES_ID]
