@@ -52,6 +52,7 @@ section { padding: 18px 20px; margin-bottom: 20px; min-width: 0; }
 .beside { gap: 0 28px; }
 .beside > * { min-width: 0; }
 figure { margin: 0; }
+.pair figure { margin-bottom: 10px; }
 /* the pictures are made for white paper, so they keep it in the dark */
 img { display: block; width: 100%; height: auto; background: #ffffff; border-radius: 6px; padding: 6px; margin: 0 auto; }
 .map img { max-width: 820px; }

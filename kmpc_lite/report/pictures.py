@@ -92,18 +92,21 @@ def _status_bands(panel: Any, run: Run) -> list[Any]:
     """Shade the periods whose status is not SOLVED; one legend entry per status that occurs."""
     from matplotlib.patches import Patch
 
+    spans: dict[str, list[tuple[float, float]]] = {status: [] for status in STATUS_LOOKS}
     first = 0
     for status, group in groupby(run.statuses):
-        last = first + len(list(group))
-        if status in STATUS_LOOKS:
-            colour, hatch = STATUS_LOOKS[status]
-            panel.axvspan(first * run.dt, last * run.dt, facecolor=colour, hatch=hatch, edgecolor="#8f8f8f", linewidth=0.0, zorder=0.5)
-        first = last
-    return [
-        Patch(facecolor=c, hatch=h, edgecolor="#8f8f8f", linewidth=0.0, label=f"{STATUS_WORDS[s]} ({run.statuses.count(s)})")
-        for s, (c, h) in STATUS_LOOKS.items()
-        if s in run.statuses
-    ]
+        count = len(list(group))
+        if status in spans:
+            spans[status].append((first * run.dt, count * run.dt))
+        first += count
+    handles = []
+    for status, (colour, hatch) in STATUS_LOOKS.items():
+        if spans[status]:
+            look: dict[str, Any] = {"facecolor": colour, "hatch": hatch, "edgecolor": "#8f8f8f", "linewidth": 0.0}
+            # one collection for all spans: in a long run there are thousands
+            panel.broken_barh(spans[status], (0.0, 1.0), transform=panel.get_xaxis_transform(), zorder=0.5, **look)
+            handles.append(Patch(**look, label=f"{STATUS_WORDS[status]} ({run.statuses.count(status)})"))
+    return handles
 
 
 def errors_picture(run: Run) -> Figure:
