@@ -10,7 +10,7 @@ import numpy as np
 
 from kmpc_lite.dictionary import Array
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.dataset import CHUNK, Dataset
+from kmpc_lite.learn.dataset import CHUNK, SAME_DT, Dataset, check_time
 from kmpc_lite.model import KoopmanModel, nominal_unicycle
 
 
@@ -68,52 +68,66 @@ def evaluate(model: KoopmanModel, dataset: Dataset, horizon: float = 1.0, stride
     Raises
     ------
     DataError
-        For another dt, or where no episode is long enough.
+        For another dt, an impossible horizon or stride, or where no episode is long enough.
     """
-    if abs(dataset.dt - model.dt) > 1e-9 * model.dt:
+    if abs(dataset.dt - model.dt) > SAME_DT * model.dt:
         raise DataError(f"the dataset's dt is {dataset.dt:g} s, the model's {model.dt:g} s: resample it")
-    steps = max(1, int(round(horizon / model.dt)))
+    if stride != int(stride) or stride < 1:
+        raise DataError(f"stride: expected a whole number >= 1, got {stride}")
+    stride, steps = int(stride), max(1, int(round(check_time("horizon", horizon) / model.dt)))
     nominal = nominal_unicycle(model.dt)
     sums = np.zeros((4, 3))
     total, count, long_count = 0.0, 0, 0
-    for x, inputs, truth in _segments(dataset, model.history, 1, stride):
-        predicted = model.rollout(x, inputs[:, -1:], inputs[:, :-1] if model.history else None)[:, -1]
-        sums[0] += _squares(predicted, truth, x)
-        sums[1] += _squares(nominal.rollout(x, inputs[:, -1:])[:, -1], truth, x)
-        total += float(np.sum((predicted - truth) ** 2))
-        count += len(x)
-    for x, inputs, truth in _segments(dataset, model.history, steps, stride):
-        past, future = inputs[:, : model.history], inputs[:, model.history :]
-        sums[2] += _squares(model.rollout(x, future, past if model.history else None)[:, -1], truth, x)
-        sums[3] += _squares(nominal.rollout(x, future)[:, -1], truth, x)
-        long_count += len(x)
+    # a model may diverge far from its data: then its error is infinite, and no warning is due
+    with np.errstate(over="ignore", invalid="ignore"):
+        for x, inputs, truth in _segments(dataset, model.history, 1, stride):
+            predicted = model.predict(x, inputs[:, -1], inputs[:, :-1])
+            sums[0] += _squares(predicted, truth, x)
+            sums[1] += _squares(nominal.predict(x, inputs[:, -1]), truth, x)
+            total += float(np.sum((predicted - truth) ** 2))
+            count += len(x)
+        for x, inputs, truth in _segments(dataset, model.history, steps, stride):
+            past, future = inputs[:, : model.history], inputs[:, model.history :]
+            sums[2] += _squares(model.rollout(x, future, past)[:, -1], truth, x)
+            sums[3] += _squares(nominal.rollout(x, future)[:, -1], truth, x)
+            long_count += len(x)
     if long_count == 0:
         longest = max(len(e) for e in dataset.episodes) * dataset.dt
         raise DataError(
             f"no held-out episode is as long as {horizon:g} s plus an input history of {model.history} steps (longest {longest:g} s)"
         )
+    sums, total = np.where(np.isnan(sums), np.inf, sums), np.inf if np.isnan(total) else total
     rms = np.sqrt(sums / np.array([count, count, long_count, long_count])[:, None])
     one, nominal_one, multi, nominal_multi = (tuple(float(v) for v in row) for row in rms)
     return FitReport(steps * model.dt, long_count, one, multi, nominal_one, nominal_multi, 100 * float(np.sqrt(total / count)))  # type: ignore[arg-type]
 
 
 def _segments(dataset: Dataset, history: int, steps: int, stride: int) -> Iterator[tuple[Array, Array, Array]]:
-    """Starts (n, 3), commands (n, history + steps, 2) and final states (n, 3), in chunks over the episodes."""
+    """Yield starts (n, 3), commands (n, history + steps, 2) and final states (n, 3), in chunks over the episodes."""
     batch: list[tuple[Array, Array, Array]] = []
+    rows = 0
     for episode in dataset.episodes:
-        starts = np.arange(history, len(episode) - steps + 1, stride)
-        if len(starts):
+        all_starts = np.arange(history, len(episode) - steps + 1, stride)
+        for k in range(0, len(all_starts), CHUNK):
+            starts = all_starts[k : k + CHUNK]
             windows = np.lib.stride_tricks.sliding_window_view(episode.inputs, history + steps, axis=0).transpose(0, 2, 1)
             batch.append((episode.states[starts], windows[starts - history], episode.states[starts + steps]))
-        if sum(len(b[0]) for b in batch) >= CHUNK:
-            yield tuple(np.concatenate(column) for column in zip(*batch, strict=True))  # type: ignore[misc]
-            batch = []
+            rows += len(starts)
+            if rows >= CHUNK:
+                yield _joined(batch)
+                batch, rows = [], 0
     if batch:
-        yield tuple(np.concatenate(column) for column in zip(*batch, strict=True))  # type: ignore[misc]
+        yield _joined(batch)
+
+
+def _joined(batch: list[tuple[Array, Array, Array]]) -> tuple[Array, Array, Array]:
+    """One set of arrays from many."""
+    x, inputs, truth = (np.concatenate(column) for column in zip(*batch, strict=True))
+    return x, inputs, truth
 
 
 def _squares(predicted: Array, truth: Array, start: Array) -> Array:
-    """Sums of squared errors along and across the starting heading, and of the heading."""
+    """Sum the squared errors along and across the starting heading, and of the heading."""
     error = predicted - truth
     cos, sin = np.cos(start[:, 2]), np.sin(start[:, 2])
     along, across = cos * error[:, 0] + sin * error[:, 1], cos * error[:, 1] - sin * error[:, 0]
