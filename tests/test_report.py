@@ -246,6 +246,9 @@ def test_errors_and_times_agree_with_the_run(runs):
 def test_fit_errors_come_from_the_report_or_from_the_model(runs, tmp_path):
     widths = [[bar.get_width() for bar in panel.patches] for panel in fit_picture(FIT).axes]
     np.testing.assert_allclose(widths, [[1, 4, 11, 21], [2, 5, 12, 22], [3, 6, 13, 23]])
+    diverged = fit_picture(replace(FIT, multi_step=(np.inf,) * 3, nominal_multi_step=(np.inf,) * 3))
+    diverged.draw_without_rendering()
+    assert [t.get_text() for t in diverged.axes[0].texts] == ["1 mm", "4 mm", "diverged", "diverged"]
     kept = replace(
         MODEL, info={"method": "integral", "rank": 18, "features": 20, "held_out": {**FIT.as_dict(), "one_step": [0.001, 0.002, 0.003]}}
     )

@@ -223,6 +223,7 @@ def fit_picture(report: FitReport) -> Figure:
     )
     looks = {"model": (BLUE, ""), "nominal": ("#f0d9a8", "///")}
     where = np.array([0.0, 1.0, 2.4, 3.4])
+    over: tuple[dict[str, Any], dict[str, Any]] = ({}, {"bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.5}})
     with style():
         from matplotlib.patches import Patch
 
@@ -232,15 +233,21 @@ def fit_picture(report: FitReport) -> Figure:
             zip(panels, ("Along the heading", "Across the heading", "Heading"), ("mm", "mm", "mrad"), strict=True)
         ):
             values = [1e3 * row[2][i] for row in rows]
+            # a model that diverges has an infinite error: its bar ends where the picture does
+            top = 1.2 * max([value for value in values if np.isfinite(value)] + [1e-12])
             for y, (_, who, _), value in zip(where, rows, values, strict=True):
                 colour, hatch = looks[who]
-                panel.barh(y, value, height=0.92, color=colour, hatch=hatch, edgecolor=INK, linewidth=0.6)
-                panel.annotate(f"{value:.3g} {unit}", (value, y), xytext=(4, 0), textcoords="offset points", va="center", fontsize=SMALL)
+                panel.barh(y, min(value, top), height=0.92, color=colour, hatch=hatch, edgecolor=INK, linewidth=0.6)
+                text = f"{value:.3g} {unit}" if np.isfinite(value) else "diverged"
+                place = (value, y) if np.isfinite(value) else (0.0, y)
+                panel.annotate(
+                    text, place, xytext=(4, 0), textcoords="offset points", va="center", fontsize=SMALL, **over[text == "diverged"]
+                )
             panel.set_yticks([0.5, 2.9], ["one step", f"{report.horizon:g} s ahead"])
             panel.tick_params(axis="y", length=0)
             panel.grid(visible=False, axis="y")
             panel.invert_yaxis()
-            panel.set_xlim(0.0, 1.2 * max(*values, 1e-12))
+            panel.set_xlim(0.0, top)
             panel.set_title(f"{name}: RMS error [{unit}]")
         names = {"model": "learned model", "nominal": "nominal unicycle"}
         legend_below(figure, [Patch(facecolor=c, hatch=h, edgecolor=INK, linewidth=0.6, label=names[who]) for who, (c, h) in looks.items()])
