@@ -29,8 +29,6 @@ TOUCH = 0.02
 """How deep such a rolled-out plan may cut into an obstacle [m] and still be driven, the rest being left to the next pass."""
 AFTER_SOLVE = 5e-5
 """Time that a step takes after its plan is verified [s]."""
-BOUND_SLACK = 0.02
-"""How far the solver may leave the command bounds, as a share of their width; the command itself is clipped."""
 
 
 class Controller:
@@ -97,8 +95,6 @@ class Controller:
         self._time_budget, self._clock, self._after_solve = time_budget, clock, AFTER_SOLVE
         self._sqp = SQP(self.model, self.problem, sqp_iterations, tolerance, obstacle_slots, clock)
         self._fallback = Fallback(self.problem)
-        self._u_min, self._u_max, _, _ = self.problem.bounds
-        self._margin = BOUND_SLACK * (self._u_max - self._u_min)
         self.reset()
 
     def reset(self) -> None:
@@ -194,21 +190,15 @@ class Controller:
         if result.status is QPStatus.FAILED:
             return False, None, result.reason
         found = result.trajectory
-        excess = np.maximum(found.inputs - self._u_max, self._u_min - found.inputs)
-        if (excess > self._margin).any():
-            return False, None, f"solution leaves the command bounds by {excess.max():.3g} ({result.reason or 'solved'})"
-        inputs = np.clip(found.inputs, self._u_min, self._u_max)
-        predicted = self.model.predict(found.states[:-1], inputs, self._sqp.past_windows(self._past, inputs))
-        defect = float(np.abs(predicted - found.states[1:]).max())
-        if not np.isfinite(defect):
+        if not np.isfinite(result.defect):
             return False, None, "the model's prediction is not finite"
-        if defect <= DEFECT:
-            return True, Trajectory(found.states, inputs, found.duals), result.reason
-        states = self.model.rollout(found.states[0], inputs, self._past)
+        if result.defect <= DEFECT:
+            return True, found, result.reason
+        states = self.model.rollout(found.states[0], found.inputs, self._past)
         clearance = self._clearance(states, circles)
-        reason = f"rolled out anew: the model contradicted the plan by {defect:.3g}"
+        reason = f"rolled out anew: the model contradicted the plan by {result.defect:.3g}"
         usable = np.isfinite(states).all() and clearance >= -TOUCH
-        return bool(usable), Trajectory(states, inputs, found.duals), reason
+        return bool(usable), Trajectory(states, found.inputs, found.duals), reason
 
     def _without_solution(self, pose: Array, circles: Array, start: float, timing: dict[str, float], passes: int, reason: str) -> Plan:
         """Drive the rest of the last good plan while there is one, then brake."""

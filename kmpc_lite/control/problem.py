@@ -107,11 +107,8 @@ class NavigationProblem:
         """Objective of a plan without penalties: states (N+1, 3), inputs (N, 2), reference (3,) or (N+1, 3)."""
         q, r, q_terminal = self.weights
         error = states - reference
-        return float(
-            np.einsum("ki,ij,kj->", error[:-1], q, error[:-1])
-            + np.einsum("ki,ij,kj->", inputs, r, inputs)
-            + error[-1] @ q_terminal @ error[-1]
-        )
+        on_way, end = error[:-1], error[-1]
+        return float(np.vdot(on_way @ q, on_way) + np.vdot(inputs @ r, inputs) + end @ q_terminal @ end)
 
 
 def _scalar(name: str, value: Any, above_zero: bool) -> None:

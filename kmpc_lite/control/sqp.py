@@ -1,7 +1,8 @@
 """Sequential quadratic programming: linearise, fill, solve, step.
 
-One pass per period from the shifted last solution is the real-time iteration; more passes with a line search on an
-exact L1 merit function converge to a Karush-Kuhn-Tucker point of the nonlinear problem.
+One pass per period from the shifted last solution is the real-time iteration; more passes converge to a
+Karush-Kuhn-Tucker point of the nonlinear problem. Every pass ends in a line search on an exact L1 merit function: full steps of
+the Gauss-Newton QP, which knows no curvature of the dynamics, go back and forth between two plans on one state in ten.
 """
 
 from __future__ import annotations
@@ -78,6 +79,8 @@ class SQPResult:
     passes: int
     step: float
     """Largest change of the last pass [m, rad, m/s, rad/s]."""
+    defect: float
+    """How far the model contradicts the trajectory over one period [m, rad]."""
     timing: dict[str, float] = field(default_factory=dict)
     reason: str = ""
 
@@ -116,7 +119,9 @@ class SQP:
         settings = REAL_TIME if iterations == 1 else CONVERGED
         self.workspace = OSQPWorkspace(self.qp.P, self.qp.q, self.qp.A, self.qp.lower, self.qp.upper, **settings)
         self.keep_out = KeepOut(problem, slots)
+        self._u_min, self._u_max, _, _ = problem.bounds
         self._dynamics_penalty = 0.0
+        self._search_time = 0.0
 
     def at_rest(self, x: Array) -> Trajectory:
         """Return the trajectory of a robot that stands at x: a cold start."""
@@ -150,13 +155,12 @@ class SQP:
         cold : bool
             Whether the guess knows nothing: a real-time iteration then makes more passes.
         """
-        timing = {"linearise": 0.0, "fill": 0.0, "solve": 0.0}
+        timing = {"linearise": 0.0, "fill": 0.0, "solve": 0.0, "search": 0.0}
         to_convergence = self.iterations > 1
         limit, tolerance = (COLD_PASSES, COLD_TOLERANCE) if cold and not to_convergence else (self.iterations, self.tolerance)
         self._dynamics_penalty = 0.0
         self.qp.set_slack_penalty(float(self.problem.slack_weights[0]))
-        step, passes, status, reason = np.inf, 0, QPStatus.FAILED, ""
-        longest = 0.0
+        step, defect, passes, status, reason, longest = np.inf, np.inf, 0, QPStatus.FAILED, "", 0.0
         while passes < limit:
             t0 = self.clock()
             if passes and t0 + longest > task.deadline:
@@ -168,59 +172,63 @@ class SQP:
             self.qp.fill(lin, guess.states, guess.inputs, task.reference, normals, offsets)
             t2 = self.clock()
             if task.deadline < np.inf:
-                self.workspace.limit_time(max(task.deadline - t2, MIN_SOLVE_TIME))
+                self.workspace.limit_time(max(task.deadline - t2 - self._search_time, MIN_SOLVE_TIME))
             warm = self.qp.pack(guess.states, guess.inputs, violation)
             solution = self.workspace.solve(self.qp.q, self.qp.lower, self.qp.upper, self.qp.A.data, warm, guess.duals)
             t3 = self.clock()
-            timing["linearise"] += t1 - t0
-            timing["fill"] += t2 - t1
-            timing["solve"] += t3 - t2
             passes += 1
             status, reason = solution.status, solution.reason
+            if status is not QPStatus.FAILED:
+                states, inputs, slack = self.qp.unpack(solution.x, guess.states[0])
+                np.clip(inputs, self._u_min, self._u_max, out=inputs)
+                found = Trajectory(states, inputs, solution.y)
+                guess, step, defect = self._line_search(guess, found, slack, lin.value, violation, task)
+            t4 = self.clock()
+            for phase, seconds in zip(timing, (t1 - t0, t2 - t1, t3 - t2, t4 - t3), strict=True):
+                timing[phase] += seconds
+            longest, self._search_time = max(longest, t4 - t0), max(t4 - t3, 0.95 * self._search_time)
             if status is QPStatus.FAILED:
                 break
-            states, inputs, slack = self.qp.unpack(solution.x, guess.states[0])
-            if limit > 1:
-                length = self._line_search(guess, Trajectory(states, inputs, solution.y), slack, lin.value, task)
-                states = guess.states + length * (states - guess.states)
-                inputs = guess.inputs + length * (inputs - guess.inputs)
-            step = max(float(np.abs(states - guess.states).max()), float(np.abs(inputs - guess.inputs).max()))
-            guess = Trajectory(states, inputs, solution.y)
             if step <= tolerance:
                 if not (to_convergence and self._penalty_too_weak(guess, task)):
                     break
                 self.qp.set_slack_penalty(PENALTY_GROWTH * self.qp.slack_penalty)
-            longest = max(longest, self.clock() - t0)
-        return SQPResult(guess, status, passes, step, timing, reason)
+        return SQPResult(guess, status, passes, step, defect, timing, reason)
 
     def _penalty_too_weak(self, found: Trajectory, task: Task) -> bool:
         """Whether a converged plan stands in an obstacle only because the linear penalty is too weak."""
         violation = penetration(self.keep_out.gaps(found.states, task.circles)[0])
         return self.qp.slack_penalty < PENALTY_LIMIT and float(violation.max()) > VIOLATION
 
-    def _soft_cost(self, states: Array, inputs: Array, violation: Array, task: Task) -> float:
+    def _soft_cost(self, plan: Trajectory, violation: Array, task: Task) -> float:
         """Objective with the exact penalty on the violation of each stage (N,)."""
         penalty = self.qp.slack_penalty * violation.sum() + self.problem.slack_weights[1] * (violation @ violation)
-        return self.problem.cost(states, inputs, task.reference) + float(penalty)
+        return self.problem.cost(plan.states, plan.inputs, task.reference) + float(penalty)
 
-    def _merit(self, states: Array, inputs: Array, predicted: Array, task: Task) -> float:
+    def _merit(self, plan: Trajectory, predicted: Array, violation: Array, task: Task) -> float:
         """Exact L1 merit function: objective, penalties, and what the dynamics lack."""
-        violation = penetration(self.keep_out.gaps(states, task.circles)[0])
-        defect = float(np.abs(states[1:] - predicted).sum())
-        return self._soft_cost(states, inputs, violation, task) + self._dynamics_penalty * defect
+        defect = float(np.abs(plan.states[1:] - predicted).sum())
+        return self._soft_cost(plan, violation, task) + self._dynamics_penalty * defect
 
-    def _line_search(self, guess: Trajectory, found: Trajectory, slack: Array, predicted: Array, task: Task) -> float:
-        """Length in (0, 1] at which the merit function falls enough (Armijo), by halving."""
+    def _line_search(
+        self, guess: Trajectory, found: Trajectory, slack: Array, predicted: Array, violation: Array, task: Task
+    ) -> tuple[Trajectory, float, float]:
+        """Go from the guess towards what the QP found until the merit function falls enough (Armijo), by halving.
+
+        Returns the new trajectory, the largest change, and the largest defect of its dynamics.
+        """
         self._dynamics_penalty = max(self._dynamics_penalty, 1.1 * float(np.abs(found.duals[self.qp.dynamics_rows]).max()))
-        now = self._merit(guess.states, guess.inputs, predicted, task)
-        expected = now - self._soft_cost(found.states, found.inputs, np.maximum(slack, 0.0), task)
-        length = 1.0
-        while length > SHORTEST_STEP:
-            states = guess.states + length * (found.states - guess.states)
-            inputs = guess.inputs + length * (found.inputs - guess.inputs)
-            predicted = self.model.predict(states[:-1], inputs, self.past_windows(task.past, inputs))
+        now = self._merit(guess, predicted, violation, task)
+        expected = now - self._soft_cost(found, np.maximum(slack, 0.0), task)
+        toward_states, toward_inputs = found.states - guess.states, found.inputs - guess.inputs
+        length, trial = 1.0, found
+        while True:
+            predicted = self.model.predict(trial.states[:-1], trial.inputs, self.past_windows(task.past, trial.inputs))
+            merit = self._merit(trial, predicted, penetration(self.keep_out.gaps(trial.states, task.circles)[0]), task)
             # the last term forgives what rounding takes once nothing is left to gain
-            if self._merit(states, inputs, predicted, task) <= now - ARMIJO * length * expected + 1e-10 * abs(now):
+            if merit <= now - ARMIJO * length * expected + 1e-10 * abs(now) or length <= SHORTEST_STEP:
                 break
             length *= 0.5
-        return length
+            trial = Trajectory(guess.states + length * toward_states, guess.inputs + length * toward_inputs, found.duals)
+        step = length * max(float(np.abs(toward_states).max()), float(np.abs(toward_inputs).max()))
+        return trial, step, float(np.abs(predicted - trial.states[1:]).max())

@@ -1,0 +1,64 @@
+"""Who takes part: ours in several forms, and the peers that are installed."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from kmpc_lite.control.controller import Controller
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.model import KoopmanModel
+
+Build = Callable[[KoopmanModel, NavigationProblem, int], Any]
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A controller by name, and how to make it."""
+
+    name: str
+    build: Build
+    """From model, problem and the number of obstacles."""
+    skipped: str = ""
+    """Why it does not take part here."""
+    timed: str = "total"
+    """Which entry of a plan's timing is compared."""
+
+
+def _plain(model: KoopmanModel, problem: NavigationProblem, obstacles: int) -> Any:
+    return Controller(model, problem)
+
+
+def _converged(model: KoopmanModel, problem: NavigationProblem, obstacles: int) -> Any:
+    return Controller(model, problem, sqp_iterations=200, tolerance=1e-6)
+
+
+def _casadi(solver: str) -> Build:
+    def build(model: KoopmanModel, problem: NavigationProblem, obstacles: int) -> Any:
+        from kmpc_lite.peers.ipopt import IpoptController
+
+        return IpoptController(model, problem, solver)
+
+    return build
+
+
+def _acados(model: KoopmanModel, problem: NavigationProblem, obstacles: int) -> Any:
+    from kmpc_lite.peers.acados import AcadosController
+
+    return AcadosController(model, problem, obstacles)
+
+
+def contenders() -> list[Contender]:
+    """All of them, those that cannot take part here with the reason."""
+    from kmpc_lite.peers.acados import why_not
+
+    casadi = "" if importlib.util.find_spec("casadi") else "CasADi is not installed: pip install 'kmpc-lite[peers]'"
+    return [
+        Contender("ours, RTI", _plain),
+        Contender("ours, converged", _converged),
+        Contender("CasADi + IPOPT", _casadi("ipopt"), casadi),
+        Contender("CasADi + fatrop", _casadi("fatrop"), casadi),
+        Contender("acados SQP_RTI", _acados, why_not(), timed="solve"),
+    ]

@@ -1,0 +1,214 @@
+"""Step times and plan quality on recorded states, solver by solver, interleaved in one run."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.bench.contenders import Contender
+from kmpc_lite.control.controller import Controller
+from kmpc_lite.control.obstacles import circle_distances
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.dictionary import Array
+from kmpc_lite.learn.regression import fit
+from kmpc_lite.model import KoopmanModel
+from kmpc_lite.sim.robots import DifferentialDrive, generate_dataset
+
+SLIP = 0.05
+TUNING_SEED, REPORTING_SEED = 7_000, 700_000
+"""First seeds of the recorded drives: for finding settings, and for what is reported."""
+SPACING = 0.45
+"""Free space between obstacles, beyond their radii [m]: half as much again as the robot is wide."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """Recorded states (T, 3) of one drive, its goal (3,) and its obstacles (M, 5)."""
+
+    states: Array
+    goal: Array
+    circles: Array
+
+
+@dataclass(eq=False)
+class Measurement:
+    """What one contender did."""
+
+    name: str
+    times: list[float] = field(default_factory=list)
+    """Of each warm step [s]."""
+    cold: list[float] = field(default_factory=list)
+    """Of the first step of each drive [s]."""
+    phases: dict[str, list[float]] = field(default_factory=dict)
+    cost: list[float] = field(default_factory=list)
+    """Objective of each plan."""
+    violation: list[float] = field(default_factory=list)
+    """How deep each plan enters an obstacle or leaves the area [m]."""
+    defect: list[float] = field(default_factory=list)
+    """How far the model contradicts each plan over one period [m, rad]."""
+    unsolved: int = 0
+    """Steps without a plan of its own."""
+    memory: float = 0.0
+    """Growth of the process while it was built and ran [MB]."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON; times in milliseconds."""
+        t = 1e3 * np.array(self.times)
+        return {
+            "name": self.name,
+            "steps": len(t),
+            "ms": {"p50": np.quantile(t, 0.5), "p99": np.quantile(t, 0.99), "p99.9": np.quantile(t, 0.999), "max": t.max()},
+            "cold_ms": {"p50": 1e3 * float(np.median(self.cold)), "max": 1e3 * max(self.cold)},
+            "phases_ms": {k: 1e3 * float(np.median(v)) for k, v in self.phases.items()},
+            "cost_median": float(np.median(self.cost)),
+            "violation_mm": {"p99": 1e3 * float(np.quantile(self.violation, 0.99)), "max": 1e3 * max(self.violation)},
+            "defect_mm": {"p99": 1e3 * float(np.quantile(self.defect, 0.99)), "max": 1e3 * max(self.defect)},
+            "unsolved": self.unsolved,
+            "memory_mb": self.memory,
+        }
+
+
+def learned_model(dt: float = 0.1) -> KoopmanModel:
+    """Model that all contenders use: an integral fit on a slipping floor, integrated by the midpoint rule by all."""
+    data = generate_dataset(DifferentialDrive(SLIP, seed=1), episodes=100, steps=500, dt=dt, seed=2)
+    return replace(fit(data), integrator="midpoint")
+
+
+def random_circles(random: np.random.Generator, count: int) -> Array:
+    """Obstacles (count, 5) with room between them, in an area that grows with their number."""
+    half = 1.6 * max(1.0, np.sqrt(count / 6))
+    placed: list[Array] = []
+    while len(placed) < count:
+        row = np.array([*random.uniform(-half, half, 2), random.uniform(0.10, 0.28), 0.0, 0.0])
+        if all(np.hypot(*(row[:2] - other[:2])) > row[2] + other[2] + SPACING for other in placed):
+            placed.append(row)
+    return np.array(placed)
+
+
+def free_pose(random: np.random.Generator, circles: Array, half: float = 1.8) -> Array:
+    """Pose (3,) at least 0.1 m clear of the obstacles."""
+    while True:
+        pose = np.array([*random.uniform(-half, half, 2), random.uniform(-np.pi, np.pi)])
+        if not len(circles) or (np.hypot(*(circles[:, :2] - pose[:2]).T) > circles[:, 2] + 0.25).all():
+            return pose
+
+
+def record(model: KoopmanModel, problem: NavigationProblem, drives: int, steps: int, obstacles: int, seed: int) -> list[Drive]:
+    """Drive random maps and keep the states, for all contenders to plan from."""
+    recorded = []
+    for i in range(drives):
+        random = np.random.default_rng(seed + i)
+        circles = random_circles(random, obstacles)
+        x, goal = free_pose(random, circles), free_pose(random, circles)
+        controller, plant = Controller(model, problem), DifferentialDrive(SLIP, seed=seed + i)
+        states = [x]
+        for _ in range(steps - 1):
+            x = plant.step(x, controller.step(x, goal, circles).command, problem.dt)
+            states.append(x)
+        recorded.append(Drive(np.array(states), goal, circles))
+    return recorded
+
+
+def measure(
+    field_of: Sequence[Contender],
+    model: KoopmanModel,
+    problem: NavigationProblem,
+    drives: Sequence[Drive],
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[Measurement]:
+    """Let every contender plan from every state; they take turns drive by drive, in changing order.
+
+    Parameters
+    ----------
+    field_of : sequence of Contender
+        Those that take part.
+    model, problem
+        For all of them.
+    drives : sequence of Drive
+        Recorded states.
+    progress : callable
+        Called as drives finish.
+    """
+    results, controllers = [], []
+    count = max((len(d.circles) for d in drives), default=0)
+    for contender in field_of:
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        controllers.append(contender.build(model, problem, count))
+        controllers[-1].step(drives[0].states[0], drives[0].goal, drives[0].circles)
+        grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+        results.append(Measurement(contender.name, memory=grown / 1024))
+    for i, drive in enumerate(drives):
+        for j in np.roll(np.arange(len(field_of)), i):
+            _run(controllers[j], field_of[j].timed, drive, model, problem, results[j])
+        progress(i + 1, len(drives))
+    return results
+
+
+def _run(controller: Any, timed: str, drive: Drive, model: KoopmanModel, problem: NavigationProblem, result: Measurement) -> None:
+    """One contender over one drive: first all steps, then the looking at what they found."""
+    controller.reset()
+    plans = [controller.step(x, drive.goal, drive.circles) for x in drive.states]
+    for k, (x, plan) in enumerate(zip(drive.states, plans, strict=True)):
+        (result.times if k else result.cold).append(plan.timing[timed])
+        if k:
+            for phase, seconds in plan.timing.items():
+                result.phases.setdefault(phase, []).append(seconds)
+        if plan.status.name in ("FALLBACK", "STOPPED"):
+            result.unsolved += 1
+            continue
+        goal = drive.goal.copy()
+        goal[2] = x[2] + np.remainder(goal[2] - x[2] + np.pi, 2 * np.pi) - np.pi
+        result.cost.append(problem.cost(plan.states, plan.inputs, goal))
+        result.violation.append(violation(plan.states, drive.circles, problem))
+        result.defect.append(float(np.abs(model.predict(plan.states[:-1], plan.inputs) - plan.states[1:]).max()))
+
+
+def violation(states: Array, circles: Array, problem: NavigationProblem) -> float:
+    """How deep a plan (N + 1, 3) enters an obstacle or leaves the area after its first state [m]."""
+    _, _, x_min, x_max = problem.bounds
+    positions = states[1:, :2]
+    deepest = max(0.0, float((x_min[:2] - positions).max()), float((positions - x_max[:2]).max()))
+    if len(circles):
+        distances, _ = circle_distances(circles, positions, problem.dt * np.arange(1, len(states)))
+        deepest = max(deepest, problem.robot_radius + problem.margin - float(distances.min()))
+    return deepest
+
+
+def import_times(repeats: int = 5) -> dict[str, float]:
+    """Median time of importing this package, and of importing what it stands on, in fresh interpreters [s]."""
+    code = "import time; t = time.perf_counter(); import {}; print(time.perf_counter() - t)"
+    what = {"kmpc_lite": "kmpc_lite", "numpy, scipy.sparse, osqp": "numpy, scipy.sparse, osqp"}
+    times: dict[str, list[float]] = {name: [] for name in what}
+    for _ in range(repeats):
+        for name, modules in what.items():
+            done = subprocess.run([sys.executable, "-c", code.format(modules)], capture_output=True, text=True, check=True)
+            times[name].append(float(done.stdout))
+    return {name: float(np.median(values)) for name, values in times.items()}
+
+
+def format_measurements(results: Sequence[Measurement], skipped: Sequence[Contender] = ()) -> str:
+    """Render a table; ratios are of the medians, and of p99, to the first row's."""
+    head = f"{'':<18}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9} [ms]{'p50':>7}{'p99':>7} x first{'cost':>9}{'violation':>11}{'defect':>9} [mm]"
+    lines = [head + f"{'unsolved':>10}"]
+    first = results[0].as_dict()["ms"]
+    for result in results:
+        d = result.as_dict()
+        t = d["ms"]
+        lines.append(
+            f"{d['name']:<18}{t['p50']:9.3f}{t['p99']:9.3f}{t['p99.9']:9.3f}{t['max']:9.3f}     "
+            f"{t['p50'] / first['p50']:7.1f}{t['p99'] / first['p99']:7.1f}        {d['cost_median']:9.2f}"
+            f"{d['violation_mm']['p99']:11.2f}{d['defect_mm']['p99']:9.2f}     {d['unsolved']:>10}"
+        )
+    lines += [f"{c.name:<18} left out: {c.skipped}" for c in skipped]
+    lines.append("")
+    for result in results:
+        d = result.as_dict()
+        phases = ", ".join(f"{name} {value:.3f}" for name, value in d["phases_ms"].items())
+        lines.append(f"{d['name']:<18} median by phase [ms]: {phases}; cold start {d['cold_ms']['p50']:.2f}; memory +{d['memory_mb']:.0f} MB")
+    return "\n".join(lines)

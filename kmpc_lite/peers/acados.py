@@ -1,0 +1,252 @@
+"""acados SQP_RTI with HPIPM: the same problem with the same soft obstacles, as generated C.
+
+acados is no dependency. `install` fetches the wheel ``comma-deps-acados`` (x86-64 Linux, acados 0.2.2) into a folder of its own:
+the wheel brings a CasADi that would replace the real one, so that part is thrown away. A C compiler and make are needed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import importlib.util
+import io
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kmpc_lite.control.obstacles import Circle, circle_distances, circles_to_array
+from kmpc_lite.control.plan import Plan, PlanStatus
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.dictionary import INPUTS, STATES, Array
+from kmpc_lite.errors import KmpcError
+from kmpc_lite.model import KoopmanModel
+from kmpc_lite.peers.ipopt import symbolic_step
+
+WHEEL = "comma-deps-acados"
+FAR_AWAY = (1e3, 1e3, 0.0, 0.0, 0.0)
+
+
+def default_folder() -> Path:
+    """Folder that `install` uses: under the user's cache."""
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "kmpc_lite" / "acados"
+
+
+def why_not(folder: Path | None = None) -> str:
+    """Say in a few words why acados cannot be used here; empty if it can."""
+    if platform.system() != "Linux" or platform.machine() != "x86_64":
+        return f"the wheel is for x86-64 Linux, this is {platform.system()} {platform.machine()}"
+    if not (shutil.which("gcc") or shutil.which("cc")) or not shutil.which("make"):
+        return "a C compiler and make are needed"
+    if importlib.util.find_spec("casadi") is None:
+        return "CasADi is needed: pip install 'kmpc-lite[peers]'"
+    if not ((folder or default_folder()) / "acados" / "install").is_dir():
+        return "not installed: kmpc bench --install-acados"
+    return ""
+
+
+def install(folder: Path | None = None) -> Path:
+    """Put the wheel into a folder, without the CasADi that comes with it.
+
+    Raises
+    ------
+    KmpcError
+        Where pip fails; with pip's last line.
+    """
+    target = folder or default_folder()
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target.parent) as scratch:
+        command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", scratch, WHEEL]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise KmpcError(f"pip could not install {WHEEL}: {(done.stderr.strip().splitlines() or ['no output'])[-1]}")
+        shutil.rmtree(target, ignore_errors=True)
+        target.mkdir()
+        shutil.move(str(Path(scratch) / "acados"), target / "acados")
+    return target
+
+
+def _prepare(folder: Path) -> Path:
+    """Lay out what acados' templates expect, set its environment, load its libraries; return the root of the layout."""
+    package = folder / "acados"
+    root = folder / "root"
+    links = {
+        "lib": package / "install/lib",
+        "include": package / "install/include",
+        "bin": package / "install/bin",
+        "interfaces/acados_template/acados_template": package / "acados_template",
+    }
+    for name, target in links.items():
+        link = root / name
+        link.parent.mkdir(parents=True, exist_ok=True)
+        if not link.is_symlink():
+            link.symlink_to(target)
+    os.environ["ACADOS_SOURCE_DIR"] = str(root)
+    os.environ["TERA_PATH"] = str(package / "install/bin/t_renderer")
+    # loaded here and for all, the generated solver finds them without LD_LIBRARY_PATH, which would come too late now
+    for library in ("libblasfeo.so", "libhpipm.so", "libqpOASES_e.so", "libacados.so"):
+        ctypes.CDLL(str(package / "install/lib" / library), mode=ctypes.RTLD_GLOBAL)
+    if str(folder) not in sys.path:
+        sys.path.append(str(folder))
+    return root
+
+
+class AcadosController:
+    """One SQP_RTI step of acados per period, obstacles soft with the same penalties as ours.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        Its prediction becomes the discrete dynamics.
+    problem : NavigationProblem, optional
+        The paper's where not given.
+    obstacles : int
+        How many circles the generated solver has room for; fewer are filled up with ones far away.
+    folder : Path, optional
+        Where `install` put acados.
+
+    Raises
+    ------
+    KmpcError
+        Where acados cannot be used; says why.
+    """
+
+    def __init__(
+        self, model: KoopmanModel, problem: NavigationProblem | None = None, obstacles: int = 4, folder: Path | None = None
+    ) -> None:
+        reason = why_not(folder)
+        if reason:
+            raise KmpcError(f"acados: {reason}")
+        self.problem = NavigationProblem() if problem is None else problem
+        self.obstacles = obstacles
+        _prepare(folder or default_folder())
+        self._work = tempfile.TemporaryDirectory(prefix="kmpc_acados_")
+        self._solver = self._build(model)
+        self.reset()
+
+    def _build(self, model: KoopmanModel) -> Any:
+        """Generate, compile and load the solver."""
+        import casadi as ca
+        from acados.acados_template import AcadosModel, AcadosOcp, AcadosOcpSolver  # type: ignore[import-not-found]
+
+        problem, n = self.problem, self.problem.horizon
+        q, r, q_terminal = problem.weights
+        u_min, u_max, x_min, x_max = problem.bounds
+        x, u, p = ca.SX.sym("x", STATES), ca.SX.sym("u", INPUTS), ca.SX.sym("p", 3 * self.obstacles)
+        gaps = [
+            ca.sqrt(ca.sumsqr(x[:2] - p[3 * i : 3 * i + 2])) - p[3 * i + 2] - problem.robot_radius - problem.margin
+            for i in range(self.obstacles)
+        ]
+        acados_model = AcadosModel()
+        acados_model.name = f"kmpc_peer_{os.getpid()}_{id(self)}"
+        acados_model.x, acados_model.u, acados_model.p = x, u, p
+        acados_model.disc_dyn_expr = symbolic_step(model)(x, u)
+        acados_model.con_h_expr = acados_model.con_h_expr_e = ca.vertcat(*gaps)
+        ocp = AcadosOcp()
+        ocp.model, ocp.dims.N = acados_model, n
+        ocp.parameter_values = np.zeros(3 * self.obstacles)
+        ocp.cost.cost_type = ocp.cost.cost_type_e = "LINEAR_LS"
+        # acados halves squares, and weighs a stage, but not the end, by its length in seconds
+        ocp.cost.W = 2 / problem.dt * np.block([[q, np.zeros((3, 2))], [np.zeros((2, 3)), r]])
+        ocp.cost.W_e = 2 * q_terminal
+        ocp.cost.Vx, ocp.cost.Vu, ocp.cost.Vx_e = np.eye(5, 3), np.eye(5, 2, -3), np.eye(3)
+        ocp.cost.yref, ocp.cost.yref_e = np.zeros(5), np.zeros(3)
+        ocp.constraints.lbu, ocp.constraints.ubu, ocp.constraints.idxbu = u_min, u_max, np.arange(2)
+        ocp.constraints.lbx, ocp.constraints.ubx, ocp.constraints.idxbx = x_min[:2], x_max[:2], np.arange(2)
+        ocp.constraints.x0 = np.zeros(3)
+        soft = np.arange(self.obstacles)
+        linear, quadratic = problem.slack_weights
+        for end, scale in (("", 1 / problem.dt), ("_e", 1.0)):
+            setattr(ocp.constraints, f"lh{end}", np.zeros(self.obstacles))
+            setattr(ocp.constraints, f"uh{end}", np.full(self.obstacles, 1e6))
+            setattr(ocp.constraints, f"idxsh{end}", soft)
+            for weight, value in (("zl", linear), ("zu", 0.0), ("Zl", 2 * quadratic), ("Zu", 0.0)):
+                setattr(ocp.cost, f"{weight}{end}", np.full(self.obstacles, scale * value))
+        options = ocp.solver_options
+        options.tf, options.integrator_type, options.hessian_approx = n * problem.dt, "DISCRETE", "GAUSS_NEWTON"
+        options.nlp_solver_type, options.qp_solver, options.print_level = "SQP_RTI", "PARTIAL_CONDENSING_HPIPM", 0
+        ocp.code_export_directory = str(Path(self._work.name) / "code")
+        here = os.getcwd()
+        quiet = io.StringIO()
+        try:
+            os.chdir(self._work.name)
+            with contextlib.redirect_stdout(quiet), _quiet_file_descriptors():
+                return AcadosOcpSolver(ocp, json_file=str(Path(self._work.name) / "ocp.json"))
+        finally:
+            os.chdir(here)
+
+    def reset(self) -> None:
+        """Forget the last solution."""
+        self._plan: tuple[Array, Array] | None = None
+
+    def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Sequence[Circle] | ArrayLike = ()) -> Plan:
+        """Plan from the measured pose (3,) to the goal (3,); see `Controller.step`."""
+        pose, target, circles = np.asarray(x, dtype=float), np.asarray(goal, dtype=float).copy(), circles_to_array(obstacles)
+        if len(circles) > self.obstacles:
+            raise ValueError(f"obstacles: the solver was generated for {self.obstacles}, got {len(circles)}")
+        n, dt, solver = self.problem.horizon, self.problem.dt, self._solver
+        start = perf_counter()
+        target[2] = pose[2] + np.remainder(target[2] - pose[2] + np.pi, 2 * np.pi) - np.pi
+        slots = np.array([*circles, *[FAR_AWAY] * (self.obstacles - len(circles))])
+        states, inputs = self._plan or (np.tile(pose, (n + 1, 1)), np.zeros((n, INPUTS)))
+        y_ref = np.concatenate([target, np.zeros(INPUTS)])
+        for k in range(n + 1):
+            centres = slots[:, :2] + k * dt * slots[:, 3:]
+            solver.set(k, "p", np.hstack([centres, slots[:, 2:3]]).ravel())
+            solver.set(k, "x", states[k])
+            solver.set(k, "yref", y_ref if k < n else target)
+            if k < n:
+                solver.set(k, "u", inputs[k])
+        solver.set(0, "lbx", pose)
+        solver.set(0, "ubx", pose)
+        prepared = perf_counter()
+        status = solver.solve()
+        solved = perf_counter()
+        states = np.array([solver.get(k, "x") for k in range(n + 1)])
+        inputs = np.array([solver.get(k, "u") for k in range(n)])
+        usable = bool(np.isfinite(states).all() and np.isfinite(inputs).all())
+        self._plan = (np.vstack([states[1:], states[-1:]]), np.vstack([inputs[1:], inputs[-1:]])) if usable else None
+        end = perf_counter()
+        u_min, u_max, _, _ = self.problem.bounds
+        command = np.clip(np.where(np.isfinite(inputs[0]), inputs[0], 0.0), u_min, u_max)
+        clearance = np.inf
+        if len(circles) and usable:
+            distances, _ = circle_distances(circles, states[:, :2], dt * np.arange(n + 1))
+            clearance = float(distances.min()) - self.problem.robot_radius
+        good = status in (0, 2) and usable
+        return Plan(
+            command,
+            states,
+            inputs,
+            PlanStatus.SOLVED if good else PlanStatus.FALLBACK,
+            clearance,
+            1,
+            # setting and reading through Python is not acados' own time: it is told apart
+            {"set": prepared - start, "solve": solved - prepared, "read": end - solved, "total": end - start},
+            "" if good else f"acados status {status}",
+        )
+
+
+@contextlib.contextmanager
+def _quiet_file_descriptors() -> Any:
+    """Keep the compiler's and the template engine's words off the terminal."""
+    sys.stdout.flush()
+    saved = [os.dup(1), os.dup(2)]
+    with open(os.devnull, "w") as nothing:
+        os.dup2(nothing.fileno(), 1)
+        os.dup2(nothing.fileno(), 2)
+        try:
+            yield
+        finally:
+            for descriptor, copy in zip((1, 2), saved, strict=True):
+                os.dup2(copy, descriptor)
+                os.close(copy)
