@@ -1,0 +1,259 @@
+"""Whatever comes, what goes out is a command that is safe to send."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import kmpc_lite as kl
+
+DT = 0.1
+GOAL = (1.5, 1.5, 0.0)
+NAN = float("nan")
+PROBLEM = kl.NavigationProblem(u_min=(-0.2, -0.7), u_max=(0.6, 0.8))  # bounds that are not symmetric
+MODEL = kl.nominal_unicycle(DT)
+CONTROLLERS = {
+    "real time": kl.Controller(MODEL, PROBLEM),
+    "few slots": kl.Controller(MODEL, PROBLEM, obstacle_slots=1),
+    "passes": kl.Controller(MODEL, PROBLEM, sqp_iterations=3),
+    "hurried": kl.Controller(MODEL, PROBLEM, time_budget=1e-4),
+}
+
+wild = st.floats() | st.floats(-3.0, 3.0) | st.sampled_from([0.0, 1.5, 1e4, -1e4, 1e12, 1e300, NAN, float("inf"), -float("inf")])
+tame = st.floats(-2.5, 2.5)
+poses = st.tuples(wild, wild, wild) | st.tuples(tame, tame, tame)
+rows = st.tuples(wild, wild, wild, wild, wild) | st.tuples(tame, tame, st.floats(0.0, 1.0), tame, tame)
+moments = st.tuples(poses, poses, st.lists(rows, max_size=9))
+
+
+def assert_safe(plan: kl.Plan, problem: kl.NavigationProblem = PROBLEM) -> None:
+    """What `Plan` promises."""
+    u_min, u_max, _, _ = problem.bounds
+    n = problem.horizon
+    assert plan.command.shape == (2,) and plan.states.shape == (n + 1, 3) and plan.inputs.shape == (n, 2)
+    assert np.isfinite(plan.command).all() and np.isfinite(plan.states).all() and np.isfinite(plan.inputs).all()
+    assert (plan.command >= u_min).all() and (plan.command <= u_max).all()
+    assert (plan.inputs >= u_min).all() and (plan.inputs <= u_max).all()
+    np.testing.assert_array_equal(plan.command, plan.inputs[0])
+    assert isinstance(plan.status, kl.PlanStatus)
+    assert (plan.status is kl.PlanStatus.SOLVED) == (plan.reason == "")
+    assert plan.timing["total"] >= 0.0
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@settings(max_examples=30, deadline=None)
+@given(drive=st.lists(moments, min_size=1, max_size=4))
+def test_any_numbers_give_a_safe_plan(name: str, drive: list[tuple[Sequence[float], Sequence[float], list[Sequence[float]]]]) -> None:
+    controller = CONTROLLERS[name]
+    controller.reset()
+    for x, goal, obstacles in drive:
+        plan = controller.step(x, goal, np.array(obstacles).reshape(-1, 5))
+        assert_safe(plan)
+        assert plan.clearance == np.inf or obstacles
+
+
+@settings(max_examples=50, deadline=None)
+@given(x=st.tuples(tame, tame, st.floats(-20, 20)), goal=st.tuples(tame, tame, st.floats(-20, 20)), obstacles=st.lists(rows, max_size=4))
+def test_floating_point_errors_may_be_exceptions(x: Sequence[float], goal: Sequence[float], obstacles: list[Sequence[float]]) -> None:
+    controller = CONTROLLERS["real time"]
+    controller.reset()
+    with np.errstate(over="raise", divide="raise", invalid="raise"):
+        for _ in range(2):
+            assert_safe(controller.step(x, goal, np.array(obstacles).reshape(-1, 5)))
+
+
+def test_wrong_shapes_raise_value_errors_and_change_nothing() -> None:
+    controller, other = kl.Controller(MODEL), kl.Controller(MODEL)
+    x = np.array([0.0, 0.0, 0.3])
+    for c in (controller, other):
+        x_next = MODEL.predict(x, c.step(x, GOAL).command)
+    wrong = [
+        ((0, 0), GOAL, ()),
+        ((0, 0, 0, 0), GOAL, ()),
+        ([[0, 0, 0]], GOAL, ()),
+        (0.0, GOAL, ()),
+        (x, (1, 1), ()),
+        (x, np.zeros((3, 1)), ()),
+        (x, GOAL, [1.0, 2.0, 3.0]),
+        (x, GOAL, [[1.0, 2.0]]),
+        (x, GOAL, np.zeros((2, 4))),
+        (x, GOAL, np.zeros((2, 5, 1))),
+    ]
+    for arguments in wrong:
+        with pytest.raises(ValueError, match="expected"):
+            controller.step(*arguments)
+    np.testing.assert_array_equal(controller.step(x_next, GOAL).command, other.step(x_next, GOAL).command)
+
+
+@pytest.mark.parametrize("x", ["abc", ("a", "b", "c"), ({}, 0, 0), object()])
+def test_what_is_no_number_raises_an_error_of_the_callers(x: object) -> None:
+    with pytest.raises((ValueError, TypeError)):
+        kl.Controller(MODEL).step(x, GOAL)  # type: ignore[arg-type]
+
+
+def driven(controller: kl.Controller, periods: int, obstacles: Sequence[kl.Circle] = ()) -> tuple[np.ndarray, kl.Plan]:
+    """Drive until the robot is fast; the pose and the last plan."""
+    x = np.array([0.0, 0.0, 0.7])
+    for _ in range(periods):
+        plan = controller.step(x, GOAL, obstacles)
+        x = controller.model.predict(x, plan.command)
+    return x, plan
+
+
+BAD_INPUTS = {
+    "NaN pose": lambda x: ((NAN, 0.0, 0.0), GOAL, ()),
+    "infinite pose": lambda x: ((np.inf, x[1], x[2]), GOAL, ()),
+    "pose light years away": lambda x: ((1e15, x[1], x[2]), GOAL, ()),
+    "NaN heading": lambda x: ((x[0], x[1], NAN), GOAL, ()),
+    "NaN goal": lambda x: (x, (1.5, NAN, 0.0), ()),
+    "NaN obstacle": lambda x: (x, GOAL, [[NAN, 0.0, 0.1]]),
+    "infinite radius": lambda x: (x, GOAL, [[0.0, 0.0, np.inf]]),
+    "NaN velocity": lambda x: (x, GOAL, [[5.0, 0.0, 0.1, NAN, 0.0]]),
+}
+
+
+@pytest.mark.parametrize("name", BAD_INPUTS)
+def test_without_usable_input_the_rest_of_the_plan_is_driven_half_a_second_then_the_robot_brakes(name: str) -> None:
+    controller = kl.Controller(MODEL)
+    x, last = driven(controller, 5)
+    assert last.command[0] > 0.5
+    command = last.command
+    for k in range(1, 30):
+        plan = controller.step(*BAD_INPUTS[name](x))
+        assert_safe(plan, controller.problem)
+        assert plan.reason
+        if k <= 5:
+            assert plan.status is kl.PlanStatus.FALLBACK
+            np.testing.assert_array_equal(plan.command, last.inputs[k])
+            np.testing.assert_allclose(plan.states[0], last.states[k], atol=1e-12)
+        else:
+            assert plan.status is kl.PlanStatus.STOPPED
+            assert abs(plan.command[0]) <= abs(command[0])
+            # brakes at least as fast as one of the two limits asks, and no faster than both
+            lost = np.abs(command) - np.abs(plan.command)
+            assert (lost <= np.array([1.0, 4.0]) * DT + 1e-9).all()
+            if np.abs(command).max() > 0.1:
+                assert (lost >= np.minimum(np.array([1.0, 4.0]) * DT, np.abs(command)) - 1e-9).any()
+            # on the curve that the robot is on
+            assert abs(command[0] * plan.command[1] - command[1] * plan.command[0]) < 1e-9
+        command = plan.command
+    assert not command.any()
+
+
+@pytest.mark.parametrize("name", BAD_INPUTS)
+@pytest.mark.parametrize("outage", [1, 4, 20])
+def test_recovers_within_a_second_of_sane_input(name: str, outage: int) -> None:
+    controller = kl.Controller(MODEL)
+    x, _ = driven(controller, 5)
+    for _ in range(outage):
+        x = MODEL.predict(x, controller.step(*BAD_INPUTS[name](x)).command)
+    start = np.hypot(*(np.array(GOAL[:2]) - x[:2]))
+    for _ in range(10):
+        plan = controller.step(x, GOAL)
+        x = MODEL.predict(x, plan.command)
+    assert plan.status is kl.PlanStatus.SOLVED
+    assert np.hypot(*(np.array(GOAL[:2]) - x[:2])) < start - 0.2
+
+
+def test_the_rest_of_the_plan_is_not_driven_into_an_obstacle_that_has_come_up() -> None:
+    controller = kl.Controller(MODEL)
+    x, last = driven(controller, 5)
+    ahead = last.states[4, :2]
+    plan = controller.step(x, (NAN, 0.0, 0.0), [kl.Circle(*ahead, 0.1)])
+    assert plan.status is kl.PlanStatus.STOPPED
+    assert 0.0 < plan.command[0] < last.command[0]
+
+
+def test_a_controller_that_never_had_a_plan_stands() -> None:
+    for name, make in BAD_INPUTS.items():
+        plan = kl.Controller(MODEL).step(*make(np.zeros(3)))
+        assert plan.status is kl.PlanStatus.STOPPED, name
+        assert not plan.command.any()
+
+
+def absurd_models() -> dict[str, kl.KoopmanModel]:
+    dictionary = kl.UnicycleDictionary()
+    made = {}
+    for scale in (0.0, 1.0, -1.0, 1e3, -1e5, 1e8, 1e20, 1e100):
+        ones = scale * np.ones((3, 12))
+        made[f"continuous {scale:g}"] = kl.KoopmanModel(dictionary, DT, ones[:, :6], ones[:, :2], ones, np.eye(3), continuous=True)
+        full = scale * np.ones((6, 12))
+        made[f"discrete {scale:g}"] = kl.KoopmanModel(dictionary, DT, full[:, :6], full[:, :2], full, np.eye(3, 6), continuous=False)
+    return made
+
+
+@pytest.mark.parametrize("name", absurd_models())
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_absurd_models_give_safe_plans(name: str) -> None:
+    controller = kl.Controller(absurd_models()[name], PROBLEM)
+    for x in ([0.0, 0.0, 0.0], [0.1, 0.0, 0.1], [1.9, -1.9, 3.0]):
+        assert_safe(controller.step(x, GOAL, [kl.Circle(0.5, 0.5, 0.15)]))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"horizon": 1},
+        {"horizon": 2, "Q": (0.0, 0.0, 0.0), "R": (0.0, 0.0)},
+        {"Q": (1e6, 1e6, 1e6)},
+        {"R": (1e6, 1e6)},
+        {"Q": (1e-9, 1e-9, 0.0), "Q_terminal": (1e4, 1e4, 1e4)},
+        {"u_min": (0.0, -1e-6), "u_max": (1e-6, 1e-6)},
+        {"u_min": (-100.0, -100.0), "u_max": (100.0, 100.0)},
+        {"x_min": (-1e-3, -1e-3, -np.inf), "x_max": (1e-3, 1e-3, np.inf)},
+        {"x_min": (-np.inf, -2.0, -np.inf), "x_max": (np.inf, np.inf, np.inf)},
+        {"robot_radius": 0.0},
+        {"robot_radius": 50.0},
+        {"slack_weights": (1e6, 1e6)},
+        {"slack_weights": (1e-6, 1e-6)},
+        {"margin": 5.0},
+    ],
+)
+def test_extreme_problems_give_safe_plans(changes: dict[str, object]) -> None:
+    problem = replace(PROBLEM, **changes)
+    controller = kl.Controller(MODEL, problem)
+    x = np.array([0.0, 0.0, 0.2])
+    for _ in range(5):
+        plan = controller.step(x, GOAL, [kl.Circle(0.7, 0.6, 0.2), kl.Circle(0.0, 0.0, 0.2)])
+        assert_safe(plan, problem)
+        x = MODEL.predict(x, plan.command)
+
+
+def test_forward_only_robot_never_reverses() -> None:
+    problem = kl.NavigationProblem(u_min=(0.0, -0.8))
+    controller = kl.Controller(MODEL, problem)
+    x = np.array([0.0, 0.0, 0.0])
+    for _ in range(60):
+        plan = controller.step(x, (-1.0, 0.3, 2.0))
+        assert plan.command[0] >= 0.0 and (plan.inputs[:, 0] >= 0.0).all()
+        x = MODEL.predict(x, plan.command)
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        ({"sqp_iterations": 0}, "sqp_iterations"),
+        ({"sqp_iterations": 1.5}, "sqp_iterations"),
+        ({"obstacle_slots": 0}, "obstacle_slots"),
+        ({"tolerance": 0.0}, "tolerance"),
+        ({"tolerance": NAN}, "tolerance"),
+        ({"time_budget": 0.0}, "time_budget"),
+        ({"time_budget": -1.0}, "time_budget"),
+        ({"time_budget": NAN}, "time_budget"),
+    ],
+)
+def test_wrong_options_are_refused_by_name(options: dict[str, object], word: str) -> None:
+    with pytest.raises(kl.ProblemError, match=word):
+        kl.Controller(MODEL, **options)  # type: ignore[arg-type]
+
+
+def test_model_of_another_period_is_refused_with_both_periods() -> None:
+    with pytest.raises(kl.ProblemError, match=r"0\.05 s.*0\.1 s"):
+        kl.Controller(kl.nominal_unicycle(0.05), kl.NavigationProblem(dt=0.1))
+    assert kl.Controller(MODEL.with_dt(0.05), kl.NavigationProblem(dt=0.05)).step((0, 0, 0), GOAL).status is kl.PlanStatus.SOLVED
