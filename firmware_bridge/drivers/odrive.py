@@ -9,7 +9,8 @@ from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from firmware_bridge.drivers.polled import NoReply, PolledDriver
+from firmware_bridge.drivers.exchange import NoReply
+from firmware_bridge.drivers.polled import PolledDriver
 from firmware_bridge.framing import Lines, odrive_line, odrive_text
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.messages import ConfigError, LinkError
@@ -230,7 +231,7 @@ class ODriveDriver(PolledDriver):
     def _error_of(self, axis: int) -> int:
         errors = self._number(f"axis{axis}.{self._register.name}")
         if not 0 <= errors < 2**64 or errors != int(errors):
-            raise self._refuse(f"error register {errors}")
+            raise self._exchange.refuse(f"error register {errors}")
         return int(errors)
 
     def _closed_loop(self) -> bool:
@@ -257,7 +258,7 @@ class ODriveDriver(PolledDriver):
     def _number(self, name: str) -> float:
         line, _ = self._ask(odrive_line(f"r {name}", self._options.checksum), "number")
         if not NUMBER.fullmatch(line.decode("ascii")) or not math.isfinite(float(line)):
-            raise self._refuse(line.decode("ascii"))
+            raise self._exchange.refuse(line.decode("ascii"))
         return float(line)
 
     def _begin(self, key: Hashable) -> None:
@@ -274,7 +275,7 @@ class ODriveDriver(PolledDriver):
             words = ["1" if word == "True" else "0" if word == "False" else word for word in text.split()]
             numbers = all(NUMBER.fullmatch(word) for word in words)
             shape = "number" if text in REFUSALS else {1: "number", 2: "pair"}.get(len(words)) if numbers else None
-            self._deliver(shape, " ".join(words).encode("ascii"), stamp)
+            self._exchange.deliver(shape, " ".join(words).encode("ascii"), stamp)
 
     def _damaged(self) -> int:
         return self._lines.bad + self._bad_lines

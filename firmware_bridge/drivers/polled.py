@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Hashable
+from collections.abc import Hashable
 
+from firmware_bridge.drivers.exchange import Exchange, NoReply
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.messages import LinkError, LinkStatus, State
 from firmware_bridge.transport import Transport
@@ -21,12 +22,6 @@ ZEROS = 3
 """How often a zero is repeated to a board that does not answer commands."""
 ABSURD = 5.0
 """Speeds past so many times the limit are refused."""
-STRANGERS, STRANGERS_WITHIN = 5, 1.0
-"""So many replies that nobody asked for within so many seconds: somebody else talks to the board."""
-
-
-class NoReply(Exception):
-    """A reply that did not come in time."""
 
 
 class PolledDriver:
@@ -69,10 +64,10 @@ class PolledDriver:
         command_timeout: float,
     ) -> None:
         self._transport, self._geometry, self._odometry = transport, geometry, odometry
-        self._period, self._reply_timeout, self._command_timeout = 1.0 / poll_hz, reply_timeout, command_timeout
-        self._changed = threading.Condition()
+        self._period, self._command_timeout = 1.0 / poll_hz, command_timeout
+        self._exchange = Exchange(transport, reply_timeout, self._begin)
+        self._changed = self._exchange.changed
         self._thread: threading.Thread | None = None
-        self._closing = False
         self._configured = False
         self._released = False
         self._armed = True
@@ -80,18 +75,16 @@ class PolledDriver:
         self._command_stamp = -math.inf
         self._pending = self._late = False
         self._zeros = 0
-        self._expected: Hashable = None
-        self._reply: tuple[bytes, float] | None = None
-        self._heard = self._jumped = -math.inf
+        self._jumped = -math.inf
         self._state: State | None = None
         self._errors: tuple[str, ...] = ()
         self._warnings: tuple[str, ...] = ()
+        self._trouble: tuple[str, ...] = ()
         self._estimate_ok = True
         self._mode = ""
-        self._strangers: list[float] = []
         self._links = 0
-        names = ("frames", "timeouts", "unexpected_replies", "refused_replies", "refused_commands", "stale_commands", "odometry_jumps")
-        self._counters = dict.fromkeys((*names, "setups", "board_restarts", "driver_errors"), 0)
+        names = ("refused_commands", "stale_commands", "odometry_jumps", "setups", "board_restarts", "driver_errors")
+        self._counters = dict.fromkeys(names, 0)
 
     # What a board adds
 
@@ -117,7 +110,7 @@ class PolledDriver:
         """Ask something that `_poll` never asks first: what is late comes before its reply, and is thrown away."""
 
     def _feed(self, data: bytes, stamp: float) -> None:
-        """Take bytes off the link; calls `_deliver` for each frame."""
+        """Take bytes off the link; calls `_exchange.deliver` for each frame."""
         raise NotImplementedError
 
     def _begin(self, key: Hashable) -> None:
@@ -176,73 +169,68 @@ class PolledDriver:
         now = time.monotonic()
         with self._changed:
             jumped = now - self._jumped < JUMP_SHOWN
-            faults = self._errors + self._warnings
+            faults = self._errors + self._trouble
             if jumped:
                 faults += ("the wheel counters jumped: the board was restarted, or a reply was damaged",)
-            if len([stamp for stamp in self._strangers if now - stamp < STRANGERS_WITHIN]) >= STRANGERS:
+            if self._exchange.strangers(now):
                 faults += ("replies that nobody asked for: does another program talk to the board?",)
-            fresh = now - self._heard < SILENCE
+            fresh = now - self._exchange.heard < SILENCE
             connected = self._transport.connected
             if not connected and self._transport.last_error:
                 faults += (self._transport.last_error,)
             return LinkStatus(
                 connected=connected,
-                heartbeat_stamp=self._heard,
+                heartbeat_stamp=self._exchange.heard,
                 pose_stamp=self._state.stamp if self._state is not None else -math.inf,
                 ready=connected and self._configured and fresh and self._armed and not self._errors and not self._released,
                 pose_ok=self._estimate_ok and not jumped,
                 armed=self._armed and not self._released,
-                mode=self._mode,
+                mode="; ".join((*filter(None, (self._mode,)), *self._warnings)),
                 faults=faults,
-                counters={**self._transport.counters, **self._counters, "bad_bytes": self._damaged()},
+                counters={**self._transport.counters, **self._exchange.counters, **self._counters, "bad_bytes": self._damaged()},
             )
 
     def close(self) -> None:
         """Zero speed as the last word, then close the link."""
         with self._changed:
-            if self._closing:
+            if self._exchange.closing:
                 return
-            self._closing = True
+            self._exchange.closing = True
             self._changed.notify_all()
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join()
         self._transport.close()
 
-    def reset_pose(self, x: float, y: float, theta: float) -> None:
-        """Say where the robot stands now: x, y [m], theta [rad]."""
-        if not all(map(math.isfinite, (x, y, theta))):
-            raise ValueError(f"expected a finite pose, got {(x, y, theta)}")
-        with self._changed:
-            self._odometry.x, self._odometry.y, self._odometry.theta = x, y, math.remainder(theta, math.tau)
-
     # Thread of the driver
 
     def _run(self) -> None:
         deadline, cycle = time.monotonic(), 0
-        while not self._closing:
+        while not self._exchange.closing:
             try:
-                if not self._ready_to_ask():
-                    self._wait(lambda: False, 0.05)
+                if not self._transport.connected:
+                    self._configured = False
+                    self._exchange.wait(lambda: False, 0.05)
                     continue
-                self._send_pending()
+                self._notice_loss()
+                self._guard()  # before all else: a zero goes out even where no reply ever comes back
+                self._set_up()
                 now = time.monotonic()
                 if now >= deadline:
                     deadline = max(deadline + self._period, now)  # after a stall, skip: do not burst
                     self._round(cycle)
                     cycle += 1
-                self._guard()
-                self._wait(lambda: self._pending, deadline - time.monotonic())
+                self._exchange.wait(lambda: self._pending, deadline - time.monotonic())
             except NoReply:
                 self._late = True
                 self._settle()
             except LinkError as error:  # the board answers, and does not do what it should
-                self._warnings = (str(error),)
-                self._wait(lambda: False, 0.05)
+                self._trouble = (str(error),)
+                self._exchange.wait(lambda: False, 0.05)
             except Exception as error:  # nothing that a board says may end this thread: it is counted and told
                 self._counters["driver_errors"] += 1
-                self._warnings = (f"{type(error).__name__}: {error}",)
+                self._trouble = (f"{type(error).__name__}: {error}",)
                 self._configured = False
-                self._wait(lambda: False, 0.05)
+                self._exchange.wait(lambda: False, 0.05)
         for last_word in (self._halt, self._release) if self._released else (self._halt,):
             try:
                 last_word()
@@ -267,24 +255,23 @@ class PolledDriver:
         still = self._command == (0.0, 0.0) and (never or time.monotonic() - self._command_stamp < self._command_timeout)
         if not self._armed and not self._released and still and cycle % 5 == 0:
             self._arm()  # only while somebody asks it to stand still
-            self._warnings = ()
+            self._trouble = ()
 
-    def _ready_to_ask(self) -> bool:
-        """Whether the board is there and set up; sets it up again after a loss."""
-        if not self._transport.connected:
-            self._configured = False
-            return False
+    def _notice_loss(self) -> None:
+        """See whether the board must be set up again: the link was lost, or it has not answered for long."""
         links = self._transport.counters["reconnects"]
-        if links != self._links or time.monotonic() - self._heard > SILENCE:
+        if links != self._links or time.monotonic() - self._exchange.heard > SILENCE:
             self._configured, self._links = False, links
-        if not self._configured:
-            self._configure()
-            with self._changed:
-                self._configured = True
-                self._counters["setups"] += 1
-                self._warnings = ()
-                self._heard = time.monotonic()
-        return True
+
+    def _set_up(self) -> None:
+        if self._configured:
+            return
+        self._configure()
+        with self._changed:
+            self._configured = True
+            self._counters["setups"] += 1
+            self._trouble = ()
+            self._exchange.heard = time.monotonic()
 
     def _send_pending(self) -> None:
         """Send the newest command, if it has not been."""
@@ -312,44 +299,11 @@ class PolledDriver:
                 self._counters["stale_commands"] += 1
         self._send_pending()
 
-    def _ask(self, frame: bytes, key: Hashable, command: bool = False) -> tuple[bytes, float]:
-        """Send a request and wait for its reply; returns the reply and when it was true, as well as is known [s].
-
-        A question, which is no command itself, lets a command that waits go next.
-        """
-        with self._changed:
-            self._begin(key)
-            self._expected, self._reply = key, None
-            sent = time.monotonic()
-            if not self._transport.write(frame):
-                self._expected = None
-                raise NoReply
-            self._changed.wait_for(lambda: self._reply is not None or self._closing, self._reply_timeout)
-            self._expected = None
-            if self._reply is None:
-                self._counters["timeouts"] += not self._closing
-                raise NoReply
-            reply, received = self._reply
-            self._heard = received
-            self._counters["frames"] += 1
-        if not command:
-            self._send_pending()
-        return reply, (sent + received) / 2.0
-
-    def _deliver(self, key: Hashable, reply: bytes, stamp: float) -> None:
-        """Hand a reply to the request that waits for it; any other is refused and counted."""
-        with self._changed:
-            if key is not None and key == self._expected and self._reply is None:
-                self._reply = (reply, stamp)
-                self._changed.notify_all()
-                return
-            self._counters["unexpected_replies"] += 1
-            self._strangers = [*self._strangers[-STRANGERS:], stamp]
-
-    def _refuse(self, why: str) -> NoReply:
-        """Count a reply that came for the right request and makes no sense."""
-        self._counters["refused_replies"] += 1
-        return NoReply(why)
+    def _ask(self, frame: bytes, key: Hashable) -> tuple[bytes, float]:
+        """Ask a question; a command that came meanwhile goes next. Returns the reply and its stamp [s]."""
+        reply = self._exchange.ask(frame, key)
+        self._send_pending()
+        return reply
 
     def _restarted(self) -> None:
         """Note that the board was switched off and on: its counters begin anew, and nobody knows how far it rolled."""
@@ -365,7 +319,7 @@ class PolledDriver:
         v, omega = self._geometry.body(left, right)
         fastest = (ABSURD * self._geometry.max_wheel_speed + 1.0) / self._geometry.wheel_radius
         if not (math.isfinite(counts[0] + counts[1]) and abs(left) <= fastest and abs(right) <= fastest):
-            raise self._refuse(f"counters {counts}, speeds {speeds}")
+            raise self._exchange.refuse(f"counters {counts}, speeds {speeds}")
         with self._changed:
             if not self._odometry.update(*counts, stamp):
                 self._counters["odometry_jumps"] += 1
@@ -378,24 +332,19 @@ class PolledDriver:
     def _repeats(self) -> int:
         return 0 if self.answers_commands else ZEROS
 
-    def _wait(self, done: Callable[[], bool], seconds: float) -> None:
-        if seconds > 0.0:
-            with self._changed:
-                self._changed.wait_for(lambda: self._closing or done(), seconds)
-
     def _settle(self) -> None:
         """Let what is late arrive and be thrown away before the next request."""
-        self._wait(lambda: False, SETTLE)
+        self._exchange.wait(lambda: False, SETTLE)
 
     def _why_silent(self, timeout: float) -> str:
         """Say why `connect` failed, in words a user can act on."""
-        counters, faults = self._transport.counters, self._errors + self._warnings
+        counters, faults = {**self._transport.counters, **self._exchange.counters}, self._errors + self._trouble
         if not self._transport.connected:
             return f"{self.board}: {self._transport.last_error or 'the link is down'}"
-        if faults and self._counters["frames"]:
+        if faults and counters["frames"]:
             return f"{self.board}: answers, but cannot drive: {'; '.join(faults)}"
         if counters["bytes_in"] == 0:
             return f"{self.board}: no answer within {timeout:g} s: {self.hint}"
-        if self._counters["frames"] == 0:
+        if counters["frames"] == 0:
             return f"{self.board}: {counters['bytes_in']} bytes came and none made sense: wrong baud rate or protocol? {self.hint}"
-        return f"{self.board}: answers come, but too few within {timeout:g} s: {self._counters['timeouts']} are missing"
+        return f"{self.board}: answers come, but too few within {timeout:g} s: {counters['timeouts']} are missing: {self.hint}"

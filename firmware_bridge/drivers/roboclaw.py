@@ -8,7 +8,8 @@ from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from firmware_bridge.drivers.polled import NoReply, PolledDriver
+from firmware_bridge.drivers.exchange import NoReply
+from firmware_bridge.drivers.polled import PolledDriver
 from firmware_bridge.framing import RoboClawReplies, roboclaw_packet, roboclaw_request
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.messages import ConfigError, LinkError
@@ -112,7 +113,7 @@ class RoboClawDriver(PolledDriver):
         self._acceleration = None if options.acceleration is None else max(1, round(options.acceleration * per_metre))
         self._replies = RoboClawReplies()
         self._status_bytes = 4
-        self.hint = f"is it powered, wired TX to RX, and in packet serial mode at address {options.address:#x}?"
+        self.hint = f"is it powered, wired TX to RX, in packet serial mode at address {options.address:#x} and at this baud rate?"
 
     @classmethod
     def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> RoboClawDriver:
@@ -162,7 +163,7 @@ class RoboClawDriver(PolledDriver):
         self._write(DUTY, bytes(4))
 
     def _write(self, command: int, payload: bytes) -> None:
-        self._ask(roboclaw_packet(self._address, command, payload), (command, 0), command=True)
+        self._exchange.ask(roboclaw_packet(self._address, command, payload), (command, 0))
 
     def _read(self, command: int, size: int) -> tuple[bytes, float]:
         return self._ask(roboclaw_request(self._address, command), (command, size))
@@ -173,11 +174,11 @@ class RoboClawDriver(PolledDriver):
 
     def _feed(self, data: bytes, stamp: float) -> None:
         with self._changed:
-            key, payload = self._expected, self._replies.feed(data)
+            key, payload = self._exchange.expected, self._replies.feed(data)
         if payload is not None:
-            self._deliver(key, payload, stamp)
+            self._exchange.deliver(key, payload, stamp)
         elif key is None:
-            self._deliver(None, data, stamp)
+            self._exchange.deliver(None, data, stamp)
 
     def _damaged(self) -> int:
         return self._replies.bad

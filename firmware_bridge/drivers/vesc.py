@@ -8,7 +8,8 @@ from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from firmware_bridge.drivers.polled import NoReply, PolledDriver
+from firmware_bridge.drivers.exchange import NoReply
+from firmware_bridge.drivers.polled import PolledDriver
 from firmware_bridge.framing import VescPackets, vesc_packet
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.messages import ConfigError
@@ -113,7 +114,7 @@ class VescDriver(PolledDriver):
         self._local_id = None
         version, _ = self._ask(vesc_packet(bytes((FW_VERSION,))), "version")
         if len(version) < 3:
-            raise self._refuse("firmware version")
+            raise self._exchange.refuse("firmware version")
         self._mode = f"firmware {version[1]}.{version[2]:02d}"
         self._drive(0.0, 0.0)
         self._selective = True
@@ -170,7 +171,7 @@ class VescDriver(PolledDriver):
         with self._changed:
             payloads = self._packets.feed(data, stamp)
         for payload in payloads:
-            self._deliver(self._key(payload), payload, stamp)
+            self._exchange.deliver(self._key(payload), payload, stamp)
 
     def _key(self, payload: bytes) -> Hashable:
         """Which request this answers, None for none."""

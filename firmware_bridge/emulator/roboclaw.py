@@ -127,7 +127,7 @@ class RoboClawEmulator(BoardEmulator):
         self._watchdog(self._heard)
 
     def _read(self, command: int) -> bytes | None:
-        counts = [int(wrapped(math.floor(self._turns(i) * self._counts_per_turn))) for i in (0, 1)]
+        counts = [int(wrapped(round(self._turns(i) * self._counts_per_turn))) for i in (0, 1)]
         speeds = [round(self._body.speeds[i] * self._counts_per_turn) for i in (0, 1)]
         if command == GET_TIMEOUT:
             return bytes((self.timeout,))

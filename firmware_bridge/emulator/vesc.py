@@ -124,6 +124,6 @@ class VescEmulator(BoardEmulator):
         values = [250, 250] + [0] * 12 + [0, 0, 0, self._ids[channel]]
         values[7] = round(self._body.speeds[channel] * self._erpm)
         values[8] = 126
-        values[13] = int(wrapped(math.floor(self._turns(channel) * self._steps)))
+        values[13] = int(wrapped(round(self._turns(channel) * self._steps)))
         values[15] = self.faults[channel]
         return b"".join(struct.pack(f">{LAYOUT[bit]}", values[bit]) for bit in range(len(LAYOUT)) if mask >> bit & 1)

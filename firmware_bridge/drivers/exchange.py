@@ -1,0 +1,88 @@
+"""Questions and answers on a serial line: one question under way at a time, and only its own answer counts."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Hashable
+
+from firmware_bridge.transport import Transport
+
+STRANGERS, STRANGERS_WITHIN = 5, 1.0
+"""So many replies that nobody asked for within so many seconds: somebody else talks to the board."""
+
+
+class NoReply(Exception):
+    """A reply that did not come in time, or made no sense."""
+
+
+class Exchange:
+    """Asks in one thread, takes replies from another.
+
+    Parameters
+    ----------
+    transport : Transport
+        The line.
+    reply_timeout : float
+        How long a reply may take [s].
+    begin : callable
+        Prepares the decoder for the reply to a key.
+    """
+
+    def __init__(self, transport: Transport, reply_timeout: float, begin: Callable[[Hashable], None]) -> None:
+        self._transport, self._reply_timeout, self._begin = transport, reply_timeout, begin
+        self.changed = threading.Condition()
+        """Held by whoever reads or writes what both threads know; told of replies."""
+        self.closing = False
+        self.expected: Hashable = None
+        """Key of the reply that is waited for."""
+        self.heard = -math.inf
+        """When the board last answered [s]."""
+        self._reply: tuple[bytes, float] | None = None
+        self._strangers: list[float] = []
+        self.counters = dict.fromkeys(("frames", "timeouts", "unexpected_replies", "refused_replies"), 0)
+
+    def ask(self, frame: bytes, key: Hashable) -> tuple[bytes, float]:
+        """Send a question and wait for its reply; returns the reply and when it was true, as well as is known [s]."""
+        with self.changed:
+            self._begin(key)
+            self.expected, self._reply = key, None
+            sent = time.monotonic()
+            if not self._transport.write(frame):
+                self.expected = None
+                raise NoReply
+            self.changed.wait_for(lambda: self._reply is not None or self.closing, self._reply_timeout)
+            self.expected = None
+            if self._reply is None:
+                self.counters["timeouts"] += not self.closing
+                raise NoReply
+            reply, received = self._reply
+            self.heard = received
+            self.counters["frames"] += 1
+        return reply, (sent + received) / 2.0
+
+    def deliver(self, key: Hashable, reply: bytes, stamp: float) -> None:
+        """Hand a reply to the question that waits for it; any other is refused and counted."""
+        with self.changed:
+            if key is not None and key == self.expected and self._reply is None:
+                self._reply = (reply, stamp)
+                self.changed.notify_all()
+                return
+            self.counters["unexpected_replies"] += 1
+            self._strangers = [*self._strangers[1 - STRANGERS :], stamp]
+
+    def refuse(self, why: str) -> NoReply:
+        """Count a reply that came for the right question and makes no sense."""
+        self.counters["refused_replies"] += 1
+        return NoReply(why)
+
+    def strangers(self, now: float) -> bool:
+        """Whether so many replies come that nobody asked for that another program must be asking."""
+        return len(self._strangers) == STRANGERS and now - self._strangers[0] < STRANGERS_WITHIN
+
+    def wait(self, done: Callable[[], bool], seconds: float) -> None:
+        """Wait until `done`, or the end of the driver."""
+        if seconds > 0.0:
+            with self.changed:
+                self.changed.wait_for(lambda: self.closing or done(), seconds)

@@ -1,0 +1,142 @@
+"""Wheel speeds keep the curvature, counters wrap, arcs are exact, and options name what is wrong."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware_bridge.kinematics import WheelGeometry, WheelOdometry, wrapped
+from firmware_bridge.messages import ConfigError
+from firmware_bridge.options import from_table
+
+ROSBOT = WheelGeometry(wheel_radius=0.0425, track=0.27, max_wheel_speed=0.9)
+finite = st.floats(allow_nan=False, allow_infinity=False)
+speeds = st.floats(-3.0, 3.0)
+geometries = st.builds(
+    WheelGeometry,
+    st.floats(0.01, 1.0),
+    st.floats(0.05, 3.0),
+    st.floats(0.1, 5.0),
+    st.floats(0.1, 100.0),
+    st.booleans(),
+    st.booleans(),
+    st.booleans(),
+)
+
+
+@given(geometries, speeds, speeds)
+def test_wheels_are_within_the_limit_at_the_same_curvature(geometry, v, omega):
+    left, right = geometry.wheels(v, omega)
+    assert max(abs(left), abs(right)) * geometry.wheel_radius <= geometry.max_wheel_speed * (1 + 1e-12)
+    v_out, omega_out = geometry.body(left, right)
+    assert v_out * omega == pytest.approx(omega_out * v, abs=1e-9)
+    assert v_out * v >= 0.0 and omega_out * omega >= -1e-12
+    if max(abs(v - omega * geometry.track / 2), abs(v + omega * geometry.track / 2)) <= geometry.max_wheel_speed:
+        assert (v_out, omega_out) == pytest.approx((v, omega), abs=1e-9)
+
+
+@given(finite, finite)
+def test_any_finite_command_gives_finite_wheels_within_the_limit(v, omega):
+    left, right = ROSBOT.wheels(v, omega)
+    assert max(abs(left), abs(right)) * ROSBOT.wheel_radius <= 0.9 * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("command", [(math.nan, 0.0), (0.0, math.nan), (math.inf, 0.0), (0.0, -math.inf)])
+def test_non_finite_commands_are_refused(command):
+    with pytest.raises(ValueError, match="expected finite speeds"):
+        ROSBOT.wheels(*command)
+
+
+@given(geometries, speeds, speeds)
+def test_channels_and_back(geometry, left, right):
+    assert geometry.from_channels(*geometry.to_channels(left, right)) == pytest.approx((left, right), abs=1e-9)
+
+
+def test_mirror_symmetry():
+    left, right = ROSBOT.wheels(0.5, 1.0)
+    assert ROSBOT.wheels(0.5, -1.0) == (right, left) and ROSBOT.wheels(-0.5, -1.0) == (-left, -right)
+
+
+def test_signs_and_order_of_the_channels():
+    plain = WheelGeometry(0.1, 0.5, 2.0, gear_ratio=3.0)
+    assert plain.to_channels(math.tau, 2 * math.tau) == pytest.approx((3.0, 6.0))
+    odd = WheelGeometry(0.1, 0.5, 2.0, gear_ratio=3.0, invert_left=True, swap=True)
+    assert odd.to_channels(math.tau, 2 * math.tau) == pytest.approx((6.0, -3.0))
+
+
+@given(st.integers(-(2**31), 2**31 - 1), st.integers(-100_000, 100_000))
+def test_counters_wrap(count, step):
+    assert wrapped(((count + step + 2**31) % 2**32 - 2**31) - count) == step
+
+
+@pytest.mark.parametrize("start", [0, 2**31 - 5, -(2**31) + 5])
+def test_odometry_follows_exact_arcs_across_the_wrap(start):
+    counts = 10_000.0
+    odometry = WheelOdometry(ROSBOT, counts, wraps=True)
+    v, omega, dt, total = 0.4, 0.7, 0.02, [float(start), float(start)]
+    for k in range(501):
+        assert odometry.update(*[int(wrapped(round(c))) for c in total], k * dt)
+        turns = ROSBOT.to_channels(*ROSBOT.wheels(v, omega))
+        total = [c + turn * dt * counts for c, turn in zip(total, turns, strict=True)]
+    t = 500 * dt
+    x, y = v / omega * math.sin(omega * t), v / omega * (1 - math.cos(omega * t))
+    assert (odometry.x, odometry.y) == pytest.approx((x, y), abs=2e-3)
+    assert math.remainder(odometry.theta - omega * t, math.tau) == pytest.approx(0.0, abs=2e-3)
+    assert -math.pi <= odometry.theta <= math.pi
+
+
+def test_straight_lines_and_turns_in_place():
+    odometry = WheelOdometry(ROSBOT, 1.0, wraps=False)
+    circumference = math.tau * 0.0425
+    assert odometry.update(0.0, 0.0, 0.0) and odometry.update(1.0, 1.0, 1.0)
+    assert (odometry.x, odometry.y, odometry.theta) == pytest.approx((circumference, 0.0, 0.0))
+    assert odometry.update(0.5, 1.5, 2.0)
+    assert (odometry.x, odometry.y) == pytest.approx((circumference, 0.0))
+    assert odometry.theta == pytest.approx(circumference / 0.27)
+
+
+def test_impossible_jumps_do_not_move_the_robot():
+    odometry = WheelOdometry(ROSBOT, 1000.0, wraps=True)
+    assert odometry.update(50_000, 50_000, 0.0) and odometry.update(50_010, 50_010, 0.02)
+    x = odometry.x
+    assert not odometry.update(0, 0, 0.04) and odometry.x == x
+    assert odometry.update(10, 10, 0.06) and odometry.x > x
+    assert not odometry.update(math.nan, 0, 0.08)
+
+
+def test_rebase_keeps_the_pose():
+    odometry = WheelOdometry(ROSBOT, 1000.0, wraps=True)
+    odometry.update(0, 0, 0.0)
+    odometry.update(100, 100, 0.1)
+    x = odometry.x
+    odometry.rebase()
+    assert odometry.update(-70_000, 12, 0.2) and odometry.x == x > 0.0
+
+
+GOOD = {"wheel_radius": 0.05, "track": 0.3, "max_wheel_speed": 1}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"wheel_radius": -0.05}, "geometry.wheel_radius: expected 0.001 to 10 m, got -0.05"),
+        ({"wheel_radius": float("nan")}, "geometry.wheel_radius: expected"),
+        ({"track": "wide"}, "geometry.track: expected float, got 'wide'"),
+        ({"track": True}, "geometry.track: expected float, got True"),
+        ({"invert_left": 1}, "geometry.invert_left: expected bool, got 1"),
+        ({"wheels": 4}, "geometry.wheels: unknown key; [geometry] takes wheel_radius, track"),
+        ({"track": None}, "geometry.track: missing"),
+    ],
+)
+def test_bad_geometry_names_the_key(change, message):
+    table = {key: value for key, value in {**GOOD, **change}.items() if value is not None}
+    with pytest.raises(ConfigError) as caught:
+        from_table(WheelGeometry, table, "geometry")
+    assert str(caught.value).startswith(message)
+
+
+def test_good_geometry():
+    assert from_table(WheelGeometry, GOOD, "geometry") == WheelGeometry(0.05, 0.3, 1.0)
+    with pytest.raises(ConfigError, match="expected a table"):
+        from_table(WheelGeometry, 3, "geometry")
