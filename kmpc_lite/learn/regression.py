@@ -11,17 +11,15 @@ from typing import Any, Literal
 
 import numpy as np
 
-from kmpc_lite.dictionary import INPUTS, STATES, Array, Dictionary, UnicycleDictionary
+from kmpc_lite.dictionary import INPUTS, STATES, Array, Dictionary, UnicycleDictionary, dictionary_to_config
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.dataset import SAME_DT, Dataset, check_time
 from kmpc_lite.model import KoopmanModel, NoiseModel
 
 Method = Literal["integral", "edmdc"]
 
 RANK_TOLERANCE = 1e-13
 """Eigenvalues of the scaled Gram matrix below this share of the largest count as zero."""
-
-
 NOISE_SAMPLES = 250_000
 """Residuals that the covariance is estimated from: its relative error is then below 1 %."""
 
@@ -46,6 +44,11 @@ class Accumulator:
         Continuous model of an earlier pass. Its derivatives bend the path between two samples (cubic Hermite
         midpoint); without it the midpoint is the mean, which is exact only to second order in dt.
 
+    Raises
+    ------
+    DataError
+        For another method or period, or a midpoint that is no continuous model of the same dictionary.
+
     Examples
     --------
     >>> from kmpc_lite import DifferentialDrive, generate_dataset
@@ -61,7 +64,9 @@ class Accumulator:
     def __init__(self, dictionary: Dictionary, dt: float, method: Method = "integral", midpoint: KoopmanModel | None = None) -> None:
         if method not in ("integral", "edmdc"):
             raise DataError(f"method: expected 'integral' or 'edmdc', got {method!r}")
-        self.dictionary, self.dt, self.method, self.midpoint = dictionary, float(dt), method, midpoint
+        if midpoint is not None and not (method == "integral" and midpoint.continuous and _same(midpoint.dictionary, dictionary)):
+            raise DataError("midpoint: expected a continuous model of the same dictionary, for method 'integral'")
+        self.dictionary, self.dt, self.method, self.midpoint = dictionary, check_time("dt", dt), method, midpoint
         nz, nw = dictionary.size, dictionary.input_size
         self._with_inputs = method == "edmdc" or "1" not in dictionary.names
         self._features = nz + nw * nz + (nw if self._with_inputs else 0)
@@ -74,10 +79,11 @@ class Accumulator:
 
     def add(self, data: Dataset) -> None:
         """Take in every step of a dataset, chunk by chunk."""
-        if abs(data.dt - self.dt) > 1e-9 * self.dt:
+        if abs(data.dt - self.dt) > SAME_DT * self.dt:
             raise DataError(f"the dataset's dt is {data.dt:g} s, the fit's {self.dt:g} s: resample it")
-        for part in data.transitions(self.dictionary.history):
-            self._add(part.x, part.u, part.x_next, part.history)
+        with np.errstate(over="ignore", invalid="ignore"):  # `solve` tells of numbers that are too large
+            for part in data.transitions(self.dictionary.history):
+                self._add(part.x, part.u, part.x_next, part.history)
 
     def _add(self, x: Array, u: Array, x_next: Array, history: Array | None) -> None:
         w = self.dictionary.inputs(u, history)
@@ -116,14 +122,15 @@ class Accumulator:
 
     def merge(self, other: Accumulator) -> None:
         """Take in what another accumulator of the same fit has seen."""
-        same = (self.method, self.dt, self.dictionary.names, self._gram.shape) == (
-            other.method,
-            other.dt,
-            other.dictionary.names,
-            other._gram.shape,
-        )
-        if not same:
-            raise DataError("cannot merge accumulators of different fits (method, dt or dictionary)")
+        mine, theirs = self.midpoint, other.midpoint
+        if (
+            self.method != other.method
+            or abs(self.dt - other.dt) > SAME_DT * self.dt
+            or not _same(self.dictionary, other.dictionary)
+            or (mine is None) != (theirs is None)
+            or (mine is not None and theirs is not None and not (np.array_equal(mine.A, theirs.A) and np.array_equal(mine.H, theirs.H)))
+        ):
+            raise DataError("cannot merge accumulators of different fits (method, dt, dictionary or midpoint)")
         self._gram += other._gram
         self._input_moments += other._input_moments
         self.count += other.count
@@ -139,15 +146,18 @@ class Accumulator:
         Raises
         ------
         DataError
-            For too few samples, inputs that do not vary, or a dictionary that the method cannot use.
+            For too few samples, inputs that do not vary, numbers too large to square, or a dictionary that the
+            method cannot use.
         """
+        if not (np.isfinite(ridge) and ridge >= 0.0):
+            raise DataError(f"ridge: expected a share >= 0, got {ridge}")
         self._check_excitation()
         p, nz, nw = self._features, self.dictionary.size, self.dictionary.input_size
         weights, rank, condition = _least_squares(self._gram[:p, :p], self._gram[:p, p:], ridge)
         if rank < self._structural_rank():
             raise DataError(
                 f"the log does not excite the model: rank {rank} of {self._structural_rank()} from {self.count} samples; "
-                "drive with varied speeds, turns and headings, or choose a smaller dictionary"
+                "drive with varied speeds, turns and headings, not far from the origin, or choose a smaller dictionary"
             )
         rows = nz if self.method == "edmdc" else STATES
         a, h = weights[:rows, :nz], weights[:rows, nz : nz + nw * nz]
@@ -163,8 +173,12 @@ class Accumulator:
         return KoopmanModel(self.dictionary, self.dt, a, b, h, c, continuous=self.method == "integral", info=info)
 
     def _check_excitation(self) -> None:
+        """Tell of data that cannot determine a model, in terms of the log."""
         if self.count < self._features:
-            raise DataError(f"too few samples: {self.count} steps for {self._features} unknowns per state")
+            past = f" with an input history of {self.dictionary.history}" if self.dictionary.history else ""
+            raise DataError(f"too few samples: {self.count} steps{past} for {self._features} unknowns per state")
+        if not np.isfinite(self._gram).all():
+            raise DataError("the log's numbers are too large for this dictionary: put the origin near the drive, or choose a smaller one")
         mean, square = self._input_moments / self.count
         spread = np.sqrt(np.maximum(square - mean**2, 0.0))
         for i, name in enumerate(("v", "omega")):
@@ -187,8 +201,13 @@ class Accumulator:
         return c
 
 
+def _same(one: Dictionary, other: Dictionary) -> bool:
+    """Whether two dictionaries lift alike, as far as they tell."""
+    return type(one) is type(other) and one.names == other.names and dictionary_to_config(one) == dictionary_to_config(other)
+
+
 def _derivative_difference(model: KoopmanModel, z: Array, z_next: Array, w: Array) -> Array:
-    """f(x) - f(x+) at one command, (n, 3), for the Hermite midpoint: linear in z, so one product serves both."""
+    """Give f(x) - f(x+) at one command, (n, 3), for the Hermite midpoint: linear in z, so one product serves both."""
     blocks = np.concatenate([model.A, model.H], axis=1).reshape(STATES, 1 + w.shape[1], z.shape[1])
     products = ((z - z_next) @ blocks.transpose(2, 1, 0).reshape(z.shape[1], -1)).reshape(len(z), -1, STATES)
     difference: Array = products[:, 0].copy()
