@@ -73,36 +73,46 @@ class IpoptController:
         self._inputs = np.zeros((self.problem.horizon, INPUTS))
 
     def _build(self, count: int) -> None:
-        """Set up the nonlinear programme for a number of obstacles."""
+        """Set up the nonlinear programme for a number of obstacles, stage by stage, as structure-exploiting solvers want it."""
         ca, problem, n = self._casadi, self.problem, self.problem.horizon
-        q, r, q_terminal = problem.weights
-        x, u = ca.SX.sym("X", STATES, n + 1), ca.SX.sym("U", INPUTS, n)
-        x_init, goal, circles = ca.SX.sym("x0", STATES), ca.SX.sym("goal", STATES), ca.SX.sym("o", 5, count)
-        cost, dynamics, distances = 0, [x[:, 0] - x_init], []
-        for k in range(n):
-            error = x[:, k] - goal
-            cost += error.T @ ca.DM(q) @ error + u[:, k].T @ ca.DM(r) @ u[:, k]
-            dynamics.append(x[:, k + 1] - self._step_function(x[:, k], u[:, k]))
-        error = x[:, n] - goal
-        cost += error.T @ ca.DM(q_terminal) @ error
-        for k in range(1, n + 1):
-            for i in range(count):
-                offset = x[:2, k] - circles[:2, i] - k * problem.dt * circles[3:, i]
-                distances.append(ca.sqrt(ca.sumsqr(offset)) - circles[2, i] - problem.robot_radius - problem.margin)
-        variables = ca.vertcat(ca.vec(x), ca.vec(u))
-        parameters = ca.vertcat(x_init, goal, ca.vec(circles))
-        constraints = ca.vertcat(*dynamics, *distances)
-        options: dict[str, Any] = {"print_time": False, "error_on_fail": False, **self._options}
-        if self._plugin == "ipopt":
-            options = {"ipopt.print_level": 0, "ipopt.sb": "yes", **options}
-        self._solver = ca.nlpsol("peer", self._plugin, {"x": variables, "f": cost, "g": constraints, "p": parameters}, options)
+        q, r, q_terminal = (ca.DM(weight) for weight in problem.weights)
         u_min, u_max, x_min, x_max = problem.bounds
-        free = np.full(STATES, np.inf)
-        self._lower = np.concatenate([-free, np.tile(x_min, n), np.tile(u_min, n)])
-        self._upper = np.concatenate([free, np.tile(x_max, n), np.tile(u_max, n)])
-        zeros = np.zeros(STATES * (n + 1))
-        self._g_lower = np.concatenate([zeros, np.zeros(n * count)])
-        self._g_upper = np.concatenate([zeros, np.full(n * count, np.inf)])
+        x = [ca.SX.sym(f"x{k}", STATES) for k in range(n + 1)]
+        u = [ca.SX.sym(f"u{k}", INPUTS) for k in range(n)]
+        goal, circles = ca.SX.sym("goal", STATES), ca.SX.sym("o", 5, count)
+        cost, constraints, g_upper = 0, [], []
+        for k in range(n + 1):
+            error = x[k] - goal
+            if k < n:
+                cost += error.T @ q @ error + u[k].T @ r @ u[k]
+                constraints.append(x[k + 1] - self._step_function(x[k], u[k]))
+                g_upper += [0.0] * STATES
+            else:
+                cost += error.T @ q_terminal @ error
+            for i in range(count if k else 0):
+                offset = x[k][:2] - circles[:2, i] - k * problem.dt * circles[3:, i]
+                constraints.append(ca.sqrt(ca.sumsqr(offset)) - circles[2, i] - problem.robot_radius - problem.margin)
+                g_upper.append(np.inf)
+        options: dict[str, Any] = {"print_time": False, "error_on_fail": False}
+        if self._plugin == "ipopt":
+            options |= {"ipopt.print_level": 0, "ipopt.sb": "yes"}
+        elif self._plugin == "fatrop":
+            equality = [bool(bound == 0.0) for bound in g_upper]
+            options |= {"structure_detection": "auto", "equality": equality, "expand": True, "fatrop.print_level": 0}
+        self._solver = ca.nlpsol(
+            "peer",
+            self._plugin,
+            {
+                "x": ca.vertcat(*[v for pair in zip(x, u, strict=False) for v in pair], x[n]),
+                "f": cost,
+                "g": ca.vertcat(*constraints),
+                "p": ca.vertcat(goal, ca.vec(circles)),
+            },
+            options | self._options,
+        )
+        self._lower = np.concatenate([np.tile(np.concatenate([x_min, u_min]), n), x_min])
+        self._upper = np.concatenate([np.tile(np.concatenate([x_max, u_max]), n), x_max])
+        self._g_lower, self._g_upper = np.zeros(len(g_upper)), np.array(g_upper)
         self._obstacle_count = count
 
     def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Sequence[Circle] | ArrayLike = ()) -> Plan:
@@ -115,17 +125,14 @@ class IpoptController:
         target[2] = pose[2] + np.remainder(target[2] - pose[2] + np.pi, 2 * np.pi) - np.pi
         if self._states is None:
             self._states = np.tile(pose, (n + 1, 1))
-        guess = np.concatenate([self._states.ravel(), self._inputs.ravel()])
+        guess = np.concatenate([np.hstack([self._states[:-1], self._inputs]).ravel(), self._states[-1]])
+        guess[:STATES] = self._lower[:STATES] = self._upper[:STATES] = pose
         found = self._solver(
-            x0=guess,
-            p=np.concatenate([pose, target, circles.ravel()]),
-            lbx=self._lower,
-            ubx=self._upper,
-            lbg=self._g_lower,
-            ubg=self._g_upper,
+            x0=guess, p=np.concatenate([target, circles.ravel()]), lbx=self._lower, ubx=self._upper, lbg=self._g_lower, ubg=self._g_upper
         )
         solution = np.array(found["x"]).ravel()
-        states, inputs = solution[: STATES * (n + 1)].reshape(n + 1, STATES), solution[STATES * (n + 1) :].reshape(n, INPUTS)
+        stages = solution[: (STATES + INPUTS) * n].reshape(n, STATES + INPUTS)
+        states, inputs = np.vstack([stages[:, :STATES], solution[-STATES:]]), stages[:, STATES:].copy()
         elapsed = perf_counter() - start
         statistics = self._solver.stats()
         u_min, u_max, _, _ = self.problem.bounds
@@ -144,6 +151,6 @@ class IpoptController:
             PlanStatus.SOLVED if statistics["success"] else PlanStatus.FALLBACK,
             clearance,
             int(statistics.get("iter_count", 0)),
-            {"solve": elapsed, "total": elapsed},
+            {"total": elapsed},
             "" if statistics["success"] else str(statistics["return_status"]),
         )
