@@ -135,7 +135,76 @@ def _parser() -> argparse.ArgumentParser:
     p.add_argument("--trials", type=int, default=5, help="runs per cell (default: 5, as in the paper)")
     p.add_argument("--scenario", default="four_circles_1", help="map (default: four_circles_1); its slip and seed are replaced")
     p.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
+
+    p = command(
+        "bench",
+        run_bench,
+        "Time a step on this machine, beside whichever peers are installed, on the same states in one run.",
+        "  kmpc bench\n  kmpc bench --drives 40 --picture bench.png\n  kmpc bench --scaling\n  kmpc bench --loop 100 --seconds 600",
+    )
+    p.add_argument("--drives", type=int, default=20, help="recorded drives of 60 states (default: 20)")
+    p.add_argument("--tuning", action="store_true", help="use the tuning seeds instead of the reporting ones")
+    p.add_argument("--only", nargs="+", help="contenders whose names contain one of these words")
+    p.add_argument("--picture", type=Path, help="picture of the distributions to write (.png)")
+    p.add_argument("--scaling", action="store_true", help="how the time grows with horizon and obstacles, ours only")
+    p.add_argument("--loop", type=float, metavar="HZ", help="run the control loop at this rate with the other cores busy")
+    p.add_argument("--seconds", type=float, default=600.0, help="how long, with --loop (default: 600)")
+    p.add_argument("--no-load", action="store_true", help="with --loop: leave the other cores alone")
+    p.add_argument("--install-acados", action="store_true", help="fetch the acados peer (x86-64 Linux wheel, about 20 MB) and stop")
     return parser
+
+
+def run_bench(options: argparse.Namespace) -> int:
+    """Measure step times."""
+    from kmpc_lite import bench
+    from kmpc_lite.bench.measure import REPORTING_SEED, TUNING_SEED, format_scaling, import_times, learned_model, record, scaling
+
+    if options.install_acados:
+        from kmpc_lite.peers.acados import install
+
+        folder = install()
+        print(json.dumps({"acados": str(folder)}) if options.json else f"acados is in {folder}")
+        return 0
+    for name in ("drives", "seconds", "loop"):
+        value = getattr(options, name)
+        if value is not None and not value > 0:
+            raise kl.ProblemError(f"--{name}: expected a number > 0, got {value}")
+    seed = TUNING_SEED if options.tuning else REPORTING_SEED
+    model, problem = learned_model(), kl.NavigationProblem()
+    if options.loop:
+        from kmpc_lite.bench.loop import run_loop
+
+        result = run_loop(
+            model, problem, options.loop, options.seconds, seed, not options.no_load, Progress("real-time loop", quiet=options.json)
+        )
+        print(json.dumps(result.as_dict()) if options.json else result)
+        return 0
+    bar = Progress("bench", quiet=options.json)
+    if options.scaling:
+        rows = scaling(model, seed, options.drives, progress=bar)
+        print(json.dumps(rows) if options.json else format_scaling(rows))
+        return 0
+    everyone = bench.contenders()
+    if options.only:
+        everyone = [c for c in everyone if any(word.lower() in c.name.lower() for word in options.only)]
+    taking_part, skipped = [c for c in everyone if not c.skipped], [c for c in everyone if c.skipped]
+    if not taking_part:
+        raise kl.ProblemError(f"--only {' '.join(options.only)}: nobody is left; names are {', '.join(c.name for c in bench.contenders())}")
+    drives = record(model, problem, options.drives, steps=60, obstacles=4, seed=seed)
+    results = bench.measure(taking_part, model, problem, drives, progress=bar)
+    imports = import_times()
+    if options.picture:
+        from kmpc_lite.bench.picture import write_bench_picture
+
+        write_bench_picture(options.picture, results)
+    if options.json:
+        print(
+            json.dumps({"results": [r.as_dict() for r in results], "left_out": {c.name: c.skipped for c in skipped}, "import_s": imports})
+        )
+        return 0
+    print(bench.format_measurements(results, skipped))
+    print("import: " + ", ".join(f"{name} {seconds:.2f} s" for name, seconds in imports.items()))
+    return 0
 
 
 def run_fit(options: argparse.Namespace) -> int:
@@ -234,7 +303,7 @@ def run_demo(options: argparse.Namespace) -> int:
     run.save(folder / "run.npz")
     say(f"3  drove {scenario.name}: {describe(run)}")
     page = folder / "report.html"
-    write_report(page, run, model=model, fit_report=report, title="kmpc demo", command=_command_line())
+    write_report(page, run, model=model, fit_report=report, command=_command_line())
     if options.json:
         print(json.dumps({"report": str(page), "held_out": report.as_dict(), **run.summary()}))
     else:
@@ -274,7 +343,9 @@ def simulate(model: kl.KoopmanModel, scenario: Scenario, plant: str, horizon: in
     problem = scenario.problem(kl.NavigationProblem(horizon=horizon, dt=model.dt))
     controller = kl.Controller(model, problem, sqp_iterations=iterations)
     robot = LearnedPlant(model, scenario.seed) if plant == "learned" else None
-    return drive(controller, scenario, robot, dt=model.dt, info={"plant": plant, "model": model.info.get("method", "")})
+    u_min, u_max, _, _ = problem.bounds
+    info = {"plant": plant, "model": model.info.get("method", ""), "u_min": u_min.tolist(), "u_max": u_max.tolist()}
+    return drive(controller, scenario, robot, dt=model.dt, info=info)
 
 
 def describe(run: Run) -> str:

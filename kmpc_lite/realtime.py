@@ -41,7 +41,8 @@ def prepare_process(cpu: int | None = None, priority: int | None = 50) -> list[s
     gc.freeze()
     told.append("garbage collector: everything that exists is frozen")
     limited = [name for name in THREAD_VARIABLES if os.environ.get(name) == "1"]
-    told.append("BLAS threads: 1" if limited else f"BLAS threads: not limited; set {' and '.join(THREAD_VARIABLES)} to 1 before Python starts")
+    advice = f"not limited; set {' or '.join(THREAD_VARIABLES)} to 1 before Python starts"
+    told.append(f"BLAS threads: {'1' if limited else advice}")
     if cpu is not None:
         try:
             os.sched_setaffinity(0, {cpu})

@@ -144,7 +144,7 @@ def measure(
         grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
         results.append(Measurement(contender.name, memory=grown / 1024))
     for i, drive in enumerate(drives):
-        for j in np.roll(np.arange(len(field_of)), i):
+        for j in np.roll(np.arange(len(field_of)), i).tolist():
             _run(controllers[j], field_of[j].timed, drive, model, problem, results[j])
         progress(i + 1, len(drives))
     return results
@@ -180,6 +180,41 @@ def violation(states: Array, circles: Array, problem: NavigationProblem) -> floa
     return deepest
 
 
+def scaling(
+    model: KoopmanModel, seed: int, drives: int, progress: Callable[[int, int], None] = lambda done, total: None
+) -> list[dict[str, Any]]:
+    """Median and p99 of a real-time step by horizon, with 4 obstacles, and by obstacles, with N = 20; takes turns drive by drive."""
+    cases = [(n, 4) for n in (10, 20, 50, 100, 200)] + [(20, m) for m in (1, 16, 64)]
+    problems = [NavigationProblem(horizon=n, x_min=(-8.0, -8.0, -np.inf), x_max=(8.0, 8.0, np.inf)) for n, _ in cases]
+    recorded = [record(model, p, drives, 40, m, seed) for p, (_, m) in zip(problems, cases, strict=True)]
+    controllers = [Controller(model, p) for p in problems]
+    times: list[list[float]] = [[] for _ in cases]
+    for i in range(drives):
+        for j, controller in enumerate(controllers):
+            controller.reset()
+            drive = recorded[j][i]
+            plans = [controller.step(x, drive.goal, drive.circles) for x in drive.states]
+            times[j] += [plan.timing["total"] for plan in plans[1:]]
+        progress(i + 1, drives)
+    return [
+        {"horizon": n, "obstacles": m, "ms": {"p50": 1e3 * float(np.median(t)), "p99": 1e3 * float(np.quantile(t, 0.99))}}
+        for (n, m), t in zip(cases, times, strict=True)
+    ]
+
+
+def format_scaling(rows: Sequence[dict[str, Any]]) -> str:
+    """Render `scaling` as a table; ratios are to N = 20 with 4 obstacles."""
+    base = next(r["ms"] for r in rows if (r["horizon"], r["obstacles"]) == (20, 4))
+    lines = [f"{'horizon':>8}{'obstacles':>10}{'p50':>9}{'p99':>9} [ms]{'p50':>8}{'p99':>8} x (20, 4)"]
+    for r in rows:
+        t = r["ms"]
+        lines.append(
+            f"{r['horizon']:>8}{r['obstacles']:>10}{t['p50']:9.3f}{t['p99']:9.3f}     "
+            f"{t['p50'] / base['p50']:8.2f}{t['p99'] / base['p99']:8.2f}"
+        )
+    return "\n".join(lines)
+
+
 def import_times(repeats: int = 5) -> dict[str, float]:
     """Median time of importing this package, and of importing what it stands on, in fresh interpreters [s]."""
     code = "import time; t = time.perf_counter(); import {}; print(time.perf_counter() - t)"
@@ -194,7 +229,9 @@ def import_times(repeats: int = 5) -> dict[str, float]:
 
 def format_measurements(results: Sequence[Measurement], skipped: Sequence[Contender] = ()) -> str:
     """Render a table; ratios are of the medians, and of p99, to the first row's."""
-    head = f"{'':<18}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9} [ms]{'p50':>7}{'p99':>7} x first{'cost':>9}{'violation':>11}{'defect':>9} [mm]"
+    head = (
+        f"{'':<18}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9} [ms]{'p50':>7}{'p99':>7} x first{'cost':>9}{'violation':>11}{'defect':>9} [mm]"
+    )
     lines = [head + f"{'unsolved':>10}"]
     first = results[0].as_dict()["ms"]
     for result in results:
@@ -210,5 +247,7 @@ def format_measurements(results: Sequence[Measurement], skipped: Sequence[Conten
     for result in results:
         d = result.as_dict()
         phases = ", ".join(f"{name} {value:.3f}" for name, value in d["phases_ms"].items())
-        lines.append(f"{d['name']:<18} median by phase [ms]: {phases}; cold start {d['cold_ms']['p50']:.2f}; memory +{d['memory_mb']:.0f} MB")
+        lines.append(
+            f"{d['name']:<18} median by phase [ms]: {phases}; cold start {d['cold_ms']['p50']:.2f}; memory +{d['memory_mb']:.0f} MB"
+        )
     return "\n".join(lines)
