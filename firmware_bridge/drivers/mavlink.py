@@ -8,11 +8,12 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from typing import Any
 
 from firmware_bridge.drivers.mavlink_core import MavlinkCore
 from firmware_bridge.drivers.mavlink_options import MavlinkOptions
-from firmware_bridge.messages import LinkError, LinkStatus, State
+from firmware_bridge.messages import ConfigError, LinkError, LinkStatus, State
 from firmware_bridge.transport import Transport
 
 TICK = 0.05
@@ -25,7 +26,7 @@ class MavlinkDriver:
     """The near end of a MAVLink link to an ArduPilot rover.
 
     Telemetry comes as often as the vehicle gives it; stamps are the vehicle's own, brought to our clock by TIMESYNC.
-    Set-points reach the wire in the thread that calls `send`; heartbeats, requests and retries in a thread of the driver's own.
+    Set-points are handed to the link in the thread that calls `send`; heartbeats, requests and retries in a thread of the driver.
 
     Parameters
     ----------
@@ -54,14 +55,17 @@ class MavlinkDriver:
 
     @classmethod
     def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> MavlinkDriver:
-        """Build it from the [board] table of a robot file, whose keys are the fields of `MavlinkOptions`.
+        """Build it from a robot file: its ``[board]`` section holds the fields of `MavlinkOptions`.
 
         Raises
         ------
         ConfigError
             Names the key.
         """
-        return cls(transport, MavlinkOptions.from_table(table))
+        astray = [entry.name for entry in fields(MavlinkOptions) if entry.name in table]
+        if astray:
+            raise ConfigError(f"{astray[0]}: expected in [board], not at the top")
+        return cls(transport, MavlinkOptions.from_table(table.get("board", {})))
 
     def connect(self, timeout: float) -> None:
         """Open the link, find the vehicle, ask for telemetry, see to its failsafe; with `arm`, begin to take it.

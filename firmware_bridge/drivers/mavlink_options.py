@@ -80,10 +80,12 @@ class MavlinkOptions:
     @classmethod
     def from_table(cls, table: Mapping[str, Any]) -> MavlinkOptions:
         """Read a TOML table; ConfigError names the key that is wrong or unknown."""
+        if not isinstance(table, Mapping):
+            raise ConfigError(f"[board]: expected a table, got {table!r}")
         known = [entry.name for entry in fields(cls)]
         for key in table:
             if key not in known:
-                raise ConfigError(f"board.{key}: unknown for mavlink; expected one of {', '.join(known)}")
+                raise ConfigError(f"board.{key}: unknown key; [board] of a mavlink robot takes {', '.join(known)}")
         values: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
         try:
             options = cls(**values)

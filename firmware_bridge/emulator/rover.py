@@ -160,6 +160,11 @@ class RoverEmulator:
         with self._lock:
             return {**self._codec.counters, **self.autopilot.counters, "ignored": self._protocol.ignored, "reboots": self.reboots}
 
+    def place(self, x: float, y: float, theta: float) -> None:
+        """Put the rover down somewhere: [m], [m], [rad]."""
+        with self._lock:
+            self._physics.place(x, y, theta)
+
     def pilot_mode(self, mode: int) -> bool:
         """A pilot's mode switch; False where the mode cannot be entered."""
         with self._lock:
@@ -195,6 +200,7 @@ class RoverEmulator:
 
     def _turn(self, uptime: float, period: float) -> None:
         """One turn of the main loop: take what came, move, tell."""
+        self.autopilot.uptime = uptime
         inbox, self._inbox = self._inbox, []
         for data, stamp in inbox:
             for message in self._codec.feed(data, stamp):

@@ -90,14 +90,17 @@ class RoverPhysics:
 
     def _speed_loop(self, wanted: float | None, limit: float, h: float) -> None:
         if wanted is None:
-            self._speed -= float(np.clip(self._speed, -BRAKE * h, BRAKE * h))
+            self._speed -= _within(self._speed, BRAKE * h)
             self._ramp, self._acceleration = self._speed, 0.0
             return
-        self._ramp += float(np.clip(wanted - self._ramp, -limit * h, limit * h))
+        self._ramp += _within(wanted - self._ramp, limit * h)
         self._acceleration += h * NATURAL_FREQUENCY * (NATURAL_FREQUENCY * (self._ramp - self._speed) - 2.0 * DAMPING * self._acceleration)
         self._speed += h * self._acceleration
 
     def _turn_loop(self, wanted: float, limits: DriveLimits, h: float) -> None:
-        wanted = float(np.clip(wanted, -limits.turn, limits.turn))
-        rate = float(np.clip((wanted - self._turn) / TURN_LAG, -limits.turn_acceleration, limits.turn_acceleration))
-        self._turn += h * rate
+        error = _within(wanted, limits.turn) - self._turn
+        self._turn += h * _within(error / TURN_LAG, limits.turn_acceleration)
+
+
+def _within(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)
