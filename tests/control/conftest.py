@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import kmpc_lite as kl
@@ -32,10 +33,16 @@ def learned_edmdc(slipping_data: kl.Dataset) -> kl.KoopmanModel:
 
 
 @pytest.fixture(scope="session")
-def lagging(slipping_data: kl.Dataset) -> kl.KoopmanModel:
-    """A model with an input history of two commands."""
+def lagging(nominal: kl.KoopmanModel) -> kl.KoopmanModel:
+    """A robot whose motors follow over three periods, and a model with an input history of two commands that knows."""
+    random, episodes = np.random.default_rng(5), []
+    for _ in range(30):
+        sent = random.uniform(-0.8, 0.8, (60, 2))
+        padded = np.vstack([np.zeros((2, 2)), sent])
+        acting = 0.5 * padded[2:] + 0.3 * padded[1:-1] + 0.2 * padded[:-2]
+        episodes.append(kl.Episode(nominal.rollout(random.uniform(-1, 1, 3), acting), sent, DT))
     dictionary = kl.InputHistoryDictionary(kl.HermiteTrigDictionary(order=0), lags=(0, 1, 2), product=True)
-    return kl.fit(slipping_data, dictionary)
+    return kl.fit(kl.Dataset(episodes), dictionary)
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,279 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from kmpc_lite import (
+    DifferentialDrive,
+    InputHistoryDictionary,
+    NavigationProblem,
+    UnicycleDictionary,
+    fit,
+    generate_dataset,
+    nominal_unicycle,
+)
+from kmpc_lite.control.tightening import RESERVE, Tightening, default_quantile, model_quantile
+from kmpc_lite.errors import ProblemError
+from kmpc_lite.learn.calibration import with_quantiles
+from kmpc_lite.model import KoopmanModel, NoiseModel
+from kmpc_lite.tube import FLOOR, FORWARD, LATERAL, MEMORY, STILL, TURN
+
+PROBLEM = NavigationProblem()
+
+
+def slipping(slip, seed=0):
+    data = generate_dataset(DifferentialDrive(slip, seed=seed), episodes=60, steps=400, dt=0.1, seed=seed + 1)
+    train, held_out = data.split(0.5)
+    return with_quantiles(fit(train), held_out)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return slipping(0.1)
+
+
+def plan(model, v=0.6, omega=0.3, n=20, heading=0.4):
+    inputs = np.tile([v, omega], (n, 1))
+    states = model.rollout((0.2, -0.1, heading), inputs)
+    return model.linearize(states[:-1], inputs), states, inputs
+
+
+def directions(n, slots, seed=0):
+    angle = np.random.default_rng(seed).uniform(-np.pi, np.pi, (n, slots))
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def naive_covariance(model, lin, states, inputs, stage):
+    """Position covariance of one stage, step by step, straight from the definitions."""
+    s0, s1, s2 = model.noise_model.coefficients
+    total = np.zeros((3, 3))
+    for k in range(max(0, stage - MEMORY), stage):
+        c, s = np.cos(states[k, 2]), np.sin(states[k, 2])
+        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        drift = np.array([-s, c]) @ lin.A[k][:2, 2]
+        gain = LATERAL * drift / (drift**2 + STILL**2)
+        feedback = turn @ np.array([[-FORWARD, 0, 0], [0, 0, 0], [0, -gain, -TURN]]) @ turn.T
+        step = lin.A[k] + feedback
+        v, omega = inputs[k]
+        total = step @ total @ step.T + turn @ (s1 * v**2 + s2 * omega**2) @ turn.T
+    c, s = np.cos(states[stage - 1, 2]), np.sin(states[stage - 1, 2])
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    return (total + turn @ (s0 + FLOOR**2 * np.eye(3)) @ turn.T)[:2, :2]
+
+
+@pytest.mark.parametrize("n", [1, 3, 20])
+def test_equals_a_naive_loop(model, n):
+    random = np.random.default_rng(3)
+    inputs = random.uniform(-0.6, 0.6, (n, 2))
+    states = model.rollout((0.2, -0.1, 0.4), inputs)
+    lin = model.linearize(states[:-1], inputs)
+    normals = directions(n, 6)
+    tightening = Tightening(model, replace(PROBLEM, horizon=n), risk=0.02)
+    margins = tightening.margins(lin, states, inputs, normals)
+    assert margins.shape == (n, 6)
+    lengths = np.hypot(*np.diff(states[:, :2], axis=0).T)
+    turns = np.abs(np.diff(states[:, 2]))
+    for k in range(1, n + 1):
+        covariance = naive_covariance(model, lin, states, inputs, k)
+        around = slice(k - 1, k + 1)
+        bulge = (lengths * turns / 8)[around].max()
+        chord = np.sqrt((PROBLEM.robot_radius + bulge) ** 2 + lengths[around].max() ** 2 / 4) - PROBLEM.robot_radius
+        for j in range(6):
+            expected = tightening.quantile * np.sqrt(normals[k - 1, j] @ covariance @ normals[k - 1, j]) + chord + RESERVE
+            assert margins[k - 1, j] == pytest.approx(expected, rel=1e-9)
+
+
+def test_grows_with_risk_and_speed(model):
+    normals = directions(20, 6)
+    by_risk = [Tightening(model, PROBLEM, risk=r).margins(*plan(model), normals) for r in (0.3, 0.05, 0.01, 0.001, 1e-5)]
+    assert all((b > a).all() for a, b in zip(by_risk, by_risk[1:], strict=False))
+    by_speed = [Tightening(model, PROBLEM).margins(*plan(model, v, 0.0), normals) for v in (0.0, 0.1, 0.3, 0.6)]
+    assert all((b > a).all() for a, b in zip(by_speed, by_speed[1:], strict=False))
+    assert by_speed[0].max() < 0.3 * by_speed[-1].min()
+
+
+def test_a_shaky_floor_needs_more_room():
+    margins = [Tightening(m, PROBLEM).margins(*plan(m), directions(20, 4)).mean() for m in (slipping(0.02), slipping(0.1), slipping(0.2))]
+    assert margins[0] < 0.5 * margins[1] < margins[2]
+
+
+def test_mirror_symmetric():
+    noise = np.zeros((3, 3, 3))
+    noise[1], noise[2] = np.diag([1e-4, 2e-4, 1e-5]), np.diag([0.0, 0.0, 1e-4])
+    model = replace(nominal_unicycle(0.1), noise_model=NoiseModel(noise))
+    tightening, normals = Tightening(model, PROBLEM), directions(20, 5)
+    left = tightening.margins(*plan(model, 0.5, 0.4, heading=0.3), normals)
+    right = tightening.margins(*plan(model, 0.5, -0.4, heading=-0.3), normals * (1.0, -1.0))
+    np.testing.assert_allclose(left, right, rtol=1e-12)
+    np.testing.assert_allclose(tightening.margins(*plan(model), -normals), tightening.margins(*plan(model), normals), rtol=1e-12)
+
+
+def test_turns_with_the_map(model):
+    noise = replace(nominal_unicycle(0.1), noise_model=model.noise_model)
+    turn, normals = 0.9, directions(20, 5)
+    rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    straight = Tightening(noise, PROBLEM).margins(*plan(noise, heading=0.0), normals)
+    turned = Tightening(noise, PROBLEM).margins(*plan(noise, heading=turn), normals @ rotation)
+    np.testing.assert_allclose(turned, straight, rtol=1e-9)
+
+
+def test_without_noise_only_the_chord_counts():
+    model = nominal_unicycle(0.1)
+    lin, states, inputs = plan(model, 0.6, 0.0)
+    margins = Tightening(model, PROBLEM, reserve=0.0).margins(lin, states, inputs, directions(20, 3), np.array([0.3, 0.15, np.inf]))
+    assert margins.shape == (20, 3)
+    # a robot whose samples keep this distance touches the circle in the middle between them, and no more
+    for radius, margin in zip((0.3, 0.15), margins[0], strict=False):
+        assert np.hypot(0.0, np.sqrt((radius + margin) ** 2 - 0.03**2)) == pytest.approx(radius)
+    np.testing.assert_allclose(margins[:, 2], 0.0, atol=1e-6)
+
+
+def test_an_arc_between_samples_stays_outside_the_circle():
+    model = nominal_unicycle(0.1)
+    radius, u = 0.25, np.array([0.6, -0.78])
+    inputs = np.tile(u, (20, 1))
+    states = model.rollout((0.0, 0.0, 0.0), inputs)
+    lin = model.linearize(states[:-1], inputs)
+    margin = Tightening(model, PROBLEM, reserve=0.0).margins(lin, states, inputs, directions(20, 1), np.array([radius]))[4, 0]
+    fine = model.with_dt(0.001).rollout(states[4], np.tile(u, (100, 1)))
+    # a circle on the outer side, as near as the margin lets both samples be
+    middle, chord = (states[4, :2] + states[5, :2]) / 2, states[5, :2] - states[4, :2]
+    outward = np.array([-chord[1], chord[0]]) / np.hypot(*chord)
+    half = np.hypot(*chord) / 2
+    centre = middle + outward * np.sqrt((radius + margin) ** 2 - half**2)
+    assert np.hypot(*(states[4, :2] - centre)) == pytest.approx(radius + margin)
+    nearest = np.hypot(*(fine[:, :2] - centre).T).min()
+    assert radius - 1e-5 <= nearest <= radius + 1e-3
+
+
+@pytest.mark.parametrize(("slip", "v", "omega"), [(0.05, 0.6, 0.0), (0.1, 0.6, 0.4), (0.2, 0.3, -0.2), (0.2, 0.6, 0.3)])
+def test_deviations_under_feedback_stay_within_the_margins(slip, v, omega):
+    """Drive the slipping plant many times with the assumed feedback, and count who leaves the tube."""
+    model, risk, trials = slipping(slip), 0.05, 4000
+    lin, states, inputs = plan(model, v, omega)
+    tightening = Tightening(model, PROBLEM, risk=risk, reserve=0.0)
+    covariances = tightening.covariances(lin, states, inputs)
+    closed = naive_feedback(lin, states)
+    gains = np.linalg.pinv(lin.B) @ closed
+    plant = DifferentialDrive(slip, seed=99)
+    x = np.tile(states[0], (trials, 1))
+    normals = directions(20, 6, seed=5)
+    margins = tightening.margins(lin, states, inputs, normals)
+    worst, outside = np.zeros(trials), np.zeros((20, 6))
+    for k in range(20):
+        u = inputs[k] + (x - states[k]) @ gains[k].T
+        x = plant.step(x, u, 0.1)
+        error = (x - states[k + 1])[:, :2]
+        outside[k] = (error @ normals[k].T > margins[k]).mean(axis=0)
+        if k < MEMORY:
+            score = np.einsum("ni,ni->n", error, np.linalg.solve(covariances[k], error.T).T)
+            worst = np.maximum(worst, np.sqrt(score))
+    assert outside.max() <= risk
+    assert (worst > tightening.quantile).mean() <= risk + 3 * np.sqrt(risk / trials)
+
+
+def naive_feedback(lin, states):
+    out = []
+    for k in range(len(lin.A)):
+        c, s = np.cos(states[k, 2]), np.sin(states[k, 2])
+        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        drift = np.array([-s, c]) @ lin.A[k][:2, 2]
+        out.append(turn @ np.array([[-FORWARD, 0, 0], [0, 0, 0], [0, -LATERAL * drift / (drift**2 + STILL**2), -TURN]]) @ turn.T)
+    return np.array(out)
+
+
+def test_quantiles_survive_a_file(model, tmp_path):
+    model.save(tmp_path / "m.npz")
+    loaded = KoopmanModel.load(tmp_path / "m.npz")
+    assert Tightening(loaded, PROBLEM, risk=0.013).quantile == Tightening(model, PROBLEM, risk=0.013).quantile
+    json.dumps(dict(model.info))
+
+
+def test_quantile_lookup():
+    table = {"noise_quantiles": {"risks": [0.1, 0.01], "quantiles": [3.0, 5.0]}}
+    assert model_quantile(table, 0.1) == pytest.approx(3.0)
+    assert model_quantile(table, 0.1**1.5) == pytest.approx(4.0)
+    assert model_quantile(table, 0.001) == pytest.approx(7.0)
+    assert model_quantile(table, 0.5) == pytest.approx(3.0)
+    assert model_quantile({}, 0.01) == default_quantile(0.01)
+
+
+def test_default_quantile_covers_both_tails():
+    random = np.random.default_rng(0)
+    normal = np.hypot(*random.normal(size=(2, 100_000)))
+    exponential = np.abs(random.exponential(size=(2, 100_000)) - 1.0).max(axis=0)
+    for risk in (0.1, 0.01, 0.001):
+        assert (normal > default_quantile(risk)).mean() <= 1.2 * risk
+        assert (exponential > default_quantile(risk)).mean() <= 1.2 * risk
+
+
+@pytest.mark.parametrize(
+    "table",
+    [{"risks": [0.1]}, {"risks": [0.1], "quantiles": [1.0]}, {"risks": [0.1, 0.2], "quantiles": [1, 2]}, {"risks": "x", "quantiles": 1}, 3],
+)
+def test_damaged_table(model, table):
+    with pytest.raises(ProblemError, match="damaged"):
+        Tightening(replace(model, info={"noise_quantiles": table}), PROBLEM)
+
+
+@pytest.mark.parametrize(
+    "options", [{"risk": 0.0}, {"risk": 1.0}, {"risk": np.nan}, {"quantile": -1.0}, {"quantile": np.nan}, {"reserve": -0.1}]
+)
+def test_bad_options(model, options):
+    with pytest.raises(ProblemError, match="expected"):
+        Tightening(model, PROBLEM, **options)
+
+
+def test_input_history_is_taken_without_feedback():
+    data = generate_dataset(DifferentialDrive(0.1, seed=1), episodes=40, steps=200, dt=0.1, seed=2)
+    model = fit(data, InputHistoryDictionary(UnicycleDictionary(), lags=(0, 1)))
+    inputs = np.tile([0.5, 0.2], (20, 1))
+    states = model.rollout((0, 0, 0), inputs)
+    lin = model.linearize(states[:-1], inputs, np.zeros((20, 1, 2)))
+    margins = Tightening(model, PROBLEM).margins(lin, states, inputs, directions(20, 3))
+    assert np.isfinite(margins).all() and margins[-1].min() > margins[0].max()
+
+
+def test_update_takes_over_another_noise(model):
+    lin, states, inputs = plan(model)
+    tightening, normals = Tightening(model, PROBLEM), directions(20, 3)
+    before = tightening.margins(lin, states, inputs, normals)
+    tightening.update(replace(model, noise_model=NoiseModel(4.0 * model.noise_model.coefficients)))
+    after = tightening.margins(lin, states, inputs, normals)
+    assert (after > 1.5 * before).all()
+
+
+CIRCLES = np.array([[1.0, 0.0, 0.2, 0.0, 0.0]])
+
+
+def test_speed_share_far_away_is_one(model):
+    tightening = Tightening(model, PROBLEM)
+    u = np.array([0.6, 0.2])
+    assert tightening.speed_share(np.zeros(3), model.predict(np.zeros(3), u), u, CIRCLES) == 1.0
+    assert tightening.speed_share(np.zeros(3), model.predict(np.zeros(3), u), u, CIRCLES[:0]) == 1.0
+
+
+def test_speed_share_never_lets_the_slip_reach_an_obstacle():
+    slip = 0.2
+    model = slipping(slip)
+    tightening, plant = Tightening(model, PROBLEM), DifferentialDrive(slip, seed=7)
+    random = np.random.default_rng(8)
+    touched, slowed = 0, 0
+    for _ in range(2000):
+        x = np.array([1.0 - 0.35 - random.uniform(0.002, 0.1), 0.0, random.uniform(-1.2, 1.2)])
+        u = np.array([random.uniform(0.1, 0.6), random.uniform(-0.7, 0.7)])
+        share = tightening.speed_share(x, model.predict(x, u), u, CIRCLES)
+        slowed += share < 1.0
+        trace = plant.trace(x, share * u, 0.1, 8)
+        touched += bool((np.hypot(trace[:, 0] - 1.0, trace[:, 1]) < 0.35).any())
+    assert slowed > 1000
+    assert touched <= 4
+
+
+def test_speed_share_lets_a_touching_robot_get_free(model):
+    tightening = Tightening(model, PROBLEM)
+    x = np.array([0.66, 0.0, 0.0])
+    back, ahead = np.array([-0.3, 0.0]), np.array([0.3, 0.0])
+    assert tightening.speed_share(x, model.predict(x, back), back, CIRCLES) >= 0.25
+    assert tightening.speed_share(x, model.predict(x, ahead), ahead, CIRCLES) == 0.0
