@@ -85,6 +85,7 @@ class Guide:
         self._turning = False
         self._waiting: Array | None = None
         self._furthest = self._still = 0.0
+        self._stuck = False
 
     def reference(self, pose: Array, goal: Array, circles: Array) -> Guidance:
         """Give the reference of the coming stages.
@@ -137,7 +138,8 @@ class Guide:
         if place > self._furthest + STILL:
             self._furthest, self._still = place, 0.0
         self._still += self._dt
-        if self._still > PATIENCE[1]:
+        self._stuck = self._still > PATIENCE[1]
+        if self._stuck:
             return True
         least, share, most = OFF_WAY
         return self._age > PATIENCE[0] and off > min(max(least, share * distance), most)
@@ -155,7 +157,8 @@ class Guide:
             return previous is not None
         self._waiting = None
         length = float(np.hypot(*np.diff(way.points, axis=0).T).sum())
-        free = FREE_TURN * min(1.0, length / LONG)
+        # a robot that is stuck turns on the spot before it drives
+        free = 0.0 if self._stuck else FREE_TURN * min(1.0, length / LONG)
         self._path = TimedPath(way, pose, goal, self._speed, free)
         return previous is not None and self._other_sides(previous, self._path, circles)
 

@@ -1,28 +1,45 @@
 """Quickest ways from a pose to a pose around circles: straight lines and arcs, on the graph of all common tangents.
 
-A way along the graph is smooth but at its two ends, so its time is that of its lines, its arcs, and of turning at the ends.
+Beside the obstacles there are four circles to turn on, left and right of start and goal, so that a way can leave the start and
+enter the goal along their headings; where there is no room for these, the robot turns on the spot.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 
 from kmpc_lite.dictionary import Array
 
 TOUCHING = 1e-7
 """How deep a line may cut a circle [m]: rounding, since lines touch circles."""
+CHORD = 2e-3
+"""How deep a way may cut a circle [m]: chords of arcs do."""
+ARC_STEP = 0.15
+"""Turn between two points of an arc [rad]; at 0.5 m the chord cuts 1.4 mm."""
+TURNING_RADIUS = (0.3, 0.5)
+"""Radius of the circles to turn on: as a share of the distance to the goal, and at the most [m]."""
+PATIENT_PASSES = 1
+"""Searches that add only the circles that were cut; the next ones add the walls to which those belong."""
+NOTHING = 1e-9
+"""Time of an arc of no length [s]: a zero would not count as an edge."""
 FIRST_SENSE = np.array([1.0, 1.0, -1.0, -1.0])
 SECOND_SENSE = np.array([1.0, -1.0, 1.0, -1.0])
 """Sense of rotation (1: counter-clockwise) at the first and the second circle of the four tangents of two circles."""
-ARC_STEP = 0.15
-"""Turn between two points of an arc [rad]; at 0.5 m the chord cuts 1.4 mm."""
-NOTHING = 1e-9
-"""Time of an arc of no length [s]: a zero would not count as an edge."""
+NODE_SENSE = np.array([[1.0, -1.0], [-1.0, 1.0]])
+"""Sense of rotation of a tangent's four nodes, as a multiple of the tangent's: by circle, then leaving and arriving."""
+GEARS = np.array([[0.0], [np.pi]])
+"""What the robot's heading is off the direction of travel: forwards, backwards."""
+TURNING = 4
+"""Circles to turn on: left and right of the start, left and right of the goal."""
+LEFT_RIGHT = np.array([1.0, -1.0])
+POSE_SENSE = np.array([-1.0, 1.0, 1.0, -1.0])
+"""Sense of rotation, against the way, of a pose's four nodes: left forwards and backwards, right forwards and backwards."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +62,21 @@ def wrap(angle: Array) -> Array:
     return wrapped
 
 
+def cut_circles(points: Array, centres: Array, radii: Array) -> Array:
+    """Which circles (M,) a line through points (K, 2) cuts."""
+    begin, step = points[:-1, None], np.diff(points, axis=0)[:, None]
+    reach = centres - begin
+    share = np.einsum("kmi,kmi->km", reach, np.broadcast_to(step, reach.shape)) / (np.einsum("kmi,kmi->km", step, step) + 1e-12)
+    reach -= np.clip(share, 0.0, 1.0)[..., None] * step
+    cut: Array = (np.einsum("kmi,kmi->km", reach, reach) < np.maximum(radii - CHORD, 0.0) ** 2).any(axis=0)
+    return cut
+
+
 def quickest_ways(centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array) -> Iterator[Way]:
     """Yield ways from a pose to a pose, the quickest first: one for each first tangent and direction of driving.
+
+    Only circles that the quickest way would cut without them make it into the graph, so that far ones cost next to nothing;
+    the first way is the quickest of all around all circles, the later ones are a choice.
 
     Parameters
     ----------
@@ -64,53 +94,92 @@ def quickest_ways(centres: Array, radii: Array, start: Array, goal: Array, area:
     Way
         None at all where the circles leave no way.
     """
+    known = cut_circles(np.stack([start[:2], goal[:2]]), centres, radii)
+    passes = 0
+    while True:
+        found = 0
+        for way in _graph_ways(centres[known], radii[known], start, goal, area, speed):
+            cut = cut_circles(way.points, centres, radii)
+            if not cut.any():
+                found += 1
+                yield way
+            elif not found and not known[cut].all():
+                break
+        else:
+            return
+        passes += 1
+        if passes > PATIENT_PASSES:
+            cut |= _walls(known | cut, centres, radii)
+        known |= cut
+
+
+def _walls(known: Array, centres: Array, radii: Array) -> Array:
+    """Circles (M,) that belong to a wall, of circles that overlap, with a known one."""
+    away = centres[:, None] - centres
+    overlap = np.einsum("mki,mki->mk", away, away) < (radii[:, None] + radii) ** 2
+    _, wall = connected_components(csr_matrix(overlap), directed=False)
+    own: Array = np.isin(wall, wall[known])
+    return own
+
+
+def _graph_ways(centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array) -> Iterator[Way]:
+    """Yield the ways that the graph of these circles' tangents holds."""
     count = len(centres)
-    # start and goal are circles without radius
-    points = np.concatenate([centres, start[None, :2], goal[None, :2]])
-    sizes = np.append(radii, (0.0, 0.0))
+    # obstacles, circles to turn on, and start and goal as circles without radius
+    ends_of_way = np.stack([start, goal])
+    across = np.stack([-np.sin(ends_of_way[:, 2]), np.cos(ends_of_way[:, 2])], axis=1)
+    turning = min(TURNING_RADIUS[0] * math.hypot(goal[0] - start[0], goal[1] - start[1]), TURNING_RADIUS[1])
+    beside = ends_of_way[:, None, :2] + turning * LEFT_RIGHT[:, None] * across[:, None]
+    points = np.concatenate([centres, beside.reshape(-1, 2), ends_of_way[:, :2]])
+    sizes = np.concatenate([radii, np.full(TURNING, turning), (0.0, 0.0)])
     first, second, sense, ends, directions, lengths = _tangents(points, sizes, count, area)
-    tangents = len(first)
+    tangents, start_point, goal_point = len(first), count + TURNING, count + TURNING + 1
     headings = np.arctan2(directions[:, 1], directions[:, 0])
 
     # Four nodes for each tangent, in the order of travel from the goal outwards: leaving the first circle, arriving there,
-    # leaving the second, arriving there. A node belongs to one circle and one sense of rotation.
-    circle = np.stack([first, first, second, second], axis=1).ravel()
-    rotation = np.stack([sense[:, 0], -sense[:, 0], -sense[:, 1], sense[:, 1]], axis=1).ravel()
-    places = np.repeat(ends, 2, axis=1).reshape(-1, 2)
-    number = 4 * np.arange(tangents)
-    tails, heads, times = [number, number + 2], [number + 3, number + 1], [lengths / speed[0]] * 2
+    # leaving the second, arriving there. A node belongs to one circle and one sense of rotation. Then four nodes each for
+    # start and goal on the circles beside them, and two where the search begins.
+    number, pose = 4 * np.arange(tangents), 4 * tangents + np.arange(8)
+    size = 4 * tangents + 10
+    circle = np.concatenate([np.stack([first, first, second, second], axis=1).ravel(), count + np.repeat(np.arange(4), 2)])
+    rotation = np.concatenate([(sense[:, :, None] * NODE_SENSE).ravel(), POSE_SENSE, POSE_SENSE])
+    places = np.concatenate([np.repeat(ends, 2, axis=1).reshape(-1, 2), np.repeat(ends_of_way[:, :2], 4, axis=0)])
     tail, head, turn = _arcs(points, sizes, count, area, circle, rotation, places)
+    # the goal is entered forwards or backwards, along its heading or with a turn that is left there
+    last = np.flatnonzero(second == goal_point)
+    final = np.abs(wrap(goal[2] - headings[last] - GEARS)) / speed[1] + NOTHING
+    tails = np.concatenate([number, number + 2, tail, (size - 2, size - 1, size - 2, size - 1), np.repeat((size - 2, size - 1), len(last))])
+    heads = np.concatenate([number + 3, number + 1, head, pose[4:], 4 * last + 2, 4 * last + 2])
+    driving = lengths / speed[0]
     arc_time = turn * np.maximum(1.0 / speed[1], sizes[circle[tail]] / speed[0]) + NOTHING
-    # two sources: the goal entered forwards and backwards, each with the turn that is left there
-    last = np.flatnonzero(second == count + 1)
-    for gear in (0, 1):
-        tails.append(np.full(len(last), 4 * tangents + gear))
-        heads.append(4 * last + 2)
-        times.append(np.abs(wrap(goal[2] - headings[last] - gear * np.pi)) / speed[1] + NOTHING)
-    size = 4 * tangents + 2
-    graph = csr_matrix((np.concatenate([*times, arc_time]), (np.concatenate([*tails, tail]), np.concatenate([*heads, head]))), (size, size))
+    times = np.concatenate([driving, driving, arc_time, np.full(4, NOTHING), final.ravel()])
+    graph = csr_matrix((times, (tails, heads)), (size, size))
     distance, before = dijkstra(graph, indices=(size - 2, size - 1), return_predecessors=True)
 
-    # candidates: tangents that end at the start, and the direct line
-    to_start = np.flatnonzero((second == count) | ((first == count) & (second == count + 1)))
-    direct = first[to_start] == count
-    arrivals = 4 * to_start + np.where(direct, 1, 3)
-    leaving = headings[to_start] + np.where(direct, 0.0, np.pi)
-    total = distance[:, arrivals] + np.abs(wrap(start[2] - leaving - np.array([[0.0], [np.pi]]))) / speed[1]
+    # candidates: tangents that end at the start, with a turn there first, and the circles beside it
+    to_start = np.flatnonzero((second == start_point) | (first == start_point))
+    outward = second[to_start] == start_point
+    leaving = headings[to_start] + np.where(outward, np.pi, 0.0)
+    arrivals = np.concatenate([4 * to_start + np.where(outward, 3, 1), pose[:4]])
+    total = distance[:, arrivals]
+    total[:, :-4] += np.abs(wrap(start[2] - leaving - GEARS)) / speed[1]
+    # forwards and backwards alternate
+    total[0, -3::2] = total[1, -4::2] = np.inf
     for choice in np.argsort(total, axis=None):
         gear, column = divmod(int(choice), len(arrivals))
         if not np.isfinite(total[gear, column]):
             return
         nodes = [int(arrivals[column])]
-        while (following := int(before[gear, nodes[-1]])) < 4 * tangents:
+        while (following := int(before[gear, nodes[-1]])) < size - 2:
             nodes.append(following)
-        corners, along = _trace(nodes, points, sizes, circle, rotation, places, headings)
+        away = float(leaving[column]) if column < len(leaving) else float(start[2]) + gear * math.pi
+        corners, along = _trace(nodes, away, points, sizes, circle, rotation, places)
         yield Way(corners, along, float(total[gear, column]), gear == 1)
 
 
 def _tangents(points: Array, sizes: Array, count: int, area: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Free tangents: circles (T,), (T,), senses (T, 2), ends (T, 2, 2), directions (T, 2), lengths (T,)."""
-    first, second = np.triu_indices(count + 2, 1)
+    first, second = np.triu_indices(len(points), 1)
     offset = points[second] - points[first]
     distance = np.sqrt(np.einsum("pi,pi->p", offset, offset)) + 1e-12
     along = offset / distance[:, None]
@@ -118,8 +187,11 @@ def _tangents(points: Array, sizes: Array, count: int, area: Array) -> tuple[Arr
     cosine = (sizes[first, None] * FIRST_SENSE - sizes[second, None] * SECOND_SENSE) / distance[:, None]
     exists = np.abs(cosine) < 1.0
     # a point has no sense of rotation: keep one of two equal lines
-    exists[first >= count, 2:] = False
-    exists[second >= count, 1::2] = False
+    exists[first >= count + TURNING, 2:] = False
+    exists[second >= count + TURNING, 1::2] = False
+    # nothing joins what belongs to one pose
+    group = np.concatenate([np.arange(count), np.repeat((count, count + 1), 2), (count, count + 1)])
+    exists[group[first] == group[second]] = False
     pair, kind = np.nonzero(exists)
     cosine = cosine[pair, kind]
     sine = -np.sqrt(1.0 - cosine * cosine)
@@ -154,18 +226,20 @@ def _arcs(
     points: Array, sizes: Array, count: int, area: Array, circle: Array, rotation: Array, places: Array
 ) -> tuple[Array, Array, Array]:
     """Free arcs from a node to the next one of its circle and sense: nodes (E,), (E,) and turns (E,) [rad]."""
-    nodes = np.flatnonzero(circle < count)
+    circles = count + TURNING
+    nodes = np.flatnonzero(circle < circles)
     owner, sense = circle[nodes], rotation[nodes]
     away = places[nodes] - points[owner]
     angle = np.arctan2(away[:, 1], away[:, 0])
     # where another circle or a side of the area covers a piece of a circle, its middle bars the arc
-    offset = points[None, :count] - points[:count, None]
+    offset = points[None, :count] - points[:circles, None]
     distance = np.sqrt(np.einsum("mki,mki->mk", offset, offset))
     np.fill_diagonal(distance, np.inf)
-    covered, by = np.nonzero((distance < sizes[:count, None] + sizes[:count]) & (distance > sizes[:count] - sizes[:count, None]))
+    others = sizes[:count]
+    own = sizes[:circles, None]
+    covered, by = np.nonzero((distance < own + others) & (distance > others - own))
     bars = np.arctan2(offset[covered, by, 1], offset[covered, by, 0])
-    sides = np.concatenate([points[:count] - area[:2], area[2:] - points[:count]], axis=1) < sizes[:count, None]
-    beyond, side = np.nonzero(sides)
+    beyond, side = np.nonzero(np.concatenate([points[:circles] - area[:2], area[2:] - points[:circles]], axis=1) < own)
     bars = np.concatenate([bars, np.array([np.pi, -np.pi / 2, 0.0, np.pi / 2])[side]])
     covered = np.concatenate([covered, beyond])
 
@@ -176,8 +250,6 @@ def _arcs(
     layer = 2 * owner + (sense > 0)
     order = np.lexsort((turned, layer))
     number, layer, turned = number[order], layer[order], turned[order]
-    if not len(number):
-        return number, number, turned
     # the one after the last of a layer is its first
     following = np.arange(1, len(number) + 1)
     is_last = np.append(layer[1:] != layer[:-1], True)
@@ -188,39 +260,33 @@ def _arcs(
 
 
 def _trace(
-    nodes: list[int], points: Array, sizes: Array, circle: Array, rotation: Array, places: Array, headings: Array
+    nodes: list[int], heading: float, points: Array, sizes: Array, circle: Array, rotation: Array, places: Array
 ) -> tuple[Array, Array]:
-    """Points (K, 2) and headings (K,) along nodes, which run from the start to the goal."""
-    corners: list[Array] = []
-    along: list[Array] = []
-    heading = 0.0
-    i = 0
-    while i < len(nodes) - 1:
-        here, there = nodes[i], nodes[i + 1]
-        if here // 4 == there // 4 and circle[here] != circle[there]:
-            forward = here % 4 < 2
-            line = float(headings[here // 4]) + (0.0 if forward else np.pi)
-            # the line continues the arc before it
-            heading = line if not along else float(along[-1][-1] + wrap(line - along[-1][-1]))
-            corners.append(places[[here, there]])
-            along.append(np.array([heading, heading]))
+    """Points (K, 2) and headings (K,) along nodes, which run from the start, left at `heading`, to the goal."""
+    place, owners = places[nodes].tolist(), circle[nodes].tolist()
+    rows: list[tuple[float, float, float]] = [(*place[0], heading)]
+    i, last = 0, len(nodes) - 1
+    while i < last:
+        owner = owners[i]
+        if owner != owners[i + 1]:
+            rows.append((*place[i + 1], heading))
             i += 1
             continue
         j = i + 1
-        while j < len(nodes) - 1 and circle[nodes[j + 1]] == circle[here]:
+        while j < last and owners[j + 1] == owner:
             j += 1
-        owner = circle[here]
         # nodes were found from the goal outwards, so the way turns against their rotation
-        sense = -rotation[here]
-        begin, end = places[here] - points[owner], places[nodes[j]] - points[owner]
-        turn = (sense * (np.arctan2(end[1], end[0]) - np.arctan2(begin[1], begin[0]))) % (2 * np.pi)
-        steps = sense * np.linspace(0.0, turn, 2 + int(turn / ARC_STEP))[1:-1]
-        angle = np.arctan2(begin[1], begin[0]) + steps
-        corners.append(points[owner] + sizes[owner] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
-        along.append(heading + steps)
-        # so that the next line sees the whole turn
-        heading = heading + sense * turn
-        corners.append(places[nodes[j]][None])
-        along.append(np.array([heading]))
+        sense, radius, (x, y) = -float(rotation[nodes[i]]), float(sizes[owner]), points[owner].tolist()
+        begin = math.atan2(place[i][1] - y, place[i][0] - x)
+        turn = (sense * (math.atan2(place[j][1] - y, place[j][0] - x) - begin)) % (2 * math.pi)
+        if turn > 2 * math.pi - 1e-6:
+            # rounding of no turn at all
+            turn = 0.0
+        pieces = 1 + int(turn / ARC_STEP)
+        for piece in range(1, pieces + 1):
+            step = sense * turn * piece / pieces
+            rows.append((x + radius * math.cos(begin + step), y + radius * math.sin(begin + step), heading + step))
+        heading += sense * turn
         i = j
-    return np.concatenate(corners), np.concatenate(along)
+    way = np.array(rows)
+    return way[:, :2], way[:, 2]
