@@ -299,4 +299,5 @@ def fit_noise(model: KoopmanModel, dataset: Dataset) -> NoiseModel:
     weights, _, _ = _least_squares(gram, moments, 0.0)
     coefficients = weights.T.reshape(3, STATES, STATES)
     values, vectors = np.linalg.eigh(coefficients)
-    return NoiseModel((vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1))
+    roots = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    return NoiseModel(np.einsum("nik,njk->nij", roots, roots))  # symmetric to the last bit
