@@ -121,9 +121,9 @@ def _vector(name: str, value: Any, length: int) -> Array:
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError) as error:
-        raise ProblemError(f"{name}: expected {length} numbers, got {value!r}") from error
+        raise ProblemError(f"{name}: expected {length} numbers, got {_shown(value)}") from error
     if array.shape != (length,) or np.isnan(array).any():
-        raise ProblemError(f"{name}: expected {length} numbers, got {value!r}")
+        raise ProblemError(f"{name}: expected {length} numbers, got {_shown(value)}")
     return array
 
 
@@ -132,10 +132,15 @@ def _weight(name: str, value: Any, size: int) -> Array:
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError) as error:
-        raise ProblemError(f"{name}: expected {size} weights or a ({size}, {size}) matrix, got {value!r}") from error
+        raise ProblemError(f"{name}: expected {size} weights or a ({size}, {size}) matrix, got {_shown(value)}") from error
     matrix = np.diag(array) if array.ndim == 1 else array
     if matrix.shape != (size, size) or not np.isfinite(matrix).all():
-        raise ProblemError(f"{name}: expected {size} finite weights or a ({size}, {size}) matrix, got {value!r}")
+        raise ProblemError(f"{name}: expected {size} finite weights or a ({size}, {size}) matrix, got {_shown(value)}")
     if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix).min() < -1e-9 * max(1.0, np.abs(matrix).max()):
-        raise ProblemError(f"{name}: must be symmetric and positive semidefinite, got {value!r}")
+        raise ProblemError(f"{name}: must be symmetric and positive semidefinite, got {_shown(value)}")
     return matrix
+
+
+def _shown(value: Any) -> str:
+    """Value as one line of an error."""
+    return repr(value.tolist() if isinstance(value, np.ndarray) else value)
