@@ -88,7 +88,7 @@ def test_grows_with_risk_and_speed(model):
     normals = directions(20, 6)
     by_risk = [Tightening(model, PROBLEM, risk=r).margins(*plan(model), normals) for r in (0.3, 0.05, 0.01, 0.001, 1e-5)]
     assert all((b > a).all() for a, b in zip(by_risk, by_risk[1:], strict=False))
-    by_speed = [Tightening(model, PROBLEM).margins(*plan(model, v, 0.0), normals) for v in (0.0, 0.1, 0.3, 0.6)]
+    by_speed = [Tightening(model, PROBLEM, reserve=0.0).margins(*plan(model, v, 0.0), normals) for v in (0.0, 0.1, 0.3, 0.6)]
     assert all((b > a).all() for a, b in zip(by_speed, by_speed[1:], strict=False))
     assert by_speed[0].max() < 0.3 * by_speed[-1].min()
 
@@ -204,8 +204,9 @@ def test_default_quantile_covers_both_tails():
     normal = np.hypot(*random.normal(size=(2, 100_000)))
     exponential = np.abs(random.exponential(size=(2, 100_000)) - 1.0).max(axis=0)
     for risk in (0.1, 0.01, 0.001):
-        assert (normal > default_quantile(risk)).mean() <= 1.2 * risk
-        assert (exponential > default_quantile(risk)).mean() <= 1.2 * risk
+        limit = risk + 3 * np.sqrt(risk / 100_000)
+        assert (normal > default_quantile(risk)).mean() <= limit
+        assert (exponential > default_quantile(risk)).mean() <= limit
 
 
 @pytest.mark.parametrize(

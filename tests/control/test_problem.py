@@ -1,0 +1,110 @@
+"""A problem that contradicts itself is refused by the name of the field; a good one is what the paper says."""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from kmpc_lite import NavigationProblem, ProblemError
+
+NAN, INF = float("nan"), float("inf")
+
+
+def test_defaults_are_the_papers() -> None:
+    problem = NavigationProblem()
+    q, r, q_terminal = problem.weights
+    np.testing.assert_array_equal(q, np.diag([1.0, 5.0, 0.1]))
+    np.testing.assert_array_equal(r, np.diag([0.5, 0.05]))
+    assert not q_terminal.any()
+    u_min, u_max, x_min, x_max = problem.bounds
+    np.testing.assert_array_equal(u_max, [0.6, np.pi / 4])
+    np.testing.assert_array_equal(u_min, -u_max)
+    np.testing.assert_array_equal(x_max, [2.0, 2.0, INF])
+    np.testing.assert_array_equal(x_min, -x_max)
+    assert (problem.horizon, problem.dt, problem.robot_radius, problem.margin) == (20, 0.1, 0.15, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        *(("horizon", v) for v in (0, -1, 1001, 2.0, "20", True, None, NAN)),
+        *(("dt", v) for v in (0.0, -0.1, NAN, INF, (0.1,))),
+        *(("robot_radius", v) for v in (-0.01, NAN, INF)),
+        *(("margin", v) for v in (-0.01, NAN, INF, [0.1])),
+        *(
+            ("Q", v)
+            for v in (
+                (1.0, 1.0),
+                (1.0, NAN, 1.0),
+                (1.0, -1.0, 1.0),
+                np.eye(2),
+                [[1, 2, 0], [0, 1, 0], [0, 0, 1]],
+                "abc",
+                (1.0, INF, 1.0),
+                3.0,
+            )
+        ),
+        *(("Q", v) for v in ([[1, 2, 0], [2, 1, 0], [0, 0, 1]], np.zeros((3, 3, 3)))),
+        *(("R", v) for v in ((1.0, 1.0, 1.0), (NAN, 1.0), (-1.0, 1.0))),
+        *(("Q_terminal", v) for v in ((1.0, 1.0), (0.0, 0.0, -1.0))),
+        *(("u_min", v) for v in ((NAN, -1.0), (-INF, -1.0), (0.7, -1.0), (-0.6,), (0.1, -1.0), None)),
+        *(("u_max", v) for v in ((0.6, INF), (-0.1, 1.0), (-0.6, 1.0), (-0.7, 1.0), (0.6, 1.0, 1.0), ("a", "b"))),
+        *(("x_min", v) for v in ((2.0, -2.0, -INF), (3.0, -2.0, -INF), (NAN, -2.0, -INF), (-2.0, -2.0, -3.0), (-2.0, -2.0))),
+        *(("x_max", v) for v in ((2.0, 2.0, 3.0), (2.0, -2.0, INF), (2.0, 2.0, NAN))),
+        *(("deceleration", v) for v in ((0.0, 1.0), (-1.0, 1.0), (NAN, 1.0), (INF, 1.0), (1.0,))),
+        *(("slack_weights", v) for v in ((0.0, 1.0), (1.0, -1.0), (1.0, INF), (1.0, 1.0, 1.0))),
+    ],
+)
+def test_every_wrong_field_is_named(field: str, value: Any) -> None:
+    with pytest.raises(ProblemError, match=field) as caught:
+        NavigationProblem(**{field: value})
+    assert "\n" not in str(caught.value)
+
+
+def test_the_error_is_a_value_error_too() -> None:
+    with pytest.raises(ValueError, match="horizon"):
+        NavigationProblem(horizon=0)
+
+
+def test_replace_checks_again_and_accepts_what_is_validated() -> None:
+    problem = NavigationProblem(Q_terminal=(1.0, 2.0, 3.0))
+    other = replace(problem, margin=0.1)
+    assert other.margin == 0.1
+    np.testing.assert_array_equal(other.weights[2], np.diag([1.0, 2.0, 3.0]))
+    with pytest.raises(ProblemError, match="margin"):
+        replace(problem, margin=-1.0)
+
+
+def test_a_problem_cannot_be_changed_by_assignment_or_through_the_callers_arrays() -> None:
+    q, u_max = np.array([1.0, 1.0, 1.0]), np.array([0.5, 0.5])
+    problem = NavigationProblem(Q=q, u_max=u_max)
+    q[:] = 9.0
+    u_max[:] = 9.0
+    np.testing.assert_array_equal(problem.weights[0], np.eye(3))
+    np.testing.assert_array_equal(problem.bounds[1], [0.5, 0.5])
+    with pytest.raises(FrozenInstanceError):
+        problem.margin = 1.0  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("number", [np.int64(5), np.int32(5), 5])
+def test_numpys_whole_numbers_are_whole_numbers(number: Any) -> None:
+    assert NavigationProblem(horizon=number).horizon == 5
+
+
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 6))
+def test_cost_is_the_papers_sum(seed: int, n: int) -> None:
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(3, 3))
+    problem = NavigationProblem(horizon=n, Q=root @ root.T, R=(0.3, 0.7), Q_terminal=(4.0, 5.0, 6.0))
+    x, u, goal = random.normal(size=(n + 1, 3)), random.normal(size=(n, 2)), random.normal(size=3)
+    total = 0.0
+    for k in range(n):
+        total += (x[k] - goal) @ (root @ root.T) @ (x[k] - goal) + 0.3 * u[k, 0] ** 2 + 0.7 * u[k, 1] ** 2
+    total += float(np.sum(np.array([4.0, 5.0, 6.0]) * (x[n] - goal) ** 2))
+    assert problem.cost(x, u, goal) == pytest.approx(total, rel=1e-9)
+    assert problem.cost(x, u, np.tile(goal, (n + 1, 1))) == pytest.approx(total, rel=1e-9)
