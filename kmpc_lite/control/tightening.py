@@ -1,0 +1,256 @@
+"""Room that a plan keeps for what its model does not know: learned residual covariance -> margin per stage and obstacle.
+
+Zero-order robust optimisation (Zanelli et al. 2021, zoRO in acados): the spread of the robot around its plan is computed at the
+last iterate and stays outside the QP, which gets no new variables, only half-planes that are farther away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.dictionary import Array
+from kmpc_lite.errors import ProblemError
+from kmpc_lite.model import KoopmanModel, Linearization
+from kmpc_lite.tube import MEMORY, closed_loop, rotations, split_noise
+
+RISK = 0.05
+"""Probability of leaving the tube within its memory (0.8 s at dt = 0.1) that the margins are made for. A collision is far rarer: the
+robot would have to leave the tube towards an obstacle that it touches, and no step in between to correct it."""
+
+RESERVE = 0.005
+"""Added to every margin [m]: what a QP that is stopped at a tolerance of 1e-3 and linearised once may leave of a half-plane."""
+STEP_RISK = 1e-3
+"""Probability of the same kind for the single command that is about to be sent."""
+
+ROUNDING = 1e-3
+"""Room that `speed_share` keeps for its own straight-line reckoning [m]."""
+RETREAT = 0.25
+"""Share of a command that is always allowed where it leads away from an obstacle: a robot that touches must get free."""
+
+
+class Tightening:
+    """Margins of a plan, from the model's noise and from the chords between samples.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        Its noise model spreads the tube; without one only the chords count.
+    problem : NavigationProblem
+        Horizon, period, robot radius and margin.
+    risk : float
+        See `RISK`.
+    quantile : float, optional
+        Factor of the standard deviation, as `calibrate` gives it. Where not given it comes from the table that `with_quantiles` has
+        left in the model, and without a table from `default_quantile`.
+
+    reserve : float
+        See `RESERVE` [m].
+
+    Raises
+    ------
+    ProblemError
+        For a risk outside (0, 1), a negative quantile or reserve, or a damaged table.
+
+    Examples
+    --------
+    >>> from kmpc_lite import nominal_unicycle
+    >>> model, problem = nominal_unicycle(0.1), NavigationProblem()
+    >>> inputs = np.tile([0.6, 0.0], (20, 1))
+    >>> states = model.rollout((0.0, 0.0, 0.0), inputs)
+    >>> tightening = Tightening(model, problem)
+    >>> margins = tightening.margins(model.linearize(states[:-1], inputs), states, inputs, np.tile([0.0, 1.0], (20, 4, 1)))
+    >>> margins.shape, float(margins[0, 0].round(4))
+    ((20, 4), 0.008)
+    """
+
+    def __init__(
+        self,
+        model: KoopmanModel,
+        problem: NavigationProblem,
+        *,
+        risk: float = RISK,
+        quantile: float | None = None,
+        reserve: float = RESERVE,
+    ) -> None:
+        if isinstance(risk, bool) or not isinstance(risk, int | float) or not 0.0 < risk < 1.0:
+            raise ProblemError(f"risk: expected a probability between 0 and 1, got {risk!r}")
+        if quantile is not None and not (np.isfinite(quantile) and quantile >= 0.0):
+            raise ProblemError(f"quantile: expected a number >= 0, got {quantile!r}")
+        if not (np.isfinite(reserve) and reserve >= 0.0):
+            raise ProblemError(f"reserve: expected a distance >= 0 m, got {reserve!r}")
+        self.risk = float(risk)
+        self._given, self._reserve = quantile, float(reserve)
+        self._feedback = not model.history
+        self._radius = problem.robot_radius + problem.margin
+        self._touch = problem.robot_radius
+        n = problem.horizon
+        self._levels = max(int(MEMORY).bit_length() - 1, 0)
+        self._spread, self._jacobians = np.empty((n, 3, 3)), np.empty((n, 3, 3))
+        self.update(model)
+
+    def update(self, model: KoopmanModel) -> None:
+        """Take over the noise of another model of the same robot, between two steps."""
+        measured, moved = split_noise(model.noise_model)
+        self._noisy = model.noise_model is not None
+        self._measured, self._moved = measured, np.ascontiguousarray(moved.reshape(2, 9))
+        self.quantile = model_quantile(model.info, self.risk) if self._given is None else float(self._given)
+        self._step_quantile = max(self.quantile, model_quantile(model.info, STEP_RISK))
+
+    def margins(self, lin: Linearization, states: Array, inputs: Array, normals: Array, radii: Array | None = None) -> Array:
+        """Distances that stages 1 to N must keep beyond the radii.
+
+        Parameters
+        ----------
+        lin : Linearization
+            Of the model at `states[:-1]` and `inputs`.
+        states, inputs : ndarray
+            The plan: (N + 1, 3) and (N, 2).
+        normals : ndarray
+            Unit vectors away from the obstacles, (N, S, 2).
+        radii : ndarray, optional
+            Distance of the robot's centre from each obstacle's centre at touch [m], (S,) or (N, S), infinite for a wall. The robot's
+            own radius where not given: the smallest that there is, thus safe for all.
+
+        Returns
+        -------
+        ndarray
+            (N, S) [m].
+        """
+        chords = self._chords(states, radii)
+        chords += self._reserve
+        if not self._noisy:
+            return np.repeat(chords[:, None], normals.shape[1], axis=1) if chords.ndim == 1 else chords
+        spread = self.covariances(lin, states, inputs)
+        across = normals @ spread
+        across *= normals
+        margins: Array = across[..., 0] + across[..., 1]
+        np.maximum(margins, 0.0, out=margins)
+        np.sqrt(margins, out=margins)
+        margins *= self.quantile
+        margins += chords[:, None] if chords.ndim == 1 else chords
+        return margins
+
+    def speed_share(self, here: Array, there: Array, command: Array, circles: Array) -> float:
+        """Share of a command at which the coming period cannot end in an obstacle, but for the rare error that `STEP_RISK` allows.
+
+        Both speeds shrink by it, so that the robot keeps to its curve. The tube of `margins` is computed at the plan before; this looks at
+        the very command that is about to be sent. The noise grows with the speed, so a slower robot needs less room.
+
+        Parameters
+        ----------
+        here, there : ndarray
+            Present pose and the predicted one after the period, (3,).
+        command : ndarray
+            (2,).
+        circles : ndarray
+            (M, 5) as they will be at the end of the period; only x, y and radius are used.
+
+        Returns
+        -------
+        float
+            Between 0 and 1. A robot that already touches may move away from what it touches.
+        """
+        if not len(circles):
+            return 1.0
+        away = here[:2] - circles[:, :2]
+        before = np.hypot(away[:, 0], away[:, 1])
+        after = np.hypot(there[0] - circles[:, 0], there[1] - circles[:, 1])
+        room = before - circles[:, 2] - (self._touch + ROUNDING)
+        approach = before - after
+        if self._noisy:
+            cos, sin = np.cos(here[2]), np.sin(here[2])
+            noise = ((command * command) @ self._moved).reshape(3, 3)
+            ahead, left = away @ (cos, sin), away @ (-sin, cos)
+            variance = ahead * ahead * noise[0, 0] + 2.0 * ahead * left * noise[0, 1] + left * left * noise[1, 1]
+            approach += self._step_quantile * np.sqrt(np.maximum(variance, 0.0)) / np.maximum(before, 1e-9)
+        # a path that passes by comes nearer between its ends by what a chord cuts off
+        distance = np.hypot(there[0] - here[0], there[1] - here[1])
+        approach += np.sqrt(np.maximum(before, self._touch) ** 2 + 0.25 * distance**2) - np.maximum(before, self._touch)
+        # what lies within reach of the period's error slows the robot down; what the path leads away from, less so
+        least = np.where(after > before, RETREAT, 0.0)
+        shares = np.where(approach > room, np.maximum(np.maximum(room, 0.0) / np.maximum(approach, 1e-9), least), 1.0)
+        return float(shares.min())
+
+    def covariances(self, lin: Linearization, states: Array, inputs: Array) -> Array:
+        """Covariances (N, 2, 2) of the position at stages 1 to N, each from the last `MEMORY` steps before it."""
+        headings = states[:-1, 2]
+        cos, sin = np.cos(headings), np.sin(headings)
+        turned = rotations(cos, sin)
+        back = turned.transpose(0, 2, 1)
+        noise = turned @ ((inputs * inputs) @ self._moved).reshape(-1, 3, 3) @ back
+        jacobians = closed_loop(lin.A, cos, sin, self._feedback)
+        # doubling: what m steps have spread, moved on by m steps, plus what the m steps after them spread
+        span = 1
+        for level in range(self._levels):
+            if span >= len(noise):
+                break
+            moved = jacobians[span:] @ noise[:-span] @ jacobians[span:].transpose(0, 2, 1)
+            if level + 1 < self._levels:
+                longer = jacobians.copy()
+                np.matmul(jacobians[span:], jacobians[:-span], out=longer[span:])
+                jacobians = longer
+            noise[span:] += moved
+            span *= 2
+        still = turned[:, :2] @ self._measured @ back[:, :, :2]
+        still += noise[:, :2, :2]
+        return still
+
+    def _chords(self, states: Array, radii: Array | None) -> Array:
+        """How far the path between two samples may come closer to a circle than the samples do, (N,) or (N, S) [m].
+
+        A chord of length L whose ends keep a distance D from a centre comes as near as ``sqrt(D^2 - L^2 / 4)``, and an arc that turns by
+        phi bulges beyond its chord by ``L phi / 8``: with ``D = sqrt((R + bulge)^2 + L^2 / 4)`` the path stays outside R.
+        """
+        steps = np.abs(states[1:] - states[:-1])
+        squares = steps[:, 0] ** 2 + steps[:, 1] ** 2
+        bulges = np.sqrt(squares) * steps[:, 2] / 8
+        squares /= 4
+        # a sample ends one chord and begins the next
+        np.maximum(squares[:-1], squares[1:], out=squares[:-1])
+        np.maximum(bulges[:-1], bulges[1:], out=bulges[:-1])
+        if radii is None:
+            radius: Any = self._radius
+        else:
+            walls = np.isinf(radii)
+            radius = np.where(walls, 1e6, radii)
+            squares, bulges = squares[:, None], bulges[:, None]
+        chords: Array = np.sqrt((radius + bulges) ** 2 + squares) - radius
+        return chords
+
+
+def default_quantile(risk: float) -> float:
+    """Quantile for noise that was never calibrated: the heavier tail of a plane's normal distribution and of two exponential ones."""
+    return float(max(np.sqrt(-2.0 * np.log(risk)), np.log(2.0 / risk) - 1.0))
+
+
+def model_quantile(info: Mapping[str, Any], risk: float) -> float:
+    """Look a risk up in the table that calibration left in a model; between its rows, and beyond them, linear in ``log(1 / risk)``.
+
+    A risk smaller than the held-out drives can vouch for follows the slope of the last rows: an exponential tail.
+
+    Raises
+    ------
+    ProblemError
+        For a table that is none.
+    """
+    table = info.get("noise_quantiles")
+    if table is None:
+        return default_quantile(risk)
+    try:
+        depth = -np.log(np.array(table["risks"], dtype=float))
+        values = np.array(table["quantiles"], dtype=float)
+        usable = depth.shape == values.shape and len(depth) >= 2 and (np.diff(depth) > 0).all() and np.isfinite(values).all()
+    except (TypeError, KeyError, ValueError):
+        usable = False
+    if not usable:
+        raise ProblemError("the model's table noise_quantiles is damaged: calibrate it anew")
+    wanted = -np.log(risk)
+    if wanted <= depth[-1]:
+        return float(np.interp(wanted, depth, values))
+    first = max(0, len(depth) - 4)
+    slope = (values[-1] - values[first]) / (depth[-1] - depth[first])
+    return float(values[-1] + max(slope, 0.0) * (wanted - depth[-1]))

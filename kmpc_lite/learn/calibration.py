@@ -1,0 +1,148 @@
+"""Conformal quantiles: how far held-out drives leave the tube that the learned covariance draws.
+
+The slip of a wheel is heavy-tailed, so a Gaussian quantile of its covariance promises too much. Here the ellipse around a plan is scaled
+until it holds the wanted share of drives that the model has not seen (split conformal prediction, Vovk et al. 2005). That
+needs no distribution, only that what comes is like what was held out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import ceil
+
+import numpy as np
+
+from kmpc_lite.dictionary import Array
+from kmpc_lite.errors import DataError
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.model import KoopmanModel
+from kmpc_lite.tube import MEMORY, window_deviations
+
+RISKS = (0.3, 0.2, 0.1, 0.05, 0.03, 0.02, 0.01, 0.005, 0.003, 0.002, 0.001)
+"""Risks that `with_quantiles` tabulates, as far as the held-out drives reach."""
+BATCH = 4096
+"""Windows handled at once."""
+
+
+def scores(model: KoopmanModel, held_out: Dataset, steps: int = MEMORY) -> Array:
+    """Largest Mahalanobis distance from the plan within each window of held-out driving.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        Its noise model gives the ellipses.
+    held_out : Dataset
+        Drives that the model was not fitted to.
+    steps : int
+        Length of a window [periods]; windows do not overlap, so that they are as independent as the drives allow.
+
+    Returns
+    -------
+    ndarray
+        (n,) dimensionless: the position's deviation under feedback, measured by the ellipse of its stage.
+
+    Raises
+    ------
+    DataError
+        For another dt, or where no episode is as long as a window.
+    """
+    if abs(held_out.dt - model.dt) > 1e-9 * model.dt:
+        raise DataError(f"the held-out dataset's dt is {held_out.dt:g} s, the model's {model.dt:g} s: resample it")
+    length = model.history
+    parts: list[tuple[Array, Array, Array, Array | None]] = []
+    found = []
+    for episode in held_out.episodes:
+        count = (len(episode) - length) // steps
+        if count < 1:
+            continue
+        rows = length + np.arange(count * steps).reshape(count, steps)
+        past = episode.inputs[rows[..., None] + np.arange(-length, 0)] if length else None
+        parts.append((episode.states[rows], episode.inputs[rows], episode.states[rows + 1], past))
+        if sum(len(p[0]) for p in parts) >= BATCH:
+            found.append(_largest(model, parts))
+            parts = []
+    if parts:
+        found.append(_largest(model, parts))
+    if not found:
+        longest = max(len(e) for e in held_out.episodes)
+        raise DataError(f"no held-out episode is as long as a window of {length + steps} steps (longest {longest})")
+    return np.concatenate(found)
+
+
+def _largest(model: KoopmanModel, parts: list[tuple[Array, Array, Array, Array | None]]) -> Array:
+    """Largest score of each window."""
+    x, u, x_next = (np.concatenate([p[i] for p in parts]) for i in range(3))
+    past = np.concatenate([p[3] for p in parts if p[3] is not None]) if model.history else None
+    deviations, covariances = window_deviations(model, x, u, x_next, past)
+    squares = np.einsum("nki,nki->nk", deviations, np.linalg.solve(covariances, deviations[..., None])[..., 0])
+    largest: Array = np.sqrt(squares.max(axis=1))
+    return largest
+
+
+def conformal_quantile(values: Array, risk: float) -> float:
+    """Give the smallest bound that a fresh value exceeds with a probability of at most `risk`, whatever the distribution.
+
+    It is the ``ceil((n + 1)(1 - risk))``-th smallest of n values; infinite where n is too small for that.
+
+    Examples
+    --------
+    >>> conformal_quantile(np.arange(1.0, 100.0), 0.1)
+    90.0
+    """
+    if not 0.0 < risk < 1.0:
+        raise DataError(f"risk: expected a probability between 0 and 1, got {risk!r}")
+    rank = int(np.ceil((len(values) + 1) * (1.0 - risk) - 1e-9))
+    return float(np.partition(values, rank - 1)[rank - 1]) if rank <= len(values) else float("inf")
+
+
+def calibrate(model: KoopmanModel, held_out: Dataset, risk: float) -> float:
+    """Quantile that scales the model's covariance to a promise kept on held-out drives.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        With a noise model.
+    held_out : Dataset
+        Drives that it was not fitted to.
+    risk : float
+        Probability that a robot leaves the ellipses within the memory of the tube (0.8 s at dt = 0.1).
+
+    Returns
+    -------
+    float
+        Factor of the standard deviation.
+
+    Raises
+    ------
+    DataError
+        For too few windows for that risk: ``1 / risk - 1`` are needed.
+
+    Examples
+    --------
+    >>> from kmpc_lite import DifferentialDrive, fit, generate_dataset
+    >>> data = generate_dataset(DifferentialDrive(slip=0.1), episodes=40, steps=100, dt=0.1, seed=0)
+    >>> train, held_out = data.split(0.5)
+    >>> 3.0 < calibrate(fit(train), held_out, risk=0.05) < 5.0
+    True
+    """
+    values = scores(model, held_out)
+    bound = conformal_quantile(values, risk)
+    if not np.isfinite(bound):
+        raise DataError(
+            f"{len(values)} held-out windows of {MEMORY} steps are too few for a risk of {risk:g}: {ceil(1 / risk - 1 - 1e-9)} are needed"
+        )
+    return bound
+
+
+def with_quantiles(model: KoopmanModel, held_out: Dataset, risks: Sequence[float] = RISKS) -> KoopmanModel:
+    """Return the model with a table of calibrated quantiles in ``info["noise_quantiles"]``, which `save` keeps.
+
+    Risks that the held-out drives are too few for are left out; `kmpc_lite.control.tightening` extends the table by its slope.
+    """
+    values = scores(model, held_out)
+    table = [(float(r), q) for r in sorted(risks, reverse=True) if np.isfinite(q := conformal_quantile(values, r))]
+    if len(table) < 2:
+        raise DataError(f"{len(values)} held-out windows of {MEMORY} steps are too few to calibrate: drive longer")
+    quantiles = {"risks": [r for r, _ in table], "quantiles": [q for _, q in table], "windows": len(values), "steps": MEMORY}
+    return replace(model, info={**model.info, "noise_quantiles": quantiles})
