@@ -6,16 +6,20 @@ robot's place gives a reason. Between times the robot is located on it, and the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kmpc_lite.control.parking import ENTER, LEAVE
+from kmpc_lite.control.parking import ENTER, LEAVE, Parking
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.tangents import Way, quickest_ways
+from kmpc_lite.control.tangents import Way, cut_circles, quickest_ways, wrap
 from kmpc_lite.control.timed_path import TimedPath
+from kmpc_lite.control.traffic import MovingCircles
 from kmpc_lite.dictionary import Array
 
+TRACKING_Q = (5.0, 5.0, 0.5)
+TRACKING_R = (0.1, 0.02)
+"""Weights of a cost that follows a reference: the paper's, for a goal that is far away, cut corners and creep at the end."""
 CLEARANCES = (0.06, 0.03, 0.005)
 """Distances beyond the problem's margin that a way keeps [m]; the next one is tried where there is no way."""
 SPEED_SHARE = (1.0, 0.9)
@@ -28,6 +32,8 @@ PATIENCE = (0.3, 0.8)
 """Least time between two new ways for the same map, and how long the robot may stand still on its way [s]."""
 STILL = 0.05
 """Progress along the way that ends a stand [s]."""
+RETRY = 0.5
+"""Time between two searches where there is no way [s]."""
 MOVED = 0.01
 """How far an obstacle must be from where it was expected to give a reason for a new way [m]."""
 FREE_TURN = np.pi / 3
@@ -35,7 +41,9 @@ FREE_TURN = np.pi / 3
 LONG = 0.5
 """A way over which the whole `FREE_TURN` may be made [m]."""
 FLICKER = (0.5, 0.1)
-"""How much quicker a way on other sides of obstacles must be to be taken instead: seconds, and share."""
+"""How much quicker another way around must be to be taken: seconds, and share of what is left."""
+LAST_STRETCH = 0.5
+"""Before the goal's position is reached [s]: the last turn is not begun yet."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,14 +54,21 @@ class Guidance:
     """(N + 1, 3) reference of the stages; headings next to the robot's."""
     reachable: bool
     """Whether there is a way to the goal."""
+    hold: bool
+    """Whether the robot is to stand still: it is at the goal."""
     path: Array
-    """(K, 2) points of the way from where it was planned to the goal [m]; the robot's own place where there is none."""
+    """(K, 2) points of the way from where it was planned to the goal [m]; the place to wait where there is none."""
     time_left: float
     """Until the goal is reached [s]; infinite where it cannot be."""
     refreshed: bool
     """Whether the way was looked for anew in this step."""
     switched: bool
-    """Whether the new way passes an obstacle on another side, so that a plan along the old one is no good start."""
+    """Whether the new way goes another way around, so that a plan along the old one is no good start."""
+
+
+def tracking(problem: NavigationProblem) -> NavigationProblem:
+    """Return the problem with weights that suit a reference along a way."""
+    return replace(problem, Q=TRACKING_Q, R=TRACKING_R, Q_terminal=None)
 
 
 class Guide:
@@ -67,13 +82,14 @@ class Guide:
 
     def __init__(self, problem: NavigationProblem) -> None:
         u_min, u_max, x_min, x_max = problem.bounds
-        self._keep = problem.robot_radius + problem.margin
-        self._radius = problem.robot_radius
+        self._radius, self._keep = problem.robot_radius, problem.robot_radius + problem.margin
         self._area = np.concatenate([x_min[:2], x_max[:2]])
-        self._speed = np.array(SPEED_SHARE) * (min(u_max[0], max(-u_min[0], 0.0)) or u_max[0], min(u_max[1], -u_min[1]))
-        self._can_reverse = u_min[0] < 0.0
+        self._can_reverse = bool(u_min[0] < 0.0)
+        fastest = min(u_max[0], -u_min[0]) if self._can_reverse else u_max[0]
+        self._speed = np.array(SPEED_SHARE) * (fastest, min(u_max[1], -u_min[1]))
         self._times = problem.dt * np.arange(problem.horizon + 1)
         self._dt = problem.dt
+        self._parking = Parking()
         self.reset()
 
     def reset(self) -> None:
@@ -81,11 +97,11 @@ class Guide:
         self._path: TimedPath | None = None
         self._goal = np.full(3, np.nan)
         self._circles = np.empty((0, 5))
-        self._age = 0.0
-        self._turning = False
+        self._traffic: MovingCircles | None = None
         self._waiting: Array | None = None
-        self._furthest = self._still = 0.0
-        self._stuck = False
+        self._turning = self._stuck = False
+        self._age = self._furthest = self._still = 0.0
+        self._parking.reset()
 
     def reference(self, pose: Array, goal: Array, circles: Array) -> Guidance:
         """Give the reference of the coming stages.
@@ -98,58 +114,68 @@ class Guide:
             (M, 5) rows x, y, radius, vx, vy, now.
         """
         self._age += self._dt
-        distance = float(np.hypot(goal[0] - pose[0], goal[1] - pose[1]))
+        error = pose - goal
+        error[2] -= 2 * np.pi * np.round(error[2] / (2 * np.pi))
+        distance = float(np.hypot(error[0], error[1]))
         self._turning = distance <= (LEAVE[0] if self._turning else ENTER[0])
-        refreshed = switched = False
         place, off = (0.0, 0.0) if self._path is None else self._path.locate(pose)
-        if self._needs_way(goal, circles, off, place, distance):
+        refreshed = self._needs_way(goal, circles, off, place, distance)
+        switched = False
+        if refreshed:
             switched = self._refresh(pose, goal, circles)
-            refreshed = True
             if self._path is not None:
-                place, off = self._path.locate(pose)
-        path = self._path
+                place, _ = self._path.locate(pose)
+        path, traffic = self._path, self._traffic
         if path is None:
             wait = pose if self._waiting is None else self._waiting
             states = np.tile(np.array([wait[0], wait[1], pose[2]]), (len(self._times), 1))
-            return Guidance(states, False, wait[None, :2], np.inf, refreshed, switched)
-        if self._turning:
-            place = path.place = max(place, path.drive_end)
-        else:
-            place = path.place = min(place, path.drive_end)
+            return Guidance(states, False, False, wait[None, :2], np.inf, refreshed, switched)
+        place = max(place, path.drive_end) if self._turning else min(place, path.drive_end)
+        path.place = place
         times = place + LEAD + self._times
-        if not self._turning and place > path.drive_end - 0.5:
+        if traffic is not None:
+            times = place + (times - place) * traffic.pace(path, place, self._age, self._times)
+        if not self._turning and place > path.drive_end - LAST_STRETCH:
             np.minimum(times, path.drive_end, out=times)
         states = path.at(times)
-        nearest = path.heading_at(place)
-        states[:, 2] += 2 * np.pi * np.round((pose[2] - nearest) / (2 * np.pi))
-        return Guidance(states, True, path.points, path.duration - place, refreshed, switched)
+        states[:, 2] += 2 * np.pi * np.round((pose[2] - path.heading_at(place)) / (2 * np.pi))
+        hold = self._parking.hold(error) and (traffic is None or traffic.leaves_alone(pose, self._age))
+        return Guidance(states, True, hold, path.points, path.duration - place, refreshed, switched)
 
     def _needs_way(self, goal: Array, circles: Array, off: float, place: float, distance: float) -> bool:
-        if not np.array_equal(goal, self._goal) or len(circles) != len(self._circles):
+        """Whether the map, the goal, or the robot's place gives a reason to look for a way."""
+        known = self._circles
+        if len(circles) != len(known) or (goal != self._goal).any():
             return True
         if len(circles):
-            expected = self._circles[:, :2] + self._age * self._circles[:, 3:]
-            if np.abs(circles[:, :2] - expected).max() > MOVED or not np.array_equal(circles[:, 2], self._circles[:, 2]):
+            moved = circles[:, :2] - known[:, :2] - self._age * known[:, 3:]
+            if np.abs(moved).max() > MOVED or (circles[:, 2:] != known[:, 2:]).any():
                 return True
-        if self._path is None:
-            return self._age > 0.5
-        if self._turning:
-            return False
+        path = self._path
+        if path is None:
+            return self._age >= RETRY
         if place > self._furthest + STILL:
             self._furthest, self._still = place, 0.0
+        if self._turning:
+            return False
         self._still += self._dt
         self._stuck = self._still > PATIENCE[1]
-        if self._stuck:
-            return True
         least, share, most = OFF_WAY
-        return self._age > PATIENCE[0] and off > min(max(least, share * distance), most)
+        if self._stuck or (self._age > PATIENCE[0] and off > min(max(least, share * distance), most)):
+            return True
+        return self._traffic is not None and self._age > PATIENCE[0] and self._traffic.blocks(path, place, self._age)
 
     def _refresh(self, pose: Array, goal: Array, circles: Array) -> bool:
-        """Look for a way; return whether it passes obstacles on other sides than the one before."""
-        previous = self._path
+        """Look for a way; return whether it goes another way around than the one before."""
+        previous, same_goal = self._path, bool((goal == self._goal).all())
         self._goal, self._circles, self._age = goal.copy(), circles.copy(), 0.0
         self._furthest = self._still = 0.0
-        way = self._find(pose, goal, circles)
+        moving = bool(len(circles)) and bool(circles[:, 3:].any())
+        self._traffic = MovingCircles(circles, self._keep, self._speed[0]) if moving else None
+        if self._traffic is not None:
+            circles = self._traffic.where_met(pose)
+        keep_to = previous if same_goal and not self._stuck else None
+        way, switched = self._choose(pose, goal, circles, keep_to)
         if way is None:
             if self._waiting is None:
                 self._waiting = pose.copy()
@@ -160,23 +186,50 @@ class Guide:
         # a robot that is stuck turns on the spot before it drives
         free = 0.0 if self._stuck else FREE_TURN * min(1.0, length / LONG)
         self._path = TimedPath(way, pose, goal, self._speed, free)
-        return previous is not None and self._other_sides(previous, self._path, circles)
+        return switched or previous is None or not same_goal
 
-    def _find(self, pose: Array, goal: Array, circles: Array) -> Way | None:
+    def _choose(self, pose: Array, goal: Array, circles: Array, previous: TimedPath | None) -> tuple[Way | None, bool]:
+        """Pick a way (none: there is none), and tell whether it goes another way around than the previous one."""
+        centres = circles[:, :2]
+        to_pose, to_goal = (np.hypot(*(centres - point[:2]).T) for point in (pose, goal))
+        if (to_goal < circles[:, 2] + self._radius).any():
+            return None, True
+        # the outermost of robot and goal widen the area
+        area = np.concatenate(
+            [np.minimum(self._area[:2], np.minimum(pose, goal)[:2]), np.maximum(self._area[2:], np.maximum(pose, goal)[:2])]
+        )
+        nearest = np.minimum(to_pose, to_goal) - 1e-3
         for clearance in CLEARANCES:
-            centres, radii = circles[:, :2], circles[:, 2] + self._keep + clearance
-            for point in (pose, goal):
-                away = np.hypot(*(centres - point[:2]).T)
-                if point is goal and (away < circles[:, 2] + self._radius).any():
-                    return None
-                radii = np.minimum(radii, np.maximum(away - 1e-3, 0.0))
-            area = self._area.copy()
-            area[:2] = np.minimum(area[:2], np.minimum(pose[:2], goal[:2]))
-            area[2:] = np.maximum(area[2:], np.maximum(pose[:2], goal[:2]))
-            way = next(quickest_ways(centres, radii, pose, goal, area, self._speed), None)
-            if way is not None:
-                return way
-        return None
+            radii = np.clip(circles[:, 2] + self._keep + clearance, 0.0, np.maximum(nearest, 0.0))
+            best: Way | None = None
+            for way in quickest_ways(centres, radii, pose, goal, area, self._speed, self._can_reverse):
+                if best is None:
+                    best = way
+                    if previous is None or self._same_way_around(previous, way, pose, centres):
+                        return way, previous is None
+                    rest = previous.points_left(pose)
+                    bound = previous.remaining() if not cut_circles(rest, centres, radii - clearance).any() else -np.inf
+                    if way.time < bound - FLICKER[0] - FLICKER[1] * abs(bound) or bound == -np.inf:
+                        return way, True
+                elif way.time > best.time + FLICKER[0] + FLICKER[1] * best.time:
+                    break
+                elif previous is not None and self._same_way_around(previous, way, pose, centres):
+                    return way, False
+            if best is not None:
+                return best, True
+        return None, True
 
-    def _other_sides(self, old: TimedPath, new: TimedPath, circles: Array) -> bool:
-        return False
+    def _same_way_around(self, previous: TimedPath, way: Way, pose: Array, centres: Array) -> bool:
+        """Whether two ways to one goal pass every circle on the same side, in the same gear."""
+        if previous.way.reverse != way.reverse:
+            return False
+        turned = _angle_swept(previous.points_left(pose), centres) - _angle_swept(way.points, centres)
+        return bool((np.abs(turned) < np.pi).all())
+
+
+def _angle_swept(points: Array, centres: Array) -> Array:
+    """Angle (M,) by which a way through points (K, 2) goes around each centre [rad]."""
+    away = points[:, None] - centres
+    angle = np.arctan2(away[..., 1], away[..., 0])
+    swept: Array = wrap(np.diff(angle, axis=0)).sum(axis=0)
+    return swept

@@ -72,7 +72,9 @@ def cut_circles(points: Array, centres: Array, radii: Array) -> Array:
     return cut
 
 
-def quickest_ways(centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array) -> Iterator[Way]:
+def quickest_ways(
+    centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array, can_reverse: bool = True
+) -> Iterator[Way]:
     """Yield ways from a pose to a pose, the quickest first: one for each first tangent and direction of driving.
 
     Only circles that the quickest way would cut without them make it into the graph, so that far ones cost next to nothing;
@@ -88,6 +90,8 @@ def quickest_ways(centres: Array, radii: Array, start: Array, goal: Array, area:
         xmin, ymin, xmax, ymax (4,) that arcs must not leave; infinite where open.
     speed : ndarray
         Largest speed [m/s] and rate of turn [rad/s], (2,).
+    can_reverse : bool
+        Whether the robot may drive backwards.
 
     Yields
     ------
@@ -98,7 +102,7 @@ def quickest_ways(centres: Array, radii: Array, start: Array, goal: Array, area:
     passes = 0
     while True:
         found = 0
-        for way in _graph_ways(centres[known], radii[known], start, goal, area, speed):
+        for way in _graph_ways(centres[known], radii[known], start, goal, area, speed, can_reverse):
             cut = cut_circles(way.points, centres, radii)
             if not cut.any():
                 found += 1
@@ -122,7 +126,9 @@ def _walls(known: Array, centres: Array, radii: Array) -> Array:
     return own
 
 
-def _graph_ways(centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array) -> Iterator[Way]:
+def _graph_ways(
+    centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array, can_reverse: bool = True
+) -> Iterator[Way]:
     """Yield the ways that the graph of these circles' tangents holds."""
     count = len(centres)
     # obstacles, circles to turn on, and start and goal as circles without radius
@@ -165,6 +171,8 @@ def _graph_ways(centres: Array, radii: Array, start: Array, goal: Array, area: A
     total[:, :-4] += np.abs(wrap(start[2] - leaving - GEARS)) / speed[1]
     # forwards and backwards alternate
     total[0, -3::2] = total[1, -4::2] = np.inf
+    if not can_reverse:
+        total[1] = np.inf
     for choice in np.argsort(total, axis=None):
         gear, column = divmod(int(choice), len(arrivals))
         if not np.isfinite(total[gear, column]):

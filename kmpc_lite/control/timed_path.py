@@ -74,6 +74,12 @@ class TimedPath:
         self.place = float(self._grid_times[begin + nearest])
         return self.place, float(np.hypot(error[nearest, 0], error[nearest, 1]))
 
+    def points_left(self, pose: Array) -> Array:
+        """Points (K, 2) from a robot's pose (3,) along the rest of the way."""
+        left = self.times[1:-1] > self.place
+        left[-1] = True
+        return np.concatenate([pose[None, :2], self.way.points[left]])
+
     def remaining(self) -> float:
         """Time from the robot's place to the end [s]."""
         return self.duration - self.place
