@@ -6,6 +6,7 @@ A scenario is TOML; the ones that come with the package are named by their stem 
 from __future__ import annotations
 
 import os
+import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -156,8 +157,9 @@ def bundled() -> list[str]:
 
 
 def _number(where: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise ScenarioError(f"{where}: expected a finite number, got {value!r}")
+    # a whole number too large for a float is none
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= sys.float_info.max:
+        raise ScenarioError(f"{where}: expected a finite number, got {value!r:.40}")
     return float(value)
 
 
