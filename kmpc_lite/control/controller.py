@@ -73,7 +73,7 @@ class Controller:
         *,
         sqp_iterations: int = 1,
         tolerance: float = 1e-5,
-        obstacle_slots: int = 6,
+        obstacle_slots: int = 5,
         time_budget: float | None = None,
         clock: Callable[[], float] = perf_counter,
     ) -> None:

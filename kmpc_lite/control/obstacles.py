@@ -151,9 +151,13 @@ class KeepOut:
         if count:
             distances, self._gap_normals[:, :count] = circle_distances(circles, positions, self._times)
             np.subtract(distances, self._distance, out=self._gaps[:, :count])
-        offsets = np.minimum(self._side_offsets, self._side_normals @ states[0, :2])
-        np.subtract(positions @ self._side_normals.T, offsets, out=self._gaps[:, count:])
+        np.subtract(positions @ self._side_normals.T, self._side_offsets_from(states[0]), out=self._gaps[:, count:])
         return self._gaps, self._gap_normals
+
+    def _side_offsets_from(self, present: Array) -> Array:
+        """Offsets of the sides (sides,) for a robot that is at `present` (3,)."""
+        offsets: Array = np.minimum(self._side_offsets, self._side_normals @ present[:2])
+        return offsets
 
     def half_planes(self, states: Array, circles: Array) -> tuple[Array, Array, Array]:
         """Nearest half-planes ``normal . p >= offset`` of stages 1 to N.
@@ -179,12 +183,15 @@ class KeepOut:
         if used < self.slots:
             self._normals[:, used:] = 0.0
             self._offsets[:, used:] = -np.inf
-        return self._normals, self._offsets, penetration(gaps)
+        return self._normals, self._offsets, np.maximum(-gaps.min(axis=1, initial=0.0), 0.0)
 
-
-def penetration(gaps: Array) -> Array:
-    """How far each stage stands inside its deepest obstacle, (N,) [m], from gaps (N, K)."""
-    if not gaps.shape[1]:
-        return np.zeros(len(gaps))
-    deepest: Array = np.maximum(-gaps.min(axis=1), 0.0)
-    return deepest
+    def penetration(self, states: Array, circles: Array) -> Array:
+        """How far each of stages 1 to N stands inside its deepest obstacle or outside the area, (N,) [m]; `gaps` without normals."""
+        x, y = states[1:, 0:1], states[1:, 1:2]
+        deepest: Array = (self._side_offsets_from(states[0]) - states[1:, :2] @ self._side_normals.T).max(axis=1, initial=0.0)
+        if len(circles):
+            if circles[:, 3:].any():
+                x, y = x - self._times[:, None] * circles[:, 3], y - self._times[:, None] * circles[:, 4]
+            inside = circles[:, 2] + self._distance - np.hypot(x - circles[:, 0], y - circles[:, 1])
+            np.maximum(deepest, inside.max(axis=1), out=deepest)
+        return deepest

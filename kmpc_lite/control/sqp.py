@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.control.obstacles import KeepOut, penetration
+from kmpc_lite.control.obstacles import KeepOut
 from kmpc_lite.control.osqp_workspace import OSQPWorkspace, QPStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.qp import NavigationQP
@@ -24,7 +24,7 @@ from kmpc_lite.model import KoopmanModel
 REAL_TIME: dict[str, Any] = {
     "eps_abs": 1e-3,
     "eps_rel": 1e-3,
-    "max_iter": 100,
+    "max_iter": 60,
     "rho": 1.0,
     "adaptive_rho": 0,
     "scaling": 3,
@@ -197,7 +197,7 @@ class SQP:
 
     def _penalty_too_weak(self, found: Trajectory, task: Task) -> bool:
         """Whether a converged plan stands in an obstacle only because the linear penalty is too weak."""
-        violation = penetration(self.keep_out.gaps(found.states, task.circles)[0])
+        violation = self.keep_out.penetration(found.states, task.circles)
         return self.qp.slack_penalty < PENALTY_LIMIT and float(violation.max()) > VIOLATION
 
     def _soft_cost(self, plan: Trajectory, violation: Array, task: Task) -> float:
@@ -223,8 +223,9 @@ class SQP:
         toward_states, toward_inputs = found.states - guess.states, found.inputs - guess.inputs
         length, trial = 1.0, found
         while True:
-            predicted = self.model.predict(trial.states[:-1], trial.inputs, self.past_windows(task.past, trial.inputs))
-            merit = self._merit(trial, predicted, penetration(self.keep_out.gaps(trial.states, task.circles)[0]), task)
+            w = self.model.dictionary.inputs(trial.inputs, self.past_windows(task.past, trial.inputs))
+            predicted = self.model.advance(trial.states[:-1], w)
+            merit = self._merit(trial, predicted, self.keep_out.penetration(trial.states, task.circles), task)
             # the last term forgives what rounding takes once nothing is left to gain
             if merit <= now - ARMIJO * length * expected + 1e-10 * abs(now) or length <= SHORTEST_STEP:
                 break
