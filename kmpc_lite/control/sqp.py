@@ -182,14 +182,17 @@ class SQP:
                 states, inputs, slack = self.qp.unpack(solution.x, guess.states[0])
                 np.clip(inputs, self._u_min, self._u_max, out=inputs)
                 found = Trajectory(states, inputs, solution.y)
-                guess, step, defect = self._line_search(guess, found, slack, lin.value, violation, task)
+                before = guess
+                guess, length, defect = self._line_search(before, found, slack, lin.value, violation, task)
+                step = max(float(np.abs(guess.states - before.states).max()), float(np.abs(guess.inputs - before.inputs).max()))
             t4 = self.clock()
             for phase, seconds in zip(timing, (t1 - t0, t2 - t1, t3 - t2, t4 - t3), strict=True):
                 timing[phase] += seconds
             longest, self._search_time = max(longest, t4 - t0), max(t4 - t3, 0.95 * self._search_time)
             if status is QPStatus.FAILED:
                 break
-            if step <= tolerance:
+            # a line search that gets nowhere has met the accuracy of the QP
+            if step <= tolerance or length <= SHORTEST_STEP:
                 if not (to_convergence and self._penalty_too_weak(guess, task)):
                     break
                 self.qp.set_slack_penalty(PENALTY_GROWTH * self.qp.slack_penalty)
@@ -215,7 +218,7 @@ class SQP:
     ) -> tuple[Trajectory, float, float]:
         """Go from the guess towards what the QP found until the merit function falls enough (Armijo), by halving.
 
-        Returns the new trajectory, the largest change, and the largest defect of its dynamics.
+        Returns the new trajectory, the length of the step in (0, 1], and the largest defect of its dynamics.
         """
         self._dynamics_penalty = max(self._dynamics_penalty, 1.1 * float(np.abs(found.duals[self.qp.dynamics_rows]).max()))
         now = self._merit(guess, predicted, violation, task)
@@ -231,5 +234,4 @@ class SQP:
                 break
             length *= 0.5
             trial = Trajectory(guess.states + length * toward_states, guess.inputs + length * toward_inputs, found.duals)
-        step = length * max(float(np.abs(toward_states).max()), float(np.abs(toward_inputs).max()))
-        return trial, step, float(np.abs(predicted - trial.states[1:]).max())
+        return trial, length, float(np.abs(predicted - trial.states[1:]).max())
