@@ -22,6 +22,8 @@ RANK_TOLERANCE = 1e-13
 """Eigenvalues of the scaled Gram matrix below this share of the largest count as zero."""
 NOISE_SAMPLES = 250_000
 """Residuals that the covariance is estimated from: its relative error is then below 1 %."""
+NOISE_SWEEPS = 500
+"""Passes over its three matrices, at most; ten to fifty do."""
 
 
 class Accumulator:
@@ -284,8 +286,8 @@ def fit(
 def fit_noise(model: KoopmanModel, dataset: Dataset) -> NoiseModel:
     """Regress outer products of the one-step residuals, in the robot's frame, on ``[1, v^2, omega^2]``.
 
-    At most about NOISE_SAMPLES steps are looked at, spread evenly over the dataset. Each coefficient matrix is projected to
-    the nearest positive semidefinite one, so every covariance is one.
+    At most about NOISE_SAMPLES steps are looked at, spread evenly over the dataset. Each coefficient matrix is kept positive
+    semidefinite, so every covariance is.
     """
     gram, moments = np.zeros((3, 3)), np.zeros((3, STATES * STATES))
     every = -(-dataset.steps // NOISE_SAMPLES)
@@ -297,7 +299,28 @@ def fit_noise(model: KoopmanModel, dataset: Dataset) -> NoiseModel:
         gram += terms.T @ terms
         moments += terms.T @ (body[:, :, None] * body[:, None, :]).reshape(len(body), -1)
     weights, _, _ = _least_squares(gram, moments, 0.0)
-    coefficients = weights.T.reshape(3, STATES, STATES)
-    values, vectors = np.linalg.eigh(coefficients)
-    roots = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    return NoiseModel(np.einsum("nik,njk->nij", roots, roots))  # symmetric to the last bit
+    return NoiseModel(_nearest_covariances(gram, moments.reshape(3, STATES, STATES), weights.T.reshape(3, STATES, STATES)))
+
+
+def _nearest_covariances(gram: Array, moments: Array, start: Array) -> Array:
+    """Least squares over three positive semidefinite matrices, one after another until nothing moves any more.
+
+    Projecting each of the unconstrained ones alone would only ever add: too wide a tube by a fifth on a real robot.
+    """
+    s = np.array([_semidefinite(c) for c in start])
+    for _ in range(NOISE_SWEEPS):
+        before = s.copy()
+        for i in np.flatnonzero(np.diag(gram) > 0.0):
+            others = np.tensordot(np.delete(gram[i], i), np.delete(s, i, axis=0), axes=1)
+            s[i] = _semidefinite((moments[i] - others) / gram[i, i])
+        if np.abs(s - before).max() <= 1e-9 * np.abs(s).max():
+            break
+    return s
+
+
+def _semidefinite(matrix: Array) -> Array:
+    """Nearest positive semidefinite matrix, symmetric to the last bit."""
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    roots = vectors * np.sqrt(np.maximum(values, 0.0))
+    product: Array = np.einsum("ik,jk->ij", roots, roots)
+    return product

@@ -73,6 +73,16 @@ def test_every_covariance_is_positive_semidefinite(method: Any, seed: int) -> No
     assert (values >= -1e-15 * values.max()).all() and values.max() > 0.0
 
 
+def test_noise_that_shrinks_with_the_command_is_not_overstated() -> None:
+    # no covariance falls with omega^2, so the best of them is constant: the mean, not what was seen at rest
+    random = np.random.default_rng(2)
+    x, u = random.uniform(-3.0, 3.0, (40_000, 3)), random.uniform(-1.0, 1.0, (40_000, 2))
+    ends = kl.nominal_unicycle(0.1).predict(x, u) + np.sqrt(1.2 - u[:, 1:] ** 2) * random.normal(scale=0.01, size=x.shape)
+    data = kl.Dataset([kl.Episode(np.stack([a, b]), c[None], 0.1) for a, b, c in zip(x, ends, u, strict=True)])
+    found = fit_noise(kl.nominal_unicycle(0.1), data).covariance(commands()[2:7, 2:7])
+    np.testing.assert_allclose(found, np.broadcast_to(1e-4 * (1.2 - 1 / 3) * np.eye(3), found.shape), atol=5e-6)
+
+
 def test_a_robot_without_noise_has_none() -> None:
     data = kl.generate_dataset(kl.DifferentialDrive(), episodes=20, steps=50, dt=0.1, seed=0)
     assert np.abs(kl.fit(data).noise([1.0, 1.0])).max() < 1e-12
