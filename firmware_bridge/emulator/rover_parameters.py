@@ -35,6 +35,8 @@ DEFAULTS: dict[str, tuple[float, int]] = {
     "EK3_SRC1_VELZ": (3, INT8),
     "EK3_SRC1_YAW": (1, INT8),
 }
+LOOP_RATES = (10.0, 400.0)
+LARGEST = 65535.0
 MOTION_CAPTURE = {
     "VISO_TYPE": 1.0,
     "GPS1_TYPE": 0.0,
@@ -53,7 +55,7 @@ class Parameters:
     Parameters
     ----------
     changed : mapping
-        Values other than delivered; ValueError for a name that is not there.
+        Values other than delivered; ValueError for a name that is not there or a value out of range.
     """
 
     def __init__(self, changed: Mapping[str, float] | None = None) -> None:
@@ -61,7 +63,7 @@ class Parameters:
         self.names = tuple(DEFAULTS)
         for name, value in (changed or {}).items():
             if name not in self._values or not self.set(name, value):
-                raise ValueError(f"parameter {name}: expected one of {', '.join(self.names)} with a finite value, got {value!r}")
+                raise ValueError(f"parameter {name}: expected one of {', '.join(self.names)} with a value in its range, got {value!r}")
 
     def __getitem__(self, name: str) -> float:
         """Value of a parameter."""
@@ -72,8 +74,9 @@ class Parameters:
         return name in self._values
 
     def set(self, name: str, value: float) -> bool:
-        """Change one; False where there is none, or for a value that is not finite."""
-        if name not in self._values or not math.isfinite(value):
+        """Change one; False where there is none, or for a value out of range."""
+        low, high = LOOP_RATES if name == "SCHED_LOOP_RATE" else (0.0, LARGEST)
+        if name not in self._values or not (math.isfinite(value) and low <= value <= high):
             return False
         self._values[name] = float(value) if self.kind(name) == REAL32 else float(round(value))
         return True

@@ -19,6 +19,7 @@ from mavlink_rig import decode, other, set_point_frame
 from firmware_bridge.drivers.mavlink import MavlinkDriver
 from firmware_bridge.drivers.mavlink_options import MavlinkOptions
 from firmware_bridge.emulator.rover import RoverEmulator
+from firmware_bridge.emulator.rover_parameters import MOTION_CAPTURE
 from firmware_bridge.messages import ConfigError, LinkError
 from firmware_bridge.transport import OnBytes, open_transport
 
@@ -88,6 +89,7 @@ def test_over_every_link(url: str, closing: Callable[..., None]) -> None:
     driver.close()
     wait(lambda: rover.stopped)
     assert rover.counters["aborts"] == 0
+    assert rover.counters["internal_errors"] == 0
     assert driver.health().counters["internal_errors"] == 0
 
 
@@ -178,6 +180,41 @@ class TestNobodyThere:
         rover.start(tcp)
         assert "wrongly signed frames: is the key right?" in self.fails(tcp, closing, 1.5, key_file=str(key))
         assert rover.counters["bad_signature"] > 0
+
+
+def test_motion_capture(tcp: str, closing: Callable[..., None]) -> None:
+    """Poses from a thread of their own; the robot is taken later, by hand."""
+    rover = RoverEmulator(**READY, parameters=MOTION_CAPTURE, pose=(1.0, 2.0, 0.5))  # type: ignore[arg-type]
+    closing(rover)
+    rover.start(tcp)
+    driver = MavlinkDriver.from_options(open_transport(tcp), {"board": {"pose": "mocap", "origin": [47.0, 8.0, 400.0]}})
+    closing(driver)
+    quit_feeding = threading.Event()
+
+    def feed() -> None:
+        while not quit_feeding.wait(0.02):
+            driver.feed_pose(*rover.pose, time.monotonic())
+
+    feeder = threading.Thread(target=feed, daemon=True)
+    feeder.start()
+    try:
+        driver.connect(5.0)
+        wait(lambda: driver.state() is not None)
+        state = driver.state()
+        assert state is not None
+        assert (state.x, state.y, state.theta) == pytest.approx((1.0, 2.0, 0.5), abs=1e-5)
+        assert not driver.health().ready
+        driver.take()
+        wait(lambda: driver.health().ready)
+        assert "Throttle armed" in driver.notes()
+        drive(driver, 0.3, 0.0, 0.5)
+    finally:
+        quit_feeding.set()
+        feeder.join()
+    wait(lambda: time.monotonic() - driver.health().pose_stamp > 0.3)
+    state = driver.state()
+    assert state is not None
+    assert state.stamp > driver.health().pose_stamp + 0.1
 
 
 def test_a_signed_link(tcp: str, tmp_path: Path, closing: Callable[..., None]) -> None:

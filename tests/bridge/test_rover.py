@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import random
+import struct
 from collections.abc import Callable
 
 import pytest
-from mavlink_rig import dialect
+from mavlink_rig import crc16_mcrf4xx, dialect
 
 from firmware_bridge.drivers.mavlink_codec import MavlinkCodec
 from firmware_bridge.emulator.rover import RoverEmulator
@@ -386,8 +388,14 @@ class TestParameters:
         assert told.param_value == pytest.approx(then)
         assert ground.rover.parameters[name.decode()] == pytest.approx(then)
 
+    @pytest.mark.parametrize(("name", "value"), [(b"SCHED_LOOP_RATE", 0.0), (b"WP_SPEED", -1.0), (b"WP_SPEED", 1e30)])
+    def test_values_out_of_range_change_nothing(self, name: bytes, value: float) -> None:
+        ground = Ground()
+        (told,) = [m for m in ground.ask(dialect.MAVLink_param_set_message(1, 1, name, value, 9)) if m.get_type() == "PARAM_VALUE"]
+        assert told.param_value == DEFAULTS[name.decode()][0]
+
     def test_wrong_ones_at_the_border(self) -> None:
-        for wrong in ({"NO_SUCH": 1.0}, {"WP_SPEED": math.nan}):
+        for wrong in ({"NO_SUCH": 1.0}, {"WP_SPEED": math.nan}, {"SCHED_LOOP_RATE": 1.0}):
             with pytest.raises(ValueError, match="parameter "):
                 RoverEmulator(parameters=wrong)
 
@@ -464,6 +472,34 @@ class TestMotionCapture:
         ground = Ground()
         ground.run(3.0, lambda: ground.say(dialect.MAVLink_vision_position_estimate_message(0, 9.0, 9.0, 0.0, 0.0, 0.0, 0.3)))
         assert ground.rover.autopilot.estimator.pose == ground.rover.pose
+
+
+def test_a_million_bytes_of_frames_with_random_content() -> None:
+    """Right CRC, random payloads of every kind, some junk between: the rover answers or ignores, and goes on."""
+    noise, ground = random.Random(5), Ground()
+    ground.guided()
+    kinds = [kind for kind in dialect.mavlink_map.values() if kind.unpacker.size]
+    handled = [kind for kind in kinds if kind.msgname in ground.rover._protocol._handlers]
+    assert len(handled) == len(ground.rover._protocol._handlers)
+    size = 0
+    while size < 1_000_000:
+        chunk = bytearray()
+        for _ in range(50):
+            kind = noise.choice(handled if noise.random() < 0.7 else kinds)
+            payload = bytearray(
+                noise.choice((noise.randbytes(kind.unpacker.size), bytes(kind.unpacker.size), b"\xff" * kind.unpacker.size))
+            )
+            head = struct.pack("<BBBBBB", len(payload), 0, 0, 0, 255, 190) + kind.id.to_bytes(3, "little")
+            chunk += b"\xfd" + head + payload + struct.pack("<H", crc16_mcrf4xx(head + payload + bytes((kind.crc_extra,))))
+            chunk += noise.randbytes(noise.choice((0, 0, 0, 30)))
+        size += len(chunk)
+        ground.heard.clear()
+        ground.rover.receive(bytes(chunk), ground.now)
+        ground.run(0.02)
+        assert all(map(math.isfinite, (*ground.rover.pose, *ground.rover.velocity)))
+    assert ground.rover.counters["frames_in"] > 8000
+    ground.run(10.0)
+    assert ground.of("HEARTBEAT")
 
 
 class TestOther:
