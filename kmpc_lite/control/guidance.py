@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kmpc_lite.control.parking import ENTER, LEAVE, Parking
+from kmpc_lite.control.parking import CLOSE, ENTER, Parking
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.tangents import Way, cut_circles, quickest_ways, wrap
 from kmpc_lite.control.timed_path import TimedPath
@@ -117,7 +117,7 @@ class Guide:
         error = pose - goal
         error[2] -= 2 * np.pi * np.round(error[2] / (2 * np.pi))
         distance = float(np.hypot(error[0], error[1]))
-        self._turning = distance <= (LEAVE[0] if self._turning else ENTER[0])
+        self._turning = distance <= (ENTER[0] if self._turning else CLOSE)
         place, off = (0.0, 0.0) if self._path is None else self._path.locate(pose)
         refreshed = self._needs_way(goal, circles, off, place, distance)
         switched = False

@@ -6,8 +6,10 @@ import numpy as np
 
 from kmpc_lite.dictionary import Array
 
-ENTER = (0.010, 0.025)
-"""Errors at which the robot has arrived [m, rad]."""
+CLOSE = 0.010
+"""Distance to the goal at which the last turn may begin [m]."""
+ENTER = (0.015, 0.025)
+"""Errors at which the robot has arrived [m, rad]; a last turn that leaves this distance is given up."""
 LEAVE = (0.020, 0.05)
 """Errors of the averaged pose at which it drives again [m, rad]."""
 PUSHED = (0.05, 0.15)
