@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.dictionary import STATES, Array
-from kmpc_lite.errors import ProblemError
-from kmpc_lite.learn.dataset import Dataset, Episode
+from kmpc_lite.dictionary import INPUTS, STATES, Array
+from kmpc_lite.errors import DataError, ProblemError
+from kmpc_lite.learn.dataset import Dataset, Episode, check_time
 
 
 class DifferentialDrive:
@@ -48,8 +48,10 @@ class DifferentialDrive:
     def trace(self, x: ArrayLike, u: ArrayLike, dt: float, substeps: int) -> Array:
         """Evenly spaced states during one period, without the first: (substeps, ..., 3)."""
         state, command = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
-        if state.shape[-1:] != (3,) or command.shape[-1:] != (2,):
+        if state.shape[-1:] != (STATES,) or command.shape[-1:] != (INPUTS,):
             raise ValueError(f"expected states (..., 3) and commands (..., 2), got {state.shape} and {command.shape}")
+        lead = np.broadcast_shapes(state.shape[:-1], command.shape[:-1])  # each robot slips on its own, whoever shares a command
+        state, command = np.broadcast_to(state, (*lead, STATES)), np.broadcast_to(command, (*lead, INPUTS))
         v, omega = command[..., 0], command[..., 1] * self.turn_gain
         if self.slip:
             alpha, beta, gamma = self._random.exponential(self.slip, (3, *v.shape))
@@ -95,7 +97,15 @@ def generate_dataset(
         Of starts and commands.
     u_max, x_max : array_like
         Commands are uniform on [-u_max, u_max] (m/s, rad/s), starts on [-x_max, x_max] (m, m, rad).
+
+    Raises
+    ------
+    DataError
+        For no episodes, no steps, or a period that is none.
     """
+    if episodes < 1 or steps < 1:
+        raise DataError(f"generate_dataset: expected at least one episode of at least one step, got {episodes} of {steps}")
+    dt = check_time("dt", dt)
     random = np.random.default_rng(seed)
     states = np.empty((episodes, steps + 1, STATES))
     states[:, 0] = random.uniform(-1.0, 1.0, (episodes, STATES)) * np.asarray(x_max)
