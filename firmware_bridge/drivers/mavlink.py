@@ -1,6 +1,7 @@
 """MAVLink driver for ArduPilot Rover: velocity and turn rate in GUIDED mode.
 
-PX4 is not driven: its rovers take other set-points (see docs), and a vehicle that is no ArduPilot rover is refused.
+PX4 is not driven: its rovers take a velocity vector for speed and heading and ignore the turn rate, and its manual control was not
+tested against anything. A vehicle that is no ArduPilot rover is refused.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from firmware_bridge.drivers.mavlink_options import MavlinkOptions
 from firmware_bridge.messages import ConfigError, LinkError, LinkStatus, State
 from firmware_bridge.transport import Transport
 
-TICK = 0.05
-"""Between looks at what is due [s]."""
+TICK = 0.047
+"""Between looks at what is due: no multiple of an autopilot's loop period, or all TIMESYNC requests would wait equally long in it [s]."""
 FAREWELL = 1.0
 """How long `close` waits for HOLD to be confirmed [s]."""
 
@@ -180,7 +181,7 @@ class MavlinkDriver:
             self._changed.notify_all()
 
     def _run(self) -> None:
-        """Look 20 times a second at what is due."""
+        """Look at what is due, time and again."""
         with self._changed:
             due = time.monotonic()
             while not self._closing:
