@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import zipfile
+import tomllib
 from pathlib import Path
 
 import numpy as np
 
+from kmpc_lite.border import read_npz, real_array, write_whole
+from kmpc_lite.dictionary import Array
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.sim.closed_loop import Outcome, Run
 from kmpc_lite.sim.scenario import Scenario
@@ -31,29 +32,27 @@ def save_run(run: Run, path: Path) -> None:
         "clearance": run.clearance if np.isfinite(run.clearance) else None,
         "info": run.info,
     }
-    temporary = path.with_name(path.name + ".part")
     try:
-        with open(temporary, "wb") as file:
+        with write_whole(path) as file:
             arrays = {name: getattr(run, name) for name in ARRAYS}
             np.savez_compressed(file, allow_pickle=False, header=np.array(json.dumps(header)), **arrays)
-        os.replace(temporary, path)
     except OSError as error:
         raise ScenarioError(f"{path}: cannot write the run: {error.strerror or error}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def load_run(path: Path) -> Run:
     """Read a run; ScenarioError for anything else."""
-    import tomllib
-
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            header = json.loads(str(archive["header"]))
-            arrays = {name: archive[name] for name in ARRAYS}
+        arrays, _ = read_npz(path, ("header", *ARRAYS))
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot read the run: {error.strerror or error}") from error
+    except ValueError as error:
+        raise ScenarioError(f"{path}: not a run that kmpc simulate wrote, or damaged: {error}") from error
+    try:
+        header = json.loads(str(arrays.pop("header")))
         if header["format"] != FORMAT or header["version"] != VERSION:
             raise ScenarioError(f"{path}: expected {FORMAT} version {VERSION}, got {header['format']} version {header['version']}")
-        scenario = Scenario.from_table(tomllib.loads(header["scenario"]), header["name"], str(path))
+        scenario = Scenario.from_table(tomllib.loads(str(header["scenario"])), header["name"], str(path))
         return Run(
             scenario=scenario,
             dt=float(header["dt"]),
@@ -61,12 +60,28 @@ def load_run(path: Path) -> Run:
             duration=float(header["duration"]),
             statuses=tuple(header["statuses"]),
             clearance=np.inf if header["clearance"] is None else float(header["clearance"]),
-            info=header["info"],
-            **arrays,
+            info=dict(header["info"]),
+            **_checked(arrays, len(header["statuses"])),
         )
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot read the run: {error.strerror or error}") from error
     except ScenarioError:
         raise
-    except (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, AttributeError) as error:
-        raise ScenarioError(f"{path}: not a run that kmpc simulate wrote: {error}") from error
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise ScenarioError(f"{path}: not a run that kmpc simulate wrote: {type(error).__name__} {error}") from error
+
+
+def _checked(arrays: dict[str, Array], steps: int) -> dict[str, Array]:
+    """Arrays of a run of so many steps, real numbers in the shapes that `Run` tells."""
+    checked = {name: real_array(arrays[name], name, ScenarioError) for name in ARRAYS}
+    substeps = (len(checked["path"]) - 1) // max(steps, 1)
+    stages = checked["plans"].shape[1] if checked["plans"].ndim == 3 else 0
+    expected = {
+        "states": (steps + 1, 3),
+        "path": (substeps * steps + 1, 3),
+        "inputs": (steps, 2),
+        "plans": (steps, stages, 3),
+        "step_times": (steps,),
+    }
+    for name, shape in expected.items():
+        if checked[name].shape != shape or not steps:
+            raise ValueError(f"{name}: expected shape {shape} for {steps} steps, got {checked[name].shape}")
+    return checked
