@@ -1,4 +1,4 @@
-"""The bytes of a link, both ways: recorded between driver and transport, and played back to a driver.
+"""The bytes of a link, both ways: recorded between driver and transport, read, and played back.
 
 MAVLink links make a tlog (before each frame its time, big-endian uint64 microseconds since 1970), which MAVProxy,
 QGroundControl and mavlogdump read. Other links make a raw log: after a magic line, records of monotonic microseconds
@@ -13,14 +13,14 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from firmware_bridge.messages import ConfigError, LinkError
+from firmware_bridge.messages import ConfigError
 from firmware_bridge.recorder import DurableFile
 from firmware_bridge.transport import OnBytes, Transport
 
 RAW_MAGIC = b"kmpc-bridge raw log 1\n"
 RAW_RECORD = struct.Struct(">QBH")
 TLOG_STAMP = struct.Struct(">Q")
-LONGEST = 0xFFFF
+LONGEST, LONGEST_PAUSE = 0xFFFF, 5.0
 V1, V2, SIGNED = 0xFE, 0xFD, 1
 """First bytes of MAVLink frames, and the flag of a signed one."""
 
@@ -161,59 +161,13 @@ def _read_tlog(content: bytes, path: Path) -> Iterator[Chunk]:
         yield Chunk(stamp * 1e-6, None, content[start:at])
 
 
-class ReplayTransport:
-    """Gives a driver the bytes of a log, as they came; what the driver sends goes nowhere.
-
-    Parameters
-    ----------
-    chunks : iterable of Chunk
-        What came in; chunks that went out are left out.
-    """
-
-    def __init__(self, chunks: Iterable[Chunk]) -> None:
-        self._chunks = [c for c in chunks if c.incoming is not False]
-        self._on_bytes: OnBytes | None = None
-        self._counters = dict.fromkeys(("bytes_in", "bytes_out", "reconnects", "dropped_frames", "refused_writes", "errors"), 0)
-        self.last_error = ""
-
-    @property
-    def duration(self) -> float:
-        """From the first chunk to the last [s]."""
-        return self._chunks[-1].time - self._chunks[0].time if self._chunks else 0.0
-
-    @property
-    def connected(self) -> bool:
-        """Whether a driver listens."""
-        return self._on_bytes is not None
-
-    @property
-    def counters(self) -> dict[str, int]:
-        """What was given, and what the driver sent."""
-        return dict(self._counters)
-
-    def start(self, on_bytes: OnBytes) -> None:
-        """Remember who listens."""
-        if self._on_bytes is not None:
-            raise LinkError("this link was started before: open a new one")
-        self._on_bytes = on_bytes
-
-    def write(self, data: bytes) -> bool:
-        """Count and forget."""
-        self._counters["bytes_out"] += len(data)
-        return True
-
-    def play(self, speed: float, clock: Callable[[], float], sleep: Callable[[float], None]) -> Iterator[float]:
-        """Hand over chunk by chunk at `speed` times the recorded pace; gives the time since the beginning [s] after each."""
-        assert self._on_bytes is not None
-        began = clock()
-        for chunk in self._chunks:
-            since = chunk.time - self._chunks[0].time
-            wait = began + since / speed - clock()
-            if wait > 0.0:
-                sleep(wait)
-            self._counters["bytes_in"] += len(chunk.data)
-            self._on_bytes(chunk.data, clock())
-            yield since
-
-    def close(self) -> None:
-        """Nothing to close."""
+def play(chunks: Iterable[Chunk], speed: float, clock: Callable[[], float], sleep: Callable[[float], None]) -> Iterator[Chunk]:
+    """Give chunks at `speed` times the recorded pace; a pause of the log of more than 5 s is cut to that."""
+    due, last = clock(), None
+    for chunk in chunks:
+        due += 0.0 if last is None else min(max(0.0, chunk.time - last), LONGEST_PAUSE) / speed
+        last = chunk.time
+        wait = due - clock()
+        if wait > 0.0:
+            sleep(wait)
+        yield chunk

@@ -131,6 +131,8 @@ class ControlLoop:
         self.statistics = Statistics()
         self.changes: deque[Change] = deque(maxlen=1000)
         """The gate's last changes of state."""
+        self.changes_total = 0
+        """How many there were."""
         self.snapshot: Snapshot | None = None
         self.stop_reason = ""
         """Why the loop ends, once it does."""
@@ -162,6 +164,7 @@ class ControlLoop:
             counts.pose_to_wire.add(self._clock() - latest[1])
         if output.state is not before:
             self.changes.append(Change(now - self._started, before, output.state, tuple(r.value for r in output.reasons)))
+            self.changes_total += 1
         self.snapshot = Snapshot(now, state, status, output)
         for observer in self._observers:
             try:

@@ -44,14 +44,15 @@ class SentCommands:
         """Remember what was sent at `now` [s]."""
         self._commands.append((now, v, omega))
 
-    def carry(self, state: State, until: float, predict: Predict = unicycle_arc) -> State:
-        """Predict a state on to `until` [s] with the commands sent since its stamp.
+    def carry(self, state: State, until: float, latency: float = 0.0, predict: Predict = unicycle_arc) -> State:
+        """Predict a state on to `until` [s] with the commands that act from its stamp on: those sent `latency` [s] before.
 
         Before the first command that is remembered, the state's own speeds hold.
         """
         v, omega = state.v, state.omega
         # a copy, since another thread adds
-        for start, next_v, next_omega in tuple(self._commands):
+        for sent, next_v, next_omega in tuple(self._commands):
+            start = sent + latency
             if start >= until:
                 break
             if start > state.stamp:
@@ -72,7 +73,7 @@ class Planner:
     period : float
         [s]
     latency : float
-        From a command on the wire to the wheels [s]; the pose is predicted that much farther.
+        From a command on the wire to the wheels [s]: what is planned starts from the pose as it will be then.
     predict : callable
         See `Predict`.
     clock : callable
@@ -111,7 +112,7 @@ class Planner:
             if state is None or not _usable(state, now):
                 return
             self.pose_age.add(now - state.stamp)
-            command = self._controller(self.sent.carry(state, now + self._latency, self._predict))
+            command = self._controller(self.sent.carry(state, now + self._latency, self._latency, self._predict))
             self.step_time.add(self._clock() - now)
             # the age of an output counts from the beginning of the computation: that is how old its grounds are
             self.latest = replace(command, stamp=min(command.stamp, now)), state.stamp

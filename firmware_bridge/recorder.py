@@ -79,6 +79,7 @@ class DurableFile(Generic[T]):
         """Records that were lost: the disk was too slow, or full."""
         self.size = 0
         """Bytes of whole records in the file."""
+        self._header_size = len(header)
         self._write(header)
         self._thread = threading.Thread(target=self._run, name=f"bridge-log-{path.suffix}", daemon=True)
         self._thread.start()
@@ -96,6 +97,11 @@ class DurableFile(Generic[T]):
             self._quit.set()
             self._thread.join()
             os.close(self._descriptor)
+
+    def discard_if_empty(self) -> None:
+        """Remove a closed file into which no record came."""
+        if self.size == self._header_size:
+            self.path.unlink(missing_ok=True)
 
     def _run(self) -> None:
         synced, due = time.monotonic(), False
@@ -258,11 +264,16 @@ class CsvRecorder:
         for tick in ticks:
             rows += self._sampler.finish(self._last) if tick is None else self._sampler.take(tick)
         self.rows += len(rows)
-        return "".join(",".join(f"{value:.6f}" for value in row) + "\n" for row in rows).encode()
+        return b"".join(map(csv_row, rows))
 
 
 def _finite(state: State) -> bool:
     return all(map(math.isfinite, (state.x, state.y, state.theta, state.v, state.omega)))
+
+
+def csv_row(row: Iterable[float]) -> bytes:
+    """Render one row."""
+    return (",".join(f"{value:.6f}" for value in row) + "\n").encode()
 
 
 def mend_csv(path: Path) -> int:

@@ -22,10 +22,11 @@ class Clock:
 
 
 class FakeDriver:
-    """A robot that does at once what it is told, and tells its pose `delay` late."""
+    """A robot that does exactly what it is told, `latency` late, and tells its pose `delay` late."""
 
-    def __init__(self, clock: Clock, delay: float = 0.0) -> None:
-        self.clock, self.delay = clock, delay
+    def __init__(self, clock: Clock, delay: float = 0.0, latency: float = 0.0) -> None:
+        self.clock, self.delay, self.latency = clock, delay, latency
+        self.coming: list[tuple[float, float, float]] = []
         self.path = [State(0.0, 0.0, 0.0, 0.0, 0.0, clock())]
         self.sent: list[tuple[float, float, float]] = []
         self.stops: list[float] = []
@@ -35,10 +36,18 @@ class FakeDriver:
         self.silent_since = -math.inf
         self.taken = 0
 
-    def _move(self) -> State:
+    def move(self) -> State:
+        """Go on to the present and give the true state."""
+        while self.coming and self.coming[0][0] + self.latency <= self.clock():
+            at, v, omega = self.coming.pop(0)
+            here = self._roll(at + self.latency)
+            self.path[-1] = State(here.x, here.y, here.theta, v, omega, here.stamp)
+        return self._roll(self.clock())
+
+    def _roll(self, until: float) -> State:
         last = self.path[-1]
-        if self.clock() > last.stamp:
-            self.path.append(unicycle_arc(last, last.v, last.omega, self.clock() - last.stamp))
+        if until > last.stamp:
+            self.path.append(unicycle_arc(last, last.v, last.omega, until - last.stamp))
         return self.path[-1]
 
     def _fail(self, name: str) -> None:
@@ -50,7 +59,7 @@ class FakeDriver:
 
     def state(self) -> State | None:
         self._fail("state")
-        self._move()
+        self.move()
         until = (self.silent_since if self.silent else self.clock()) - self.delay
         return next((s for s in reversed(self.path) if s.stamp <= until + 1e-9), None)
 
@@ -62,14 +71,14 @@ class FakeDriver:
     def send(self, v: float, omega: float) -> None:
         self._fail("send")
         assert math.isfinite(v) and math.isfinite(omega)
-        here = self._move()
-        self.path[-1] = State(here.x, here.y, here.theta, v, omega, here.stamp)
+        self.coming.append((self.clock(), v, omega))
+        self.move()
         self.sent.append((self.clock(), v, omega))
 
     def stop(self) -> None:
         self._fail("stop")
-        here = self._move()
-        self.path[-1] = State(here.x, here.y, here.theta, 0.0, 0.0, here.stamp)
+        self.coming.append((self.clock(), 0.0, 0.0))
+        self.move()
         self.stops.append(self.clock())
         self.ready = self.ready and self.silent  # as an autopilot does that goes to HOLD
 

@@ -21,11 +21,11 @@ TICK = 0.02
 class Bench:
     """Loop, planner, gate and fake robot on one clock; the planner is stepped every `period`."""
 
-    def __init__(self, controller=None, period: float = 0.1, delay: float = 0.0, **options) -> None:
+    def __init__(self, controller=None, period: float = 0.1, delay: float = 0.0, latency: float = 0.0, **options) -> None:
         self.clock = Clock()
-        self.driver = FakeDriver(self.clock, delay)
+        self.driver = FakeDriver(self.clock, delay, latency)
         self.controller = constant(self.clock) if controller is None else controller
-        self.planner = Planner(lambda state: self.controller(state), self.driver.state, period, clock=self.clock)
+        self.planner = Planner(lambda state: self.controller(state), self.driver.state, period, latency, clock=self.clock)
         self.gate = SafetyGate(GateSettings())
         self.loop = ControlLoop(
             self.driver, self.gate, self.planner, clock=self.clock, sleep=self.clock.sleep, take=self.driver.take, **options
@@ -75,7 +75,7 @@ def test_the_controller_gets_the_pose_as_it_is_now_however_late_it_came(delay):
     seen = []
 
     def controller(state):
-        truth = bench.driver._move()
+        truth = bench.driver.move()
         seen.append(math.hypot(state.x - truth.x, state.y - truth.y) + abs(state.theta - truth.theta))
         assert state.stamp == pytest.approx(bench.clock())
         return VelocityCommand(0.3 * math.sin(bench.clock()), 0.5 * math.cos(2 * bench.clock()), bench.clock())
@@ -87,14 +87,25 @@ def test_the_controller_gets_the_pose_as_it_is_now_however_late_it_came(delay):
     assert bench.planner.pose_age.quantile(0.5) == pytest.approx(delay, rel=0.02, abs=1e-5)
 
 
-def test_a_wished_latency_is_predicted_too():
-    seen = []
-    clock = Clock()
-    driver = FakeDriver(clock)
-    planner = Planner(lambda s: seen.append(s) or VelocityCommand(0.0, 0.0, clock()), driver.state, 0.1, latency=0.15, clock=clock)
-    planner.sent.add(clock(), 0.4, 0.0)
-    planner.step(clock())
-    assert seen[0].x == pytest.approx(0.06)
+@pytest.mark.parametrize("latency", [0.04, 0.13, 0.3])
+def test_dead_time_is_planned_for_from_the_pose_at_its_end(latency):
+    expected = []
+
+    def controller(state):
+        assert state.stamp == pytest.approx(bench.clock() + latency)
+        expected.append(state)
+        return VelocityCommand(0.3 * math.sin(bench.clock()), 0.5 * math.cos(2 * bench.clock()), bench.clock())
+
+    bench = Bench(controller, delay=0.06, latency=latency)
+    bench.drive()
+    bench.run(5.0)
+    by_stamp = {round(s.stamp, 6): s for s in bench.driver.path}
+    errors = [
+        math.hypot(truth.x - s.x, truth.y - s.y) + abs(truth.theta - s.theta)
+        for s in expected[5:]
+        if (truth := by_stamp.get(round(s.stamp, 6))) is not None
+    ]
+    assert len(errors) > 40 and max(errors) < 1e-9
 
 
 def test_a_controller_that_raises_stops_the_robot_and_may_recover():

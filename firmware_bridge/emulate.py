@@ -1,0 +1,93 @@
+"""Serve an emulated robot on a link until somebody ends it."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from typing import Any, Protocol, TextIO
+
+from firmware_bridge.messages import ConfigError
+from firmware_bridge.robot_file import Robot
+from firmware_bridge.transport.url import LinkUrl
+
+SHOWN = 0.5
+"""Between pictures of the pose [s]."""
+
+
+class Emulator(Protocol):
+    """The other end of a link."""
+
+    def start(self, url: str) -> None:
+        """Serve."""
+        ...
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """True x, y [m], theta [rad]."""
+        ...
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it stands, or is told to."""
+        ...
+
+    def close(self) -> None:
+        """Stop serving."""
+        ...
+
+
+def build_emulator(robot: Robot, start: tuple[float, float, float], slip: float, turn_gain: float, seed: int, arm_after: float) -> Emulator:
+    """Build the board of a robot file with a robot under it that stands at `start`."""
+    floor: dict[str, Any] = {"slip": slip, "turn_gain": turn_gain, "seed": seed}
+    if robot.is_autopilot:
+        from firmware_bridge.emulator.rover import RoverEmulator
+
+        return RoverEmulator(**floor, pose=start, arm_after=arm_after, system=robot.sections.get("board", {}).get("system", 1))
+    emulator: Any
+    if robot.link.driver == "roboclaw":
+        from firmware_bridge.emulator.roboclaw import RoboClawEmulator
+
+        emulator = RoboClawEmulator.from_options(robot.driver_table(), **floor)
+    elif robot.link.driver == "odrive":
+        from firmware_bridge.emulator.odrive import ODriveEmulator
+
+        emulator = ODriveEmulator.from_options(robot.driver_table(), **floor)
+    else:
+        from firmware_bridge.emulator.vesc import VescEmulator
+
+        emulator = VescEmulator.from_options(robot.driver_table(), **floor)
+    emulator.place(*start)
+    built: Emulator = emulator
+    return built
+
+
+def emulate(emulator: Emulator, url: str, seconds: float | None, out: TextIO | None) -> dict[str, Any]:
+    """Serve until SIGINT, SIGTERM, or for so long [s]; tells the last pose.
+
+    Raises
+    ------
+    ConfigError, LinkError
+        Where the link cannot be served.
+    """
+    if LinkUrl.parse(url).kind == "serial":
+        raise ConfigError(f"link {url}: an emulator serves pty:, tcp: or udp:; give --link")
+    done = threading.Event()
+    handlers = {number: signal.signal(number, lambda *_: done.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    until = None if seconds is None else time.monotonic() + seconds
+    try:
+        emulator.start(url)
+        if out is not None:
+            out.write(f"serving {url}; Ctrl-C ends\n")
+            out.flush()
+        while not done.is_set() and (until is None or time.monotonic() < until):
+            done.wait(SHOWN if until is None else min(SHOWN, max(0.0, until - time.monotonic())))
+            if out is not None and out.isatty():
+                x, y, theta = emulator.pose
+                out.write(f"\r\x1b[2Kx {x:8.3f} m   y {y:8.3f} m   theta {theta:7.3f} rad   {'stands' if emulator.stopped else 'moves'}")
+                out.flush()
+        return {"link": url, "pose": [round(c, 6) for c in emulator.pose], "stopped": emulator.stopped}
+    finally:
+        emulator.close()
+        for number, handler in handlers.items():
+            signal.signal(number, handler)

@@ -1,0 +1,187 @@
+"""Robot files: link, board, geometry, limits, safety, frame and control of one robot, in TOML.
+
+Command-line options are laid over the file before anything is checked, so both go the same way.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from firmware_bridge.limits import Limits
+from firmware_bridge.loop import TICK
+from firmware_bridge.messages import ConfigError
+from firmware_bridge.options import bounded, check, from_table
+from firmware_bridge.safety import GateSettings
+
+DRIVERS = ("mavlink", "roboclaw", "odrive", "vesc")
+SECTIONS = ("link", "board", "geometry", "limits", "safety", "frame", "control")
+LOOSE = 1.5
+"""The watchdog must be this many control periods long, or one late plan would stop the robot."""
+
+
+@dataclass(frozen=True)
+class LinkOptions:
+    """The ``[link]`` section."""
+
+    url: str
+    """serial:PATH?baud=..., pty:PATH, tcp:HOST:PORT or udp:HOST:PORT."""
+    driver: str
+    timeout: float = bounded(0.1, 300.0, "s", 10.0)
+    """How long the board may take to answer [s]."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if self.driver not in DRIVERS:
+            raise ConfigError(f"driver: expected {', '.join(DRIVERS)}, got {self.driver!r}")
+        check(self)
+
+
+@dataclass(frozen=True)
+class ControlOptions:
+    """The ``[control]`` section."""
+
+    period: float | None = bounded(0.01, 1.0, "s", None)
+    """Of the controller [s]; the model's where not given."""
+    command_period: float = bounded(TICK, 0.2, "s", TICK)
+    """Of commands on the wire while driving [s]."""
+    latency: float = bounded(0.0, 0.5, "s", 0.0)
+    """From a command on the wire to the wheels [s]."""
+    model: str | None = None
+    """File of a learned model; the nominal unicycle where not given."""
+    scenario: str | None = None
+    """Scenario file, or the name of one that comes with kmpc_lite."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check(self)
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A checked robot file."""
+
+    where: str
+    """What to call it in messages."""
+    link: LinkOptions
+    gate: GateSettings
+    control: ControlOptions
+    origin: tuple[float, float, float] | None = None
+    """Pose of the vehicle's own frame in the scenario's [m, m, rad]; None: the scenario's start for wheel odometry, else zero."""
+    socket: Path | None = None
+    """Of the emergency stop; the user's default where not given."""
+    sections: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """As read; `board` and `geometry` are checked by the driver."""
+
+    @property
+    def is_autopilot(self) -> bool:
+        """Whether the board has a pilot, modes and a pose of its own."""
+        return self.link.driver == "mavlink"
+
+    def driver_table(self) -> Mapping[str, Any]:
+        """Give the driver's `from_options` what it takes."""
+        board, geometry = self.sections.get("board", {}), self.sections.get("geometry", {})
+        if self.is_autopilot and geometry:
+            raise ConfigError("[geometry]: an autopilot has its own; leave the section out")
+        return {"board": board, "geometry": geometry}
+
+
+def load_robot(path: str | os.PathLike[str] | None, overrides: Mapping[str, Mapping[str, Any]] | None = None) -> Robot:
+    """Read a robot file.
+
+    Parameters
+    ----------
+    path : path or None
+        None where all comes from the command line.
+    overrides : mapping
+        Sections and keys that replace those of the file; None as a value replaces nothing.
+
+    Raises
+    ------
+    ConfigError
+        Names file, section and key.
+    """
+    where = "command line" if path is None else str(path)
+    table = {} if path is None else _read(Path(path))
+    sections: dict[str, dict[str, Any]] = {}
+    for name in (*table, *(overrides or {})):
+        if name not in SECTIONS:
+            raise ConfigError(f"{where}: unknown section [{name}]; expected {', '.join(f'[{s}]' for s in SECTIONS)}")
+        content = table.get(name, {})
+        if not isinstance(content, Mapping):
+            raise ConfigError(f"{where}: [{name}] must be a section, got {content!r}")
+        given = {k: v for k, v in (overrides or {}).get(name, {}).items() if v is not None}
+        sections[name] = {**content, **given}
+    try:
+        return _robot(where, sections)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from None
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot read the robot file: {error.strerror or error}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not TOML: {error}") from error
+
+
+def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
+    link_table = sections.get("link", {})
+    for key, option in (("url", "--link URL"), ("driver", "--driver NAME")):
+        if key not in link_table:
+            raise ConfigError(f"link.{key}: missing: give {option}, or a robot file")
+    link = from_table(LinkOptions, link_table, "link")
+    control = from_table(ControlOptions, sections.get("control", {}), "control")
+    limits = from_table(Limits, sections.get("limits", {}), "limits")
+    safety = dict(sections.get("safety", {}))
+    socket = safety.pop("socket", None)
+    if socket is not None and not isinstance(socket, str):
+        raise ConfigError(f"safety.socket: expected a path, got {socket!r}")
+    settings = [f.name for f in fields(GateSettings) if f.name not in ("limits", "pilot")]
+    for key in safety:
+        if key not in settings:
+            raise ConfigError(f"safety.{key}: unknown key; [safety] takes {', '.join(settings)}, socket")
+    if isinstance(safety.get("geofence"), list):
+        safety["geofence"] = tuple(safety["geofence"])
+    try:
+        gate = GateSettings(limits=limits, pilot=link.driver == "mavlink", **safety)
+    except ConfigError as error:
+        raise ConfigError(f"safety.{error}") from None
+    except TypeError:  # a geofence that is no list
+        raise ConfigError(f"safety.geofence: expected [xmin, ymin, xmax, ymax] in m, got {safety['geofence']!r}") from None
+    if control.period is not None:
+        check_period(control.period, gate)
+    return Robot(where, link, gate, control, _origin(sections.get("frame", {})), None if socket is None else Path(socket), sections)
+
+
+def check_period(period: float, gate: GateSettings) -> None:
+    """Refuse a control period [s] that the watchdog could not tell from a dead controller."""
+    if LOOSE * period > gate.watchdog:
+        raise ConfigError(
+            f"control.period: {period:g} s is too long for a watchdog of {gate.watchdog:g} s: "
+            f"expected at most {gate.watchdog / LOOSE:.3g} s, or a longer safety.watchdog"
+        )
+
+
+def _origin(frame: Mapping[str, Any]) -> tuple[float, float, float] | None:
+    for key in frame:
+        if key != "origin":
+            raise ConfigError(f"frame.{key}: unknown key; [frame] takes origin")
+    origin = frame.get("origin")
+    if origin is None:
+        return None
+    numbers = [x for x in origin if _is_number(x)] if isinstance(origin, list | tuple) else []
+    if len(numbers) != 3 or len(origin) != 3:
+        raise ConfigError(f"frame.origin: expected [x, y, theta] in m and rad, got {origin!r}")
+    return float(numbers[0]), float(numbers[1]), float(numbers[2])
+
+
+def _is_number(value: object) -> bool:
+    return not isinstance(value, bool) and isinstance(value, int | float) and math.isfinite(value)
