@@ -252,7 +252,7 @@ class KoopmanModel:
         """
         x, u, past = self._check(x, u, history)
         w = self.dictionary.inputs(u, past)
-        lead, nw = w.shape[:-1], w.shape[-1]
+        lead = w.shape[:-1]
         matrix = (w @ self._H_by_input).reshape(*lead, *self._A.shape) + self._A
         offset = w @ self._B.T
 
