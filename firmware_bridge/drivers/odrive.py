@@ -97,7 +97,7 @@ class ODriveOptions:
     """Clear any standing error on connect; else only an expired watchdog."""
     command_timeout: float = bounded(0.05, 10.0, "s", 0.25)
     """The driver sends zero when the last command is older [s]; less than the watchdog, so that the motors brake before they disarm."""
-    poll_hz: float = bounded(1.0, 200.0, "Hz", 50.0)
+    poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)
     reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)
 
     def __post_init__(self) -> None:
@@ -130,7 +130,7 @@ class ODriveDriver(PolledDriver):
         self._armed = False
         self._axis_errors = [0, 0]
         self._fed = -math.inf
-        self.hint = "is it powered, wired TX to RX, with its UART or USB in ASCII mode?"
+        self.hint = "is it powered, wired TX to RX, with its UART or USB in ASCII mode at this baud rate?"
 
     @classmethod
     def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> ODriveDriver:

@@ -82,7 +82,7 @@ class RoboClawOptions:
     """Of the rim, by the board [m/s^2]; none: as fast as its speed loop can."""
     command_timeout: float = bounded(0.05, 10.0, "s", 0.5)
     """The driver sends zero when the last command is older [s]: its questions alone would feed the board's watchdog."""
-    poll_hz: float = bounded(1.0, 200.0, "Hz", 50.0)
+    poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)
     reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)
 
     def __post_init__(self) -> None:

@@ -74,7 +74,7 @@ class VescOptions:
     """Brake with this current at zero speed [A]; 0: zero ERPM, under which VESCs let the motor roll."""
     command_timeout: float = bounded(0.05, 0.9, "s", 0.5)
     """The driver sends zero when the last command is older [s]; below the board's own second."""
-    poll_hz: float = bounded(1.0, 200.0, "Hz", 50.0)
+    poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)
     reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)
 
     def __post_init__(self) -> None:

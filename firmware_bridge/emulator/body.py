@@ -12,6 +12,8 @@ from kmpc_lite.sim.robots import DifferentialDrive
 
 STEP = 0.01
 """[s]"""
+TOP = 3.0
+"""Motors go no faster than so many times the robot's limit."""
 COAST = 0.4
 """Time constant of a motor that is let go [s]."""
 STILL = 1e-3
@@ -37,6 +39,7 @@ class Body:
         self._geometry, self._lag = geometry, lag
         self._floor = DifferentialDrive(slip=slip, seed=seed, turn_gain=turn_gain)
         self._start, self._steps = now, 0
+        self._top = TOP * geometry.max_wheel_speed / geometry.wheel_radius * geometry.gear_ratio / math.tau
         self._pose = np.zeros(3)
         self.command = [0.0, 0.0]
         """Set-points of both channels, motor turns per second."""
@@ -76,7 +79,7 @@ class Body:
 
     def _step(self) -> None:
         for i in (0, 1):
-            change = self.command[i] - self._ramped[i]
+            change = min(max(self.command[i], -self._top), self._top) - self._ramped[i]
             self._ramped[i] += math.copysign(min(abs(change), self.ramp * STEP), change)
             target, lag = (self._ramped[i], self._lag) if self.driven[i] else (0.0, COAST)
             speed = target + (self.speeds[i] - target) * (math.exp(-STEP / lag) if lag else 0.0)

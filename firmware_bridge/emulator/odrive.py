@@ -127,6 +127,8 @@ class ODriveEmulator(BoardEmulator):
             number, values = int(words[0]), [float(word) for word in words[1:]]
         except (ValueError, IndexError):
             return "invalid command format"
+        if not all(map(math.isfinite, values)):
+            return "invalid command format"
         if number not in (0, 1):
             return f"invalid motor {number}"
         axis, channel = self.axes[number], self._channel.get(number, number)
@@ -154,6 +156,8 @@ class ODriveEmulator(BoardEmulator):
         try:
             value = float(words[0])
         except (ValueError, IndexError):
+            return "not implemented"
+        if not math.isfinite(value):
             return "not implemented"
         if name == "config.enable_watchdog":
             axis.enable_watchdog = bool(value)

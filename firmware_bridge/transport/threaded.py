@@ -143,12 +143,16 @@ class ThreadedTransport:
     def _run(self) -> None:
         try:
             while not self._closing:
+                was_open = self._port is not None
                 try:
                     self._turn()
+                    continue
                 except OSError as error:
                     self._down(str(error))
                 except Exception as error:  # a bug in a callback must not end the thread: it counts as a lost link
                     self._down(f"{type(error).__name__}: {error}")
+                if not was_open:
+                    self._poll(None, None, BACKOFF_LAST)  # a door that cannot be opened stays ready: do not spin on it
             if self._port is not None:
                 self._send()  # the last words, as far as the port takes them at once
         except OSError as error:
