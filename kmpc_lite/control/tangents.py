@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -24,8 +25,8 @@ ARC_STEP = 0.15
 """Turn between two points of an arc [rad]; at 0.5 m the chord cuts 1.4 mm."""
 TURNING_RADIUS = (0.3, 0.5)
 """Radius of the circles to turn on: as a share of the distance to the goal, and at the most [m]."""
-PATIENT_PASSES = 1
-"""Searches that add only the circles that were cut; the next ones add the walls to which those belong."""
+MANY = 20000
+"""Tangents times circles from which on tangents are sorted out in two steps."""
 NOTHING = 1e-9
 """Time of an arc of no length [s]: a zero would not count as an edge."""
 FIRST_SENSE = np.array([1.0, 1.0, -1.0, -1.0])
@@ -77,8 +78,9 @@ def quickest_ways(
 ) -> Iterator[Way]:
     """Yield ways from a pose to a pose, the quickest first: one for each first tangent and direction of driving.
 
-    Only circles that the quickest way would cut without them make it into the graph, so that far ones cost next to nothing;
-    the first way is the quickest of all around all circles, the later ones are a choice.
+    Only circles that the quickest way would cut without them, and the walls of circles that overlap with these, make it into the
+    graph, so that far ones cost next to nothing; the first way is the quickest of all around all circles, the later ones are a
+    choice.
 
     Parameters
     ----------
@@ -99,7 +101,6 @@ def quickest_ways(
         None at all where the circles leave no way.
     """
     known = cut_circles(np.stack([start[:2], goal[:2]]), centres, radii)
-    passes = 0
     while True:
         found = 0
         for way in _graph_ways(centres[known], radii[known], start, goal, area, speed, can_reverse):
@@ -111,10 +112,7 @@ def quickest_ways(
                 break
         else:
             return
-        passes += 1
-        if passes > PATIENT_PASSES:
-            cut |= _walls(known | cut, centres, radii)
-        known |= cut
+        known = _walls(known | cut, centres, radii)
 
 
 def _walls(known: Array, centres: Array, radii: Array) -> Array:
@@ -159,7 +157,10 @@ def _graph_ways(
     driving = lengths / speed[0]
     arc_time = turn * np.maximum(1.0 / speed[1], sizes[circle[tail]] / speed[0]) + NOTHING
     times = np.concatenate([driving, driving, arc_time, np.full(4, NOTHING), final.ravel()])
-    graph = csr_matrix((times, (tails, heads)), (size, size))
+    by_tail = np.argsort(tails, kind="stable")
+    begins = np.zeros(size + 1, dtype=np.int32)
+    np.cumsum(np.bincount(tails, minlength=size), out=begins[1:])
+    graph = csr_matrix((times[by_tail], heads[by_tail].astype(np.int32), begins), (size, size))
     distance, before = dijkstra(graph, indices=(size - 2, size - 1), return_predecessors=True)
 
     # candidates: tangents that end at the start, with a turn there first, and the circles beside it
@@ -185,21 +186,29 @@ def _graph_ways(
         yield Way(corners, along, float(total[gear, column]), gear == 1)
 
 
+@lru_cache(maxsize=64)
+def _pairs(count: int) -> tuple[Array, Array, Array]:
+    """Pairs of circles (P,), (P,), and which of their four tangents make sense (P, 4)."""
+    first, second = np.triu_indices(count + TURNING + 2, 1)
+    sensible = np.ones((len(first), 4), dtype=bool)
+    # a point has no sense of rotation: keep one of two equal lines
+    sensible[first >= count + TURNING, 2:] = False
+    sensible[second >= count + TURNING, 1::2] = False
+    # nothing joins what belongs to one pose
+    group = np.concatenate([np.arange(count), np.repeat((count, count + 1), 2), (count, count + 1)])
+    sensible[group[first] == group[second]] = False
+    return first, second, sensible
+
+
 def _tangents(points: Array, sizes: Array, count: int, area: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Free tangents: circles (T,), (T,), senses (T, 2), ends (T, 2, 2), directions (T, 2), lengths (T,)."""
-    first, second = np.triu_indices(len(points), 1)
+    first, second, sensible = _pairs(count)
     offset = points[second] - points[first]
     distance = np.sqrt(np.einsum("pi,pi->p", offset, offset)) + 1e-12
     along = offset / distance[:, None]
     # cosine between the line of centres and the tangent's right-hand normal
     cosine = (sizes[first, None] * FIRST_SENSE - sizes[second, None] * SECOND_SENSE) / distance[:, None]
-    exists = np.abs(cosine) < 1.0
-    # a point has no sense of rotation: keep one of two equal lines
-    exists[first >= count + TURNING, 2:] = False
-    exists[second >= count + TURNING, 1::2] = False
-    # nothing joins what belongs to one pose
-    group = np.concatenate([np.arange(count), np.repeat((count, count + 1), 2), (count, count + 1)])
-    exists[group[first] == group[second]] = False
+    exists = sensible & (np.abs(cosine) < 1.0)
     pair, kind = np.nonzero(exists)
     cosine = cosine[pair, kind]
     sine = -np.sqrt(1.0 - cosine * cosine)
@@ -217,16 +226,22 @@ def _tangents(points: Array, sizes: Array, count: int, area: Array) -> tuple[Arr
 
     free = ((ends >= area[:2] - TOUCHING) & (ends <= area[2:] + TOUCHING)).all(axis=(1, 2))
     if count:
+        centres, square = points[:count], np.maximum(sizes[:count] - TOUCHING, 0.0) ** 2
+        if len(first) * count > MANY:
+            # most end inside another circle, which is seen faster
+            flat = ends.reshape(-1, 2)
+            gap = np.einsum("ei,ei->e", flat, flat)[:, None] - 2.0 * flat @ centres.T + np.einsum("mi,mi->m", centres, centres) - square
+            free &= (gap >= 0.0).all(axis=1).reshape(-1, 2).all(axis=1)
+        look = np.flatnonzero(free)
         # squared distance of every centre to every line
-        reach = points[None, :count] - ends[:, :1]
-        nearest = np.clip(np.einsum("tmi,ti->tm", reach, directions), 0.0, lengths[:, None])
-        reach -= nearest[..., None] * directions[:, None]
-        gap = np.einsum("tmi,tmi->tm", reach, reach) - np.maximum(sizes[:count] - TOUCHING, 0.0) ** 2
-        rows = np.arange(len(first))
-        for own in (first, second):
+        reach = centres - ends[look, :1]
+        nearest = np.clip(np.einsum("tmi,ti->tm", reach, directions[look]), 0.0, lengths[look, None])
+        reach -= nearest[..., None] * directions[look, None]
+        gap = np.einsum("tmi,tmi->tm", reach, reach) - square
+        for own in (first[look], second[look]):
             is_circle = own < count
-            gap[rows[is_circle], own[is_circle]] = 0.0
-        free &= gap.min(axis=1) >= 0.0
+            gap[np.flatnonzero(is_circle), own[is_circle]] = 0.0
+        free[look] = gap.min(axis=1) >= 0.0
     return first[free], second[free], sense[free], ends[free], directions[free], lengths[free]
 
 
