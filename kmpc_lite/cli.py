@@ -13,7 +13,7 @@ import sys
 import time
 from concurrent.futures import Executor, ProcessPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 # Worker processes load NumPy anew and inherit this: one BLAS thread each, more only get in each other's way.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
@@ -42,17 +42,30 @@ def main(arguments: list[str] | None = None) -> int:
     except kl.KmpcError as error:
         print(f"kmpc: {error}", file=sys.stderr)
         return 2
+    except BrokenPipeError:
+        # whoever read the output has left; what is still buffered must not fail a second time
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
     except OSError as error:
-        print(f"kmpc: {error.filename or ''}: {error.strerror or error}", file=sys.stderr)
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"kmpc: {where}{error.strerror or error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("kmpc: stopped", file=sys.stderr)
         return 130
 
 
+class OneLineParser(argparse.ArgumentParser):
+    """Tells what is wrong with a command line in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print one line and exit with status 2."""
+        self.exit(2, f"{self.prog}: {message} (see {self.prog} --help)\n")
+
+
 def _parser() -> argparse.ArgumentParser:
     raw = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(prog="kmpc", description="Learn a robot from its log and drive it past obstacles to a pose.")
+    parser = OneLineParser(prog="kmpc", description="Learn a robot from its log and drive it past obstacles to a pose.")
     parser.add_argument("--version", action="version", version=f"kmpc_lite {kl.__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
 
@@ -209,6 +222,7 @@ def run_bench(options: argparse.Namespace) -> int:
 
 def run_fit(options: argparse.Namespace) -> int:
     """Fit a log, print the held-out errors, write the model."""
+    _keep_inputs(options.output, *options.log)
     train, held = load_and_split(options.log, options.dt, options.gap, options.holdout, options.seed)
     dictionary = make_dictionary(options.dictionary, options.lags, options.product)
     model = kl.fit(train, dictionary, method=options.method)
@@ -227,6 +241,8 @@ def run_fit(options: argparse.Namespace) -> int:
 
 def run_simulate(options: argparse.Namespace) -> int:
     """Drive one scenario."""
+    for output in (options.output, options.report):
+        _keep_inputs(output, options.model, Path(options.scenario))
     scenario = Scenario.load(options.scenario)
     changes = {k: v for k, v in (("slip", options.slip), ("margin", options.margin), ("seed", options.seed)) if v is not None}
     scenario = Scenario.from_table(_overridden(scenario, changes), scenario.name, "command line")
@@ -249,6 +265,7 @@ def run_report(options: argparse.Namespace) -> int:
     """Make the page or the pictures of a run."""
     from kmpc_lite.report import write_pictures, write_report
 
+    _keep_inputs(options.output, options.file, options.model)
     run = Run.load(options.file)
     model = kl.KoopmanModel.load(options.model) if options.model else None
     written = []
@@ -264,12 +281,15 @@ def run_report(options: argparse.Namespace) -> int:
 
 def run_study(options: argparse.Namespace) -> int:
     """Run table 1 on all cores."""
-    from kmpc_lite.sim.study import format_table1, table1
+    from kmpc_lite.sim.study import DT, TABLE_1_CONTROLLERS, format_table1, table1
 
     scenario = Scenario.load(options.scenario)
     for name in ("trials", "workers"):
         if getattr(options, name) < 1:
             raise kl.ProblemError(f"--{name}: expected a whole number >= 1, got {getattr(options, name)}")
+    for row in TABLE_1_CONTROLLERS:
+        # what is missing is told now, not after minutes of training
+        row.build(kl.nominal_unicycle(DT), scenario)
     bar = Progress("table 1", quiet=options.json)
     with worker_pool(options.workers) as executor:
         cells = table1(scenario, executor, options.trials, progress=bar)
@@ -283,16 +303,17 @@ def run_demo(options: argparse.Namespace) -> int:
 
     say = (lambda text: None) if options.json else print
     folder: Path = options.output
-    folder.mkdir(parents=True, exist_ok=True)
     scenario = Scenario.load("four_circles_1")
     log = options.log or folder / "drive.csv"
     if options.log is None:
+        folder.mkdir(parents=True, exist_ok=True)
         say(f"1  recording 200 s of driving on a floor that slips (mean slip {scenario.slip:g}): {log}")
         plant = kl.DifferentialDrive(scenario.slip, seed=1)
         kl.generate_dataset(plant, episodes=20, steps=100, dt=SHORTEST_PERIOD, seed=1, u_max=(0.6, 0.8)).save(log)
     else:
         say(f"1  reading {log}")
     train, held = load_and_split([log], None, None, 0.5, 0)
+    folder.mkdir(parents=True, exist_ok=True)
     model = kl.fit(train, make_dictionary("trig", None, False))
     report = kl.evaluate(model, held, 1.0)
     model = with_info(model, {"held_out": report.as_dict(), "log": [str(log)]})
@@ -315,12 +336,21 @@ def load_and_split(logs: list[Path], dt: float | None, gap: float | None, holdou
     """Read logs at one period and part them, by episodes, into what is learned from and what is kept for the check."""
     if not 0.0 < holdout < 1.0:
         raise kl.DataError(f"--holdout: expected a share between 0 and 1, got {holdout}")
+    if seed < 0:
+        raise kl.DataError(f"--seed: expected a whole number >= 0, got {seed}")
     if dt is None:
         dt = max(SHORTEST_PERIOD, read_period(logs[0]))
     data = kl.Dataset([e for log in logs for e in kl.Dataset.load(log, dt=dt, gap=gap).episodes])
     if len(data) < 10:
         data = data.windows(max(5.0, 50 * dt))
     return data.split(1.0 - holdout, seed=seed)
+
+
+def _keep_inputs(output: Path | None, *inputs: Path | None) -> None:
+    """Refuse to write over a file that is read."""
+    for file in inputs:
+        if output is not None and file is not None and output.resolve() == file.resolve():
+            raise kl.DataError(f"{output}: would be written over, but is read too; choose another name for what is written")
 
 
 def make_dictionary(name: str, lags: list[int] | None, product: bool) -> kl.Dictionary:
