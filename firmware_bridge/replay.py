@@ -9,8 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.link_log import Chunk, play, read_link_log
-from firmware_bridge.messages import ConfigError, State
+from firmware_bridge.messages import ConfigError, LinkError, State
 from firmware_bridge.recorder import HEADER, DurableFile, RowSampler, Tick, csv_row
+
+LISTENER_WAIT = 30.0
+"""How long to wait for somebody to play to [s]; a pseudo-terminal cannot tell, and plays at once."""
 
 
 def replay(log: Path, csv: str | None, period: float, system: int, link: str | None, speed: float) -> dict[str, Any]:
@@ -93,9 +96,11 @@ def serve_log(chunks: list[Chunk], url: str, speed: float) -> int:
     transport, written = serve(url), 0
     transport.start(lambda data, stamp: None)
     try:
-        until = time.monotonic() + 30.0
-        while not transport.connected and time.monotonic() < until:
-            time.sleep(0.05)
+        until = time.monotonic() + LISTENER_WAIT
+        while not transport.connected:
+            if time.monotonic() > until:
+                raise LinkError(f"{url}: nobody came to listen within {LISTENER_WAIT:g} s")
+            time.sleep(0.02)
         for chunk in play([c for c in chunks if c.incoming is not False], speed, time.monotonic, time.sleep):
             written += len(chunk.data) if transport.write(chunk.data) else 0
         time.sleep(0.1)

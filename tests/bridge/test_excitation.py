@@ -30,11 +30,11 @@ def drive(controller, limits, seconds, lag, delay, gain, period=0.1, dt=0.02):
     return out
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(("lag", "delay", "gain"), [(0.05, 0.02, 1.0), (0.3, 0.15, 1.1)])
 def test_it_never_leaves_the_fence(seed, lag, delay, gain):
     limits = Limits()
-    for state, (v, omega), _ in drive(Excitation(FENCE, limits, seed=seed), limits, 300.0, lag, delay, gain):
+    for state, (v, omega), _ in drive(Excitation(FENCE, limits, seed=seed), limits, 200.0, lag, delay, gain):
         assert FENCE[0] <= state.x <= FENCE[2] and FENCE[1] <= state.y <= FENCE[3]
         assert abs(v) <= limits.v_max and abs(omega) <= limits.omega_max
 

@@ -1,0 +1,180 @@
+"""Robot files: what they hold, and the one line that tells what is wrong."""
+
+import math
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from firmware_bridge.messages import ConfigError, LinkStatus, State
+from firmware_bridge.placed import PlacedDriver
+from firmware_bridge.robot_file import DRIVERS, check_period, load_robot
+from firmware_bridge.safety import GateSettings
+from firmware_bridge.session import open_driver
+from firmware_bridge.transport import open_transport
+
+ROBOTS = Path(__file__).parents[2] / "docs" / "robots"
+LINK = '[link]\nurl = "tcp:127.0.0.1:1"\ndriver = "mavlink"\n'
+
+
+def write(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "robot.toml"
+    path.write_text(textwrap.dedent(text))
+    return path
+
+
+@pytest.mark.parametrize("path", sorted(ROBOTS.glob("*.toml")), ids=lambda p: p.stem)
+def test_the_files_of_the_docs_are_valid_and_their_drivers_can_be_built(path):
+    robot = load_robot(path)
+    assert robot.link.url.startswith("serial:") and robot.gate.geofence is not None
+    open_driver(robot, open_transport(robot.link.url)).close()
+
+
+def test_the_docs_have_a_file_for_every_driver():
+    assert {load_robot(p).link.driver for p in ROBOTS.glob("*.toml")} == set(DRIVERS)
+
+
+def test_everything_of_a_file_arrives(tmp_path):
+    robot = load_robot(
+        write(
+            tmp_path,
+            """
+            [link]
+            url = "pty:robot"
+            driver = "roboclaw"
+            timeout = 3
+            [geometry]
+            wheel_radius = 0.05
+            [limits]
+            v_max = 0.5
+            deceleration = 2.0
+            [safety]
+            watchdog = 0.2
+            hold = 0.7
+            geofence = [-1, -2, 3, 4]
+            socket = "/run/robot.sock"
+            [frame]
+            origin = [1, 2, 0.5]
+            [control]
+            period = 0.05
+            latency = 0.1
+            model = "m.npz"
+            """,
+        )
+    )
+    assert (robot.link.timeout, robot.gate.limits.v_max, robot.gate.limits.deceleration) == (3.0, 0.5, 2.0)
+    assert (robot.gate.watchdog, robot.gate.hold, robot.gate.geofence) == (0.2, 0.7, (-1, -2, 3, 4))
+    assert (robot.origin, str(robot.socket), robot.control.period) == ((1.0, 2.0, 0.5), "/run/robot.sock", 0.05)
+    assert not robot.gate.pilot and not robot.is_autopilot and robot.driver_table()["geometry"] == {"wheel_radius": 0.05}
+
+
+def test_an_autopilot_has_a_pilot_and_slow_limits_unless_told(tmp_path):
+    robot = load_robot(write(tmp_path, LINK))
+    assert robot.gate.pilot and robot.gate.limits.v_max == 0.3 and robot.gate.watchdog == 0.25
+
+
+def test_the_command_line_lies_over_the_file_and_may_do_without_it(tmp_path):
+    path = write(tmp_path, LINK + "[limits]\nv_max = 0.5\n")
+    robot = load_robot(
+        path, {"limits": {"v_max": 0.1, "omega_max": None}, "link": {"url": "udp:127.0.0.1:2"}, "control": {"model": "a.npz"}}
+    )
+    assert (robot.gate.limits.v_max, robot.link.url, robot.control.model) == (0.1, "udp:127.0.0.1:2", "a.npz")
+    alone = load_robot(None, {"link": {"url": "tcp::1", "driver": "mavlink"}})
+    assert alone.where == "command line" and alone.link.driver == "mavlink"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "link.url: missing: give --link URL"),
+        ('[link]\nurl = "tcp::1"', "link.driver: missing: give --driver NAME"),
+        ('[link]\nurl = "tcp::1"\ndriver = "arduino"', "link.driver: expected mavlink, roboclaw, odrive, vesc, got 'arduino'"),
+        (LINK + "baud = 9600", "link.baud: unknown key"),
+        (LINK + "timeout = 0", "link.timeout: expected 0.1 to 300 s, got 0"),
+        (LINK + 'timeout = "long"', "link.timeout: expected float, got 'long'"),
+        (LINK + "[wheels]\nradius = 1", r"unknown section \[wheels\]; expected \[link\]"),
+        ("link = 3", r"\[link\] must be a section, got 3"),
+        (LINK + "[limits]\nv_max = -1", "limits.v_max: expected a number > 0, got -1"),
+        (LINK + "[limits]\nv_max = nan", "limits.v_max: expected a number > 0, got nan"),
+        (LINK + "[limits]\nv_max = true", "limits.v_max: expected float, got True"),
+        (LINK + "[limits]\nspeed = 1", "limits.speed: unknown key"),
+        (LINK + "[safety]\nwatchdog = 0", "safety.watchdog: expected a time"),
+        (LINK + "[safety]\nwatchdogs = 1", "safety.watchdogs: unknown key; .safety. takes watchdog, pose_age"),
+        (LINK + "[safety]\npilot = false", "safety.pilot: unknown key"),
+        (LINK + "[safety]\nlimits = 1", "safety.limits: unknown key"),
+        (LINK + "[safety]\ngeofence = [0, 0, 1]", "safety.geofence: expected .xmin, ymin, xmax, ymax."),
+        (LINK + "[safety]\ngeofence = [1, 0, 0, 1]", "safety.geofence: expected .xmin, ymin, xmax, ymax."),
+        (LINK + "[safety]\ngeofence = 3", "safety.geofence: expected .xmin, ymin, xmax, ymax."),
+        (LINK + '[safety]\ngeofence = "here"', "safety.geofence: expected .xmin, ymin, xmax, ymax."),
+        (LINK + "[safety]\nsocket = 3", "safety.socket: expected a path, got 3"),
+        (LINK + "[frame]\norigin = [0, 0]", "frame.origin: expected .x, y, theta."),
+        (LINK + "[frame]\norigin = [0, 0, inf]", "frame.origin: expected .x, y, theta."),
+        (LINK + "[frame]\nstart = [0, 0, 0]", "frame.start: unknown key"),
+        (LINK + "[control]\nperiod = 0", "control.period: expected 0.01 to 1 s, got 0"),
+        (LINK + "[control]\nperiod = 0.2", "control.period: 0.2 s is too long for a watchdog of 0.25 s: expected at most 0.167 s"),
+        (LINK + "[control]\ncommand_period = 0.5", "control.command_period: expected 0.02 to 0.2 s"),
+        (LINK + "[control]\nmodel = 3", "control.model: expected str, got 3"),
+        ("[link\n", "not TOML"),
+        (b"\xff\xfe", "not TOML"),
+    ],
+)
+def test_whatever_is_wrong_is_told_with_file_and_key_in_one_line(tmp_path, text, words):
+    path = tmp_path / "robot.toml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(ConfigError, match=words) as caught:
+        load_robot(path)
+    assert str(caught.value).startswith(f"{path}: ") and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (LINK + "[board]\nsystem = 0", "board.system: expected a MAVLink id"),
+        (LINK + "[geometry]\ntrack = 1", "an autopilot has its own"),
+        ('[link]\nurl = "tcp::1"\ndriver = "roboclaw"', "geometry.wheel_radius: missing"),
+        ('[link]\nurl = "tcp::1"\ndriver = "vesc"\n[geometry]\nwheel_radius = 0', "geometry.track: missing"),
+    ],
+)
+def test_what_the_driver_finds_wrong_is_told_with_the_file_too(tmp_path, text, words):
+    path = tmp_path / "robot.toml"
+    path.write_text(text)
+    robot = load_robot(path)
+    with pytest.raises(ConfigError, match=words) as caught:
+        open_driver(robot, open_transport(robot.link.url))
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_a_missing_file_is_one_line(tmp_path):
+    with pytest.raises(ConfigError, match="cannot read the robot file: No such file"):
+        load_robot(tmp_path / "none.toml")
+    with pytest.raises(ConfigError, match="cannot read the robot file: Is a directory"):
+        load_robot(tmp_path)
+
+
+def test_a_period_must_leave_room_for_one_late_plan():
+    check_period(0.16, GateSettings())
+    with pytest.raises(ConfigError, match="control.period"):
+        check_period(0.17, GateSettings())
+    check_period(1.0, GateSettings(watchdog=1.5))
+
+
+class Still:
+    """A driver of which only the poses matter."""
+
+    def __init__(self, state):
+        self._state = state
+        self.connect = self.send = self.stop = self.close = lambda *_: None
+
+    def state(self):
+        return self._state
+
+    def health(self):
+        return LinkStatus(True, 1.0, 1.0, True)
+
+
+def test_a_pose_is_told_in_the_scenarios_frame():
+    placed = PlacedDriver(Still(State(2.0, 1.0, 0.3, 0.4, 0.5, 9.0)), (10.0, 20.0, math.pi / 2))
+    state = placed.state()
+    assert (state.x, state.y, state.theta) == pytest.approx((9.0, 22.0, 0.3 + math.pi / 2))
+    assert (state.v, state.omega, state.stamp) == (0.4, 0.5, 9.0)
+    assert PlacedDriver(Still(None), (0.0, 0.0, 0.0)).state() is None and placed.health().connected
