@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from time import perf_counter
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.control.fallback import Fallback
+from kmpc_lite.control.guidance import Guide, tracking
 from kmpc_lite.control.obstacles import Circle, circle_distances, circles_to_array
 from kmpc_lite.control.osqp_workspace import QPStatus
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.sqp import SQP, SQPResult, Task, Trajectory
+from kmpc_lite.control.tightening import RISK, Tightening
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model import KoopmanModel
@@ -27,6 +30,7 @@ DEFECT = 0.05
 """How far the model may contradict a plan over one period [m, rad] before its commands are rolled out anew."""
 TOUCH = 0.02
 """How deep such a rolled-out plan may cut into an obstacle [m] and still be driven, the rest being left to the next pass."""
+NO_WAY = "no way to the goal: waiting"
 AFTER_SOLVE = 5e-5
 """Time that a step takes after its plan is verified [s]."""
 
@@ -40,6 +44,14 @@ class Controller:
         Learned by `fit`, or `nominal_unicycle`; its dt must be the problem's.
     problem : NavigationProblem, optional
         The paper's where not given.
+    guidance : bool
+        Whether to steer along a way around the obstacles, park and hold at the goal, with weights that suit a reference. Without it
+        the goal itself is the reference, as in the paper, and the problem's weights are used.
+    tightening : {"learned", None}
+        Whether to keep margins from obstacles beyond the radii for what the model does not know: from its noise model, and for the
+        chord between samples. None is the paper.
+    risk : float
+        Probability that the margins are made for, see `tightening.RISK`.
     sqp_iterations : int
         Passes per step: 1 is the real-time iteration, more run until the plan changes by less than `tolerance`.
     tolerance : float
@@ -71,6 +83,9 @@ class Controller:
         model: KoopmanModel,
         problem: NavigationProblem | None = None,
         *,
+        guidance: bool = True,
+        tightening: Literal["learned"] | None = "learned",
+        risk: float = RISK,
         sqp_iterations: int = 1,
         tolerance: float = 1e-5,
         obstacle_slots: int = 5,
@@ -93,7 +108,12 @@ class Controller:
         if time_budget is not None and not (np.isfinite(time_budget) and time_budget > 0):
             raise ProblemError(f"time_budget: expected a time > 0 s, got {time_budget!r}")
         self._time_budget, self._clock, self._after_solve = time_budget, clock, AFTER_SOLVE
-        self._sqp = SQP(self.model, self.problem, sqp_iterations, tolerance, obstacle_slots, clock)
+        if tightening not in (None, "learned"):
+            raise ProblemError(f"tightening: expected 'learned' or None, got {tightening!r}")
+        self._tightening = Tightening(self.model, self.problem, risk=risk) if tightening else None
+        self._guide = Guide(self.problem) if guidance else None
+        solved = tracking(self.problem) if guidance else self.problem
+        self._sqp = SQP(self.model, solved, sqp_iterations, tolerance, obstacle_slots, self._tightening, clock)
         self._fallback = Fallback(self.problem)
         self.reset()
 
@@ -103,6 +123,8 @@ class Controller:
         self._past = np.zeros((self.model.history, INPUTS))
         self._heading_error = 0.0
         self._fallback.reset()
+        if self._guide is not None:
+            self._guide.reset()
 
     def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Sequence[Circle] | ArrayLike = ()) -> Plan:
         """Plan from the measured pose and give the command of the coming period.
@@ -138,17 +160,24 @@ class Controller:
                 return self._without_solution(pose, known, start, {}, 0, f"{name} not usable: {values.ravel()[:5]}")
         turns = 2 * np.pi * np.round(pose[2] / (2 * np.pi))
         here = pose - (0.0, 0.0, turns)
+        guidance = None if self._guide is None else self._guide.reference(here, target, circles)
+        if guidance is not None and guidance.hold:
+            return self._hold(here, pose, circles, start)
+        reference = self._goal_reference(here, target) if guidance is None else guidance.states
+        guided = self._clock()
+        guess = None if guidance is not None and guidance.switched else self._warm_start(here)
         deadline = np.inf if self._time_budget is None else start + self._time_budget - self._after_solve
-        task = Task(self._reference(here, target, circles), circles, self._past, deadline)
-        guess = self._warm_start(here)
         shifted = self._clock()
+        task = Task(reference, circles, self._past, deadline)
         result = self._sqp.solve(guess or self._sqp.at_rest(here), task, cold=guess is None)
         solved = self._clock()
         usable, self._last, reason = self._verify(result, circles)
+        if usable and self._tightening is not None:
+            self._slow_down(self._last, circles)
         verified = self._clock()
         # what is still to come after a solve is learned from the steps before, quickly upwards
         self._after_solve = max(verified - solved + AFTER_SOLVE, 0.95 * self._after_solve)
-        timing = {"shift": shifted - start, **result.timing, "verify": verified - solved}
+        timing = {"guide": guided - start, "shift": shifted - guided, **result.timing, "verify": verified - solved}
         trajectory = self._last
         if trajectory is None or not usable:
             return self._without_solution(pose, circles, start, timing, result.passes, reason)
@@ -156,9 +185,20 @@ class Controller:
         self._remember(trajectory.inputs[0])
         states = trajectory.states + (0.0, 0.0, turns)
         status = PlanStatus.FEASIBLE if reason else PlanStatus.SOLVED
-        return self._plan(states, trajectory.inputs, status, circles, start, timing, result.passes, reason)
+        reachable = guidance is None or guidance.reachable
+        if not reachable:
+            reason = NO_WAY
+        return self._plan(states, trajectory.inputs, status, circles, start, timing, result.passes, reason, reachable)
 
-    def _reference(self, here: Array, target: Array, circles: Array) -> Array:
+    def _hold(self, here: Array, pose: Array, circles: Array, start: float) -> Plan:
+        """Stand at the goal."""
+        n = self.problem.horizon
+        self._last = self._sqp.at_rest(here)
+        self._fallback.accept(self._last)
+        self._remember(np.zeros(INPUTS))
+        return self._plan(np.tile(pose, (n + 1, 1)), np.zeros((n, INPUTS)), PlanStatus.SOLVED, circles, start, {}, 0, "holding")
+
+    def _goal_reference(self, here: Array, target: Array) -> Array:
         """States (N + 1, 3) to steer for: the goal, with its heading on the side that was chosen before."""
         heading = here[2] + self._turn_to(target[2] - here[2])
         return np.tile((target[0], target[1], heading), (self.problem.horizon + 1, 1))
@@ -200,6 +240,19 @@ class Controller:
         usable = np.isfinite(states).all() and clearance >= -TOUCH
         return bool(usable), Trajectory(states, found.inputs, found.duals), reason
 
+    def _slow_down(self, plan: Trajectory | None, circles: Array) -> None:
+        """Shrink the command where the coming period could end in an obstacle, and roll the plan out anew from there."""
+        if plan is None or self._tightening is None or not len(circles):
+            return
+        ahead = circles
+        if circles[:, 3:].any():
+            ahead = circles.copy()
+            ahead[:, :2] += self.problem.dt * circles[:, 3:]
+        share = self._tightening.speed_share(plan.states[0], plan.states[1], plan.inputs[0], ahead)
+        if share < 1.0:
+            plan.inputs[0] *= share
+            plan.states[:] = self.model.rollout(plan.states[0], plan.inputs, self._past)
+
     def _without_solution(self, pose: Array, circles: Array, start: float, timing: dict[str, float], passes: int, reason: str) -> Plan:
         """Drive the rest of the last good plan while there is one, then brake."""
         rest = self._fallback.replay()
@@ -233,9 +286,10 @@ class Controller:
         timing: dict[str, float],
         passes: int,
         reason: str,
+        reachable: bool = True,
     ) -> Plan:
         timing["total"] = self._clock() - start
-        return Plan(inputs[0].copy(), states, inputs, status, self._clearance(states, circles), passes, timing, reason)
+        return Plan(inputs[0].copy(), states, inputs, status, self._clearance(states, circles), passes, timing, reason, reachable)
 
     def _clearance(self, states: Array, circles: Array) -> float:
         """Smallest distance between the edges of robot and obstacles along a plan [m]."""

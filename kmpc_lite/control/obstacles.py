@@ -159,15 +159,19 @@ class KeepOut:
         offsets: Array = np.minimum(self._side_offsets, self._side_normals @ present[:2])
         return offsets
 
-    def half_planes(self, states: Array, circles: Array) -> tuple[Array, Array, Array]:
+    def half_planes(self, states: Array, gaps: Array, normals: Array) -> tuple[Array, Array]:
         """Nearest half-planes ``normal . p >= offset`` of stages 1 to N.
+
+        Parameters
+        ----------
+        states, gaps, normals : ndarray
+            (N + 1, 3), and what `gaps` gave for them, less margins if there are any.
 
         Returns
         -------
-        normals, offsets, violation : ndarray
-            (N, slots, 2); (N, slots) [m], minus infinity where a slot is not needed; (N,) how far each stage is inside one [m].
+        normals, offsets : ndarray
+            (N, slots, 2); (N, slots) [m], minus infinity where a slot is not needed.
         """
-        gaps, normals = self.gaps(states, circles)
         kinds = gaps.shape[1]
         used = min(kinds, self.slots)
         if kinds > self.slots:
@@ -183,15 +187,20 @@ class KeepOut:
         if used < self.slots:
             self._normals[:, used:] = 0.0
             self._offsets[:, used:] = -np.inf
-        return self._normals, self._offsets, np.maximum(-gaps.min(axis=1, initial=0.0), 0.0)
+        return self._normals, self._offsets
 
-    def penetration(self, states: Array, circles: Array) -> Array:
-        """How far each of stages 1 to N stands inside its deepest obstacle or outside the area, (N,) [m]; `gaps` without normals."""
+    def penetration(self, states: Array, circles: Array, margins: Array | float = 0.0) -> Array:
+        """How far each of stages 1 to N stands inside its deepest obstacle or outside the area, (N,) [m]; `gaps` without normals.
+
+        `margins` (N, K) [m] are added to what must be kept.
+        """
+        count = len(circles)
+        outside = self._side_offsets_from(states[0]) - states[1:, :2] @ self._side_normals.T
         x, y = states[1:, 0:1], states[1:, 1:2]
-        deepest: Array = (self._side_offsets_from(states[0]) - states[1:, :2] @ self._side_normals.T).max(axis=1, initial=0.0)
-        if len(circles):
+        if count:
             if circles[:, 3:].any():
                 x, y = x - self._times[:, None] * circles[:, 3], y - self._times[:, None] * circles[:, 4]
             inside = circles[:, 2] + self._distance - np.hypot(x - circles[:, 0], y - circles[:, 1])
-            np.maximum(deepest, inside.max(axis=1), out=deepest)
+            outside = np.concatenate([inside, outside], axis=1)
+        deepest: Array = (outside + margins).max(axis=1, initial=0.0)
         return deepest

@@ -41,4 +41,6 @@ class Plan:
     timing: Mapping[str, float]
     """Seconds by phase, and ``total``."""
     reason: str = ""
-    """Why the status is not SOLVED, in words."""
+    """Why the status is not SOLVED, in words; or that the robot holds at its goal, or waits since there is no way."""
+    reachable: bool = True
+    """Whether there is a way to the goal, as far as guidance can tell."""

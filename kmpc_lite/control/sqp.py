@@ -18,6 +18,7 @@ from kmpc_lite.control.obstacles import KeepOut
 from kmpc_lite.control.osqp_workspace import OSQPWorkspace, QPStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.qp import NavigationQP
+from kmpc_lite.control.tightening import Tightening
 from kmpc_lite.dictionary import Array
 from kmpc_lite.model import KoopmanModel
 
@@ -100,6 +101,8 @@ class SQP:
         Change of the trajectory below which passes end.
     slots : int
         Keep-out half-planes per stage: the nearest of all obstacles and sides of the area.
+    tightening : Tightening, optional
+        Margins beyond the radii for what the model does not know; computed at each linearisation and held during the pass.
     clock : callable
         Gives the time [s] that deadlines are on.
     """
@@ -111,9 +114,10 @@ class SQP:
         iterations: int,
         tolerance: float,
         slots: int,
+        tightening: Tightening | None = None,
         clock: Callable[[], float] = perf_counter,
     ) -> None:
-        self.model, self.problem = model, problem
+        self.model, self.problem, self.tightening = model, problem, tightening
         self.iterations, self.tolerance, self.clock = iterations, tolerance, clock
         self.qp = NavigationQP(problem, model.history, slots)
         settings = REAL_TIME if iterations == 1 else CONVERGED
@@ -168,7 +172,13 @@ class SQP:
                 break
             lin = self.model.linearize(guess.states[:-1], guess.inputs, self.past_windows(task.past, guess.inputs))
             t1 = self.clock()
-            normals, offsets, violation = self.keep_out.half_planes(guess.states, task.circles)
+            gaps, normals = self.keep_out.gaps(guess.states, task.circles)
+            margins: Array | float = 0.0
+            if self.tightening is not None:
+                margins = self.tightening.margins(lin, guess.states, guess.inputs, normals)
+                gaps -= margins
+            violation = np.maximum(-gaps.min(axis=1, initial=0.0), 0.0)
+            normals, offsets = self.keep_out.half_planes(guess.states, gaps, normals)
             self.qp.fill(lin, guess.states, guess.inputs, task.reference, normals, offsets)
             t2 = self.clock()
             if task.deadline < np.inf:
@@ -183,7 +193,7 @@ class SQP:
                 np.clip(inputs, self._u_min, self._u_max, out=inputs)
                 found = Trajectory(states, inputs, solution.y)
                 before = guess
-                guess, length, defect = self._line_search(before, found, slack, lin.value, violation, task)
+                guess, length, defect = self._line_search(before, found, slack, lin.value, violation, margins, task)
                 step = max(float(np.abs(guess.states - before.states).max()), float(np.abs(guess.inputs - before.inputs).max()))
             t4 = self.clock()
             for phase, seconds in zip(timing, (t1 - t0, t2 - t1, t3 - t2, t4 - t3), strict=True):
@@ -193,14 +203,14 @@ class SQP:
                 break
             # a line search that gets nowhere has met the accuracy of the QP
             if step <= tolerance or length <= SHORTEST_STEP:
-                if not (to_convergence and self._penalty_too_weak(guess, task)):
+                if not (to_convergence and self._penalty_too_weak(guess, margins, task)):
                     break
                 self.qp.set_slack_penalty(PENALTY_GROWTH * self.qp.slack_penalty)
         return SQPResult(guess, status, passes, step, defect, timing, reason)
 
-    def _penalty_too_weak(self, found: Trajectory, task: Task) -> bool:
+    def _penalty_too_weak(self, found: Trajectory, margins: Array | float, task: Task) -> bool:
         """Whether a converged plan stands in an obstacle only because the linear penalty is too weak."""
-        violation = self.keep_out.penetration(found.states, task.circles)
+        violation = self.keep_out.penetration(found.states, task.circles, margins)
         return self.qp.slack_penalty < PENALTY_LIMIT and float(violation.max()) > VIOLATION
 
     def _soft_cost(self, plan: Trajectory, violation: Array, task: Task) -> float:
@@ -214,7 +224,7 @@ class SQP:
         return self._soft_cost(plan, violation, task) + self._dynamics_penalty * defect
 
     def _line_search(
-        self, guess: Trajectory, found: Trajectory, slack: Array, predicted: Array, violation: Array, task: Task
+        self, guess: Trajectory, found: Trajectory, slack: Array, predicted: Array, violation: Array, margins: Array | float, task: Task
     ) -> tuple[Trajectory, float, float]:
         """Go from the guess towards what the QP found until the merit function falls enough (Armijo), by halving.
 
@@ -228,7 +238,7 @@ class SQP:
         while True:
             w = self.model.dictionary.inputs(trial.inputs, self.past_windows(task.past, trial.inputs))
             predicted = self.model.advance(trial.states[:-1], w)
-            merit = self._merit(trial, predicted, self.keep_out.penetration(trial.states, task.circles), task)
+            merit = self._merit(trial, predicted, self.keep_out.penetration(trial.states, task.circles, margins), task)
             # the last term forgives what rounding takes once nothing is left to gain
             if merit <= now - ARMIJO * length * expected + 1e-10 * abs(now) or length <= SHORTEST_STEP:
                 break

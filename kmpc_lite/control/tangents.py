@@ -224,14 +224,15 @@ def _tangents(points: Array, sizes: Array, count: int, area: Array) -> tuple[Arr
     directions = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
     lengths = np.einsum("ti,ti->t", ends[:, 1] - ends[:, 0], directions)
 
-    free = ((ends >= area[:2] - TOUCHING) & (ends <= area[2:] + TOUCHING)).all(axis=(1, 2))
+    inside: Array = (ends >= area[:2] - TOUCHING) & (ends <= area[2:] + TOUCHING)
+    free: Array = np.all(inside, axis=(1, 2))
     if count:
         centres, square = points[:count], np.maximum(sizes[:count] - TOUCHING, 0.0) ** 2
         if len(first) * count > MANY:
             # most end inside another circle, which is seen faster
             flat = ends.reshape(-1, 2)
             gap = np.einsum("ei,ei->e", flat, flat)[:, None] - 2.0 * flat @ centres.T + np.einsum("mi,mi->m", centres, centres) - square
-            free &= (gap >= 0.0).all(axis=1).reshape(-1, 2).all(axis=1)
+            free &= (gap >= -1e-12).all(axis=1).reshape(-1, 2).all(axis=1)
         look = np.flatnonzero(free)
         # squared distance of every centre to every line
         reach = centres - ends[look, :1]
