@@ -9,9 +9,12 @@ import argparse
 import json
 import multiprocessing
 import os
+import signal
 import sys
 import time
+from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -415,9 +418,25 @@ def _command_line() -> str:
     return "kmpc " + " ".join(sys.argv[1:])
 
 
-def worker_pool(workers: int) -> Executor:
-    """Fresh processes, so that they load NumPy with one thread each."""
-    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+@contextmanager
+def worker_pool(workers: int) -> Iterator[Executor]:
+    """Fresh processes, so that they load NumPy with one thread each; an interrupt ends them at once."""
+    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+    # a terminal sends Ctrl-C to the workers too: they inherit that it is blocked, and leave it to this process
+    unblocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        for _ in range(workers):
+            pool.submit(os.getpid)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, unblocked)
+    try:
+        yield pool
+    except BaseException:
+        for process in multiprocessing.active_children():
+            process.terminate()
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
+    pool.shutdown()
 
 
 class Progress:
