@@ -30,7 +30,8 @@ DEFECT = 0.05
 """How far the model may contradict a plan over one period [m, rad] before its commands are rolled out anew."""
 TOUCH = 0.02
 """How deep such a rolled-out plan may cut into an obstacle [m] and still be driven, the rest being left to the next pass."""
-NO_WAY = "no way to the goal: waiting"
+SAME_DT = 1e-6
+"""Share by which the periods of model and problem may differ: a log's digits."""
 AFTER_SOLVE = 5e-5
 """Time that a step takes after its plan is verified [s]."""
 
@@ -95,7 +96,7 @@ class Controller:
         # half the time of rk4, and far below what slip does; prediction, verification and fallback share it
         self.model = replace(model, integrator="midpoint")
         self.problem = NavigationProblem() if problem is None else problem
-        if abs(model.dt - self.problem.dt) > 1e-9 * self.problem.dt:
+        if abs(model.dt - self.problem.dt) > SAME_DT * self.problem.dt:
             raise ProblemError(
                 f"the model's dt is {model.dt:g} s, the problem's {self.problem.dt:g} s; fit the log at the problem's dt, "
                 f"or use NavigationProblem(dt={model.dt:g}) or model.with_dt({self.problem.dt:g})"
@@ -185,10 +186,8 @@ class Controller:
         self._remember(trajectory.inputs[0])
         states = trajectory.states + (0.0, 0.0, turns)
         status = PlanStatus.FEASIBLE if reason else PlanStatus.SOLVED
-        reachable = guidance is None or guidance.reachable
-        if not reachable:
-            reason = NO_WAY
-        return self._plan(states, trajectory.inputs, status, circles, start, timing, result.passes, reason, reachable)
+        plan = self._plan(states, trajectory.inputs, status, circles, start, timing, result.passes, reason)
+        return plan if guidance is None or guidance.reachable else replace(plan, reachable=False)
 
     def _hold(self, here: Array, pose: Array, circles: Array, start: float) -> Plan:
         """Stand at the goal."""
@@ -196,7 +195,8 @@ class Controller:
         self._last = self._sqp.at_rest(here)
         self._fallback.accept(self._last)
         self._remember(np.zeros(INPUTS))
-        return self._plan(np.tile(pose, (n + 1, 1)), np.zeros((n, INPUTS)), PlanStatus.SOLVED, circles, start, {}, 0, "holding")
+        plan = self._plan(np.tile(pose, (n + 1, 1)), np.zeros((n, INPUTS)), PlanStatus.SOLVED, circles, start, {}, 0, "")
+        return replace(plan, holding=True)
 
     def _goal_reference(self, here: Array, target: Array) -> Array:
         """States (N + 1, 3) to steer for: the goal, with its heading on the side that was chosen before."""
@@ -286,10 +286,9 @@ class Controller:
         timing: dict[str, float],
         passes: int,
         reason: str,
-        reachable: bool = True,
     ) -> Plan:
         timing["total"] = self._clock() - start
-        return Plan(inputs[0].copy(), states, inputs, status, self._clearance(states, circles), passes, timing, reason, reachable)
+        return Plan(inputs[0].copy(), states, inputs, status, self._clearance(states, circles), passes, timing, reason)
 
     def _clearance(self, states: Array, circles: Array) -> float:
         """Smallest distance between the edges of robot and obstacles along a plan [m]."""

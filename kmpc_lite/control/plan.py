@@ -41,6 +41,8 @@ class Plan:
     timing: Mapping[str, float]
     """Seconds by phase, and ``total``."""
     reason: str = ""
-    """Why the status is not SOLVED, in words; or that the robot holds at its goal, or waits since there is no way."""
+    """Why the status is not SOLVED, in words."""
     reachable: bool = True
-    """Whether there is a way to the goal, as far as guidance can tell."""
+    """Whether there is a way to the goal, as far as guidance can tell; where there is none the robot waits at a safe place."""
+    holding: bool = False
+    """Whether the robot has parked at its goal and stands there."""

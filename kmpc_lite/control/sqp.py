@@ -164,6 +164,9 @@ class SQP:
         limit, tolerance = (COLD_PASSES, COLD_TOLERANCE) if cold and not to_convergence else (self.iterations, self.tolerance)
         self._dynamics_penalty = 0.0
         self.qp.set_slack_penalty(float(self.problem.slack_weights[0]))
+        # the QP is solved around the robot, so that its relative tolerance does not depend on where the map has its origin
+        origin = guess.states[0] * (1.0, 1.0, 0.0)
+        reference = task.reference - origin
         step, defect, passes, status, reason, longest = np.inf, np.inf, 0, QPStatus.FAILED, "", 0.0
         while passes < limit:
             t0 = self.clock()
@@ -178,18 +181,20 @@ class SQP:
                 margins = self.tightening.margins(lin, guess.states, guess.inputs, normals)
                 gaps -= margins
             violation = np.maximum(-gaps.min(axis=1, initial=0.0), 0.0)
-            normals, offsets = self.keep_out.half_planes(guess.states, gaps, normals)
-            self.qp.fill(lin, guess.states, guess.inputs, task.reference, normals, offsets)
+            local = guess.states - origin
+            normals, offsets = self.keep_out.half_planes(local, gaps, normals)
+            self.qp.fill(lin._replace(value=lin.value - origin), local, guess.inputs, reference, normals, offsets)
             t2 = self.clock()
             if task.deadline < np.inf:
                 self.workspace.limit_time(max(task.deadline - t2 - self._search_time, MIN_SOLVE_TIME))
-            warm = self.qp.pack(guess.states, guess.inputs, violation)
+            warm = self.qp.pack(local, guess.inputs, violation)
             solution = self.workspace.solve(self.qp.q, self.qp.lower, self.qp.upper, self.qp.A.data, warm, guess.duals)
             t3 = self.clock()
             passes += 1
             status, reason = solution.status, solution.reason
             if status is not QPStatus.FAILED:
-                states, inputs, slack = self.qp.unpack(solution.x, guess.states[0])
+                states, inputs, slack = self.qp.unpack(solution.x, local[0])
+                states += origin
                 np.clip(inputs, self._u_min, self._u_max, out=inputs)
                 found = Trajectory(states, inputs, solution.y)
                 before = guess
