@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from firmware_bridge.options import bounded, check
 
 WRAP = 2**32
+AGREE = 3
+"""So many counters in a row that agree with each other, and not with those before, are a new beginning."""
 
 
 @dataclass(frozen=True)
@@ -103,32 +105,46 @@ class WheelOdometry:
     def __init__(self, geometry: WheelGeometry, counts_per_turn: float, wraps: bool) -> None:
         self._geometry, self._counts_per_turn, self._wraps = geometry, counts_per_turn, wraps
         self._last: tuple[float, float, float] | None = None
+        self._doubted: tuple[float, float, float] | None = None
+        self._agreed = 0
         self.x = self.y = self.theta = 0.0
         """[m], [m], [rad] in (-pi, pi]"""
 
     def rebase(self) -> None:
         """Forget the counters: the next ones are a new beginning at the same pose."""
-        self._last = None
+        self._last = self._doubted = None
 
     def update(self, first: float, second: float, stamp: float) -> bool:
         """Move by what the counters say; False, without a move, where no wheel can have turned so far.
 
-        A board that was switched off and on, or a damaged reply, makes such jumps.
+        A damaged reply makes such a jump, and the next counters go on from those before it. A board that was switched off
+        and on makes one too, and the next counters go on from there.
         """
-        last, self._last = self._last, (first, second, stamp)
-        if last is None:
+        now = (first, second, stamp)
+        if self._last is None:
+            self._last = now
             return True
-        steps = (first - last[0], second - last[1])
-        if self._wraps:
-            steps = (wrapped(steps[0]), wrapped(steps[1]))
-        left, right = self._geometry.from_channels(steps[0] / self._counts_per_turn, steps[1] / self._counts_per_turn)
-        reach = (2.0 * self._geometry.max_wheel_speed * max(0.0, stamp - last[2]) + 0.02) / self._geometry.wheel_radius
-        if not (abs(left) <= reach and abs(right) <= reach):
+        wheels = self._turned(self._last, now)
+        follows = self._doubted is not None and self._turned(self._doubted, now) is not None
+        if wheels is None or follows:
+            self._doubted, self._agreed = now, self._agreed + 1 if follows else 1
+            if self._agreed >= AGREE:
+                self._last, self._doubted = now, None
             return False
-        forward, turn = self._geometry.body(left, right)
+        self._last, self._doubted = now, None
+        forward, turn = self._geometry.body(*wheels)
         half = turn / 2.0
         chord = forward * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
         self.x += chord * math.cos(self.theta + half)
         self.y += chord * math.sin(self.theta + half)
         self.theta = math.remainder(self.theta + turn, math.tau)
         return True
+
+    def _turned(self, before: tuple[float, float, float], now: tuple[float, float, float]) -> tuple[float, float] | None:
+        """How far the wheels (left, right) turned [rad], None where no wheel can have turned so far."""
+        steps = (now[0] - before[0], now[1] - before[1])
+        if self._wraps:
+            steps = (wrapped(steps[0]), wrapped(steps[1]))
+        left, right = self._geometry.from_channels(steps[0] / self._counts_per_turn, steps[1] / self._counts_per_turn)
+        reach = (2.0 * self._geometry.max_wheel_speed * max(0.0, now[2] - before[2]) + 0.02) / self._geometry.wheel_radius
+        return (left, right) if abs(left) <= reach and abs(right) <= reach else None

@@ -324,6 +324,7 @@ class PolledDriver:
             if not self._odometry.update(*counts, stamp):
                 self._counters["odometry_jumps"] += 1
                 self._jumped = stamp
+                return
             self._state = State(self._odometry.x, self._odometry.y, self._odometry.theta, v, omega, stamp)
             self._changed.notify_all()
 

@@ -100,9 +100,20 @@ def test_impossible_jumps_do_not_move_the_robot():
     odometry = WheelOdometry(ROSBOT, 1000.0, wraps=True)
     assert odometry.update(50_000, 50_000, 0.0) and odometry.update(50_010, 50_010, 0.02)
     x = odometry.x
-    assert not odometry.update(0, 0, 0.04) and odometry.x == x
-    assert odometry.update(10, 10, 0.06) and odometry.x > x
-    assert not odometry.update(math.nan, 0, 0.08)
+    for k in range(3):
+        assert not odometry.update(10 * k, 10 * k, 0.04 + 0.02 * k) and odometry.x == x
+    assert odometry.update(30, 30, 0.1) and odometry.x == pytest.approx(2 * x)
+    assert not odometry.update(math.nan, 0, 0.12)
+
+
+def test_one_damaged_reply_costs_no_motion():
+    clean, damaged = WheelOdometry(ROSBOT, 1000.0, wraps=True), WheelOdometry(ROSBOT, 1000.0, wraps=True)
+    for k in range(50):
+        counts = (10 * k, 12 * k)
+        assert clean.update(*counts, 0.02 * k)
+        bad = k in (10, 20, 21, 30)
+        assert damaged.update(*(counts if not bad else (70_000 + 999 * k * k, 5)), 0.02 * k) != bad
+    assert (damaged.x, damaged.y, damaged.theta) == pytest.approx((clean.x, clean.y, clean.theta), abs=1e-4)
 
 
 def test_rebase_keeps_the_pose():
