@@ -12,7 +12,7 @@ import numpy as np
 
 from kmpc_lite.control.parking import CLOSE, ENTER, Parking
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.tangents import Way, cut_circles, quickest_ways, wrap
+from kmpc_lite.control.tangents import Way, quickest_ways, wrap
 from kmpc_lite.control.timed_path import TimedPath
 from kmpc_lite.control.traffic import MovingCircles
 from kmpc_lite.dictionary import Array
@@ -203,18 +203,11 @@ class Guide:
             radii = np.clip(circles[:, 2] + self._keep + clearance, 0.0, np.maximum(nearest, 0.0))
             best: Way | None = None
             for way in quickest_ways(centres, radii, pose, goal, area, self._speed, self._can_reverse):
-                if best is None:
-                    best = way
-                    if previous is None or self._same_way_around(previous, way, pose, centres):
-                        return way, previous is None
-                    rest = previous.points_left(pose)
-                    bound = previous.remaining() if not cut_circles(rest, centres, radii - clearance).any() else -np.inf
-                    if way.time < bound - FLICKER[0] - FLICKER[1] * abs(bound) or bound == -np.inf:
-                        return way, True
-                elif way.time > best.time + FLICKER[0] + FLICKER[1] * best.time:
+                if best is not None and way.time > best.time + FLICKER[0] + FLICKER[1] * best.time:
                     break
-                elif previous is not None and self._same_way_around(previous, way, pose, centres):
-                    return way, False
+                best = best or way
+                if previous is None or self._same_way_around(previous, way, pose, centres):
+                    return way, previous is None
             if best is not None:
                 return best, True
         return None, True
