@@ -27,12 +27,18 @@ class Contender:
     """Which entry of a plan's timing is compared."""
 
 
-def _plain(model: KoopmanModel, problem: NavigationProblem, obstacles: int) -> Any:
+def plain(model: KoopmanModel, problem: NavigationProblem, obstacles: int = 0) -> Controller:
+    """Make ours in the paper's formulation: the goal as the reference, no margins, one pass a step."""
+    return Controller(model, problem, guidance=False, tightening=None)
+
+
+def full(model: KoopmanModel, problem: NavigationProblem, obstacles: int = 0) -> Controller:
+    """Make ours with everything on: guidance and learned margins."""
     return Controller(model, problem)
 
 
 def _converged(model: KoopmanModel, problem: NavigationProblem, obstacles: int) -> Any:
-    return Controller(model, problem, sqp_iterations=200, tolerance=1e-6)
+    return Controller(model, problem, guidance=False, tightening=None, sqp_iterations=200, tolerance=1e-6)
 
 
 def _casadi(solver: str) -> Build:
@@ -56,7 +62,8 @@ def contenders() -> list[Contender]:
 
     casadi = "" if importlib.util.find_spec("casadi") else "CasADi is not installed: pip install 'kmpc-lite[peers]'"
     return [
-        Contender("ours, RTI", _plain),
+        Contender("ours, RTI", plain),
+        Contender("ours, full step", full),
         Contender("ours, converged", _converged),
         Contender("CasADi + IPOPT", _casadi("ipopt"), casadi),
         Contender("CasADi + fatrop", _casadi("fatrop"), casadi),

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.bench.contenders import Contender
-from kmpc_lite.control.controller import Controller
+from kmpc_lite.bench.contenders import Contender, full, plain
 from kmpc_lite.control.obstacles import circle_distances
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.dictionary import Array
@@ -106,7 +105,7 @@ def record(model: KoopmanModel, problem: NavigationProblem, drives: int, steps: 
         random = np.random.default_rng(seed + i)
         circles = random_circles(random, obstacles)
         x, goal = free_pose(random, circles), free_pose(random, circles)
-        controller, plant = Controller(model, problem), DifferentialDrive(SLIP, seed=seed + i)
+        controller, plant = plain(model, problem), DifferentialDrive(SLIP, seed=seed + i)
         states = [x]
         for _ in range(steps - 1):
             x = plant.step(x, controller.step(x, goal, circles).command, problem.dt)
@@ -183,11 +182,11 @@ def violation(states: Array, circles: Array, problem: NavigationProblem) -> floa
 def scaling(
     model: KoopmanModel, seed: int, drives: int, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> list[dict[str, Any]]:
-    """Median and p99 of a real-time step by horizon, with 4 obstacles, and by obstacles, with N = 20; takes turns drive by drive."""
+    """Median and p99 of a full step by horizon, with 4 obstacles, and by obstacles, with N = 20; takes turns drive by drive."""
     cases = [(n, 4) for n in (10, 20, 50, 100, 200)] + [(20, m) for m in (1, 16, 64)]
     problems = [NavigationProblem(horizon=n, x_min=(-8.0, -8.0, -np.inf), x_max=(8.0, 8.0, np.inf)) for n, _ in cases]
     recorded = [record(model, p, drives, 40, m, seed) for p, (_, m) in zip(problems, cases, strict=True)]
-    controllers = [Controller(model, p) for p in problems]
+    controllers = [full(model, p) for p in problems]
     times: list[list[float]] = [[] for _ in cases]
     for i in range(drives):
         for j, controller in enumerate(controllers):
