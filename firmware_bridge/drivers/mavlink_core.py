@@ -191,7 +191,7 @@ class MavlinkCore:
     def status(self, now: float, connected: bool) -> LinkStatus:
         """What is known of the vehicle."""
         distrust, authority = self.pose.faults(now, self._ekf.rate), self.authority
-        pose_stamp = -math.inf if self.state is None else self.state.stamp
+        pose_stamp = self.pose.oldest_part
         if self.options.pose == MOCAP:
             # the EKF's output looks valid for 7 s after its source has stopped: the source's own stamp tells
             pose_stamp = min(pose_stamp, self._source_stamp)

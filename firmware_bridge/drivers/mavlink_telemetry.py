@@ -24,6 +24,8 @@ class PoseTracker:
 
     def __init__(self) -> None:
         self.state: State | None = None
+        self.oldest_part = -math.inf
+        """When the older of the position and the attitude behind `state` was true [s]."""
         self.flags: int | None = None
         self.refused = 0
         """Messages with values that cannot be."""
@@ -48,6 +50,7 @@ class PoseTracker:
         yaw += (stamp - at) * yaw_rate
         x, y, theta = ned_to_enu(message.x, message.y, yaw)
         self.state = State(x, y, theta, forward_speed(message.vx, message.vy, yaw), 0.0 - yaw_rate, stamp)
+        self.oldest_part = min(stamp, at)
 
     def on_ekf(self, flags: int, now: float) -> None:
         """Keep the EKF's flags."""
