@@ -1,0 +1,393 @@
+"""Learning while driving: a learned model follows a floor that changes (the paper's "real-time learning").
+
+What changes under a robot changes few numbers: how far it comes per command, how it drifts sideways, how much of a turn happens, and
+whether it pulls to one side. So four gains on the learned model are adapted, not its 18 coefficients. In the robot's frame the first two
+have one and the same information, so that no drive along a straight line can upset the turns; and 20 steps tell them as well
+as several hundred would tell all coefficients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import cos, hypot, isfinite, pi, remainder, sin, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kmpc_lite.dictionary import INPUTS, STATES, Array
+from kmpc_lite.errors import ModelError
+from kmpc_lite.model import KoopmanModel, NoiseModel
+
+WINDOW = 20
+"""Newest steps that a change is looked for in: at 1 s of prediction, their mean is good enough to drive by."""
+MEMORY = 300
+"""Steps that the slow estimate remembers; longer than any window, short enough to follow a floor that wears."""
+ALARM = (40.0, 30.0)
+"""Squared distances between an estimate (of the window, of the memory) and the model in use, in standard errors over four gains, that count
+as a change. Chance alone gives 4; the window needs more, for its few steps are heavy-tailed."""
+CONFIRM = 20.0
+"""The same distance with the noise taken from the very steps, gain by gain, that an alarm must pass too: where poses are noisier than
+the log's, few steps at low speed would otherwise count for more than they know."""
+QUIETEST = 0.4
+"""Least variance of the residuals, as a share of the expected one, that a test believes in: few steps may be quiet by chance."""
+SHORTEST = 8
+"""Fewest steps since a change that are worth a model."""
+PRIOR = (0.3, 0.3, 0.1)
+"""Standard deviations of the velocity's gains, the turn gain and the pull [rad/m] before anything is measured: what a drive does not
+show stays as it was."""
+EVEN = 0.3
+"""Share of the usual noise that every step is taken to have on top of its own: else the few slowest, which a model of slip takes for
+the quietest, would outweigh all others where the poses are noisy."""
+NOISE_FLOOR = 5e-4
+"""Smallest noise that a step is taken to have [m, rad]: errors below it do not count, the dead zone."""
+STILL = (2e-3, 2e-3)
+"""A step that should move the robot less [m, rad] tells nothing and is left out."""
+JUMP = (3.0, 0.05, 0.15)
+"""A pose that moved more than this factor of what was commanded, plus this [m, rad], is a broken measurement, not a floor."""
+GAINS = (0.1, 3.0)
+"""Limits of the gains: beyond them the model is not what has changed."""
+
+
+class Gains(NamedTuple):
+    """Correction of a model: velocities ahead and to the left, turn rate, and turn per metre, against the learned ones."""
+
+    ahead: float = 1.0
+    """Factor of the learned velocity."""
+    left: float = 0.0
+    """Drift to the left, as a share of the learned velocity."""
+    turn: float = 1.0
+    """Factor of the learned turn rate."""
+    pull: float = 0.0
+    """Turn to the left per metre driven [rad/m]."""
+
+
+class _Test(NamedTuple):
+    """Estimate from a set of steps and how far it is from the gains in use."""
+
+    gains: Gains
+    distance: float
+
+
+@dataclass(frozen=True)
+class AdaptationCounts:
+    """What became of the steps."""
+
+    used: int = 0
+    """Steps that told something."""
+    still: int = 0
+    """Steps left out since the robot hardly moved."""
+    rejected: int = 0
+    """Steps left out as broken measurements."""
+    models: int = 0
+    """Corrected models given."""
+
+
+class OnlineAdaptation:
+    """Recursive least squares on the integral form, with guards.
+
+    Every step regresses the measured displacement on the one that the learned model gives between the two measured poses (Simpson's rule,
+    as in the fit). Two sets of sums are kept: the newest `window` steps, and all with exponential forgetting. A model is
+    given only where one of them contradicts the gains in use significantly (`ALARM`); the window then replaces the older sums, and
+    the model is given again each time that the number of steps since the change has doubled, until the memory is full.
+    Standing still, steps within the noise, and broken measurements change nothing, however long they last.
+
+    The covariance of the residuals is measured anew with every model given, so that margins grow on a floor that slips more.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        Learned with ``method="integral"``. Its noise model, if any, weighs the steps.
+    window, memory : int
+        See above [steps].
+
+    Raises
+    ------
+    ModelError
+        For a discrete model, or a memory shorter than the window.
+
+    Examples
+    --------
+    >>> from kmpc_lite import DifferentialDrive, nominal_unicycle
+    >>> robot, x, random = DifferentialDrive(turn_gain=0.6), np.zeros(3), np.random.default_rng(0)
+    >>> adaptation = OnlineAdaptation(nominal_unicycle(0.1))
+    >>> for _ in range(50):
+    ...     u = random.uniform(-0.6, 0.6, 2)
+    ...     x_next = robot.step(x, u, 0.1)
+    ...     better = adaptation.update(x, u, x_next)  # a model now and then, else None
+    ...     x = x_next
+    >>> round(adaptation.gains.turn, 3)
+    0.6
+    """
+
+    def __init__(self, model: KoopmanModel, *, window: int = WINDOW, memory: int = MEMORY) -> None:
+        if not model.continuous:
+            raise ModelError('online adaptation needs a continuous model: fit with method="integral"')
+        if not 8 <= window < memory:
+            raise ModelError(f"online adaptation: expected 8 <= window < memory, got {window} and {memory}")
+        self._base, self._window, self._memory = model, int(window), int(memory)
+        nz, nw = model.dictionary.size, model.dictionary.input_size
+        self._matrix = np.ascontiguousarray(
+            np.concatenate([model.A[None], model.H.reshape(STATES, nw, nz).transpose(1, 0, 2)]).reshape(1 + nw, -1)
+        )
+        self._offset = np.ascontiguousarray(model.B.T)
+        self._responses = self._forward_responses()
+        coefficients = np.zeros((3, STATES, STATES)) if model.noise_model is None else model.noise_model.coefficients
+        self._learned_noise = coefficients
+        self._points = np.empty((3, STATES))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all steps and go back to the learned model."""
+        self.model, self.gains, self.counts = self._base, Gains(), AdaptationCounts()
+        self._recent = np.zeros((self._window, 10))
+        self._slow = np.zeros(10)
+        self._slow_count, self._next = 0.0, 0
+        self._count, self._since = 0, 0
+        self._usual = 0.0, 0.0
+        self._set_noise(self._learned_noise)
+        self._raw = np.zeros((self._memory, 13))
+
+    def _forward_responses(self) -> Array:
+        """How much each bilinear input drives the robot ahead, (nw,)."""
+        nw = self._base.dictionary.input_size
+        z = self._base.dictionary.lift(np.zeros(STATES))
+        responses: Array = (self._matrix[1:].reshape(nw, STATES, -1) @ z + self._offset)[:, 0]
+        return responses
+
+    def update(self, x: ArrayLike, u: ArrayLike, x_next: ArrayLike, history: ArrayLike | None = None) -> KoopmanModel | None:
+        """Take in one period.
+
+        Parameters
+        ----------
+        x, u, x_next : array_like
+            Pose before (3,) [m, m, rad], command held (2,) [m/s, rad/s], pose after (3,); any multiple of 2 pi in the headings.
+        history : array_like, optional
+            The L commands before `u`, oldest first, (L, 2), for a model with input history; zeros where not given.
+
+        Returns
+        -------
+        KoopmanModel or None
+            A better model than the one in use, to be used from now on; None as long as there is none.
+
+        Raises
+        ------
+        ValueError
+            For wrong shapes, and for nothing else.
+        """
+        before, command, after = np.asarray(x, dtype=float), np.asarray(u, dtype=float), np.asarray(x_next, dtype=float)
+        if before.shape != (STATES,) or command.shape != (INPUTS,) or after.shape != (STATES,):
+            raise ValueError(
+                f"expected x ({STATES},), u ({INPUTS},), x_next ({STATES},), got {before.shape}, {command.shape}, {after.shape}"
+            )
+        past = None if history is None or not self._base.history else np.asarray(history, dtype=float)
+        if past is not None and past.shape != (self._base.history, INPUTS):
+            raise ValueError(f"history: expected shape ({self._base.history}, {INPUTS}), got {past.shape}")
+        sums = self._sums(before, command, after, past)
+        if sums is None:
+            return None
+        self._recent[self._count % self._window] = sums
+        self._count += 1
+        self._since += 1
+        self._slow *= 1.0 - 1.0 / self._memory
+        self._slow += sums
+        self._slow_count = self._slow_count * (1.0 - 1.0 / self._memory) + 1.0
+        if self._since >= self._window:
+            newest = self._test(self._recent.sum(axis=0).tolist(), self._window)
+            if newest.distance > ALARM[0] and self._confirmed(newest.gains, self._window):
+                return self._change()
+        if self._slow_count >= self._next > 0:
+            self._next = 2 * self._next if 2 * self._next < 0.9 * self._memory else 0
+            return self._give(self._test(self._slow.tolist(), self._slow_count).gains)
+        # what the window is too short to see; it cannot come suddenly, so it need not be looked for at every step
+        if self._count % 8 == 0 and self._since > 2 * self._window:
+            slow = self._test(self._slow.tolist(), self._slow_count)
+            if slow.distance > ALARM[1] and self._confirmed(slow.gains, min(self._since, self._memory)):
+                return self._give(slow.gains)
+        return None
+
+    def _change(self) -> KoopmanModel | None:
+        """Forget what was before a change, and give a model of what came after.
+
+        The change is where the steps after it gain most from gains of their own (the likeliest one); it is waited for until there are
+        enough of them.
+        """
+        order = (self._count - 1 - np.arange(self._window)) % self._window
+        sums = np.cumsum(self._recent[order], axis=0)
+        lengths = range(1, self._window + 1)
+        best = max(lengths, key=lambda n: self._test(sums[n - 1].tolist(), n, scaled=False).distance)
+        if best < SHORTEST:
+            return None
+        self._recent[order[best:]] = 0.0
+        self._slow[:] = sums[best - 1]
+        self._slow_count, self._since, self._next = float(best), best, 2 * best
+        return self._give(self._test(self._slow.tolist(), best).gains)
+
+    def _confirmed(self, gains: Gains, count: int) -> bool:
+        """Whether the newest steps contradict the gains in use by more than their own scatter around new ones."""
+        rows = self._raw[(self._count - 1 - np.arange(count)) % self._memory].T
+        scores = _scores(rows, self.gains).sum(axis=1)
+        scatter = (_scores(rows, gains) ** 2).sum(axis=1)
+        return float((scores**2 / np.maximum(scatter, 1e-12)).sum()) > CONFIRM
+
+    def _sums(self, before: Array, command: Array, after: Array, past: Array | None) -> list[float] | None:
+        """What one step adds to the normal equations, or None where it tells nothing; the raw step is kept for the noise."""
+        x0, y0, h0 = before.tolist()
+        x1, y1, h1 = after.tolist()
+        v, omega = command.tolist()
+        if not isfinite(x0 + y0 + h0 + x1 + y1 + h1 + v + omega) or (past is not None and not np.isfinite(past).all()):
+            self.counts = replace(self.counts, rejected=self.counts.rejected + 1)
+            return None
+        dt = self._base.dt
+        dx, dy, turned = x1 - x0, y1 - y0, remainder(h1 - h0, 2 * pi)
+        points = self._points
+        points[0] = before
+        points[2] = x1, y1, h0 + turned
+        points[1] = x0 + 0.5 * dx, y0 + 0.5 * dy, h0 + 0.5 * turned
+        z = self._base.dictionary.lift(points)
+        mean = (z[0] + 4.0 * z[1] + z[2]) / 6.0
+        w = self._base.dictionary.inputs(command, past)
+        weights = np.concatenate(((1.0,), w))
+        px, py, h = (((weights @ self._matrix).reshape(STATES, -1) @ mean + w @ self._offset) * dt).tolist()
+        g = float(w @ self._responses) * dt
+        moved = hypot(px, py)
+        if moved < STILL[0] and abs(h) < STILL[1]:
+            self.counts = replace(self.counts, still=self.counts.still + 1)
+            return None
+        if hypot(dx, dy) > JUMP[0] * moved + JUMP[1] or abs(turned) > JUMP[0] * abs(h) + JUMP[2]:
+            self.counts = replace(self.counts, rejected=self.counts.rejected + 1)
+            return None
+        self.counts = replace(self.counts, used=self.counts.used + 1)
+        squares = (v * v, omega * omega)
+        p, q = self._position_noise, self._heading_noise
+        a = p[0] + p[1] * squares[0] + p[2] * squares[1] + NOISE_FLOOR**2
+        b = q[0] + q[1] * squares[0] + q[2] * squares[1] + NOISE_FLOOR**2
+        share = 1.0 / min(self._count + 1, self._memory)
+        self._usual = self._usual[0] + share * (a - self._usual[0]), self._usual[1] + share * (b - self._usual[1])
+        # what hardly moves, or turns, tells nothing of that
+        a = 1.0 / (a + EVEN * self._usual[0]) if moved >= STILL[0] else 0.0
+        b = 1.0 / (b + EVEN * self._usual[1]) if abs(h) >= STILL[1] or abs(g) >= STILL[0] else 0.0
+        self._raw[self._count % self._memory] = (px, py, dx, dy, h, g, turned, a, b, cos(h0), sin(h0), *squares)
+        return [
+            a * moved * moved,
+            a * (px * dx + py * dy),
+            a * (px * dy - py * dx),
+            a * (dx * dx + dy * dy),
+            b * h * h,
+            b * h * g,
+            b * g * g,
+            b * h * turned,
+            b * g * turned,
+            b * turned * turned,
+        ]
+
+    def _test(self, sums: Sequence[float], count: float, scaled: bool = True) -> _Test:
+        """Estimate the gains from sums, and their distance to those in use in standard errors, squared.
+
+        The variance of the residuals is measured; or taken from the noise model alone (`scaled` false), so that sets of steps compare.
+        """
+        pp, pd, pl, dd, hh, hg, gg, ht, gt, tt = sums
+        now = self.gains
+        # a prior around the gains in use holds what the drive does not show
+        scale = 1.0
+        if scaled and pp > 0.0:
+            scale = max(QUIETEST, (dd - (pd * pd + pl * pl) / pp) / max(2.0 * count - 2.0, 1.0))
+        information = pp + scale / PRIOR[0] ** 2
+        ahead, left = (pd - now.ahead * pp) / information, (pl - now.left * pp) / information
+        distance = (ahead * ahead + left * left) * information / scale
+        # the turn gain and the pull share their information
+        excess = ht - now.turn * hh - now.pull * hg, gt - now.turn * hg - now.pull * gg
+        scale = 1.0
+        for _ in range(2 if scaled else 1):
+            first, second = hh + scale / PRIOR[1] ** 2, gg + scale / PRIOR[2] ** 2
+            determinant = first * second - hg * hg
+            turn_step = (second * excess[0] - hg * excess[1]) / determinant
+            pull_step = (first * excess[1] - hg * excess[0]) / determinant
+            turn, pull = now.turn + turn_step, now.pull + pull_step
+            if scaled:
+                left_over = tt - 2.0 * (turn * ht + pull * gt) + turn * turn * hh + 2.0 * turn * pull * hg + pull * pull * gg
+                scale = max(QUIETEST, left_over / max(count - 2.0, 1.0))
+        distance += (turn_step * excess[0] + pull_step * excess[1]) / scale
+        return _Test(Gains(now.ahead + ahead, now.left + left, turn, pull), distance)
+
+    def _give(self, gains: Gains) -> KoopmanModel | None:
+        """Put gains into use, if they are any that a floor could cause."""
+        low, high = GAINS
+        speed = hypot(gains.ahead, gains.left)
+        if not (low < speed < high and gains.ahead > 0.0 and low < gains.turn < high and abs(gains.pull) < high):
+            return None
+        self.gains = gains
+        self.counts = replace(self.counts, models=self.counts.models + 1)
+        base, coefficients = self._base, self._noise(gains)
+        if self._since >= self._window:
+            self._reweigh(coefficients)
+        # few steps tell the noise poorly: two standard errors of a variance on top, so that margins are not too narrow
+        noise = NoiseModel(coefficients * (1.0 + 2.0 * sqrt(2.0 / min(self._since, self._memory))))
+        mix = np.array([[gains.ahead, -gains.left, 0.0], [gains.left, gains.ahead, 0.0], [0.0, 0.0, gains.turn]])
+        b = mix @ base.B
+        b[2] += gains.pull * self._responses
+        info = {**base.info, "adaptation": {**gains._asdict(), "steps": self._count, "since_change": self._since}}
+        self.model = replace(base, A=mix @ base.A, H=mix @ base.H, B=b, noise_model=noise, info=info)
+        return self.model
+
+    def _set_noise(self, coefficients: Array) -> None:
+        """Weigh steps by a covariance from now on."""
+        self._position_noise = [float(c[0, 0] + c[1, 1]) / 2 for c in coefficients]
+        self._heading_noise = [float(c[2, 2]) for c in coefficients]
+
+    def _reweigh(self, coefficients: Array) -> None:
+        """Weigh the steps since the change by what is now known of their noise, else its tails would look like changes."""
+        self._set_noise(coefficients)
+        count = min(self._since, self._memory)
+        kept = (self._count - 1 - np.arange(count)) % self._memory
+        px, py, dx, dy, h, g, turned, a, b, _, _, v2, omega2 = self._raw[kept].T
+        terms = np.stack([np.ones(count), v2, omega2])
+        own = np.array([self._position_noise, self._heading_noise]) @ terms + NOISE_FLOOR**2
+        self._usual = float(own[0].mean()), float(own[1].mean())
+        weights = 1.0 / (own + EVEN * np.array(self._usual)[:, None])
+        a, b = np.where(a > 0.0, weights[0], 0.0), np.where(b > 0.0, weights[1], 0.0)
+        self._raw[kept, 7], self._raw[kept, 8] = a, b
+        position = (px * px + py * py, px * dx + py * dy, px * dy - py * dx, dx * dx + dy * dy)
+        heading = (h * h, h * g, g * g, h * turned, g * turned, turned * turned)
+        sums = np.stack([*(a * term for term in position), *(b * term for term in heading)], axis=1)
+        recent = min(count, self._window)
+        self._recent[(self._count - 1 - np.arange(recent)) % self._window] = sums[:recent]
+        fading = (1.0 - 1.0 / self._memory) ** np.arange(count)
+        self._slow, self._slow_count = fading @ sums, float(fading.sum())
+
+    def _noise(self, gains: Gains) -> Array:
+        """Covariance of the residuals of the steps since the change, by the command, (3, 3, 3); drawn towards the learned one."""
+        count = min(self._since, self._memory)
+        rows = self._raw[(self._count - 1 - np.arange(count)) % self._memory]
+        cosine, sine, v2, omega2 = rows.T[9:]
+        ex, ey, turned = _residuals(rows.T, gains)
+        residuals = np.stack([cosine * ex + sine * ey, cosine * ey - sine * ex, turned], axis=1)
+        learned = self._learned_noise
+        terms = np.stack([v2, omega2], axis=1)
+        expected = np.tensordot(terms, learned[1:], axes=(1, 0)) + learned[0]
+        surplus = residuals[:, :, None] * residuals[:, None, :] - expected
+        gram = terms.T @ terms
+        gram += np.eye(2) * (0.1 * np.trace(gram) / max(sqrt(count), 1.0) + 1e-12)
+        change = np.linalg.solve(gram, terms.T @ surplus.reshape(count, -1)).reshape(2, STATES, STATES)
+        coefficients = np.concatenate([learned[:1], learned[1:] + change])
+        values, vectors = np.linalg.eigh(coefficients)
+        projected: Array = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
+        return projected
+
+
+def _residuals(rows: Array, gains: Gains) -> tuple[Array, Array, Array]:
+    """What gains leave of steps, (n,) each: x [m], y [m], heading [rad]; rows (13, n) as kept."""
+    px, py, dx, dy, h, g, turned = rows[:7]
+    return (
+        dx - gains.ahead * px + gains.left * py,
+        dy - gains.ahead * py - gains.left * px,
+        turned - gains.turn * h - gains.pull * g,
+    )
+
+
+def _scores(rows: Array, gains: Gains) -> Array:
+    """How each step pulls at each gain, (4, n)."""
+    px, py, _, _, h, g, _, a, b = rows[:9]
+    ex, ey, turned = _residuals(rows, gains)
+    return np.stack([a * (px * ex + py * ey), a * (px * ey - py * ex), b * h * turned, b * g * turned])
