@@ -164,6 +164,7 @@ def _drive_options(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("--arm", action="store_true", help="arm an autopilot and choose GUIDED; else the pilot does both")
     sub.add_argument("--period", type=float, help="control.period [s]; the model's where not given")
     sub.add_argument("--command-period", type=float, help="control.command_period: of commands on the wire [s] (default 0.02)")
+    sub.add_argument("--realtime", action="store_true", help="ask for real-time priority, and say what was not permitted")
     sub.add_argument("--latency", type=float, help="control.latency: from the wire to the wheels [s] (default 0)")
 
 
@@ -229,6 +230,7 @@ def _run(options: argparse.Namespace) -> int:
 
     task = Task(scenario.goal, scenario.tolerance, scenario.heading_tolerance, scenario.radius, scenario.circles_at)
     navigator = Navigator(step, task, options.settle, options.seconds)
+    _prepare(options)
     origin = (0.0, 0.0, 0.0) if robot.is_autopilot else scenario.start
     period = robot.control.period or controller.problem.dt
     report, status = run(robot, navigator, period, origin, options.record, _out(options))
@@ -263,10 +265,19 @@ def _record(options: argparse.Namespace) -> int:
         raise ConfigError("--by-hand: the pilot arms and drives; leave board.arm and --arm out")
     excitation = None if options.by_hand else (options.hold, options.seed)
     period = robot.control.period or 0.1
+    _prepare(options)
     report, status = record(robot, options.output, options.seconds, period=period, excitation=excitation, out=_out(options))
     if options.json:
         _say(json.dumps(report))
     return status
+
+
+def _prepare(options: argparse.Namespace) -> None:
+    """Make the process fit for a control loop, where asked."""
+    from kmpc_lite.realtime import prepare_process
+
+    for line in prepare_process() if options.realtime else ():
+        sys.stderr.write(f"{line}\n")
 
 
 def _out(options: argparse.Namespace) -> TextIO | None:
