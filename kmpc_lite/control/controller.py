@@ -161,6 +161,7 @@ class Controller:
                 return self._without_solution(pose, known, start, {}, 0, f"{name} not usable: {values.ravel()[:5]}")
         turns = 2 * np.pi * np.round(pose[2] / (2 * np.pi))
         here = pose - (0.0, 0.0, turns)
+        target = target - (0.0, 0.0, 2 * np.pi * np.round(target[2] / (2 * np.pi)))
         guidance = None if self._guide is None else self._guide.reference(here, target, circles)
         if guidance is not None and guidance.hold:
             return self._hold(here, pose, circles, start)

@@ -41,7 +41,7 @@ ARMIJO = 1e-4
 SHORTEST_STEP = 1e-3
 PENALTY_GROWTH = 10.0
 PENALTY_LIMIT = 1e5
-"""To convergence, the linear penalty grows by this factor, up to this weight, until obstacles are kept out of."""
+"""To convergence, the linear penalty grows by this factor, up to this weight, while that halves what obstacles are entered by."""
 VIOLATION = 1e-5
 """How far inside an obstacle a converged plan may stand [m] before the penalty grows."""
 MIN_SOLVE_TIME = 5e-5
@@ -124,7 +124,7 @@ class SQP:
         self.workspace = OSQPWorkspace(self.qp.P, self.qp.q, self.qp.A, self.qp.lower, self.qp.upper, **settings)
         self.keep_out = KeepOut(problem, slots)
         self._u_min, self._u_max, _, _ = problem.bounds
-        self._dynamics_penalty = 0.0
+        self._dynamics_penalty, self._pressed_violation = 0.0, np.inf
         self._search_time = 0.0
 
     def at_rest(self, x: Array) -> Trajectory:
@@ -162,7 +162,7 @@ class SQP:
         timing = {"linearise": 0.0, "fill": 0.0, "solve": 0.0, "search": 0.0}
         to_convergence = self.iterations > 1
         limit, tolerance = (COLD_PASSES, COLD_TOLERANCE) if cold and not to_convergence else (self.iterations, self.tolerance)
-        self._dynamics_penalty = 0.0
+        self._dynamics_penalty, self._pressed_violation = 0.0, np.inf
         self.qp.set_slack_penalty(float(self.problem.slack_weights[0]))
         # the QP is solved around the robot, so that its relative tolerance does not depend on where the map has its origin
         origin = guess.states[0] * (1.0, 1.0, 0.0)
@@ -214,9 +214,10 @@ class SQP:
         return SQPResult(guess, status, passes, step, defect, timing, reason)
 
     def _penalty_too_weak(self, found: Trajectory, margins: Array | float, task: Task) -> bool:
-        """Whether a converged plan stands in an obstacle only because the linear penalty is too weak."""
-        violation = self.keep_out.penetration(found.states, task.circles, margins)
-        return self.qp.slack_penalty < PENALTY_LIMIT and float(violation.max()) > VIOLATION
+        """Whether a converged plan stands in an obstacle because the linear penalty is too weak, and not because it must."""
+        violation = float(self.keep_out.penetration(found.states, task.circles, margins).max())
+        before, self._pressed_violation = self._pressed_violation, violation
+        return self.qp.slack_penalty < PENALTY_LIMIT and violation > VIOLATION and violation < 0.5 * before
 
     def _soft_cost(self, plan: Trajectory, violation: Array, task: Task) -> float:
         """Objective with the exact penalty on the violation of each stage (N,)."""

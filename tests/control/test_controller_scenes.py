@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ import kmpc_lite as kl
 
 DT = 0.1
 MODEL = kl.nominal_unicycle(DT)
+PAPER: dict[str, Any] = {"guidance": False, "tightening": None}
+"""Straight for the goal, no margin but the problem's."""
 RADIUS = kl.NavigationProblem().robot_radius
 
 
@@ -70,11 +73,21 @@ def test_an_obstacle_exactly_at_the_robot_is_left() -> None:
     assert drive.distance(0.3, 0.3) > 0.35
 
 
-def test_goal_inside_an_obstacle_ends_beside_it() -> None:
-    drive = Drive(kl.Controller(MODEL), (0, 0, 0), (1.0, 0.2, 0), [kl.Circle(1.0, 0.2, 0.2)])
+def test_without_guidance_a_goal_inside_an_obstacle_ends_beside_it() -> None:
+    drive = Drive(kl.Controller(MODEL, **PAPER), (0, 0, 0), (1.0, 0.2, 0), [kl.Circle(1.0, 0.2, 0.2)])
     assert drive.clearance > -0.005
     assert drive.distance(1.0, 0.2) < 0.2 + RADIUS + 0.15
     assert abs(drive.plans[-1].command[0]) < 0.05  # and it stands there
+
+
+def test_guidance_waits_while_the_goal_is_inside_an_obstacle_and_goes_on_when_it_is_free() -> None:
+    controller = kl.Controller(MODEL)
+    waiting = Drive(controller, (0, 0, 0), (1.0, 0.2, 0), [kl.Circle(1.0, 0.2, 0.2)], periods=20)
+    assert not any(plan.reachable for plan in waiting.plans)
+    assert np.abs(waiting.path[:, :2]).max() < 0.05
+    going = Drive(controller, tuple(waiting.path[-1]), (1.0, 0.2, 0), [kl.Circle(-1.0, 0.2, 0.2)])
+    assert going.plans[-1].reachable and going.distance(1.0, 0.2) < 0.02
+    assert going.plans[-1].holding
 
 
 @pytest.mark.parametrize("goal", [(2.6, 0.0, 0.0), (-3.0, 0.5, 0.0), (0.0, 3.5, 1.5708), (2.5, 2.5, 0.8)])
@@ -85,10 +98,15 @@ def test_goal_outside_the_area_is_approached_inside(goal: tuple[float, float, fl
     assert drive.distance(*nearest) < 0.35
 
 
-@pytest.mark.xfail(strict=True, reason="the side gives way to where the robot stands: it creeps out, and a far goal pulls it through")
-@pytest.mark.parametrize("goal", [(-4.0, 4.0, 2.0), (50.0, 30.0, 0.0)])
+@pytest.mark.parametrize("goal", [(4.0, 0.0, 0.0), (-4.0, 4.0, 2.0), (50.0, 30.0, 0.0)])
 def test_nothing_pulls_the_robot_out_of_the_area(goal: tuple[float, float, float]) -> None:
-    drive = Drive(kl.Controller(MODEL), (1.9, 0, 0), goal, periods=400)
+    drive = Drive(kl.Controller(MODEL), (1.9, 0, 0), goal, periods=300)
+    assert np.abs(drive.path[:, :2]).max() < 2.0 + 1e-3
+
+
+@pytest.mark.xfail(strict=True, reason="known limit: without guidance a far goal outweighs the penalty on leaving the area")
+def test_nothing_pulls_the_robot_out_of_the_area_without_guidance() -> None:
+    drive = Drive(kl.Controller(MODEL, **PAPER), (1.9, 0, 0), (50.0, 30.0, 0.0), periods=100)
     assert np.abs(drive.path[:, :2]).max() < 2.02
 
 
@@ -98,14 +116,23 @@ def test_a_robot_outside_the_area_comes_back() -> None:
     assert np.abs(drive.path[:, :2]).max() < 2.75
 
 
-@pytest.mark.xfail(
-    strict=True, reason="the slack penalty is weaker than the pull of a far goal: plans cut into the obstacle, status SOLVED"
-)
-@pytest.mark.parametrize("distance", [30.0, 90.0])
-def test_a_far_goal_is_no_reason_to_cut_into_an_obstacle(distance: float) -> None:
+def far_goal(distance: float, **options: Any) -> Drive:
+    """Straight ahead behind an obstacle, and far away."""
     problem = kl.NavigationProblem(x_min=(-100.0, -100.0, -np.inf), x_max=(100.0, 100.0, np.inf))
-    drive = Drive(kl.Controller(MODEL, problem), (0.0, 0.05, np.pi / 2), (0.0, distance, np.pi / 2), [kl.Circle(0.0, 1.0, 0.2)], periods=60)
-    assert drive.clearance > -0.01
+    controller = kl.Controller(MODEL, problem, **options)
+    return Drive(controller, (0.0, 0.05, np.pi / 2), (0.0, distance, np.pi / 2), [kl.Circle(0.0, 1.0, 0.2)], periods=60)
+
+
+@pytest.mark.parametrize("distance", [10.0, 30.0, 90.0])
+def test_a_far_goal_is_no_reason_to_cut_into_an_obstacle(distance: float) -> None:
+    drive = far_goal(distance)
+    assert drive.clearance > 0.0
+    assert drive.end[1] > 2.0
+
+
+@pytest.mark.xfail(strict=True, reason="known limit: without guidance a far goal outweighs the penalty on entering an obstacle")
+def test_a_far_goal_is_no_reason_to_cut_into_an_obstacle_without_guidance() -> None:
+    assert far_goal(30.0, **PAPER).clearance > -0.02
 
 
 def test_more_obstacles_than_slots() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -34,10 +35,13 @@ CASES = {
     ),
 }
 
+PAPER: dict[str, Any] = {"guidance": False, "tightening": None}
+"""Straight for the goal, no margin but the problem's: what the certificate and IPOPT know."""
+
 
 def converge(model: kl.KoopmanModel, case: str) -> tuple[kl.Plan, Certificate]:
     problem, x, goal, circles = CASES[case]
-    controller = kl.Controller(model, problem, sqp_iterations=300, tolerance=1e-7)
+    controller = kl.Controller(model, problem, **PAPER, sqp_iterations=300, tolerance=1e-7)
     plan = controller.step(x, goal, circles)
     return plan, certify(controller.model, problem, plan, goal_reference(x, goal), circles)
 
@@ -69,7 +73,7 @@ def test_the_papers_discrete_fit_converges_too(learned_edmdc: kl.KoopmanModel) -
 def test_one_real_time_pass_is_no_kkt_point(nominal: kl.KoopmanModel) -> None:
     # the certificate can fail: a plan of the first, rough kind does not pass it
     problem, x, goal, circles = CASES["held by an obstacle"]
-    controller = kl.Controller(nominal, problem)
+    controller = kl.Controller(nominal, problem, **PAPER)
     plan = controller.step(x, goal, circles)
     assert certify(controller.model, problem, plan, goal_reference(x, goal), circles).stationarity > 1e-3
 
@@ -81,7 +85,7 @@ def test_cost_is_ipopts_or_less(x: tuple[float, float, float], name: str, models
     from kmpc_lite.peers.ipopt import IpoptController
 
     problem = kl.NavigationProblem()
-    controller = kl.Controller(models[name], problem, sqp_iterations=200, tolerance=1e-7)
+    controller = kl.Controller(models[name], problem, **PAPER, sqp_iterations=200, tolerance=1e-7)
     ours = controller.step(x, GOAL, MAP)
     theirs = IpoptController(controller.model, problem, options={"ipopt.tol": 1e-9}).step(x, GOAL, MAP)
     assert theirs.status is kl.PlanStatus.SOLVED
@@ -92,7 +96,7 @@ def test_cost_is_ipopts_or_less(x: tuple[float, float, float], name: str, models
 
 @pytest.mark.parametrize("passes", [1, 2, 3, 7, 50])
 def test_never_more_passes_than_allowed(passes: int, nominal: kl.KoopmanModel) -> None:
-    controller = kl.Controller(nominal, sqp_iterations=passes, tolerance=1e-300)
+    controller = kl.Controller(nominal, **PAPER, sqp_iterations=passes, tolerance=1e-300)
     x = np.array([0.0, 0.0, 0.0])
     first = controller.step(x, GOAL, MAP)
     # the real-time iteration may take a few passes where it has no plan to start from
@@ -105,8 +109,8 @@ def test_never_more_passes_than_allowed(passes: int, nominal: kl.KoopmanModel) -
 
 def test_passes_end_at_the_tolerance(nominal: kl.KoopmanModel) -> None:
     x = CASES["free"][1]
-    few = kl.Controller(nominal, sqp_iterations=200, tolerance=1e-2).step(x, GOAL).iterations
-    many = kl.Controller(nominal, sqp_iterations=200, tolerance=1e-6).step(x, GOAL).iterations
+    few = kl.Controller(nominal, **PAPER, sqp_iterations=200, tolerance=1e-2).step(x, GOAL).iterations
+    many = kl.Controller(nominal, **PAPER, sqp_iterations=200, tolerance=1e-6).step(x, GOAL).iterations
     assert few < many < 200
 
 
@@ -124,7 +128,7 @@ def test_every_accepted_pass_lowers_the_merit(case: str, nominal: kl.KoopmanMode
         return length
 
     monkeypatch.setattr(SQP, "_line_search", watched_search)
-    kl.Controller(nominal, problem, sqp_iterations=60, tolerance=1e-7).step(x, goal, circles)
+    kl.Controller(nominal, problem, **PAPER, sqp_iterations=60, tolerance=1e-7).step(x, goal, circles)
     assert len(merits) > 3
     for before, after in merits:
         assert after <= before * (1 + 1e-6)  # what the QP's tolerance leaves
@@ -132,14 +136,14 @@ def test_every_accepted_pass_lowers_the_merit(case: str, nominal: kl.KoopmanMode
 
 
 def test_warm_passes_are_no_more_than_cold_ones(nominal: kl.KoopmanModel) -> None:
-    controller = kl.Controller(nominal, sqp_iterations=100, tolerance=1e-4)
+    controller = kl.Controller(nominal, **PAPER, sqp_iterations=100, tolerance=1e-4)
     x = np.array([0.0, 0.0, 0.3])
     warm, cold = 0, 0
     controller.step(x, GOAL, MAP)
     for _ in range(6):
         x = nominal.predict(x, controller.step(x, GOAL, MAP).command)
-        fresh = kl.Controller(nominal, sqp_iterations=100, tolerance=1e-4).step(x, GOAL, MAP)
-        again = kl.Controller(nominal, sqp_iterations=100, tolerance=1e-4)
+        fresh = kl.Controller(nominal, **PAPER, sqp_iterations=100, tolerance=1e-4).step(x, GOAL, MAP)
+        again = kl.Controller(nominal, **PAPER, sqp_iterations=100, tolerance=1e-4)
         again.step(x, GOAL, MAP)
         warm += again.step(x, GOAL, MAP).iterations
         cold += fresh.iterations
