@@ -161,12 +161,19 @@ def maps_study(
         lesson = learned_at(spec, slip), spec.fit
         model = models[lesson] if lesson in models else nominal_unicycle(DT)
         jobs.append(executor.submit(drive_maps, spec, model, lesson[0], family, slip, chunk))
+    first_error: BaseException | None = None
     for job in as_completed(jobs):
+        # what else was driven is kept before a worker's error ends the study
+        if (error := job.exception()) is not None:
+            first_error = first_error or error
+            continue
         found = job.result()
         done.update((drive_key(r), r) for r in found)
         if records is not None:
             _append(records, found)
         progress(len(done), len(wanted))
+    if first_error is not None:
+        raise first_error
     results = [done[k] for k in (key(*cell, seed) for cell in cells for seed in seeds)]
     if failures is not None:
         write_failures(results, failures)

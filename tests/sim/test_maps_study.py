@@ -1,0 +1,266 @@
+"""The study over random maps: complete, resumable, honest about failures, and its numbers those of the drives."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scripted import Scripted
+
+import kmpc_lite as kl
+from kmpc_lite.control.guidance import Guide
+from kmpc_lite.errors import DataError
+from kmpc_lite.learn.regression import Method
+from kmpc_lite.sim import Scenario, drive
+from kmpc_lite.sim.closed_loop import Steps
+from kmpc_lite.sim.maps import random_map
+from kmpc_lite.sim.maps_study import SETTLE, drive_maps, failed, maps_study, measure, write_failures
+from kmpc_lite.sim.maps_table import format_maps, summarise, time_ratio, wilson
+
+SMALL = {"episodes": 6, "steps": 30}
+
+
+class Follower:
+    """Drives to where the guide's reference will be in 0.3 s; no model."""
+
+    def __init__(self, problem: kl.NavigationProblem) -> None:
+        self.guide, self.problem = Guide(problem), problem
+
+    def step(self, x: Any, goal: Any, obstacles: Any = ()) -> kl.Plan:
+        pose = np.array(x, dtype=float)
+        pose[2] -= 2 * np.pi * np.round(pose[2] / (2 * np.pi))
+        target = self.guide.reference(pose, np.asarray(goal), obstacles).states[2]
+        error = target - pose
+        ahead = np.cos(pose[2]) * error[0] + np.sin(pose[2]) * error[1]
+        aside = np.cos(pose[2]) * error[1] - np.sin(pose[2]) * error[0]
+        u_min, u_max, _, _ = self.problem.bounds
+        command = np.clip([ahead / 0.3, (error[2] + 2 * np.sign(ahead) * aside) / 0.3], u_min, u_max)
+        return kl.Plan(command, np.tile(pose, (4, 1)), np.tile(command, (3, 1)), kl.PlanStatus.SOLVED, np.inf, 1, {"total": 2e-3})
+
+
+@dataclass(frozen=True)
+class Spec:
+    """A controller without a model; can be sent to another process."""
+
+    label: str
+    kind: str
+    fit: Method | None = None
+
+    def build(self, model: kl.KoopmanModel, scenario: Scenario) -> Steps:
+        if self.kind == "follow":
+            return Follower(replace(scenario.problem(), margin=0.04))
+        return Scripted((0.0, 0.0) if self.kind == "stand" else (0.6, 0.0))
+
+
+FOLLOW, STAND, RAM = Spec("follow", "follow"), Spec("stand", "stand"), Spec("ram", "ram")
+
+
+class Inline(Executor):
+    """Does the work at once, and counts it; may give up after some of it."""
+
+    def __init__(self, stop_after: int = 10**9) -> None:
+        self.asked: list[tuple[str, Any]] = []
+        self.stop_after = stop_after
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        if fn.__name__ == "drive_maps" and sum(name == "drive_maps" for name, _ in self.asked) >= self.stop_after:
+            future.set_exception(RuntimeError("worker died"))
+            return future
+        self.asked.append((fn.__name__, args))
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+def study(executor: Executor | None = None, **options: Any) -> list[dict[str, Any]]:
+    values: dict[str, Any] = {"specs": [FOLLOW, STAND, RAM], "slips": (0.0, 0.1), "maps": 4, "first_seed": 100, "training": SMALL}
+    values.update(options)
+    return maps_study(values.pop("specs"), executor or Inline(), **values)
+
+
+@pytest.fixture(scope="module")
+def records() -> list[dict[str, Any]]:
+    return study()
+
+
+def test_every_controller_drives_every_map_at_every_slip(records: list[dict[str, Any]]) -> None:
+    seen = [(r["controller"], r["family"], r["slip"], r["seed"]) for r in records]
+    assert seen == [(c, "open", s, 100 + i) for c in ("follow", "stand", "ram") for s in (0.0, 0.1) for i in range(4)]
+
+
+def test_a_record_says_what_the_drive_was(records: list[dict[str, Any]]) -> None:
+    for record in records:
+        if record["controller"] == "stand":
+            assert failed(record) and record["collision_s"] is None and record["settled_s"] is None
+    scenario = random_map("open", 101, 0.1)
+    run = drive(FOLLOW.build(kl.nominal_unicycle(0.1), scenario), scenario, settle=SETTLE)
+    record = next(r for r in records if (r["controller"], r["slip"], r["seed"]) == ("follow", 0.1, 101))
+    fresh = measure(run, "open", "follow", None)
+    assert {k: v for k, v in record.items() if "step" not in k} == {k: v for k, v in fresh.items() if "step" not in k}
+    assert record["clearance_m"] == run.clearance and record["position_error_m"] == run.position_error
+    assert record["position_s"] <= record["pose_s"] <= record["settled_s"] - SETTLE + 0.11
+
+
+def test_outcomes_are_told_apart(records: list[dict[str, Any]]) -> None:
+    follow = [r for r in records if r["controller"] == "follow" and r["slip"] == 0.0]
+    # it heeds no obstacle while it turns, and one start is near one
+    assert sum(not failed(r) for r in follow) == 3
+    assert all(failed(r) for r in records if r["controller"] in ("stand", "ram"))
+    assert any(r["collision_s"] is not None for r in study(specs=[RAM], slips=(0.0,), maps=30))
+
+
+def test_an_interrupted_study_goes_on_where_it_ended(tmp_path: Path, records: list[dict[str, Any]]) -> None:
+    path = tmp_path / "drives.jsonl"
+    with pytest.raises(RuntimeError, match="worker died"):
+        study(Inline(stop_after=3), records=path)
+    kept = [json.loads(line) for line in path.read_text().splitlines()]
+    # all that was driven is there
+    assert len(kept) == 3 * 4 < len(records)
+    # the process was killed while it wrote
+    path.write_text(path.read_text() + '{"controller": "fol')
+    progress: list[tuple[int, int]] = []
+    executor = Inline()
+    again = study(executor, records=path, progress=lambda done, total: progress.append((done, total)))
+    untimed = [{k: v for k, v in r.items() if "step" not in k} for r in again]
+    assert untimed == [{k: v for k, v in r.items() if "step" not in k} for r in records]
+    assert progress[0] == (len(kept), 24) and progress[-1] == (24, 24)
+    assert sum(len(args[-1]) for name, args in executor.asked if name == "drive_maps") == 24 - len(kept)
+    assert len(path.read_text().splitlines()) == 24
+    idle = Inline()
+    assert study(idle, records=path) == again and not idle.asked
+
+
+def test_more_maps_are_added_to_those_that_are_there(tmp_path: Path) -> None:
+    path = tmp_path / "drives.jsonl"
+    first = study(specs=[STAND], slips=(0.0,), maps=2, records=path)
+    executor = Inline()
+    more = study(executor, specs=[STAND], slips=(0.0,), maps=5, records=path)
+    assert more[:2] == first and len(more) == 5
+    assert [args[-1] for _, args in executor.asked] == [[102, 103, 104]]
+
+
+@pytest.mark.parametrize("line", ["not json", "[1, 2]", '{"controller": "a"}'])
+def test_a_foreign_file_is_refused_with_its_line(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "drives.jsonl"
+    path.write_text(line + "\n")
+    with pytest.raises(DataError, match="drives.jsonl: line 1: expected a drive of a maps study"):
+        study(records=path)
+
+
+def test_models_are_learned_once_for_each_slip_and_only_where_needed() -> None:
+    learning = [Spec("a", "stand", fit="integral"), Spec("b", "stand", fit="integral"), Spec("c", "stand", fit="edmdc")]
+    executor = Inline()
+    found = study(executor, specs=learning, maps=1, slips=(0.0, 0.05))
+    lessons = [args[:2] for name, args in executor.asked if name == "train"]
+    assert sorted(lessons) == [(0.0, "edmdc"), (0.0, "integral"), (0.05, "edmdc"), (0.05, "integral")]
+    assert {(r["slip"], r["trained_at"]) for r in found} == {(0.0, 0.0), (0.05, 0.05)}
+    elsewhere = Inline()
+    mismatched = study(elsewhere, specs=learning[:1], maps=1, slips=(0.1, 0.2), trained_at=0.05)
+    assert [args[:2] for name, args in elsewhere.asked if name == "train"] == [(0.05, "integral")]
+    assert {r["trained_at"] for r in mismatched} == {0.05}
+
+
+def test_a_drive_with_another_training_is_another_drive(tmp_path: Path) -> None:
+    path, spec = tmp_path / "drives.jsonl", [Spec("a", "stand", fit="integral")]
+    study(specs=spec, maps=1, slips=(0.1,), records=path)
+    executor = Inline()
+    study(executor, specs=spec, maps=1, slips=(0.1,), records=path, trained_at=0.0)
+    assert [name for name, _ in executor.asked] == ["train", "drive_maps"]
+    assert len(path.read_text().splitlines()) == 2
+
+
+def test_a_failure_is_a_scenario_file_that_replays_it(tmp_path: Path) -> None:
+    found = study(specs=[RAM], slips=(0.0,), maps=30, failures=tmp_path / "failed")
+    collided = [r for r in found if r["collision_s"] is not None]
+    assert collided
+    files = sorted((tmp_path / "failed").iterdir())
+    assert len(files) == sum(failed(r) for r in found)
+    for record in collided:
+        (path,) = (f for f in files if f.name.startswith(f"open-{record['seed']}-slip0-ram"))
+        scenario = Scenario.load(path)
+        assert "# ram: collision" in path.read_text()
+        again = drive(Scripted((0.6, 0.0)), scenario)
+        assert again.outcome.value == "collision" and again.duration == record["collision_s"]
+
+
+def test_no_failures_no_folder(tmp_path: Path) -> None:
+    good = [r for r in study(specs=[FOLLOW], slips=(0.0,)) if not failed(r)]
+    assert good and write_failures(good, tmp_path / "none") == [] and not (tmp_path / "none").exists()
+
+
+def test_other_processes_do_the_same(records: list[dict[str, Any]]) -> None:
+    seeds, model = [100, 101], kl.nominal_unicycle(0.1)
+    with ProcessPoolExecutor(1) as pool:
+        there = pool.submit(drive_maps, FOLLOW, model, None, "open", 0.1, seeds).result()
+    here = [r for r in records if r["controller"] == "follow" and r["slip"] == 0.1 and r["seed"] in seeds]
+    assert [{k: v for k, v in r.items() if "step" not in k} for r in there] == [
+        {k: v for k, v in r.items() if "step" not in k} for r in here
+    ]
+
+
+# -- tables
+
+
+def made_up(controller: str, slip: float, seed: int, collision: float | None, position: float | None, pose: float | None) -> dict[str, Any]:
+    keys = ("controller", "family", "trained_at", "slip", "seed", "collision_s", "position_s", "pose_s")
+    record = dict(zip(keys, (controller, "open", None, slip, seed, collision, position, pose), strict=True))
+    return {**record, "clearance_m": -0.01 if collision else 0.02 + 0.001 * seed}
+
+
+MADE_UP = [
+    made_up("a", 0.0, 1, None, 5.0, 6.0),
+    made_up("a", 0.0, 2, None, 7.0, None),
+    made_up("a", 0.1, 1, 2.0, 1.0, 1.5),
+    made_up("a", 0.1, 2, None, 4.0, 8.0),
+    made_up("b", 0.0, 1, None, 4.0, 4.0),
+    made_up("b", 0.0, 2, None, 4.0, 4.0),
+    made_up("b", 0.1, 1, None, 4.0, 4.0),
+    made_up("b", 0.1, 2, None, None, None),
+]
+
+
+def test_rows_count_what_arrived_untouched() -> None:
+    rows = {(r.controller, r.slip): r for r in summarise(MADE_UP)}
+    assert set(rows) == {(c, s) for c in "ab" for s in (0.0, 0.1, None)}
+    still, slips, both = rows["a", 0.0], rows["a", 0.1], rows["a", None]
+    assert (still.drives, still.collisions, still.at_position, still.at_pose) == (2, 0, 2, 1)
+    assert (slips.drives, slips.collisions, slips.at_position, slips.at_pose) == (2, 1, 1, 1)
+    assert (both.drives, both.collisions, both.at_position, both.at_pose) == (4, 1, 3, 2)
+    assert both.position_s == pytest.approx(16 / 3) and both.pose_s == pytest.approx(7.0)
+    assert slips.clearance_m == -0.01
+    assert both.as_dict()["wilson_95"]["collisions"] == [round(v, 5) for v in wilson(1, 4)]
+    json.dumps(both.as_dict())
+
+
+def test_times_are_compared_where_both_arrive() -> None:
+    # only seed 1 at slip 0: elsewhere one of them collides or never arrives
+    assert time_ratio(MADE_UP, "a", "b") == (1, pytest.approx(1.5))
+    assert time_ratio(MADE_UP, "a", "b", key="position_s") == (2, pytest.approx(12 / 8))
+    assert time_ratio(MADE_UP, "a", "nobody") == (0, None)
+
+
+def test_the_table_shows_each_row_once() -> None:
+    lines = format_maps(summarise(MADE_UP)).splitlines()
+    assert len(lines) == 1 + 6
+    assert "collisions" in lines[0] and lines[3].split()[:4] == ["a", "open", "all", "4"]
+    assert "75.0 %" in lines[3] and "-10 mm" in lines[3]
+
+
+@pytest.mark.parametrize(("successes", "trials"), [(0, 10), (1, 10), (5, 10), (10, 10), (0, 1), (799, 800), (800, 800)])
+def test_wilson_holds_the_shares_whose_score_test_is_not_refused(successes: int, trials: int) -> None:
+    low, high = wilson(successes, trials)
+    assert 0.0 <= low <= successes / trials <= high <= 1.0
+    for end in (low, high):
+        if 0.0 < end < 1.0:
+            # at the ends the observed share is 1.96 standard errors away
+            assert abs(successes / trials - end) == pytest.approx(1.959964 * np.sqrt(end * (1 - end) / trials), rel=1e-5)
+
+
+def test_wilson_without_trials_knows_nothing() -> None:
+    assert wilson(0, 0) == (0.0, 1.0)
