@@ -149,12 +149,14 @@ class ODriveDriver(PolledDriver):
         self._drive(0.0, 0.0)
         self._clear()
         for axis in self._axes:
-            self._say(f"w axis{axis}.config.watchdog_timeout {self._options.watchdog:.6f}", f"u {axis}")
-            self._say(f"w axis{axis}.config.enable_watchdog 1", f"w axis{axis}.requested_state {CLOSED_LOOP}", f"v {axis} 0 0")
+            setting = f"w axis{axis}.config.watchdog_timeout {self._options.watchdog:.6f}"
+            self._say(setting, f"u {axis}", f"w axis{axis}.config.enable_watchdog 1")
         for axis in self._axes:
             timeout = self._number(f"axis{axis}.config.watchdog_timeout")
             if abs(timeout - self._options.watchdog) > 1e-3 or not self._watchdog_is_set(axis):
                 raise LinkError(f"axis {axis} did not take a watchdog of {self._options.watchdog:g} s")
+        for axis in self._axes:  # only now: no axis turns without its watchdog
+            self._say(f"u {axis}", f"w axis{axis}.requested_state {CLOSED_LOOP}", f"v {axis} 0 0")
         end = time.monotonic() + 0.5
         while not self._closed_loop():
             self._drive(0.0, 0.0)
@@ -193,7 +195,7 @@ class ODriveDriver(PolledDriver):
             feedback.append((position, speed, stamp))
         self._judge(feedback)
         if cycle % 5 == 0:
-            self._armed = self._closed_loop() and not any(self._axis_errors)
+            self._armed = self._closed_loop() and self._armed and not any(self._axis_errors)
         if self._released and self._mode != "idle":
             self._release()
         if cycle % 25 == 12 and self._armed and not all(map(self._watchdog_is_set, self._axes)):

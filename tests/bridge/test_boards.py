@@ -313,6 +313,21 @@ def rim_speeds(name, frame):
     return found
 
 
+def test_a_bug_in_the_driver_is_told_and_the_motors_are_stopped(rig, monkeypatch):
+    rig.connect()
+    rig.drive(0.3, 0.0, 0.1)
+
+    def bug(cycle):
+        raise RuntimeError("bug in a driver")
+
+    monkeypatch.setattr(rig.driver, "_poll", bug)
+    assert until(lambda: rig.counters["driver_errors"] > 1)
+    assert not rig.driver.health().ready and "RuntimeError: bug in a driver" in rig.driver.health().faults
+    assert until(lambda: rig.emulator.stopped), "the last command has become old"
+    monkeypatch.undo()
+    assert until(lambda: rig.driver.send(0.0, 0.0) or rig.driver.health().ready) and rig.driver.health().faults == ()
+
+
 def test_noise_makes_no_exception_at_either_end(name):
     now = [100.0]
     board = EMULATORS[name].from_options(TABLES[name], clock=lambda: now[0])

@@ -188,6 +188,20 @@ def test_connect_clears_errors_when_told(tmp_path):
     rig.close()
 
 
+def test_a_watchdog_that_the_board_does_not_take_is_told(rig, monkeypatch):
+    put = ODriveEmulator._put
+    monkeypatch.setattr(ODriveEmulator, "_put", lambda self, n, name, w, now: None if "enable" in name else put(self, n, name, w, now))
+    with pytest.raises(LinkError, match="cannot drive: axis 0 did not take a watchdog of 0.3 s"):
+        rig.driver.connect(0.4)
+
+
+def test_reboot_by_line_forgets_what_was_not_saved(board, clock):
+    board.handle(b"w axis0.requested_state 8\nw axis0.config.enable_watchdog 1\nu 0\nv 0 1\n")
+    clock.now += 0.01
+    board.handle(b"sr\n")
+    assert board.stopped and board.handle(b"r axis0.config.enable_watchdog\nr axis0.current_state\n") == b"0\r\n1\r\n"
+
+
 def test_an_axis_that_is_not_calibrated_is_told(rig):
     rig.emulator.axes[1].calibrated = False
     with pytest.raises(LinkError, match="cannot drive: axis 1: invalid state"):
