@@ -132,7 +132,8 @@ def test_examples_run_and_end_in_a_number_or_a_picture(example: Path, tmp_path: 
 
 
 def test_the_comparison_without_casadi_says_so_and_ends_well(tmp_path: Path) -> None:
-    code = f"import sys, runpy; sys.modules['casadi'] = None; runpy.run_path({str(ROOT / 'examples' / 'compare_with_ipopt.py')!r}, run_name='__main__')"
+    example = str(ROOT / "examples" / "compare_with_ipopt.py")
+    code = f"import sys, runpy; sys.modules['casadi'] = None; runpy.run_path({example!r}, run_name='__main__')"
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=True)
     assert "pip install" in done.stdout and done.stderr == ""
 

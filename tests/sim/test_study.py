@@ -124,12 +124,12 @@ def test_a_spec_builds_what_it_says() -> None:
 
 def test_the_five_rows_of_the_table_can_be_built() -> None:
     assert len({s.label for s in study.TABLE_1_CONTROLLERS}) == len(study.TABLE_1_CONTROLLERS)
-    assert {(s.solver, s.fit) for s in study.TABLE_1_CONTROLLERS} >= {
-        ("ipopt", None),
-        ("ipopt", "edmdc"),
-        ("kmpc", "edmdc"),
-        ("kmpc", "integral"),
-    }
+    rows = {(s.solver == "ipopt", s.fit) for s in study.TABLE_1_CONTROLLERS}
+    # the paper's two, and ours with the paper's fit and with the other
+    assert rows >= {(True, None), (True, "edmdc"), (False, "edmdc"), (False, "integral")}
+    pytest.importorskip("casadi", reason="needs the extra peers")
+    for spec in study.TABLE_1_CONTROLLERS:
+        assert spec.build(kl.nominal_unicycle(0.1), small_map()).step((0.0, 0.0, 0.0), (0.6, 0.0, 0.0)).command[0] > 0.0
 
 
 def result(outcome: Outcome, duration: float, arrival: float | None = None, clearance: float = 0.1) -> dict[str, Any]:
