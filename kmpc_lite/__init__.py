@@ -3,7 +3,7 @@
 from kmpc_lite.control import Circle, Controller, NavigationProblem, Plan, PlanStatus
 from kmpc_lite.dictionary import Dictionary, HermiteTrigDictionary, InputHistoryDictionary, UnicycleDictionary
 from kmpc_lite.errors import DataError, KmpcError, ModelError, ProblemError, ScenarioError
-from kmpc_lite.learn import Accumulator, Dataset, Episode, FitReport, evaluate, fit
+from kmpc_lite.learn import Accumulator, Dataset, Episode, FitReport, evaluate, fit, with_quantiles
 from kmpc_lite.model import KoopmanModel, nominal_unicycle
 from kmpc_lite.sim.robots import DifferentialDrive, generate_dataset
 
@@ -34,4 +34,5 @@ __all__ = [
     "fit",
     "generate_dataset",
     "nominal_unicycle",
+    "with_quantiles",
 ]

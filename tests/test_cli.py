@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite import cli
+from kmpc_lite import cli, measuring
 from kmpc_lite.sim import Run, Scenario, study
 
 COMMANDS = ("demo", "fit", "simulate", "report", "study", "bench")
@@ -347,7 +347,7 @@ def test_a_report_that_cannot_be_written_is_told_in_one_line(line: str, made: Pa
 def test_progress_is_drawn_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     for terminal, quiet, drawn in ((False, False, False), (True, False, True), (True, True, False)):
         monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
-        bar = cli.Progress("work", quiet=quiet)
+        bar = measuring.Progress("work", quiet=quiet)
         for done in range(4):
             bar(done, 3)
         out, err = capsys.readouterr()
@@ -413,7 +413,7 @@ def test_control_c_ends_it_at_once_without_a_traceback(tmp_path: Path) -> None:
 
 
 def test_an_interrupted_study_ends_its_workers_at_once() -> None:
-    with pytest.raises(KeyboardInterrupt), cli.worker_pool(1) as pool:
+    with pytest.raises(KeyboardInterrupt), measuring.worker_pool(1) as pool:
         pool.submit(time.sleep, 0).result()
         workers = multiprocessing.active_children()
         sleeping = pool.submit(time.sleep, 600)
