@@ -12,28 +12,27 @@ import sys
 import tomllib
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, NamedTuple, TextIO
 
 # one BLAS thread: more would only get in the gate's way; NumPy reads this when it is loaded
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
+from firmware_bridge.arguments import build_parser  # noqa: E402
 from firmware_bridge.estop import WORDS, ask, default_socket, latch_file, set_latch  # noqa: E402
 from firmware_bridge.messages import BridgeError, ConfigError, LinkError  # noqa: E402
-from firmware_bridge.robot_file import DRIVERS, Robot, load_robot  # noqa: E402
+from firmware_bridge.robot_file import Robot, load_robot  # noqa: E402
 
 INTERRUPTED = 130
 FENCE_ROOM = 0.25
 """Without a geofence of its own a robot may leave the scenario's area by so much [m]."""
 LOOK_AHEAD = 2.0
 """Time that the controller plans ahead, however short its period [s]."""
-DRIVE_TIME = 120.0
-"""How long a run may take unless told [s]: low speeds take longer than a scenario's own limit."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a command line and return its exit status: 0 done, 1 not done, 2 bad input, 130 interrupted."""
-    options = _parser().parse_args(arguments)
+    options = build_parser(COMMANDS).parse_args(arguments)
     try:
         status: int = options.run(options)
         return status
@@ -54,118 +53,6 @@ def _complain(text: str) -> int:
 def _say(text: str) -> None:
     sys.stdout.write(text + "\n")
     sys.stdout.flush()
-
-
-def _parser() -> argparse.ArgumentParser:
-    raw = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(prog="kmpc-bridge", description="Drive a robot's motors, safely.")
-    commands = parser.add_subparsers(required=True, metavar="command")
-
-    def command(name: str, run: Any, text: str, example: str) -> argparse.ArgumentParser:
-        sub = commands.add_parser(name, help=text, description=text, epilog=f"example:\n  {example}", formatter_class=raw)
-        sub.set_defaults(run=run)
-        sub.add_argument("--json", action="store_true", help="one JSON object on standard output, for machines")
-        return sub
-
-    sub = command("check", _check, "say who answers, and what is missing before it can drive", "kmpc-bridge check robot.toml")
-    _robot_options(sub)
-    sub.add_argument("--seconds", type=_positive, default=2.0, help="how long to watch the telemetry [s] (default 2)")
-
-    sub = command(
-        "run",
-        _run,
-        "drive a scenario with a learned model",
-        "kmpc-bridge run --driver mavlink --link tcp:127.0.0.1:5760 --model robot.npz --scenario four_circles_1 --arm",
-    )
-    _robot_options(sub)
-    _drive_options(sub)
-    sub.add_argument("--model", help="learned model (kmpc fit); the nominal unicycle where not given")
-    sub.add_argument("--scenario", help="scenario file, or the name of one that comes with kmpc_lite")
-    sub.add_argument("--seconds", type=_positive, default=DRIVE_TIME, help=f"give up after so long [s] (default {DRIVE_TIME:g})")
-    sub.add_argument("--settle", type=_positive, default=1.0, help="how long the goal must be held [s] (default 1)")
-    sub.add_argument("--record", metavar="NAME", help="record to NAME.csv and NAME.tlog or NAME.raw")
-
-    sub = command(
-        "record",
-        _record,
-        "record a drive to learn from: by hand, or at random inside a fence",
-        "kmpc-bridge record robot.toml --excite --geofence -2 -2 2 2 --seconds 300 --output drive",
-    )
-    _robot_options(sub)
-    _drive_options(sub)
-    sub.add_argument("--output", required=True, metavar="NAME", help="record to NAME.csv and NAME.tlog or NAME.raw")
-    how = sub.add_mutually_exclusive_group(required=True)
-    how.add_argument("--by-hand", action="store_true", help="somebody else drives; nothing is sent to the robot")
-    how.add_argument("--excite", action="store_true", help="drive at random in the four sign scenarios, inside the geofence")
-    sub.add_argument("--seconds", type=_positive, default=300.0, help="for how long [s] (default 300)")
-    sub.add_argument("--hold", type=_positive, default=0.5, help="how long a random command is held [s] (default 0.5)")
-    sub.add_argument("--seed", type=int, default=0, help="of the random commands (default 0)")
-
-    sub = command(
-        "replay",
-        _replay,
-        "summarise a recorded link log, make a CSV of it, or play it to a link",
-        "kmpc-bridge replay drive.tlog --csv a.csv",
-    )
-    sub.add_argument("log", help="NAME.tlog or NAME.raw")
-    sub.add_argument("--csv", metavar="FILE", help="write the poses and measured speeds of a tlog as a log for kmpc fit")
-    sub.add_argument("--period", type=_positive, default=0.1, help="of the CSV's rows [s] (default 0.1)")
-    sub.add_argument("--system", type=int, default=1, help="MAVLink id of the vehicle (default 1)")
-    sub.add_argument("--link", metavar="URL", help="serve what came from the board here, for a ground station")
-    sub.add_argument("--speed", type=_positive, default=1.0, help="pace on --link (default 1)")
-
-    sub = command(
-        "emulate",
-        _emulate,
-        "pretend to be a robot: an ArduPilot rover, or a motor controller of a robot file",
-        "kmpc-bridge emulate mavlink --link tcp:127.0.0.1:5760",
-    )
-    sub.add_argument("robot", help="mavlink, or a robot file")
-    sub.add_argument("--link", metavar="URL", help="pty:PATH, tcp:HOST:PORT or udp:HOST:PORT; the robot file's where not given")
-    sub.add_argument("--scenario", help="start where this one starts, on its floor")
-    sub.add_argument("--start", nargs=3, type=float, metavar=("X", "Y", "THETA"), help="where it stands [m, m, rad]")
-    sub.add_argument("--slip", type=float, help="mean slip ratio of the floor")
-    sub.add_argument("--turn-gain", type=float, help="share of a turn that happens")
-    sub.add_argument("--seed", type=int, default=0, help="of the slip (default 0)")
-    sub.add_argument("--arm-after", type=float, default=2.0, help="arming is refused so long after boot [s] (default 2)")
-    sub.add_argument("--seconds", type=_positive, help="end after so long [s]")
-
-    sub = command("estop", _estop, "stop the robot that a running bridge drives, and keep it stopped", "kmpc-bridge estop")
-    what = sub.add_mutually_exclusive_group()
-    what.add_argument("--reset", dest="word", action="store_const", const="reset", help="clear the stop; the robot stays still")
-    what.add_argument("--enable", dest="word", action="store_const", const="enable", help="let the robot drive (again)")
-    what.add_argument("--status", dest="word", action="store_const", const="status", help="what the gate is doing")
-    sub.add_argument("--socket", metavar="PATH", help="of the bridge, where not the default")
-    sub.set_defaults(word="stop")
-    return parser
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < 1e9:
-        raise argparse.ArgumentTypeError(f"expected a number > 0, got {text}")
-    return value
-
-
-def _robot_options(sub: argparse.ArgumentParser) -> None:
-    """Where the robot is and what it may do; each replaces a key of the robot file."""
-    sub.add_argument("robot", nargs="?", help="robot file (TOML); the options below replace its keys")
-    sub.add_argument("--driver", choices=DRIVERS, help="link.driver")
-    sub.add_argument("--link", metavar="URL", help="link.url: serial:PATH?baud=..., pty:PATH, tcp:HOST:PORT, udp:HOST:PORT")
-    sub.add_argument("--timeout", type=float, help="link.timeout: how long the board may take to answer [s]")
-    sub.add_argument("--v-max", type=float, help="limits.v_max and v_reverse [m/s]; slow where not given")
-    sub.add_argument("--omega-max", type=float, help="limits.omega_max [rad/s]")
-    sub.add_argument("--geofence", nargs=4, type=float, metavar=("XMIN", "YMIN", "XMAX", "YMAX"), help="safety.geofence [m]")
-    sub.add_argument("--socket", metavar="PATH", help="safety.socket: of the emergency stop")
-    sub.add_argument("--set", action="append", default=[], metavar="SECTION.KEY=VALUE", help="any other key, in TOML: board.rate=50")
-
-
-def _drive_options(sub: argparse.ArgumentParser) -> None:
-    sub.add_argument("--arm", action="store_true", help="arm an autopilot and choose GUIDED; else the pilot does both")
-    sub.add_argument("--period", type=float, help="control.period [s]; the model's where not given")
-    sub.add_argument("--command-period", type=float, help="control.command_period: of commands on the wire [s] (default 0.02)")
-    sub.add_argument("--realtime", action="store_true", help="ask for real-time priority, and say what was not permitted")
-    sub.add_argument("--latency", type=float, help="control.latency: from the wire to the wheels [s] (default 0)")
 
 
 def load(options: argparse.Namespace) -> Robot:
@@ -206,12 +93,32 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
-    import kmpc_lite as kl
     from firmware_bridge.drive import run
+
+    drive = _course(load(options), options.settle, options.seconds)
+    _prepare(options)
+    report, status = run(drive.robot, drive.navigator, drive.period, drive.origin, options.record, _out(options))
+    if options.json:
+        _say(json.dumps({"scenario": drive.name, **report}))
+    return status
+
+
+class _Course(NamedTuple):
+    """All that a run needs."""
+
+    name: str
+    robot: Robot
+    navigator: Any
+    period: float
+    origin: tuple[float, float, float]
+
+
+def _course(robot: Robot, settle: float, seconds: float) -> _Course:
+    """kmpc_lite's controller and scenario as the bridge wants them."""
+    import kmpc_lite as kl
     from firmware_bridge.navigator import Navigator, Task
     from kmpc_lite.sim import Scenario
 
-    robot = load(options)
     if robot.control.scenario is None:
         raise ConfigError(f"{robot.where}: control.scenario: missing: give --scenario NAME")
     try:
@@ -229,14 +136,9 @@ def _run(options: argparse.Namespace) -> int:
         return float(plan.command[0]), float(plan.command[1]), plan.status.name
 
     task = Task(scenario.goal, scenario.tolerance, scenario.heading_tolerance, scenario.radius, scenario.circles_at)
-    navigator = Navigator(step, task, options.settle, options.seconds)
-    _prepare(options)
     origin = (0.0, 0.0, 0.0) if robot.is_autopilot else scenario.start
     period = robot.control.period or controller.problem.dt
-    report, status = run(robot, navigator, period, origin, options.record, _out(options))
-    if options.json:
-        _say(json.dumps({"scenario": scenario.name, **report}))
-    return status
+    return _Course(scenario.name, robot, Navigator(step, task, settle, seconds), period, origin)
 
 
 def _controller(robot: Robot, scenario: Any) -> Any:
@@ -342,6 +244,30 @@ def _estop(options: argparse.Namespace) -> int:
     done = answer["ok"] and (options.word != "stop" or answer["confirmed"])
     return 0 if done or (options.word == "reset" and not answer["latched"]) else 1
 
+
+def _latency(options: argparse.Namespace) -> int:
+    from firmware_bridge.latency import SCENARIO, measure, table
+
+    def drive(robot: Robot) -> dict[str, Any]:
+        from firmware_bridge.drive import run
+
+        course = _course(replace(robot, control=replace(robot.control, scenario=SCENARIO)), options.seconds, options.seconds)
+        return run(course.robot, course.navigator, course.period, course.origin, None, None)[0]
+
+    rows = measure(options.drivers, options.rates, drive, None if options.json else sys.stderr)
+    _say(json.dumps(rows) if options.json else table(rows))
+    return 0
+
+
+COMMANDS = {
+    "check": _check,
+    "run": _run,
+    "record": _record,
+    "replay": _replay,
+    "emulate": _emulate,
+    "estop": _estop,
+    "latency": _latency,
+}
 
 if __name__ == "__main__":
     sys.exit(main())

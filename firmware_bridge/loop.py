@@ -20,6 +20,8 @@ TICK = 0.02
 """Period of the gate [s]: what is lost is noticed this much after its time, and stops are sent this often."""
 GIVE_UP = 2.0
 """How long after the ramp and the hold a board may take to obey the release [s]."""
+LATE_PLAN = 1.5
+"""After this many periods a command is sent again although no new plan has come."""
 DEAD = LinkStatus(connected=False, heartbeat_stamp=-math.inf, pose_stamp=-math.inf, ready=False)
 """What is known of a driver that raises."""
 
@@ -139,6 +141,7 @@ class ControlLoop:
         self._abort = False
         self._started = clock()
         self._last_sent = -math.inf
+        self._last_plan: object = None
         self._last_pose: float | None = None
 
     def request_stop(self, why: str) -> None:
@@ -239,17 +242,24 @@ class ControlLoop:
             return False
         if output.action is Action.NOTHING:
             return False
-        if output.state is GateState.ACTIVE and now - self._last_sent < self._command_period - 0.5 * self._tick:
+        if output.state is GateState.ACTIVE and not self._due(now):
             return False
         if not self._guarded(lambda: self.driver.send(output.v, output.omega)):
             self.statistics.refused += 1
             return False
         if output.state is GateState.ACTIVE and math.isfinite(self._last_sent):
             self.statistics.spacing_error.add(abs(now - self._last_sent - max(self._tick, self._command_period)))
-        self._last_sent = now
+        self._last_sent, self._last_plan = now, self.planner.latest
         self.statistics.sent += 1
         self.planner.sent.add(now, output.v, output.omega)
         return True
+
+    def _due(self, now: float) -> bool:
+        """Whether to send while driving: when a period has passed; where plans come as often as commands, with each plan."""
+        elapsed = now - self._last_sent
+        if abs(self._command_period - self.planner.period) < 0.5 * self._tick:
+            return self.planner.latest is not self._last_plan or elapsed >= LATE_PLAN * self._command_period
+        return elapsed >= self._command_period - 0.5 * self._tick
 
     def _guarded(self, action: Callable[[], None]) -> bool:
         try:

@@ -14,6 +14,8 @@ PERIOD = 0.2
 BAR = 10
 """Half width of a speed's bar, in characters."""
 UP, CLEAR = "\x1b[{}F", "\x1b[2K"
+NO_WRAP, WRAP = "\x1b[?7l", "\x1b[?7h"
+"""Lines are cut at the edge while drawing: a wrapped one would take two."""
 RED, GREEN, BOLD, PLAIN = "\x1b[31m", "\x1b[32m", "\x1b[1m", "\x1b[0m"
 
 
@@ -60,7 +62,7 @@ class View:
         text += "".join(f"{CLEAR if self._live else ''}{line}\n" for line in lines)
         if self._live and self._loop.snapshot is not None:
             picture = render(self._title, self._loop.snapshot, self._loop)
-            text += "".join(f"{CLEAR}{line}\n" for line in picture)
+            text += NO_WRAP + "".join(f"{CLEAR}{line}\n" for line in picture) + WRAP
             self._lines = len(picture)
         if text:
             self._out.write(text)

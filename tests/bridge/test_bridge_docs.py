@@ -3,7 +3,8 @@
 import re
 from pathlib import Path
 
-from firmware_bridge.cli import _parser
+from firmware_bridge.arguments import build_parser
+from firmware_bridge.cli import COMMANDS
 from firmware_bridge.gate_table import diagram, legend
 from firmware_bridge.robot_file import SECTIONS, ControlOptions, LinkOptions
 from firmware_bridge.safety import GateSettings
@@ -40,4 +41,4 @@ def test_the_commands_of_the_docs_parse():
     ]
     assert len(commands) >= 8
     for command in commands:
-        _parser().parse_args(command.split()[1:])
+        build_parser(COMMANDS).parse_args(command.split()[1:])

@@ -103,8 +103,8 @@ class World:
         self.sent_ear, self.heard_ear = MavlinkEar(), MavlinkEar()
         self.good = dict.fromkeys(("board", "position", "attitude", "ekf", "controller", "alone"), -math.inf)
         """When each was last seen to be good, by the test's own decoder [s]."""
-        self.ours = False
-        """Whether the last heartbeat that arrived said armed and GUIDED."""
+        self.taken = -math.inf
+        """When a heartbeat first said that the rover is not armed in GUIDED; infinite while it is [s]."""
         self.last = (self.clock(), 0.0, 0.0)
         self.slowest_stop = 0.0
         self.counts: Counter[str] = Counter()
@@ -146,7 +146,7 @@ class World:
                 if flags & 1 and flags & 2 and flags & 24 and not flags & (128 | 1024):
                     self.good["ekf"] = stamp
             elif kind == 0:
-                self.ours = armed_in_guided(payload)
+                self.taken = math.inf if armed_in_guided(payload) else min(self.taken, stamp)
         self.core.receive(data, stamp)
 
     def reach(self, data: bytes, stamp: float) -> None:
@@ -169,7 +169,7 @@ class World:
         step = max(0.0, now - then) + 1e-9
         assert abs(v - v_before) <= max(LIMITS.acceleration, LIMITS.deceleration) * step + ROUNDING
         assert abs(omega - omega_before) <= max(LIMITS.angular_acceleration, LIMITS.angular_deceleration) * step + ROUNDING
-        assert self.ours, "moving set-point to a rover that said it is not ours"
+        assert now - self.taken <= LATEST, "moving set-point to a rover that said it is not ours"
         braking = abs(v) < abs(v_before) or abs(omega) < abs(omega_before)
         for name, stamp in self.good.items():
             age = now - stamp
@@ -215,6 +215,7 @@ class World:
                     self.planner.step(now)
                 self.plan_at += 0.1
             self.loop.tick(now)
+            assert self.loop.statistics.driver_errors == 0, self.loop.statistics.last_error
             self.wire.pump()
 
     def connect(self) -> None:

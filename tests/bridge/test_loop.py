@@ -183,6 +183,19 @@ def test_an_observer_that_raises_does_not_stop_the_robot():
     assert bench.loop.statistics.last_error == "OSError: disk full"
 
 
+def test_a_new_plan_goes_out_in_the_next_tick_even_where_commands_are_as_rare_as_plans():
+    bench = Bench(command_period=0.1).drive()
+    bench.run(0.05)  # so that plans and the commands' period are out of step
+    planned = bench.planner.latest
+    count = len(bench.driver.sent)
+    while bench.planner.latest is planned:
+        bench.run(TICK)
+    assert len(bench.driver.sent) == count + 1 and bench.driver.sent[-1][0] - bench.planner.latest[0].stamp <= TICK
+    bench.controller = None  # fails from now on: the last command is repeated until it is too old
+    bench.run(0.2)
+    assert len(bench.driver.sent) == count + 2
+
+
 def test_commands_go_out_at_their_own_period_and_stops_at_every_tick():
     bench = Bench(command_period=0.1).drive()
     count = len(bench.driver.sent)
