@@ -225,6 +225,26 @@ def test_extreme_problems_give_safe_plans(changes: dict[str, object]) -> None:
         x = MODEL.predict(x, plan.command)
 
 
+@pytest.mark.xfail(strict=True, raises=(MemoryError, ValueError), reason="the timed path of a slow robot has a pose for every 0.05 s")
+@pytest.mark.parametrize("fastest", [1e-12, 1e-300])
+def test_bounds_of_almost_nothing_give_safe_plans(fastest: float) -> None:
+    problem = kl.NavigationProblem(u_min=(-fastest, -fastest), u_max=(fastest, fastest))
+    assert_safe(kl.Controller(MODEL, problem).step((0.0, 0.0, 0.2), GOAL, [kl.Circle(0.7, 0.6, 0.2)]), problem)
+
+
+@pytest.mark.parametrize(
+    "bounds", [((-0.6, 0.0), (0.6, 0.8)), ((-0.6, -0.8), (0.0, 0.8)), ((0.0, 0.0), (0.6, 0.8)), ((-0.6, -0.8), (0.6, 0.0))]
+)
+def test_one_sided_bounds_give_safe_plans(bounds: tuple[tuple[float, float], tuple[float, float]]) -> None:
+    problem = kl.NavigationProblem(u_min=bounds[0], u_max=bounds[1])
+    for options in ({}, {"guidance": False, "tightening": None}):
+        controller, x = kl.Controller(MODEL, problem, **options), np.array([0.0, 0.0, 0.2])
+        for _ in range(5):
+            plan = controller.step(x, GOAL, [kl.Circle(0.7, 0.6, 0.2)])
+            assert_safe(plan, problem)
+            x = MODEL.predict(x, plan.command)
+
+
 def test_forward_only_robot_never_reverses() -> None:
     problem = kl.NavigationProblem(u_min=(0.0, -0.8))
     controller = kl.Controller(MODEL, problem)

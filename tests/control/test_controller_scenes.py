@@ -192,6 +192,16 @@ def test_a_goal_behind_is_reached_in_reverse_if_that_is_allowed() -> None:
     assert min(plan.command[0] for plan in drive.plans) < -0.3
 
 
+@pytest.mark.parametrize(
+    "slowest", [0.0, pytest.param(-0.05, marks=pytest.mark.xfail(strict=True, reason="ways are timed at the slower of both gears"))]
+)
+def test_a_robot_that_reverses_slowly_drives_forward_at_speed(slowest: float) -> None:
+    problem = kl.NavigationProblem(u_min=(slowest, -0.8))
+    drive = Drive(kl.Controller(MODEL, problem), (0, 0, 0), (1.5, 0.0, 0.0), periods=45)
+    assert max(plan.command[0] for plan in drive.plans) > 0.5
+    assert drive.distance(1.5, 0.0) < 0.05
+
+
 def test_at_the_goal_it_stands() -> None:
     drive = Drive(kl.Controller(MODEL), (1.5, 1.5, 0.5), (1.5, 1.5, 0.5), [kl.Circle(0.5, 0.5, 0.15)], periods=30)
     assert np.abs(drive.path - drive.path[0]).max() < 1e-3
