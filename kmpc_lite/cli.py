@@ -168,6 +168,7 @@ def _parser() -> argparse.ArgumentParser:
     p.add_argument("--only", nargs="+", help="contenders whose names contain one of these words")
     p.add_argument("--picture", type=Path, help="picture of the distributions to write (.png)")
     p.add_argument("--scaling", action="store_true", help="how the time grows with horizon and obstacles, ours only")
+    p.add_argument("--settings", action="store_true", help="the study behind the solver's settings, and other QP solvers, on tuning drives")
     p.add_argument("--loop", type=float, metavar="HZ", help="run the control loop at this rate with the other cores busy")
     p.add_argument("--seconds", type=float, default=600.0, help="how long, with --loop (default: 600)")
     p.add_argument("--no-load", action="store_true", help="with --loop: leave the other cores alone")

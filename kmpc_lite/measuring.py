@@ -47,6 +47,14 @@ def run_bench(options: argparse.Namespace) -> int:
         rows = scaling(model, seed, options.drives, progress=bar)
         print(json.dumps(rows) if options.json else format_scaling(rows))
         return 0
+    if options.settings:
+        from kmpc_lite.bench.settings import format_settings, record_qps, settings_study, solver_study
+
+        drives = record(model, problem, options.drives, steps=60, obstacles=4, seed=TUNING_SEED)
+        rows = settings_study(model, problem, drives, progress=bar)
+        solvers = solver_study(record_qps(model, problem, drives)[::6], problem)
+        print(json.dumps({"settings": rows, "solvers": solvers}) if options.json else format_settings(rows, solvers))
+        return 0
     everyone = bench.contenders()
     if options.only:
         everyone = [c for c in everyone if any(word.lower() in c.name.lower() for word in options.only)]

@@ -86,6 +86,8 @@ class Histogram:
         """Time [s] that `percent` of the samples do not exceed, within 1.2 %; NaN without samples."""
         if not self.count:
             return float("nan")
+        if percent >= 100:
+            return self.largest
         place = int(np.searchsorted(np.cumsum(self.counts), np.ceil(percent / 100 * self.count)))
         middle = 10.0 ** ((place + 0.5) / BINS_PER_DECADE + DECADES[0])
         return float(min(middle, self.largest))

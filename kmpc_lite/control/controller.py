@@ -116,6 +116,8 @@ class Controller:
         solved = tracking(self.problem) if guidance else self.problem
         self._sqp = SQP(self.model, solved, sqp_iterations, tolerance, obstacle_slots, self._tightening, clock)
         self._fallback = Fallback(self.problem)
+        self._u_min, self._u_max, _, _ = self.problem.bounds
+        self._largest = float(np.maximum(self._u_max, -self._u_min).max()) + 1e-9
         self.reset()
 
     def reset(self) -> None:
@@ -222,6 +224,13 @@ class Controller:
         if max(error[0], error[1]) > JUMP[0] or error[2] > JUMP[1]:
             return None
         guess = self._sqp.shift(self._last, here)
+        # a poisoned start is worth nothing: also false for NaN
+        if not (
+            np.abs(guess.states).max() <= 2 * POSITION_LIMIT
+            and np.abs(guess.inputs).max() <= self._largest
+            and np.isfinite(guess.duals.sum())
+        ):
+            return None
         if turns:
             guess.states[1:, 2] -= turns
         return guess

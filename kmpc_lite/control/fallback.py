@@ -23,6 +23,7 @@ class Fallback:
 
     def __init__(self, problem: NavigationProblem) -> None:
         self._ramp = np.asarray(problem.deceleration) * problem.dt
+        self._u_min, self._u_max, _, _ = problem.bounds
         self._replay_steps = int(round(REPLAY_TIME / problem.dt))
         self.reset()
 
@@ -34,7 +35,7 @@ class Fallback:
 
     def accept(self, plan: Trajectory) -> None:
         """Remember a good plan whose first command is sent now."""
-        self._plan, self._age, self._command = plan, 0, plan.inputs[0]
+        self._plan, self._age, self._command = plan, 0, plan.inputs[0].copy()
 
     def replay(self) -> Trajectory | None:
         """Return the rest of the last good plan, one period older each time, or None once it is too old."""
@@ -42,7 +43,10 @@ class Fallback:
             return None
         self._age += 1
         states, inputs = self._plan.states[self._age :], self._plan.inputs[self._age :]
-        self._command = inputs[0]
+        # the last thing between a plan that somebody has overwritten and the motors; also true for NaN
+        if not (np.isfinite(states).all() and (inputs >= self._u_min).all() and (inputs <= self._u_max).all()):
+            return None
+        self._command = inputs[0].copy()
         return Trajectory(states, inputs, self._plan.duals)
 
     def brake(self) -> Array:

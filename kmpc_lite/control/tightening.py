@@ -28,6 +28,8 @@ STEP_RISK = 1e-3
 
 ROUNDING = 1e-3
 """Room that `speed_share` keeps for its own straight-line reckoning [m]."""
+CORRECTIONS = 3
+"""How often a command is shortened and looked at again."""
 RETREAT = 0.25
 """Share of a command that is always allowed where it leads away from an obstacle: a robot that touches must get free."""
 
@@ -94,6 +96,7 @@ class Tightening:
 
     def update(self, model: KoopmanModel) -> None:
         """Take over the noise of another model of the same robot, between two steps."""
+        self._model = model
         measured, moved = split_noise(model.noise_model)
         self._noisy = model.noise_model is not None
         self._measured, self._moved = measured, np.ascontiguousarray(moved.reshape(2, 9))
@@ -134,7 +137,7 @@ class Tightening:
         margins += chords[:, None] if chords.ndim == 1 else chords
         return margins
 
-    def speed_share(self, here: Array, there: Array, command: Array, circles: Array) -> float:
+    def speed_share(self, here: Array, command: Array, circles: Array, past: Array | None = None) -> float:
         """Share of a command at which the coming period cannot end in an obstacle, but for the rare error that `STEP_RISK` allows.
 
         Both speeds shrink by it, so that the robot keeps to its curve. The tube of `margins` is computed at the plan before; this looks at
@@ -142,12 +145,12 @@ class Tightening:
 
         Parameters
         ----------
-        here, there : ndarray
-            Present pose and the predicted one after the period, (3,).
-        command : ndarray
-            (2,).
+        here, command : ndarray
+            Present pose (3,) and the command (2,).
         circles : ndarray
             (M, 5) as they will be at the end of the period; only x, y and radius are used.
+        past : ndarray, optional
+            Commands already sent (L, 2), for a model with input history: what those still do cannot be taken back here.
 
         Returns
         -------
@@ -158,22 +161,33 @@ class Tightening:
             return 1.0
         away = here[:2] - circles[:, :2]
         before = np.hypot(away[:, 0], away[:, 1])
-        after = np.hypot(there[0] - circles[:, 0], there[1] - circles[:, 1])
         room = before - circles[:, 2] - (self._touch + ROUNDING)
-        approach = before - after
-        if self._noisy:
-            cos, sin = np.cos(here[2]), np.sin(here[2])
-            noise = ((command * command) @ self._moved).reshape(3, 3)
-            ahead, left = away @ (cos, sin), away @ (-sin, cos)
-            variance = ahead * ahead * noise[0, 0] + 2.0 * ahead * left * noise[0, 1] + left * left * noise[1, 1]
-            approach += self._step_quantile * np.sqrt(np.maximum(variance, 0.0)) / np.maximum(before, 1e-9)
-        # a path that passes by comes nearer between its ends by what a chord cuts off
-        distance = np.hypot(there[0] - here[0], there[1] - here[1])
-        approach += np.sqrt(np.maximum(before, self._touch) ** 2 + 0.25 * distance**2) - np.maximum(before, self._touch)
-        # what lies within reach of the period's error slows the robot down; what the path leads away from, less so
-        least = np.where(after > before, RETREAT, 0.0)
-        shares = np.where(approach > room, np.maximum(np.maximum(room, 0.0) / np.maximum(approach, 1e-9), least), 1.0)
-        return float(shares.min())
+        cos, sin = np.cos(here[2]), np.sin(here[2])
+        share = 1.0
+        for _ in range(CORRECTIONS):
+            part = share * command
+            there = self._model.predict(here, part, past)
+            after = np.hypot(there[0] - circles[:, 0], there[1] - circles[:, 1])
+            approach = before - after
+            if self._noisy:
+                noise = ((part * part) @ self._moved).reshape(3, 3)
+                ahead, left = away @ (cos, sin), away @ (-sin, cos)
+                variance = ahead * ahead * noise[0, 0] + 2.0 * ahead * left * noise[0, 1] + left * left * noise[1, 1]
+                approach += self._step_quantile * np.sqrt(np.maximum(variance, 0.0)) / np.maximum(before, 1e-9)
+            # a path that passes by comes nearer between its ends by what a chord cuts off
+            distance = np.hypot(there[0] - here[0], there[1] - here[1])
+            centres = np.maximum(before, self._touch)
+            approach += np.sqrt(centres**2 + 0.25 * distance**2) - centres
+            closing = approach > room
+            if not closing.any():
+                break
+            limits = np.where(closing, np.maximum(room, 0.0) / np.maximum(approach, 1e-9), 1.0)
+            worst = int(limits.argmin())
+            if after[worst] > before[worst]:
+                return share * max(float(limits[worst]), RETREAT)
+            # again, for a curve that is driven slowly turns less in the period than the share says
+            share *= float(limits[worst])
+        return share
 
     def covariances(self, lin: Linearization, states: Array, inputs: Array) -> Array:
         """Covariances (N, 2, 2) of the position at stages 1 to N, each from the last `MEMORY` steps before it."""

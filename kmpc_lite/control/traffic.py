@@ -13,8 +13,8 @@ STEP = 0.2
 """Between the moments that are looked at [s]."""
 SPARE = 0.05
 """Distance beyond the margin within which a moving circle is in the way [m]."""
-PACES = np.array([1.0, 0.6, 0.3, 0.0])
-"""Shares of the speed that are tried, the first one that is clear is driven."""
+PACES = np.array([0.6, 0.3, 0.0])
+"""Shares of the speed that are tried where the full one is not clear; the first one that is, is driven."""
 
 
 class MovingCircles:
@@ -61,10 +61,15 @@ class MovingCircles:
 
     def pace(self, path: TimedPath, place: float, age: float, times: Array) -> float:
         """Share of the speed at which the robot keeps clear over the coming times (n,) [s]."""
-        positions = path.at((place + PACES[:, None] * times).ravel())[:, :2].reshape(len(PACES), len(times), 2)
-        gaps = self._gaps(positions, np.broadcast_to(age + times, positions.shape[:2])).min(axis=(1, 2))
+        gap = float(self._gaps(path.at(place + times)[:, :2], age + times).min())
+        if gap >= SPARE:
+            return 1.0
+        slower = PACES[:, None] * times
+        positions = path.at((place + slower).ravel())[:, :2].reshape(*slower.shape, 2)
+        gaps = self._gaps(positions, np.broadcast_to(age + times, slower.shape)).min(axis=(1, 2))
         clear = gaps >= SPARE
-        return float(PACES[np.argmax(clear)] if clear.any() else PACES[np.argmax(gaps)])
+        best = float(PACES[np.argmax(clear)]) if clear.any() else float(PACES[np.argmax(gaps)])
+        return best if clear.any() or gaps.max() > gap else 1.0
 
     def leaves_alone(self, pose: Array, age: float) -> bool:
         """Whether a robot that stays at a pose (3,) is not touched."""

@@ -1,0 +1,108 @@
+"""The time budget on a fake clock: what is begun, what the solver is given, and what comes back."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.control.osqp_workspace import QPStatus
+
+GOAL = (1.5, 1.5, 0.0)
+OBSTACLES = [kl.Circle(0.6, 0.6, 0.15)]
+
+
+class Clock:
+    """Advances by `tick` at every look, and by what the solver is made to take."""
+
+    def __init__(self, tick: float = 0.0) -> None:
+        self.now, self.tick = 0.0, tick
+
+    def __call__(self) -> float:
+        self.now += self.tick
+        return self.now
+
+
+def controller(clock: Clock, budget: float | None, qp_seconds: float, **options: Any) -> tuple[kl.Controller, list[float]]:
+    """Controller whose QPs take `qp_seconds`, or as long as they may; and the limits that they were given."""
+    made = kl.Controller(kl.nominal_unicycle(0.1), time_budget=budget, clock=clock, **options)
+    workspace, limits = made._sqp.workspace, []
+    solve = workspace.solve
+
+    def timed(*data: np.ndarray) -> Any:
+        clock.now += min(qp_seconds, limits[-1]) if limits else qp_seconds
+        return solve(*data)
+
+    workspace.limit_time = limits.append  # type: ignore[method-assign]
+    workspace.solve = timed  # type: ignore[method-assign]
+    return made, limits
+
+
+def test_without_a_budget_the_solver_has_no_limit() -> None:
+    made, limits = controller(Clock(), None, 1.0)
+    assert made.step((0, 0, 0), GOAL, OBSTACLES).iterations > 1 and not limits
+
+
+def test_no_pass_is_begun_that_would_not_end_in_time() -> None:
+    clock = Clock()
+    made, _ = controller(clock, 0.010, 0.003)
+    plan = made.step((0, 0, 0), GOAL, OBSTACLES)  # a cold start, which would make ten passes
+    assert plan.iterations == 3 and clock.now <= 0.010
+    assert plan.status is kl.PlanStatus.FEASIBLE and "time budget" in plan.reason
+
+
+def test_the_solver_gets_what_is_left() -> None:
+    clock = Clock()
+    made, limits = controller(clock, 0.010, 0.003)
+    made.step((0, 0, 0), GOAL, OBSTACLES)
+    np.testing.assert_allclose(limits, [0.010 - 5e-5, 0.007 - 5e-5, 0.004 - 5e-5], atol=1e-6)
+
+
+def test_a_solver_that_uses_all_its_time_ends_within_the_budget() -> None:
+    clock = Clock()
+    made, limits = controller(clock, 0.010, 1.0)
+    plan = made.step((0, 0, 0), GOAL, OBSTACLES)
+    assert plan.iterations == 1 and len(limits) == 1 and clock.now <= 0.010
+
+
+def test_what_comes_after_a_solve_is_learned_and_kept_free() -> None:
+    clock = Clock(tick=1e-4)
+    made, limits = controller(clock, 0.010, 0.0)
+    x = np.zeros(3)
+    for _ in range(5):
+        before = clock.now
+        x = made.step(x, GOAL, OBSTACLES).states[1]
+        assert clock.now - before <= 0.010
+    assert all(limit < 0.010 - 5e-5 for limit in limits)
+
+
+@pytest.mark.parametrize("iterations", [1, 50])
+def test_a_budget_that_is_over_before_it_begins_still_gives_a_safe_plan(iterations: int) -> None:
+    clock = Clock(tick=1.0)
+    made, _ = controller(clock, 1e-3, 0.0, sqp_iterations=iterations)
+    plan = made.step((0, 0, 0), GOAL, OBSTACLES)
+    assert plan.iterations == 1
+    assert np.isfinite(plan.command).all() and (np.abs(plan.command) <= (0.6 + 1e-12, np.pi / 4 + 1e-12)).all()
+
+
+def test_osqp_itself_stops_at_its_limit() -> None:
+    made = kl.Controller(kl.nominal_unicycle(0.1), kl.NavigationProblem(horizon=200), sqp_iterations=5, guidance=False, tightening=None)
+    sqp = made._sqp
+    made.step((0, 0, 0), GOAL, OBSTACLES)
+    qp = sqp.qp
+    data = (qp.q, qp.lower, qp.upper, qp.A.data, np.zeros(qp.size), np.zeros(qp.row_count))
+    full = sqp.workspace.solve(*data)
+    sqp.workspace.limit_time(1e-6)
+    cut = sqp.workspace.solve(*data)
+    assert cut.status is QPStatus.STOPPED_EARLY and cut.iterations < full.iterations and "time" in cut.reason
+
+
+def test_phases_add_up_to_no_more_than_the_total() -> None:
+    made = kl.Controller(kl.nominal_unicycle(0.1))
+    x = np.zeros(3)
+    for _ in range(5):
+        plan = made.step(x, GOAL, OBSTACLES)
+        x = plan.states[1]
+        parts = {k: v for k, v in plan.timing.items() if k != "total"}
+        assert set(parts) == {"guide", "shift", "linearise", "fill", "solve", "search", "verify"}
+        assert 0.0 < sum(parts.values()) <= plan.timing["total"]
