@@ -168,7 +168,8 @@ class Tightening:
             part = share * command
             there = self._model.predict(here, part, past)
             after = np.hypot(there[0] - circles[:, 0], there[1] - circles[:, 1])
-            approach = before - after
+            after = np.hypot(there[0] - circles[:, 0], there[1] - circles[:, 1])
+        approach = before - after
             if self._noisy:
                 noise = ((part * part) @ self._moved).reshape(3, 3)
                 ahead, left = away @ (cos, sin), away @ (-sin, cos)
@@ -183,7 +184,7 @@ class Tightening:
                 break
             limits = np.where(closing, np.maximum(room, 0.0) / np.maximum(approach, 1e-9), 1.0)
             worst = int(limits.argmin())
-            if after[worst] > before[worst]:
+            if command[0] * (away[worst] @ (cos, sin)) > 0.0:
                 return share * max(float(limits[worst]), RETREAT)
             # again, for a curve that is driven slowly turns less in the period than the share says
             share *= float(limits[worst])
