@@ -258,7 +258,7 @@ class Controller:
         if circles[:, 3:].any():
             ahead = circles.copy()
             ahead[:, :2] += self.problem.dt * circles[:, 3:]
-        share = self._tightening.speed_share(plan.states[0], plan.states[1], plan.inputs[0], ahead)
+        share = self._tightening.speed_share(plan.states[0], plan.inputs[0], ahead, self._past)
         if share < 1.0:
             plan.inputs[0] *= share
             plan.states[:] = self.model.rollout(plan.states[0], plan.inputs, self._past)

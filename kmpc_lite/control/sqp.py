@@ -219,35 +219,34 @@ class SQP:
         before, self._pressed_violation = self._pressed_violation, violation
         return self.qp.slack_penalty < PENALTY_LIMIT and violation > VIOLATION and violation < 0.5 * before
 
-    def _soft_cost(self, plan: Trajectory, violation: Array, task: Task) -> float:
-        """Objective with the exact penalty on the violation of each stage (N,)."""
-        penalty = self.qp.slack_penalty * violation.sum() + self.problem.slack_weights[1] * (violation @ violation)
-        return self.problem.cost(plan.states, plan.inputs, task.reference) + float(penalty)
-
-    def _merit(self, plan: Trajectory, predicted: Array, violation: Array, task: Task) -> float:
-        """Exact L1 merit function: objective, penalties, and what the dynamics lack."""
-        defect = float(np.abs(plan.states[1:] - predicted).sum())
-        return self._soft_cost(plan, violation, task) + self._dynamics_penalty * defect
+    def _penalty(self, violation: Array) -> float:
+        """Exact penalty on the violation of each stage (N,) [m]."""
+        return float(self.qp.slack_penalty * violation.sum() + self.problem.slack_weights[1] * (violation @ violation))
 
     def _line_search(
         self, guess: Trajectory, found: Trajectory, slack: Array, predicted: Array, violation: Array, margins: Array | float, task: Task
     ) -> tuple[Trajectory, float, float]:
         """Go from the guess towards what the QP found until the merit function falls enough (Armijo), by halving.
 
-        Returns the new trajectory, the length of the step in (0, 1], and the largest defect of its dynamics.
+        The merit function is exact: objective, L1 and L2 penalties on obstacles, L1 on what the dynamics lack. Returns the new
+        trajectory, the length of the step in (0, 1], and the largest defect of its dynamics.
         """
-        self._dynamics_penalty = max(self._dynamics_penalty, 1.1 * float(np.abs(found.duals[self.qp.dynamics_rows]).max()))
-        now = self._merit(guess, predicted, violation, task)
-        expected = now - self._soft_cost(found, np.maximum(slack, 0.0), task)
-        toward_states, toward_inputs = found.states - guess.states, found.inputs - guess.inputs
+        cost, reference = self.problem.cost, task.reference
+        weight = self._dynamics_penalty = max(self._dynamics_penalty, 1.1 * float(np.abs(found.duals[self.qp.dynamics_rows]).max()))
+        now = cost(guess.states, guess.inputs, reference) + self._penalty(violation)
+        now += weight * float(np.abs(guess.states[1:] - predicted).sum())
+        objective = cost(found.states, found.inputs, reference)
+        expected = now - objective - self._penalty(np.maximum(slack, 0.0))
         length, trial = 1.0, found
         while True:
             w = self.model.dictionary.inputs(trial.inputs, self.past_windows(task.past, trial.inputs))
-            predicted = self.model.advance(trial.states[:-1], w)
-            merit = self._merit(trial, predicted, self.keep_out.penetration(trial.states, task.circles, margins), task)
+            defects = np.abs(self.model.advance(trial.states[:-1], w) - trial.states[1:])
+            inside = self.keep_out.penetration(trial.states, task.circles, margins)
+            merit = objective + self._penalty(inside) + weight * float(defects.sum())
             # the last term forgives what rounding takes once nothing is left to gain
             if merit <= now - ARMIJO * length * expected + 1e-10 * abs(now) or length <= SHORTEST_STEP:
-                break
+                return trial, length, float(defects.max())
             length *= 0.5
-            trial = Trajectory(guess.states + length * toward_states, guess.inputs + length * toward_inputs, found.duals)
-        return trial, length, float(np.abs(predicted - trial.states[1:]).max())
+            states = guess.states + length * (found.states - guess.states)
+            trial = Trajectory(states, guess.inputs + length * (found.inputs - guess.inputs), found.duals)
+            objective = cost(trial.states, trial.inputs, reference)

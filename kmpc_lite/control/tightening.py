@@ -30,6 +30,8 @@ ROUNDING = 1e-3
 """Room that `speed_share` keeps for its own straight-line reckoning [m]."""
 CORRECTIONS = 3
 """How often a command is shortened and looked at again."""
+FAR_PERIODS = 3.0
+"""What the command covers in so many periods, and the error of one, is far: no model drives three times as fast as it is told."""
 RETREAT = 0.25
 """Share of a command that is always allowed where it leads away from an obstacle: a robot that touches must get free."""
 
@@ -162,6 +164,10 @@ class Tightening:
         away = here[:2] - circles[:, :2]
         before = np.hypot(away[:, 0], away[:, 1])
         room = before - circles[:, 2] - (self._touch + ROUNDING)
+        noise = ((command * command) @ self._moved).reshape(3, 3)
+        # far from everything, which is most of the time, there is nothing to weigh up
+        if room.min() > FAR_PERIODS * abs(command[0]) * self._model.dt + self._step_quantile * np.sqrt(noise[0, 0] + noise[1, 1]):
+            return 1.0
         cos, sin = np.cos(here[2]), np.sin(here[2])
         share = 1.0
         for _ in range(CORRECTIONS):
