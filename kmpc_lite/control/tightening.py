@@ -174,8 +174,7 @@ class Tightening:
             part = share * command
             there = self._model.predict(here, part, past)
             after = np.hypot(there[0] - circles[:, 0], there[1] - circles[:, 1])
-            after = np.hypot(there[0] - circles[:, 0], there[1] - circles[:, 1])
-        approach = before - after
+            approach = before - after
             if self._noisy:
                 noise = ((part * part) @ self._moved).reshape(3, 3)
                 ahead, left = away @ (cos, sin), away @ (-sin, cos)
