@@ -189,7 +189,7 @@ class Tightening:
                 break
             limits = np.where(closing, np.maximum(room, 0.0) / np.maximum(approach, 1e-9), 1.0)
             worst = int(limits.argmin())
-            if command[0] * (away[worst] @ (cos, sin)) > 0.0:
+            if after[worst] > before[worst]:
                 return share * max(float(limits[worst]), RETREAT)
             # again, for a curve that is driven slowly turns less in the period than the share says
             share *= float(limits[worst])
