@@ -291,3 +291,15 @@ def test_speed_share_keeps_a_robot_without_slip_outside_on_any_curve():
         trace = DifferentialDrive().trace(x, share * u, 0.1, 8)
         assert np.hypot(trace[:, 0] - 1.0, trace[:, 1]).min() >= 0.35 - 1e-9
     assert slowed > 500
+
+
+def test_speed_share_is_not_deceived_by_a_curve_that_ends_farther_away():
+    """Backwards along a circle, a millimetre from it: the end of the period is farther, the way there is not."""
+    model = nominal_unicycle(0.1)
+    circles = np.array([[0.0, 0.0, 0.2, 0.0, 0.0]])
+    tightening, random = Tightening(model, PROBLEM), np.random.default_rng(3)
+    for _ in range(2000):
+        x = np.array([0.351, 0.0, random.uniform(-np.pi, np.pi)])
+        u = np.array([random.uniform(-0.6, 0.6), random.uniform(-0.78, 0.78)])
+        trace = DifferentialDrive().trace(x, tightening.speed_share(x, u, circles) * u, 0.1, 8)
+        assert np.hypot(trace[:, 0], trace[:, 1]).min() >= 0.35 - 1e-9
