@@ -223,18 +223,21 @@ class SQP:
         """Exact penalty on the violation of each stage (N,) [m]."""
         return float(self.qp.slack_penalty * violation.sum() + self.problem.slack_weights[1] * (violation @ violation))
 
+    def _merit(self, objective: float, violation: Array, defect: float) -> float:
+        """Exact merit function: objective, L1 and L2 penalties on obstacles, L1 on what the dynamics lack."""
+        return objective + self._penalty(violation) + self._dynamics_penalty * defect
+
     def _line_search(
         self, guess: Trajectory, found: Trajectory, slack: Array, predicted: Array, violation: Array, margins: Array | float, task: Task
     ) -> tuple[Trajectory, float, float]:
         """Go from the guess towards what the QP found until the merit function falls enough (Armijo), by halving.
 
-        The merit function is exact: objective, L1 and L2 penalties on obstacles, L1 on what the dynamics lack. Returns the new
-        trajectory, the length of the step in (0, 1], and the largest defect of its dynamics.
+        Returns the new trajectory, the length of the step in (0, 1], and the largest defect of its dynamics.
         """
         cost, reference = self.problem.cost, task.reference
-        weight = self._dynamics_penalty = max(self._dynamics_penalty, 1.1 * float(np.abs(found.duals[self.qp.dynamics_rows]).max()))
-        now = cost(guess.states, guess.inputs, reference) + self._penalty(violation)
-        now += weight * float(np.abs(guess.states[1:] - predicted).sum())
+        self._dynamics_penalty = max(self._dynamics_penalty, 1.1 * float(np.abs(found.duals[self.qp.dynamics_rows]).max()))
+        defect = float(np.abs(guess.states[1:] - predicted).sum())
+        now = self._merit(cost(guess.states, guess.inputs, reference), violation, defect)
         objective = cost(found.states, found.inputs, reference)
         expected = now - objective - self._penalty(np.maximum(slack, 0.0))
         length, trial = 1.0, found
@@ -242,7 +245,7 @@ class SQP:
             w = self.model.dictionary.inputs(trial.inputs, self.past_windows(task.past, trial.inputs))
             defects = np.abs(self.model.advance(trial.states[:-1], w) - trial.states[1:])
             inside = self.keep_out.penetration(trial.states, task.circles, margins)
-            merit = objective + self._penalty(inside) + weight * float(defects.sum())
+            merit = self._merit(objective, inside, float(defects.sum()))
             # the last term forgives what rounding takes once nothing is left to gain
             if merit <= now - ARMIJO * length * expected + 1e-10 * abs(now) or length <= SHORTEST_STEP:
                 return trial, length, float(defects.max())

@@ -189,7 +189,6 @@ class Tightening:
                 break
             limits = np.where(closing, np.maximum(room, 0.0) / np.maximum(approach, 1e-9), 1.0)
             worst = int(limits.argmin())
-            # it sets out away from the nearest one, so that a short share of it leads away, however the rest of the curve goes
             if command[0] * (away[worst] @ (cos, sin)) > 0.0:
                 return share * max(float(limits[worst]), RETREAT)
             # again, for a curve that is driven slowly turns less in the period than the share says
