@@ -8,16 +8,15 @@ as several hundred would tell all coefficients.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import cos, hypot, isfinite, pi, remainder, sin, sqrt
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import ModelError
+from kmpc_lite.learn.gains import Gains, estimate, residual_covariance, scores
 from kmpc_lite.model import KoopmanModel, NoiseModel
 
 WINDOW = 20
@@ -30,13 +29,8 @@ as a change. Chance alone gives 4; the window needs more, for its few steps are 
 CONFIRM = 20.0
 """The same distance with the noise taken from the very steps, gain by gain, that an alarm must pass too: where poses are noisier than
 the log's, few steps at low speed would otherwise count for more than they know."""
-QUIETEST = 0.4
-"""Least variance of the residuals, as a share of the expected one, that a test believes in: few steps may be quiet by chance."""
 SHORTEST = 8
 """Fewest steps since a change that are worth a model."""
-PRIOR = (0.3, 0.3, 0.1)
-"""Standard deviations of the velocity's gains, the turn gain and the pull [rad/m] before anything is measured: what a drive does not
-show stays as it was."""
 EVEN = 0.3
 """Share of the usual noise that every step is taken to have on top of its own: else the few slowest, which a model of slip takes for
 the quietest, would outweigh all others where the poses are noisy."""
@@ -48,26 +42,6 @@ JUMP = (3.0, 0.05, 0.15)
 """A pose that moved more than this factor of what was commanded, plus this [m, rad], is a broken measurement, not a floor."""
 GAINS = (0.1, 3.0)
 """Limits of the gains: beyond them the model is not what has changed."""
-
-
-class Gains(NamedTuple):
-    """Correction of a model: velocities ahead and to the left, turn rate, and turn per metre, against the learned ones."""
-
-    ahead: float = 1.0
-    """Factor of the learned velocity."""
-    left: float = 0.0
-    """Drift to the left, as a share of the learned velocity."""
-    turn: float = 1.0
-    """Factor of the learned turn rate."""
-    pull: float = 0.0
-    """Turn to the left per metre driven [rad/m]."""
-
-
-class _Test(NamedTuple):
-    """Estimate from a set of steps and how far it is from the gains in use."""
-
-    gains: Gains
-    distance: float
 
 
 @dataclass(frozen=True)
@@ -194,15 +168,15 @@ class OnlineAdaptation:
         self._slow += sums
         self._slow_count = self._slow_count * (1.0 - 1.0 / self._memory) + 1.0
         if self._since >= self._window:
-            newest = self._test(self._recent.sum(axis=0).tolist(), self._window)
+            newest = estimate(self._recent.sum(axis=0).tolist(), self._window, self.gains)
             if newest.distance > ALARM[0] and self._confirmed(newest.gains, self._window):
                 return self._change()
         if self._slow_count >= self._next > 0:
             self._next = 2 * self._next if 2 * self._next < 0.9 * self._memory else 0
-            return self._give(self._test(self._slow.tolist(), self._slow_count).gains)
+            return self._give(estimate(self._slow.tolist(), self._slow_count, self.gains).gains)
         # what the window is too short to see; it cannot come suddenly, so it need not be looked for at every step
         if self._count % 8 == 0 and self._since > 2 * self._window:
-            slow = self._test(self._slow.tolist(), self._slow_count)
+            slow = estimate(self._slow.tolist(), self._slow_count, self.gains)
             if slow.distance > ALARM[1] and self._confirmed(slow.gains, min(self._since, self._memory)):
                 return self._give(slow.gains)
         return None
@@ -216,20 +190,25 @@ class OnlineAdaptation:
         order = (self._count - 1 - np.arange(self._window)) % self._window
         sums = np.cumsum(self._recent[order], axis=0)
         lengths = range(1, self._window + 1)
-        best = max(lengths, key=lambda n: self._test(sums[n - 1].tolist(), n, scaled=False).distance)
+        best = max(lengths, key=lambda n: estimate(sums[n - 1].tolist(), n, self.gains, scaled=False).distance)
         if best < SHORTEST:
             return None
         self._recent[order[best:]] = 0.0
         self._slow[:] = sums[best - 1]
         self._slow_count, self._since, self._next = float(best), best, 2 * best
-        return self._give(self._test(self._slow.tolist(), best).gains)
+        return self._give(estimate(self._slow.tolist(), best, self.gains).gains)
+
+    def _kept(self, count: int) -> Array:
+        """Where the newest steps stand, newest first."""
+        kept: Array = (self._count - 1 - np.arange(count)) % self._memory
+        return kept
 
     def _confirmed(self, gains: Gains, count: int) -> bool:
         """Whether the newest steps contradict the gains in use by more than their own scatter around new ones."""
-        rows = self._raw[(self._count - 1 - np.arange(count)) % self._memory].T
-        scores = _scores(rows, self.gains).sum(axis=1)
-        scatter = (_scores(rows, gains) ** 2).sum(axis=1)
-        return float((scores**2 / np.maximum(scatter, 1e-12)).sum()) > CONFIRM
+        steps = self._raw[self._kept(count)].T
+        pulls = scores(steps, self.gains).sum(axis=1)
+        scatter = (scores(steps, gains) ** 2).sum(axis=1)
+        return float((pulls**2 / np.maximum(scatter, 1e-12)).sum()) > CONFIRM
 
     def _sums(self, before: Array, command: Array, after: Array, past: Array | None) -> list[float] | None:
         """What one step adds to the normal equations, or None where it tells nothing; the raw step is kept for the noise."""
@@ -282,35 +261,6 @@ class OnlineAdaptation:
             b * turned * turned,
         ]
 
-    def _test(self, sums: Sequence[float], count: float, scaled: bool = True) -> _Test:
-        """Estimate the gains from sums, and their distance to those in use in standard errors, squared.
-
-        The variance of the residuals is measured; or taken from the noise model alone (`scaled` false), so that sets of steps compare.
-        """
-        pp, pd, pl, dd, hh, hg, gg, ht, gt, tt = sums
-        now = self.gains
-        # a prior around the gains in use holds what the drive does not show
-        scale = 1.0
-        if scaled and pp > 0.0:
-            scale = max(QUIETEST, (dd - (pd * pd + pl * pl) / pp) / max(2.0 * count - 2.0, 1.0))
-        information = pp + scale / PRIOR[0] ** 2
-        ahead, left = (pd - now.ahead * pp) / information, (pl - now.left * pp) / information
-        distance = (ahead * ahead + left * left) * information / scale
-        # the turn gain and the pull share their information
-        excess = ht - now.turn * hh - now.pull * hg, gt - now.turn * hg - now.pull * gg
-        scale = 1.0
-        for _ in range(2 if scaled else 1):
-            first, second = hh + scale / PRIOR[1] ** 2, gg + scale / PRIOR[2] ** 2
-            determinant = first * second - hg * hg
-            turn_step = (second * excess[0] - hg * excess[1]) / determinant
-            pull_step = (first * excess[1] - hg * excess[0]) / determinant
-            turn, pull = now.turn + turn_step, now.pull + pull_step
-            if scaled:
-                left_over = tt - 2.0 * (turn * ht + pull * gt) + turn * turn * hh + 2.0 * turn * pull * hg + pull * pull * gg
-                scale = max(QUIETEST, left_over / max(count - 2.0, 1.0))
-        distance += (turn_step * excess[0] + pull_step * excess[1]) / scale
-        return _Test(Gains(now.ahead + ahead, now.left + left, turn, pull), distance)
-
     def _give(self, gains: Gains) -> KoopmanModel | None:
         """Put gains into use, if they are any that a floor could cause."""
         low, high = GAINS
@@ -319,11 +269,12 @@ class OnlineAdaptation:
             return None
         self.gains = gains
         self.counts = replace(self.counts, models=self.counts.models + 1)
-        base, coefficients = self._base, self._noise(gains)
+        base, count = self._base, min(self._since, self._memory)
+        coefficients = residual_covariance(self._raw[self._kept(count)].T, gains, self._learned_noise)
         if self._since >= self._window:
             self._reweigh(coefficients)
         # few steps tell the noise poorly: two standard errors of a variance on top, so that margins are not too narrow
-        noise = NoiseModel(coefficients * (1.0 + 2.0 * sqrt(2.0 / min(self._since, self._memory))))
+        noise = NoiseModel(coefficients * (1.0 + 2.0 * sqrt(2.0 / count)))
         mix = np.array([[gains.ahead, -gains.left, 0.0], [gains.left, gains.ahead, 0.0], [0.0, 0.0, gains.turn]])
         b = mix @ base.B
         b[2] += gains.pull * self._responses
@@ -340,7 +291,7 @@ class OnlineAdaptation:
         """Weigh the steps since the change by what is now known of their noise, else its tails would look like changes."""
         self._set_noise(coefficients)
         count = min(self._since, self._memory)
-        kept = (self._count - 1 - np.arange(count)) % self._memory
+        kept = self._kept(count)
         px, py, dx, dy, h, g, turned, a, b, _, _, v2, omega2 = self._raw[kept].T
         terms = np.stack([np.ones(count), v2, omega2])
         own = np.array([self._position_noise, self._heading_noise]) @ terms + NOISE_FLOOR**2
@@ -355,39 +306,3 @@ class OnlineAdaptation:
         self._recent[(self._count - 1 - np.arange(recent)) % self._window] = sums[:recent]
         fading = (1.0 - 1.0 / self._memory) ** np.arange(count)
         self._slow, self._slow_count = fading @ sums, float(fading.sum())
-
-    def _noise(self, gains: Gains) -> Array:
-        """Covariance of the residuals of the steps since the change, by the command, (3, 3, 3); drawn towards the learned one."""
-        count = min(self._since, self._memory)
-        rows = self._raw[(self._count - 1 - np.arange(count)) % self._memory]
-        cosine, sine, v2, omega2 = rows.T[9:]
-        ex, ey, turned = _residuals(rows.T, gains)
-        residuals = np.stack([cosine * ex + sine * ey, cosine * ey - sine * ex, turned], axis=1)
-        learned = self._learned_noise
-        terms = np.stack([v2, omega2], axis=1)
-        expected = np.tensordot(terms, learned[1:], axes=(1, 0)) + learned[0]
-        surplus = residuals[:, :, None] * residuals[:, None, :] - expected
-        gram = terms.T @ terms
-        gram += np.eye(2) * (0.1 * np.trace(gram) / max(sqrt(count), 1.0) + 1e-12)
-        change = np.linalg.solve(gram, terms.T @ surplus.reshape(count, -1)).reshape(2, STATES, STATES)
-        coefficients = np.concatenate([learned[:1], learned[1:] + change])
-        values, vectors = np.linalg.eigh(coefficients)
-        projected: Array = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
-        return projected
-
-
-def _residuals(rows: Array, gains: Gains) -> tuple[Array, Array, Array]:
-    """What gains leave of steps, (n,) each: x [m], y [m], heading [rad]; rows (13, n) as kept."""
-    px, py, dx, dy, h, g, turned = rows[:7]
-    return (
-        dx - gains.ahead * px + gains.left * py,
-        dy - gains.ahead * py - gains.left * px,
-        turned - gains.turn * h - gains.pull * g,
-    )
-
-
-def _scores(rows: Array, gains: Gains) -> Array:
-    """How each step pulls at each gain, (4, n)."""
-    px, py, _, _, h, g, _, a, b = rows[:9]
-    ex, ey, turned = _residuals(rows, gains)
-    return np.stack([a * (px * ex + py * ey), a * (px * ey - py * ex), b * h * turned, b * g * turned])
