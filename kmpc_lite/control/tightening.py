@@ -32,6 +32,15 @@ CORRECTIONS = 3
 """How often a command is shortened and looked at again."""
 FAR_PERIODS = 3.0
 """What the command covers in so many periods, and the error of one, is far: no model drives three times as fast as it is told."""
+ATTACK, RELEASE = 0.2, 0.1
+"""How fast errors larger, and smaller, than before count, as shares per step: a floor that suddenly slips ten times as much widens the
+margins 4-fold after one step and 8-fold after five, and a calm one narrows them again within two seconds."""
+CALM = 2.5
+"""Mean square error, against the expected one, up to which margins stay as they are: heavy-tailed slip alone passes it in one step of ten."""
+SURPRISE_LIMIT = 400.0
+"""Largest square error that counts, against the expected one: what is larger is a broken measurement."""
+QUIET = (5e-3, 1e-3)
+"""Steps that should move the robot less than the first [m] are not judged, and no step by less than the second [m]."""
 RETREAT = 0.25
 """Share of a command that is always allowed where it leads away from an obstacle: a robot that touches must get free."""
 
@@ -93,8 +102,40 @@ class Tightening:
         self._touch = problem.robot_radius
         n = problem.horizon
         self._levels = max(int(MEMORY).bit_length() - 1, 0)
-        self._spread, self._jacobians = np.empty((n, 3, 3)), np.empty((n, 3, 3))
         self.update(model)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was observed."""
+        self._surprise = 1.0
+        self.inflation = 1.0
+
+    def observe(self, error: Array, heading: float, command: Array) -> None:
+        """Compare the past period with what was expected of it; margins widen at once where the model is more wrong than it knows.
+
+        Adaptation needs seconds to tell a new floor from chance. Until then the errors themselves say how much room they need.
+
+        Parameters
+        ----------
+        error : ndarray
+            Measured less predicted position (2,) [m], in the map's frame; NaN counts for nothing.
+        heading : float
+            At the beginning of the period [rad].
+        command : ndarray
+            That was held during it (2,).
+        """
+        if not abs(command[0]) * self._model.dt >= QUIET[0]:
+            return
+        cos, sin = np.cos(heading), np.sin(heading)
+        ahead, left = cos * error[0] + sin * error[1], cos * error[1] - sin * error[0]
+        noise = self._measured + ((command * command) @ self._moved).reshape(3, 3)
+        xx, yy, xy = noise[0, 0] + QUIET[1] ** 2, noise[1, 1] + QUIET[1] ** 2, noise[0, 1]
+        square = 0.5 * (ahead * ahead * yy - 2.0 * ahead * left * xy + left * left * xx) / (xx * yy - xy * xy)
+        if not square < np.inf:
+            return
+        change = min(float(square), SURPRISE_LIMIT) - self._surprise
+        self._surprise += (ATTACK if change > 0.0 else RELEASE) * change
+        self.inflation = max(1.0, self._surprise - CALM + 1.0) ** 0.5
 
     def update(self, model: KoopmanModel) -> None:
         """Take over the noise of another model of the same robot, between two steps."""
@@ -135,7 +176,7 @@ class Tightening:
         margins: Array = across[..., 0] + across[..., 1]
         np.maximum(margins, 0.0, out=margins)
         np.sqrt(margins, out=margins)
-        margins *= self.quantile
+        margins *= self.quantile * self.inflation
         margins += chords[:, None] if chords.ndim == 1 else chords
         return margins
 
@@ -166,7 +207,9 @@ class Tightening:
         room = before - circles[:, 2] - (self._touch + ROUNDING)
         noise = ((command * command) @ self._moved).reshape(3, 3)
         # far from everything, which is most of the time, there is nothing to weigh up
-        if room.min() > FAR_PERIODS * abs(command[0]) * self._model.dt + self._step_quantile * np.sqrt(noise[0, 0] + noise[1, 1]):
+        if room.min() > FAR_PERIODS * abs(command[0]) * self._model.dt + self.inflation * self._step_quantile * np.sqrt(
+            noise[0, 0] + noise[1, 1]
+        ):
             return 1.0
         cos, sin = np.cos(here[2]), np.sin(here[2])
         share = 1.0
@@ -179,7 +222,7 @@ class Tightening:
                 noise = ((part * part) @ self._moved).reshape(3, 3)
                 ahead, left = away @ (cos, sin), away @ (-sin, cos)
                 variance = ahead * ahead * noise[0, 0] + 2.0 * ahead * left * noise[0, 1] + left * left * noise[1, 1]
-                approach += self._step_quantile * np.sqrt(np.maximum(variance, 0.0)) / np.maximum(before, 1e-9)
+                approach += self.inflation * self._step_quantile * np.sqrt(np.maximum(variance, 0.0)) / np.maximum(before, 1e-9)
             # a path that passes by comes nearer between its ends by what a chord cuts off
             distance = np.hypot(there[0] - here[0], there[1] - here[1])
             centres = np.maximum(before, self._touch)
@@ -189,7 +232,8 @@ class Tightening:
                 break
             limits = np.where(closing, np.maximum(room, 0.0) / np.maximum(approach, 1e-9), 1.0)
             worst = int(limits.argmin())
-            if command[0] * (away[worst] @ (cos, sin)) > 0.0:
+            # a robot at the very centre has no way but away
+            if command[0] * (away[worst] @ (cos, sin)) >= 0.0:
                 return share * max(float(limits[worst]), RETREAT)
             # again, for a curve that is driven slowly turns less in the period than the share says
             share *= float(limits[worst])
