@@ -36,11 +36,12 @@ ATTACK, RELEASE = 0.2, 0.1
 """How fast errors larger, and smaller, than before count, as shares per step: a floor that suddenly slips ten times as much widens the
 margins 4-fold after one step and 8-fold after five, and a calm one narrows them again within two seconds."""
 CALM = 2.5
-"""Mean square error, against the expected one, up to which margins stay as they are: heavy-tailed slip alone passes it in one step of ten."""
+"""Mean square error, against the expected one, that leaves margins as they are: heavy-tailed slip passes it in one step of ten."""
 SURPRISE_LIMIT = 400.0
 """Largest square error that counts, against the expected one: what is larger is a broken measurement."""
-QUIET = (5e-3, 1e-3)
-"""Steps that should move the robot less than the first [m] are not judged, and no step by less than the second [m]."""
+QUIET = (5e-3, 1e-3, 0.02)
+"""Steps that should move the robot less than the first [m] are not judged; no step by less than the second [m], and the third as a share
+of the way: even a model without noise is allowed to be so wrong."""
 RETREAT = 0.25
 """Share of a command that is always allowed where it leads away from an obstacle: a robot that touches must get free."""
 
@@ -100,15 +101,21 @@ class Tightening:
         self._feedback = not model.history
         self._radius = problem.robot_radius + problem.margin
         self._touch = problem.robot_radius
-        n = problem.horizon
         self._levels = max(int(MEMORY).bit_length() - 1, 0)
+        self._surprise, self._expected = 1.0, 0.0
         self.update(model)
-        self.reset()
 
     def reset(self) -> None:
         """Forget what was observed."""
         self._surprise = 1.0
-        self.inflation = 1.0
+        self._inflate(1.0)
+
+    def _inflate(self, factor: float) -> None:
+        """Scale the noise's standard deviation, and beyond 1 what the model is allowed to be wrong by on top."""
+        self.inflation = factor
+        self._felt = factor**2 * self._moved
+        self._felt[0, [0, 4]] += (factor**2 - 1.0) * (QUIET[2] * self._model.dt) ** 2
+        self._spreads = self._noisy or factor > 1.0
 
     def observe(self, error: Array, heading: float, command: Array) -> None:
         """Compare the past period with what was expected of it; margins widen at once where the model is more wrong than it knows.
@@ -124,18 +131,18 @@ class Tightening:
         command : ndarray
             That was held during it (2,).
         """
-        if not abs(command[0]) * self._model.dt >= QUIET[0]:
+        # also for NaN and infinity
+        if not (abs(command[0]) * self._model.dt >= QUIET[0] and error[0] * error[0] + error[1] * error[1] < np.inf):
             return
         cos, sin = np.cos(heading), np.sin(heading)
         ahead, left = cos * error[0] + sin * error[1], cos * error[1] - sin * error[0]
         noise = self._measured + ((command * command) @ self._moved).reshape(3, 3)
-        xx, yy, xy = noise[0, 0] + QUIET[1] ** 2, noise[1, 1] + QUIET[1] ** 2, noise[0, 1]
+        least = QUIET[1] ** 2 + (QUIET[2] * self._model.dt * command[0]) ** 2
+        xx, yy, xy = noise[0, 0] + least, noise[1, 1] + least, noise[0, 1]
         square = 0.5 * (ahead * ahead * yy - 2.0 * ahead * left * xy + left * left * xx) / (xx * yy - xy * xy)
-        if not square < np.inf:
-            return
         change = min(float(square), SURPRISE_LIMIT) - self._surprise
         self._surprise += (ATTACK if change > 0.0 else RELEASE) * change
-        self.inflation = max(1.0, self._surprise - CALM + 1.0) ** 0.5
+        self._inflate(max(1.0, self._surprise - CALM + 1.0) ** 0.5)
 
     def update(self, model: KoopmanModel) -> None:
         """Take over the noise of another model of the same robot, between two steps."""
@@ -145,6 +152,10 @@ class Tightening:
         self._measured, self._moved = measured, np.ascontiguousarray(moved.reshape(2, 9))
         self.quantile = model_quantile(model.info, self.risk) if self._given is None else float(self._given)
         self._step_quantile = max(self.quantile, model_quantile(model.info, STEP_RISK))
+        # what was a surprise to the old model is less of one to a model that expects more
+        before, self._expected = self._expected, float(self._moved[0, 0] + self._moved[0, 4]) + 2.0 * (QUIET[2] * model.dt) ** 2
+        self._surprise = max(1.0, self._surprise * before / self._expected)
+        self._inflate(max(1.0, self._surprise - CALM + 1.0) ** 0.5)
 
     def margins(self, lin: Linearization, states: Array, inputs: Array, normals: Array, radii: Array | None = None) -> Array:
         """Distances that stages 1 to N must keep beyond the radii.
@@ -168,7 +179,7 @@ class Tightening:
         """
         chords = self._chords(states, radii)
         chords += self._reserve
-        if not self._noisy:
+        if not self._spreads:
             return np.repeat(chords[:, None], normals.shape[1], axis=1) if chords.ndim == 1 else chords
         spread = self.covariances(lin, states, inputs)
         across = normals @ spread
@@ -176,7 +187,7 @@ class Tightening:
         margins: Array = across[..., 0] + across[..., 1]
         np.maximum(margins, 0.0, out=margins)
         np.sqrt(margins, out=margins)
-        margins *= self.quantile * self.inflation
+        margins *= self.quantile
         margins += chords[:, None] if chords.ndim == 1 else chords
         return margins
 
@@ -205,11 +216,9 @@ class Tightening:
         away = here[:2] - circles[:, :2]
         before = np.hypot(away[:, 0], away[:, 1])
         room = before - circles[:, 2] - (self._touch + ROUNDING)
-        noise = ((command * command) @ self._moved).reshape(3, 3)
+        noise = ((command * command) @ self._felt).reshape(3, 3)
         # far from everything, which is most of the time, there is nothing to weigh up
-        if room.min() > FAR_PERIODS * abs(command[0]) * self._model.dt + self.inflation * self._step_quantile * np.sqrt(
-            noise[0, 0] + noise[1, 1]
-        ):
+        if room.min() > FAR_PERIODS * abs(command[0]) * self._model.dt + self._step_quantile * np.sqrt(noise[0, 0] + noise[1, 1]):
             return 1.0
         cos, sin = np.cos(here[2]), np.sin(here[2])
         share = 1.0
@@ -218,11 +227,11 @@ class Tightening:
             there = self._model.predict(here, part, past)
             after = np.hypot(there[0] - circles[:, 0], there[1] - circles[:, 1])
             approach = before - after
-            if self._noisy:
-                noise = ((part * part) @ self._moved).reshape(3, 3)
+            if self._spreads:
+                noise = ((part * part) @ self._felt).reshape(3, 3)
                 ahead, left = away @ (cos, sin), away @ (-sin, cos)
                 variance = ahead * ahead * noise[0, 0] + 2.0 * ahead * left * noise[0, 1] + left * left * noise[1, 1]
-                approach += self.inflation * self._step_quantile * np.sqrt(np.maximum(variance, 0.0)) / np.maximum(before, 1e-9)
+                approach += self._step_quantile * np.sqrt(np.maximum(variance, 0.0)) / np.maximum(before, 1e-9)
             # a path that passes by comes nearer between its ends by what a chord cuts off
             distance = np.hypot(there[0] - here[0], there[1] - here[1])
             centres = np.maximum(before, self._touch)
@@ -245,7 +254,7 @@ class Tightening:
         cos, sin = np.cos(headings), np.sin(headings)
         turned = rotations(cos, sin)
         back = turned.transpose(0, 2, 1)
-        noise = turned @ ((inputs * inputs) @ self._moved).reshape(-1, 3, 3) @ back
+        noise = turned @ ((inputs * inputs) @ self._felt).reshape(-1, 3, 3) @ back
         jacobians = closed_loop(lin.A, cos, sin, self._feedback)
         # doubling: what m steps have spread, moved on by m steps, plus what the m steps after them spread
         span = 1

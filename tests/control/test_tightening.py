@@ -303,3 +303,67 @@ def test_speed_share_is_not_deceived_by_a_curve_that_ends_farther_away():
         u = np.array([random.uniform(-0.6, 0.6), random.uniform(-0.78, 0.78)])
         trace = DifferentialDrive().trace(x, tightening.speed_share(x, u, circles) * u, 0.1, 8)
         assert np.hypot(trace[:, 0], trace[:, 1]).min() >= 0.35 - 1e-9
+
+
+def drive_and_observe(tightening, model, plant, steps, seed=0):
+    random, x, found = np.random.default_rng(seed), np.zeros(3), []
+    for _ in range(steps):
+        u = random.uniform(-0.6, 0.6, 2)
+        after = plant.step(x, u, 0.1)
+        tightening.observe(after[:2] - model.predict(x, u)[:2], x[2], u)
+        found.append(tightening.inflation)
+        x = np.append(random.uniform(-1.0, 1.0, 2), after[2] % 1.0)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.05, 0.2])
+def test_what_was_expected_widens_nothing(slip):
+    model = slipping(slip)
+    found = drive_and_observe(Tightening(model, PROBLEM), model, DifferentialDrive(slip, seed=3), 4000)
+    assert (found == 1.0).mean() > 0.85
+    assert np.quantile(found, 0.99) < 2.5
+
+
+def test_a_floor_that_slips_more_widens_the_margins_at_once():
+    model = slipping(0.02)
+    tightening = Tightening(model, PROBLEM)
+    lin, states, inputs = plan(model)
+    calm = tightening.margins(lin, states, inputs, directions(20, 3))
+    found = drive_and_observe(tightening, model, DifferentialDrive(0.2, seed=3), 200)
+    assert found[5] > 2.5
+    # mean and scatter of the slip are ten times the learned ones
+    assert 6.0 < np.median(found[20:]) < 16.0
+    assert (tightening.margins(lin, states, inputs, directions(20, 3)) > 2.0 * calm).all()
+    x, u = np.array([0.58, 0.0, 0.0]), np.array([0.6, 0.0])
+    alarmed = tightening.speed_share(x, u, CIRCLES)
+    found = drive_and_observe(tightening, model, DifferentialDrive(0.02, seed=4), 100)
+    assert found[60:].max() < 3.0
+    tightening.reset()
+    assert tightening.inflation == 1.0
+    assert tightening.speed_share(x, u, CIRCLES) > alarmed
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_even_a_model_without_noise_gets_room_on_a_slipping_floor(known):
+    model = slipping(0.0) if known else nominal_unicycle(0.1)
+    tightening = Tightening(model, PROBLEM)
+    drive_and_observe(tightening, model, DifferentialDrive(0.2, seed=3), 50)
+    truth = slipping(0.2)
+    lin, states, inputs = plan(model)
+    felt = np.sqrt(np.linalg.eigvalsh(tightening.covariances(lin, states, inputs)).mean())
+    expected = np.sqrt(np.linalg.eigvalsh(Tightening(truth, PROBLEM).covariances(*plan(truth))).mean())
+    assert 0.7 * expected < felt < 3.0 * expected
+    # a model that expects this slip is not surprised by it
+    tightening.update(truth)
+    assert tightening.inflation < 2.0
+
+
+def test_standing_and_broken_poses_widen_nothing(model):
+    tightening = Tightening(model, PROBLEM)
+    tightening.observe(np.array([0.1, 0.1]), 0.0, np.zeros(2))
+    tightening.observe(np.array([np.nan, 0.1]), 0.0, np.array([0.5, 0.0]))
+    tightening.observe(np.array([np.inf, 0.1]), 0.0, np.array([0.5, 0.0]))
+    tightening.observe(np.array([0.1, 0.1]), 0.0, np.array([np.nan, 0.0]))
+    assert tightening.inflation == 1.0
+    tightening.observe(np.array([1e6, 0.1]), 0.0, np.array([0.5, 0.0]))
+    assert tightening.inflation < 10.0
