@@ -156,10 +156,10 @@ class Controller:
         if pose.shape != (STATES,) or target.shape != (STATES,):
             raise ValueError(f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}")
         circles = circles_to_array(obstacles)
-        for name, values in (("pose", pose), ("goal", target), ("obstacle", circles)):
+        for name, values in (("obstacle", circles), ("pose", pose), ("goal", target)):
             # also false for NaN
             if not (np.abs(values) <= POSITION_LIMIT).all():
-                known = circles if name == "goal" else circles_to_array(())
+                known = circles[:0] if name == "obstacle" else circles
                 return self._without_solution(pose, known, start, {}, 0, f"{name} not usable: {values.ravel()[:5]}")
         turns = 2 * np.pi * np.round(pose[2] / (2 * np.pi))
         here = pose - (0.0, 0.0, turns)
@@ -279,6 +279,8 @@ class Controller:
         inputs = np.zeros((n, INPUTS))
         inputs[0] = command
         states = np.tile(np.where(np.isfinite(pose), pose, 0.0), (n + 1, 1))
+        # where the robot is not known, nor is its distance to anything
+        circles = circles if np.isfinite(pose).all() else circles[:0]
         return self._plan(states, inputs, PlanStatus.STOPPED, circles, start, timing, passes, reason)
 
     def _remember(self, command: Array) -> None:
