@@ -144,11 +144,13 @@ class KoopmanModel:
         h_blocks = (self.C @ self.H).reshape(STATES, nw, nz)
         object.__setattr__(self, "_A", np.ascontiguousarray(self.C @ self.A))
         object.__setattr__(self, "_B", np.ascontiguousarray(self.C @ self.B))
+        object.__setattr__(self, "_has_B", bool(self.B.any()))
         object.__setattr__(self, "_H_by_input", np.ascontiguousarray(h_blocks.transpose(1, 0, 2).reshape(nw, STATES * nz)))
         object.__setattr__(self, "_H_by_lift", np.ascontiguousarray(h_blocks.transpose(2, 0, 1).reshape(nz, STATES * nw)))
 
     _A: Array = field(init=False, repr=False)
     _B: Array = field(init=False, repr=False)
+    _has_B: bool = field(init=False, repr=False)
     _H_by_input: Array = field(init=False, repr=False)
     _H_by_lift: Array = field(init=False, repr=False)
 
@@ -182,20 +184,25 @@ class KoopmanModel:
 
     def advance(self, x: Array, w: Array) -> Array:
         """Next states (..., 3) for bilinear inputs (..., nw); any NumPy dtype, symbolic objects too."""
-        matrix = (w @ self._H_by_input).reshape(*w.shape[:-1], *self._A.shape) + self._A
-        offset = w @ self._B.T
+        matrix, offset = self._input_terms(w)
 
         def f(state: Array) -> Array:
-            derivative: Array = (matrix @ self.dictionary.lift(state)[..., None])[..., 0] + offset
-            return derivative
+            derivative: Array = (matrix @ self.dictionary.lift(state)[..., None])[..., 0]
+            return derivative if offset is None else derivative + offset
 
         if not self.continuous:
             return f(x)
         total, slope = x, x
         for node, weight in TABLEAUX[self.integrator]:
             slope = f(x + (node * self.dt) * slope if node else x)
-            total = total + (weight * self.dt) * slope
+            if weight:
+                total = total + (weight * self.dt) * slope
         return total
+
+    def _input_terms(self, w: Array) -> tuple[Array, Array | None]:
+        """What the inputs make of the model: ``M(w) phi(x) + offset``; no offset where B is zero."""
+        matrix = (w @ self._H_by_input).reshape(*w.shape[:-1], *self._A.shape) + self._A
+        return matrix, w @ self._B.T if self._has_B else None
 
     def rollout(self, x0: ArrayLike, inputs: ArrayLike, history: ArrayLike | None = None) -> Array:
         """Predict a whole path.
@@ -253,10 +260,7 @@ class KoopmanModel:
         x, u, past = self._check(x, u, history)
         w = self.dictionary.inputs(u, past)
         lead = w.shape[:-1]
-        matrix = (w @ self._H_by_input).reshape(*lead, *self._A.shape) + self._A
-        offset = w @ self._B.T
-
-        by_all = self._derivatives(x, w, matrix, offset)
+        by_all = self._derivatives(x, w)
         value, by_x, by_w = by_all[..., 0], by_all[..., 1 : 1 + STATES], by_all[..., 1 + STATES :]
         jacobian = self.dictionary.inputs_jacobian(u, past)
         if jacobian is None:
@@ -264,11 +268,12 @@ class KoopmanModel:
         by_age = np.einsum("...iw,...wau->...aiu", by_w, jacobian)
         return Linearization(value, by_x, by_age[..., 0, :, :], by_age[..., 1:, :, :])
 
-    def _derivatives(self, x: Array, w: Array, matrix: Array, offset: Array) -> Array:
+    def _derivatives(self, x: Array, w: Array) -> Array:
         """Prediction, its derivative by x and by w side by side in one array, (..., 3, 1 + 3 + nw).
 
         All three travel through the Runge-Kutta stages together: few, large array operations.
         """
+        matrix, offset = self._input_terms(w)
         start = np.zeros((*w.shape[:-1], STATES, 1 + STATES + w.shape[-1]))
         start[..., 0] = x
         start[..., _DIAGONAL, 1 + _DIAGONAL] = 1.0
@@ -277,17 +282,21 @@ class KoopmanModel:
             expanded = self.dictionary.expand(stage[..., 0])
             product = matrix @ expanded
             slope = np.empty_like(start)
-            np.add(product[..., 0], offset, out=slope[..., 0])
+            slope[..., 0] = product[..., 0]
+            if offset is not None:
+                slope[..., 0] += offset
             np.matmul(product[..., 1:], stage[..., 1:], out=slope[..., 1:])
-            slope[..., 1 + STATES :] += (expanded[..., 0] @ self._H_by_lift).reshape(*w.shape[:-1], *self._B.shape) + self._B
+            by_w = (expanded[..., 0] @ self._H_by_lift).reshape(*w.shape[:-1], *self._B.shape)
+            slope[..., 1 + STATES :] += by_w + self._B if self._has_B else by_w
             return slope
 
         if not self.continuous:
             return f(start)
-        total, slope = start.copy(), start
+        total, slope = start, start
         for node, weight in TABLEAUX[self.integrator]:
             slope = f(start + (node * self.dt) * slope if node else start)
-            total += (weight * self.dt) * slope
+            if weight:
+                total = total + (weight * self.dt) * slope
         return total
 
     def noise(self, u: ArrayLike) -> Array:

@@ -107,7 +107,7 @@ def _controller(model: KoopmanModel, problem: NavigationProblem, variant: Varian
         controller.iterations += solution.iterations
         return solution
 
-    controller._sqp.workspace.solve = counted  # type: ignore[method-assign]
+    controller._sqp.workspace.solve = counted  # type: ignore[method-assign,assignment]
     return controller
 
 
@@ -137,7 +137,7 @@ def record_qps(model: KoopmanModel, problem: NavigationProblem, drives: Sequence
         qps.append((qp.P.copy(), q.copy(), a, lower.copy(), np.minimum(upper, 1e20)))
         return solve(q, lower, upper, a_x, x, y)
 
-    workspace.solve = kept  # type: ignore[method-assign]
+    workspace.solve = kept  # type: ignore[method-assign,assignment]
     for drive in drives:
         controller.reset()
         for x in drive.states:

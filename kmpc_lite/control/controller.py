@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from time import perf_counter
 from typing import Literal
 
@@ -16,7 +17,7 @@ from kmpc_lite.control.obstacles import Circle, circle_distances, circles_to_arr
 from kmpc_lite.control.osqp_workspace import QPStatus
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.sqp import SQP, SQPResult, Task, Trajectory
+from kmpc_lite.control.sqp import COLD_PASSES, NEW_WAY_PASSES, SQP, SQPResult, Task, Trajectory
 from kmpc_lite.control.tightening import RISK, Tightening
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import ProblemError
@@ -157,23 +158,31 @@ class Controller:
             raise ValueError(f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}")
         circles = circles_to_array(obstacles)
         for name, values in (("obstacle", circles), ("pose", pose), ("goal", target)):
-            # also false for NaN
-            if not (np.abs(values) <= POSITION_LIMIT).all():
+            # also false for NaN; three numbers are looked at faster one by one than as an array
+            usable = (
+                (np.abs(values) <= POSITION_LIMIT).all() if values is circles else all(abs(v) <= POSITION_LIMIT for v in values.tolist())
+            )
+            if not usable:
                 known = circles[:0] if name == "obstacle" else circles
                 return self._without_solution(pose, known, start, {}, 0, f"{name} not usable: {values.ravel()[:5]}")
-        turns = 2 * np.pi * np.round(pose[2] / (2 * np.pi))
-        here = pose - (0.0, 0.0, turns)
-        target = target - (0.0, 0.0, 2 * np.pi * np.round(target[2] / (2 * np.pi)))
+        turns = 2 * np.pi * round(float(pose[2]) / (2 * np.pi))
+        here, target = pose.copy(), target.copy()
+        here[2] -= turns
+        target[2] -= 2 * np.pi * round(float(target[2]) / (2 * np.pi))
         guidance = None if self._guide is None else self._guide.reference(here, target, circles)
         if guidance is not None and guidance.hold:
             return self._hold(here, pose, circles, start)
         reference = self._goal_reference(here, target) if guidance is None else guidance.states
         guided = self._clock()
-        guess = None if guidance is not None and guidance.switched else self._warm_start(here)
+        guess, passes = self._warm_start(here), 1
+        if guess is None or (guidance is not None and guidance.switched):
+            # a plan along the old way is no good start for the new one
+            fresh = guidance is None or guess is None
+            guess, passes = (self._sqp.at_rest(here), COLD_PASSES) if fresh else (self._sqp.along(reference, here), NEW_WAY_PASSES)
         deadline = np.inf if self._time_budget is None else start + self._time_budget - self._after_solve
         shifted = self._clock()
         task = Task(reference, circles, self._past, deadline)
-        result = self._sqp.solve(guess or self._sqp.at_rest(here), task, cold=guess is None)
+        result = self._sqp.solve(guess, task, passes)
         solved = self._clock()
         usable, self._last, reason = self._verify(result, circles)
         if usable and self._tightening is not None:
@@ -187,7 +196,9 @@ class Controller:
             return self._without_solution(pose, circles, start, timing, result.passes, reason)
         self._fallback.accept(trajectory)
         self._remember(trajectory.inputs[0])
-        states = trajectory.states + (0.0, 0.0, turns)
+        states = trajectory.states
+        if turns:
+            states = states + (0.0, 0.0, turns)
         status = PlanStatus.FEASIBLE if reason else PlanStatus.SOLVED
         plan = self._plan(states, trajectory.inputs, status, circles, start, timing, result.passes, reason)
         return plan if guidance is None or guidance.reachable else replace(plan, reachable=False)
@@ -203,12 +214,14 @@ class Controller:
 
     def _goal_reference(self, here: Array, target: Array) -> Array:
         """States (N + 1, 3) to steer for: the goal, with its heading on the side that was chosen before."""
-        heading = here[2] + self._turn_to(target[2] - here[2])
-        return np.tile((target[0], target[1], heading), (self.problem.horizon + 1, 1))
+        reference = np.empty((self.problem.horizon + 1, STATES))
+        reference[:] = target
+        reference[:, 2] = here[2] + self._turn_to(float(target[2] - here[2]))
+        return reference
 
     def _turn_to(self, error: float) -> float:
         """Signed turn to the goal's heading; near a half turn it keeps the side of the step before."""
-        error = float(np.remainder(error + np.pi, 2 * np.pi) - np.pi)
+        error = (error + np.pi) % (2 * np.pi) - np.pi
         if abs(error) > 0.75 * np.pi and error * self._heading_error < 0.0 and abs(self._heading_error) > 0.5 * np.pi:
             error -= np.copysign(2 * np.pi, error)
         self._heading_error = error
@@ -218,10 +231,10 @@ class Controller:
         """Last plan, one period on, if the robot is where that plan put it."""
         if self._last is None:
             return None
-        expected = self._last.states[1]
-        turns = 2 * np.pi * np.round((expected[2] - here[2]) / (2 * np.pi))
-        error = np.abs(expected - here - (0.0, 0.0, turns))
-        if max(error[0], error[1]) > JUMP[0] or error[2] > JUMP[1]:
+        dx, dy, turned = (self._last.states[1] - here).tolist()
+        turns = 2 * np.pi * round(turned / (2 * np.pi)) if abs(turned) <= POSITION_LIMIT else 0.0
+        # also false for NaN
+        if not (abs(dx) <= JUMP[0] and abs(dy) <= JUMP[0] and abs(turned - turns) <= JUMP[1]):
             return None
         guess = self._sqp.shift(self._last, here)
         # a poisoned start is worth nothing: also false for NaN
@@ -300,7 +313,7 @@ class Controller:
         reason: str,
     ) -> Plan:
         timing["total"] = self._clock() - start
-        return Plan(inputs[0].copy(), states, inputs, status, self._clearance(states, circles), passes, timing, reason)
+        return Plan(inputs[0].copy(), states, inputs, status, partial(self._clearance, states, circles), passes, timing, reason)
 
     def _clearance(self, states: Array, circles: Array) -> float:
         """Smallest distance between the edges of robot and obstacles along a plan [m]."""

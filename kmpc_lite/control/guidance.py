@@ -97,7 +97,7 @@ class Guide:
         self._path: TimedPath | None = None
         self._goal = np.full(3, np.nan)
         self._circles = np.empty((0, 5))
-        self._traffic: MovingCircles | None = None
+        self._escape = -1
         self._waiting: Array | None = None
         self._turning = self._stuck = False
         self._age = self._furthest = self._still = 0.0
@@ -118,31 +118,37 @@ class Guide:
         error[2] -= 2 * np.pi * np.round(error[2] / (2 * np.pi))
         distance = float(np.hypot(error[0], error[1]))
         self._turning = distance <= (ENTER[0] if self._turning else CLOSE)
+        traffic = MovingCircles(circles, self._keep, self._speed) if circles[:, 3:].any() else None
         place, off = (0.0, 0.0) if self._path is None else self._path.locate(pose)
-        refreshed = self._needs_way(goal, circles, off, place, distance)
+        refreshed = self._needs_way(goal, circles, traffic, off, place, distance)
         switched = False
         if refreshed:
-            switched = self._refresh(pose, goal, circles)
+            switched = self._refresh(pose, goal, circles, traffic)
             if self._path is not None:
                 place, _ = self._path.locate(pose)
-        path, traffic = self._path, self._traffic
+        path = self._path
         if path is None:
             wait = pose if self._waiting is None else self._waiting
             states = np.tile(np.array([wait[0], wait[1], pose[2]]), (len(self._times), 1))
+            if traffic is not None and not traffic.leaves_alone(pose):
+                self._escape, states = traffic.escape(pose, self._escape, self._times)
             return Guidance(states, False, False, wait[None, :2], np.inf, refreshed, switched)
-        place = max(place, path.drive_end) if self._turning else min(place, path.drive_end)
-        path.place = place
-        times = place + LEAD + self._times
-        if traffic is not None:
-            times = place + (times - place) * traffic.pace(path, place, self._age, self._times)
+        path.place = place = max(place, path.drive_end) if self._turning else min(place, path.drive_end)
+        left = path.duration - place
+        hold = self._parking.hold(error) and (traffic is None or traffic.leaves_alone(pose))
+        pace = 1.0 if traffic is None else traffic.pace(path, place)
+        if traffic is not None and pace is None:
+            self._escape, states = traffic.escape(pose, self._escape, self._times)
+            return Guidance(states, True, hold, path.points, left, refreshed, switched)
+        self._escape = -1
+        times = place + (pace or 0.0) * (LEAD + self._times)
         if not self._turning and place > path.drive_end - LAST_STRETCH:
             np.minimum(times, path.drive_end, out=times)
         states = path.at(times)
         states[:, 2] += 2 * np.pi * np.round((pose[2] - path.heading_at(place)) / (2 * np.pi))
-        hold = self._parking.hold(error) and (traffic is None or traffic.leaves_alone(pose, self._age))
-        return Guidance(states, True, hold, path.points, path.duration - place, refreshed, switched)
+        return Guidance(states, True, hold, path.points, left, refreshed, switched)
 
-    def _needs_way(self, goal: Array, circles: Array, off: float, place: float, distance: float) -> bool:
+    def _needs_way(self, goal: Array, circles: Array, traffic: MovingCircles | None, off: float, place: float, distance: float) -> bool:
         """Whether the map, the goal, or the robot's place gives a reason to look for a way."""
         known = self._circles
         if len(circles) != len(known) or (goal != self._goal).any():
@@ -163,17 +169,15 @@ class Guide:
         least, share, most = OFF_WAY
         if self._stuck or (self._age > PATIENCE[0] and off > min(max(least, share * distance), most)):
             return True
-        return self._traffic is not None and self._age > PATIENCE[0] and self._traffic.blocks(path, place, self._age)
+        return traffic is not None and self._age > PATIENCE[0] and traffic.blocks(path, place)
 
-    def _refresh(self, pose: Array, goal: Array, circles: Array) -> bool:
+    def _refresh(self, pose: Array, goal: Array, circles: Array, traffic: MovingCircles | None) -> bool:
         """Look for a way; return whether it goes another way around than the one before."""
         previous, same_goal = self._path, bool((goal == self._goal).all())
         self._goal, self._circles, self._age = goal.copy(), circles.copy(), 0.0
         self._furthest = self._still = 0.0
-        moving = bool(len(circles)) and bool(circles[:, 3:].any())
-        self._traffic = MovingCircles(circles, self._keep, self._speed[0]) if moving else None
-        if self._traffic is not None:
-            circles = self._traffic.where_met(pose)
+        if traffic is not None:
+            circles = traffic.where_met(pose)
         keep_to = previous if same_goal and not self._stuck else None
         way, switched = self._choose(pose, goal, circles, keep_to)
         if way is None:

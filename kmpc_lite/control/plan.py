@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
 
 from kmpc_lite.dictionary import Array
 
@@ -34,8 +35,8 @@ class Plan:
     """(N, 2) planned commands; the first is `command`."""
     status: PlanStatus
     """How the plan came about."""
-    clearance: float
-    """Smallest distance from the robot's edge to an obstacle's along `states` [m]; infinite without obstacles."""
+    measure_clearance: Callable[[], float] = field(repr=False)
+    """Works out `clearance`: only for those who ask, a step does not wait for it."""
     iterations: int
     """SQP passes."""
     timing: Mapping[str, float]
@@ -46,3 +47,8 @@ class Plan:
     """Whether there is a way to the goal, as far as guidance can tell; where there is none the robot waits at a safe place."""
     holding: bool = False
     """Whether the robot has parked at its goal and stands there."""
+
+    @cached_property
+    def clearance(self) -> float:
+        """Smallest distance from the robot's edge to an obstacle's along `states` [m]; infinite without obstacles."""
+        return self.measure_clearance()

@@ -34,8 +34,8 @@ REAL_TIME: dict[str, Any] = {
 CONVERGED: dict[str, Any] = {"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iter": 4000, "rho": 1.0, "adaptive_rho": 1}
 """OSQP's settings for one pass per period, and for passes to convergence."""
 
-COLD_PASSES = 10
-"""Passes without a warm start, at most: the first linearisation, at rest, sees no way to steer."""
+COLD_PASSES, NEW_WAY_PASSES = 10, 3
+"""Passes without a warm start, at most: the first linearisation, at rest, sees no way to steer; along a new way it does."""
 COLD_TOLERANCE = 0.02
 ARMIJO = 1e-4
 SHORTEST_STEP = 1e-3
@@ -79,7 +79,7 @@ class SQPResult:
     status: QPStatus
     passes: int
     step: float
-    """Largest change of the last pass [m, rad, m/s, rad/s]."""
+    """Largest change of the last pass [m, rad, m/s, rad/s]; infinite where only one was asked for."""
     defect: float
     """How far the model contradicts the trajectory over one period [m, rad]."""
     timing: dict[str, float] = field(default_factory=dict)
@@ -145,7 +145,16 @@ class SQP:
         commands = np.concatenate([past, inputs[:-1]])
         return np.lib.stride_tricks.sliding_window_view(commands, self.model.history, axis=0).transpose(0, 2, 1)
 
-    def solve(self, guess: Trajectory, task: Task, cold: bool) -> SQPResult:
+    def along(self, reference: Array, x: Array) -> Trajectory:
+        """Return the trajectory of a robot that follows a reference (N + 1, 3) from where it is, (3,)."""
+        states = reference.copy()
+        states[0] = x
+        steps = np.diff(states, axis=0)
+        forward = np.cos(states[:-1, 2]) * steps[:, 0] + np.sin(states[:-1, 2]) * steps[:, 1]
+        inputs = np.column_stack([forward, steps[:, 2]]) / self.problem.dt
+        return Trajectory(states, np.clip(inputs, self._u_min, self._u_max), np.zeros(self.qp.row_count))
+
+    def solve(self, guess: Trajectory, task: Task, passes: int = 1) -> SQPResult:
         """Run the passes from a guess whose first state is the present one.
 
         At least one pass is made; another only if it is expected to end before the deadline. OSQP is stopped there.
@@ -156,21 +165,21 @@ class SQP:
             Where to linearise first.
         task : Task
             What is asked.
-        cold : bool
-            Whether the guess knows nothing: a real-time iteration then makes more passes.
+        passes : int
+            How many a real-time iteration makes at the most: one from a warm start, more from a guess that knows little.
         """
         timing = {"linearise": 0.0, "fill": 0.0, "solve": 0.0, "search": 0.0}
         to_convergence = self.iterations > 1
-        limit, tolerance = (COLD_PASSES, COLD_TOLERANCE) if cold and not to_convergence else (self.iterations, self.tolerance)
+        limit, tolerance = (self.iterations, self.tolerance) if to_convergence else (passes, COLD_TOLERANCE)
         self._dynamics_penalty, self._pressed_violation = 0.0, np.inf
         self.qp.set_slack_penalty(float(self.problem.slack_weights[0]))
         # the QP is solved around the robot, so that its relative tolerance does not depend on where the map has its origin
         origin = guess.states[0] * (1.0, 1.0, 0.0)
         reference = task.reference - origin
-        step, defect, passes, status, reason, longest = np.inf, np.inf, 0, QPStatus.FAILED, "", 0.0
-        while passes < limit:
+        step, defect, done, status, reason, longest = np.inf, np.inf, 0, QPStatus.FAILED, "", 0.0
+        while done < limit:
             t0 = self.clock()
-            if passes and t0 + longest > task.deadline:
+            if done and t0 + longest > task.deadline:
                 reason = reason or "time budget"
                 break
             lin = self.model.linearize(guess.states[:-1], guess.inputs, self.past_windows(task.past, guess.inputs))
@@ -190,16 +199,17 @@ class SQP:
             warm = self.qp.pack(local, guess.inputs, violation)
             solution = self.workspace.solve(self.qp.q, self.qp.lower, self.qp.upper, self.qp.A.data, warm, guess.duals)
             t3 = self.clock()
-            passes += 1
+            done += 1
             status, reason = solution.status, solution.reason
             if status is not QPStatus.FAILED:
                 states, inputs, slack = self.qp.unpack(solution.x, local[0])
                 states += origin
-                np.clip(inputs, self._u_min, self._u_max, out=inputs)
+                np.maximum(np.minimum(inputs, self._u_max, out=inputs), self._u_min, out=inputs)
                 found = Trajectory(states, inputs, solution.y)
                 before = guess
                 guess, length, defect = self._line_search(before, found, slack, lin.value, violation, margins, task)
-                step = max(float(np.abs(guess.states - before.states).max()), float(np.abs(guess.inputs - before.inputs).max()))
+                if limit > 1:
+                    step = max(float(np.abs(guess.states - before.states).max()), float(np.abs(guess.inputs - before.inputs).max()))
             t4 = self.clock()
             for phase, seconds in zip(timing, (t1 - t0, t2 - t1, t3 - t2, t4 - t3), strict=True):
                 timing[phase] += seconds
@@ -211,7 +221,7 @@ class SQP:
                 if not (to_convergence and self._penalty_too_weak(guess, margins, task)):
                     break
                 self.qp.set_slack_penalty(PENALTY_GROWTH * self.qp.slack_penalty)
-        return SQPResult(guess, status, passes, step, defect, timing, reason)
+        return SQPResult(guess, status, done, step, defect, timing, reason)
 
     def _penalty_too_weak(self, found: Trajectory, margins: Array | float, task: Task) -> bool:
         """Whether a converged plan stands in an obstacle because the linear penalty is too weak, and not because it must."""

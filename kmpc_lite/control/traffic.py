@@ -7,70 +7,97 @@ import numpy as np
 from kmpc_lite.control.timed_path import TimedPath
 from kmpc_lite.dictionary import Array
 
-LOOK_AHEAD = 4.0
+LOOK_AHEAD = 3.0
 """How far obstacles are moved on at constant velocity [s]."""
 STEP = 0.2
 """Between the moments that are looked at [s]."""
-SPARE = 0.05
-"""Distance beyond the margin within which a moving circle is in the way [m]."""
+SPARE = 0.12
+"""Distance beyond the margin within which a moving circle is in the way [m]: it is soon lost to a robot that lags."""
+DETOUR = 0.06
+"""Part of it that a way keeps [m]."""
 PACES = np.array([0.6, 0.3, 0.0])
 """Shares of the speed that are tried where the full one is not clear; the first one that is, is driven."""
+ESCAPES = np.array([(v, omega) for v in (0.0, 0.5, -0.5, 1.0, -1.0) for omega in (0.0, 1.0, -1.0)])
+"""Shares of speed and rate of turn of the arcs on which room is made."""
+FAITH = 0.03
+"""How much more room another arc must promise than the one begun [m]."""
 
 
 class MovingCircles:
-    """Circles at constant velocity, known at one moment.
+    """Circles at constant velocity, as they are now.
 
     Parameters
     ----------
     circles : ndarray
-        (M, 5) rows x, y, radius, vx, vy; circles at rest are left out.
+        (M, 5) rows x, y, radius, vx, vy.
     keep : float
         Distance of the robot's centre to the circles' edges [m].
-    speed : float
-        At which the robot drives [m/s].
+    speed : ndarray
+        At which the robot drives and turns [m/s, rad/s], (2,).
     """
 
-    def __init__(self, circles: Array, keep: float, speed: float) -> None:
+    def __init__(self, circles: Array, keep: float, speed: Array) -> None:
         self.all = circles
         self._moving = circles[circles[:, 3:].any(axis=1)]
         self._keep, self._speed = keep, speed
         self._times = np.arange(0.0, LOOK_AHEAD + 1e-9, STEP)
 
     def where_met(self, pose: Array) -> Array:
-        """All circles (M, 5), the moving ones where a robot at a pose (3,) would meet them."""
+        """All circles (M, 5), the moving ones where a robot at a pose (3,) would meet them, and larger by a part of `SPARE`."""
         met = self.all.copy()
         time = np.zeros(len(met))
         # how far away it is when the robot gets there, to two rounds
         for _ in range(2):
             away = self.all[:, :2] + time[:, None] * self.all[:, 3:] - pose[:2]
             gap = np.maximum(np.hypot(away[:, 0], away[:, 1]) - self.all[:, 2] - self._keep, 0.0)
-            time = np.minimum(gap / self._speed, LOOK_AHEAD)
+            time = np.minimum(gap / self._speed[0], LOOK_AHEAD)
         met[:, :2] += time[:, None] * self.all[:, 3:]
+        met[:, 2] += DETOUR * self.all[:, 3:].any(axis=1)
         return met
 
-    def _gaps(self, positions: Array, times: Array) -> Array:
-        """Distances (..., M) that positions (..., 2) at times (...) have to spare."""
-        away = positions[..., None, :] - self._moving[:, :2] - times[..., None, None] * self._moving[:, 3:]
-        gaps: Array = np.sqrt(np.einsum("...i,...i->...", away, away)) - self._moving[:, 2] - self._keep
-        return gaps
+    def _room(self, positions: Array, circles: Array) -> Array:
+        """Least distance (...) to spare from circles (M, 5), of positions (..., T, 2) at the moments that are looked at."""
+        away = positions[..., None, :] - circles[:, :2] - self._times[:, None, None] * circles[:, 3:]
+        gaps: Array = np.sqrt(np.einsum("...i,...i->...", away, away)) - circles[:, 2] - self._keep
+        room: Array = gaps.min(axis=(-2, -1))
+        return room
 
-    def blocks(self, path: TimedPath, place: float, age: float) -> bool:
-        """Whether a circle will be where the robot then is; `age` [s] since the circles were seen."""
-        positions = path.at(place + self._times)[:, :2]
-        return bool((self._gaps(positions, age + self._times) < 0.0).any())
+    def blocks(self, path: TimedPath, place: float) -> bool:
+        """Whether a circle will be where the robot then is."""
+        return bool(self._room(path.at(place + self._times)[:, :2], self._moving) < 0.0)
 
-    def pace(self, path: TimedPath, place: float, age: float, times: Array) -> float:
-        """Share of the speed at which the robot keeps clear over the coming times (n,) [s]."""
-        gap = float(self._gaps(path.at(place + times)[:, :2], age + times).min())
-        if gap >= SPARE:
+    def pace(self, path: TimedPath, place: float) -> float | None:
+        """Share of the speed at which the robot on its way keeps clear, none: at no pace."""
+        if self._room(path.at(place + self._times)[:, :2], self._moving) >= SPARE:
             return 1.0
-        slower = PACES[:, None] * times
+        slower = PACES[:, None] * self._times
         positions = path.at((place + slower).ravel())[:, :2].reshape(*slower.shape, 2)
-        gaps = self._gaps(positions, np.broadcast_to(age + times, slower.shape)).min(axis=(1, 2))
-        clear = gaps >= SPARE
-        best = float(PACES[np.argmax(clear)]) if clear.any() else float(PACES[np.argmax(gaps)])
-        return best if clear.any() or gaps.max() > gap else 1.0
+        clear = self._room(positions, self._moving) >= SPARE
+        return float(PACES[np.argmax(clear)]) if clear.any() else None
 
-    def leaves_alone(self, pose: Array, age: float) -> bool:
+    def leaves_alone(self, pose: Array) -> bool:
         """Whether a robot that stays at a pose (3,) is not touched."""
-        return bool((self._gaps(np.broadcast_to(pose[:2], (len(self._times), 2)), age + self._times) >= SPARE).all())
+        return bool(self._room(np.broadcast_to(pose[:2], (len(self._times), 2)), self._moving) >= SPARE)
+
+    def escape(self, pose: Array, last: int, times: Array) -> tuple[int, Array]:
+        """Arc on which the robot gets the most room: its number and its poses (n, 3) at times (n,) [s].
+
+        The first one that is clear is taken, since the first ones move least; the one begun, number `last` (-1: none), is kept
+        unless another one promises `FAITH` more.
+        """
+        room = self._room(self._arcs(pose, self._times)[..., :2], self.all)
+        if last >= 0:
+            room[last] += FAITH
+        clear = room >= SPARE
+        best = int(np.argmax(clear) if clear.any() else np.argmax(room))
+        arc: Array = self._arcs(pose, times)[best]
+        return best, arc
+
+    def _arcs(self, pose: Array, times: Array) -> Array:
+        """Poses (E, n, 3) on all arcs from a pose (3,)."""
+        v, omega = (ESCAPES * self._speed).T[..., None]
+        turn = omega * times
+        # chord of an arc: v t sinc(turn / 2), along the mean heading
+        chord = v * times * np.sinc(turn / (2 * np.pi))
+        along = pose[2] + 0.5 * turn
+        return np.stack([pose[0] + chord * np.cos(along), pose[1] + chord * np.sin(along), pose[2] + turn], axis=-1)

@@ -228,7 +228,7 @@ class AcadosController:
             states,
             inputs,
             PlanStatus.SOLVED if good else PlanStatus.FALLBACK,
-            clearance,
+            lambda: clearance,
             1,
             # setting and reading through Python is not acados' own time: it is told apart
             {"set": prepared - start, "solve": solved - prepared, "read": end - solved, "total": end - start},

@@ -149,7 +149,7 @@ class IpoptController:
             states,
             inputs,
             PlanStatus.SOLVED if statistics["success"] else PlanStatus.FALLBACK,
-            clearance,
+            lambda: clearance,
             int(statistics.get("iter_count", 0)),
             {"total": elapsed},
             "" if statistics["success"] else str(statistics["return_status"]),

@@ -41,7 +41,7 @@ class Follower:
         aside = np.cos(pose[2]) * error[1] - np.sin(pose[2]) * error[0]
         u_min, u_max, _, _ = self.problem.bounds
         command = np.clip([ahead / 0.3, (error[2] + 2 * np.sign(ahead) * aside) / 0.3], u_min, u_max)
-        return kl.Plan(command, np.tile(pose, (4, 1)), np.tile(command, (3, 1)), kl.PlanStatus.SOLVED, np.inf, 1, {"total": 2e-3})
+        return kl.Plan(command, np.tile(pose, (4, 1)), np.tile(command, (3, 1)), kl.PlanStatus.SOLVED, lambda: np.inf, 1, {"total": 2e-3})
 
 
 @dataclass(frozen=True)
