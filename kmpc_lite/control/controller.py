@@ -313,7 +313,9 @@ class Controller:
         reason: str,
     ) -> Plan:
         timing["total"] = self._clock() - start
-        return Plan(inputs[0].copy(), states, inputs, status, partial(self._clearance, states, circles), passes, timing, reason)
+        # asked for later, when the caller may have moved its obstacles in place
+        clearance = partial(self._clearance, states, circles.copy())
+        return Plan(inputs[0].copy(), states, inputs, status, clearance, passes, timing, reason)
 
     def _clearance(self, states: Array, circles: Array) -> float:
         """Smallest distance between the edges of robot and obstacles along a plan [m]."""
