@@ -6,13 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.control.fallback import Fallback
-from kmpc_lite.control.guidance import Guide, tracking
 from kmpc_lite.control.obstacles import Circle, circle_distances, circles_to_array
 from kmpc_lite.control.osqp_workspace import QPStatus
 from kmpc_lite.control.plan import Plan, PlanStatus
@@ -22,6 +21,9 @@ from kmpc_lite.control.tightening import RISK, Tightening
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model import KoopmanModel
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.guidance import Guide
 
 POSITION_LIMIT = 1e4
 """A pose or a goal farther out [m] is taken for a broken sensor."""
@@ -113,8 +115,13 @@ class Controller:
         if tightening not in (None, "learned"):
             raise ProblemError(f"tightening: expected 'learned' or None, got {tightening!r}")
         self._tightening = Tightening(self.model, self.problem, risk=risk) if tightening else None
-        self._guide = Guide(self.problem) if guidance else None
-        solved = tracking(self.problem) if guidance else self.problem
+        self._guide: Guide | None = None
+        solved = self.problem
+        if guidance:
+            # here, for its graph search costs as much to import as all the rest
+            from kmpc_lite.control.guidance import Guide, tracking
+
+            self._guide, solved = Guide(self.problem), tracking(self.problem)
         self._sqp = SQP(self.model, solved, sqp_iterations, tolerance, obstacle_slots, self._tightening, clock)
         self._fallback = Fallback(self.problem)
         self._u_min, self._u_max, _, _ = self.problem.bounds
