@@ -55,25 +55,36 @@ def run_bench(options: argparse.Namespace) -> int:
         solvers = solver_study(record_qps(model, problem, drives)[::6], problem)
         print(json.dumps({"settings": rows, "solvers": solvers}) if options.json else format_settings(rows, solvers))
         return 0
-    everyone = bench.contenders()
-    if options.only:
-        everyone = [c for c in everyone if any(word.lower() in c.name.lower() for word in options.only)]
-    taking_part, skipped = [c for c in everyone if not c.skipped], [c for c in everyone if c.skipped]
-    if not taking_part:
-        raise kl.ProblemError(f"--only {' '.join(options.only)}: nobody is left; names are {', '.join(c.name for c in bench.contenders())}")
-    drives = record(model, problem, options.drives, steps=60, obstacles=4, seed=seed)
-    results = bench.measure(taking_part, model, problem, drives, progress=bar)
+    tables = []
+    left_out: dict[str, str] = {}
+    for title, everyone, driver in (
+        ("the paper's problem, on the states of a plain controller's drives", bench.contenders(), bench.plain),
+        (
+            "guidance and margins on, on the states of its own drives; IPOPT solves the paper's problem there",
+            bench.full_contenders(),
+            bench.full,
+        ),
+    ):
+        chosen = [c for c in everyone if not options.only or any(word.lower() in c.name.lower() for word in options.only)]
+        left_out |= {c.name: c.skipped for c in chosen if c.skipped}
+        taking_part = [c for c in chosen if not c.skipped]
+        if taking_part:
+            drives = record(model, problem, options.drives, steps=60, obstacles=4, seed=seed, build=driver)
+            tables.append((title, bench.measure(taking_part, model, problem, drives, progress=bar)))
+    if not tables:
+        names = ", ".join(c.name for c in [*bench.contenders(), *bench.full_contenders()])
+        raise kl.ProblemError(f"--only {' '.join(options.only)}: nobody is left; names are {names}")
     imports = import_times()
     if options.picture:
         from kmpc_lite.bench.picture import write_bench_picture
 
-        write_bench_picture(options.picture, results)
+        write_bench_picture(options.picture, [*tables[0][1], *(r for _, table in tables[1:] for r in table[:1])])
     if options.json:
-        print(
-            json.dumps({"results": [r.as_dict() for r in results], "left_out": {c.name: c.skipped for c in skipped}, "import_s": imports})
-        )
+        print(json.dumps({"tables": {t: [r.as_dict() for r in table] for t, table in tables}, "left_out": left_out, "import_s": imports}))
         return 0
-    print(bench.format_measurements(results, skipped))
+    for title, table in tables:
+        print(f"{title}\n{bench.format_measurements(table)}\n")
+    print("\n".join(f"left out: {name}: {reason}" for name, reason in left_out.items()))
     print("import: " + ", ".join(f"{name} {seconds:.2f} s" for name, seconds in imports.items()))
     return 0
 

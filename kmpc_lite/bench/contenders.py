@@ -60,12 +60,21 @@ def contenders() -> list[Contender]:
     """All of them, those that cannot take part here with the reason."""
     from kmpc_lite.peers.acados import why_not
 
-    casadi = "" if importlib.util.find_spec("casadi") else "CasADi is not installed: pip install 'kmpc-lite[peers]'"
+    casadi = without_casadi()
     return [
         Contender("ours, RTI", plain),
-        Contender("ours, full step", full),
         Contender("ours, converged", _converged),
         Contender("CasADi + IPOPT", _casadi("ipopt"), casadi),
         Contender("CasADi + fatrop", _casadi("fatrop"), casadi),
         Contender("acados SQP_RTI", _acados, why_not(), timed="solve"),
     ]
+
+
+def full_contenders() -> list[Contender]:
+    """Ours with everything on, beside what is compared to it: on the states of its own drives."""
+    return [Contender("ours, full step", full), Contender("CasADi + IPOPT", _casadi("ipopt"), without_casadi())]
+
+
+def without_casadi() -> str:
+    """Say why CasADi cannot take part; empty if it can."""
+    return "" if importlib.util.find_spec("casadi") else "CasADi is not installed: pip install 'kmpc-lite[peers]'"

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.bench.contenders import Contender, full, plain
+from kmpc_lite.bench.contenders import Build, Contender, full, plain
 from kmpc_lite.control.obstacles import circle_distances
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.dictionary import Array
@@ -98,14 +98,16 @@ def free_pose(random: np.random.Generator, circles: Array, half: float = 1.8) ->
             return pose
 
 
-def record(model: KoopmanModel, problem: NavigationProblem, drives: int, steps: int, obstacles: int, seed: int) -> list[Drive]:
-    """Drive random maps and keep the states, for all contenders to plan from."""
+def record(
+    model: KoopmanModel, problem: NavigationProblem, drives: int, steps: int, obstacles: int, seed: int, build: Build = plain
+) -> list[Drive]:
+    """Drive random maps with one of our controllers and keep the states, for all contenders to plan from."""
     recorded = []
     for i in range(drives):
         random = np.random.default_rng(seed + i)
         circles = random_circles(random, obstacles)
         x, goal = free_pose(random, circles), free_pose(random, circles)
-        controller, plant = plain(model, problem), DifferentialDrive(SLIP, seed=seed + i)
+        controller, plant = build(model, problem, obstacles), DifferentialDrive(SLIP, seed=seed + i)
         states = [x]
         for _ in range(steps - 1):
             x = plant.step(x, controller.step(x, goal, circles).command, problem.dt)
@@ -185,7 +187,7 @@ def scaling(
     """Median and p99 of a full step by horizon, with 4 obstacles, and by obstacles, with N = 20; takes turns drive by drive."""
     cases = [(n, 4) for n in (10, 20, 50, 100, 200)] + [(20, m) for m in (1, 16, 64)]
     problems = [NavigationProblem(horizon=n, x_min=(-8.0, -8.0, -np.inf), x_max=(8.0, 8.0, np.inf)) for n, _ in cases]
-    recorded = [record(model, p, drives, 40, m, seed) for p, (_, m) in zip(problems, cases, strict=True)]
+    recorded = [record(model, p, drives, 40, m, seed, full) for p, (_, m) in zip(problems, cases, strict=True)]
     controllers = [full(model, p) for p in problems]
     times: list[list[float]] = [[] for _ in cases]
     for i in range(drives):
@@ -226,7 +228,7 @@ def import_times(repeats: int = 5) -> dict[str, float]:
     return {name: float(np.median(values)) for name, values in times.items()}
 
 
-def format_measurements(results: Sequence[Measurement], skipped: Sequence[Contender] = ()) -> str:
+def format_measurements(results: Sequence[Measurement]) -> str:
     """Render a table; ratios are of the medians, and of p99, to the first row's."""
     head = (
         f"{'':<18}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9} [ms]{'p50':>7}{'p99':>7} x first{'cost':>9}{'violation':>11}{'defect':>9} [mm]"
@@ -241,7 +243,6 @@ def format_measurements(results: Sequence[Measurement], skipped: Sequence[Conten
             f"{t['p50'] / first['p50']:7.1f}{t['p99'] / first['p99']:7.1f}        {d['cost_median']:9.2f}"
             f"{d['violation_mm']['p99']:11.2f}{d['defect_mm']['p99']:9.2f}     {d['unsolved']:>10}"
         )
-    lines += [f"{c.name:<18} left out: {c.skipped}" for c in skipped]
     lines.append("")
     for result in results:
         d = result.as_dict()

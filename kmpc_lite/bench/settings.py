@@ -148,7 +148,8 @@ def record_qps(model: KoopmanModel, problem: NavigationProblem, drives: Sequence
 def solver_study(qps: Sequence[tuple[Any, ...]], problem: NavigationProblem) -> list[dict[str, Any]]:
     """Cold solves of recorded QPs by every solver that qpsolvers finds here, sparse, and condensed to the commands for dense ones.
 
-    OSQP's row is our workspace with no warm start. The error is the largest difference of the first command to OSQP's at a tolerance of 1e-9.
+    OSQP's row is our workspace with no warm start. The error is the largest difference of the first command to OSQP's at a
+    tolerance of 1e-9.
     """
     import qpsolvers
 
@@ -163,7 +164,7 @@ def solver_study(qps: Sequence[tuple[Any, ...]], problem: NavigationProblem) -> 
     rows = []
     workspace = OSQPWorkspace(*qps[0], **sqp.REAL_TIME)
     times, errors = [], []
-    for (p, q, a, lower, upper), true in zip(qps, exact, strict=True):
+    for (_, q, a, lower, upper), true in zip(qps, exact, strict=True):
         begin = perf_counter()
         x = workspace.solve(q, lower, upper, a.data, np.zeros(len(q)), np.zeros(len(lower))).x
         times.append(1e3 * (perf_counter() - begin))
@@ -218,7 +219,6 @@ def format_settings(rows: Sequence[dict[str, Any]], solvers: Sequence[dict[str, 
         )
     lines += ["", f"{'cold solves':<22}{'form':<12}{'p50':>8}{'p99':>8} [ms]  error of the first command p50, p99; failed"]
     for r in solvers:
-        lines.append(
-            f"{r['name']:<22}{r['form']:<12}{r['ms']['p50']:8.3f}{r['ms']['p99']:8.3f}       {r['error']['p50']:.1e}, {r['error']['p99']:.1e}; {r['failed']}"
-        )
+        t, e = r["ms"], r["error"]
+        lines.append(f"{r['name']:<22}{r['form']:<12}{t['p50']:8.3f}{t['p99']:8.3f}       {e['p50']:.1e}, {e['p99']:.1e}; {r['failed']}")
     return "\n".join(lines)

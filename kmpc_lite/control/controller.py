@@ -134,8 +134,28 @@ class Controller:
         self._past = np.zeros((self.model.history, INPUTS))
         self._heading_error = 0.0
         self._fallback.reset()
+        self._sent: tuple[float, Array, Array] | None = None
         if self._guide is not None:
             self._guide.reset()
+        if self._tightening is not None:
+            self._tightening.reset()
+
+    def update_model(self, model: KoopmanModel) -> None:
+        """Take over another model of the same robot between two steps: what `learn.adaptation` gives while driving.
+
+        Raises
+        ------
+        ProblemError
+            For another period, or another length of input history.
+        """
+        if abs(model.dt - self.problem.dt) > SAME_DT * self.problem.dt or model.history != self.model.history:
+            raise ProblemError(
+                f"expected a model with dt {self.problem.dt:g} s and {self.model.history} past commands, "
+                f"got {model.dt:g} s and {model.history}"
+            )
+        self.model = self._sqp.model = replace(model, integrator="midpoint")
+        if self._tightening is not None:
+            self._tightening.update(self.model)
 
     def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Sequence[Circle] | ArrayLike = ()) -> Plan:
         """Plan from the measured pose and give the command of the coming period.
@@ -176,6 +196,10 @@ class Controller:
         here, target = pose.copy(), target.copy()
         here[2] -= turns
         target[2] -= 2 * np.pi * round(float(target[2]) / (2 * np.pi))
+        if self._tightening is not None and self._sent is not None:
+            # how wrong the model was about the past period widens the margins at once
+            heading, sent, expected = self._sent
+            self._tightening.observe(here[:2] - expected[:2], heading, sent)
         guidance = None if self._guide is None else self._guide.reference(here, target, circles)
         if guidance is not None and guidance.hold:
             return self._hold(here, pose, circles, start)
@@ -192,8 +216,9 @@ class Controller:
         result = self._sqp.solve(guess, task, passes)
         solved = self._clock()
         usable, self._last, reason = self._verify(result, circles)
-        if usable and self._tightening is not None:
-            self._slow_down(self._last, circles)
+        expected = result.next_state
+        if usable and self._last is not None and self._slow_down(self._last, circles):
+            expected = self._last.states[1]
         verified = self._clock()
         # what is still to come after a solve is learned from the steps before, quickly upwards
         self._after_solve = max(verified - solved + AFTER_SOLVE, 0.95 * self._after_solve)
@@ -203,6 +228,7 @@ class Controller:
             return self._without_solution(pose, circles, start, timing, result.passes, reason)
         self._fallback.accept(trajectory)
         self._remember(trajectory.inputs[0])
+        self._sent = float(here[2]), trajectory.inputs[0].copy(), expected
         states = trajectory.states
         if turns:
             states = states + (0.0, 0.0, turns)
@@ -216,6 +242,7 @@ class Controller:
         self._last = self._sqp.at_rest(here)
         self._fallback.accept(self._last)
         self._remember(np.zeros(INPUTS))
+        self._sent = None
         plan = self._plan(np.tile(pose, (n + 1, 1)), np.zeros((n, INPUTS)), PlanStatus.SOLVED, circles, start, {}, 0, "")
         return replace(plan, holding=True)
 
@@ -270,10 +297,10 @@ class Controller:
         usable = np.isfinite(states).all() and clearance >= -TOUCH
         return bool(usable), Trajectory(states, found.inputs, found.duals), reason
 
-    def _slow_down(self, plan: Trajectory | None, circles: Array) -> None:
-        """Shrink the command where the coming period could end in an obstacle, and roll the plan out anew from there."""
-        if plan is None or self._tightening is None or not len(circles):
-            return
+    def _slow_down(self, plan: Trajectory, circles: Array) -> bool:
+        """Shrink the command where the coming period could end in an obstacle, and roll the plan out anew; tell whether that was so."""
+        if self._tightening is None or not len(circles):
+            return False
         ahead = circles
         if circles[:, 3:].any():
             ahead = circles.copy()
@@ -282,12 +309,17 @@ class Controller:
         if share < 1.0:
             plan.inputs[0] *= share
             plan.states[:] = self.model.rollout(plan.states[0], plan.inputs, self._past)
+        return share < 1.0
 
     def _without_solution(self, pose: Array, circles: Array, start: float, timing: dict[str, float], passes: int, reason: str) -> Plan:
         """Drive the rest of the last good plan while there is one, then brake."""
+        self._sent = None
         rest = self._fallback.replay()
         n = self.problem.horizon
         if rest is not None and self._clearance(rest.states, circles) >= -TOUCH:
+            rest = Trajectory(rest.states.copy(), rest.inputs.copy(), rest.duals)
+            self._slow_down(rest, circles)
+            self._fallback.sent(rest.inputs[0])
             self._remember(rest.inputs[0])
             missing = n - len(rest.inputs)
             states = np.concatenate([rest.states, np.repeat(rest.states[-1:], missing, axis=0)])
@@ -304,6 +336,7 @@ class Controller:
         return self._plan(states, inputs, PlanStatus.STOPPED, circles, start, timing, passes, reason)
 
     def _remember(self, command: Array) -> None:
+        """Move a command that is sent into the model's past."""
         if len(self._past):
             self._past[:-1] = self._past[1:]
             self._past[-1] = command

@@ -46,8 +46,12 @@ class Fallback:
         # the last thing between a plan that somebody has overwritten and the motors; also true for NaN
         if not (np.isfinite(states).all() and (inputs >= self._u_min).all() and (inputs <= self._u_max).all()):
             return None
-        self._command = inputs[0].copy()
+        self.sent(inputs[0])
         return Trajectory(states, inputs, self._plan.duals)
+
+    def sent(self, command: Array) -> None:
+        """Remember the command (2,) that is sent in place of the plan's."""
+        self._command = command.copy()
 
     def brake(self) -> Array:
         """Return the next command (2,) of the braking ramp, which ends at zero; the old plan is dropped."""

@@ -82,6 +82,8 @@ class SQPResult:
     """Largest change of the last pass [m, rad, m/s, rad/s]; infinite where only one was asked for."""
     defect: float
     """How far the model contradicts the trajectory over one period [m, rad]."""
+    next_state: Array
+    """(3,) what the model expects after the first command."""
     timing: dict[str, float] = field(default_factory=dict)
     reason: str = ""
 
@@ -176,6 +178,7 @@ class SQP:
         # the QP is solved around the robot, so that its relative tolerance does not depend on where the map has its origin
         origin = guess.states[0] * (1.0, 1.0, 0.0)
         reference = task.reference - origin
+        next_state = guess.states[0]
         step, defect, done, status, reason, longest = np.inf, np.inf, 0, QPStatus.FAILED, "", 0.0
         while done < limit:
             t0 = self.clock()
@@ -207,7 +210,8 @@ class SQP:
                 np.maximum(np.minimum(inputs, self._u_max, out=inputs), self._u_min, out=inputs)
                 found = Trajectory(states, inputs, solution.y)
                 before = guess
-                guess, length, defect = self._line_search(before, found, slack, lin.value, violation, margins, task)
+                guess, length, predicted = self._line_search(before, found, slack, lin.value, violation, margins, task)
+                defect, next_state = float(np.abs(predicted - guess.states[1:]).max()), predicted[0]
                 if limit > 1:
                     step = max(float(np.abs(guess.states - before.states).max()), float(np.abs(guess.inputs - before.inputs).max()))
             t4 = self.clock()
@@ -221,7 +225,7 @@ class SQP:
                 if not (to_convergence and self._penalty_too_weak(guess, margins, task)):
                     break
                 self.qp.set_slack_penalty(PENALTY_GROWTH * self.qp.slack_penalty)
-        return SQPResult(guess, status, done, step, defect, timing, reason)
+        return SQPResult(guess, status, done, step, defect, next_state, timing, reason)
 
     def _penalty_too_weak(self, found: Trajectory, margins: Array | float, task: Task) -> bool:
         """Whether a converged plan stands in an obstacle because the linear penalty is too weak, and not because it must."""
@@ -239,10 +243,10 @@ class SQP:
 
     def _line_search(
         self, guess: Trajectory, found: Trajectory, slack: Array, predicted: Array, violation: Array, margins: Array | float, task: Task
-    ) -> tuple[Trajectory, float, float]:
+    ) -> tuple[Trajectory, float, Array]:
         """Go from the guess towards what the QP found until the merit function falls enough (Armijo), by halving.
 
-        Returns the new trajectory, the length of the step in (0, 1], and the largest defect of its dynamics.
+        Returns the new trajectory, the length of the step in (0, 1], and what the model predicts of its stages, (N, 3).
         """
         cost, reference = self.problem.cost, task.reference
         self._dynamics_penalty = max(self._dynamics_penalty, 1.1 * float(np.abs(found.duals[self.qp.dynamics_rows]).max()))
@@ -253,12 +257,12 @@ class SQP:
         length, trial = 1.0, found
         while True:
             w = self.model.dictionary.inputs(trial.inputs, self.past_windows(task.past, trial.inputs))
-            defects = np.abs(self.model.advance(trial.states[:-1], w) - trial.states[1:])
+            predicted = self.model.advance(trial.states[:-1], w)
             inside = self.keep_out.penetration(trial.states, task.circles, margins)
-            merit = self._merit(objective, inside, float(defects.sum()))
+            merit = self._merit(objective, inside, float(np.abs(predicted - trial.states[1:]).sum()))
             # the last term forgives what rounding takes once nothing is left to gain
             if merit <= now - ARMIJO * length * expected + 1e-10 * abs(now) or length <= SHORTEST_STEP:
-                return trial, length, float(defects.max())
+                return trial, length, predicted
             length *= 0.5
             states = guess.states + length * (found.states - guess.states)
             trial = Trajectory(states, guess.inputs + length * (found.inputs - guess.inputs), found.duals)
