@@ -303,7 +303,7 @@ def test_what_cannot_be_written_or_drawn_is_said(runs, tmp_path):
         write_pictures(tmp_path / "taken", runs["single"])
     (tmp_path / "folder").mkdir()
     with pytest.raises(kl.KmpcError, match="folder: cannot write"):
-        write_whole(tmp_path / "folder", b"page")
+        write_picture(tmp_path / "folder", b"page")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["folder", "taken"]
     away = runs["single"].path.copy()
     away[-1] = np.inf

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from kmpc_lite.bench.measure import Measurement
-from kmpc_lite.report.style import LINES, legend_below, new_figure, render, style, write_whole
+from kmpc_lite.report.style import LINES, legend_below, new_figure, render, style, write_picture
 
 
 def write_bench_picture(path: Path, results: Sequence[Measurement]) -> None:
@@ -30,4 +30,4 @@ def write_bench_picture(path: Path, results: Sequence[Measurement]) -> None:
         axes.set_ylabel("share of steps that took longer")
         axes.set_title(f"{len(results[0].times)} steps each, the same states, in one run")
         legend_below(figure, handles)
-        write_whole(path, render(figure, "png"))
+        write_picture(path, render(figure, "png"))

@@ -39,6 +39,11 @@ AFTER_SOLVE = 5e-5
 """Time that a step takes after its plan is verified [s]."""
 
 
+def is_usable(circles: Array) -> bool:
+    """Whether obstacles (M, 5) hold numbers that can be meant; also false for NaN."""
+    return bool((np.abs(circles) <= POSITION_LIMIT).all() and (circles[:, 2] >= 0.0).all())
+
+
 class Controller:
     """Nonlinear model predictive control with a learned bilinear model (paper, alg. 1).
 

@@ -20,6 +20,10 @@ INFINITY = 1e30
 """Bounds beyond this are open, as OSQP itself has it. A row must not change between open and closed: that refactorises."""
 
 
+LARGEST = 1e10
+"""Entries of A beyond this make OSQP's factorisation fail, loudly and after it has taken over the new bounds."""
+
+
 class QPStatus(Enum):
     """What became of a QP."""
 
@@ -99,6 +103,8 @@ class OSQPWorkspace:
         # a NaN compares as false; a finite sum of finite numbers this small cannot overflow
         if not (np.isfinite(self._q.sum() + self._Ax.sum()) and (self._lower <= self._upper).all()):
             return self._failed("QP data not finite, or bounds cross")
+        if not np.abs(self._Ax).max(initial=0.0) <= LARGEST:
+            return self._failed(f"QP matrix entries beyond {LARGEST:g}: the factorisation would break down")
         # such a row would cross once its other side is cut to INFINITY, and OSQP would complain on stderr
         if (self._lower >= INFINITY).any() or (self._upper <= -INFINITY).any():
             return self._failed(f"QP bounds that leave nothing below {INFINITY:g}")

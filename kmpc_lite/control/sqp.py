@@ -178,7 +178,7 @@ class SQP:
         # the QP is solved around the robot, so that its relative tolerance does not depend on where the map has its origin
         origin = guess.states[0] * (1.0, 1.0, 0.0)
         reference = task.reference - origin
-        next_state = guess.states[0]
+        next_state, length = guess.states[0], 0.0
         step, defect, done, status, reason, longest = np.inf, np.inf, 0, QPStatus.FAILED, "", 0.0
         while done < limit:
             t0 = self.clock()
@@ -225,6 +225,8 @@ class SQP:
                 if not (to_convergence and self._penalty_too_weak(guess, margins, task)):
                     break
                 self.qp.set_slack_penalty(PENALTY_GROWTH * self.qp.slack_penalty)
+        if to_convergence and done == limit and status is not QPStatus.FAILED and step > tolerance and length > SHORTEST_STEP:
+            reason = reason or f"not converged in {done} passes"
         return SQPResult(guess, status, done, step, defect, next_state, timing, reason)
 
     def _penalty_too_weak(self, found: Trajectory, margins: Array | float, task: Task) -> bool:

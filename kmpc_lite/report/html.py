@@ -22,7 +22,7 @@ from kmpc_lite.learn.evaluation import FitReport
 from kmpc_lite.model import KoopmanModel
 from kmpc_lite.report.page import CAPTIONS, MOVING_CAPTION, PAGE
 from kmpc_lite.report.pictures import run_pictures
-from kmpc_lite.report.style import render, write_whole
+from kmpc_lite.report.style import render, write_picture
 from kmpc_lite.report.words import STATUS_WORDS, angle, length, milliseconds, outcome_sentence, outcome_title
 from kmpc_lite.sim.closed_loop import Outcome, Run
 
@@ -97,7 +97,7 @@ def write_report(
         kept=_kept(run.info),
     )
     # a file name may hold what UTF-8 cannot
-    write_whole(Path(path), page.encode("utf-8", errors="xmlcharrefreplace"))
+    write_picture(Path(path), page.encode("utf-8", errors="xmlcharrefreplace"))
 
 
 def _image(name: str, svg: bytes, more: str) -> str:

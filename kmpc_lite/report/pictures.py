@@ -13,7 +13,7 @@ from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.errors import KmpcError
 from kmpc_lite.learn.evaluation import FitReport
 from kmpc_lite.report.maps import map_picture
-from kmpc_lite.report.style import BLUE, GREEN, GREY, INK, PURPLE, RED, SMALL, legend_below, new_figure, render, style, write_whole
+from kmpc_lite.report.style import BLUE, GREEN, GREY, INK, PURPLE, RED, SMALL, legend_below, new_figure, render, style, write_picture
 from kmpc_lite.report.words import STATUS_WORDS, length, milliseconds, path_clearances, path_times, substeps
 from kmpc_lite.sim.closed_loop import Run
 
@@ -299,5 +299,5 @@ def write_pictures(
         raise KmpcError(f"{target}: cannot make the folder: {error.strerror or error}") from error
     paths = [target / f"{name}.png" for name in pictures]
     for path, figure in zip(paths, pictures.values(), strict=True):
-        write_whole(path, render(figure, "png"))
+        write_picture(path, render(figure, "png"))
     return paths

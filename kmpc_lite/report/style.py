@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from kmpc_lite.border import write_whole
 from kmpc_lite.errors import KmpcError
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def render(figure: Figure, kind: Literal["svg", "png"], dpi: int = 150) -> bytes
     return buffer.getvalue()
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_picture(path: Path, content: bytes) -> None:
     """Write a file, whole or not at all.
 
     Raises
@@ -112,11 +112,8 @@ def write_whole(path: Path, content: bytes) -> None:
     KmpcError
         Where it cannot be written.
     """
-    temporary = path.with_name(path.name + ".part")
     try:
-        temporary.write_bytes(content)
-        os.replace(temporary, path)
+        with write_whole(path) as file:
+            file.write(content)
     except OSError as error:
         raise KmpcError(f"{path}: cannot write: {error.strerror or error}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
