@@ -25,7 +25,7 @@ from kmpc_lite.report import (
     write_pictures,
     write_report,
 )
-from kmpc_lite.report.style import render, write_whole
+from kmpc_lite.report.style import render, write_picture
 from kmpc_lite.sim import Outcome, Run, Scenario, drive
 
 MODEL = kl.nominal_unicycle(0.1)
