@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -11,20 +10,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.border import read_npz, real_array, write_whole
+from kmpc_lite.border import real_array
 from kmpc_lite.dictionary import (
     INPUTS,
     STATES,
     Array,
     Dictionary,
     UnicycleDictionary,
-    dictionary_from_config,
-    dictionary_to_config,
 )
 from kmpc_lite.errors import ModelError
-
-FORMAT = "kmpc_lite.model"
-VERSION = 1
 
 TABLEAUX = {
     "rk4": ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)),
@@ -331,24 +325,9 @@ class KoopmanModel:
         ModelError
             Where the file cannot be written, or `info` or the dictionary's configuration is not JSON.
         """
-        header = {
-            "format": FORMAT,
-            "version": VERSION,
-            "dictionary": dictionary_to_config(self.dictionary),
-            "dt": self.dt,
-            "continuous": bool(self.continuous),
-            "integrator": self.integrator,
-            "info": dict(self.info),
-        }
-        noise = np.empty((0,)) if self.noise_model is None else self.noise_model.coefficients
-        try:
-            text = np.array(json.dumps(header))
-            with write_whole(path) as file:
-                np.savez(file, allow_pickle=False, header=text, A=self.A, B=self.B, H=self.H, C=self.C, noise=noise)
-        except OSError as error:
-            raise ModelError(f"{path}: cannot write the model: {error.strerror or error}") from error
-        except (TypeError, ValueError) as error:
-            raise ModelError(f"{path}: cannot write the model: {error}") from error
+        from kmpc_lite.model_file import save_model
+
+        save_model(self, path)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], dictionary: Dictionary | None = None) -> KoopmanModel:
@@ -366,39 +345,9 @@ class KoopmanModel:
         ModelError
             For a file that is missing, damaged, not a model, or from a newer version.
         """
-        try:
-            arrays, names = read_npz(path, ("header", "A", "B", "H", "C", "noise"))
-        except OSError as error:
-            raise ModelError(f"{path}: cannot read the model: {error.strerror or error}") from error
-        except ValueError as error:
-            raise ModelError(f"{path}: not a kmpc_lite model, or damaged: {error}") from error
-        if "header" not in arrays:
-            raise ModelError(f"{path}: an npz file, but not a kmpc_lite model (it has {', '.join(names[:10]) or 'nothing'})")
-        try:
-            header = json.loads(str(arrays.pop("header")))
-        except (ValueError, RecursionError) as error:
-            raise ModelError(f"{path}: damaged model header: {error}") from error
-        if not isinstance(header, dict) or header.get("format") != FORMAT:
-            raise ModelError(f"{path}: not a kmpc_lite model")
-        if header.get("version") != VERSION:
-            raise ModelError(
-                f"{path}: model format version {header.get('version')}, this kmpc_lite reads version {VERSION}: update kmpc_lite"
-            )
-        try:
-            noise = arrays.pop("noise")
-            if not isinstance(header["info"], dict) or not isinstance(header["continuous"], bool):
-                raise TypeError("expected info to be a table and continuous true or false")
-            return cls(
-                dictionary=dictionary_from_config(header["dictionary"]) if dictionary is None else dictionary,
-                dt=header["dt"],
-                continuous=header["continuous"],
-                integrator=header["integrator"],
-                noise_model=NoiseModel(noise) if noise.size else None,
-                info=header["info"],
-                **arrays,
-            )
-        except (KeyError, TypeError, ValueError, RecursionError) as error:
-            raise ModelError(f"{path}: damaged model: {error}") from error
+        from kmpc_lite.model_file import load_model
+
+        return load_model(path, dictionary)
 
     def _check(self, x: ArrayLike, u: ArrayLike, history: ArrayLike | None) -> tuple[Array, Array, Array | None]:
         """Arrays of the right shapes, or ValueError."""
