@@ -6,22 +6,40 @@ out. What the bridge writes and what reaches it is judged by decoders of the tes
 
 import math
 import random
+import threading
+import time
 from collections import Counter
 
 import pytest
 from robots import Clock
-from wire_decoders import MavlinkEar, armed_in_guided, mavlink_frame, position, set_point, with_nan
+from wire_decoders import (
+    MavlinkEar,
+    armed_in_guided,
+    mavlink_frame,
+    odrive_speeds,
+    position,
+    roboclaw_speeds,
+    set_point,
+    vesc_erpm,
+    with_nan,
+)
 
 from firmware_bridge.drivers.mavlink_core import MavlinkCore
 from firmware_bridge.drivers.mavlink_options import MavlinkOptions
+from firmware_bridge.emulate import build_emulator
 from firmware_bridge.emulator.rover import RoverEmulator
 from firmware_bridge.gate_table import GateState
+from firmware_bridge.kinematics import WheelGeometry
 from firmware_bridge.limits import Limits
+from firmware_bridge.link_log import Chunk, RecordedTransport
 from firmware_bridge.loop import ControlLoop
 from firmware_bridge.messages import VelocityCommand
 from firmware_bridge.planner import Planner
+from firmware_bridge.robot_file import load_robot
 from firmware_bridge.safety import GateSettings, SafetyGate
-from firmware_bridge.transport import Faults, LoopbackWire
+from firmware_bridge.session import open_driver
+from firmware_bridge.transport import Faults, LoopbackWire, open_transport
+from firmware_bridge.transport.loopback import named_wire
 
 TICK = 0.02
 LATEST = 0.3
@@ -302,3 +320,117 @@ def test_a_hundred_thousand_faults():
     world = endure(3, 100_000)
     assert world.faults >= 100_000
     assert set(OUTAGES) <= set(world.counts) and world.counts["then ACTIVE"] > 100 and world.counts["then RELEASED"] > 10
+
+
+BOARD_LIMITS = Limits(v_max=0.3, v_reverse=0.2, omega_max=0.8)
+GEOMETRY = WheelGeometry(wheel_radius=0.05, track=0.3, max_wheel_speed=1.0)
+SHAPE = {"wheel_radius": 0.05, "track": 0.3, "max_wheel_speed": 1.0}
+BOARDS = {
+    "roboclaw": {"counts_per_turn": 4000.0, "watchdog": 0.3},
+    "odrive": {},
+    "vesc": {"can_id": 1, "pole_pairs": 7},
+}
+
+
+def wait_for(condition, seconds: float) -> bool:
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        if condition():
+            return True
+        time.sleep(0.01)
+    return False
+
+
+class SerialEar:
+    """Judges what goes out to a motor controller: both wheels, as soon as each is told."""
+
+    def __init__(self, board: str) -> None:
+        self.board, self.turns, self.commands = board, [0.0, 0.0], 0
+
+    def __call__(self, chunk: Chunk) -> None:
+        if chunk.incoming:
+            return
+        if self.board == "roboclaw":
+            speeds = roboclaw_speeds(chunk.data)
+            told = {} if speeds is None else {0: speeds[0] / 4000.0, 1: speeds[1] / 4000.0}
+        elif self.board == "odrive":
+            told = odrive_speeds(chunk.data)
+        else:
+            told = {int(second): erpm / 60.0 / 7.0 for second, erpm in vesc_erpm(chunk.data).items()}
+        if not told:
+            return
+        self.commands += 1
+        for wheel, turns in told.items():
+            assert math.isfinite(turns)
+            self.turns[wheel] = turns
+            # one wheel goes as fast as both speeds together allow
+            fastest = (BOARD_LIMITS.v_max + BOARD_LIMITS.omega_max * GEOMETRY.track / 2.0) / GEOMETRY.wheel_radius / math.tau
+            assert abs(turns) <= fastest + 1e-3
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("board", BOARDS)
+def test_serial_boards_in_real_time(board):
+    """The same for the motor controllers, whose drivers have threads of their own: what must hold does not depend on speed."""
+    robot = load_robot(
+        None,
+        {"link": {"url": f"loopback:{board}", "driver": board}, "board": BOARDS[board], "geometry": SHAPE},
+    )
+    wire = named_wire(board, Faults(), 5)
+    emulator = build_emulator(robot, (0.0, 0.0, 0.0), 0.0, 1.0, 0, 0.0)
+    emulator.start(robot.link.url)
+    failures: list[AssertionError] = []
+    ear = SerialEar(board)
+
+    def judge(chunk: Chunk) -> None:
+        try:
+            ear(chunk)
+        except AssertionError as error:
+            failures.append(error)
+
+    driver = open_driver(robot, RecordedTransport(open_transport(robot.link.url), judge))
+    driver.connect(5.0)
+    gate, desk = SafetyGate(GateSettings(BOARD_LIMITS, pilot=False)), Desk()
+
+    def control(state):
+        now = time.monotonic()
+        return VelocityCommand(0.7 * math.sin(0.9 * now), 1.4 * math.cos(0.7 * now), now)
+
+    loop = ControlLoop(driver, gate, Planner(control, driver.state, 0.05), operator=desk)
+    gate.enable()
+    thread = threading.Thread(target=loop.run)
+    thread.start()
+    draw = random.Random(7)
+    recovered = Counter()
+    try:
+        for _ in range(8):
+            assert wait_for(lambda: gate.state is GateState.ACTIVE, 10.0), loop.snapshot
+            level = draw.choice((0.02, 0.1, 0.3))
+            wire.faults = Faults(**{name: draw.uniform(0, level) for name in ("drop", "duplicate", "corrupt", "reorder", "split")})
+            what = draw.choice(("noise", "cut", "mute", "reboot", "long cut"))
+            if what == "cut":
+                wire.cut(0.6)
+            elif what == "long cut":
+                wire.cut(2.5)
+                assert wait_for(lambda: loop.snapshot.output.v == loop.snapshot.output.omega == 0.0, 5.0)
+            elif what == "mute":
+                emulator.mute = True
+            elif what == "reboot":
+                emulator.reboot()
+            time.sleep(draw.uniform(0.5, 2.0))
+            emulator.mute, wire.faults = False, Faults()
+            wire.heal()
+            if not wait_for(lambda: gate.state is GateState.ACTIVE, 3.0):
+                recovered[f"{what}: enabled"] += 1
+                desk.requests.add("enable")
+            else:
+                recovered[f"{what}: by itself"] += 1
+        assert wait_for(lambda: gate.state is GateState.ACTIVE, 10.0), loop.snapshot
+    finally:
+        loop.request_stop("test")
+        thread.join(10.0)
+        driver.close()
+        still = wait_for(lambda: emulator.stopped, 2.0)
+        emulator.close()
+    assert not failures, failures[0]
+    assert still and ear.commands > 100 and loop.statistics.driver_errors == 0 and sum(recovered.values()) == 8

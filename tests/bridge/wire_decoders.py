@@ -115,23 +115,34 @@ def roboclaw_speeds(frame: bytes) -> tuple[int, int] | None:
     return struct.unpack(">ii", frame[2:10])
 
 
-def vesc_erpm(frame: bytes) -> tuple[bool, int] | None:
-    """Whether a frame goes on to the second VESC, and its ERPM; None where it sets none."""
-    assert frame[0] == 2 and frame[-1] == 3 and frame[1] == len(frame) - 5
-    payload = frame[2:-3]
-    assert xmodem(payload) == int.from_bytes(frame[-3:-1], "big")
-    forwarded = payload[0] == 34
-    payload = payload[2:] if forwarded else payload
-    return (forwarded, struct.unpack(">i", payload[1:5])[0]) if payload[0] == 8 else None
+def vesc_erpm(data: bytes) -> dict[bool, int]:
+    """ERPM by whether it goes on to the second VESC, of the packets in one write."""
+    told = {}
+    while data:
+        size = data[1]
+        packet, data = data[: size + 5], data[size + 5 :]
+        assert packet[0] == 2 and packet[-1] == 3 and len(packet) == size + 5
+        payload = packet[2:-3]
+        assert xmodem(payload) == int.from_bytes(packet[-3:-1], "big")
+        forwarded = payload[0] == 34
+        payload = payload[2:] if forwarded else payload
+        if payload[0] == 8:
+            told[forwarded] = struct.unpack(">i", payload[1:5])[0]
+    return told
 
 
-def odrive_speed(line: bytes) -> tuple[int, float] | None:
-    """Axis and turns per second of a `v` line; None for others; the checksum must be right where there is one."""
-    text, star, check = line.strip().partition(b"*")
-    if star:
-        xor = 0
-        for byte in text:
-            xor ^= byte
-        assert xor == int(check)
-    words = text.split()
-    return (int(words[1]), float(words[2])) if words and words[0] == b"v" else None
+def odrive_speeds(data: bytes) -> dict[int, float]:
+    """Turns per second by axis, of the `v` lines in one write; each checksum must be right."""
+    told = {}
+    assert data.endswith(b"\n")
+    for line in data.splitlines():
+        text, star, check = line.partition(b"*")
+        if star:
+            xor = 0
+            for byte in text:
+                xor ^= byte
+            assert xor == int(check)
+        words = text.split()
+        if words[:1] == [b"v"]:
+            told[int(words[1])] = float(words[2])
+    return told
