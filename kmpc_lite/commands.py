@@ -41,7 +41,11 @@ def run_simulate(options: argparse.Namespace) -> int:
     for output in (options.output, options.report):
         _keep_inputs(output, options.model, Path(options.scenario))
     scenario = Scenario.load(options.scenario)
-    changes = {k: v for k, v in (("slip", options.slip), ("margin", options.margin), ("seed", options.seed)) if v is not None}
+    changes = {
+        k: v
+        for k, v in (("slip", options.slip), ("margin", options.margin), ("seed", options.seed), ("timeout", options.timeout))
+        if v is not None
+    }
     scenario = Scenario.from_table(_overridden(scenario, changes), scenario.name, "command line")
     model = kl.KoopmanModel.load(options.model) if options.model else kl.nominal_unicycle(SHORTEST_PERIOD)
     run = simulate(model, scenario, options.plant, options.horizon, options.iterations)

@@ -189,8 +189,11 @@ class SQP:
             t1 = self.clock()
             gaps, normals = self.keep_out.gaps(guess.states, task.circles)
             margins: Array | float = 0.0
-            if self.tightening is not None:
-                margins = self.tightening.margins(lin, guess.states, guess.inputs, normals)
+            if self.tightening is not None and len(task.circles):
+                # nothing is hit at the sides of the area: they get none
+                margins = np.zeros_like(gaps)
+                count = len(task.circles)
+                margins[:, :count] = self.tightening.margins(lin, guess.states, guess.inputs, normals[:, :count])
                 gaps -= margins
             violation = np.maximum(-gaps.min(axis=1, initial=0.0), 0.0)
             local = guess.states - origin

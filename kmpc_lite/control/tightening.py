@@ -26,6 +26,8 @@ RESERVE = 0.005
 STEP_RISK = 1e-3
 """Probability of the same kind for the single command that is about to be sent."""
 
+STEP_LIMIT = 2.0
+"""What the quantile of a single command may be of the plan's: exponential slip asks for 1.9; a log whose pose jumps, for nonsense."""
 ROUNDING = 1e-3
 """Room that `speed_share` keeps for its own straight-line reckoning [m]."""
 CORRECTIONS = 3
@@ -151,7 +153,7 @@ class Tightening:
         self._noisy = model.noise_model is not None
         self._measured, self._moved = measured, np.ascontiguousarray(moved.reshape(2, 9))
         self.quantile = model_quantile(model.info, self.risk) if self._given is None else float(self._given)
-        self._step_quantile = max(self.quantile, model_quantile(model.info, STEP_RISK))
+        self._step_quantile = min(max(self.quantile, model_quantile(model.info, STEP_RISK)), STEP_LIMIT * self.quantile)
         # what was a surprise to the old model is less of one to a model that expects more
         before, self._expected = self._expected, float(self._moved[0, 0] + self._moved[0, 4]) + 2.0 * (QUIET[2] * model.dt) ** 2
         self._surprise = max(1.0, self._surprise * before / self._expected)
