@@ -44,6 +44,8 @@ PENALTY_LIMIT = 1e5
 """To convergence, the linear penalty grows by this factor, up to this weight, while that halves what obstacles are entered by."""
 VIOLATION = 1e-5
 """How far inside an obstacle a converged plan may stand [m] before the penalty grows."""
+SIDE_MARGIN = 0.01
+"""What is kept from the sides of the area where margins are on [m]."""
 MIN_SOLVE_TIME = 5e-5
 """OSQP is given at least this long [s], even past a deadline: the iterate it starts from is worth nothing."""
 
@@ -189,11 +191,12 @@ class SQP:
             t1 = self.clock()
             gaps, normals = self.keep_out.gaps(guess.states, task.circles)
             margins: Array | float = 0.0
-            if self.tightening is not None and len(task.circles):
-                # nothing is hit at the sides of the area: they get none
-                margins = np.zeros_like(gaps)
+            if self.tightening is not None:
+                # nothing is hit at the sides of the area: what keeps the robot from creeping out is enough for them
+                margins = np.full_like(gaps, SIDE_MARGIN)
                 count = len(task.circles)
-                margins[:, :count] = self.tightening.margins(lin, guess.states, guess.inputs, normals[:, :count])
+                if count:
+                    margins[:, :count] = self.tightening.margins(lin, guess.states, guess.inputs, normals[:, :count])
                 gaps -= margins
             violation = np.maximum(-gaps.min(axis=1, initial=0.0), 0.0)
             local = guess.states - origin
