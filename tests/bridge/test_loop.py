@@ -358,7 +358,7 @@ def test_a_controller_that_hangs_stops_the_robot_and_does_not_keep_the_loop():
         return VelocityCommand(0.3, 0.0, time.monotonic())
 
     driver = FakeDriver(time.monotonic)  # type: ignore[arg-type]
-    gate = SafetyGate(GateSettings())
+    gate = SafetyGate(GateSettings(hold=0.2, settle=0.2))
     loop = ControlLoop(driver, gate, Planner(controller, driver.state, 0.05))
     gate.enable()
     thread = threading.Thread(target=loop.run)
