@@ -100,9 +100,9 @@ class Session:
         """Check the emergency stop, open logs and link, wait for the board."""
         if self.estop.latched:
             raise EstopLatched(f"the emergency stop is pressed ({self.estop.latch_path}): kmpc-bridge estop --reset")
-        transport: Transport = open_transport(self.robot.link.url)
         # what is wrong in the robot file is told before a log is begun
-        open_driver(self.robot, transport)
+        open_driver(self.robot, open_transport(self.robot.link.url)).close()
+        transport: Transport = open_transport(self.robot.link.url)
         try:
             if self._output is not None:
                 self._csv = CsvRecorder(self._output.with_name(self._output.name + ".csv"), self._period, self._by_hand)

@@ -18,8 +18,11 @@ import kmpc_lite as kl
 from firmware_bridge.cli import main
 from firmware_bridge.emulate import build_emulator
 from firmware_bridge.estop import ask, latch_file
+from firmware_bridge.latency import robot_text, table
 from firmware_bridge.messages import LinkError
-from firmware_bridge.robot_file import load_robot
+from firmware_bridge.robot_file import DRIVERS, load_robot
+from firmware_bridge.session import open_driver
+from firmware_bridge.transport import open_transport
 
 ROBOTS = Path(__file__).parents[2] / "docs" / "robots"
 COURSE = """
@@ -287,7 +290,6 @@ def test_record_by_hand_sends_nothing_and_its_tlog_gives_the_same_csv(desk, caps
 
 def test_replay_serves_a_log_to_whoever_listens(desk, capsys):
     from firmware_bridge.link_log import Chunk, raw_log
-    from firmware_bridge.transport import open_transport
 
     log = raw_log(Path("a.raw"))
     for k in range(20):
@@ -390,3 +392,20 @@ def test_what_argparse_refuses_is_exit_status_2_too(command, capsys):
     with pytest.raises(SystemExit) as caught:
         main(command)
     assert caught.value.code == 2 and "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_the_robots_of_the_latency_table_can_be_built(desk, driver):
+    Path("robot.toml").write_text(robot_text(driver, desk, 0.02))
+    robot = load_robot("robot.toml")
+    assert robot.link.driver == driver and robot.control.period == robot.control.command_period == 0.02
+    open_driver(robot, open_transport(robot.link.url)).close()
+
+
+@pytest.mark.long
+def test_the_latency_table_has_a_row_for_each_driver_and_rate(desk, capsys):
+    assert main(["latency", "--seconds", "2", "--drivers", "mavlink", "vesc", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [(r["driver"], r["rate_hz"]) for r in rows] == [("mavlink", 10.0), ("mavlink", 50.0), ("vesc", 10.0), ("vesc", 50.0)]
+    assert all(r["times_ms"]["pose to command on the wire"]["count"] > 5 for r in rows)
+    assert [line.split()[:2] for line in table(rows).splitlines()[2:]] == [[r["driver"], f"{r['rate_hz']:g}"] for r in rows]
