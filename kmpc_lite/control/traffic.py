@@ -7,7 +7,7 @@ import numpy as np
 from kmpc_lite.control.timed_path import TimedPath
 from kmpc_lite.dictionary import Array
 
-LOOK_AHEAD = 3.0
+LOOK_AHEAD = 4.0
 """How far obstacles are moved on at constant velocity [s]."""
 STEP = 0.2
 """Between the moments that are looked at [s]."""
@@ -17,8 +17,8 @@ DETOUR = 0.06
 """Part of it that a way keeps [m]."""
 PACES = np.array([0.6, 0.3, 0.0])
 """Shares of the speed that are tried where the full one is not clear; the first one that is, is driven."""
-ESCAPES = np.array([(v, omega) for v in (0.0, 0.5, -0.5, 1.0, -1.0) for omega in (0.0, 1.0, -1.0)])
-"""Shares of speed and rate of turn of the arcs on which room is made."""
+ESCAPES = np.array([(v, omega, end) for end in (1.0, 2.0, 4.0) for v in (0.0, 0.5, -0.5, 1.0, -1.0) for omega in (0.0, 1.0, -1.0)])
+"""Shares of speed and rate of turn, and time [s], of the arcs on which room is made; the robot stops at their ends."""
 FAITH = 0.03
 """How much more room another arc must promise than the one begun [m]."""
 
@@ -95,7 +95,8 @@ class MovingCircles:
 
     def _arcs(self, pose: Array, times: Array) -> Array:
         """Poses (E, n, 3) on all arcs from a pose (3,)."""
-        v, omega = (ESCAPES * self._speed).T[..., None]
+        v, omega = (ESCAPES[:, :2] * self._speed).T[..., None]
+        times = np.minimum(times, ESCAPES[:, 2:])
         turn = omega * times
         # chord of an arc: v t sinc(turn / 2), along the mean heading
         chord = v * times * np.sinc(turn / (2 * np.pi))
