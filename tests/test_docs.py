@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import pytest
 
 import kmpc_lite as kl
+from firmware_bridge.arguments import build_parser
 from kmpc_lite.sim import Scenario
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -91,7 +92,9 @@ def test_the_readmes_commands_run(
 ) -> None:
     monkeypatch.chdir(folder)
     program = importlib.import_module(PROGRAMS[words[0]])
-    assert program._parser().parse_args(words[1:])
+    # argparse exits with status 2, and the test fails, where the README has a command line that is none
+    parser = program._parser() if words[0] == "kmpc" else build_parser(program.COMMANDS)
+    assert parser.parse_args(words[1:])
     if block.long:
         return
     monkeypatch.setattr(sys, "argv", words)
