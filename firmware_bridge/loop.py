@@ -255,9 +255,9 @@ class ControlLoop:
         return True
 
     def _due(self, now: float) -> bool:
-        """Whether to send while driving: when a period has passed; where plans come as often as commands, with each plan."""
+        """Whether to send while driving: when a period has passed; where plans are as rare as commands, with each plan."""
         elapsed = now - self._last_sent
-        if abs(self._command_period - self.planner.period) < 0.5 * self._tick:
+        if self._command_period > 1.5 * self._tick and abs(self._command_period - self.planner.period) < 0.5 * self._tick:
             return self.planner.latest is not self._last_plan or elapsed >= LATE_PLAN * self._command_period
         return elapsed >= self._command_period - 0.5 * self._tick
 
