@@ -191,9 +191,7 @@ class Controller:
         circles = circles_to_array(obstacles)
         for name, values in (("obstacle", circles), ("pose", pose), ("goal", target)):
             # also false for NaN; three numbers are looked at faster one by one than as an array
-            usable = (
-                (np.abs(values) <= POSITION_LIMIT).all() if values is circles else all(abs(v) <= POSITION_LIMIT for v in values.tolist())
-            )
+            usable = is_usable(circles) if values is circles else all(abs(v) <= POSITION_LIMIT for v in values.tolist())
             if not usable:
                 known = circles[:0] if name == "obstacle" else circles
                 return self._without_solution(pose, known, start, {}, 0, f"{name} not usable: {values.ravel()[:5]}")

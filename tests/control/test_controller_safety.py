@@ -281,3 +281,10 @@ def test_model_of_another_period_is_refused_with_both_periods() -> None:
     with pytest.raises(kl.ProblemError, match=r"0\.05 s.*0\.1 s"):
         kl.Controller(kl.nominal_unicycle(0.05), kl.NavigationProblem(dt=0.1))
     assert kl.Controller(MODEL.with_dt(0.05), kl.NavigationProblem(dt=0.05)).step((0, 0, 0), GOAL).status is kl.PlanStatus.SOLVED
+
+
+@pytest.mark.parametrize("radius", [-0.15, -1e-9, -np.inf])
+def test_an_obstacle_of_negative_radius_is_not_usable(radius: float) -> None:
+    plan = kl.Controller(MODEL).step((0.0, 0.0, 0.0), GOAL, [[0.6, 0.6, radius]])
+    assert plan.status is kl.PlanStatus.STOPPED and "obstacle not usable" in plan.reason
+    assert not plan.command.any()
