@@ -17,6 +17,8 @@ from kmpc_lite.errors import KmpcError
 
 MAX_ARCHIVE_BYTES = 2**30
 """An archive whose arrays unpack to more is refused before a byte of them is."""
+SAME_DT = 1e-6
+"""Relative difference up to which two periods count as one: the digits of a log's time stamps end somewhere."""
 
 
 def real_array(value: ArrayLike, what: str, error: type[KmpcError]) -> NDArray[np.float64]:

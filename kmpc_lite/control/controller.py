@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kmpc_lite.border import SAME_DT
 from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.obstacles import Circle, circle_distances, circles_to_array
 from kmpc_lite.control.osqp_workspace import QPStatus
@@ -33,8 +34,6 @@ DEFECT = 0.05
 """How far the model may contradict a plan over one period [m, rad] before its commands are rolled out anew."""
 TOUCH = 0.02
 """How deep such a rolled-out plan may cut into an obstacle [m] and still be driven, the rest being left to the next pass."""
-SAME_DT = 1e-6
-"""Share by which the periods of model and problem may differ: a log's digits."""
 AFTER_SOLVE = 5e-5
 """Time that a step takes after its plan is verified [s]."""
 
@@ -211,7 +210,7 @@ class Controller:
         guess, passes = self._warm_start(here), 1
         if guess is None or (guidance is not None and guidance.switched):
             # a plan along the old way is no good start for the new one
-            fresh = guidance is None or guess is None
+            fresh = guess is None
             guess, passes = (self._sqp.at_rest(here), COLD_PASSES) if fresh else (self._sqp.along(reference, here), NEW_WAY_PASSES)
         deadline = np.inf if self._time_budget is None else start + self._time_budget - self._after_solve
         shifted = self._clock()

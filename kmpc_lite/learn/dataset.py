@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kmpc_lite.border import real_array
+from kmpc_lite.border import SAME_DT, real_array
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import DataError
 
@@ -17,8 +17,6 @@ CHUNK = 8192
 """Rows handled at once: what fits a small board's second-level cache."""
 MAX_ROWS = 10_000_000
 """Rows of the longest log that is taken in, or made by resampling."""
-SAME_DT = 1e-6
-"""Relative difference up to which two periods count as one: the digits of a log's time stamps end somewhere."""
 
 
 @dataclass(frozen=True, eq=False)

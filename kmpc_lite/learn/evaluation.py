@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from kmpc_lite.border import SAME_DT
 from kmpc_lite.dictionary import Array
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.dataset import CHUNK, SAME_DT, Dataset, check_time
+from kmpc_lite.learn.dataset import CHUNK, Dataset, check_time
 from kmpc_lite.model import KoopmanModel, nominal_unicycle
 
 

@@ -11,9 +11,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from kmpc_lite.border import SAME_DT
 from kmpc_lite.dictionary import INPUTS, STATES, Array, Dictionary, UnicycleDictionary, dictionary_to_config
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.dataset import SAME_DT, Dataset, check_time
+from kmpc_lite.learn.dataset import Dataset, check_time
 from kmpc_lite.model import KoopmanModel, NoiseModel
 
 Method = Literal["integral", "edmdc"]
