@@ -58,19 +58,13 @@ class DifferentialDrive:
         else:
             alpha = beta = gamma = np.zeros_like(v)
         forward, left, turn = (1 + beta) * v, -alpha * v, (1 + gamma) * omega
-        path = np.empty((substeps, *state.shape))
-        h = dt / substeps
-
-        def f(s: Array) -> Array:
-            cos, sin = np.cos(s[..., 2]), np.sin(s[..., 2])
-            return np.stack([forward * cos - left * sin, forward * sin + left * cos, turn + 0.0 * cos], axis=-1)
-
-        for i in range(substeps):
-            k1 = f(state)
-            k2 = f(state + h / 2 * k1)
-            k3 = f(state + h / 2 * k2)
-            k4 = f(state + h * k3)
-            path[i] = state = state + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        # speeds are constant in the robot's frame, so the path is an arc: its chord lies half the turn off the heading
+        t = (dt / substeps * np.arange(1, substeps + 1)).reshape(-1, *(1 for _ in v.shape))
+        half = 0.5 * turn * t
+        chord, heading = t * np.sinc(half / np.pi), state[..., 2] + half
+        cos, sin = np.cos(heading), np.sin(heading)
+        along, across = chord * (forward * cos - left * sin), chord * (forward * sin + left * cos)
+        path: Array = np.stack([state[..., 0] + along, state[..., 1] + across, state[..., 2] + turn * t], axis=-1)
         return path
 
 

@@ -25,7 +25,7 @@ def test_without_slip_it_drives_the_exact_arc(x: tuple[float, ...], u: tuple[flo
         half = 0.5 * u[1] * t
         chord = u[0] * t * np.sinc(half / np.pi)
         expected = [x[0] + chord * np.cos(x[2] + half), x[1] + chord * np.sin(x[2] + half), x[2] + u[1] * t]
-        np.testing.assert_allclose(state, expected, atol=1e-6)
+        np.testing.assert_allclose(state, expected, atol=1e-12)
 
 
 def test_sub_samples_end_where_the_step_does() -> None:
