@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kmpc_lite.adaptation import OnlineAdaptation
 from kmpc_lite.border import SAME_DT
 from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.obstacles import Circle, circle_distances, circles_to_array
@@ -60,6 +61,10 @@ class Controller:
         chord between samples. None is the paper.
     risk : float
         Probability that the margins are made for, see `tightening.RISK`.
+    adaptation : bool or OnlineAdaptation, optional
+        Whether to correct the model while driving where the floor contradicts it: from the measured poses and the commands given.
+        Where not given, it runs where there are learned margins and the model is continuous. `adaptation.model` is the model now, to be
+        saved. One with options of its own must have been made for `model`.
     sqp_iterations : int
         Passes per step: 1 is the real-time iteration, more run until the plan changes by less than `tolerance`.
     tolerance : float
@@ -94,12 +99,18 @@ class Controller:
         guidance: bool = True,
         tightening: Literal["learned"] | None = "learned",
         risk: float = RISK,
+        adaptation: bool | OnlineAdaptation | None = None,
         sqp_iterations: int = 1,
         tolerance: float = 1e-5,
         obstacle_slots: int = 5,
         time_budget: float | None = None,
         clock: Callable[[], float] = perf_counter,
     ) -> None:
+        if adaptation is None:
+            adaptation = tightening is not None and model.continuous
+        self.adaptation = OnlineAdaptation(model) if adaptation is True else adaptation or None
+        if self.adaptation is not None and self.adaptation.base is not model:
+            raise ProblemError("adaptation: it was made for another model than the controller's")
         # half the time of rk4, and far below what slip does; prediction, verification and fallback share it
         self.model = replace(model, integrator="midpoint")
         self.problem = NavigationProblem() if problem is None else problem
@@ -133,8 +144,10 @@ class Controller:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the last plan, the commands sent and the side from which the goal's heading is approached."""
+        """Forget the last plan, the commands sent, the side from which the goal's heading is approached, and what was learned driving."""
         self._last: Trajectory | None = None
+        self._seen: Array = np.zeros(STATES)
+        self._driven: tuple[Array, Array, Array] | None = None
         self._past = np.zeros((self.model.history, INPUTS))
         self._heading_error = 0.0
         self._fallback.reset()
@@ -143,9 +156,13 @@ class Controller:
             self._guide.reset()
         if self._tightening is not None:
             self._tightening.reset()
+        if self.adaptation is not None and self.adaptation.counts.models:
+            self.update_model(self.adaptation.base)
+        if self.adaptation is not None:
+            self.adaptation.reset()
 
     def update_model(self, model: KoopmanModel) -> None:
-        """Take over another model of the same robot between two steps: what `learn.adaptation` gives while driving.
+        """Take over another model of the same robot between two steps: what `adaptation` gives while driving.
 
         Raises
         ------
@@ -188,6 +205,8 @@ class Controller:
         if pose.shape != (STATES,) or target.shape != (STATES,):
             raise ValueError(f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}")
         circles = circles_to_array(obstacles)
+        if self.adaptation is not None:
+            self._adapt(pose, self.adaptation)
         for name, values in (("obstacle", circles), ("pose", pose), ("goal", target)):
             # also false for NaN; three numbers are looked at faster one by one than as an array
             usable = is_usable(circles) if values is circles else all(abs(v) <= POSITION_LIMIT for v in values.tolist())
@@ -237,6 +256,15 @@ class Controller:
         status = PlanStatus.FEASIBLE if reason else PlanStatus.SOLVED
         plan = self._plan(states, trajectory.inputs, status, circles, start, timing, result.passes, reason)
         return plan if guidance is None or guidance.reachable else replace(plan, reachable=False)
+
+    def _adapt(self, pose: Array, adaptation: OnlineAdaptation) -> None:
+        """Show the adaptation the past period, and take over the model that it may give."""
+        if self._driven is not None:
+            before, command, past = self._driven
+            model = adaptation.update(before, command, pose, past)
+            if model is not None:
+                self.update_model(model)
+        self._seen = pose.copy()
 
     def _hold(self, here: Array, pose: Array, circles: Array, start: float) -> Plan:
         """Stand at the goal."""
@@ -338,7 +366,9 @@ class Controller:
         return self._plan(states, inputs, PlanStatus.STOPPED, circles, start, timing, passes, reason)
 
     def _remember(self, command: Array) -> None:
-        """Move a command that is sent into the model's past."""
+        """Move a command that is sent into the model's past, and keep it until the next pose shows what it did."""
+        if self.adaptation is not None:
+            self._driven = self._seen, command.copy(), self._past.copy()
         if len(self._past):
             self._past[:-1] = self._past[1:]
             self._past[-1] = command

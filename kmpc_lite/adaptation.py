@@ -5,6 +5,8 @@ whether it pulls to one side. So four gains on the learned model are adapted, no
 have one and the same information, so that no drive along a straight line can upset the turns. After a slip of 0.2 and a turn gain of
 0.6, 20 steps of them predict within 1.09 times a fresh fit's error (median; worst of 12 drives 1.35); all coefficients, fitted to
 the same steps, need 400 for 1.23 (1.94).
+
+It stands beside model and tube because the controller runs it: learning and control do not know each other.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import ModelError
-from kmpc_lite.learn.gains import Gains, estimate, residual_covariance, scores
+from kmpc_lite.gains import Gains, estimate, residual_covariance, scores
 from kmpc_lite.model import KoopmanModel, NoiseModel
 
 WINDOW = 20
@@ -101,7 +103,7 @@ class OnlineAdaptation:
             raise ModelError('online adaptation needs a continuous model: fit with method="integral"')
         if not 8 <= window < memory:
             raise ModelError(f"online adaptation: expected 8 <= window < memory, got {window} and {memory}")
-        self._base, self._window, self._memory = model, int(window), int(memory)
+        self.base, self._window, self._memory = model, int(window), int(memory)
         nz, nw = model.dictionary.size, model.dictionary.input_size
         self._matrix = np.ascontiguousarray(
             np.concatenate([model.A[None], model.H.reshape(STATES, nw, nz).transpose(1, 0, 2)]).reshape(1 + nw, -1)
@@ -115,7 +117,7 @@ class OnlineAdaptation:
 
     def reset(self) -> None:
         """Forget all steps and go back to the learned model."""
-        self.model, self.gains, self.counts = self._base, Gains(), AdaptationCounts()
+        self.model, self.gains, self.counts = self.base, Gains(), AdaptationCounts()
         self._recent = np.zeros((self._window, 10))
         self._slow = np.zeros(10)
         self._slow_count, self._next = 0.0, 0
@@ -126,8 +128,8 @@ class OnlineAdaptation:
 
     def _forward_responses(self) -> Array:
         """How much each bilinear input drives the robot ahead, (nw,)."""
-        nw = self._base.dictionary.input_size
-        z = self._base.dictionary.lift(np.zeros(STATES))
+        nw = self.base.dictionary.input_size
+        z = self.base.dictionary.lift(np.zeros(STATES))
         responses: Array = (self._matrix[1:].reshape(nw, STATES, -1) @ z + self._offset)[:, 0]
         return responses
 
@@ -156,9 +158,9 @@ class OnlineAdaptation:
             raise ValueError(
                 f"expected x ({STATES},), u ({INPUTS},), x_next ({STATES},), got {before.shape}, {command.shape}, {after.shape}"
             )
-        past = None if history is None or not self._base.history else np.asarray(history, dtype=float)
-        if past is not None and past.shape != (self._base.history, INPUTS):
-            raise ValueError(f"history: expected shape ({self._base.history}, {INPUTS}), got {past.shape}")
+        past = None if history is None or not self.base.history else np.asarray(history, dtype=float)
+        if past is not None and past.shape != (self.base.history, INPUTS):
+            raise ValueError(f"history: expected shape ({self.base.history}, {INPUTS}), got {past.shape}")
         sums = self._sums(before, command, after, past)
         if sums is None:
             return None
@@ -219,15 +221,15 @@ class OnlineAdaptation:
         if not isfinite(x0 + y0 + h0 + x1 + y1 + h1 + v + omega) or (past is not None and not np.isfinite(past).all()):
             self.counts = replace(self.counts, rejected=self.counts.rejected + 1)
             return None
-        dt = self._base.dt
+        dt = self.base.dt
         dx, dy, turned = x1 - x0, y1 - y0, remainder(h1 - h0, 2 * pi)
         points = self._points
         points[0] = before
         points[2] = x1, y1, h0 + turned
         points[1] = x0 + 0.5 * dx, y0 + 0.5 * dy, h0 + 0.5 * turned
-        z = self._base.dictionary.lift(points)
+        z = self.base.dictionary.lift(points)
         mean = (z[0] + 4.0 * z[1] + z[2]) / 6.0
-        w = self._base.dictionary.inputs(command, past)
+        w = self.base.dictionary.inputs(command, past)
         weights = np.concatenate(((1.0,), w))
         px, py, h = (((weights @ self._matrix).reshape(STATES, -1) @ mean + w @ self._offset) * dt).tolist()
         g = float(w @ self._responses) * dt
@@ -270,7 +272,7 @@ class OnlineAdaptation:
             return None
         self.gains = gains
         self.counts = replace(self.counts, models=self.counts.models + 1)
-        base, count = self._base, min(self._since, self._memory)
+        base, count = self.base, min(self._since, self._memory)
         coefficients = residual_covariance(self._raw[self._kept(count)].T, gains, self._learned_noise)
         if self._since >= self._window:
             self._reweigh(coefficients)

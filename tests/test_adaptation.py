@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from kmpc_lite import DifferentialDrive, InputHistoryDictionary, KoopmanModel, UnicycleDictionary, fit, generate_dataset, nominal_unicycle
+from kmpc_lite.adaptation import Gains, OnlineAdaptation
 from kmpc_lite.errors import ModelError
-from kmpc_lite.learn.adaptation import Gains, OnlineAdaptation
 from kmpc_lite.learn.evaluation import evaluate
 
 DT, U_MAX = 0.1, (0.6, 0.785)
