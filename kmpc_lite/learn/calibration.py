@@ -13,6 +13,7 @@ from math import ceil
 
 import numpy as np
 
+from kmpc_lite.border import SAME_DT
 from kmpc_lite.dictionary import Array
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.dataset import Dataset
@@ -47,7 +48,7 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int = MEMORY) -> Array
     DataError
         For another dt, or where no episode is as long as a window.
     """
-    if abs(held_out.dt - model.dt) > 1e-9 * model.dt:
+    if abs(held_out.dt - model.dt) > SAME_DT * model.dt:
         raise DataError(f"the held-out dataset's dt is {held_out.dt:g} s, the model's {model.dt:g} s: resample it")
     length = model.history
     parts: list[tuple[Array, Array, Array, Array | None]] = []
