@@ -17,6 +17,7 @@ from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.obstacles import Circle, circle_distances, circles_to_array
 from kmpc_lite.control.osqp_workspace import QPStatus
 from kmpc_lite.control.plan import Plan, PlanStatus
+from kmpc_lite.control.pose_age import advance_pose
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.sqp import COLD_PASSES, NEW_WAY_PASSES, SQP, SQPResult, Task, Trajectory
 from kmpc_lite.control.tightening import RISK, Tightening
@@ -31,6 +32,8 @@ POSITION_LIMIT = 1e4
 """A pose or a goal farther out [m] is taken for a broken sensor."""
 JUMP = (0.5, 1.0)
 """A pose that is farther from the predicted one [m, rad] makes the last plan worthless as a start."""
+OLDEST_POSE = 2.0
+"""Of an older pose [s] nothing follows for the present one."""
 DEFECT = 0.05
 """How far the model may contradict a plan over one period [m, rad] before its commands are rolled out anew."""
 TOUCH = 0.02
@@ -65,6 +68,8 @@ class Controller:
         Whether to correct the model while driving where the floor contradicts it: from the measured poses and the commands given.
         Where not given, it runs where there are learned margins and the model is continuous. `adaptation.model` is the model now, to be
         saved. One with options of its own must have been made for `model`.
+    pose_age : float
+        How old the pose is on arrival [s]; it is brought forward with the commands given meanwhile.
     sqp_iterations : int
         Passes per step: 1 is the real-time iteration, more run until the plan changes by less than `tolerance`.
     tolerance : float
@@ -100,6 +105,7 @@ class Controller:
         tightening: Literal["learned"] | None = "learned",
         risk: float = RISK,
         adaptation: bool | OnlineAdaptation | None = None,
+        pose_age: float = 0.0,
         sqp_iterations: int = 1,
         tolerance: float = 1e-5,
         obstacle_slots: int = 5,
@@ -124,6 +130,9 @@ class Controller:
                 raise ProblemError(f"{name}: expected a whole number >= 1, got {value!r}")
         if not (np.isfinite(tolerance) and tolerance > 0):
             raise ProblemError(f"tolerance: expected a number > 0, got {tolerance!r}")
+        if not 0.0 <= pose_age <= OLDEST_POSE:
+            raise ProblemError(f"pose_age: expected a time from 0 to {OLDEST_POSE:g} s, got {pose_age!r}")
+        self._pose_age = float(pose_age)
         if time_budget is not None and not (np.isfinite(time_budget) and time_budget > 0):
             raise ProblemError(f"time_budget: expected a time > 0 s, got {time_budget!r}")
         self._time_budget, self._clock, self._after_solve = time_budget, clock, AFTER_SOLVE
@@ -149,6 +158,7 @@ class Controller:
         self._seen: Array = np.zeros(STATES)
         self._driven: tuple[Array, Array, Array] | None = None
         self._past = np.zeros((self.model.history, INPUTS))
+        self._given = np.zeros((int(np.ceil(self._pose_age / self.problem.dt)) + self.model.history if self._pose_age else 0, INPUTS))
         self._heading_error = 0.0
         self._fallback.reset()
         self._sent: tuple[float, Array, Array] | None = None
@@ -205,6 +215,8 @@ class Controller:
         if pose.shape != (STATES,) or target.shape != (STATES,):
             raise ValueError(f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}")
         circles = circles_to_array(obstacles)
+        if self._pose_age:
+            pose = advance_pose(self.model, pose, self._given, self._pose_age)
         if self.adaptation is not None:
             self._adapt(pose, self.adaptation)
         for name, values in (("obstacle", circles), ("pose", pose), ("goal", target)):
@@ -369,9 +381,10 @@ class Controller:
         """Move a command that is sent into the model's past, and keep it until the next pose shows what it did."""
         if self.adaptation is not None:
             self._driven = self._seen, command.copy(), self._past.copy()
-        if len(self._past):
-            self._past[:-1] = self._past[1:]
-            self._past[-1] = command
+        for earlier in (self._past, self._given):
+            if len(earlier):
+                earlier[:-1] = earlier[1:]
+                earlier[-1] = command
 
     def _plan(
         self,

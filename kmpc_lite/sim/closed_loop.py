@@ -16,6 +16,7 @@ from kmpc_lite.control.obstacles import circle_distances
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.dictionary import Array
 from kmpc_lite.model import KoopmanModel
+from kmpc_lite.sim.lag import LaggingDrive
 from kmpc_lite.sim.robots import DifferentialDrive
 from kmpc_lite.sim.scenario import Scenario
 
@@ -168,7 +169,7 @@ def drive(
     scenario : Scenario
         Map, robot, plant.
     plant : Plant, optional
-        The scenario's slipping `DifferentialDrive` where not given.
+        The scenario's where not given: `scenario_plant`.
     dt : float
         Period [s].
     settle : float
@@ -178,7 +179,7 @@ def drive(
     info : dict, optional
         Kept with the run.
     """
-    robot = DifferentialDrive(scenario.slip, scenario.seed, scenario.turn_gain) if plant is None else plant
+    robot = scenario_plant(scenario) if plant is None else plant
     noise = np.random.default_rng([scenario.seed, 1])
     goal, x = np.array(scenario.goal), np.array(scenario.start)
     states, path, inputs, plans = [x], [x], [], []
@@ -188,7 +189,8 @@ def drive(
     steps = int(np.ceil(scenario.timeout / dt - 1e-9))
     duration = steps * dt
     for k in range(steps):
-        measured = x + noise.normal(size=3) * scenario.pose_noise
+        seen = x if not scenario.pose_age else _at(path, SUBSAMPLES * (k - scenario.pose_age / dt))
+        measured = seen + noise.normal(size=3) * scenario.pose_noise
         plan = controller.step(measured, goal, scenario.circles_at(k * dt))
         trace = robot.trace(x, plan.command, dt, SUBSAMPLES)
         inputs.append(plan.command)
@@ -229,6 +231,21 @@ def drive(
     )
 
 
+def scenario_plant(scenario: Scenario) -> Plant:
+    """Build the robot of a scenario: one that slips, and one that lags too where the scenario says so, or where its floor changes."""
+    if scenario.lag or scenario.dead_time or scenario.floors:
+        return LaggingDrive(scenario.lag, scenario.dead_time, scenario.slip, scenario.turn_gain, scenario.seed, scenario.floors)
+    return DifferentialDrive(scenario.slip, scenario.seed, scenario.turn_gain)
+
+
+def _at(path: Sequence[Array], place: float) -> Array:
+    """Pose (3,) between two sub-samples; before the first the robot stood there."""
+    whole, share = divmod(max(place, 0.0), 1.0)
+    before, after = path[int(whole)], path[min(int(whole) + 1, len(path) - 1)]
+    pose: Array = before + share * (after - before)
+    return pose
+
+
 def _clearances(scenario: Scenario, trace: Array, time: float, dt: float) -> Array:
     """Distances between the edges of robot and nearest obstacle at each sub-sample (S,) [m]."""
     if not scenario.circles:
@@ -237,8 +254,3 @@ def _clearances(scenario: Scenario, trace: Array, time: float, dt: float) -> Arr
     distances, _ = circle_distances(scenario.circles_at(0.0), trace[:, :2], times)
     gaps: Array = distances.min(axis=1) - scenario.radius
     return gaps
-
-
-def arrived(runs: Sequence[Run]) -> list[Run]:
-    """Select the runs that reached their goal."""
-    return [r for r in runs if r.outcome is Outcome.REACHED]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,21 +12,10 @@ from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.learn.dataset import Dataset, Episode
 from kmpc_lite.sim.robots import DifferentialDrive
+from kmpc_lite.sim.scenario import Floor
 
 FINEST = 0.02
 """Longest step in which the speeds of lagging motors are held [s]."""
-
-
-@dataclass(frozen=True)
-class Floor:
-    """What the ground does from a time on."""
-
-    time: float
-    """Since the plant began [s]."""
-    slip: float
-    """Mean of the three slip ratios."""
-    turn_gain: float = 1.0
-    """Share of a commanded turn that happens."""
 
 
 class LaggingDrive:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,11 +25,32 @@ FLOAT_LISTS = {"bounds": 4, "start": 3, "goal": 3, "pose_noise": 3}
 KEYS: Mapping[str, Mapping[str, Any]] = {
     "map": {"bounds": None, "circles": []},
     "robot": {"radius": 0.15, "start": None, "goal": None},
-    "plant": {"slip": 0.0, "turn_gain": 1.0, "pose_noise": [0.0, 0.0, 0.0]},
+    "plant": {
+        "slip": 0.0,
+        "turn_gain": 1.0,
+        "lag": 0.0,
+        "dead_time": 0.0,
+        "floors": [],
+        "pose_noise": [0.0, 0.0, 0.0],
+        "pose_age": 0.0,
+    },
     "run": {"seed": 0, "timeout": 20.0, "tolerance": 0.05, "heading_tolerance": 0.15, "margin": 0.0},
 }
 """Sections, keys and defaults; None means that the key must be given."""
 POSITIVE = frozenset({"radius", "turn_gain", "timeout", "tolerance", "heading_tolerance"})
+LARGEST = {"slip": 10.0, "turn_gain": 10.0, "lag": 10.0, "dead_time": 10.0, "pose_age": 10.0, "timeout": 10_000.0}
+"""What a drive can be simulated with: beyond these are slips of the pen, and drives that no memory holds."""
+
+
+class Floor(NamedTuple):
+    """What the ground does from a time on."""
+
+    time: float
+    """Since the plant began [s]."""
+    slip: float
+    """Mean of the three slip ratios."""
+    turn_gain: float = 1.0
+    """Share of a commanded turn that happens."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +71,16 @@ class Scenario:
     """Mean slip ratio of the plant."""
     turn_gain: float = 1.0
     """Share of a commanded turn that the plant makes."""
+    lag: float = 0.0
+    """Time constant of the plant's motors [s]."""
+    dead_time: float = 0.0
+    """Between a command and the motors' first reaction [s]."""
+    floors: tuple[Floor, ...] = ()
+    """Changes of slip and turn gain while driving, in order of time; in a file rows time, slip, turn gain."""
     pose_noise: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Standard deviation of the measured pose [m, m, rad]."""
+    pose_age: float = 0.0
+    """How old a measured pose is when it arrives [s]."""
     seed: int = 0
     timeout: float = 20.0
     tolerance: float = 0.05
@@ -77,6 +106,8 @@ class Scenario:
                         f"{self.name}: [robot] {key}: ({x:g}, {y:g}) is {distance:g} m from the centre of circle {i}, "
                         f"but the radii add up to {circle.radius + self.radius:g} m"
                     )
+        if any(b.time <= a.time for a, b in zip(self.floors, self.floors[1:], strict=False)):
+            raise ScenarioError(f"{self.name}: [plant] floors: expected rising times, got {[f.time for f in self.floors]}")
 
     @classmethod
     def load(cls, source: str | os.PathLike[str]) -> Scenario:
@@ -124,7 +155,7 @@ class Scenario:
         """Render as a scenario file that `load` reads back."""
         rows = [list(c) if c.vx or c.vy else list(c[:3]) for c in self.circles]
         values = {**self.__dict__, "bounds": list(self.bounds), "circles": rows, "start": list(self.start), "goal": list(self.goal)}
-        values["pose_noise"] = list(self.pose_noise)
+        values["pose_noise"], values["floors"] = list(self.pose_noise), [list(f) for f in self.floors]
         lines: list[str] = []
         for section, keys in KEYS.items():
             lines += [f"[{section}]", *(f"{key} = {values[key]!r}" for key in keys), ""]
@@ -177,6 +208,13 @@ def _value(where: str, key: str, value: Any) -> Any:
             except ProblemError as error:
                 raise ScenarioError(f"{where}: circle {i}: {error}") from error
         return tuple(circles)
+    if key == "floors":
+        if not isinstance(value, list) or any(not isinstance(row, list) or len(row) != len(Floor._fields) for row in value):
+            raise ScenarioError(f"{where}: expected a list of [time, slip, turn_gain], got {value!r}")
+        return tuple(
+            Floor(*(_value(f"{where}: floor {i}", name, v) for name, v in zip(Floor._fields, row, strict=True)))
+            for i, row in enumerate(value)
+        )
     if key in FLOAT_LISTS:
         if not isinstance(value, list) or len(value) != FLOAT_LISTS[key]:
             raise ScenarioError(f"{where}: expected {FLOAT_LISTS[key]} numbers, got {value!r}")
@@ -191,4 +229,6 @@ def _value(where: str, key: str, value: Any) -> Any:
     number = _number(where, value)
     if number < 0 or (key in POSITIVE and number == 0):
         raise ScenarioError(f"{where}: expected a number {'>' if key in POSITIVE else '>='} 0, got {value!r}")
+    if number > LARGEST.get(key, number):
+        raise ScenarioError(f"{where}: expected at most {LARGEST[key]:g}, got {value!r}")
     return number

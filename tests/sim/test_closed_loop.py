@@ -11,7 +11,7 @@ from scripted import Scripted, field
 
 import kmpc_lite as kl
 from kmpc_lite.sim import Outcome, drive
-from kmpc_lite.sim.closed_loop import arrived
+from kmpc_lite.sim.lag import Floor, LaggingDrive
 
 
 def test_arrives_when_within_both_tolerances() -> None:
@@ -149,11 +149,6 @@ def test_a_run_holds_what_was_driven() -> None:
     assert summary["step_ms"] == {"p50": pytest.approx(2.0), "p99": pytest.approx(2.0), "max": pytest.approx(2.0)}
 
 
-def test_runs_that_arrived_are_selected() -> None:
-    there, late = drive(Scripted((0.5, 0.0)), field()), drive(Scripted((0.0, 0.0)), field(timeout=0.3))
-    assert arrived([late, there, late]) == [there]
-
-
 def test_a_plant_of_ones_own() -> None:
     class Treadmill:
         """Moves half as far as it is told."""
@@ -162,3 +157,22 @@ def test_a_plant_of_ones_own() -> None:
             return x + 0.5 * dt * u[0] * np.arange(1, substeps + 1)[:, None] / substeps * np.array([1.0, 0.0, 0.0])
 
     assert drive(Scripted((0.5, 0.0)), field(), Treadmill()).duration == pytest.approx(3.8)
+
+
+def test_the_plant_is_the_scenarios() -> None:
+    commands = (0.5, 0.1), (0.2, -0.3)
+    slow = drive(Scripted(*commands), field(lag=0.3, dead_time=0.15, slip=0.1, seed=4, timeout=1.0))
+    same = drive(Scripted(*commands), field(timeout=1.0), LaggingDrive(0.3, 0.15, 0.1, seed=4))
+    np.testing.assert_array_equal(slow.states, same.states)
+    changing = field(floors=(Floor(0.5, 0.2, 0.6),), timeout=1.0, seed=2)
+    run = drive(Scripted((0.5, 0.3)), changing)
+    np.testing.assert_allclose(np.diff(run.states[:, 2])[:5], 0.03)
+    assert (np.diff(run.states[:, 2])[5:] != 0.03).all()
+
+
+@pytest.mark.parametrize("age", [0.05, 0.1, 0.25, 0.31])
+def test_a_pose_is_as_old_as_the_scenario_says(age: float) -> None:
+    script = Scripted((0.5, 0.0))
+    run = drive(script, field(pose_age=age, timeout=1.0, goal=(3.0, 0.0, 0.0)))
+    seen = np.array([x[0] for x, _, _ in script.asked])
+    np.testing.assert_allclose(seen, np.maximum(run.states[:-1, 0] - 0.5 * age, 0.0), atol=1e-12)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -161,3 +163,14 @@ def test_bad_options(options):
         LaggingDrive(floors=[Floor(2.0, 0.1), Floor(1.0, 0.1)])
     with pytest.raises(ValueError, match="expected states"):
         LaggingDrive().step(np.zeros(2), np.zeros(2), DT)
+
+
+def test_the_controller_brings_an_old_pose_forward():
+    scenario = replace(Scenario.load("four_circles_1"), margin=0.03, slip=0.0, pose_age=0.3)
+    aware = drive(Controller(nominal_unicycle(DT), scenario.problem(), pose_age=0.3), scenario)
+    assert aware.outcome is Outcome.REACHED
+    # the exact robot: every plan begins where the robot is
+    np.testing.assert_allclose(aware.plans[4:, 0], aware.states[4:-1], atol=2e-3)
+    assert np.abs(aware.plans[10, 0] - aware.states[7]).max() > 0.05
+    with pytest.raises(ProblemError, match="pose_age"):
+        Controller(nominal_unicycle(DT), pose_age=-0.1)

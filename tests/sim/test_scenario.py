@@ -11,7 +11,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.sim import Scenario
-from kmpc_lite.sim.scenario import KEYS, bundled
+from kmpc_lite.sim.scenario import KEYS, Floor, bundled
 
 GOOD = """\
 [map]
@@ -88,7 +88,11 @@ def test_everything_survives_being_written(tmp_path: Path) -> None:
         goal=(2.5, 999.0, -12.7),
         slip=0.07,
         turn_gain=0.35,
+        lag=0.3,
+        dead_time=0.15,
+        floors=(Floor(1.0, 0.2), Floor(2.5, 0.0, 0.6)),
         pose_noise=(0.01, 0.02, 0.003),
+        pose_age=0.08,
         seed=12345678901234567890,
         timeout=7.5,
         tolerance=0.03,
@@ -129,13 +133,21 @@ def test_everything_survives_being_written(tmp_path: Path) -> None:
         ("[0.5, 0.5, 0.15],", "['a', 0.5, 0.15],", "[map] circles: circle 0"),
         ("circles = [[0.5, 0.5, 0.15], [1.0, -1.0, 0.2, 0.1, 0.0]]", "circles = 4", "[map] circles: expected a list"),
         ("slip = 0.05", "slip = -0.05", "[plant] slip"),
+        ("slip = 0.05", "slip = 1e300", "[plant] slip: expected at most 10"),
         ("slip = 0.05", "turn_gain = 0", "[plant] turn_gain"),
+        ("slip = 0.05", "lag = -0.1", "[plant] lag"),
+        ("slip = 0.05", "dead_time = 1e9", "[plant] dead_time: expected at most 10"),
+        ("slip = 0.05", "pose_age = nan", "[plant] pose_age"),
+        ("slip = 0.05", "floors = [[1.0, 0.2]]", "[plant] floors: expected a list of [time, slip, turn_gain]"),
+        ("slip = 0.05", "floors = [[1.0, -0.2, 1.0]]", "[plant] floors: floor 0"),
+        ("slip = 0.05", "floors = [[2.0, 0.2, 1.0], [1.0, 0.2, 1.0]]", "[plant] floors: expected rising times"),
         ("slip = 0.05", "pose_noise = [0.1, 0.1]", "[plant] pose_noise"),
         ("slip = 0.05", "pose_noise = [0.1, -0.1, 0]", "[plant] pose_noise"),
         ("seed = 3", "seed = -3", "[run] seed"),
         ("seed = 3", "seed = 3.0", "[run] seed"),
         ("seed = 3", "seed = true", "[run] seed"),
         ("timeout = 12.5", "timeout = 0", "[run] timeout"),
+        ("timeout = 12.5", "timeout = 1e300", "[run] timeout: expected at most 10000"),
         ("timeout = 12.5", "tolerance = -1", "[run] tolerance"),
         ("timeout = 12.5", "heading_tolerance = 0", "[run] heading_tolerance"),
         ("timeout = 12.5", "margin = -0.1", "[run] margin"),
