@@ -6,6 +6,7 @@ problem with finite garbage and returns NaN for NaN. Here arrays are owned, of t
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -19,9 +20,8 @@ from kmpc_lite.dictionary import Array
 INFINITY = 1e30
 """Bounds beyond this are open, as OSQP itself has it. A row must not change between open and closed: that refactorises."""
 
-
 LARGEST = 1e10
-"""Entries of A beyond this make OSQP's factorisation fail, loudly and after it has taken over the new bounds."""
+"""Entries of A or q beyond this make OSQP's factorisation fail, loudly and after it has taken over the new bounds."""
 
 
 class QPStatus(Enum):
@@ -62,13 +62,16 @@ class OSQPWorkspace:
 
     def __init__(self, P: sp.csc_matrix, q: Array, A: sp.csc_matrix, lower: Array, upper: Array, **settings: Any) -> None:
         self.n, self.m, self.nnz = A.shape[1], A.shape[0], A.nnz
-        self._q = np.array(q, dtype=float)
-        self._lower, self._upper = np.array(lower, dtype=float), np.array(upper, dtype=float)
-        self._Ax = np.array(A.data, dtype=float)
-        self._x, self._y = np.zeros(self.n), np.zeros(self.m)
-        for name, array, length in (("q", self._q, self.n), ("lower", self._lower, self.m), ("upper", self._upper, self.m)):
-            if array.shape != (length,):
-                raise ValueError(f"{name}: expected shape ({length},), got {array.shape}")
+        # what is checked together lies together
+        self._numbers, self._start = np.zeros(self.n + self.nnz), np.zeros(self.n + self.m)
+        self._q, self._Ax = self._numbers[: self.n], self._numbers[self.n :]
+        self._x, self._y = self._start[: self.n], self._start[self.n :]
+        self._lower, self._upper = np.zeros(self.m), np.zeros(self.m)
+        self._shapes = (self._q.shape, self._lower.shape, self._upper.shape, self._Ax.shape, self._x.shape, self._y.shape)
+        for name, own, given in (("q", self._q, q), ("lower", self._lower, lower), ("upper", self._upper, upper)):
+            if np.shape(given) != own.shape:
+                raise ValueError(f"{name}: expected shape {own.shape}, got {np.shape(given)}")
+            own[:] = given
         self._osqp = osqp.OSQP()
         self._osqp.setup(sp.csc_matrix(P), self._q, sp.csc_matrix(A), self._lower, self._upper, verbose=False, **settings)
         # The wrapper copies and renames; its compiled half takes the same arrays and returns error codes.
@@ -96,23 +99,22 @@ class OSQPWorkspace:
         ValueError
             For wrong shapes.
         """
-        for own, new in ((self._q, q), (self._lower, lower), (self._upper, upper), (self._Ax, Ax), (self._x, x), (self._y, y)):
-            if new.shape != own.shape:
-                raise ValueError(f"QP data: expected shape {own.shape}, got {new.shape}")
-            own[:] = new
-        # a NaN compares as false; a finite sum of finite numbers this small cannot overflow
-        if not (np.isfinite(self._q.sum() + self._Ax.sum()) and (self._lower <= self._upper).all()):
-            return self._failed("QP data not finite, or bounds cross")
-        if not np.abs(self._Ax).max(initial=0.0) <= LARGEST:
-            return self._failed(f"QP matrix entries beyond {LARGEST:g}: the factorisation would break down")
+        shapes = (q.shape, lower.shape, upper.shape, Ax.shape, x.shape, y.shape)
+        if shapes != self._shapes:
+            raise ValueError(f"QP data q, lower, upper, Ax, x, y: expected shapes {self._shapes}, got {shapes}")
+        self._q[:], self._Ax[:], self._x[:], self._y[:] = q, Ax, x, y
+        np.maximum(lower, -INFINITY, out=self._lower)
+        np.minimum(upper, INFINITY, out=self._upper)
+        # each of these is also false for NaN
+        if not np.maximum.reduce(np.abs(self._numbers)) <= LARGEST:
+            return self._failed(f"QP data not finite, or beyond {LARGEST:g}: the factorisation would break down")
+        if not np.logical_and.reduce(self._lower <= self._upper):
+            return self._failed("QP bounds not finite, or they cross")
         # such a row would cross once its other side is cut to INFINITY, and OSQP would complain on stderr
-        if (self._lower >= INFINITY).any() or (self._upper <= -INFINITY).any():
+        if np.maximum.reduce(self._lower) >= INFINITY or np.minimum.reduce(self._upper) <= -INFINITY:
             return self._failed(f"QP bounds that leave nothing below {INFINITY:g}")
-        np.maximum(self._lower, -INFINITY, out=self._lower)
-        np.minimum(self._upper, INFINITY, out=self._upper)
-        if not np.isfinite(self._x.sum() + self._y.sum()):
-            self._x[:] = 0.0
-            self._y[:] = 0.0
+        if not math.isfinite(np.add.reduce(self._start)):
+            self._start[:] = 0.0
         solver = self._solver
         if solver.update_data_vec(q=self._q, l=self._lower, u=self._upper) or solver.update_data_mat(
             P_x=None, P_i=None, A_x=self._Ax, A_i=None
@@ -131,7 +133,7 @@ class OSQPWorkspace:
             return self._failed(f"OSQP: {info.status}")
         solution = solver.solution
         primal, dual = np.array(solution.x), np.array(solution.y)
-        if not np.isfinite(primal.sum() + dual.sum()):
+        if not math.isfinite(np.add.reduce(primal) + np.add.reduce(dual)):
             return self._failed("OSQP: solution not finite")
         return QPSolution(outcome, primal, dual, info.iter, info.prim_res, info.dual_res, reason)
 

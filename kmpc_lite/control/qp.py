@@ -16,6 +16,9 @@ from kmpc_lite.model import Linearization
 OPEN = 1e3
 """Bound of a half-plane row that is not in use [m]: finite, so that OSQP keeps its factorisation pattern."""
 
+SLACK_SCALE = 2.0
+"""Factor of the rows slack >= 0, whose multipliers are the largest: they settle in half the iterations of ADMM."""
+
 
 class NavigationQP:
     """Matrices P, q, A, lower, upper of the QP, in the form that OSQP wants.
@@ -70,7 +73,7 @@ class NavigationQP:
         normal_start = block(self.keepout_rows[..., None], states[:, None, :2], 0.0)
         block(self.keepout_rows, self.slack_columns[:, None], 1.0)
         block(self.input_rows, inputs, 1.0)
-        block(self.slack_rows, self.slack_columns, 1.0)
+        block(self.slack_rows, self.slack_columns, SLACK_SCALE)
 
         row, column, value = (np.concatenate(part) for part in zip(*blocks, strict=True))
         order = np.lexsort((row, column))
@@ -142,6 +145,12 @@ class NavigationQP:
         x[0] = x_init
         x[1:] = variables[: STATES * n].reshape(n, STATES)
         return x, variables[STATES * n : (STATES + INPUTS) * n].reshape(n, INPUTS).copy(), variables[(STATES + INPUTS) * n :].copy()
+
+    def duals_in_the_open(self) -> Array:
+        """Multipliers (m,) where no obstacle is near: each slack is pressed to zero by its penalty, all else is free."""
+        y = np.zeros(self.row_count)
+        y[self.slack_rows] = -self.slack_penalty / SLACK_SCALE
+        return y
 
     def shift_duals(self, y: Array) -> Array:
         """Multipliers one stage on, the last stage kept."""

@@ -27,8 +27,9 @@ REAL_TIME: dict[str, Any] = {
     "eps_rel": 1e-3,
     "max_iter": 60,
     "rho": 1.0,
+    "alpha": 1.4,
     "adaptive_rho": 0,
-    "scaling": 3,
+    "scaling": 0,
     "check_termination": 10,
 }
 CONVERGED: dict[str, Any] = {"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iter": 4000, "rho": 1.0, "adaptive_rho": 1}
@@ -134,7 +135,7 @@ class SQP:
     def at_rest(self, x: Array) -> Trajectory:
         """Return the trajectory of a robot that stands at x: a cold start."""
         n = self.problem.horizon
-        return Trajectory(np.tile(x, (n + 1, 1)), np.zeros((n, 2)), np.zeros(self.qp.row_count))
+        return Trajectory(np.tile(x, (n + 1, 1)), np.zeros((n, 2)), self.qp.duals_in_the_open())
 
     def shift(self, last: Trajectory, x: Array) -> Trajectory:
         """Return the trajectory one period on, from the measured state; the last stage is held."""
@@ -156,7 +157,7 @@ class SQP:
         steps = np.diff(states, axis=0)
         forward = np.cos(states[:-1, 2]) * steps[:, 0] + np.sin(states[:-1, 2]) * steps[:, 1]
         inputs = np.column_stack([forward, steps[:, 2]]) / self.problem.dt
-        return Trajectory(states, np.clip(inputs, self._u_min, self._u_max), np.zeros(self.qp.row_count))
+        return Trajectory(states, np.clip(inputs, self._u_min, self._u_max), self.qp.duals_in_the_open())
 
     def solve(self, guess: Trajectory, task: Task, passes: int = 1) -> SQPResult:
         """Run the passes from a guess whose first state is the present one.

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 from kmpc_lite import NavigationProblem
-from kmpc_lite.control.qp import NavigationQP
+from kmpc_lite.control.qp import SLACK_SCALE, NavigationQP
 from kmpc_lite.model import Linearization
 
 Q = np.array([[2.0, 0.3, 0.1], [0.3, 5.0, 0.0], [0.1, 0.0, 0.2]])
@@ -114,7 +114,7 @@ def test_filled_qp_is_the_naive_qp(shape: tuple[int, int, int], seed: int) -> No
         assert np.isposinf(qp.upper[qp.keepout_rows]).all()
         np.testing.assert_allclose(rows[qp.input_rows] - qp.lower[qp.input_rows], u - (-0.3, -1.0), atol=1e-12)
         np.testing.assert_allclose(qp.upper[qp.input_rows] - rows[qp.input_rows], (0.7, 0.9) - u, atol=1e-12)
-        np.testing.assert_allclose(rows[qp.slack_rows] - qp.lower[qp.slack_rows], slack, atol=1e-12)
+        np.testing.assert_allclose(rows[qp.slack_rows] - qp.lower[qp.slack_rows], SLACK_SCALE * slack, atol=1e-12)
         assert np.isposinf(qp.upper[qp.slack_rows]).all()
     # the objectives may differ by what no variable changes
     np.testing.assert_allclose(np.diff(values), np.diff(definitions), rtol=1e-9, atol=1e-8)
