@@ -20,6 +20,7 @@ from kmpc_lite.commands import SHORTEST_PERIOD, run_demo, run_fit, run_report, r
 from kmpc_lite.measuring import run_bench, run_study  # noqa: E402
 from kmpc_lite.sim.maps import FAMILIES  # noqa: E402
 from kmpc_lite.sim.scenario import bundled  # noqa: E402
+from kmpc_lite.sim.studies import STUDIES  # noqa: E402
 
 DICTIONARIES = {
     "unicycle": "the paper's [1, x, y, theta, cos, sin]",
@@ -138,21 +139,21 @@ def _parser() -> argparse.ArgumentParser:
     p = command(
         "study",
         run_study,
-        "Reproduce the paper's table 1 beside ours, or drive random maps. IPOPT's rows need the extra peers.",
+        "Reproduce the paper's table 1 beside ours, or drive random maps: plain ones, with motors that lag, noisy poses, floors that "
+        "change (adaptation), models of another floor (mismatch). IPOPT's rows need the extra peers.",
         "  kmpc study table1\n  kmpc study table1 --trials 100 --json > table1.json\n"
         "  kmpc study maps --maps 100 --records maps.jsonl --failures failures\n"
-        "  kmpc study maps --families dense trap moving --controllers 'everything on' --slips 0.1",
+        "  kmpc study maps --families dense trap moving --controllers 'everything on' --slips 0.1\n"
+        "  kmpc study lag --records lag.jsonl --failures failures",
     )
-    p.add_argument("study", choices=("table1", "maps"), help="which study")
+    p.add_argument("study", choices=("table1", *STUDIES), help="; ".join(f"{name}: {study.text}" for name, study in STUDIES.items()))
     p.add_argument("--trials", type=int, default=5, help="runs per cell (default: 5, as in the paper)")
     p.add_argument("--scenario", default="four_circles_1", help="map of table1 (default: four_circles_1); its slip and seed are replaced")
     p.add_argument("--maps", type=int, default=100, help="maps of each family (default: 100)")
     p.add_argument("--families", nargs="+", choices=FAMILIES, default=["open"], help="families of random maps (default: open)")
-    p.add_argument("--slips", type=float, nargs="+", help="mean slip ratios (default: the paper's eight)")
-    p.add_argument(
-        "--controllers", nargs="+", default=["K-NMPC, IPOPT", "everything on"], help="rows whose labels contain one of these (default: two)"
-    )
-    p.add_argument("--trained-at", type=float, help="slip at which models are learned (default: the one that is driven)")
+    p.add_argument("--slips", type=float, nargs="+", help="mean slip ratios (default: the study's, the paper's eight for maps)")
+    p.add_argument("--controllers", nargs="+", help="rows whose labels contain one of these (default: the study's)")
+    p.add_argument("--trained-at", type=float, help="slip at which models are learned (default: the one that is driven; mismatch: 0.1)")
     p.add_argument("--records", type=Path, help="file to which each drive is added; a study that was stopped goes on from it (.jsonl)")
     p.add_argument("--failures", type=Path, help="folder for scenario files of the drives that failed")
     p.add_argument("--tuning", action="store_true", help="the tuning seeds instead of the reporting ones")

@@ -98,30 +98,29 @@ def run_study(options: argparse.Namespace) -> int:
 
 
 def run_maps(options: argparse.Namespace) -> int:
-    """Drive random maps."""
+    """Drive random maps, under the conditions of one of the studies over them."""
     from kmpc_lite.sim.maps_study import maps_study
     from kmpc_lite.sim.maps_table import format_maps, summarise, time_ratio
-    from kmpc_lite.sim.study import DT, LAMBDAS, REPORTING_SEED, TABLE_1_CONTROLLERS
+    from kmpc_lite.sim.studies import STUDIES, choose
+    from kmpc_lite.sim.study import DT, REPORTING_SEED
 
-    specs = [c for c in TABLE_1_CONTROLLERS if any(word.lower() in c.label.lower() for word in options.controllers)]
-    if not specs:
-        known = ", ".join(c.label for c in TABLE_1_CONTROLLERS)
-        raise kl.ProblemError(f"--controllers {' '.join(options.controllers)}: nobody is left; labels are {known}")
+    study = STUDIES[options.study]
+    specs = choose(study, options.controllers)
     for spec in specs:
         spec.build(kl.nominal_unicycle(DT), Scenario.load("mehrez"))  # what is missing is told now, not after minutes of training
-    slips = tuple(options.slips or LAMBDAS)
-    bar = Progress("maps", quiet=options.json)
+    bar = Progress(options.study, quiet=options.json)
     with worker_pool(options.workers) as executor:
         records = maps_study(
             specs,
             executor,
             families=options.families,
-            slips=slips,
+            slips=tuple(options.slips or study.slips),
             maps=options.maps,
             first_seed=0 if options.tuning else REPORTING_SEED,
             records=options.records,
             failures=options.failures,
-            trained_at=options.trained_at,
+            trained_at=study.trained_at if options.trained_at is None else options.trained_at,
+            conditions=study.conditions,
             progress=bar,
         )
     rows = summarise(records)

@@ -10,15 +10,15 @@ import numpy as np
 
 Record = dict[str, Any]
 """One drive, as `maps_study.measure` writes it."""
-Key = tuple[str, str, float | None, float, int]
+Key = tuple[str, str, str, float | None, float, int]
 CONFIDENCE = 1.959964
 """Quantile of the normal distribution for intervals of 95 %."""
 
 
 def drive_key(record: Mapping[str, Any]) -> Key:
-    """What makes a drive one and the same: controller, family, slip of the training, slip, seed."""
-    trained = record["trained_at"]
-    return record["controller"], record["family"], None if trained is None else float(trained), float(record["slip"]), int(record["seed"])
+    """What makes a drive one and the same: controller, condition, family, slip of the training, slip, seed."""
+    trained = None if record["trained_at"] is None else float(record["trained_at"])
+    return record["controller"], record["condition"], record["family"], trained, float(record["slip"]), int(record["seed"])
 
 
 def wilson(successes: int, trials: int) -> tuple[float, float]:
@@ -42,9 +42,10 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Row:
-    """One controller on one family at one slip; slip None: at all slips."""
+    """One controller under one condition on one family at one slip; slip None: at all slips."""
 
     controller: str
+    condition: str
     family: str
     slip: float | None
     drives: int
@@ -58,6 +59,8 @@ class Row:
     pose_s: float | None
     clearance_m: float | None
     """Smallest over all drives."""
+    error_ratio: tuple[float, float] | None
+    """Median and 95 % quantile of the prediction error after a change of floor, to a fresh fit's."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values with intervals, for JSON."""
@@ -66,25 +69,27 @@ class Row:
 
 
 def summarise(records: Sequence[Record]) -> list[Row]:
-    """Count by controller, family and slip, and over all slips of each family."""
+    """Count by controller, condition, family and slip, and over all slips of each."""
     rows = []
-    for controller, family in dict.fromkeys((r["controller"], r["family"]) for r in records):
-        own = [r for r in records if (r["controller"], r["family"]) == (controller, family)]
+    for own_key in dict.fromkeys((r["controller"], r["condition"], r["family"]) for r in records):
+        own = [r for r in records if (r["controller"], r["condition"], r["family"]) == own_key]
         slips: list[float | None] = list(dict.fromkeys(r["slip"] for r in own))
         for slip in [*slips, *([None] if len(slips) > 1 else [])]:
-            rows.append(_row(controller, family, slip, [r for r in own if slip is None or r["slip"] == slip]))
+            rows.append(_row(*own_key, slip, [r for r in own if slip is None or r["slip"] == slip]))
     return rows
 
 
-def _row(controller: str, family: str, slip: float | None, records: Sequence[Record]) -> Row:
+def _row(controller: str, condition: str, family: str, slip: float | None, records: Sequence[Record]) -> Row:
     untouched = [r for r in records if r["collision_s"] is None]
 
     def mean(key: str) -> float | None:
         values = [r[key] for r in untouched if r[key] is not None]
         return float(np.mean(values)) if values else None
 
+    ratios = [r["error_ratio"] for r in records if r.get("error_ratio") is not None]
     return Row(
         controller,
+        condition,
         family,
         slip,
         len(records),
@@ -94,6 +99,7 @@ def _row(controller: str, family: str, slip: float | None, records: Sequence[Rec
         mean("position_s"),
         mean("pose_s"),
         min((r["clearance_m"] for r in records if r["clearance_m"] is not None), default=None),
+        (float(np.median(ratios)), float(np.quantile(ratios, 0.95))) if ratios else None,
     )
 
 
@@ -108,7 +114,7 @@ def time_ratio(records: Sequence[Record], controller: str, reference: str, key: 
 
     def times(label: str) -> dict[tuple[Any, ...], float]:
         arrived = (r for r in records if r["controller"] == label and r["collision_s"] is None and r[key] is not None)
-        return {(r["family"], r["slip"], r["seed"]): r[key] for r in arrived}
+        return {(r["condition"], r["family"], r["slip"], r["seed"]): r[key] for r in arrived}
 
     ours, theirs = times(controller), times(reference)
     both = ours.keys() & theirs.keys()
@@ -125,10 +131,13 @@ def format_maps(rows: Sequence[Row]) -> str:
     def seconds(value: float | None) -> str:
         return "-" if value is None else f"{value:.2f}"
 
-    widest = max([len(row.controller) for row in rows] + [10])
+    widest, conditions = max(len(row.controller) for row in rows), max(len(row.condition) for row in rows)
+    under = f"{'condition':<{max(conditions, 9)}}  " if conditions else ""
+    ratios = any(row.error_ratio for row in rows)
     lines = [
-        f"{'controller':<{widest}}  {'maps':<9}{'lambda':>7}{'drives':>8}  {'collisions':<22}{'within 5 cm':<23}"
+        f"{'controller':<{max(widest, 10)}}  {under}{'maps':<9}{'lambda':>7}{'drives':>8}  {'collisions':<22}{'within 5 cm':<23}"
         f"{'and 0.15 rad':<23}{'s to 5 cm':>10}{'s to pose':>10}{'least gap':>11}"
+        + ("  error to a fresh fit's (median, 95 %)" if ratios else "")
     ]
     for row in rows:
         gap = "-" if row.clearance_m is None else f"{1e3 * row.clearance_m:.0f} mm"
@@ -136,8 +145,11 @@ def format_maps(rows: Sequence[Row]) -> str:
         collisions = (
             f"{row.collisions} [{100 * wilson(row.collisions, row.drives)[0]:.1f}, {100 * wilson(row.collisions, row.drives)[1]:.1f}] %"
         )
+        condition = f"{row.condition or '-':<{max(conditions, 9)}}  " if conditions else ""
+        errors = "" if row.error_ratio is None else f"  {row.error_ratio[0]:.2f}, {row.error_ratio[1]:.2f}"
         lines.append(
-            f"{row.controller:<{widest}}  {row.family:<9}{slip:>7}{row.drives:>8}  {collisions:<22}{share(row.at_position, row.drives):<23}"
-            f"{share(row.at_pose, row.drives):<23}{seconds(row.position_s):>10}{seconds(row.pose_s):>10}{gap:>11}"
+            f"{row.controller:<{max(widest, 10)}}  {condition}{row.family:<9}{slip:>7}{row.drives:>8}  {collisions:<22}"
+            f"{share(row.at_position, row.drives):<23}{share(row.at_pose, row.drives):<23}"
+            f"{seconds(row.position_s):>10}{seconds(row.pose_s):>10}{gap:>11}{errors}"
         )
     return "\n".join(lines)

@@ -38,7 +38,7 @@ KEYS: Mapping[str, Mapping[str, Any]] = {
 }
 """Sections, keys and defaults; None means that the key must be given."""
 POSITIVE = frozenset({"radius", "turn_gain", "timeout", "tolerance", "heading_tolerance"})
-LARGEST = {"slip": 10.0, "turn_gain": 10.0, "lag": 10.0, "dead_time": 10.0, "pose_age": 10.0, "timeout": 10_000.0}
+LARGEST = {"slip": 10.0, "turn_gain": 10.0, "lag": 10.0, "dead_time": 10.0, "pose_age": 10.0, "timeout": 100_000.0}
 """What a drive can be simulated with: beyond these are slips of the pen, and drives that no memory holds."""
 
 

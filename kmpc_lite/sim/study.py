@@ -64,6 +64,8 @@ class ControllerSpec:
     """How the model is learned; None is the nominal unicycle."""
     margin: float = 0.0
     """Distance to keep beyond the radii [m]."""
+    adaptation: bool | None = None
+    """Whether ours adapts its model while driving; its own choice where not given."""
 
     def build(self, model: KoopmanModel, scenario: Scenario) -> Any:
         """Make the controller for a scenario."""
@@ -73,8 +75,8 @@ class ControllerSpec:
 
             return IpoptController(model, problem)
         if self.solver == "plain":
-            return Controller(model, problem, guidance=False, tightening=None)
-        return Controller(model, problem)
+            return Controller(model, problem, guidance=False, tightening=None, pose_age=scenario.pose_age)
+        return Controller(model, problem, adaptation=self.adaptation, pose_age=scenario.pose_age)
 
 
 TABLE_1_CONTROLLERS = (

@@ -19,9 +19,12 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.learn.regression import Method
 from kmpc_lite.sim import Scenario, drive
 from kmpc_lite.sim.closed_loop import Steps
+from kmpc_lite.sim.conditions import BOTH_CHANGE, LAGGING, NOISY_LAGGING, OLD_LAGGING, PLAIN, Condition
 from kmpc_lite.sim.maps import random_map
-from kmpc_lite.sim.maps_study import SETTLE, drive_maps, failed, maps_study, measure, write_failures
+from kmpc_lite.sim.maps_study import SETTLE, check_folder, drive_maps, failed, maps_study, measure, write_failures
 from kmpc_lite.sim.maps_table import format_maps, summarise, time_ratio, wilson
+from kmpc_lite.sim.studies import CONTROLLERS, STUDIES, choose
+from kmpc_lite.sim.study import ControllerSpec
 
 SMALL = {"episodes": 6, "steps": 30}
 
@@ -157,12 +160,12 @@ def test_models_are_learned_once_for_each_slip_and_only_where_needed() -> None:
     learning = [Spec("a", "stand", fit="integral"), Spec("b", "stand", fit="integral"), Spec("c", "stand", fit="edmdc")]
     executor = Inline()
     found = study(executor, specs=learning, maps=1, slips=(0.0, 0.05))
-    lessons = [args[:2] for name, args in executor.asked if name == "train"]
+    lessons = [args for name, args in executor.asked if name == "learn"]
     assert sorted(lessons) == [(0.0, "edmdc"), (0.0, "integral"), (0.05, "edmdc"), (0.05, "integral")]
     assert {(r["slip"], r["trained_at"]) for r in found} == {(0.0, 0.0), (0.05, 0.05)}
     elsewhere = Inline()
     mismatched = study(elsewhere, specs=learning[:1], maps=1, slips=(0.1, 0.2), trained_at=0.05)
-    assert [args[:2] for name, args in elsewhere.asked if name == "train"] == [(0.05, "integral")]
+    assert [args for name, args in elsewhere.asked if name == "learn"] == [(0.05, "integral")]
     assert {r["trained_at"] for r in mismatched} == {0.05}
 
 
@@ -171,7 +174,7 @@ def test_a_drive_with_another_training_is_another_drive(tmp_path: Path) -> None:
     study(specs=spec, maps=1, slips=(0.1,), records=path)
     executor = Inline()
     study(executor, specs=spec, maps=1, slips=(0.1,), records=path, trained_at=0.0)
-    assert [name for name, _ in executor.asked] == ["train", "drive_maps"]
+    assert [name for name, _ in executor.asked] == ["learn", "drive_maps"]
     assert len(path.read_text().splitlines()) == 2
 
 
@@ -179,25 +182,104 @@ def test_a_failure_is_a_scenario_file_that_replays_it(tmp_path: Path) -> None:
     found = study(specs=[RAM], slips=(0.0,), maps=30, failures=tmp_path / "failed")
     collided = [r for r in found if r["collision_s"] is not None]
     assert collided
-    files = sorted((tmp_path / "failed").iterdir())
+    files = sorted((tmp_path / "failed").glob("*.toml"))
     assert len(files) == sum(failed(r) for r in found)
     for record in collided:
         (path,) = (f for f in files if f.name.startswith(f"open-{record['seed']}-slip0-ram"))
         scenario = Scenario.load(path)
-        assert "# ram: collision" in path.read_text()
+        assert "# ram: collision; kmpc simulate" in path.read_text()
         again = drive(Scripted((0.6, 0.0)), scenario)
         assert again.outcome.value == "collision" and again.duration == record["collision_s"]
 
 
 def test_no_failures_no_folder(tmp_path: Path) -> None:
-    good = [r for r in study(specs=[FOLLOW], slips=(0.0,)) if not failed(r)]
-    assert good and write_failures(good, tmp_path / "none") == [] and not (tmp_path / "none").exists()
+    study(specs=[STAND], slips=(0.0,), maps=1, failures=tmp_path / "some")
+    assert (tmp_path / "some").exists()
+    seed = next(r["seed"] for r in study(specs=[FOLLOW], slips=(0.0,)) if not failed(r))
+    study(specs=[FOLLOW], slips=(0.0,), maps=1, first_seed=seed, failures=tmp_path / "none")
+    assert not (tmp_path / "none").exists()
+    assert write_failures([], tmp_path / "none") == []
+
+
+def test_where_failures_or_records_cannot_be_written_nothing_is_driven(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    executor = Inline()
+    for folder in (tmp_path / "file", tmp_path / "file" / "below" / "it"):
+        with pytest.raises(NotADirectoryError, match="file"):
+            study(executor, failures=folder)
+    with pytest.raises(OSError, match="none"):
+        study(executor, records=tmp_path / "none" / "drives.jsonl")
+    with pytest.raises(IsADirectoryError):
+        study(executor, records=tmp_path)
+    assert not executor.asked
+    check_folder(tmp_path / "a" / "new" / "one")
+    assert not (tmp_path / "a").exists()
+
+
+def test_a_failure_of_a_learned_model_leaves_the_model_too(tmp_path: Path) -> None:
+    spec = Spec("a", "stand", fit="integral")
+    options: dict[str, Any] = {"specs": [spec], "slips": (0.1,), "maps": 2, "records": tmp_path / "drives.jsonl"}
+    study(**options)
+    # also of drives that were done before
+    study(**options, failures=tmp_path / "failed")
+    (model,) = (tmp_path / "failed").glob("*.npz")
+    found = sorted((tmp_path / "failed").glob("*.toml"))
+    assert len(found) == 2
+    for path in found:
+        first = path.read_text().splitlines()[0]
+        assert first == f"# a: not there; kmpc simulate --scenario {path.name} --model {model.name}"
+    assert kl.KoopmanModel.load(model).info["method"] == "integral"
+
+
+# -- conditions
+
+
+def test_conditions_are_driven_and_told_apart(tmp_path: Path) -> None:
+    late, path = Condition("late", lag=0.2, dead_time=0.1, pose_noise=(0.01, 0.01, 0.0), pose_age=0.1), tmp_path / "drives.jsonl"
+    found = study(specs=[RAM, STAND], slips=(0.1,), maps=2, conditions=(PLAIN, late), records=path)
+    assert [(r["controller"], r["condition"], r["seed"]) for r in found] == [
+        (c, name, seed) for c in ("ram", "stand") for name in ("", "late") for seed in (100, 101)
+    ]
+    assert study(Inline(stop_after=0), specs=[RAM, STAND], slips=(0.1,), maps=2, conditions=(PLAIN, late), records=path) == found
+    scenario = late.apply(random_map("open", 100, 0.1))
+    assert (scenario.lag, scenario.dead_time, scenario.pose_noise, scenario.pose_age) == (0.2, 0.1, (0.01, 0.01, 0.0), 0.1)
+    assert scenario.name == "open-100-late" and PLAIN.apply(scenario) is scenario
+    rows = summarise(found)
+    assert [(r.controller, r.condition, r.drives) for r in rows] == [(c, n, 2) for c in ("ram", "stand") for n in ("", "late")]
+    assert "late" in format_maps(rows).splitlines()[2] and "condition" in format_maps(rows).splitlines()[0]
+    assert "condition" not in format_maps(rows[:1])
+
+
+def test_a_lagging_robot_is_learned_from_its_own_log_once() -> None:
+    executor, spec = Inline(), Spec("a", "stand", fit="integral")
+    conditions = (NOISY_LAGGING, OLD_LAGGING)
+    study(executor, specs=[spec], slips=(0.0,), maps=1, conditions=conditions, training={"episodes": 40, "steps": 60})
+    assert [name for name, _ in executor.asked] == ["learn", "drive_maps", "drive_maps"]
+    model = next(args[1] for name, args in executor.asked if name == "drive_maps")
+    assert model.history == 8 and model.info["noise_quantiles"]["windows"] > 50
+    # what stands in the first 0.15 s is dead time
+    now, later = model.H.reshape(3, -1, model.dictionary.size)[0, (0, 6), 1]
+    assert abs(now) < 0.02 < 0.05 < later
+
+
+def test_a_model_is_judged_on_the_floor_that_the_robot_came_to() -> None:
+    learning = kl.fit(kl.generate_dataset(kl.DifferentialDrive(), episodes=20, steps=50))
+    specs = [ControllerSpec("off", "kmpc", "integral", adaptation=False), ControllerSpec("on", "kmpc", "integral", adaptation=True)]
+    off, on = (drive_maps(s, learning, 0.0, BOTH_CHANGE, "open", 0.0, [3]) for s in specs)
+    for without, with_it in zip(off, on, strict=True):
+        assert with_it["error_ratio"] < 0.5 * without["error_ratio"]
+    rows = summarise([*off, *on])
+    assert rows[0].error_ratio is not None and rows[1].error_ratio is not None
+    assert "to a fresh fit's" in format_maps(rows)
+    # nothing is told of a controller without a model, or where the floor did not change
+    assert drive_maps(STAND, learning, 0.0, BOTH_CHANGE, "open", 0.0, [3])[0]["error_ratio"] is None
+    assert "error_ratio" not in drive_maps(STAND, learning, 0.0, LAGGING, "open", 0.0, [3])[0]
 
 
 def test_other_processes_do_the_same(records: list[dict[str, Any]]) -> None:
     seeds, model = [100, 101], kl.nominal_unicycle(0.1)
     with ProcessPoolExecutor(1) as pool:
-        there = pool.submit(drive_maps, FOLLOW, model, None, "open", 0.1, seeds).result()
+        there = pool.submit(drive_maps, FOLLOW, model, None, PLAIN, "open", 0.1, seeds).result()
     here = [r for r in records if r["controller"] == "follow" and r["slip"] == 0.1 and r["seed"] in seeds]
     assert [{k: v for k, v in r.items() if "step" not in k} for r in there] == [
         {k: v for k, v in r.items() if "step" not in k} for r in here
@@ -210,7 +292,7 @@ def test_other_processes_do_the_same(records: list[dict[str, Any]]) -> None:
 def made_up(controller: str, slip: float, seed: int, collision: float | None, position: float | None, pose: float | None) -> dict[str, Any]:
     keys = ("controller", "family", "trained_at", "slip", "seed", "collision_s", "position_s", "pose_s")
     record = dict(zip(keys, (controller, "open", None, slip, seed, collision, position, pose), strict=True))
-    return {**record, "clearance_m": -0.01 if collision else 0.02 + 0.001 * seed}
+    return {**record, "condition": "", "clearance_m": -0.01 if collision else 0.02 + 0.001 * seed}
 
 
 MADE_UP = [
@@ -264,3 +346,23 @@ def test_wilson_holds_the_shares_whose_score_test_is_not_refused(successes: int,
 
 def test_wilson_without_trials_knows_nothing() -> None:
     assert wilson(0, 0) == (0.0, 1.0)
+
+
+# -- the studies by name
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_study_has_its_controllers(name: str) -> None:
+    chosen = choose(STUDIES[name], None)
+    assert [c.label for c in chosen][-1] in ("ours, everything on", "ours, no adaptation")
+    assert {c.label for c in chosen} == set(STUDIES[name].controllers)
+    names = [c.name for c in STUDIES[name].conditions]
+    assert len(set(names)) == len(names)
+
+
+def test_controllers_are_chosen_by_words() -> None:
+    assert choose(STUDIES["maps"], ["paper", "no adapt"]) == [c for c in CONTROLLERS if "paper" in c.label or "no adapt" in c.label]
+    with pytest.raises(kl.ProblemError, match=r"nobody is left; labels are NMPC, IPOPT; "):
+        choose(STUDIES["maps"], ["nobody"])
+    with pytest.raises(kl.ProblemError, match="integral"):
+        choose(STUDIES["lag"], ["everything on", "K-NMPC"])
