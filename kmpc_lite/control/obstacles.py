@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.dictionary import Array
 from kmpc_lite.errors import ProblemError
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.solids import Nearby
 
 COLUMNS = 5
 
@@ -106,9 +109,10 @@ def circle_distances(circles: Array, positions: Array, times: Array) -> tuple[Ar
 
 
 class KeepOut:
-    """What the robot's centre must stay out of: circles grown by radius and margin, and beyond the sides of the area.
+    """What the robot's centre must stay out of: circles and solids grown by radius and margin, and beyond the sides of the area.
 
-    Holds the memory for one problem; what it returns is overwritten by the next call.
+    Holds the memory for one problem; what it returns is overwritten by the next call. `solids`, if there are any, are set before
+    the passes of a step.
 
     Parameters
     ----------
@@ -126,12 +130,17 @@ class KeepOut:
         self._distance = problem.robot_radius + problem.margin
         self.horizon, self.slots = problem.horizon, slots
         self._times = problem.dt * np.arange(1, problem.horizon + 1)
+        self.solids: Nearby | None = None
         self._count = -1
         self._row_starts = np.arange(problem.horizon)[:, None]
         self._normals, self._offsets = np.zeros((self.horizon, slots, 2)), np.full((self.horizon, slots), -np.inf)
 
+    def obstacle_count(self, circles: Array) -> int:
+        """How many of the columns of `gaps` are obstacles: all but the sides."""
+        return len(circles) + (0 if self.solids is None else self.solids.columns)
+
     def gaps(self, states: Array, circles: Array) -> tuple[Array, Array]:
-        """Room left at stages 1 to N, (N, K) [m], negative where there is none, and normals (N, K, 2): circles, then sides.
+        """Room left at stages 1 to N, (N, K) [m], negative where there is none, and normals (N, K, 2): circles, solids, then sides.
 
         A robot that stands outside the area widens its side to where it stands: it is asked to come back, at no
         obstacle's expense.
@@ -141,16 +150,20 @@ class KeepOut:
         states, circles : ndarray
             (N + 1, 3), the first being the present one, and (M, 5).
         """
-        count = len(circles)
+        circle_count = len(circles)
+        count = self.obstacle_count(circles)
         if count != self._count:
             self._count = count
             self._gaps = np.empty((self.horizon, count + len(self._side_offsets)))
             self._gap_normals = np.empty((*self._gaps.shape, 2))
             self._gap_normals[:, count:] = self._side_normals
         positions = states[1:, :2]
-        if count:
-            distances, self._gap_normals[:, :count] = circle_distances(circles, positions, self._times)
-            np.subtract(distances, self._distance, out=self._gaps[:, :count])
+        if circle_count:
+            distances, self._gap_normals[:, :circle_count] = circle_distances(circles, positions, self._times)
+            np.subtract(distances, self._distance, out=self._gaps[:, :circle_count])
+        if self.solids is not None:
+            distances, self._gap_normals[:, circle_count:count] = self.solids.measure(positions)
+            np.subtract(distances, self._distance, out=self._gaps[:, circle_count:count])
         np.subtract(positions @ self._side_normals.T, self._side_offsets_from(states[0]), out=self._gaps[:, count:])
         return self._gaps, self._gap_normals
 
@@ -197,6 +210,9 @@ class KeepOut:
         count = len(circles)
         outside = self._side_offsets_from(states[0]) - states[1:, :2] @ self._side_normals.T
         x, y = states[1:, 0:1], states[1:, 1:2]
+        if self.solids is not None:
+            # as far as the last linearisation saw them
+            outside = np.concatenate([self._distance - self.solids.again(states[1:, :2]), outside], axis=1)
         if count:
             if circles[:, 3:].any():
                 x, y = x - self._times[:, None] * circles[:, 3], y - self._times[:, None] * circles[:, 4]

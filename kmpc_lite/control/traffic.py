@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from kmpc_lite.control.solids import Solids
 from kmpc_lite.control.timed_path import TimedPath
 from kmpc_lite.dictionary import Array
 
@@ -34,10 +35,12 @@ class MovingCircles:
         Distance of the robot's centre to the circles' edges [m].
     speed : ndarray
         At which the robot drives and turns [m/s, rad/s], (2,).
+    solids : Solids, optional
+        What else is there, at rest.
     """
 
-    def __init__(self, circles: Array, keep: float, speed: Array) -> None:
-        self.all = circles
+    def __init__(self, circles: Array, keep: float, speed: Array, solids: Solids | None = None) -> None:
+        self.all, self._solids = circles, solids
         self._moving = circles[circles[:, 3:].any(axis=1)]
         self._keep, self._speed = keep, speed
         self._times = np.arange(0.0, LOOK_AHEAD + 1e-9, STEP)
@@ -85,7 +88,12 @@ class MovingCircles:
         The first one that is clear is taken, since the first ones move least; the one begun, number `last` (-1: none), is kept
         unless another one promises `FAITH` more.
         """
-        room = self._room(self._arcs(pose, self._times)[..., :2], self.all)
+        positions = self._arcs(pose, self._times)[..., :2]
+        room = self._room(positions, self.all)
+        if self._solids is not None:
+            near = self._solids.near(pose[:2], LOOK_AHEAD * float(self._speed[0]) + self._keep)
+            gaps = near.least(positions.reshape(-1, 2)).reshape(room.shape[0], -1)
+            room = np.minimum(room, gaps.min(axis=1) - self._keep)
         if last >= 0:
             room[last] += FAITH
         clear = room >= SPARE
