@@ -24,7 +24,7 @@ $(VENV)/demo: $(VENV)/python pyproject.toml
 
 $(VENV)/dev: $(VENV)/python pyproject.toml
 	@echo "installing kmpc_lite with all that its tests need ..."
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot,bridge,peers,clients,dev]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot,bridge,peers,twin,clients,dev]'
 	@touch $@ $(VENV)/demo
 
 demo: $(VENV)/demo  ## learn from a drive, drive past four obstacles, end in a report: out/report.html

@@ -31,12 +31,16 @@ KEYS: Mapping[str, Mapping[str, Any]] = {
         "lag": 0.0,
         "dead_time": 0.0,
         "floors": [],
+        "ground": "tile",
+        "ground_changes": [],
+        "ground_patches": [],
         "pose_noise": [0.0, 0.0, 0.0],
         "pose_age": 0.0,
     },
     "run": {"seed": 0, "timeout": 20.0, "tolerance": 0.05, "heading_tolerance": 0.15, "margin": 0.0},
 }
 """Sections, keys and defaults; None means that the key must be given."""
+GROUND_ROWS = {"ground_changes": ("time", "name"), "ground_patches": ("name", "x", "y", "radius")}
 POSITIVE = frozenset({"radius", "turn_gain", "timeout", "tolerance", "heading_tolerance"})
 LARGEST = {"slip": 10.0, "turn_gain": 10.0, "lag": 10.0, "dead_time": 10.0, "pose_age": 10.0, "timeout": 100_000.0}
 """What a drive can be simulated with: beyond these are slips of the pen, and drives that no memory holds."""
@@ -77,6 +81,12 @@ class Scenario:
     """Between a command and the motors' first reaction [s]."""
     floors: tuple[Floor, ...] = ()
     """Changes of slip and turn gain while driving, in order of time; in a file rows time, slip, turn gain."""
+    ground: str = "tile"
+    """Floor under the digital twin, by its name: `kmpc_lite.sim.twin.FLOORS`."""
+    ground_changes: tuple[tuple[float, str], ...] = ()
+    """Times [s] from which on the twin's whole floor is another one; in a file rows time, name."""
+    ground_patches: tuple[tuple[str, float, float, float], ...] = ()
+    """Round pieces of another floor under the twin: name, x, y, radius [m]."""
     pose_noise: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Standard deviation of the measured pose [m, m, rad]."""
     pose_age: float = 0.0
@@ -156,6 +166,7 @@ class Scenario:
         rows = [list(c) if c.vx or c.vy else list(c[:3]) for c in self.circles]
         values = {**self.__dict__, "bounds": list(self.bounds), "circles": rows, "start": list(self.start), "goal": list(self.goal)}
         values["pose_noise"], values["floors"] = list(self.pose_noise), [list(f) for f in self.floors]
+        values["ground_changes"], values["ground_patches"] = [list(c) for c in self.ground_changes], [list(p) for p in self.ground_patches]
         lines: list[str] = []
         for section, keys in KEYS.items():
             lines += [f"[{section}]", *(f"{key} = {values[key]!r}" for key in keys), ""]
@@ -215,6 +226,17 @@ def _value(where: str, key: str, value: Any) -> Any:
             Floor(*(_value(f"{where}: floor {i}", name, v) for name, v in zip(Floor._fields, row, strict=True)))
             for i, row in enumerate(value)
         )
+    if key in GROUND_ROWS:
+        kinds = GROUND_ROWS[key]
+        if not isinstance(value, list) or any(not isinstance(row, list) or len(row) != len(kinds) for row in value):
+            raise ScenarioError(f"{where}: expected a list of [{', '.join(kinds)}], got {value!r}")
+        return tuple(tuple(_value(where, "ground" if k == "name" else k, v) for k, v in zip(kinds, row, strict=True)) for row in value)
+    if key == "ground":
+        if not isinstance(value, str):
+            raise ScenarioError(f"{where}: expected the name of a floor, got {value!r}")
+        return value
+    if key in ("x", "y"):
+        return _number(where, value)
     if key in FLOAT_LISTS:
         if not isinstance(value, list) or len(value) != FLOAT_LISTS[key]:
             raise ScenarioError(f"{where}: expected {FLOAT_LISTS[key]} numbers, got {value!r}")
