@@ -43,6 +43,8 @@ STILL = (2e-3, 2e-3)
 """A step that should move the robot less [m, rad] tells nothing and is left out."""
 JUMP = (3.0, 0.05, 0.15)
 """A pose that moved more than this factor of what was commanded, plus this [m, rad], is a broken measurement, not a floor."""
+HELD = (0.02, 0.03)
+"""A robot that should move by more than this [m], or turn by more [rad], and does next to nothing, is held: by brakes, a wall, a pilot."""
 GAINS = (0.1, 3.0)
 """Limits of the gains: beyond them the model is not what has changed."""
 
@@ -118,12 +120,16 @@ class OnlineAdaptation:
     def reset(self) -> None:
         """Forget all steps and go back to the learned model."""
         self.model, self.gains, self.counts = self.base, Gains(), AdaptationCounts()
+        self._forget()
+        self._set_noise(self._learned_noise)
+
+    def _forget(self) -> None:
+        """Forget the steps, not the gains."""
         self._recent = np.zeros((self._window, 10))
         self._slow = np.zeros(10)
         self._slow_count, self._next = 0.0, 0
         self._count, self._since = 0, 0
         self._usual = 0.0, 0.0
-        self._set_noise(self._learned_noise)
         self._raw = np.zeros((self._memory, 13))
 
     def _forward_responses(self) -> Array:
@@ -237,7 +243,12 @@ class OnlineAdaptation:
         if moved < STILL[0] and abs(h) < STILL[1]:
             self.counts = replace(self.counts, still=self.counts.still + 1)
             return None
-        if hypot(dx, dy) > JUMP[0] * moved + JUMP[1] or abs(turned) > JUMP[0] * abs(h) + JUMP[2]:
+        held = (
+            (moved > HELD[0] or abs(h) > HELD[1])
+            and hypot(dx, dy) < GAINS[0] * moved + HELD[0] * GAINS[0]
+            and abs(turned) < GAINS[0] * abs(h) + HELD[1] * GAINS[0]
+        )
+        if held or hypot(dx, dy) > JUMP[0] * moved + JUMP[1] or abs(turned) > JUMP[0] * abs(h) + JUMP[2]:
             self.counts = replace(self.counts, rejected=self.counts.rejected + 1)
             return None
         self.counts = replace(self.counts, used=self.counts.used + 1)
@@ -269,6 +280,8 @@ class OnlineAdaptation:
         low, high = GAINS
         speed = hypot(gains.ahead, gains.left)
         if not (low < speed < high and gains.ahead > 0.0 and low < gains.turn < high and abs(gains.pull) < high):
+            # whatever that was, it was no floor: what comes after it must not be mixed with it
+            self._forget()
             return None
         self.gains = gains
         self.counts = replace(self.counts, models=self.counts.models + 1)

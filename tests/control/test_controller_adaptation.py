@@ -1,0 +1,165 @@
+"""The controller corrects its model while driving: where the floor contradicts it, and nowhere else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import kmpc_lite as kl
+from kmpc_lite.adaptation import OnlineAdaptation
+from kmpc_lite.sim import Scenario, drive
+from kmpc_lite.sim.maps import random_map
+from kmpc_lite.sim.scenario import Floor
+
+DT = 0.1
+NOISE = (0.005, 0.005, 0.02)
+
+
+@pytest.fixture(scope="module")
+def knowing() -> dict[float, kl.KoopmanModel]:
+    """Models by the slip that they were learned at, with margins from drives of their own."""
+
+    def learn(slip: float) -> kl.KoopmanModel:
+        data = kl.generate_dataset(kl.DifferentialDrive(slip, seed=3), episodes=120, steps=200, seed=4)
+        fitted, held = data.split(0.5)
+        return kl.with_quantiles(kl.fit(fitted), held)
+
+    return {slip: learn(slip) for slip in (0.0, 0.05, 0.2)}
+
+
+def test_it_runs_where_there_are_margins_and_the_model_can_be_adapted(
+    learned: kl.KoopmanModel, learned_edmdc: kl.KoopmanModel, lagging: kl.KoopmanModel
+) -> None:
+    for model in (learned, lagging):
+        assert isinstance(kl.Controller(model).adaptation, OnlineAdaptation)
+        assert kl.Controller(model, adaptation=False).adaptation is None
+        assert kl.Controller(model, tightening=None).adaptation is None
+        assert kl.Controller(model, tightening=None, adaptation=True).adaptation is not None
+        own = OnlineAdaptation(model, window=30)
+        assert kl.Controller(model, adaptation=own).adaptation is own
+    assert kl.Controller(learned_edmdc).adaptation is None
+    with pytest.raises(kl.ModelError, match="continuous"):
+        kl.Controller(learned_edmdc, adaptation=True)
+    with pytest.raises(kl.ProblemError, match="another model"):
+        kl.Controller(learned, adaptation=OnlineAdaptation(lagging))
+
+
+@pytest.mark.parametrize("lag", [False, True])
+def test_it_sees_what_was_measured_and_what_was_sent(learned: kl.KoopmanModel, lagging: kl.KoopmanModel, lag: bool) -> None:
+    class Listening(OnlineAdaptation):
+        def update(self, x, u, x_next, history=None):  # type: ignore[no-untyped-def]
+            heard.append((np.array(x), np.array(u), np.array(x_next), np.array(history)))
+            return super().update(x, u, x_next, history)
+
+    model, heard = lagging if lag else learned, []
+    controller = kl.Controller(model, adaptation=Listening(model))
+    poses, commands, x, plant = [], [], np.array([0.0, 0.0, 2 * np.pi]), kl.DifferentialDrive(0.05, seed=2)
+    for k in range(25):
+        poses.append(x.copy())
+        # a pose that is none makes a fallback, whose command counts too; at the goal the robot holds
+        goal = x.copy() if k > 20 else (1.5, 1.0, 0.5)
+        plan = controller.step(np.full(3, np.nan) if k == 8 else x, goal, [kl.Circle(0.7, 0.2, 0.1)])
+        commands.append(plan.command.copy())
+        x = plant.step(x, plan.command, DT)
+    poses[8] = np.full(3, np.nan)
+    past = np.vstack([np.zeros((model.history, 2)), commands])
+    assert len(heard) == 24
+    for k, (before, command, after, history) in enumerate(heard):
+        np.testing.assert_array_equal(before, poses[k])
+        np.testing.assert_array_equal(after, poses[k + 1])
+        np.testing.assert_array_equal(command, commands[k])
+        np.testing.assert_array_equal(history, past[k : k + model.history])
+    assert controller.adaptation is not None and controller.adaptation.counts.rejected >= 2
+
+
+def test_a_floor_that_changes_is_driven_with_a_model_of_it(knowing: dict[float, kl.KoopmanModel], tmp_path: object) -> None:
+    scenario = replace(random_map("open", 3), circles=(), floors=(Floor(1.0, 0.2, 0.6),))
+    controller = kl.Controller(knowing[0.0], scenario.problem())
+    run = drive(controller, scenario, settle=1.0)
+    adaptation = controller.adaptation
+    assert adaptation is not None and run.outcome.value == "reached"
+    assert adaptation.gains.ahead == pytest.approx(1.2, abs=0.1)
+    assert adaptation.gains.turn == pytest.approx(0.6 * 1.2, abs=0.12)
+    # what the controller drives with, what is given out and what is saved are one model
+    np.testing.assert_array_equal(controller.model.H, adaptation.model.H)
+    adaptation.model.save(f"{tmp_path}/floor.npz")
+    loaded = kl.KoopmanModel.load(f"{tmp_path}/floor.npz")
+    assert loaded.info["noise_quantiles"] == knowing[0.0].info["noise_quantiles"]
+    assert loaded.noise((0.5, 0.0))[0, 0] > 100 * knowing[0.0].noise((0.5, 0.0))[0, 0]
+    # a reset controller is a new one
+    controller.reset()
+    assert adaptation.model is knowing[0.0] and not adaptation.counts.models
+    np.testing.assert_array_equal(controller.model.H, knowing[0.0].H)
+    again = drive(controller, scenario, settle=1.0)
+    # but for what the solver remembers
+    np.testing.assert_allclose(again.states, run.states, atol=1e-6)
+
+
+def test_standing_still_changes_nothing(knowing: dict[float, kl.KoopmanModel]) -> None:
+    """Not a bit of the model, for 100,000 noisy poses; the commands are those of a robot that holds."""
+    controller = kl.Controller(knowing[0.05])
+    adaptation = controller.adaptation
+    assert adaptation is not None
+    random = np.random.default_rng(0)
+    for _ in range(300):
+        assert controller.step(random.normal(size=3) * (0.002, 0.002, 0.008), np.zeros(3)).holding
+    before = controller.model
+    poses = random.normal(size=(100_000, 3)) * NOISE
+    assert all(adaptation.update(a, np.zeros(2), b) is None for a, b in pairwise(poses))
+    assert controller.model is before and adaptation.model is knowing[0.05] and adaptation.counts.used == 0
+
+
+@settings(max_examples=12, deadline=None)
+@given(
+    slip=st.sampled_from([0.0, 0.05, 0.2]),
+    noise=st.sampled_from([(0.0, 0.0, 0.0), NOISE]),
+    jumps=st.lists(st.tuples(st.integers(1, 79), st.floats(0.3, 3.0), st.floats(-np.pi, np.pi)), max_size=3),
+    seed=st.integers(0, 9999),
+)
+def test_a_good_model_is_never_made_worse(
+    knowing: dict[float, kl.KoopmanModel],
+    slip: float,
+    noise: tuple[float, float, float],
+    jumps: list[tuple[int, float, float]],
+    seed: int,
+) -> None:
+    """A constant floor, noisy poses, and poses that jump (for good, as a localisation does) do not touch the model."""
+    scenario = random_map("open", seed, slip)
+    controller = kl.Controller(knowing[slip], scenario.problem())
+    random, plant = np.random.default_rng(seed), kl.DifferentialDrive(slip, seed=seed)
+    x, shift = np.array(scenario.start), np.zeros(3)
+    for k in range(80):
+        for when, distance, bearing in jumps:
+            if when == k:
+                shift = shift + (distance * np.cos(bearing), distance * np.sin(bearing), 0.0)
+        plan = controller.step(x + shift + random.normal(size=3) * noise, np.array(scenario.goal) + shift)
+        x = plant.step(x, plan.command, DT)
+    adaptation = controller.adaptation
+    assert adaptation is not None and adaptation.counts.models == 0
+    assert adaptation.model is knowing[slip]
+
+
+def test_a_robot_that_is_held_is_no_slow_floor(knowing: dict[float, kl.KoopmanModel]) -> None:
+    """Commands go out, but brakes are on, or a pilot has the wheels: nothing is learned from that, and the drive after it is as new."""
+    controller = kl.Controller(knowing[0.05])
+    adaptation, x = controller.adaptation, np.zeros(3)
+    assert adaptation is not None
+    random, plant = np.random.default_rng(1), kl.DifferentialDrive(0.05, seed=5)
+    for k in range(150):
+        plan = controller.step(x + random.normal(size=3) * (0.001, 0.001, 0.004), (1.5, 1.2, 0.5))
+        if k >= 60:
+            x = plant.step(x, plan.command, DT)
+    assert adaptation.counts.models == 0
+    assert np.hypot(*(x[:2] - (1.5, 1.2))) < 0.05
+
+
+def test_four_circles_take_the_same_way_with_and_without_it(knowing: dict[float, kl.KoopmanModel]) -> None:
+    """Where the model is good, adaptation is not to be felt: bit for bit."""
+    scenario = replace(Scenario.load("four_circles_1"), slip=0.05)
+    on, off = (drive(kl.Controller(knowing[0.05], scenario.problem(), adaptation=a), scenario) for a in (True, False))
+    np.testing.assert_array_equal(on.states, off.states)
