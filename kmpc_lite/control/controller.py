@@ -349,7 +349,8 @@ class Controller:
             ahead[:, :2] += self.problem.dt * circles[:, 3:]
         share = self._tightening.speed_share(plan.states[0], plan.inputs[0], ahead, self._past)
         if share < 1.0:
-            plan.inputs[0] *= share
+            # where it may not drive at all it turns on the spot, which a round robot always may, or it would stand there for ever
+            plan.inputs[0] *= (share, share or 1.0)
             plan.states[:] = self.model.rollout(plan.states[0], plan.inputs, self._past)
         return share < 1.0
 

@@ -1,18 +1,20 @@
 """A reference around obstacles, so that the controller is never trapped behind one.
 
 The way is the quickest on the tangent graph of the inflated circles; it is looked for anew only when the map, the goal or the
-robot's place gives a reason. Between times the robot is located on it, and the poses of the coming stages are read off.
+robot's place gives a reason: at once for a new map or goal, over a few steps while the robot drives on where it has only strayed.
+Between times the robot is located on it, and the poses of the coming stages are read off.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from kmpc_lite.control.parking import CLOSE, ENTER, Parking
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.tangents import Way, quickest_ways, wrap
+from kmpc_lite.control.tangents import Way, ways_in_parts, wrap
 from kmpc_lite.control.timed_path import TimedPath
 from kmpc_lite.control.traffic import MovingCircles
 from kmpc_lite.dictionary import Array
@@ -28,6 +30,8 @@ LEAD = 0.2
 """How far the reference runs ahead of the robot [s]."""
 OFF_WAY = (0.01, 0.08, 0.15)
 """Distance from the way at which a new one is looked for: least [m], share of the distance to the goal, most [m]."""
+LOST = 0.5
+"""Distance from the way at which the new one is needed at once [m]: the robot was carried off."""
 PATIENCE = (0.3, 0.8)
 """Least time between two new ways for the same map, and how long the robot may stand still on its way [s]."""
 STILL = 0.05
@@ -61,7 +65,7 @@ class Guidance:
     time_left: float
     """Until the goal is reached [s]; infinite where it cannot be."""
     refreshed: bool
-    """Whether the way was looked for anew in this step."""
+    """Whether a new way was found in this step, or that there is none."""
     switched: bool
     """Whether the new way goes another way around, so that a plan along the old one is no good start."""
 
@@ -95,6 +99,7 @@ class Guide:
     def reset(self) -> None:
         """Forget the way."""
         self._path: TimedPath | None = None
+        self._search: Iterator[bool | None] | None = None
         self._goal = np.full(3, np.nan)
         self._circles = np.empty((0, 5))
         self._escape = -1
@@ -120,12 +125,14 @@ class Guide:
         self._turning = distance <= (ENTER[0] if self._turning else CLOSE)
         traffic = MovingCircles(circles, self._keep, self._speed) if circles[:, 3:].any() else None
         place, off = (0.0, 0.0) if self._path is None else self._path.locate(pose)
-        refreshed = self._needs_way(goal, circles, traffic, off, place, distance)
-        switched = False
-        if refreshed:
-            switched = self._refresh(pose, goal, circles, traffic)
-            if self._path is not None:
-                place, _ = self._path.locate(pose)
+        strayed = self._strayed(off, place, distance)
+        at_once = off > LOST or self._is_new(goal, circles) or self._blocked(traffic, place)
+        if at_once or (strayed and self._search is None):
+            self._search = self._look_for_way(pose.copy(), goal, circles, traffic)
+        outcome = self._go_on(at_once)
+        refreshed, switched = outcome is not None, bool(outcome)
+        if refreshed and self._path is not None:
+            place, _ = self._path.locate(pose)
         path = self._path
         if path is None:
             wait = pose if self._waiting is None else self._waiting
@@ -148,17 +155,19 @@ class Guide:
         states[:, 2] += 2 * np.pi * np.round((pose[2] - path.heading_at(place)) / (2 * np.pi))
         return Guidance(states, True, hold, path.points, left, refreshed, switched)
 
-    def _needs_way(self, goal: Array, circles: Array, traffic: MovingCircles | None, off: float, place: float, distance: float) -> bool:
-        """Whether the map, the goal, or the robot's place gives a reason to look for a way."""
+    def _is_new(self, goal: Array, circles: Array) -> bool:
+        """Whether the goal or the map is another one than the way was made for."""
         known = self._circles
         if len(circles) != len(known) or (goal != self._goal).any():
             return True
-        if len(circles):
-            moved = circles[:, :2] - known[:, :2] - self._age * known[:, 3:]
-            if np.abs(moved).max() > MOVED or (circles[:, 2:] != known[:, 2:]).any():
-                return True
-        path = self._path
-        if path is None:
+        if not len(circles):
+            return False
+        moved = circles[:, :2] - known[:, :2] - self._age * known[:, 3:]
+        return bool(np.abs(moved).max() > MOVED or (circles[:, 2:] != known[:, 2:]).any())
+
+    def _strayed(self, off: float, place: float, distance: float) -> bool:
+        """Whether the robot's place gives a reason to look for a way: it is off the one it has, stands still on it, or has none."""
+        if self._path is None:
             return self._age >= RETRY
         if place > self._furthest + STILL:
             self._furthest, self._still = place, 0.0
@@ -167,37 +176,62 @@ class Guide:
         self._still += self._dt
         self._stuck = self._still > PATIENCE[1]
         least, share, most = OFF_WAY
-        if self._stuck or (self._age > PATIENCE[0] and off > min(max(least, share * distance), most)):
-            return True
-        return traffic is not None and self._age > PATIENCE[0] and traffic.blocks(path, place)
+        return self._stuck or (self._age > PATIENCE[0] and off > min(max(least, share * distance), most))
 
-    def _refresh(self, pose: Array, goal: Array, circles: Array, traffic: MovingCircles | None) -> bool:
-        """Look for a way; return whether it goes another way around than the one before."""
+    def _blocked(self, traffic: MovingCircles | None, place: float) -> bool:
+        """Whether something that moves will be in the way."""
+        if traffic is None or self._path is None or self._turning:
+            return False
+        return self._age > PATIENCE[0] and traffic.blocks(self._path, place)
+
+    def _go_on(self, to_the_end: bool) -> bool | None:
+        """Look on for a way; none while the search goes on or where there is none, then whether it goes another way around."""
+        outcome = None
+        while self._search is not None:
+            outcome = next(self._search)
+            if outcome is not None:
+                self._search = None
+            elif not to_the_end:
+                break
+        return outcome
+
+    def _look_for_way(self, pose: Array, goal: Array, circles: Array, traffic: MovingCircles | None) -> Iterator[bool | None]:
+        """Look for a way in parts, none after each; at last yield whether it goes another way around than the one before."""
         previous, same_goal = self._path, bool((goal == self._goal).all())
         self._goal, self._circles, self._age = goal.copy(), circles.copy(), 0.0
-        self._furthest = self._still = 0.0
+        goal = self._goal
+        stuck = self._stuck
         if traffic is not None:
             circles = traffic.where_met(pose)
-        keep_to = previous if same_goal and not self._stuck else None
-        way, switched = self._choose(pose, goal, circles, keep_to)
+        keep_to = previous if same_goal and not stuck else None
+        choice: tuple[Way | None, bool] | None = None
+        for choice in self._choices(pose, goal, circles, keep_to):
+            if choice is None:
+                yield None
+        way, switched = choice or (None, True)
+        self._furthest = self._still = 0.0
         if way is None:
             if self._waiting is None:
-                self._waiting = pose.copy()
+                self._waiting = pose
             self._path = None
-            return previous is not None
+            yield previous is not None
+            return
         self._waiting = None
         length = float(np.hypot(*np.diff(way.points, axis=0).T).sum())
         # a robot that is stuck turns on the spot before it drives
-        free = 0.0 if self._stuck else FREE_TURN * min(1.0, length / LONG)
+        free = 0.0 if stuck else FREE_TURN * min(1.0, length / LONG)
         self._path = TimedPath(way, pose, goal, self._speed, free)
-        return switched or previous is None or not same_goal
+        yield switched or previous is None or not same_goal
 
-    def _choose(self, pose: Array, goal: Array, circles: Array, previous: TimedPath | None) -> tuple[Way | None, bool]:
-        """Pick a way (none: there is none), and tell whether it goes another way around than the previous one."""
+    def _choices(
+        self, pose: Array, goal: Array, circles: Array, previous: TimedPath | None
+    ) -> Iterator[tuple[Way | None, bool] | None]:
+        """Pick a way (none: there is none), and tell whether it goes another way around than the previous one; none after each part."""
         centres = circles[:, :2]
         to_pose, to_goal = (np.hypot(*(centres - point[:2]).T) for point in (pose, goal))
         if (to_goal < circles[:, 2] + self._radius).any():
-            return None, True
+            yield None, True
+            return
         # the outermost of robot and goal widen the area
         area = np.concatenate(
             [np.minimum(self._area[:2], np.minimum(pose, goal)[:2]), np.maximum(self._area[2:], np.maximum(pose, goal)[:2])]
@@ -206,15 +240,20 @@ class Guide:
         for clearance in CLEARANCES:
             radii = np.clip(circles[:, 2] + self._keep + clearance, 0.0, np.maximum(nearest, 0.0))
             best: Way | None = None
-            for way in quickest_ways(centres, radii, pose, goal, area, self._speed, self._can_reverse):
+            for way in ways_in_parts(centres, radii, pose, goal, area, self._speed, self._can_reverse):
+                if way is None:
+                    yield None
+                    continue
                 if best is not None and way.time > best.time + FLICKER[0] + FLICKER[1] * best.time:
                     break
                 best = best or way
                 if previous is None or self._same_way_around(previous, way, pose, centres):
-                    return way, previous is None
+                    yield way, previous is None
+                    return
             if best is not None:
-                return best, True
-        return None, True
+                yield best, True
+                return
+        yield None, True
 
     def _same_way_around(self, previous: TimedPath, way: Way, pose: Array, centres: Array) -> bool:
         """Whether two ways to one goal pass every circle on the same side, in the same gear."""

@@ -16,8 +16,8 @@ from kmpc_lite.model import Linearization
 OPEN = 1e3
 """Bound of a half-plane row that is not in use [m]: finite, so that OSQP keeps its factorisation pattern."""
 
-SLACK_SCALE = 2.0
-"""Factor of the rows slack >= 0, whose multipliers are the largest: they settle in half the iterations of ADMM."""
+KEEPOUT_SCALE, SLACK_SCALE = 4.0, 8.0
+"""Factors of the rows of half-planes and of slack >= 0, whose multipliers are the largest: so they settle in fewer iterations of ADMM."""
 
 
 class NavigationQP:
@@ -71,7 +71,7 @@ class NavigationQP:
         a_start = block(dynamics[1:, :, None], states[:-1, None, :], 0.0)
         b_starts = [block(dynamics[j:, :, None], inputs[: n - j, None, :], 0.0) for j in range(min(self.history, n - 1) + 1)]
         normal_start = block(self.keepout_rows[..., None], states[:, None, :2], 0.0)
-        block(self.keepout_rows, self.slack_columns[:, None], 1.0)
+        block(self.keepout_rows, self.slack_columns[:, None], KEEPOUT_SCALE)
         block(self.input_rows, inputs, 1.0)
         block(self.slack_rows, self.slack_columns, SLACK_SCALE)
 
@@ -85,6 +85,7 @@ class NavigationQP:
         self._a_place = place[a_start : a_start + (n - 1) * STATES * STATES]
         self._b_places = [place[s : s + (n - j) * STATES * INPUTS] for j, s in enumerate(b_starts)]
         self._normal_place = place[normal_start : normal_start + n * self.slots * 2]
+        self._scaled_normals = np.empty(n * self.slots * 2)
 
     def _build_cost(self, problem: NavigationProblem) -> None:
         q, r, q_terminal = problem.weights
@@ -129,8 +130,9 @@ class NavigationQP:
                 right[j:] -= (by_age[j:] @ u[: n - j, :, None])[..., 0]
         self.lower[self.dynamics_rows] = right
         self.upper[self.dynamics_rows] = right
-        data[self._normal_place] = normals.ravel()
-        self.lower[self.keepout_rows] = np.maximum(offsets, -OPEN)
+        np.multiply(normals.ravel(), KEEPOUT_SCALE, out=self._scaled_normals)
+        data[self._normal_place] = self._scaled_normals
+        self.lower[self.keepout_rows] = np.maximum(KEEPOUT_SCALE * offsets, -OPEN)
         self.q[self.state_columns[:-1]] = -2 * reference[1:-1] @ self._Q
         self.q[self.state_columns[-1]] = -2 * reference[-1] @ self._Q_terminal
 

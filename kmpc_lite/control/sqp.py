@@ -1,7 +1,7 @@
 """Sequential quadratic programming: linearise, fill, solve, step.
 
 One pass per period from the shifted last solution is the real-time iteration; more passes converge to a
-Karush-Kuhn-Tucker point of the nonlinear problem. Every pass ends in a line search on an exact L1 merit function: full steps of
+Karush-Kuhn-Tucker point of the nonlinear problem. Long steps end in a line search on an exact L1 merit function: full steps of
 the Gauss-Newton QP, which knows no curvature of the dynamics, go back and forth between two plans on one state in ten.
 """
 
@@ -35,11 +35,14 @@ REAL_TIME: dict[str, Any] = {
 CONVERGED: dict[str, Any] = {"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iter": 4000, "rho": 1.0, "adaptive_rho": 1}
 """OSQP's settings for one pass per period, and for passes to convergence."""
 
-COLD_PASSES, NEW_WAY_PASSES = 10, 3
+COLD_PASSES, NEW_WAY_PASSES = 10, 2
 """Passes without a warm start, at most: the first linearisation, at rest, sees no way to steer; along a new way it does."""
 COLD_TOLERANCE = 0.02
+SHORT = (0.1, 0.4)
+"""A real-time iteration takes a step that changes no state [m, rad] and no command [m/s, rad/s] by more without a line search."""
 ARMIJO = 1e-4
-SHORTEST_STEP = 1e-3
+SHORTEST_STEP = {"real time": 0.1, "converged": 1e-3}
+"""Where a line search ends: in real time what is left waits for the next period, which knows more."""
 PENALTY_GROWTH = 10.0
 PENALTY_LIMIT = 1e5
 """To convergence, the linear penalty grows by this factor, up to this weight, while that halves what obstacles are entered by."""
@@ -176,6 +179,7 @@ class SQP:
         timing = {"linearise": 0.0, "fill": 0.0, "solve": 0.0, "search": 0.0}
         to_convergence = self.iterations > 1
         limit, tolerance = (self.iterations, self.tolerance) if to_convergence else (passes, COLD_TOLERANCE)
+        shortest = SHORTEST_STEP["real time" if limit == 1 else "converged"]
         self._dynamics_penalty, self._pressed_violation = 0.0, np.inf
         self.qp.set_slack_penalty(float(self.problem.slack_weights[0]))
         # the QP is solved around the robot, so that its relative tolerance does not depend on where the map has its origin
@@ -217,8 +221,13 @@ class SQP:
                 np.maximum(np.minimum(inputs, self._u_max, out=inputs), self._u_min, out=inputs)
                 found = Trajectory(states, inputs, solution.y)
                 before = guess
-                guess, length, predicted = self._line_search(before, found, slack, lin.value, violation, margins, task)
-                defect, next_state = float(np.abs(predicted - guess.states[1:]).max()), predicted[0]
+                if limit == 1 and status is QPStatus.SOLVED and self._is_short(solution.x - warm):
+                    # here the linearisation holds, and there is nothing to search
+                    guess, defect = found, solution.primal_residual
+                    next_state = lin.value[0] + lin.B[0] @ (found.inputs[0] - before.inputs[0])
+                else:
+                    guess, length, predicted = self._line_search(before, found, slack, lin.value, violation, margins, task, shortest)
+                    defect, next_state = float(np.abs(predicted - guess.states[1:]).max()), predicted[0]
                 if limit > 1:
                     step = max(float(np.abs(guess.states - before.states).max()), float(np.abs(guess.inputs - before.inputs).max()))
             t4 = self.clock()
@@ -228,13 +237,19 @@ class SQP:
             if status is QPStatus.FAILED:
                 break
             # a line search that gets nowhere has met the accuracy of the QP
-            if step <= tolerance or length <= SHORTEST_STEP:
+            if step <= tolerance or length <= shortest:
                 if not (to_convergence and self._penalty_too_weak(guess, margins, task)):
                     break
                 self.qp.set_slack_penalty(PENALTY_GROWTH * self.qp.slack_penalty)
-        if to_convergence and done == limit and status is not QPStatus.FAILED and step > tolerance and length > SHORTEST_STEP:
+        if to_convergence and done == limit and status is not QPStatus.FAILED and step > tolerance and length > shortest:
             reason = reason or f"not converged in {done} passes"
         return SQPResult(guess, status, done, step, defect, next_state, timing, reason)
+
+    def _is_short(self, change: Array) -> bool:
+        """Whether a change of the QP's variables moves every state and command by little."""
+        change = np.abs(change, out=change)
+        states, inputs = change[: self.qp.input_columns[0, 0]], change[self.qp.input_columns[0, 0] : self.qp.slack_columns[0]]
+        return bool(np.maximum.reduce(states) <= SHORT[0] and np.maximum.reduce(inputs) <= SHORT[1])
 
     def _penalty_too_weak(self, found: Trajectory, margins: Array | float, task: Task) -> bool:
         """Whether a converged plan stands in an obstacle because the linear penalty is too weak, and not because it must."""
@@ -251,7 +266,15 @@ class SQP:
         return objective + self._penalty(violation) + self._dynamics_penalty * defect
 
     def _line_search(
-        self, guess: Trajectory, found: Trajectory, slack: Array, predicted: Array, violation: Array, margins: Array | float, task: Task
+        self,
+        guess: Trajectory,
+        found: Trajectory,
+        slack: Array,
+        predicted: Array,
+        violation: Array,
+        margins: Array | float,
+        task: Task,
+        shortest: float,
     ) -> tuple[Trajectory, float, Array]:
         """Go from the guess towards what the QP found until the merit function falls enough (Armijo), by halving.
 
@@ -270,7 +293,7 @@ class SQP:
             inside = self.keep_out.penetration(trial.states, task.circles, margins)
             merit = self._merit(objective, inside, float(np.abs(predicted - trial.states[1:]).sum()))
             # the last term forgives what rounding takes once nothing is left to gain
-            if merit <= now - ARMIJO * length * expected + 1e-10 * abs(now) or length <= SHORTEST_STEP:
+            if merit <= now - ARMIJO * length * expected + 1e-10 * abs(now) or length <= shortest:
                 return trial, length, predicted
             length *= 0.5
             states = guess.states + length * (found.states - guess.states)

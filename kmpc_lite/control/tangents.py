@@ -100,10 +100,22 @@ def quickest_ways(
     Way
         None at all where the circles leave no way.
     """
+    for way in ways_in_parts(centres, radii, start, goal, area, speed, can_reverse):
+        if way is not None:
+            yield way
+
+
+def ways_in_parts(
+    centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array, can_reverse: bool = True
+) -> Iterator[Way | None]:
+    """Yield what `quickest_ways` does, and None between its parts: each takes about as long, and the caller may come back later."""
     known = cut_circles(np.stack([start[:2], goal[:2]]), centres, radii)
     while True:
         found = 0
         for way in _graph_ways(centres[known], radii[known], start, goal, area, speed, can_reverse):
+            if way is None:
+                yield None
+                continue
             cut = cut_circles(way.points, centres, radii)
             if not cut.any():
                 found += 1
@@ -126,8 +138,8 @@ def _walls(known: Array, centres: Array, radii: Array) -> Array:
 
 def _graph_ways(
     centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array, can_reverse: bool = True
-) -> Iterator[Way]:
-    """Yield the ways that the graph of these circles' tangents holds."""
+) -> Iterator[Way | None]:
+    """Yield the ways that the graph of these circles' tangents holds, and None between the parts of the work."""
     count = len(centres)
     # obstacles, circles to turn on, and start and goal as circles without radius
     ends_of_way = np.stack([start, goal])
@@ -139,6 +151,7 @@ def _graph_ways(
     first, second, sense, ends, directions, lengths = _tangents(points, sizes, count, area)
     tangents, start_point, goal_point = len(first), count + TURNING, count + TURNING + 1
     headings = np.arctan2(directions[:, 1], directions[:, 0])
+    yield None
 
     # Four nodes for each tangent, in the order of travel from the goal outwards: leaving the first circle, arriving there,
     # leaving the second, arriving there. A node belongs to one circle and one sense of rotation. Then four nodes each for
@@ -149,6 +162,7 @@ def _graph_ways(
     rotation = np.concatenate([(sense[:, :, None] * NODE_SENSE).ravel(), POSE_SENSE, POSE_SENSE])
     places = np.concatenate([np.repeat(ends, 2, axis=1).reshape(-1, 2), np.repeat(ends_of_way[:, :2], 4, axis=0)])
     tail, head, turn = _arcs(points, sizes, count, area, circle, rotation, places)
+    yield None
     # the goal is entered forwards or backwards, along its heading or with a turn that is left there
     last = np.flatnonzero(second == goal_point)
     final = np.abs(wrap(goal[2] - headings[last] - GEARS)) / speed[1] + NOTHING
@@ -162,6 +176,7 @@ def _graph_ways(
     np.cumsum(np.bincount(tails, minlength=size), out=begins[1:])
     graph = csr_matrix((times[by_tail], heads[by_tail].astype(np.int32), begins), (size, size))
     distance, before = dijkstra(graph, indices=(size - 2, size - 1), return_predecessors=True)
+    yield None
 
     # candidates: tangents that end at the start, with a turn there first, and the circles beside it
     to_start = np.flatnonzero((second == start_point) | (first == start_point))

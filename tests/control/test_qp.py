@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 from kmpc_lite import NavigationProblem
-from kmpc_lite.control.qp import SLACK_SCALE, NavigationQP
+from kmpc_lite.control.qp import KEEPOUT_SCALE, SLACK_SCALE, NavigationQP
 from kmpc_lite.model import Linearization
 
 Q = np.array([[2.0, 0.3, 0.1], [0.3, 5.0, 0.0], [0.1, 0.0, 0.2]])
@@ -110,7 +110,8 @@ def test_filled_qp_is_the_naive_qp(shape: tuple[int, int, int], seed: int) -> No
         rows = a @ v
         np.testing.assert_allclose(rows[qp.dynamics_rows] - qp.lower[qp.dynamics_rows], dynamics_gaps(numbers, x, u), atol=1e-9)
         np.testing.assert_array_equal(qp.lower[qp.dynamics_rows], qp.upper[qp.dynamics_rows])
-        np.testing.assert_allclose(rows[qp.keepout_rows] - qp.lower[qp.keepout_rows], keepout_gaps(numbers, x, slack), atol=1e-9)
+        expected = KEEPOUT_SCALE * keepout_gaps(numbers, x, slack)
+        np.testing.assert_allclose(rows[qp.keepout_rows] - qp.lower[qp.keepout_rows], expected, atol=1e-9)
         assert np.isposinf(qp.upper[qp.keepout_rows]).all()
         np.testing.assert_allclose(rows[qp.input_rows] - qp.lower[qp.input_rows], u - (-0.3, -1.0), atol=1e-12)
         np.testing.assert_allclose(qp.upper[qp.input_rows] - rows[qp.input_rows], (0.7, 0.9) - u, atol=1e-12)
