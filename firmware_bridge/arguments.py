@@ -76,6 +76,12 @@ def build_parser(runs: Mapping[str, Callable[[argparse.Namespace], int]]) -> arg
     sub.add_argument("--link", metavar="URL", help="pty:PATH, tcp:HOST:PORT or udp:HOST:PORT; the robot file's where not given")
     sub.add_argument("--scenario", help="start where this one starts, on its floor")
     sub.add_argument("--start", nargs=3, type=float, metavar=("X", "Y", "THETA"), help="where it stands [m, m, rad]")
+    sub.add_argument(
+        "--physics",
+        choices=("slip", "mujoco"),
+        default="slip",
+        help="slip: a robot that slips at random (default); mujoco: the digital twin of a ROSbot 2, among the scenario's obstacles",
+    )
     sub.add_argument("--slip", type=float, help="mean slip ratio of the floor")
     sub.add_argument("--turn-gain", type=float, help="share of a turn that happens")
     sub.add_argument("--seed", type=int, default=0, help="of the slip (default 0)")

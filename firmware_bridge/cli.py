@@ -216,7 +216,12 @@ def _emulate(options: argparse.Namespace) -> int:
     start = start if options.start is None else tuple(options.start)
     slip, turn_gain = (given if given is not None else own for given, own in ((options.slip, slip), (options.turn_gain, turn_gain)))
     try:
-        emulator = build_emulator(robot, start, slip, turn_gain, options.seed, options.arm_after)
+        twin = None
+        if options.physics == "mujoco":
+            from kmpc_lite.sim.twin import Twin
+
+            twin = Twin(seed=options.seed) if options.scenario is None else Twin.of(scenario, options.seed)
+        emulator = build_emulator(robot, start, slip, turn_gain, options.seed, options.arm_after, twin)
     except kl.KmpcError as error:
         raise ConfigError(str(error)) from error
     report = emulate(emulator, robot.link.url, options.seconds, _out(options))

@@ -5,11 +5,14 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from typing import Any, Protocol, TextIO
+from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.transport.url import LinkUrl
+
+if TYPE_CHECKING:
+    from kmpc_lite.sim.twin import Twin
 
 SHOWN = 0.5
 """Between pictures of the pose [s]."""
@@ -37,13 +40,21 @@ class Emulator(Protocol):
         ...
 
 
-def build_emulator(robot: Robot, start: tuple[float, float, float], slip: float, turn_gain: float, seed: int, arm_after: float) -> Emulator:
-    """Build the board of a robot file with a robot under it that stands at `start`."""
+def build_emulator(
+    robot: Robot, start: tuple[float, float, float], slip: float, turn_gain: float, seed: int, arm_after: float, twin: Twin | None = None
+) -> Emulator:
+    """Build the board of a robot file with a robot under it that stands at `start`: one that slips, or a digital twin."""
     floor: dict[str, Any] = {"slip": slip, "turn_gain": turn_gain, "seed": seed}
     if robot.is_autopilot:
         from firmware_bridge.emulator.rover import RoverEmulator
 
-        return RoverEmulator(**floor, pose=start, arm_after=arm_after, system=robot.sections.get("board", {}).get("system", 1))
+        physics = None
+        if twin is not None:
+            from firmware_bridge.emulator.twin import TwinRover
+
+            physics = TwinRover(twin)
+        system = robot.sections.get("board", {}).get("system", 1)
+        return RoverEmulator(**floor, pose=start, arm_after=arm_after, system=system, physics=physics)
     emulator: Any
     if robot.link.driver == "roboclaw":
         from firmware_bridge.emulator.roboclaw import RoboClawEmulator
@@ -57,6 +68,10 @@ def build_emulator(robot: Robot, start: tuple[float, float, float], slip: float,
         from firmware_bridge.emulator.vesc import VescEmulator
 
         emulator = VescEmulator.from_options(robot.driver_table(), **floor)
+    if twin is not None:
+        from firmware_bridge.emulator.twin import TwinBody
+
+        emulator.put_on(TwinBody(emulator.geometry, twin, time.monotonic()))
     emulator.place(*start)
     built: Emulator = emulator
     return built

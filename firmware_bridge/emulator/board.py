@@ -47,6 +47,16 @@ class BoardEmulator:
         self.lose_replies = 0
         """So many answers are lost next."""
 
+    def put_on(self, body: Body) -> None:
+        """Put another robot under the board, before anything moves."""
+        with self._lock:
+            self._body = body
+
+    @property
+    def geometry(self) -> WheelGeometry:
+        """Of the robot file."""
+        return self._geometry
+
     def start(self, url: str) -> None:
         """Serve a link; LinkError if it cannot be made."""
         transport = serve(url)

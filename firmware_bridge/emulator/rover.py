@@ -49,6 +49,8 @@ class RoverEmulator:
         Its MAVLink id.
     key : bytes or None
         Signing key, 32 bytes.
+    physics : RoverPhysics, optional
+        Another rover; slip, turn gain and seed are then its own.
 
     Examples
     --------
@@ -72,9 +74,10 @@ class RoverEmulator:
         uptime: float = 0.0,
         system: int = 1,
         key: bytes | None = None,
+        physics: RoverPhysics | None = None,
     ) -> None:
         self.parameters = Parameters(parameters)
-        self._physics = RoverPhysics(slip, turn_gain, seed)
+        self._physics = RoverPhysics(slip, turn_gain, seed) if physics is None else physics
         self._physics.place(*pose)
         self._clock, self._arm_after, self._system = clock, arm_after, system
         self._lock = threading.RLock()

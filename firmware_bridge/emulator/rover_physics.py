@@ -76,6 +76,14 @@ class RoverPhysics:
 
     def step(self, demand: Demand, limits: DriveLimits, dt: float) -> None:
         """Move for dt [s]."""
+        distance, angle = self.loops(demand, limits, dt)
+        before = self._pose
+        self._pose = self._floor.step(before, (distance / dt, angle / dt), dt)
+        east, north, turn = (self._pose - before) / dt
+        self.velocity = (float(east), float(north), float(turn))
+
+    def loops(self, demand: Demand, limits: DriveLimits, dt: float) -> tuple[float, float]:
+        """Way [m] and turn [rad] that the speed and yaw-rate loops ask of the wheels in dt [s]."""
         count = max(1, round(dt / SUBSTEP))
         h, distance, angle = dt / count, 0.0, 0.0
         for _ in range(count):
@@ -83,10 +91,7 @@ class RoverPhysics:
             self._turn_loop(demand.turn, limits, h)
             distance += self._speed * h
             angle += self._turn * h
-        before = self._pose
-        self._pose = self._floor.step(before, (distance / dt, angle / dt), dt)
-        east, north, turn = (self._pose - before) / dt
-        self.velocity = (float(east), float(north), float(turn))
+        return distance, angle
 
     def _speed_loop(self, wanted: float | None, limit: float, h: float) -> None:
         if wanted is None:

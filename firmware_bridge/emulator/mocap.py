@@ -1,0 +1,68 @@
+"""An emulated motion-capture system: the true pose at a rate, with noise, late, and now and then not at all."""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+from dataclasses import dataclass
+
+from firmware_bridge.options import bounded, check
+
+Pose = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class MocapOptions:
+    """How good it is; the defaults are an ordinary room's."""
+
+    rate: float = bounded(1.0, 1000.0, "Hz", 50.0)
+    """Poses per second [Hz]."""
+    noise: float = bounded(0.0, 1.0, "m", 0.001)
+    """Standard deviation of x and y [m]."""
+    heading_noise: float = bounded(0.0, 1.0, "rad", 0.002)
+    """Standard deviation of the heading [rad]."""
+    delay: float = bounded(0.0, 1.0, "s", 0.01)
+    """From the exposure to our computer [s]."""
+    dropouts: float = bounded(0.0, 10.0, "per s", 0.0)
+    """How often the markers are hidden [1/s]."""
+    hidden: float = bounded(0.0, 10.0, "s", 0.1)
+    """For how long then [s]."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check(self)
+
+
+class Mocap:
+    """Looks at a robot whenever a picture is due.
+
+    Parameters
+    ----------
+    options : MocapOptions
+        See there.
+    seed : int
+        Of noise and drop-outs.
+    now : float
+        Time of the first picture [s].
+    """
+
+    def __init__(self, options: MocapOptions, seed: int, now: float) -> None:
+        self.options, self._random = options, random.Random(seed)
+        self._due, self._hidden_until = now, now
+        self._coming: deque[tuple[float, Pose]] = deque()
+
+    def look(self, now: float, pose: Pose) -> list[tuple[float, Pose]]:
+        """Take the true pose now; gives what arrives now: (time of exposure [s], measured pose)."""
+        o = self.options
+        if now >= self._due - 1e-9:
+            self._due += 1.0 / o.rate
+            if self._random.random() < o.dropouts / o.rate:
+                self._hidden_until = now + o.hidden
+            if now >= self._hidden_until:
+                x, y, theta = pose
+                gauss = self._random.gauss
+                self._coming.append((now, (x + gauss(0.0, o.noise), y + gauss(0.0, o.noise), theta + gauss(0.0, o.heading_noise))))
+        arrived = []
+        while self._coming and self._coming[0][0] + o.delay <= now + 1e-9:
+            arrived.append(self._coming.popleft())
+        return arrived
