@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
@@ -14,12 +14,14 @@ from numpy.typing import ArrayLike
 from kmpc_lite.adaptation import OnlineAdaptation
 from kmpc_lite.border import SAME_DT
 from kmpc_lite.control.fallback import Fallback
-from kmpc_lite.control.obstacles import Circle, circle_distances, circles_to_array
+from kmpc_lite.control.obstacles import circle_distances
 from kmpc_lite.control.osqp_workspace import QPStatus
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.control.pose_age import advance_pose
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.solids import Nearby, Solids
 from kmpc_lite.control.sqp import COLD_PASSES, NEW_WAY_PASSES, SQP, SQPResult, Task, Trajectory
+from kmpc_lite.control.surroundings import Obstacles, Surroundings
 from kmpc_lite.control.tightening import RISK, Tightening
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import ProblemError
@@ -38,6 +40,8 @@ DEFECT = 0.05
 """How far the model may contradict a plan over one period [m, rad] before its commands are rolled out anew."""
 TOUCH = 0.02
 """How deep such a rolled-out plan may cut into an obstacle [m] and still be driven, the rest being left to the next pass."""
+IN_REACH = 0.3
+"""Solids count as far as this beyond the reach of the fastest plan [m]: margins, and a pose that is not where it was thought."""
 AFTER_SOLVE = 5e-5
 """Time that a step takes after its plan is verified [s]."""
 
@@ -149,6 +153,11 @@ class Controller:
         self._sqp = SQP(self.model, solved, sqp_iterations, tolerance, obstacle_slots, self._tightening, clock)
         self._fallback = Fallback(self.problem)
         self._u_min, self._u_max, _, _ = self.problem.bounds
+        fastest = max(float(self._u_max[0]), -float(self._u_min[0]))
+        self._reach = self.problem.horizon * self.problem.dt * fastest + self.problem.robot_radius + self.problem.margin + IN_REACH
+        self._surroundings = Surroundings()
+        self._solids: Solids | None = None
+        self._nearby: Nearby | None = None
         self._largest = float(np.maximum(self._u_max, -self._u_min).max()) + 1e-9
         self.reset()
 
@@ -188,7 +197,7 @@ class Controller:
         if self._tightening is not None:
             self._tightening.update(self.model)
 
-    def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Sequence[Circle] | ArrayLike = ()) -> Plan:
+    def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Obstacles = ()) -> Plan:
         """Plan from the measured pose and give the command of the coming period.
 
         Parameters
@@ -197,8 +206,9 @@ class Controller:
             Pose (3,) [m, m, rad]; any multiple of 2 pi in the heading.
         goal : array_like
             Pose to reach (3,).
-        obstacles : sequence of Circle, or array_like
-            Where they are now; an array has rows x, y, radius or x, y, radius, vx, vy.
+        obstacles : sequence of Circle, Polygon, Wall and OccupancyGrid, or array_like
+            Where they are now; an array has rows x, y, radius or x, y, radius, vx, vy. Polygons, walls and grids are prepared in the
+            first step that sees them, and quickly known again as the same or equal objects.
 
         Returns
         -------
@@ -214,7 +224,7 @@ class Controller:
         pose, target = np.asarray(x, dtype=float), np.asarray(goal, dtype=float)
         if pose.shape != (STATES,) or target.shape != (STATES,):
             raise ValueError(f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}")
-        circles = circles_to_array(obstacles)
+        circles, self._solids = self._surroundings.sort(obstacles)
         if self._pose_age:
             pose = advance_pose(self.model, pose, self._given, self._pose_age)
         if self.adaptation is not None:
@@ -225,6 +235,14 @@ class Controller:
             if not usable:
                 known = circles[:0] if name == "obstacle" else circles
                 return self._without_solution(pose, known, start, {}, 0, f"{name} not usable: {values.ravel()[:5]}")
+        if self._solids is not None:
+            if self._solids.extent > POSITION_LIMIT:
+                far, self._solids = self._solids.extent, None
+                return self._without_solution(pose, circles, start, {}, 0, f"obstacle not usable: reaches out to {far:g} m")
+            self._nearby = self._solids.near(pose[:2], self._reach)
+        else:
+            self._nearby = None
+        self._sqp.keep_out.solids = self._nearby
         turns = 2 * np.pi * round(float(pose[2]) / (2 * np.pi))
         here, target = pose.copy(), target.copy()
         here[2] -= turns
@@ -233,7 +251,7 @@ class Controller:
             # how wrong the model was about the past period widens the margins at once
             heading, sent, expected = self._sent
             self._tightening.observe(here[:2] - expected[:2], heading, sent)
-        guidance = None if self._guide is None else self._guide.reference(here, target, circles)
+        guidance = None if self._guide is None else self._guide.reference(here, target, circles, self._solids)
         if guidance is not None and guidance.hold:
             return self._hold(here, pose, circles, start)
         reference = self._goal_reference(here, target) if guidance is None else guidance.states
@@ -334,19 +352,21 @@ class Controller:
         if result.defect <= DEFECT:
             return True, found, result.reason
         states = self.model.rollout(found.states[0], found.inputs, self._past)
-        clearance = self._clearance(states, circles)
+        clearance = self._clearance(states, circles, self._solids)
         reason = f"rolled out anew: the model contradicted the plan by {result.defect:.3g}"
         usable = np.isfinite(states).all() and clearance >= -TOUCH
         return bool(usable), Trajectory(states, found.inputs, found.duals), reason
 
     def _slow_down(self, plan: Trajectory, circles: Array) -> bool:
         """Shrink the command where the coming period could end in an obstacle, and roll the plan out anew; tell whether that was so."""
-        if self._tightening is None or not len(circles):
+        if self._tightening is None or not (len(circles) or self._nearby):
             return False
         ahead = circles
         if circles[:, 3:].any():
             ahead = circles.copy()
             ahead[:, :2] += self.problem.dt * circles[:, 3:]
+        if self._nearby:
+            ahead = np.concatenate([ahead, self._nearby.stand_ins(plan.states[0, :2])])
         share = self._tightening.speed_share(plan.states[0], plan.inputs[0], ahead, self._past)
         if share < 1.0:
             # where it may not drive at all it turns on the spot, which a round robot always may, or it would stand there for ever
@@ -359,7 +379,9 @@ class Controller:
         self._sent = None
         rest = self._fallback.replay()
         n = self.problem.horizon
-        if rest is not None and self._clearance(rest.states, circles) >= -TOUCH:
+        if rest is not None:
+            self._nearby = None if self._solids is None else self._solids.near(rest.states[0, :2], self._reach)
+        if rest is not None and self._clearance(rest.states, circles, self._solids) >= -TOUCH:
             rest = Trajectory(rest.states.copy(), rest.inputs.copy(), rest.duals)
             self._slow_down(rest, circles)
             self._fallback.sent(rest.inputs[0])
@@ -375,7 +397,8 @@ class Controller:
         inputs[0] = command
         states = np.tile(np.where(np.isfinite(pose), pose, 0.0), (n + 1, 1))
         # where the robot is not known, nor is its distance to anything
-        circles = circles if np.isfinite(pose).all() else circles[:0]
+        if not np.isfinite(pose).all():
+            circles, self._solids = circles[:0], None
         return self._plan(states, inputs, PlanStatus.STOPPED, circles, start, timing, passes, reason)
 
     def _remember(self, command: Array) -> None:
@@ -400,12 +423,15 @@ class Controller:
     ) -> Plan:
         timing["total"] = self._clock() - start
         # asked for later, when the caller may have moved its obstacles in place
-        clearance = partial(self._clearance, states, circles.copy())
+        clearance = partial(self._clearance, states, circles.copy(), self._solids)
         return Plan(inputs[0].copy(), states, inputs, status, clearance, passes, timing, reason)
 
-    def _clearance(self, states: Array, circles: Array) -> float:
+    def _clearance(self, states: Array, circles: Array, solids: Solids | None) -> float:
         """Smallest distance between the edges of robot and obstacles along a plan [m]."""
-        if not len(circles):
-            return np.inf
-        distances, _ = circle_distances(circles, states[:, :2], self.problem.dt * np.arange(len(states)))
-        return float(distances.min()) - self.problem.robot_radius
+        least = np.inf
+        if len(circles):
+            distances, _ = circle_distances(circles, states[:, :2], self.problem.dt * np.arange(len(states)))
+            least = float(distances.min())
+        if solids is not None:
+            least = min(least, float(solids.whole.least(states[:, :2]).min()))
+        return least - self.problem.robot_radius

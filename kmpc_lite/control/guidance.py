@@ -14,7 +14,8 @@ import numpy as np
 
 from kmpc_lite.control.parking import CLOSE, ENTER, Parking
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.tangents import Way, ways_in_parts, wrap
+from kmpc_lite.control.solids import Solids
+from kmpc_lite.control.tangents import NO_EDGES, Way, ways_in_parts, wrap
 from kmpc_lite.control.timed_path import TimedPath
 from kmpc_lite.control.traffic import MovingCircles
 from kmpc_lite.dictionary import Array
@@ -102,13 +103,14 @@ class Guide:
         self._search: Iterator[bool | None] | None = None
         self._goal = np.full(3, np.nan)
         self._circles = np.empty((0, 5))
+        self._solids: Solids | None = None
         self._escape = -1
         self._waiting: Array | None = None
         self._turning = self._stuck = False
         self._age = self._furthest = self._still = 0.0
         self._parking.reset()
 
-    def reference(self, pose: Array, goal: Array, circles: Array) -> Guidance:
+    def reference(self, pose: Array, goal: Array, circles: Array, solids: Solids | None = None) -> Guidance:
         """Give the reference of the coming stages.
 
         Parameters
@@ -117,18 +119,20 @@ class Guide:
             Poses (3,) [m, m, rad].
         circles : ndarray
             (M, 5) rows x, y, radius, vx, vy, now.
+        solids : Solids, optional
+            Polygons, walls and grids; another object is another map.
         """
         self._age += self._dt
         error = pose - goal
         error[2] -= 2 * np.pi * np.round(error[2] / (2 * np.pi))
         distance = float(np.hypot(error[0], error[1]))
         self._turning = distance <= (ENTER[0] if self._turning else CLOSE)
-        traffic = MovingCircles(circles, self._keep, self._speed) if circles[:, 3:].any() else None
+        traffic = MovingCircles(circles, self._keep, self._speed, solids) if circles[:, 3:].any() else None
         place, off = (0.0, 0.0) if self._path is None else self._path.locate(pose)
         strayed = self._strayed(off, place, distance)
-        at_once = off > LOST or self._is_new(goal, circles) or self._blocked(traffic, place)
+        at_once = off > LOST or self._is_new(goal, circles, solids) or self._blocked(traffic, place)
         if at_once or (strayed and self._search is None):
-            self._search = self._look_for_way(pose.copy(), goal, circles, traffic)
+            self._search = self._look_for_way(pose.copy(), goal, circles, solids, traffic)
         outcome = self._go_on(at_once)
         refreshed, switched = outcome is not None, bool(outcome)
         if refreshed and self._path is not None:
@@ -155,10 +159,10 @@ class Guide:
         states[:, 2] += 2 * np.pi * np.round((pose[2] - path.heading_at(place)) / (2 * np.pi))
         return Guidance(states, True, hold, path.points, left, refreshed, switched)
 
-    def _is_new(self, goal: Array, circles: Array) -> bool:
+    def _is_new(self, goal: Array, circles: Array, solids: Solids | None) -> bool:
         """Whether the goal or the map is another one than the way was made for."""
         known = self._circles
-        if len(circles) != len(known) or (goal != self._goal).any():
+        if len(circles) != len(known) or solids is not self._solids or (goal != self._goal).any():
             return True
         if not len(circles):
             return False
@@ -195,17 +199,19 @@ class Guide:
                 break
         return outcome
 
-    def _look_for_way(self, pose: Array, goal: Array, circles: Array, traffic: MovingCircles | None) -> Iterator[bool | None]:
+    def _look_for_way(
+        self, pose: Array, goal: Array, circles: Array, solids: Solids | None, traffic: MovingCircles | None
+    ) -> Iterator[bool | None]:
         """Look for a way in parts, none after each; at last yield whether it goes another way around than the one before."""
         previous, same_goal = self._path, bool((goal == self._goal).all())
-        self._goal, self._circles, self._age = goal.copy(), circles.copy(), 0.0
+        self._goal, self._circles, self._solids, self._age = goal.copy(), circles.copy(), solids, 0.0
         goal = self._goal
         stuck = self._stuck
         if traffic is not None:
             circles = traffic.where_met(pose)
         keep_to = previous if same_goal and not stuck else None
         choice: tuple[Way | None, bool] | None = None
-        for choice in self._choices(pose, goal, circles, keep_to):
+        for choice in self._choices(pose, goal, circles, solids, keep_to):
             if choice is None:
                 yield None
         way, switched = choice or (None, True)
@@ -224,12 +230,19 @@ class Guide:
         yield switched or previous is None or not same_goal
 
     def _choices(
-        self, pose: Array, goal: Array, circles: Array, previous: TimedPath | None
+        self, pose: Array, goal: Array, circles: Array, solids: Solids | None, previous: TimedPath | None
     ) -> Iterator[tuple[Way | None, bool] | None]:
         """Pick a way (none: there is none), and tell whether it goes another way around than the previous one; none after each part."""
-        centres = circles[:, :2]
+        centres, edges, round_about = circles[:, :2], NO_EDGES, circles[:, :2]
         to_pose, to_goal = (np.hypot(*(centres - point[:2]).T) for point in (pose, goal))
-        if (to_goal < circles[:, 2] + self._radius).any():
+        sizes = circles[:, 2]
+        if solids is not None:
+            corners = solids.corners
+            centres = np.concatenate([centres, corners.points])
+            to_pose, to_goal = (np.concatenate([a, corners.to_centre(p[:2])]) for a, p in ((to_pose, pose), (to_goal, goal)))
+            sizes, edges = np.concatenate([sizes, corners.rounding]), corners.edges + len(circles)
+            round_about = np.concatenate([circles[:, :2], corners.middles])
+        if (to_goal < sizes + self._radius).any():
             yield None, True
             return
         # the outermost of robot and goal widen the area
@@ -238,16 +251,16 @@ class Guide:
         )
         nearest = np.minimum(to_pose, to_goal) - 1e-3
         for clearance in CLEARANCES:
-            radii = np.clip(circles[:, 2] + self._keep + clearance, 0.0, np.maximum(nearest, 0.0))
+            radii = np.clip(sizes + self._keep + clearance, 0.0, np.maximum(nearest, 0.0))
             best: Way | None = None
-            for way in ways_in_parts(centres, radii, pose, goal, area, self._speed, self._can_reverse):
+            for way in ways_in_parts(centres, radii, pose, goal, area, self._speed, self._can_reverse, edges):
                 if way is None:
                     yield None
                     continue
                 if best is not None and way.time > best.time + FLICKER[0] + FLICKER[1] * best.time:
                     break
                 best = best or way
-                if previous is None or self._same_way_around(previous, way, pose, centres):
+                if previous is None or self._same_way_around(previous, way, pose, round_about):
                     yield way, previous is None
                     return
             if best is not None:

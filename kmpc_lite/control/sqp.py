@@ -199,7 +199,7 @@ class SQP:
             if self.tightening is not None:
                 # nothing is hit at the sides of the area: what keeps the robot from creeping out is enough for them
                 margins = np.full_like(gaps, SIDE_MARGIN)
-                count = len(task.circles)
+                count = self.keep_out.obstacle_count(task.circles)
                 if count:
                     margins[:, :count] = self.tightening.margins(lin, guess.states, guess.inputs, normals[:, :count])
                 gaps -= margins

@@ -1,4 +1,6 @@
-"""Quickest ways from a pose to a pose around circles: straight lines and arcs, on the graph of all common tangents.
+"""Quickest ways from a pose to a pose around circles and polygons: straight lines and arcs, on the graph of all common tangents.
+
+A polygon is the circles of its corners and the edges between these, a wall is one edge.
 
 Beside the obstacles there are four circles to turn on, left and right of start and goal, so that a way can leave the start and
 enter the goal along their headings; where there is no room for these, the robot turns on the spot.
@@ -15,6 +17,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from kmpc_lite.control.edges import cut_edges, edge_bars, free_of_edges
 from kmpc_lite.dictionary import Array
 
 TOUCHING = 1e-7
@@ -36,6 +39,7 @@ NODE_SENSE = np.array([[1.0, -1.0], [-1.0, 1.0]])
 """Sense of rotation of a tangent's four nodes, as a multiple of the tangent's: by circle, then leaving and arriving."""
 GEARS = np.array([[0.0], [np.pi]])
 """What the robot's heading is off the direction of travel: forwards, backwards."""
+NO_EDGES = np.empty((0, 2), dtype=np.intp)
 TURNING = 4
 """Circles to turn on: left and right of the start, left and right of the goal."""
 LEFT_RIGHT = np.array([1.0, -1.0])
@@ -74,7 +78,14 @@ def cut_circles(points: Array, centres: Array, radii: Array) -> Array:
 
 
 def quickest_ways(
-    centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array, can_reverse: bool = True
+    centres: Array,
+    radii: Array,
+    start: Array,
+    goal: Array,
+    area: Array,
+    speed: Array,
+    can_reverse: bool = True,
+    edges: Array = NO_EDGES,
 ) -> Iterator[Way]:
     """Yield ways from a pose to a pose, the quickest first: one for each first tangent and direction of driving.
 
@@ -94,29 +105,39 @@ def quickest_ways(
         Largest speed [m/s] and rate of turn [rad/s], (2,).
     can_reverse : bool
         Whether the robot may drive backwards.
+    edges : ndarray
+        Pairs (S, 2) of circles of one radius, between which a way must not pass either.
 
     Yields
     ------
     Way
         None at all where the circles leave no way.
     """
-    for way in ways_in_parts(centres, radii, start, goal, area, speed, can_reverse):
+    for way in ways_in_parts(centres, radii, start, goal, area, speed, can_reverse, edges):
         if way is not None:
             yield way
 
 
 def ways_in_parts(
-    centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array, can_reverse: bool = True
+    centres: Array,
+    radii: Array,
+    start: Array,
+    goal: Array,
+    area: Array,
+    speed: Array,
+    can_reverse: bool = True,
+    edges: Array = NO_EDGES,
 ) -> Iterator[Way | None]:
     """Yield what `quickest_ways` does, and None between its parts: each takes about as long, and the caller may come back later."""
-    known = cut_circles(np.stack([start[:2], goal[:2]]), centres, radii)
+    known = _with_corners(_cut(np.stack([start[:2], goal[:2]]), centres, radii, edges), edges)
     while True:
         found = 0
-        for way in _graph_ways(centres[known], radii[known], start, goal, area, speed, can_reverse):
+        renumbered = (np.cumsum(known) - 1)[edges[known[edges[:, 0]]]]
+        for way in _graph_ways(centres[known], radii[known], start, goal, area, speed, can_reverse, renumbered):
             if way is None:
                 yield None
                 continue
-            cut = cut_circles(way.points, centres, radii)
+            cut = _cut(way.points, centres, radii, edges)
             if not cut.any():
                 found += 1
                 yield way
@@ -124,20 +145,42 @@ def ways_in_parts(
                 break
         else:
             return
-        known = _walls(known | cut, centres, radii)
+        known = _walls(known | cut, centres, radii, edges)
 
 
-def _walls(known: Array, centres: Array, radii: Array) -> Array:
-    """Circles (M,) that belong to a wall, of circles that overlap, with a known one."""
+def _cut(points: Array, centres: Array, radii: Array, edges: Array) -> Array:
+    """Which circles (M,) a line through points (K, 2) cuts, themselves or an edge of theirs."""
+    cut = cut_circles(points, centres, radii)
+    if len(edges):
+        first, second = edges.T
+        cut[edges[cut_edges(points, centres[first], centres[second], np.maximum(radii[first] - CHORD, 0.0))]] = True
+    return cut
+
+
+def _with_corners(known: Array, edges: Array) -> Array:
+    """Circles (M,) that are known, or corners of a polygon of which one is known."""
+    while (half_known := known[edges].any(axis=1) & ~known[edges].all(axis=1)).any():
+        known[edges[half_known]] = True
+    return known
+
+
+def _walls(known: Array, centres: Array, radii: Array, edges: Array) -> Array:
+    """Circles (M,) that belong to a wall, of circles that overlap, or to a polygon, with a known one."""
     away = centres[:, None] - centres
     overlap = np.einsum("mki,mki->mk", away, away) < (radii[:, None] + radii) ** 2
+    if len(edges):
+        # a building's walls all hang together: of these only those that are met are looked at
+        corners = np.unique(edges)
+        overlap[corners], overlap[:, corners] = False, False
+        overlap[edges[:, 0], edges[:, 1]] = True
+        overlap[corners, corners] = True
     _, wall = connected_components(csr_matrix(overlap), directed=False)
     own: Array = np.isin(wall, wall[known])
     return own
 
 
 def _graph_ways(
-    centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array, can_reverse: bool = True
+    centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array, can_reverse: bool, edges: Array
 ) -> Iterator[Way | None]:
     """Yield the ways that the graph of these circles' tangents holds, and None between the parts of the work."""
     count = len(centres)
@@ -148,7 +191,7 @@ def _graph_ways(
     beside = ends_of_way[:, None, :2] + turning * LEFT_RIGHT[:, None] * across[:, None]
     points = np.concatenate([centres, beside.reshape(-1, 2), ends_of_way[:, :2]])
     sizes = np.concatenate([radii, np.full(TURNING, turning), (0.0, 0.0)])
-    first, second, sense, ends, directions, lengths = _tangents(points, sizes, count, area)
+    first, second, sense, ends, directions, lengths = _tangents(points, sizes, count, area, edges)
     tangents, start_point, goal_point = len(first), count + TURNING, count + TURNING + 1
     headings = np.arctan2(directions[:, 1], directions[:, 0])
     yield None
@@ -161,7 +204,7 @@ def _graph_ways(
     circle = np.concatenate([np.stack([first, first, second, second], axis=1).ravel(), count + np.repeat(np.arange(4), 2)])
     rotation = np.concatenate([(sense[:, :, None] * NODE_SENSE).ravel(), POSE_SENSE, POSE_SENSE])
     places = np.concatenate([np.repeat(ends, 2, axis=1).reshape(-1, 2), np.repeat(ends_of_way[:, :2], 4, axis=0)])
-    tail, head, turn = _arcs(points, sizes, count, area, circle, rotation, places)
+    tail, head, turn = _arcs(points, sizes, count, area, circle, rotation, places, edges)
     yield None
     # the goal is entered forwards or backwards, along its heading or with a turn that is left there
     last = np.flatnonzero(second == goal_point)
@@ -215,7 +258,7 @@ def _pairs(count: int) -> tuple[Array, Array, Array]:
     return first, second, sensible
 
 
-def _tangents(points: Array, sizes: Array, count: int, area: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
+def _tangents(points: Array, sizes: Array, count: int, area: Array, edges: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Free tangents: circles (T,), (T,), senses (T, 2), ends (T, 2, 2), directions (T, 2), lengths (T,)."""
     first, second, sensible = _pairs(count)
     offset = points[second] - points[first]
@@ -258,11 +301,15 @@ def _tangents(points: Array, sizes: Array, count: int, area: Array) -> tuple[Arr
             is_circle = own < count
             gap[np.flatnonzero(is_circle), own[is_circle]] = 0.0
         free[look] = gap.min(axis=1) >= 0.0
+    if len(edges):
+        look, (begin, end) = np.flatnonzero(free), edges.T
+        inflated = np.maximum(sizes[begin] - TOUCHING, 0.0)
+        free[look] = free_of_edges(ends[look, 0], ends[look, 1], points[begin], points[end], inflated)
     return first[free], second[free], sense[free], ends[free], directions[free], lengths[free]
 
 
 def _arcs(
-    points: Array, sizes: Array, count: int, area: Array, circle: Array, rotation: Array, places: Array
+    points: Array, sizes: Array, count: int, area: Array, circle: Array, rotation: Array, places: Array, edges: Array
 ) -> tuple[Array, Array, Array]:
     """Free arcs from a node to the next one of its circle and sense: nodes (E,), (E,) and turns (E,) [rad]."""
     circles = count + TURNING
@@ -281,6 +328,10 @@ def _arcs(
     beyond, side = np.nonzero(np.concatenate([points[:circles] - area[:2], area[2:] - points[:circles]], axis=1) < own)
     bars = np.concatenate([bars, np.array([np.pi, -np.pi / 2, 0.0, np.pi / 2])[side]])
     covered = np.concatenate([covered, beyond])
+    if len(edges):
+        begin, end = edges.T
+        by_edges, angles = edge_bars(points[:circles], sizes[:circles], points[begin], points[end], sizes[begin])
+        bars, covered = np.concatenate([bars, angles]), np.concatenate([covered, by_edges])
 
     number = np.concatenate([nodes, np.full(2 * len(bars), -1)])
     owner = np.concatenate([owner, covered, covered])
