@@ -132,7 +132,7 @@ def _course(robot: Robot, settle: float, seconds: float) -> _Course:
         robot = replace(robot, gate=replace(robot.gate, geofence=fence))
 
     def step(pose: tuple[float, float, float], circles: Any) -> tuple[float, float, str]:
-        plan = controller.step(pose, scenario.goal, circles)
+        plan = controller.step(pose, scenario.goal, circles if scenario.solids is None else [*circles, *scenario.solids.solids])
         return float(plan.command[0]), float(plan.command[1]), plan.status.name
 
     task = Task(scenario.goal, scenario.tolerance, scenario.heading_tolerance, scenario.radius, scenario.circles_at)

@@ -1,6 +1,6 @@
 """Learn a bilinear Koopman model of a wheeled robot and drive it, in real time on a small board."""
 
-from kmpc_lite.control import Circle, Controller, NavigationProblem, Plan, PlanStatus
+from kmpc_lite.control import Circle, Controller, NavigationProblem, OccupancyGrid, Plan, PlanStatus, Polygon, Wall
 from kmpc_lite.dictionary import Dictionary, HermiteTrigDictionary, InputHistoryDictionary, UnicycleDictionary
 from kmpc_lite.errors import DataError, KmpcError, ModelError, ProblemError, ScenarioError
 from kmpc_lite.learn import Accumulator, Dataset, Episode, FitReport, evaluate, fit, with_quantiles
@@ -25,11 +25,14 @@ __all__ = [
     "KoopmanModel",
     "ModelError",
     "NavigationProblem",
+    "OccupancyGrid",
     "Plan",
     "PlanStatus",
+    "Polygon",
     "ProblemError",
     "ScenarioError",
     "UnicycleDictionary",
+    "Wall",
     "evaluate",
     "fit",
     "generate_dataset",

@@ -230,12 +230,15 @@ def _scenario_rows(run: Run) -> Iterable[tuple[str, str]]:
     for name, pose in (("Start", scenario.start), ("Goal", scenario.goal)):
         yield name, f"({pose[0]:g}, {pose[1]:g}) m, heading {angle(pose[2])}"
     yield "Robot radius", length(scenario.radius)
-    yield "Obstacles", str(len(scenario.circles))
+    yield "Obstacles", str(scenario.obstacle_count)
     for i, circle in enumerate(scenario.circles[:12], start=1):
         moves = f", moves at ({circle.vx:g}, {circle.vy:g}) m/s" if circle.vx or circle.vy else ""
         yield f"Obstacle {i}", f"at ({circle.x:g}, {circle.y:g}) m, radius {length(circle.radius)}{moves}"
     if len(scenario.circles) > 12:
-        yield "Other obstacles", f"{len(scenario.circles) - 12}, in the file below"
+        yield "Other circles", f"{len(scenario.circles) - 12}, in the file below"
+    if scenario.solids is not None:
+        grid = f", {scenario.grid!r}" if scenario.grid is not None else ""
+        yield "Solids", f"{len(scenario.polygons)} polygons, {len(scenario.walls)} walls{grid}; in the file below"
     yield "Margin asked for", length(scenario.margin)
     yield "Mean slip", f"{100 * scenario.slip:g} %"
     yield "Share of a turn that happens", f"{100 * scenario.turn_gain:g} %"

@@ -8,6 +8,7 @@ import numpy as np
 
 from kmpc_lite.control.obstacles import Circle
 from kmpc_lite.dictionary import Array
+from kmpc_lite.report.solid_parts import draw_solids
 from kmpc_lite.report.style import BLUE, GREEN, INK, RED, SMALL, WIDTH, new_figure
 from kmpc_lite.sim.scenario import Scenario
 
@@ -46,9 +47,11 @@ def draw_scenario(axes: Any, scenario: Scenario, times: Array, labels: Labels) -
     for circle in still:
         disc(axes, circle[:2], circle.radius, facecolor="#a9a9a9", edgecolor=INK, linewidth=0.9, zorder=2)
         labels.avoid(circle[:2], circle.radius)
+    if scenario.solids is not None:
+        draw_solids(axes, scenario.solids.solids, labels)
     for circle in moving:
         _draw_moving(axes, circle, times, labels)
-    if still:
+    if still or scenario.solids is not None:
         handles.append(Line2D([], [], markerfacecolor="#a9a9a9", label="obstacle", **dot))
     if moving:
         handles.append(Line2D([], [], markerfacecolor="#e4e4e4", label="moving, at the start", **dot))

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kmpc_lite.control.obstacles import circle_distances
 from kmpc_lite.dictionary import Array
 from kmpc_lite.errors import KmpcError
 from kmpc_lite.report.map_parts import Labels, cross, draw_scenario, footprint, goal_front, map_axes
+from kmpc_lite.report.solid_parts import solid_points
 from kmpc_lite.report.style import BLUE, INK, LINES, ORANGE, RED, legend_below, style
 from kmpc_lite.report.words import clearance_words, outcome_title, substeps
 from kmpc_lite.sim.closed_loop import Outcome, Run
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 NICE_TIMES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 ENOUGH, MOMENTS = 4, 8
 """So many footprints between start and end are aimed at, and are the most."""
+NO_DISTANCES = np.empty((1, 0)), np.empty((1, 0, 2))
 PLAN: dict[str, Any] = {"color": ORANGE, "linewidth": 1.4, "linestyle": (0, (4, 1.5))}
 
 
@@ -109,7 +112,7 @@ def overlay_picture(runs: Sequence[Run], labels: Sequence[str]) -> Figure:
 
 
 def _map_of(scenario: Scenario) -> tuple[object, ...]:
-    return scenario.bounds, scenario.circles, scenario.goal, scenario.radius
+    return scenario.bounds, scenario.circles, scenario.polygons, scenario.walls, scenario.grid, scenario.goal, scenario.radius
 
 
 def _view(scenario: Scenario, runs: Sequence[Run]) -> Array:
@@ -123,6 +126,11 @@ def _view(scenario: Scenario, runs: Sequence[Run]) -> Array:
         centre = np.array(circle[:2])
         if ((centre > near_low) & (centre < near_high)).all():
             low, high = np.minimum(low, centre - circle.radius), np.maximum(high, centre + circle.radius)
+    if scenario.solids is not None:
+        corners = solid_points(scenario.solids.solids)
+        near = corners[((corners > near_low) & (corners < near_high)).all(axis=1)]
+        if len(near):
+            low, high = np.minimum(low, near.min(axis=0)), np.maximum(high, near.max(axis=0))
     area_low, area_high = np.array(scenario.bounds[:2]), np.array(scenario.bounds[2:])
     low = np.where(low - area_low <= 0.6 * span, np.minimum(area_low, low), low - 0.15 * span)
     high = np.where(area_high - high <= 0.6 * span, np.maximum(area_high, high), high + 0.15 * span)
@@ -160,11 +168,13 @@ def _end_index(run: Run) -> int:
 
 def _contact(run: Run, index: int) -> Array:
     """Give the point (2,) of the obstacle's edge that the robot ran into."""
-    circles = run.scenario.circles_at(index * run.dt / substeps(run))
-    away = run.path[index, :2] - circles[:, :2]
-    distance = np.maximum(np.hypot(away[:, 0], away[:, 1]), 1e-9)
-    hit = int(np.argmin(distance - circles[:, 2]))
-    point: Array = circles[hit, :2] + away[hit] * (circles[hit, 2] / distance[hit])
+    here, time = run.path[index : index + 1, :2], np.array([index * run.dt / substeps(run)])
+    distances, normals = circle_distances(run.scenario.circles_at(0.0), here, time) if run.scenario.circles else NO_DISTANCES
+    if run.scenario.solids is not None:
+        gaps, away = run.scenario.solids.whole.measure(here)
+        distances, normals = np.concatenate([distances, gaps], axis=1), np.concatenate([normals, away], axis=1)
+    hit = int(np.argmin(distances[0]))
+    point: Array = here[0] - distances[0, hit] * normals[0, hit]
     return point
 
 

@@ -120,8 +120,8 @@ def errors_picture(run: Run) -> Figure:
     with style():
         from matplotlib.lines import Line2D
 
-        figure = new_figure(5.5 if scenario.circles else 3.9)
-        panels = figure.subplots(3 if scenario.circles else 2, 1, sharex=True)
+        figure = new_figure(5.5 if scenario.obstacle_count else 3.9)
+        panels = figure.subplots(3 if scenario.obstacle_count else 2, 1, sharex=True)
         curve: dict[str, Any] = {"color": BLUE, "linewidth": 1.8}
         arrival: dict[str, Any] = {"color": GREEN, "linestyle": "--", "linewidth": 1.3}
         margin: dict[str, Any] = {"color": PURPLE, "linestyle": ":", "linewidth": 1.8}
@@ -137,7 +137,7 @@ def errors_picture(run: Run) -> Figure:
         panels[1].set_title("Heading error [rad]")
         for sign in (-1.0, 1.0):
             panels[1].axhline(sign * scenario.heading_tolerance, **arrival)
-        if scenario.circles:
+        if scenario.obstacle_count:
             # as in `Run.clearance`, the start does not count: no command had been given yet
             nearest = 1 + int(np.argmin(gaps[1:]))
             panels[2].plot(times, gaps, **curve)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from kmpc_lite.control.obstacles import circle_distances
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.dictionary import Array
 from kmpc_lite.errors import KmpcError
-from kmpc_lite.sim.closed_loop import Outcome, Run
+from kmpc_lite.sim.closed_loop import Outcome, Run, obstacle_gaps
 
 STATUS_WORDS = {
     PlanStatus.SOLVED.name: "solved",
@@ -70,7 +69,8 @@ def outcome_sentence(run: Run) -> str:
     if run.outcome is Outcome.COLLISION:
         where = f"{length(run.position_error)} from the goal"
         return f"The robot touched an obstacle {run.duration:.4g} s after its start, {where}, and went {length(-run.clearance)} into it."
-    past = "" if not scenario.circles else f" It kept at least {length(run.clearance)} from {_obstacles(len(scenario.circles))}."
+    count = scenario.obstacle_count
+    past = f" It kept at least {length(run.clearance)} from {_obstacles(count)}." if count else ""
     short = f"{length(run.position_error)} and {angle(run.heading_error)}"
     if run.outcome is Outcome.REACHED:
         return f"The robot reached its goal in {run.duration:.4g} s and stands {short} from it.{past}"
@@ -105,8 +105,4 @@ def path_times(run: Run) -> Array:
 
 def path_clearances(run: Run) -> Array:
     """Distances (T S + 1,) between the edges of robot and nearest obstacle along the path [m]; infinite without obstacles."""
-    if not run.scenario.circles:
-        return np.full(len(run.path), np.inf)
-    distances, _ = circle_distances(run.scenario.circles_at(0.0), run.path[:, :2], path_times(run))
-    gaps: Array = distances.min(axis=1) - run.scenario.radius
-    return gaps
+    return obstacle_gaps(run.scenario, run.path[:, :2], path_times(run))

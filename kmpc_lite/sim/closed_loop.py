@@ -26,7 +26,7 @@ SUBSAMPLES = 4
 class Steps(Protocol):
     """Whatever plans one period: our controller, and its peers."""
 
-    def step(self, x: ArrayLike, goal: ArrayLike, obstacles: ArrayLike = ()) -> Plan:
+    def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Any = ()) -> Plan:
         """Plan from a pose."""
         ...
 
@@ -188,16 +188,17 @@ def drive(
     clearance, outcome, inside = np.inf, Outcome.TIMEOUT, 0.0
     steps = int(np.ceil(scenario.timeout / dt - 1e-9))
     duration = steps * dt
+    moments = dt * np.arange(1, SUBSAMPLES + 1) / SUBSAMPLES
     for k in range(steps):
         seen = x if not scenario.pose_age else _at(path, SUBSAMPLES * (k - scenario.pose_age / dt))
         measured = seen + noise.normal(size=3) * scenario.pose_noise
-        plan = controller.step(measured, goal, scenario.circles_at(k * dt))
+        plan = controller.step(measured, goal, scenario.obstacles_at(k * dt))
         trace = robot.trace(x, plan.command, dt, SUBSAMPLES)
         inputs.append(plan.command)
         plans.append(plan.states)
         statuses.append(plan.status.name)
         times.append(plan.timing["total"])
-        gaps = _clearances(scenario, trace, k * dt, dt)
+        gaps = obstacle_gaps(scenario, trace[:, :2], k * dt + moments)
         path.extend(trace)
         x = trace[-1]
         states.append(x)
@@ -246,11 +247,11 @@ def _at(path: Sequence[Array], place: float) -> Array:
     return pose
 
 
-def _clearances(scenario: Scenario, trace: Array, time: float, dt: float) -> Array:
-    """Distances between the edges of robot and nearest obstacle at each sub-sample (S,) [m]."""
-    if not scenario.circles:
-        return np.full(len(trace), np.inf)
-    times = time + dt * np.arange(1, len(trace) + 1) / len(trace)
-    distances, _ = circle_distances(scenario.circles_at(0.0), trace[:, :2], times)
-    gaps: Array = distances.min(axis=1) - scenario.radius
-    return gaps
+def obstacle_gaps(scenario: Scenario, positions: Array, times: Array) -> Array:
+    """Distances (n,) between the edges of a robot at positions (n, 2) [m] and the obstacle nearest to it then, at times (n,) [s]."""
+    gaps = np.full(len(positions), np.inf)
+    if scenario.circles:
+        gaps = circle_distances(scenario.circles_at(0.0), positions, times)[0].min(axis=1)
+    if scenario.solids is not None:
+        gaps = np.minimum(gaps, scenario.solids.whole.least(positions))
+    return gaps - scenario.radius

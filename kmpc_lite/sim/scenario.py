@@ -10,6 +10,7 @@ import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,13 +18,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kmpc_lite.control.obstacles import Circle
+from kmpc_lite.control.occupancy import OccupancyGrid
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.shapes import Polygon, Wall
+from kmpc_lite.control.solids import Solid, Solids
 from kmpc_lite.dictionary import Array
 from kmpc_lite.errors import ProblemError, ScenarioError
+from kmpc_lite.sim.scenario_shapes import grid_to_toml, read_grid, read_polygons, read_walls
 
 FLOAT_LISTS = {"bounds": 4, "start": 3, "goal": 3, "pose_noise": 3}
 KEYS: Mapping[str, Mapping[str, Any]] = {
-    "map": {"bounds": None, "circles": []},
+    "map": {"bounds": None, "circles": [], "polygons": [], "walls": [], "grid": ""},
     "robot": {"radius": 0.15, "start": None, "goal": None},
     "plant": {
         "slip": 0.0,
@@ -41,6 +46,7 @@ KEYS: Mapping[str, Mapping[str, Any]] = {
 }
 """Sections, keys and defaults; None means that the key must be given."""
 GROUND_ROWS = {"ground_changes": ("time", "name"), "ground_patches": ("name", "x", "y", "radius")}
+SHAPES = {"polygons": read_polygons, "walls": read_walls, "grid": read_grid}
 POSITIVE = frozenset({"radius", "turn_gain", "timeout", "tolerance", "heading_tolerance"})
 LARGEST = {"slip": 10.0, "turn_gain": 10.0, "lag": 10.0, "dead_time": 10.0, "pose_age": 10.0, "timeout": 100_000.0}
 """What a drive can be simulated with: beyond these are slips of the pen, and drives that no memory holds."""
@@ -99,6 +105,10 @@ class Scenario:
     """Heading error [rad] that counts as arrived."""
     margin: float = 0.0
     """Distance [m] that the controller is asked to keep beyond the radii."""
+    polygons: tuple[Polygon, ...] = ()
+    walls: tuple[Wall, ...] = ()
+    grid: OccupancyGrid | None = None
+    """In a file the path of a map.yaml, from the file's own folder, or a table with rows that draw it."""
 
     def __post_init__(self) -> None:
         x_min, y_min, x_max, y_max = self.bounds
@@ -115,6 +125,13 @@ class Scenario:
                     raise ScenarioError(
                         f"{self.name}: [robot] {key}: ({x:g}, {y:g}) is {distance:g} m from the centre of circle {i}, "
                         f"but the radii add up to {circle.radius + self.radius:g} m"
+                    )
+            if self.solids is not None:
+                gap = float(self.solids.whole.least(np.array([[x, y]]))[0])
+                if gap < self.radius:
+                    raise ScenarioError(
+                        f"{self.name}: [robot] {key}: ({x:g}, {y:g}) is {gap:g} m from a polygon, wall or grid cell, "
+                        f"but the robot's radius is {self.radius:g} m"
                     )
         if any(b.time <= a.time for a, b in zip(self.floors, self.floors[1:], strict=False)):
             raise ScenarioError(f"{self.name}: [plant] floors: expected rising times, got {[f.time for f in self.floors]}")
@@ -139,6 +156,9 @@ class Scenario:
             raise ScenarioError(f"{path}: cannot read the scenario: {error.strerror or error}") from error
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ScenarioError(f"{path}: not TOML: {error}") from error
+        area = table.get("map")
+        if isinstance(area, dict) and isinstance(grid := area.get("grid"), str) and grid:
+            area["grid"] = str(path.parent / grid)
         return cls.from_table(table, path.stem, str(path))
 
     @classmethod
@@ -167,9 +187,12 @@ class Scenario:
         values = {**self.__dict__, "bounds": list(self.bounds), "circles": rows, "start": list(self.start), "goal": list(self.goal)}
         values["pose_noise"], values["floors"] = list(self.pose_noise), [list(f) for f in self.floors]
         values["ground_changes"], values["ground_patches"] = [list(c) for c in self.ground_changes], [list(p) for p in self.ground_patches]
+        values["polygons"] = [[list(corner) for corner in p.vertices] for p in self.polygons]
+        values["walls"] = [[w.x1, w.y1, w.x2, w.y2, w.thickness] for w in self.walls]
         lines: list[str] = []
         for section, keys in KEYS.items():
-            lines += [f"[{section}]", *(f"{key} = {values[key]!r}" for key in keys), ""]
+            lines += [f"[{section}]", *(f"{key} = {values[key]!r}" for key in keys if key != "grid")]
+            lines += [f"grid = {grid_to_toml(self.grid)}", ""] if section == "map" and self.grid is not None else [""]
         return "\n".join(lines)
 
     def problem(self, base: NavigationProblem | None = None) -> NavigationProblem:
@@ -186,11 +209,34 @@ class Scenario:
         except ProblemError as error:
             raise ScenarioError(f"{self.name}: {error}") from error
 
+    @property
+    def solids(self) -> Solids | None:
+        """Polygons, walls and the grid, prepared for distances."""
+        return _prepared(self.polygons, self.walls, self.grid)
+
+    @property
+    def obstacle_count(self) -> int:
+        """Circles, polygons, walls, and the grid as one."""
+        return len(self.circles) + (0 if self.solids is None else len(self.solids.solids))
+
+    def obstacles_at(self, time: float) -> Any:
+        """All that `Controller.step` is told at a time [s]: circles alone as an array, with solids as a list."""
+        circles = self.circles_at(time)
+        return circles if self.solids is None else [*circles, *self.solids.solids]
+
     def circles_at(self, time: float) -> Array:
         """Rows x, y, radius, vx, vy of the obstacles at a time [s], (M, 5)."""
         rows = np.array(self.circles, dtype=float).reshape(-1, 5)
         rows[:, :2] += time * rows[:, 3:]
         return rows
+
+
+@lru_cache(maxsize=8)
+def _prepared(polygons: tuple[Polygon, ...], walls: tuple[Wall, ...], grid: OccupancyGrid | None) -> Solids | None:
+    found: list[Solid] = [*polygons, *walls]
+    if grid is not None:
+        found.append(grid)
+    return Solids(found) if found else None
 
 
 def bundled() -> list[str]:
@@ -207,6 +253,8 @@ def _number(where: str, value: Any) -> float:
 
 def _value(where: str, key: str, value: Any) -> Any:
     """One checked value of a scenario."""
+    if key in SHAPES:
+        return SHAPES[key](where, value)
     if key == "circles":
         if not isinstance(value, list):
             raise ScenarioError(f"{where}: expected a list of [x, y, radius] or [x, y, radius, vx, vy], got {value!r}")

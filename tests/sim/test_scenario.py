@@ -67,7 +67,7 @@ def test_bundled_scenarios_load_and_survive_being_written(name: str) -> None:
     assert table(again) == table(scenario)
     # a controller can be built for each, and the start is a place that a robot may stand at
     problem = scenario.problem()
-    plan = kl.Controller(kl.nominal_unicycle(problem.dt), problem).step(scenario.start, scenario.goal, scenario.circles_at(0.0))
+    plan = kl.Controller(kl.nominal_unicycle(problem.dt), problem).step(scenario.start, scenario.goal, scenario.obstacles_at(0.0))
     assert np.isfinite(plan.command).all()
 
 
