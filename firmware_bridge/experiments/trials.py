@@ -1,0 +1,180 @@
+"""One trial: a controller drives the twin through the link, in a scenario, to the end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+import kmpc_lite as kl
+from firmware_bridge.experiments.batch import BatchDrive, Setup
+from firmware_bridge.experiments.wire import ManualClock
+from firmware_bridge.loop import TICK
+from firmware_bridge.messages import State, VelocityCommand
+from firmware_bridge.navigator import Navigator, Task
+from firmware_bridge.planner import Predict, unicycle_arc
+from kmpc_lite.control.obstacles import circle_distances
+from kmpc_lite.sim import Outcome, Run, Scenario
+from kmpc_lite.sim.twin import Twin
+
+SETTLE = 2.0
+"""How long the robot must stay at the goal [s]; the final error is taken then."""
+REST = 1.0
+"""After the last command, before the final error is taken [s]."""
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A controller with its model."""
+
+    label: str
+    solver: Literal["kmpc", "ipopt"]
+    model: kl.KoopmanModel
+    u_max: tuple[float, float]
+    """Command bounds [m/s, rad/s], either way."""
+    horizon: int = 20
+    adaptation: bool = True
+    seconds: float = SETTLE
+    """How long the goal must be held [s]."""
+    tolerance: float = 0.015
+    """Distance to the goal that counts as arrived [m]; IPOPT's rows end as ours do."""
+
+    def build(self, scenario: Scenario) -> Any:
+        """Make the controller."""
+        u_max = np.array(self.u_max)
+        base = kl.NavigationProblem(dt=self.model.dt, horizon=self.horizon, u_min=-u_max, u_max=u_max)
+        problem = scenario.problem(base)
+        if self.solver == "ipopt":
+            from kmpc_lite.peers.ipopt import IpoptController
+
+            return IpoptController(self.model, problem)
+        return kl.Controller(self.model, problem, adaptation=self.adaptation)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What became of a drive."""
+
+    label: str
+    run: Run
+    touched: bool
+    """Whether the twin's body felt an obstacle."""
+    final_error: float
+    """True distance to the goal after all has come to rest [m]."""
+
+    def row(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        run = self.run
+        return {
+            "controller": self.label,
+            "scenario": run.scenario.name,
+            "seed": run.scenario.seed,
+            "outcome": run.outcome.value,
+            "duration_s": round(run.duration, 3),
+            "arrival_s": run.info["arrival_s"],
+            "final_error_m": round(self.final_error, 4),
+            "final_heading_error_rad": round(run.heading_error, 4),
+            "clearance_m": round(run.clearance, 4),
+            "touched": self.touched,
+            "statuses": run.info["statuses"],
+        }
+
+
+def carry_with(model: kl.KoopmanModel) -> Predict:
+    """Bring an old pose forward with the learned model instead of a unicycle's arc; models with history predict with what is held."""
+    finest = model.with_dt(TICK) if not model.history and model.continuous else None
+    if finest is None:
+        return unicycle_arc
+
+    def predict(state: State, v: float, omega: float, dt: float) -> State:
+        step = finest if abs(dt - TICK) < 1e-9 else finest.with_dt(dt)
+        x, y, theta = step.predict(np.array((state.x, state.y, state.theta)), np.array((v, omega)))
+        return State(float(x), float(y), float(theta), v, omega, state.stamp + dt)
+
+    return predict
+
+
+def drive_trial(contender: Contender, scenario: Scenario, setup: Setup, seed: int) -> Trial:
+    """Drive a scenario with one seed: the seed's robot, pose noise and delays.
+
+    A drive ends in a collision (four sub-samples a period or more, by the scenario's circles), when the goal is held, or when time is up.
+    """
+    scenario = replace(scenario, seed=seed)
+    noise = scenario.pose_noise
+    setup = replace(setup, period=contender.model.dt, mocap=replace(setup.mocap, noise=noise[0], heading_noise=noise[2]))
+    twin, clock = Twin.of(scenario, seed), ManualClock()
+    controller = contender.build(scenario)
+    circles = scenario.circles_at(0.0)
+    plans: list[Any] = []
+
+    def step(pose: tuple[float, float, float], around: Any) -> tuple[float, float, str]:
+        plan = controller.step(pose, scenario.goal, around)
+        if drive.driving:
+            plans.append(plan)
+        return float(plan.command[0]), float(plan.command[1]), plan.status.name
+
+    task = Task(scenario.goal, contender.tolerance + 3.0 * noise[0], 0.05 + 3.0 * noise[2], scenario.radius, scenario.circles_at)
+    navigator = Navigator(step, task, contender.seconds, scenario.timeout, clock)
+
+    def planner(state: State) -> VelocityCommand:
+        return navigator(state)
+
+    drive = BatchDrive(twin, planner, setup, clock, seed, predict=carry_with(contender.model))
+    navigator.is_driving = lambda: drive.driving
+    gaps: list[float] = []
+
+    def gap() -> float:
+        distances, _ = circle_distances(circles, np.array([twin.pose[:2]]), np.zeros(1))
+        return float(distances.min(initial=np.inf)) - scenario.radius
+
+    def finished() -> bool:
+        gaps.append(gap())
+        return gaps[-1] < 0.0 or twin.touched is not None or navigator.finished()
+
+    path = drive.run(finished)
+    collided = gaps[-1] < 0.0 or twin.touched is not None
+    outcome = Outcome.COLLISION if collided else Outcome.REACHED if navigator.arrived_after is not None else Outcome.TIMEOUT
+    twin.advance(REST)
+    x, y, _ = twin.pose
+    run = _as_run(scenario, contender.model.dt, outcome, path, plans, min(gaps))
+    run.info["arrival_s"] = None if navigator.arrived_after is None else round(navigator.arrived_after, 2)
+    run.info["statuses"] = dict(navigator.statuses)
+    return Trial(contender.label, run, twin.touched is not None, float(np.hypot(x - scenario.goal[0], y - scenario.goal[1])))
+
+
+def _as_run(scenario: Scenario, dt: float, outcome: Outcome, path: np.ndarray, plans: list[Any], clearance: float) -> Run:
+    """Put a drive into the form that pictures are made of: whole periods, the last one filled up by standing still."""
+    every = round(dt / TICK)
+    periods = max(1, -(-(len(path) - 1) // every))
+    filled = np.concatenate([path, np.repeat(path[-1:], periods * every + 1 - len(path), axis=0)])
+    plans = (plans + plans[-1:] * periods)[:periods]
+    return Run(
+        scenario,
+        dt,
+        outcome,
+        (len(path) - 1) * TICK,
+        filled[::every],
+        filled,
+        np.array([p.command for p in plans]),
+        np.array([p.states for p in plans]),
+        tuple(p.status.name for p in plans),
+        np.array([p.timing["total"] for p in plans]),
+        clearance,
+        {},
+    )
+
+
+def repeat(
+    contenders: list[Contender], scenarios: list[Scenario], setup: Setup, seeds: list[int], progress: Callable[[int, int], None]
+) -> list[Trial]:
+    """Drive every contender in every scenario with every seed."""
+    trials = []
+    total = len(contenders) * len(scenarios) * len(seeds)
+    for contender in contenders:
+        for scenario in scenarios:
+            for seed in seeds:
+                trials.append(drive_trial(contender, scenario, setup, seed))
+                progress(len(trials), total)
+    return trials
