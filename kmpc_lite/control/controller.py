@@ -19,7 +19,6 @@ from kmpc_lite.control.osqp_workspace import QPStatus
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.control.pose_age import advance_pose
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.solids import Nearby, Solids
 from kmpc_lite.control.sqp import COLD_PASSES, NEW_WAY_PASSES, SQP, SQPResult, Task, Trajectory
 from kmpc_lite.control.surroundings import Obstacles, Surroundings
 from kmpc_lite.control.tightening import RISK, Tightening
@@ -29,6 +28,7 @@ from kmpc_lite.model import KoopmanModel
 
 if TYPE_CHECKING:
     from kmpc_lite.control.guidance import Guide
+    from kmpc_lite.control.solids import Nearby, Solids
 
 POSITION_LIMIT = 1e4
 """A pose or a goal farther out [m] is taken for a broken sensor."""

@@ -9,16 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kmpc_lite.control.parking import CLOSE, ENTER, Parking
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.solids import Solids
 from kmpc_lite.control.tangents import NO_EDGES, Way, ways_in_parts, wrap
 from kmpc_lite.control.timed_path import TimedPath
 from kmpc_lite.control.traffic import MovingCircles
 from kmpc_lite.dictionary import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.solids import Solids
 
 TRACKING_Q = (5.0, 5.0, 0.5)
 TRACKING_R = (0.1, 0.02)

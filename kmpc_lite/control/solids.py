@@ -14,10 +14,9 @@ import numpy as np
 
 from kmpc_lite.control.occupancy import OccupancyGrid
 from kmpc_lite.control.shapes import Polygon, Wall
+from kmpc_lite.control.surroundings import Solid
 from kmpc_lite.dictionary import Array
 
-Solid = Polygon | Wall | OccupancyGrid
-SOLID = (Polygon, Wall, OccupancyGrid)
 GRID_COLUMNS = 4
 """Half-planes that a grid has at each stage: the nearest rectangle, then the nearest that does not lie behind those taken."""
 BEHIND = 1e-3

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.control.obstacles import Circle, circles_to_array
-from kmpc_lite.control.solids import SOLID, Solid, Solids
+from kmpc_lite.control.occupancy import OccupancyGrid
+from kmpc_lite.control.shapes import Polygon, Wall
 from kmpc_lite.dictionary import Array
 
+if TYPE_CHECKING:
+    from kmpc_lite.control.solids import Solids
+
+SOLID = (Polygon, Wall, OccupancyGrid)
+Solid = Polygon | Wall | OccupancyGrid
 Obstacle = Circle | Solid
 Obstacles = Sequence[Obstacle] | ArrayLike
 
@@ -38,5 +44,8 @@ class Surroundings:
         circles = circles_to_array([o for o in obstacles if not isinstance(o, SOLID)])
         # sequences compare their items by identity first, which for the same ones is all that it takes
         if self._known is None or self._known.solids != tuple(solids):
+            # here, since most maps have none
+            from kmpc_lite.control.solids import Solids
+
             self._known = Solids(solids)
         return circles, self._known

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from kmpc_lite.control.solids import Solids
 from kmpc_lite.control.timed_path import TimedPath
 from kmpc_lite.dictionary import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.solids import Solids
 
 LOOK_AHEAD = 4.0
 """How far obstacles are moved on at constant velocity [s]."""

@@ -8,7 +8,8 @@ import numpy as np
 
 from kmpc_lite.control.occupancy import OccupancyGrid
 from kmpc_lite.control.shapes import Wall
-from kmpc_lite.control.solids import Solid, corners_of
+from kmpc_lite.control.solids import corners_of
+from kmpc_lite.control.surroundings import Solid
 from kmpc_lite.dictionary import Array
 from kmpc_lite.report.style import INK
 

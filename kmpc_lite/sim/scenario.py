@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,10 +21,13 @@ from kmpc_lite.control.obstacles import Circle
 from kmpc_lite.control.occupancy import OccupancyGrid
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.shapes import Polygon, Wall
-from kmpc_lite.control.solids import Solid, Solids
+from kmpc_lite.control.surroundings import Solid
 from kmpc_lite.dictionary import Array
 from kmpc_lite.errors import ProblemError, ScenarioError
 from kmpc_lite.sim.scenario_shapes import grid_to_toml, read_grid, read_polygons, read_walls
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.solids import Solids
 
 FLOAT_LISTS = {"bounds": 4, "start": 3, "goal": 3, "pose_noise": 3}
 KEYS: Mapping[str, Mapping[str, Any]] = {
@@ -236,7 +239,11 @@ def _prepared(polygons: tuple[Polygon, ...], walls: tuple[Wall, ...], grid: Occu
     found: list[Solid] = [*polygons, *walls]
     if grid is not None:
         found.append(grid)
-    return Solids(found) if found else None
+    if not found:
+        return None
+    from kmpc_lite.control.solids import Solids
+
+    return Solids(found)
 
 
 def bundled() -> list[str]:
