@@ -16,6 +16,7 @@ from kmpc_lite.border import SAME_DT
 from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.obstacles import circle_distances
 from kmpc_lite.control.osqp_workspace import QPStatus
+from kmpc_lite.control.pace import drivable_speeds
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.control.pose_age import advance_pose
 from kmpc_lite.control.problem import NavigationProblem
@@ -149,7 +150,7 @@ class Controller:
             # here, for its graph search costs as much to import as all the rest
             from kmpc_lite.control.guidance import Guide, tracking
 
-            self._guide, solved = Guide(self.problem), tracking(self.problem)
+            self._guide, solved = Guide(self.problem, drivable_speeds(self.model, self.problem)), tracking(self.problem)
         self._sqp = SQP(self.model, solved, sqp_iterations, tolerance, obstacle_slots, self._tightening, clock)
         self._fallback = Fallback(self.problem)
         self._u_min, self._u_max, _, _ = self.problem.bounds
@@ -196,6 +197,8 @@ class Controller:
         self.model = self._sqp.model = replace(model, integrator="midpoint")
         if self._tightening is not None:
             self._tightening.update(self.model)
+        if self._guide is not None:
+            self._guide.set_speeds(drivable_speeds(self.model, self.problem))
 
     def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Obstacles = ()) -> Plan:
         """Plan from the measured pose and give the command of the coming period.

@@ -86,19 +86,28 @@ class Guide:
     ----------
     problem : NavigationProblem
         Bounds, radius and margin, horizon and period.
+    speeds : ndarray, optional
+        See `set_speeds`; the command bounds where not given.
     """
 
-    def __init__(self, problem: NavigationProblem) -> None:
+    def __init__(self, problem: NavigationProblem, speeds: Array | None = None) -> None:
         u_min, u_max, x_min, x_max = problem.bounds
         self._radius, self._keep = problem.robot_radius, problem.robot_radius + problem.margin
         self._area = np.concatenate([x_min[:2], x_max[:2]])
-        self._can_reverse = bool(u_min[0] < 0.0)
-        fastest = min(u_max[0], -u_min[0]) if self._can_reverse else u_max[0]
-        self._speed = np.array(SPEED_SHARE) * (fastest, min(u_max[1], -u_min[1]))
+        self.set_speeds(np.array([u_max[0], -u_min[0], min(u_max[1], -u_min[1])]) if speeds is None else speeds)
         self._times = problem.dt * np.arange(problem.horizon + 1)
         self._dt = problem.dt
         self._parking = Parking()
         self.reset()
+
+    def set_speeds(self, speeds: Array) -> None:
+        """Time the coming ways by what the robot can do: ahead, backwards [m/s], rate of turn [rad/s], (3,); `pace.drivable_speeds`."""
+        ahead, back, turn = speeds.tolist()
+        share = np.array(SPEED_SHARE)
+        self._gears = share * (ahead, turn), share * (back, turn)
+        # arcs that make room are driven in either gear: the slower one counts
+        self._speed = self._gears[1] if 0.0 < back < ahead else self._gears[0]
+        self._backward = back / ahead if ahead > 0.0 else float(back > 0.0)
 
     def reset(self) -> None:
         """Forget the way."""
@@ -229,7 +238,7 @@ class Guide:
         length = float(np.hypot(*np.diff(way.points, axis=0).T).sum())
         # a robot that is stuck turns on the spot before it drives
         free = 0.0 if stuck else FREE_TURN * min(1.0, length / LONG)
-        self._path = TimedPath(way, pose, goal, self._speed, free)
+        self._path = TimedPath(way, pose, goal, self._gears[way.reverse], free)
         yield switched or previous is None or not same_goal
 
     def _choices(
@@ -256,7 +265,7 @@ class Guide:
         for clearance in CLEARANCES:
             radii = np.clip(sizes + self._keep + clearance, 0.0, np.maximum(nearest, 0.0))
             best: Way | None = None
-            for way in ways_in_parts(centres, radii, pose, goal, area, self._speed, self._can_reverse, edges):
+            for way in ways_in_parts(centres, radii, pose, goal, area, self._gears[0], self._backward, edges):
                 if way is None:
                     yield None
                     continue

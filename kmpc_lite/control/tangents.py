@@ -84,7 +84,7 @@ def quickest_ways(
     goal: Array,
     area: Array,
     speed: Array,
-    can_reverse: bool = True,
+    backward: float = 1.0,
     edges: Array = NO_EDGES,
 ) -> Iterator[Way]:
     """Yield ways from a pose to a pose, the quickest first: one for each first tangent and direction of driving.
@@ -103,8 +103,8 @@ def quickest_ways(
         xmin, ymin, xmax, ymax (4,) that arcs must not leave; infinite where open.
     speed : ndarray
         Largest speed [m/s] and rate of turn [rad/s], (2,).
-    can_reverse : bool
-        Whether the robot may drive backwards.
+    backward : float
+        How fast the robot drives backwards, as a share of forwards; 0 where it may not.
     edges : ndarray
         Pairs (S, 2) of circles of one radius, between which a way must not pass either.
 
@@ -113,7 +113,7 @@ def quickest_ways(
     Way
         None at all where the circles leave no way.
     """
-    for way in ways_in_parts(centres, radii, start, goal, area, speed, can_reverse, edges):
+    for way in ways_in_parts(centres, radii, start, goal, area, speed, backward, edges):
         if way is not None:
             yield way
 
@@ -125,7 +125,7 @@ def ways_in_parts(
     goal: Array,
     area: Array,
     speed: Array,
-    can_reverse: bool = True,
+    backward: float = 1.0,
     edges: Array = NO_EDGES,
 ) -> Iterator[Way | None]:
     """Yield what `quickest_ways` does, and None between its parts: each takes about as long, and the caller may come back later."""
@@ -133,7 +133,7 @@ def ways_in_parts(
     while True:
         found = 0
         renumbered = (np.cumsum(known) - 1)[edges[known[edges[:, 0]]]]
-        for way in _graph_ways(centres[known], radii[known], start, goal, area, speed, can_reverse, renumbered):
+        for way in _graph_ways(centres[known], radii[known], start, goal, area, speed, backward, renumbered):
             if way is None:
                 yield None
                 continue
@@ -180,7 +180,7 @@ def _walls(known: Array, centres: Array, radii: Array, edges: Array) -> Array:
 
 
 def _graph_ways(
-    centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array, can_reverse: bool, edges: Array
+    centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array, backward: float, edges: Array
 ) -> Iterator[Way | None]:
     """Yield the ways that the graph of these circles' tangents holds, and None between the parts of the work."""
     count = len(centres)
@@ -230,8 +230,8 @@ def _graph_ways(
     total[:, :-4] += np.abs(wrap(start[2] - leaving - GEARS)) / speed[1]
     # forwards and backwards alternate
     total[0, -3::2] = total[1, -4::2] = np.inf
-    if not can_reverse:
-        total[1] = np.inf
+    # turns on the spot count as slower too: that is only for the choice
+    total[1] = total[1] / backward if backward > 0.0 else np.inf
     for choice in np.argsort(total, axis=None):
         gear, column = divmod(int(choice), len(arrivals))
         if not np.isfinite(total[gear, column]):

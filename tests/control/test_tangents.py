@@ -123,7 +123,7 @@ def test_nothing_in_the_way_is_a_straight_line() -> None:
 def test_a_robot_that_looks_away_drives_backwards_unless_it_cannot() -> None:
     start, goal = np.array([-1.0, 0.0, np.pi]), np.array([1.0, 0.0, np.pi])
     assert (way := quickest(np.empty((0, 2)), np.empty(0), start, goal)) is not None and way.reverse
-    forwards = quickest(np.empty((0, 2)), np.empty(0), start, goal, can_reverse=False)
+    forwards = quickest(np.empty((0, 2)), np.empty(0), start, goal, backward=0.0)
     assert forwards is not None and not forwards.reverse and forwards.time > way.time
 
 

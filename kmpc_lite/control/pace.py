@@ -1,0 +1,49 @@
+"""How fast a model lets its robot be driven: what ways are timed by."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.dictionary import INPUTS, Array
+from kmpc_lite.model import KoopmanModel
+
+ROUNDING = 1e-6
+LEAST = 0.05
+"""Share of a bound that is believed in the least: a model may know nothing of what its log never showed, and ways must end."""
+
+
+def drivable_speeds(model: KoopmanModel, problem: NavigationProblem) -> Array:
+    """Speeds that the robot holds at the command bounds, by its model, but not above the bounds themselves.
+
+    A skid-steer robot that makes a third of a turn it is told needs three times as long for it; one that slips ahead is not asked
+    for more than was commanded.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        With an input history it is asked for what it does once a command has been held that long.
+    problem : NavigationProblem
+        Command bounds.
+
+    Returns
+    -------
+    ndarray
+        (3,) speed ahead [m/s], backwards [m/s], and rate of turn to the slower side [rad/s]; zeros where a bound forbids it.
+
+    Examples
+    --------
+    >>> from kmpc_lite import nominal_unicycle
+    >>> drivable_speeds(nominal_unicycle(0.1), NavigationProblem(u_min=(-0.2, -0.8))).round(3)
+    array([0.6  , 0.2  , 0.785])
+    """
+    u_min, u_max, _, _ = problem.bounds
+    held = np.zeros((4, INPUTS))
+    held[0, 0], held[1, 0], held[2, 1], held[3, 1] = u_max[0], u_min[0], u_max[1], u_min[1]
+    past = np.repeat(held[:, None], model.history, axis=1)
+    ends = model.predict(np.zeros((4, 3)), held, past)
+    signed = np.array([ends[0, 0], -ends[1, 0], ends[2, 2], -ends[3, 2]]) / model.dt
+    bounds = np.array([u_max[0], -u_min[0], u_max[1], -u_min[1]])
+    # rounding must not decide between two ways that are equally quick
+    speeds = np.where(signed > (1.0 - ROUNDING) * bounds, bounds, np.maximum(signed, LEAST * bounds))
+    return np.array([speeds[0], speeds[1], min(speeds[2], speeds[3])])
