@@ -7,6 +7,7 @@ Between times the robot is located on it, and the poses of the coming stages are
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -44,6 +45,8 @@ RETRY = 0.5
 """Time between two searches where there is no way [s]."""
 MOVED = 0.01
 """How far an obstacle must be from where it was expected to give a reason for a new way [m]."""
+ALLOWED = np.array([MOVED, MOVED, 0.0, 0.0, 0.0])
+"""The same for x, y, radius, vx, vy."""
 FREE_TURN = np.pi / 3
 """How much of the first turn is made while driving on a long way [rad]."""
 LONG = 0.5
@@ -96,6 +99,7 @@ class Guide:
         self._area = np.concatenate([x_min[:2], x_max[:2]])
         self.set_speeds(np.array([u_max[0], -u_min[0], min(u_max[1], -u_min[1])]) if speeds is None else speeds)
         self._times = problem.dt * np.arange(problem.horizon + 1)
+        self._ahead = LEAD + self._times
         self._dt = problem.dt
         self._parking = Parking()
         self.reset()
@@ -136,8 +140,8 @@ class Guide:
         """
         self._age += self._dt
         error = pose - goal
-        error[2] -= 2 * np.pi * np.round(error[2] / (2 * np.pi))
-        distance = float(np.hypot(error[0], error[1]))
+        error[2] -= 2 * np.pi * round(float(error[2]) / (2 * np.pi))
+        distance = math.hypot(error[0], error[1])
         self._turning = distance <= (ENTER[0] if self._turning else CLOSE)
         traffic = MovingCircles(circles, self._keep, self._speed, solids) if circles[:, 3:].any() else None
         place, off = (0.0, 0.0) if self._path is None else self._path.locate(pose)
@@ -164,22 +168,25 @@ class Guide:
             self._escape, states = traffic.escape(pose, self._escape, self._times)
             return Guidance(states, True, hold, path.points, left, refreshed, switched)
         self._escape = -1
-        times = place + (pace or 0.0) * (LEAD + self._times)
+        times = self._ahead * (pace or 0.0)
+        times += place
         if not self._turning and place > path.drive_end - LAST_STRETCH:
             np.minimum(times, path.drive_end, out=times)
         states = path.at(times)
-        states[:, 2] += 2 * np.pi * np.round((pose[2] - path.heading_at(place)) / (2 * np.pi))
+        turns = round((float(pose[2]) - path.heading_at(place)) / (2 * np.pi))
+        if turns:
+            states[:, 2] += 2 * np.pi * turns
         return Guidance(states, True, hold, path.points, left, refreshed, switched)
 
     def _is_new(self, goal: Array, circles: Array, solids: Solids | None) -> bool:
         """Whether the goal or the map is another one than the way was made for."""
-        known = self._circles
-        if len(circles) != len(known) or solids is not self._solids or (goal != self._goal).any():
+        if len(circles) != len(self._circles) or solids is not self._solids or goal.tolist() != self._goal.tolist():
             return True
         if not len(circles):
             return False
-        moved = circles[:, :2] - known[:, :2] - self._age * known[:, 3:]
-        return bool(np.abs(moved).max() > MOVED or (circles[:, 2:] != known[:, 2:]).any())
+        change = circles - self._circles
+        change[:, :2] -= self._age * self._circles[:, 3:]
+        return bool((np.abs(change, out=change) > ALLOWED).any())
 
     def _strayed(self, off: float, place: float, distance: float) -> bool:
         """Whether the robot's place gives a reason to look for a way: it is off the one it has, stands still on it, or has none."""

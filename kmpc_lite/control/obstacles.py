@@ -192,14 +192,14 @@ class KeepOut:
             nearest = np.argpartition(gaps, self.slots - 1, axis=1)[:, : self.slots]
             nearest.sort(axis=1)
             nearest += kinds * self._row_starts
-            gaps = gaps.reshape(-1)[nearest]
-            normals = normals.reshape(-1, 2)[nearest]
-        self._normals[:, :used] = normals
-        positions = states[1:, None, :2]
-        np.subtract((normals * positions).sum(axis=2), gaps, out=self._offsets[:, :used])
-        if used < self.slots:
-            self._normals[:, used:] = 0.0
-            self._offsets[:, used:] = -np.inf
+            gaps = gaps.take(nearest)
+            normals = normals.reshape(-1, 2).take(nearest, axis=0)
+        offsets = np.matmul(normals, states[1:, :2, None])[..., 0]
+        offsets -= gaps
+        if used == self.slots:
+            return normals, offsets
+        self._normals[:, :used], self._offsets[:, :used] = normals, offsets
+        self._normals[:, used:], self._offsets[:, used:] = 0.0, -np.inf
         return self._normals, self._offsets
 
     def penetration(self, states: Array, circles: Array, margins: Array | float = 0.0) -> Array:

@@ -198,7 +198,8 @@ class SQP:
             margins: Array | float = 0.0
             if self.tightening is not None:
                 # nothing is hit at the sides of the area: what keeps the robot from creeping out is enough for them
-                margins = np.full_like(gaps, SIDE_MARGIN)
+                margins = np.empty(gaps.shape)
+                margins.fill(SIDE_MARGIN)
                 count = self.keep_out.obstacle_count(task.circles)
                 if count:
                     margins[:, :count] = self.tightening.margins(lin, guess.states, guess.inputs, normals[:, :count])

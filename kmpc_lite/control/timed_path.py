@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from kmpc_lite.control.tangents import Way, wrap
@@ -70,9 +72,9 @@ class TimedPath:
         end = int((self.place + FORWARD) / RESOLUTION) + 2
         error = self._grid[begin:end] - pose
         error[:, 2] = TURN_LENGTH * wrap(error[:, 2])
-        nearest = int(np.argmin(np.einsum("ni,ni->n", error, error)))
+        nearest = int(np.einsum("ni,ni->n", error, error).argmin())
         self.place = float(self._grid_times[begin + nearest])
-        return self.place, float(np.hypot(error[nearest, 0], error[nearest, 1]))
+        return self.place, math.hypot(error[nearest, 0], error[nearest, 1])
 
     def points_left(self, pose: Array) -> Array:
         """Points (K, 2) from a robot's pose (3,) along the rest of the way."""
