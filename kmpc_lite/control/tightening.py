@@ -160,7 +160,9 @@ class Tightening:
         self._noisy = model.noise_model is not None
         self._measured, self._moved = measured, np.ascontiguousarray(moved.reshape(2, 9))
         self._squares = [[float(part[i, j]) for part in (measured, *moved)] for i, j in ((0, 0), (1, 1), (0, 1))]
-        self.quantile = model_quantile(model.info, self.risk) if self._given is None else float(self._given)
+        # a log that is explained to rounding tells nothing of the tails that a floor may have later
+        least = default_quantile(self.risk)
+        self.quantile = max(model_quantile(model.info, self.risk), least) if self._given is None else float(self._given)
         self._step_quantile = min(max(self.quantile, model_quantile(model.info, STEP_RISK)), STEP_LIMIT * self.quantile)
         # what was a surprise to the old model is less of one to a model that expects more
         before, self._expected = self._expected, float(self._moved[0, 0] + self._moved[0, 4]) + 2.0 * (QUIET[2] * model.dt) ** 2

@@ -163,3 +163,19 @@ def test_four_circles_take_the_same_way_with_and_without_it(knowing: dict[float,
     scenario = replace(Scenario.load("four_circles_1"), slip=0.05)
     on, off = (drive(kl.Controller(knowing[0.05], scenario.problem(), adaptation=a), scenario) for a in (True, False))
     np.testing.assert_array_equal(on.states, off.states)
+
+
+def test_a_log_without_noise_does_not_make_margins_blind(knowing: dict[float, kl.KoopmanModel]) -> None:
+    """Its calibrated quantile is next to nothing; of a floor that slips later it knows nothing."""
+    assert knowing[0.0].info["noise_quantiles"]["quantiles"][-1] < 0.01
+    controller = kl.Controller(knowing[0.0])
+    inputs = np.tile((0.6, 0.0), (20, 1))
+    states = knowing[0.0].rollout(np.zeros(3), inputs)
+    lin, normals = knowing[0.0].linearize(states[:-1], inputs), np.tile((0.0, 1.0), (20, 1, 1))
+    tightening = controller._tightening
+    assert tightening is not None
+    calm = tightening.margins(lin, states, inputs, normals).max()
+    for _ in range(5):
+        # pushed sideways by a slip of 0.2
+        tightening.observe(np.array([0.0, -0.012]), 0.0, inputs[0])
+    assert tightening.margins(lin, states, inputs, normals).max() > calm + 0.02
