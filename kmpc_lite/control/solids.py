@@ -230,12 +230,13 @@ class Corners:
         number = np.arange(int(counts.sum()))
         self.points = np.concatenate([np.empty((0, 2)), *corners])
         """(V, 2) [m]."""
-        self._owner = np.repeat(np.arange(len(corners)), counts)
-        self.rounding = np.concatenate([outlines.rounding, np.zeros(len(corners) - len(outlines))])[self._owner]
+        self.owner = np.repeat(np.arange(len(corners)), counts)
+        """(V,) number of each corner's solid."""
+        self.rounding = np.concatenate([outlines.rounding, np.zeros(len(corners) - len(outlines))])[self.owner]
         """(V,) distance from a corner that belongs to the solid [m]."""
-        following = first + (number - first + 1) % counts[self._owner]
+        following = first + (number - first + 1) % counts[self.owner]
         # a line has one edge, not one there and one back
-        used = (counts[self._owner] > 2) | (number < following)
+        used = (counts[self.owner] > 2) | (number < following)
         self.edges = np.stack([number, following], axis=1)[used]
         """(S, 2) numbers of corners."""
         self.middles = np.array([c.mean(axis=0) for c in corners]).reshape(-1, 2)
@@ -246,7 +247,7 @@ class Corners:
         here = point[None]
         gaps = [self._outlines.distances(here)[0][0]] if len(self._outlines) else []
         distance = np.concatenate([*gaps, *(b.distances(here)[0][0] for b in self._boxes)])
-        grown: Array = distance[self._owner] + self.rounding
+        grown: Array = distance[self.owner] + self.rounding
         return grown
 
 
