@@ -102,16 +102,18 @@ class BatchDrive:
         """Drive until `finished`; gives the true poses at every tick since the gate let the first command pass, (n, 3)."""
         self.driver.connect(1.0)
         self.gate.enable()
-        start, ticks, plans, path = self.clock.now, 0, 0, []
-        began = False
+        start, ticks, path, began = self.clock.now, 0, [], False
+        phase, plans = start, 0
         while not (began and finished()):
             self.driver.work()
             now = self.clock.now
-            if now - start >= plans * self._period - 1e-9:
+            if now - phase >= plans * self._period - 1e-9:
                 self.planner.step(now)
                 plans += 1
             self.loop.tick(now)
-            began = began or self.driving
+            if self.driving and not began:
+                # the recorder's rows begin with the first command that passes: plans keep step with them, or a row would mix two commands
+                began, phase, plans = True, now, 1
             if began:
                 path.append(self.twin.pose)
             elif now - start > STILL:

@@ -1,0 +1,124 @@
+"""Experiments (a) to (d): what is driven, with which models, on which maps; all fixed before anything was driven."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import kmpc_lite as kl
+from firmware_bridge.experiments.collect import FAST, SAMPLES, SLOW, collect
+from firmware_bridge.experiments.trials import Contender, Trial, repeat
+from firmware_bridge.messages import ConfigError
+from kmpc_lite.sim import Scenario
+from kmpc_lite.sim.twin import Ground
+
+Progress = Callable[[str], Callable[[int, int], None]]
+"""Makes a bar of a name."""
+REPORTING_SEED = 500_000
+"""Of pose noise and delays; nothing was tuned on these."""
+PAPER_BOUNDS, SLOW_BOUNDS = (0.6, 0.785), (0.2, 0.4)
+"""Command bounds at 10 Hz (the paper's), and at 1 Hz (twice to four times what the training commands usually are) [m/s, rad/s]."""
+FITS = {
+    "fast": ("fast", ("--dictionary", "trig", "--lags", "0", "1", "--product")),
+    "fast_paper": ("fast", ("--dictionary", "unicycle", "--method", "edmdc")),
+    "slow": ("slow", ("--dictionary", "trig", "--lags", "0", "1", "--dt", "1")),
+    "slow_paper": ("slow", ("--dictionary", "unicycle", "--method", "edmdc", "--dt", "1")),
+    "carpet": ("carpet", ("--dictionary", "trig", "--lags", "0", "1", "--product")),
+    "wet": ("wet", ("--dictionary", "trig", "--lags", "0", "1", "--product")),
+}
+"""Models: the set that each is learned from, and the options of ``kmpc fit``."""
+NEW_FLOOR_SAMPLES = 6_000
+"""Of the sets on carpet and on wet tile."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What is driven."""
+
+    title: str
+    maps: tuple[str, ...]
+    trials: int
+    paper: str
+    """What the paper reports."""
+
+
+EXPERIMENTS = {
+    "a": Experiment(
+        "four maps, goals (1.5, 1.5) and (-1.5, -1.5)", tuple(f"twin_a{i}" for i in range(1, 5)), 5, "4/4 reached, 13 s, 0.01 m"
+    ),
+    "b": Experiment("two maps with twice the obstacles", ("twin_b1", "twin_b2"), 5, "8/10 without contact (5/5, 3/5), 0.09 m"),
+    "c": Experiment(
+        "ten maps at 1 Hz, 0.2 to 0.5 s late", tuple(f"twin_c{i}" for i in range(1, 11)), 5, "44/50 without contact, 21 to 60 s"
+    ),
+    "d": Experiment("the floor changes under way", ("twin_carpet", "twin_wet", "twin_wet_patch"), 5, "-"),
+}
+
+
+def learn(folder: Path, name: str, bar: Progress, samples: int | None = None) -> kl.KoopmanModel:
+    """Load a model from the folder; where it is not there, record its set through the link and run ``kmpc fit`` on it."""
+    from kmpc_lite.cli import main
+
+    file = folder / f"{name}.npz"
+    if not file.exists():
+        data, options = FITS[name]
+        kind = "slow" if data == "slow" else "fast"
+        logs = folder / data
+        if not logs.exists():
+            ground = None if data in SAMPLES else Ground.named(data)
+            count = samples or SAMPLES.get(data, NEW_FLOOR_SAMPLES)
+            collect(logs, kind, count, ground, progress=bar(f"recording {data}"))
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said):
+            status = main(["fit", *map(str, sorted(logs.glob("*.csv"))), "-o", str(file), *options, "--json"])
+        if status:
+            raise ConfigError(f"kmpc fit failed on {logs}: remove the folder and try again")
+        (folder / f"{name}.json").write_text(said.getvalue())
+    return kl.KoopmanModel.load(file)
+
+
+def prediction_errors(folder: Path, bar: Progress) -> list[tuple[str, tuple[float, ...], tuple[float, ...]]]:
+    """Held-out errors after 1 s of each model of the paper's sets, beside the nominal unicycle's: along, across [m], heading [rad]."""
+    rows = []
+    for name in ("fast", "fast_paper", "slow", "slow_paper"):
+        learn(folder, name, bar)
+        held = json.loads((folder / f"{name}.json").read_text())["held_out"]
+        rows.append((name, tuple(held["multi_step"]), tuple(held["nominal_multi_step"])))
+    return rows
+
+
+def contenders(folder: Path, which: str, bar: Progress) -> list[Contender]:
+    """Ours, and the paper's two controllers, as they are compared in an experiment."""
+    if which == "c":
+        slow = learn(folder, "slow", bar)
+        return [
+            Contender("ours", "kmpc", slow, SLOW_BOUNDS),
+            Contender("K-NMPC, IPOPT", "ipopt", learn(folder, "slow_paper", bar), SLOW_BOUNDS),
+            Contender("NMPC, IPOPT", "ipopt", kl.nominal_unicycle(1.0), SLOW_BOUNDS),
+        ]
+    ours = Contender("ours", "kmpc", learn(folder, "fast", bar), PAPER_BOUNDS)
+    if which == "d":
+        return [ours, replace(ours, label="ours, no adaptation", adaptation=False)]
+    return [
+        ours,
+        Contender("K-NMPC, IPOPT", "ipopt", learn(folder, "fast_paper", bar), PAPER_BOUNDS),
+        Contender("NMPC, IPOPT", "ipopt", kl.nominal_unicycle(0.1), PAPER_BOUNDS),
+    ]
+
+
+def run(folder: Path, which: str, bar: Progress, trials: int | None = None, first_seed: int = REPORTING_SEED) -> list[Trial]:
+    """Run an experiment; models are learned first where they are not there."""
+    experiment = EXPERIMENTS[which]
+    seeds = [first_seed + i for i in range(trials or experiment.trials)]
+    scenarios = [Scenario.load(name) for name in experiment.maps]
+    setup = SLOW if which == "c" else FAST
+    found = repeat(contenders(folder, which, bar), scenarios, setup, seeds, bar(f"experiment ({which})"))
+    if which == "d":
+        # what knows the new floor from the beginning: the whole floor is the new one
+        for floor, scenario in (("carpet", scenarios[0]), ("wet", scenarios[1])):
+            told = Contender(f"ours, learned on {floor}", "kmpc", learn(folder, floor, bar), PAPER_BOUNDS, adaptation=False)
+            found += repeat([told], [scenario], setup, seeds, bar(f"learned on {floor}"))
+    return found
