@@ -140,6 +140,14 @@ class Twin:
         self._mujoco.mj_forward(self.model, self.data)
         self._last = self.pose
 
+    def show(self, pose: tuple[float, float, float], rolled: float) -> None:
+        """Put the robot at a pose for a picture, its wheels turned on by so much [rad]; nothing moves by it."""
+        x, y, theta = pose
+        self.data.qpos[:3] = x, y, WHEEL_RADIUS
+        self.data.qpos[3:7] = math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)
+        self.data.qpos[self._wheel_q] += rolled
+        self._mujoco.mj_forward(self.model, self.data)
+
     @property
     def pose(self) -> tuple[float, float, float]:
         """x, y [m] and theta [rad], not wrapped."""
