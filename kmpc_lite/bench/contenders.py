@@ -66,7 +66,8 @@ def contenders() -> list[Contender]:
         Contender("ours, converged", _converged),
         Contender("CasADi + IPOPT", _casadi("ipopt"), casadi),
         Contender("CasADi + fatrop", _casadi("fatrop"), casadi),
-        Contender("acados SQP_RTI", _acados, why_not(), timed="solve"),
+        Contender("acados RTI, in C", _acados, why_not(), timed="solve"),
+        Contender("acados RTI, Python", _acados, why_not()),
     ]
 
 
