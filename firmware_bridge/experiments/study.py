@@ -25,7 +25,7 @@ PAPER_BOUNDS, SLOW_BOUNDS = (0.6, 0.785), (0.2, 0.4)
 FITS = {
     "fast": ("fast", ("--dictionary", "trig", "--lags", "0", "1", "--product")),
     "fast_paper": ("fast", ("--dictionary", "unicycle", "--method", "edmdc")),
-    "slow": ("slow", ("--dictionary", "trig", "--lags", "0", "1", "--dt", "1")),
+    "slow": ("slow", ("--dictionary", "trig", "--lags", "0", "1", "--product", "--dt", "1")),
     "slow_paper": ("slow", ("--dictionary", "unicycle", "--method", "edmdc", "--dt", "1")),
     "carpet": ("carpet", ("--dictionary", "trig", "--lags", "0", "1", "--product")),
     "wet": ("wet", ("--dictionary", "trig", "--lags", "0", "1", "--product")),
