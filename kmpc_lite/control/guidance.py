@@ -261,7 +261,10 @@ class Guide:
             to_pose, to_goal = (np.concatenate([a, corners.to_centre(p[:2])]) for a, p in ((to_pose, pose), (to_goal, goal)))
             sizes, edges = np.concatenate([sizes, corners.rounding]), corners.edges + len(circles)
             round_about = np.concatenate([circles[:, :2], corners.middles])
-        if (to_goal < sizes + self._radius).any():
+        maze = None if solids is None else solids.maze
+        if maze is not None:
+            round_about = np.concatenate([round_about, maze.landmarks])
+        if (to_goal < sizes + self._radius).any() or (maze is not None and maze.room(goal[:2]) < self._radius):
             yield None, True
             return
         # the outermost of robot and goal widen the area
@@ -272,7 +275,11 @@ class Guide:
         for clearance in CLEARANCES:
             radii = np.clip(sizes + self._keep + clearance, 0.0, np.maximum(nearest, 0.0))
             best: Way | None = None
-            for way in ways_in_parts(centres, radii, pose, goal, area, self._gears[0], self._backward, edges):
+            route = None if maze is None else maze.route(pose, goal, self._keep + clearance, circles, area)
+            yield None
+            if maze is not None and route is None:
+                continue
+            for way in ways_in_parts(centres, radii, pose, goal, area, self._gears[0], self._backward, edges, route):
                 if way is None:
                     yield None
                     continue

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,10 +18,15 @@ from kmpc_lite.control.shapes import Polygon, Wall
 from kmpc_lite.control.surroundings import Solid
 from kmpc_lite.dictionary import Array
 
+if TYPE_CHECKING:
+    from kmpc_lite.control.maze import Maze
+
 GRID_COLUMNS = 4
 """Half-planes that a grid has at each stage: the nearest rectangle, then the nearest that does not lie behind those taken."""
 BEHIND = 1e-3
 """How far a rectangle's nearest point may stand out of a half-plane and count as behind it [m]."""
+FEW = 24
+"""Rectangles of grids up to which ways go around the corners of each."""
 AT = 1e-9
 """Distance at which a direction cannot be told [m]."""
 STAND_IN = 50.0
@@ -246,7 +252,7 @@ class Corners:
         """Radius (V,) to which each corner can grow, and its edges with it, until its solid comes to a point (2,) [m]."""
         here = point[None]
         gaps = [self._outlines.distances(here)[0][0]] if len(self._outlines) else []
-        distance = np.concatenate([*gaps, *(b.distances(here)[0][0] for b in self._boxes)])
+        distance = np.concatenate([np.empty(0), *gaps, *(b.distances(here)[0][0] for b in self._boxes)])
         grown: Array = distance[self.owner] + self.rounding
         return grown
 
@@ -273,9 +279,28 @@ class Solids:
         self._middle, self._reach, self._near = np.full(2, np.nan), 0.0, self.whole
 
     @cached_property
+    def maze(self) -> Maze | None:
+        """What ways are looked for in where the grids have too many corners."""
+        if sum(len(boxes.low) for boxes in self.boxes) <= FEW:
+            return None
+        # it takes image filters, which are slow to import
+        from kmpc_lite.control.maze import Maze
+
+        return Maze(self)
+
+    @cached_property
     def corners(self) -> Corners:
-        """What ways go around."""
-        corners = [corners_of(s) for s in self.solids if not isinstance(s, OccupancyGrid)]
+        """What ways go around: all corners, but for the grids' where these have a maze."""
+        return self.all_corners if self.maze is None else Corners(self.outlines, self._outline_corners, [])
+
+    @property
+    def _outline_corners(self) -> list[Array]:
+        return [corners_of(s) for s in self.solids if not isinstance(s, OccupancyGrid)]
+
+    @cached_property
+    def all_corners(self) -> Corners:
+        """Corners of all solids."""
+        corners = self._outline_corners
         for boxes in self.boxes:
             (x_min, y_min), (x_max, y_max) = boxes.low.T, boxes.high.T
             around = np.stack([np.stack([x_min, x_max, x_max, x_min], 1), np.stack([y_min, y_min, y_max, y_max], 1)], axis=-1)

@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -19,6 +20,9 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 
 from kmpc_lite.control.edges import cut_edges, edge_bars, free_of_edges
 from kmpc_lite.dictionary import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.maze import Route
 
 TOUCHING = 1e-7
 """How deep a line may cut a circle [m]: rounding, since lines touch circles."""
@@ -39,6 +43,9 @@ NODE_SENSE = np.array([[1.0, -1.0], [-1.0, 1.0]])
 """Sense of rotation of a tangent's four nodes, as a multiple of the tangent's: by circle, then leaving and arriving."""
 GEARS = np.array([[0.0], [np.pi]])
 """What the robot's heading is off the direction of travel: forwards, backwards."""
+ROUNDS = 12
+"""How often corners that a way through a maze cuts are added before the lattice's way is taken."""
+NO_POINTS = np.empty((0, 2))
 NO_EDGES = np.empty((0, 2), dtype=np.intp)
 TURNING = 4
 """Circles to turn on: left and right of the start, left and right of the goal."""
@@ -127,25 +134,52 @@ def ways_in_parts(
     speed: Array,
     backward: float = 1.0,
     edges: Array = NO_EDGES,
+    route: Route | None = None,
 ) -> Iterator[Way | None]:
-    """Yield what `quickest_ways` does, and None between its parts: each takes about as long, and the caller may come back later."""
+    """Yield what `quickest_ways` does, and None between its parts: each takes about as long, and the caller may come back later.
+
+    With a `route` through a maze, also around its corners; where these give no way, the route itself, with turns on the spot.
+    """
+    touched = NO_POINTS if route is None else route.corners
+    rounds, some = 0, False
     known = _with_corners(_cut(np.stack([start[:2], goal[:2]]), centres, radii, edges), edges)
     while True:
         found = 0
         renumbered = (np.cumsum(known) - 1)[edges[known[edges[:, 0]]]]
-        for way in _graph_ways(centres[known], radii[known], start, goal, area, speed, backward, renumbered):
+        points, sizes = centres[known], radii[known]
+        if route is not None:
+            points, sizes = np.concatenate([points, touched]), np.concatenate([sizes, np.full(len(touched), route.radius)])
+        for way in _graph_ways(points, sizes, start, goal, area, speed, backward, renumbered, route):
             if way is None:
                 yield None
                 continue
             cut = _cut(way.points, centres, radii, edges)
-            if not cut.any():
-                found += 1
+            deep = NO_POINTS if route is None else route.cut(way.points)
+            if not cut.any() and not len(deep):
+                found, some = found + 1, True
                 yield way
-            elif not found and not known[cut].all():
+            elif not found and (len(deep) or not known[cut].all()):
                 break
         else:
+            if route is not None and not some and not known.any():
+                yield _straight_way(route.points, start, goal, speed)
             return
+        if route is not None:
+            touched, rounds = np.concatenate([touched, deep]), rounds + 1
+            if rounds > ROUNDS:
+                yield _straight_way(route.points, start, goal, speed)
+                return
         known = _walls(known | cut, centres, radii, edges)
+
+
+def _straight_way(points: Array, start: Array, goal: Array, speed: Array) -> Way:
+    """Way straight from point to point (K, 2), forwards, with turns on the spot."""
+    steps = np.diff(points, axis=0)
+    turns = wrap(np.diff(np.arctan2(steps[:, 1], steps[:, 0]), prepend=start[2]))
+    headings = start[2] + np.cumsum(turns)
+    time = np.hypot(steps[:, 0], steps[:, 1]).sum() / speed[0]
+    time += (np.abs(turns).sum() + abs(wrap(goal[2] - headings[-1]))) / speed[1]
+    return Way(np.stack([points[:-1], points[1:]], axis=1).reshape(-1, 2), np.repeat(headings, 2), float(time), False)
 
 
 def _cut(points: Array, centres: Array, radii: Array, edges: Array) -> Array:
@@ -180,7 +214,7 @@ def _walls(known: Array, centres: Array, radii: Array, edges: Array) -> Array:
 
 
 def _graph_ways(
-    centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array, backward: float, edges: Array
+    centres: Array, radii: Array, start: Array, goal: Array, area: Array, speed: Array, backward: float, edges: Array, route: Route | None
 ) -> Iterator[Way | None]:
     """Yield the ways that the graph of these circles' tangents holds, and None between the parts of the work."""
     count = len(centres)
@@ -191,7 +225,7 @@ def _graph_ways(
     beside = ends_of_way[:, None, :2] + turning * LEFT_RIGHT[:, None] * across[:, None]
     points = np.concatenate([centres, beside.reshape(-1, 2), ends_of_way[:, :2]])
     sizes = np.concatenate([radii, np.full(TURNING, turning), (0.0, 0.0)])
-    first, second, sense, ends, directions, lengths = _tangents(points, sizes, count, area, edges)
+    first, second, sense, ends, directions, lengths = _tangents(points, sizes, count, area, edges, route)
     tangents, start_point, goal_point = len(first), count + TURNING, count + TURNING + 1
     headings = np.arctan2(directions[:, 1], directions[:, 0])
     yield None
@@ -258,7 +292,9 @@ def _pairs(count: int) -> tuple[Array, Array, Array]:
     return first, second, sensible
 
 
-def _tangents(points: Array, sizes: Array, count: int, area: Array, edges: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
+def _tangents(
+    points: Array, sizes: Array, count: int, area: Array, edges: Array, route: Route | None
+) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Free tangents: circles (T,), (T,), senses (T, 2), ends (T, 2, 2), directions (T, 2), lengths (T,)."""
     first, second, sensible = _pairs(count)
     offset = points[second] - points[first]
@@ -305,6 +341,9 @@ def _tangents(points: Array, sizes: Array, count: int, area: Array, edges: Array
         look, (begin, end) = np.flatnonzero(free), edges.T
         inflated = np.maximum(sizes[begin] - TOUCHING, 0.0)
         free[look] = free_of_edges(ends[look, 0], ends[look, 1], points[begin], points[end], inflated)
+    if route is not None:
+        look = np.flatnonzero(free)
+        free[look] = route.lines_free(ends[look, 0], ends[look, 1])
     return first[free], second[free], sense[free], ends[free], directions[free], lengths[free]
 
 

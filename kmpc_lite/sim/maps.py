@@ -94,7 +94,7 @@ def _take_away(free: NDArray[np.bool_], x: Array, y: Array, solids: Sequence[Sol
     prepared = Solids(solids)
     parts = [Nearby(prepared.outlines.take(np.array([i])), []) for i in range(len(prepared.outlines))]
     parts += [Nearby(Outlines.of([]), [boxes.take(np.array([i]))]) for boxes in prepared.boxes for i in range(len(boxes.low))]
-    corners = prepared.corners
+    corners = prepared.all_corners
     for i, part in enumerate(parts):
         own = corners.owner == i
         reach = keep + float(corners.rounding[own].max())
