@@ -156,7 +156,8 @@ def _controller(robot: Robot, scenario: Any) -> Any:
         u_max=(limits.v_max, limits.omega_max),
         deceleration=(limits.deceleration, limits.angular_deceleration),
     )
-    return kl.Controller(learned, scenario.problem(base))
+    adaptation = None if model is not None and robot.control.adaptation else False
+    return kl.Controller(learned, scenario.problem(base), adaptation=adaptation)
 
 
 def _record(options: argparse.Namespace) -> int:

@@ -54,6 +54,8 @@ class ControlOptions:
     """From a command on the wire to the wheels [s]."""
     model: str | None = None
     """File of a learned model; the nominal unicycle where not given."""
+    adaptation: bool = True
+    """Whether a learned model is corrected while driving where the floor contradicts it; the nominal one, which knows no lag, never is."""
     scenario: str | None = None
     """Scenario file, or the name of one that comes with kmpc_lite."""
 

@@ -409,3 +409,19 @@ def test_the_latency_table_has_a_row_for_each_driver_and_rate(desk, capsys):
     assert [(r["driver"], r["rate_hz"]) for r in rows] == [("mavlink", 10.0), ("mavlink", 50.0), ("vesc", 10.0), ("vesc", 50.0)]
     assert all(r["times_ms"]["pose to command on the wire"]["count"] > 5 for r in rows)
     assert [line.split()[:2] for line in table(rows).splitlines()[2:]] == [[r["driver"], f"{r['rate_hz']:g}"] for r in rows]
+
+
+def test_a_learned_model_is_adapted_while_driving_and_the_nominal_one_is_not(tmp_path):
+    from firmware_bridge.cli import _controller
+    from kmpc_lite.sim import Scenario
+
+    file = tmp_path / "robot.npz"
+    kl.fit(kl.generate_dataset(kl.DifferentialDrive(0.05), episodes=10, steps=60)).save(file)
+    link = {"driver": "roboclaw", "url": "pty:link"}
+
+    def built(control):
+        return _controller(load_robot(ROBOTS / "roboclaw.toml", {"link": link, "control": control}), Scenario.load("mehrez"))
+
+    assert built({"model": str(file)}).adaptation is not None
+    assert built({"model": str(file), "adaptation": False}).adaptation is None
+    assert built({}).adaptation is None
