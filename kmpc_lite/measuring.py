@@ -28,7 +28,7 @@ def run_bench(options: argparse.Namespace) -> int:
         folder = install()
         print(json.dumps({"acados": str(folder)}) if options.json else f"acados is in {folder}")
         return 0
-    for name in ("drives", "seconds", "loop"):
+    for name in ("drives", "seconds", "loop", "budget"):
         value = getattr(options, name)
         if value is not None and not value > 0:
             raise kl.ProblemError(f"--{name}: expected a number > 0, got {value}")
@@ -38,7 +38,14 @@ def run_bench(options: argparse.Namespace) -> int:
         from kmpc_lite.bench.loop import run_loop
 
         result = run_loop(
-            model, problem, options.loop, options.seconds, seed, not options.no_load, Progress("real-time loop", quiet=options.json)
+            model,
+            problem,
+            options.loop,
+            options.seconds,
+            seed,
+            not options.no_load,
+            options.budget,
+            Progress("real-time loop", quiet=options.json),
         )
         print(json.dumps(result.as_dict()) if options.json else result)
         return 0
@@ -46,6 +53,12 @@ def run_bench(options: argparse.Namespace) -> int:
     if options.scaling:
         rows = scaling(model, seed, options.drives, progress=bar)
         print(json.dumps(rows) if options.json else format_scaling(rows))
+        return 0
+    if options.quality:
+        from kmpc_lite.bench.quality import as_dicts, compare, format_comparison
+
+        compared = compare(model, problem, record(model, problem, options.drives, steps=50, obstacles=4, seed=seed), progress=bar)
+        print(json.dumps(as_dicts(compared)) if options.json else format_comparison(compared))
         return 0
     if options.settings:
         from kmpc_lite.bench.settings import format_settings, record_qps, settings_study, solver_study

@@ -38,6 +38,8 @@ class LoopResult:
     skipped: int
     """Periods that were left out."""
     statuses: dict[str, int]
+    budget: float | None = None
+    """`Controller`'s time_budget [s]."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for JSON; times in milliseconds."""
@@ -50,6 +52,11 @@ class LoopResult:
             "share_of_commands_after_their_period": self.response.share_above(period),
             "skipped_periods": self.skipped,
             "statuses": self.statuses,
+            **(
+                {}
+                if self.budget is None
+                else {"budget_ms": 1e3 * self.budget, "share_of_steps_over_budget": self.steps.share_above(self.budget)}
+            ),
         }
 
     def __str__(self) -> str:
@@ -60,6 +67,9 @@ class LoopResult:
         for name, text in (("lateness", "period begins late by"), ("steps", "Controller.step"), ("response", "deadline to command")):
             lines.append(f"{text:<34}" + "".join(f"{d[name][k]:9.3f}" for k in ("p50", "p99", "p99.9", "max")))
         lines.append(f"commands that came after their period: {100 * d['share_of_commands_after_their_period']:.4f} %; {self.statuses}")
+        if self.budget is not None:
+            over, p999 = d["share_of_steps_over_budget"], d["steps"]["p99.9"] / d["budget_ms"]
+            lines.append(f"budget of {d['budget_ms']:g} ms: {100 * over:.3f} % of the steps took longer, p99.9 is {p999:.2f} of it")
         return "\n".join(lines)
 
 
@@ -96,6 +106,7 @@ def run_loop(
     seconds: float,
     seed: int,
     load: bool = True,
+    budget: float | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> LoopResult:
     """Drive from goal to goal on random maps in real time, one step a period, the other cores saturated.
@@ -103,13 +114,15 @@ def run_loop(
     Parameters
     ----------
     model, problem
-        The problem's period is the prediction's; the loop may run faster.
+        Every tick of the loop is one period of the problem: at 100 Hz a robot with dt = 0.1 s lives ten times as fast.
     rate, seconds : float
         Of the loop [Hz], [s].
     seed : int
         Of maps and goals.
     load : bool
         Whether the other cores are kept busy.
+    budget : float, optional
+        `Controller`'s time_budget [s].
     progress : callable
         Called about once a second with seconds done and in all.
     """
@@ -117,7 +130,7 @@ def run_loop(
     random = np.random.default_rng(seed)
     circles = random_circles(random, 4)
     x, goal = free_pose(random, circles), free_pose(random, circles)
-    controller, plant = Controller(model, problem), DifferentialDrive(SLIP, seed=seed)
+    controller, plant = Controller(model, problem, time_budget=budget), DifferentialDrive(SLIP, seed=seed)
     controller.step(x, goal, circles)
     response, steps = Histogram(), Histogram()
     statuses: dict[str, int] = {}
@@ -130,10 +143,10 @@ def run_loop(
             response.add(time.monotonic() - tick.deadline)
             steps.add(plan.timing["total"])
             statuses[plan.status.name] = statuses.get(plan.status.name, 0) + 1
-            x = plant.step(x, plan.command, 1.0 / rate)
+            x = plant.step(x, plan.command, problem.dt)
             ticks += 1
-            if np.hypot(*(x[:2] - goal[:2])) < 0.05 or ticks % int(20 * rate) == 0:
+            if np.hypot(*(x[:2] - goal[:2])) < 0.05 or ticks % 300 == 0:
                 goal = free_pose(random, circles)
             if ticks % int(max(rate, 1)) == 0:
                 progress(int(tick.index / rate), int(seconds))
-    return LoopResult(rate, ticks, setup, loop.lateness, response, steps, loop.skipped, statuses)
+    return LoopResult(rate, ticks, setup, loop.lateness, response, steps, loop.skipped, statuses, budget)
