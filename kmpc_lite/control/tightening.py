@@ -45,6 +45,8 @@ SURPRISE_LIMIT = 400.0
 QUIET = (5e-3, 1e-3, 0.02)
 """Steps that should move the robot less than the first [m] are not judged; no step by less than the second [m], and the third as a share
 of the way: even a model without noise is allowed to be so wrong."""
+USUAL_SPEED = 0.4
+"""At which errors that are too large were made, where only their size is known [m/s]."""
 RETREAT = 0.25
 """Share of a command that is always allowed where it leads away from an obstacle: a robot that touches must get free."""
 
@@ -118,8 +120,7 @@ class Tightening:
         if factor == self.inflation:
             return
         self.inflation = factor
-        self._felt = factor**2 * self._moved
-        self._felt[0, [0, 4]] += (factor**2 - 1.0) * (QUIET[2] * self._model.dt) ** 2
+        self._felt = self._moved if factor == 1.0 else factor**2 * self._moved + (factor**2 - 1.0) * self._allowed
         self._felt_trace = (self._felt[:, 0] + self._felt[:, 4]).tolist()
         self._spreads = self._noisy or factor > 1.0
 
@@ -159,11 +160,14 @@ class Tightening:
         measured, moved = split_noise(model.noise_model)
         self._noisy = model.noise_model is not None
         self._measured, self._moved = measured, np.ascontiguousarray(moved.reshape(2, 9))
+        # errors are judged against what is allowed at rest too, but what is too much of them comes from driving
+        self._allowed = np.zeros((2, 9))
+        self._allowed[0, [0, 4]] = (QUIET[2] * model.dt) ** 2 + (QUIET[1] ** 2 + measured.diagonal()[:2]) / USUAL_SPEED**2
         self._squares = [[float(part[i, j]) for part in (measured, *moved)] for i, j in ((0, 0), (1, 1), (0, 1))]
         # a log that is explained to rounding tells nothing of the tails that a floor may have later
-        least = default_quantile(self.risk)
-        self.quantile = max(model_quantile(model.info, self.risk), least) if self._given is None else float(self._given)
-        self._step_quantile = min(max(self.quantile, model_quantile(model.info, STEP_RISK)), STEP_LIMIT * self.quantile)
+        known = model.info if model_quantile(model.info, self.risk) >= default_quantile(self.risk) else {}
+        self.quantile = model_quantile(known, self.risk) if self._given is None else float(self._given)
+        self._step_quantile = min(max(self.quantile, model_quantile(known, STEP_RISK)), STEP_LIMIT * self.quantile)
         # what was a surprise to the old model is less of one to a model that expects more
         before, self._expected = self._expected, float(self._moved[0, 0] + self._moved[0, 4]) + 2.0 * (QUIET[2] * model.dt) ** 2
         self._surprise = max(1.0, self._surprise * before / self._expected)
