@@ -41,14 +41,12 @@ class Camera:
     """
 
     def __init__(self, twin: Twin, view: str = "above", size: tuple[int, int] = SIZE) -> None:
-        # read by MuJoCo when its renderer is first made; on a desk without a display only these two work
-        os.environ.setdefault("MUJOCO_GL", "egl")
         self._twin, self._view = twin, view
         mujoco = load_mujoco()
         try:
             self._renderer: Any = mujoco.Renderer(twin.model, height=size[1], width=size[0])
         except Exception as error:  # each back end raises its own
-            raise NoRenderer(f"no off-screen renderer with MUJOCO_GL={os.environ['MUJOCO_GL']}: {error}") from error
+            raise NoRenderer(f"no off-screen renderer with MUJOCO_GL={os.environ.get('MUJOCO_GL', '')}: {error}") from error
 
     def frame(self) -> np.ndarray:
         """Take a picture now, (height, width, 3) of bytes."""
@@ -94,6 +92,6 @@ def write_gif(frames: Sequence[np.ndarray], file: Path, period: float) -> None:
     except ImportError as error:
         raise KmpcError("GIFs need Pillow, which comes with the extra plot: pip install 'kmpc-lite[plot]'") from error
     # one palette for all: else the floor flickers from frame to frame
-    palette = Image.fromarray(frames[len(frames) // 2]).quantize(64)
+    palette = Image.fromarray(frames[len(frames) // 2]).quantize(128)
     pictures = [Image.fromarray(f).quantize(palette=palette, dither=Image.Dither.NONE) for f in frames]
     pictures[0].save(file, save_all=True, append_images=pictures[1:], duration=round(1e3 * period), loop=0, optimize=True)

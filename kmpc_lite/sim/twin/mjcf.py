@@ -44,10 +44,10 @@ _ROOM = """<mujoco model="rosbot2">
   <option timestep="{timestep}" integrator="implicitfast" cone="elliptic" impratio="50" iterations="20" tolerance="1e-8"/>
   <visual>
     <global offwidth="960" offheight="720"/>
-    <headlight ambient="0.45 0.45 0.45" diffuse="0.55 0.55 0.55"/>
+    <headlight ambient="0.35 0.35 0.35" diffuse="0.35 0.35 0.35" specular="0 0 0"/>
   </visual>
   <asset>
-    <texture name="tiles" type="2d" builtin="checker" rgb1="0.86 0.86 0.84" rgb2="0.78 0.79 0.78" width="128" height="128"/>
+    <texture name="tiles" type="2d" builtin="checker" rgb1="0.80 0.80 0.78" rgb2="0.70 0.71 0.70" width="128" height="128"/>
     <material name="tiles" texture="tiles" texrepeat="8 8"/>
     <texture name="sky" type="skybox" builtin="gradient" rgb1="0.95 0.97 1" rgb2="0.75 0.82 0.9" width="64" height="64"/>
   </asset>
@@ -60,10 +60,10 @@ _ROOM = """<mujoco model="rosbot2">
     <default class="mark"><geom contype="0" conaffinity="0" group="1"/></default>
   </default>
   <worldbody>
-    <light pos="0 0 5" dir="0.1 0.2 -1" directional="true" diffuse="0.35 0.35 0.35"/>
+    <light pos="0 0 5" dir="0.3 0.4 -1" directional="true" diffuse="0.3 0.3 0.3" specular="0 0 0" castshadow="false"/>
     <geom name="floor" type="plane" size="{half} {half} 0.1" material="tiles" contype="0" conaffinity="0"/>
     <camera name="above" pos="{cx} {cy} {above}" fovy="45"/>
-    <camera name="aside" pos="{cx} {aside} {up}" xyaxes="1 0 0 0 0.6 0.8" fovy="48"/>{marks}{obstacles}
+    <camera name="aside" pos="{cx} {aside} {up}" xyaxes="1 0 0 0 0.65 0.76" fovy="45"/>{marks}{obstacles}
     <body name="robot" pos="0 0 {r}">
       <freejoint name="robot"/>
       <inertial pos="0 0 0.02" mass="1.728" diaginertia="0.004162 0.00651 0.008828"/>
@@ -123,9 +123,9 @@ def write_mjcf(
         half=max(10.0, size),
         cx=cx,
         cy=cy,
-        above=1.25 * size,
-        aside=cy - 0.85 * size,
-        up=0.75 * size,
+        above=1.2 * size,
+        aside=cy - 0.70 * size,
+        up=0.60 * size,
         marks="".join(marks),
         obstacles="".join(
             f'\n    <geom class="obstacle" name="obstacle{i}" pos="{c.x} {c.y} {HEIGHT / 2}" size="{max(c.radius, 1e-3)} {HEIGHT / 2}"/>'

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
+import sys
 from collections.abc import Sequence
+from ctypes.util import find_library
 from typing import Any
 
 import numpy as np
@@ -34,7 +37,11 @@ class TwinMissing(KmpcError):
 
 
 def load_mujoco() -> Any:
-    """Import MuJoCo, or say how to get it."""
+    """Import MuJoCo, or say how to get it; where there is no display, with the off-screen renderer that the machine has."""
+    if "mujoco" not in sys.modules and "DISPLAY" not in os.environ:
+        # MuJoCo reads this once, when it is imported
+        found = next((name for name in ("EGL", "OSMesa") if find_library(name)), None)
+        os.environ.setdefault("MUJOCO_GL", "disable" if found is None else found.lower())
     try:
         import mujoco
     except ImportError as error:
