@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from firmware_bridge.experiments.study import EXPERIMENTS, prediction_errors, run
+from firmware_bridge.experiments.study import EXPERIMENTS, REPORTING_SEED, prediction_errors, run
 from firmware_bridge.messages import BridgeError
 from kmpc_lite import KmpcError
 from kmpc_lite.measuring import Progress
@@ -28,6 +28,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--folder", type=Path, default=Path("twin"), help="for data, models and pictures (default: twin)")
     parser.add_argument("--trials", type=int, help="for each map (default: the experiment's)")
     parser.add_argument("--tuning", action="store_true", help="the tuning seeds instead of the reporting ones")
+    parser.add_argument("--robot", type=int, default=0, help="which robot, with a --folder of its own (default: 0, the even one)")
+    parser.add_argument("--only", default="", metavar="WORD", help="only controllers whose labels contain this: ours, K-NMPC, NMPC")
     parser.add_argument("--json", action="store_true", help="one JSON object for machines")
     options = parser.parse_args(arguments)
 
@@ -44,7 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
             say(json.dumps({"real_time_factor": factor}) if options.json else f"the twin runs {factor:.0f} times as fast as real time")
             return 0
         if options.what == "model":
-            rows = prediction_errors(options.folder, bar)
+            rows = prediction_errors(options.folder, bar, options.robot)
             if options.json:
                 say(json.dumps([{"model": n, "model_error": m, "nominal_error": u} for n, m, u in rows]))
                 return 0
@@ -54,7 +56,8 @@ def main(arguments: list[str] | None = None) -> int:
             return 0
         from firmware_bridge.experiments.report import picture, table
 
-        trials = run(options.folder, options.what, bar, options.trials, *((0,) if options.tuning else ()))
+        first_seed = 0 if options.tuning else REPORTING_SEED
+        trials = run(options.folder, options.what, bar, options.trials, first_seed, options.robot, options.only)
         file = options.folder / f"experiment_{options.what}.png"
         picture(file, trials)
         say(json.dumps([t.row() for t in trials]) if options.json else f"{table(options.what, trials)}\n\nwrote {file}")

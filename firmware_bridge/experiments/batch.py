@@ -33,7 +33,7 @@ STILL = 60.0
 
 @dataclass(frozen=True)
 class Setup:
-    """How the robot is driven."""
+    """Which robot, and how it is driven."""
 
     limits: Limits
     period: float = 0.1
@@ -43,6 +43,8 @@ class Setup:
     command_period: float = TICK
     watchdog: float = 0.25
     """Of the gate [s]."""
+    robot: int = 0
+    """Which robot: see `kmpc_lite.sim.twin.Twin`'s seed; 0 is the even one."""
 
 
 class BatchDrive:

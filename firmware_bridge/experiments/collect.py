@@ -63,6 +63,7 @@ def collect(
     samples: int,
     ground: Ground | None = None,
     seed: int = 1,
+    robot: int = 0,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Collected:
     """Drive at random and record, in `EPISODES` files at most.
@@ -79,6 +80,8 @@ def collect(
         Floor of the twin.
     seed : int
         Of the commands; a tuning seed.
+    robot : int
+        Which robot.
     progress : callable
         Called with drives done and drives in all.
     """
@@ -93,7 +96,7 @@ def collect(
         controller = Excitation(FENCE, setup.limits, hold=setup.period, seed=seed * 1000 + i) if fast else NormalCommands(seed * 1000 + i)
         file = folder / f"{kind}_{i:02d}.csv"
         file.unlink(missing_ok=True)
-        drive = BatchDrive(Twin(ground=ground), controller, setup, clock, seed * 1000 + i, file)
+        drive = BatchDrive(Twin(ground=ground, seed=robot), controller, setup, clock, seed * 1000 + i, file)
         seconds = each * setup.period + 1.0
         began: list[float] = []
 

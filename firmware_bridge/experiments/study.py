@@ -58,7 +58,7 @@ EXPERIMENTS = {
 }
 
 
-def learn(folder: Path, name: str, bar: Progress, samples: int | None = None) -> kl.KoopmanModel:
+def learn(folder: Path, name: str, bar: Progress, robot: int = 0) -> kl.KoopmanModel:
     """Load a model from the folder; where it is not there, record its set through the link and run ``kmpc fit`` on it."""
     from kmpc_lite.cli import main
 
@@ -69,8 +69,8 @@ def learn(folder: Path, name: str, bar: Progress, samples: int | None = None) ->
         logs = folder / data
         if not logs.exists():
             ground = None if data in SAMPLES else Ground.named(data)
-            count = samples or SAMPLES.get(data, NEW_FLOOR_SAMPLES)
-            collect(logs, kind, count, ground, progress=bar(f"recording {data}"))
+            count = SAMPLES.get(data, NEW_FLOOR_SAMPLES)
+            collect(logs, kind, count, ground, robot=robot, progress=bar(f"recording {data}"))
         said = io.StringIO()
         with contextlib.redirect_stdout(said):
             status = main(["fit", *map(str, sorted(logs.glob("*.csv"))), "-o", str(file), *options, "--json"])
@@ -80,45 +80,74 @@ def learn(folder: Path, name: str, bar: Progress, samples: int | None = None) ->
     return kl.KoopmanModel.load(file)
 
 
-def prediction_errors(folder: Path, bar: Progress) -> list[tuple[str, tuple[float, ...], tuple[float, ...]]]:
+def prediction_errors(folder: Path, bar: Progress, robot: int = 0) -> list[tuple[str, tuple[float, ...], tuple[float, ...]]]:
     """Held-out errors after 1 s of each model of the paper's sets, beside the nominal unicycle's: along, across [m], heading [rad]."""
     rows = []
     for name in ("fast", "fast_paper", "slow", "slow_paper"):
-        learn(folder, name, bar)
+        learn(folder, name, bar, robot)
         held = json.loads((folder / f"{name}.json").read_text())["held_out"]
         rows.append((name, tuple(held["multi_step"]), tuple(held["nominal_multi_step"])))
     return rows
 
 
-def contenders(folder: Path, which: str, bar: Progress) -> list[Contender]:
+def contenders(folder: Path, which: str, bar: Progress, robot: int = 0) -> list[Contender]:
     """Ours, and the paper's two controllers, as they are compared in an experiment."""
     if which == "c":
-        slow = learn(folder, "slow", bar)
+        slow = learn(folder, "slow", bar, robot)
         return [
             Contender("ours", "kmpc", slow, SLOW_BOUNDS),
-            Contender("K-NMPC, IPOPT", "ipopt", learn(folder, "slow_paper", bar), SLOW_BOUNDS),
+            Contender("K-NMPC, IPOPT", "ipopt", learn(folder, "slow_paper", bar, robot), SLOW_BOUNDS),
             Contender("NMPC, IPOPT", "ipopt", kl.nominal_unicycle(1.0), SLOW_BOUNDS),
         ]
-    ours = Contender("ours", "kmpc", learn(folder, "fast", bar), PAPER_BOUNDS)
+    ours = Contender("ours", "kmpc", learn(folder, "fast", bar, robot), PAPER_BOUNDS)
     if which == "d":
         return [ours, replace(ours, label="ours, no adaptation", adaptation=False)]
     return [
         ours,
-        Contender("K-NMPC, IPOPT", "ipopt", learn(folder, "fast_paper", bar), PAPER_BOUNDS),
+        Contender("K-NMPC, IPOPT", "ipopt", learn(folder, "fast_paper", bar, robot), PAPER_BOUNDS),
         Contender("NMPC, IPOPT", "ipopt", kl.nominal_unicycle(0.1), PAPER_BOUNDS),
     ]
 
 
-def run(folder: Path, which: str, bar: Progress, trials: int | None = None, first_seed: int = REPORTING_SEED) -> list[Trial]:
-    """Run an experiment; models are learned first where they are not there."""
+def run(
+    folder: Path,
+    which: str,
+    bar: Progress,
+    trials: int | None = None,
+    first_seed: int = REPORTING_SEED,
+    robot: int = 0,
+    only: str = "",
+) -> list[Trial]:
+    """Run an experiment; models are learned first where they are not there.
+
+    Parameters
+    ----------
+    folder : Path
+        Of data and models, of one robot.
+    which : str
+        One of `EXPERIMENTS`.
+    bar : callable
+        See `Progress`.
+    trials : int, optional
+        For each map; the experiment's where not given.
+    first_seed : int
+        Of pose noise and delays.
+    robot : int
+        Which robot is learned and driven.
+    only : str
+        Only contenders whose labels contain this.
+    """
     experiment = EXPERIMENTS[which]
     seeds = [first_seed + i for i in range(trials or experiment.trials)]
     scenarios = [Scenario.load(name) for name in experiment.maps]
-    setup = SLOW if which == "c" else FAST
-    found = repeat(contenders(folder, which, bar), scenarios, setup, seeds, bar(f"experiment ({which})"))
+    setup = replace(SLOW if which == "c" else FAST, robot=robot)
+    chosen = [c for c in contenders(folder, which, bar, robot) if only.lower() in c.label.lower()]
+    if not chosen:
+        raise ConfigError(f"--only {only}: nobody is left")
+    found = repeat(chosen, scenarios, setup, seeds, bar(f"experiment ({which})"))
     if which == "d":
         # what knows the new floor from the beginning: the whole floor is the new one
         for floor, scenario in (("carpet", scenarios[0]), ("wet", scenarios[1])):
-            told = Contender(f"ours, learned on {floor}", "kmpc", learn(folder, floor, bar), PAPER_BOUNDS, adaptation=False)
+            told = Contender(f"ours, learned on {floor}", "kmpc", learn(folder, floor, bar, robot), PAPER_BOUNDS, adaptation=False)
             found += repeat([told], [scenario], setup, seeds, bar(f"learned on {floor}"))
     return found

@@ -97,14 +97,14 @@ def carry_with(model: kl.KoopmanModel) -> Predict:
 
 
 def drive_trial(contender: Contender, scenario: Scenario, setup: Setup, seed: int) -> Trial:
-    """Drive a scenario with one seed, of pose noise and delays; the robot is the one that was learned.
+    """Drive a scenario with one seed, of pose noise and delays; the robot is the setup's.
 
     A drive ends in a collision (four sub-samples a period or more, by the scenario's circles), when the goal is held, or when time is up.
     """
     scenario = replace(scenario, seed=seed)
     noise = scenario.pose_noise
     setup = replace(setup, period=contender.model.dt, mocap=replace(setup.mocap, noise=noise[0], heading_noise=noise[2]))
-    twin, clock = Twin.of(scenario), ManualClock()
+    twin, clock = Twin.of(scenario, setup.robot), ManualClock()
     controller = contender.build(scenario)
     circles = scenario.circles_at(0.0)
     plans: list[Any] = []

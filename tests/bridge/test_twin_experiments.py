@@ -66,7 +66,7 @@ def test_a_network_delays_commands_and_keeps_their_order():
 def folder(tmp_path_factory):
     """A small set of data, and what is learned from it."""
     folder = tmp_path_factory.mktemp("twin")
-    collect(folder / "fast", "fast", 1000, seed=3)
+    collect(folder / "fast", "fast", 700, seed=3)
     learn(folder, "fast", lambda name: lambda done, total: None)
     return folder
 
