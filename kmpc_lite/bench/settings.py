@@ -36,11 +36,11 @@ class Variant:
 
 VARIANTS = (
     Variant("in use", {}),
-    *(Variant(f"rho {rho:g}", {"rho": rho}) for rho in (0.1, 0.5, 2.0, 5.0)),
-    *(Variant(f"scaling {n} passes", {"scaling": n}) for n in (0, 1, 2, 5, 10)),
+    *(Variant(f"rho {rho:g}", {"rho": rho}) for rho in (0.2, 0.5, 2.0, 5.0)),
+    *(Variant(f"OSQP's scaling, {n} x", {"scaling": n}) for n in (1, 3, 10)),
     *(Variant(f"at most {n} iterations", {"max_iter": n}) for n in (30, 100, 200)),
     *(Variant(f"tolerance {eps:g}", {"eps_abs": eps, "eps_rel": eps}) for eps in (3e-3, 3e-4)),
-    *(Variant(f"alpha {a:g}", {"alpha": a}) for a in (1.0, 1.8)),
+    *(Variant(f"alpha {a:g}", {"alpha": a}) for a in (1.0, 1.6, 1.8)),
     *(Variant(f"check every {n}", {"check_termination": n}) for n in (5, 25)),
     Variant("adaptive rho", {"adaptive_rho": 1}),
     *(Variant(f"{n} slots", {}, slots=n) for n in (2, 3, 4, 8)),
