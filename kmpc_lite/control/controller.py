@@ -43,6 +43,8 @@ TOUCH = 0.02
 """How deep such a rolled-out plan may cut into an obstacle [m] and still be driven, the rest being left to the next pass."""
 IN_REACH = 0.3
 """Solids count as far as this beyond the reach of the fastest plan [m]: margins, and a pose that is not where it was thought."""
+HARDLY = 0.05
+"""Share of a speed that is hardly driving any more: turning in full instead moves the robot by a fraction of a mm."""
 AFTER_SOLVE = 5e-5
 """Time that a step takes after its plan is verified [s]."""
 
@@ -372,8 +374,8 @@ class Controller:
             ahead = np.concatenate([ahead, self._nearby.stand_ins(plan.states[0, :2])])
         share = self._tightening.speed_share(plan.states[0], plan.inputs[0], ahead, self._past)
         if share < 1.0:
-            # where it may not drive at all it turns on the spot, which a round robot always may, or it would stand there for ever
-            plan.inputs[0] *= (share, share or 1.0)
+            # where it may hardly drive it turns on the spot, which a round robot always may, or it would stand there for ever
+            plan.inputs[0] *= (share, share if share > HARDLY else 1.0)
             plan.states[:] = self.model.rollout(plan.states[0], plan.inputs, self._past)
         return share < 1.0
 
