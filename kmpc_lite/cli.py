@@ -121,6 +121,7 @@ def _parser() -> argparse.ArgumentParser:
     p.add_argument("--seed", type=int, help="instead of the scenario's")
     p.add_argument("--timeout", type=float, help="longest drive [s] instead of the scenario's: robots that turn slowly need more")
     p.add_argument("--horizon", type=int, default=20, help="stages that the controller looks ahead (default: 20)")
+    p.add_argument("--no-adaptation", action="store_true", help="leave the model as it was learned while driving")
     p.add_argument("--iterations", type=int, default=1, help="SQP passes per step: 1 is real time, more converge (default: 1)")
     p.add_argument("-o", "--output", type=Path, help="run file to write (.npz)")
     p.add_argument("--report", type=Path, help="report to write (.html)")

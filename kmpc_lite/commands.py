@@ -48,7 +48,8 @@ def run_simulate(options: argparse.Namespace) -> int:
     }
     scenario = Scenario.from_table(_overridden(scenario, changes), scenario.name, "command line")
     model = kl.KoopmanModel.load(options.model) if options.model else kl.nominal_unicycle(SHORTEST_PERIOD)
-    run = simulate(model, scenario, options.plant, options.horizon, options.iterations)
+    adaptation = False if options.no_adaptation else None
+    run = simulate(model, scenario, options.plant, options.horizon, options.iterations, adaptation)
     if options.output:
         run.save(options.output)
     if options.report:
@@ -161,10 +162,10 @@ def make_dictionary(name: str, lags: list[int] | None, product: bool) -> kl.Dict
     return kl.InputHistoryDictionary(base, tuple(lags), product) if lags else base
 
 
-def simulate(model: kl.KoopmanModel, scenario: Scenario, plant: str, horizon: int, iterations: int) -> Run:
+def simulate(model: kl.KoopmanModel, scenario: Scenario, plant: str, horizon: int, iterations: int, adaptation: bool | None = None) -> Run:
     """Drive one scenario with our controller at the model's period."""
     problem = scenario.problem(kl.NavigationProblem(horizon=horizon, dt=model.dt))
-    controller = kl.Controller(model, problem, sqp_iterations=iterations)
+    controller = kl.Controller(model, problem, sqp_iterations=iterations, adaptation=adaptation, pose_age=scenario.pose_age)
     robot = LearnedPlant(model, scenario.seed) if plant == "learned" else None
     u_min, u_max, _, _ = problem.bounds
     info = {"plant": plant, "model": model.info.get("method", ""), "u_min": u_min.tolist(), "u_max": u_max.tolist()}

@@ -237,8 +237,9 @@ def write_failures(drives: Iterable[tuple[Record, Condition, KoopmanModel]], fol
         if not learned.exists():
             model.save(learned)
         path = target / f"{scenario.name}-slip{record['slip']:g}-{_file_name(record['controller'])}.toml"
+        switch = " --no-adaptation" if "no adaptation" in record["controller"] else ""
         path.write_text(
-            f"# {record['controller']}: {what}; kmpc simulate --scenario {path.name} --model {learned.name}\n{scenario.to_toml()}",
+            f"# {record['controller']}: {what}; kmpc simulate --scenario {path.name} --model {learned.name}{switch}\n{scenario.to_toml()}",
             encoding="utf-8",
         )
         paths.append(path)

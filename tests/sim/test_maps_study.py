@@ -18,7 +18,7 @@ from kmpc_lite.control.guidance import Guide
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.regression import Method
 from kmpc_lite.sim import Scenario, drive
-from kmpc_lite.sim.closed_loop import Steps
+from kmpc_lite.sim.closed_loop import Run, Steps
 from kmpc_lite.sim.conditions import BOTH_CHANGE, LAGGING, NOISY_LAGGING, OLD_LAGGING, PLAIN, Condition
 from kmpc_lite.sim.maps import random_map
 from kmpc_lite.sim.maps_study import SETTLE, check_folder, drive_maps, failed, maps_study, measure, write_failures
@@ -229,6 +229,22 @@ def test_a_failure_of_a_learned_model_leaves_the_model_too(tmp_path: Path) -> No
         first = path.read_text().splitlines()[0]
         assert first == f"# a: not there; kmpc simulate --scenario {path.name} --model {model.name}"
     assert kl.KoopmanModel.load(model).info["method"] == "integral"
+
+
+def test_a_failure_is_driven_again_by_the_command_in_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from kmpc_lite.cli import main
+
+    spec = ControllerSpec("ours, no adaptation", "kmpc", None, adaptation=False)
+    late = Condition("late", lag=0.4, dead_time=0.3, pose_age=0.2)
+    # a model that knows no lag drives a robot that lags: it hits things
+    found = study(specs=[spec], slips=(0.0,), maps=6, first_seed=3, conditions=(late,), failures=tmp_path)
+    record = next(r for r in found if r["collision_s"] is not None)
+    (file,) = tmp_path.glob(f"open-{record['seed']}-*.toml")
+    words = file.read_text().splitlines()[0].partition("; kmpc ")[2].split()
+    monkeypatch.chdir(tmp_path)
+    assert main([*words, "-o", "run.npz"]) == 1
+    run = Run.load("run.npz")
+    assert run.outcome.value == "collision" and run.duration == record["collision_s"]
 
 
 # -- conditions
