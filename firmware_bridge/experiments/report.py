@@ -12,7 +12,18 @@ from firmware_bridge.experiments.trials import Trial
 from kmpc_lite.report.style import LINES, style
 from kmpc_lite.sim import Outcome
 
-COLUMNS = ("controller", "maps", "drives", "contacts", "reached", "s to the goal", "mean / worst final error [m]", "least gap [mm]")
+COLUMNS = (
+    "controller",
+    "maps",
+    "drives",
+    "contacts",
+    "reached",
+    "s to the goal",
+    "mean / worst final error [m]",
+    "least gap [mm]",
+    "heading off by [mrad]",
+)
+"""The last: between plan and truth one period later, root mean square."""
 
 
 def table(which: str, trials: Sequence[Trial]) -> str:
@@ -35,7 +46,9 @@ def _row(label: str, maps: str, trials: Sequence[Trial]) -> str:
     times = f"{np.mean([t.run.info['arrival_s'] for t in reached]):.1f}" if reached else "-"
     errors = f"{np.mean([t.final_error for t in free]):.3f} / {max(t.final_error for t in free):.3f}" if free else "-"
     gap = 1e3 * min(t.run.clearance for t in trials)
-    return f"| {label} | {maps} | {len(trials)} | {contacts} | {len(reached)} | {times} | {errors} | {gap:.0f} |"
+    surprises = np.concatenate([t.surprises() for t in trials])
+    off = f"{1e3 * np.sqrt(np.mean(surprises**2)):.0f}" if len(surprises) else "-"
+    return f"| {label} | {maps} | {len(trials)} | {contacts} | {len(reached)} | {times} | {errors} | {gap:.0f} | {off} |"
 
 
 def picture(file: Path, trials: Sequence[Trial]) -> None:

@@ -21,6 +21,10 @@ from kmpc_lite.sim.twin import Twin
 
 SETTLE = 2.0
 """How long the robot must stay at the goal [s]; the final error is taken then."""
+STANDING = 0.02
+"""Commands below this tell nothing of a model [m/s, rad/s]."""
+LEARNING = 1.0
+"""After a change of the floor, before predictions are judged [s]."""
 REST = 1.0
 """After the last command, before the final error is taken [s]."""
 
@@ -63,6 +67,16 @@ class Trial:
     """Whether the twin's body felt an obstacle."""
     final_error: float
     """True distance to the goal after all has come to rest [m]."""
+
+    def surprises(self) -> np.ndarray:
+        """How far each planned heading was off one period later, while moving [rad]; after a change of the floor, from `LEARNING` on."""
+        run = self.run
+        first = round((run.scenario.ground_changes[-1][0] + LEARNING) / run.dt) if run.scenario.ground_changes else 0
+        errors = run.plans[:, 1, 2] - run.states[1 : len(run.plans) + 1, 2]
+        moving = np.abs(run.inputs).max(axis=1) > STANDING
+        moving[:first] = False
+        found: np.ndarray = np.remainder(errors[moving] + np.pi, 2.0 * np.pi) - np.pi
+        return found
 
     def row(self) -> dict[str, Any]:
         """Plain values, for JSON."""
@@ -149,7 +163,8 @@ def _as_run(scenario: Scenario, dt: float, outcome: Outcome, path: np.ndarray, p
     every = round(dt / TICK)
     periods = max(1, -(-(len(path) - 1) // every))
     filled = np.concatenate([path, np.repeat(path[-1:], periods * every + 1 - len(path), axis=0)])
-    plans = (plans + plans[-1:] * periods)[:periods]
+    # the plan of the first period was made before the gate let it pass
+    plans = (plans[:1] + plans + plans[-1:] * periods)[:periods]
     return Run(
         scenario,
         dt,
