@@ -31,6 +31,8 @@ CLEARANCES = (0.06, 0.03, 0.005)
 """Distances beyond the problem's margin that a way keeps [m]; the next one is tried where there is no way."""
 SPEED_SHARE = (1.0, 0.9)
 """Share of the bounds at which the way is timed: speed, rate of turn."""
+SLOWEST = 1e-6
+"""A robot that cannot turn, or drive, is taken for one that does so this slowly [m/s, rad/s]: times are finite."""
 LEAD = 0.2
 """How far the reference runs ahead of the robot [s]."""
 OFF_WAY = (0.01, 0.08, 0.15)
@@ -107,11 +109,12 @@ class Guide:
     def set_speeds(self, speeds: Array) -> None:
         """Time the coming ways by what the robot can do: ahead, backwards [m/s], rate of turn [rad/s], (3,); `pace.drivable_speeds`."""
         ahead, back, turn = speeds.tolist()
+        ahead, turn = max(ahead, SLOWEST), max(turn, SLOWEST)
         share = np.array(SPEED_SHARE)
         self._gears = share * (ahead, turn), share * (back, turn)
         # arcs that make room are driven in either gear: the slower one counts
         self._speed = self._gears[1] if 0.0 < back < ahead else self._gears[0]
-        self._backward = back / ahead if ahead > 0.0 else float(back > 0.0)
+        self._backward = back / ahead
 
     def reset(self) -> None:
         """Forget the way."""

@@ -11,6 +11,8 @@ from kmpc_lite.dictionary import Array
 
 RESOLUTION = 0.05
 """Time between the poses that the robot's place is looked up on [s]."""
+MOST_POSES = 20_000
+"""Poses of that kind at the most; at 0.05 s enough for a quarter of an hour."""
 TURN_LENGTH = 0.3
 """A turn of one radian counts as that many metres when the robot's place is looked up."""
 BACKWARD, FORWARD = 0.5, 1.5
@@ -50,7 +52,9 @@ class TimedPath:
         self.duration = float(self.times[-1])
         self.drive_end = float(self.times[-2])
         """When the goal's position is reached, and the last turn begins [s]."""
-        self._grid_times = np.append(np.arange(0.0, self.duration, RESOLUTION), self.duration)
+        # a robot that hardly moves would need more poses than there is memory
+        self._resolution = max(RESOLUTION, self.duration / MOST_POSES)
+        self._grid_times = np.append(np.arange(0.0, self.duration, self._resolution), self.duration)
         self._grid = self.at(self._grid_times)
         self.place = 0.0
 
@@ -68,8 +72,8 @@ class TimedPath:
 
     def locate(self, pose: Array) -> tuple[float, float]:
         """Find the time [s] of the path's pose that is nearest, and its distance [m]; near the place of the last look-up."""
-        begin = int(max(self.place - BACKWARD, 0.0) / RESOLUTION)
-        end = int((self.place + FORWARD) / RESOLUTION) + 2
+        begin = int(max(self.place - BACKWARD, 0.0) / self._resolution)
+        end = int((self.place + FORWARD) / self._resolution) + 2
         error = self._grid[begin:end] - pose
         error[:, 2] = TURN_LENGTH * wrap(error[:, 2])
         nearest = int(np.einsum("ni,ni->n", error, error).argmin())
