@@ -118,9 +118,8 @@ class OccupancyGrid:
 
     def to_grid(self, points: Array) -> Array:
         """Points (..., 2) of the map in the grid's own frame [m]."""
-        away = points - self.origin[:2]
-        cos, sin = np.cos(self.origin[2]), np.sin(self.origin[2])
-        return np.stack([cos * away[..., 0] + sin * away[..., 1], cos * away[..., 1] - sin * away[..., 0]], axis=-1)
+        away: Array = points - self.origin[:2]
+        return away @ self._turn.T if self.origin[2] else away
 
     def to_map(self, points: Array) -> Array:
         """Points (..., 2) of the grid's own frame in the map [m]."""
@@ -129,9 +128,13 @@ class OccupancyGrid:
 
     def turn(self, directions: Array) -> Array:
         """Directions (..., 2) of the grid's own frame in the map."""
+        return directions @ self._turn if self.origin[2] else directions
+
+    @cached_property
+    def _turn(self) -> Array:
+        """Matrix (2, 2) that turns rows of the grid's frame into the map's."""
         cos, sin = np.cos(self.origin[2]), np.sin(self.origin[2])
-        x, y = directions[..., 0], directions[..., 1]
-        return np.stack([cos * x - sin * y, cos * y + sin * x], axis=-1)
+        return np.array([[cos, sin], [-sin, cos]])
 
 
 def _rectangles(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:

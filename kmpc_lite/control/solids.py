@@ -7,7 +7,6 @@ each stands for it, with a normal that makes a half-plane in which the whole con
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -43,29 +42,34 @@ def corners_of(solid: Polygon | Wall) -> Array:
 class Outlines:
     """Rounded convex outlines (P,) with at most E edges; shorter ones repeat their last edge.
 
-    A wall is an outline of its line, there and back: nothing is inside of both.
-
     Parameters
     ----------
     begins, steps : ndarray
         Where edges begin, counter-clockwise, and how they go on, (P, E, 2) [m].
     rounding : ndarray
         Distance from the outline that belongs to the shape, (P,) [m].
+    is_line : ndarray
+        Which have one edge and no inside, (P,).
     """
 
-    def __init__(self, begins: Array, steps: Array, rounding: Array) -> None:
-        self.begins, self.steps, self.rounding = begins, steps, rounding
+    def __init__(self, begins: Array, steps: Array, rounding: Array, is_line: Array) -> None:
+        self.begins, self.steps, self.rounding, self.is_line = begins, steps, rounding, is_line
         self._edges = begins.shape[1]
         # all edges in one row, since NumPy's time is one of calls
         begin, step = begins.reshape(-1, 2), steps.reshape(-1, 2)
         squares = np.einsum("fi,fi->f", step, step)
         scaled = step / np.maximum(squares, AT**2)[:, None]
         self._outward = np.column_stack([step[:, 1], -step[:, 0]]) / np.maximum(np.sqrt(squares), AT)[:, None]
+        across, across_begin = self._outward.copy(), np.einsum("fi,fi->f", self._outward, begin)
+        # beyond a line's edge is everything
+        line = np.repeat(is_line, self._edges)
+        across[line], across_begin[line] = 0.0, -1.0
         self._along, self._along_begin = np.ascontiguousarray(scaled.T), np.einsum("fi,fi->f", scaled, begin)
-        self._across, self._across_begin = np.ascontiguousarray(self._outward.T), np.einsum("fi,fi->f", self._outward, begin)
+        self._across, self._across_begin = np.ascontiguousarray(across.T), across_begin
         self._begin_x, self._begin_y = np.ascontiguousarray(begin.T)
         self._step_x, self._step_y = np.ascontiguousarray(step.T)
         self._first = self._edges * np.arange(len(begins))
+        self._has_inside = not bool(is_line.all())
 
     def __len__(self) -> int:
         return len(self.rounding)
@@ -74,15 +78,17 @@ class Outlines:
     def of(cls, solids: Sequence[Polygon | Wall]) -> Outlines:
         """Outlines of polygons and walls."""
         corners = [corners_of(s) for s in solids]
-        most = max((len(c) for c in corners), default=1)
-        edges = [np.minimum(np.arange(most), len(c) - 1) for c in corners]
-        begins = np.array([c[e] for c, e in zip(corners, edges, strict=True)]).reshape(-1, most, 2)
-        ends = np.array([c[(e + 1) % len(c)] for c, e in zip(corners, edges, strict=True)]).reshape(-1, most, 2)
-        return cls(begins, ends - begins, np.array([0.5 * s.thickness if isinstance(s, Wall) else 0.0 for s in solids]))
+        counts = [1 if isinstance(s, Wall) else len(c) for s, c in zip(solids, corners, strict=True)]
+        edges = [np.minimum(np.arange(max(counts)), count - 1) for count in counts]
+        shape = len(solids), max(counts, default=1), 2
+        begins = np.array([c[e] for c, e in zip(corners, edges, strict=True)]).reshape(shape)
+        ends = np.array([c[(e + 1) % len(c)] for c, e in zip(corners, edges, strict=True)]).reshape(shape)
+        rounding = np.array([0.5 * s.thickness if isinstance(s, Wall) else 0.0 for s in solids])
+        return cls(begins, ends - begins, rounding, np.array([isinstance(s, Wall) for s in solids], dtype=bool))
 
     def take(self, chosen: Array) -> Outlines:
         """Some of the outlines."""
-        return Outlines(self.begins[chosen], self.steps[chosen], self.rounding[chosen])
+        return Outlines(self.begins[chosen], self.steps[chosen], self.rounding[chosen], self.is_line[chosen])
 
     def distances(self, points: Array) -> tuple[Array, Array]:
         """Distances (n, P) of points (n, 2) [m], negative inside, and normals (n, P, 2)."""
@@ -90,65 +96,88 @@ class Outlines:
         share -= self._along_begin
         np.maximum(share, 0.0, out=share)
         np.minimum(share, 1.0, out=share)
-        away = np.empty((*share.shape, 2))
-        away[..., 0] = points[:, :1] - self._begin_x - share * self._step_x
-        away[..., 1] = points[:, 1:] - self._begin_y - share * self._step_y
-        squares = np.einsum("nfi,nfi->nf", away, away)
+        x, y = share * self._step_x, share * self._step_y
+        x += self._begin_x
+        y += self._begin_y
+        np.subtract(points[:, :1], x, out=x)
+        np.subtract(points[:, 1:], y, out=y)
+        squares = x * x
+        squares += y * y
         nearest = squares.reshape(len(points), -1, self._edges).argmin(axis=2)
         nearest += self._first
         edge = nearest + len(self._begin_x) * np.arange(len(points))[:, None]
-        distance = np.sqrt(squares.ravel()[edge])
-        normals: Array = away.reshape(-1, 2)[edge] / np.maximum(distance, AT)[..., None]
-        beyond = points @ self._across
-        beyond -= self._across_begin
-        depth = beyond.reshape(len(points), -1, self._edges).max(axis=2)
-        if depth.min(initial=1.0) < 0.0 or distance.min(initial=1.0) <= AT:
-            inside = depth < 0.0
+        distance = np.sqrt(squares.take(edge))
+        normals = np.empty((*distance.shape, 2))
+        normals[..., 0], normals[..., 1] = x.take(edge), y.take(edge)
+        depth = None
+        if self._has_inside:
+            beyond = points @ self._across
+            beyond -= self._across_begin
+            depth = beyond.reshape(len(points), -1, self._edges).max(axis=2)
+        if (depth is not None and depth.min() < 0.0) or distance.min(initial=1.0) <= AT:
+            inside = np.zeros(distance.shape, dtype=bool) if depth is None else depth < 0.0
+            normals /= np.maximum(distance, AT)[..., None]
             normals = np.where((inside | (distance <= AT))[..., None], self._outward[nearest], normals)
             # a wall without a length has no sides: any direction leads away
             normals[..., 0] += ~normals.any(axis=-1)
-            distance = np.where(inside, -distance, distance)
-        return distance - self.rounding, normals
+            distance[inside] *= -1.0
+        else:
+            normals /= distance[..., None]
+        distance -= self.rounding
+        return distance, normals
 
 
-@dataclass(frozen=True, eq=False)
 class Boxes:
-    """Rectangles along the axes of a grid."""
+    """Rectangles along the axes of a grid.
 
-    low: Array
-    """(B, 2) [m], in the grid's frame."""
-    high: Array
-    grid: OccupancyGrid
+    Parameters
+    ----------
+    low, high : ndarray
+        Corners (B, 2), (B, 2) [m], in the grid's frame.
+    grid : OccupancyGrid
+        Whose.
+    """
+
+    def __init__(self, low: Array, high: Array, grid: OccupancyGrid) -> None:
+        self.low, self.high, self.grid = low, high, grid
+        self._sides = [np.ascontiguousarray(side) for side in (*low.T, *high.T)]
 
     def take(self, chosen: Array) -> Boxes:
         """Some of the rectangles."""
         return Boxes(self.low[chosen], self.high[chosen], self.grid)
 
-    def distances(self, points: Array, chosen: Array | None = None) -> tuple[Array, Array]:
-        """Distances (n, B) of points (n, 2) [m], negative inside, and normals (n, B, 2) in the grid's frame.
-
-        With `chosen` (n, K) only of these rectangles, (n, K) and (n, K, 2).
-        """
-        low, high = (self.low, self.high) if chosen is None else (self.low[chosen], self.high[chosen])
-        here = self.grid.to_grid(points)[:, None, :]
-        away = here - np.minimum(np.maximum(here, low), high)
-        distance = np.sqrt(np.einsum("nbi,nbi->nb", away, away))
+    def _away(self, points: Array, chosen: Array | None) -> tuple[Array, Array, Array]:
+        """Distances (n, B) [m], negative inside, and these times the normals, x and y (n, B), in the grid's frame."""
+        here = self.grid.to_grid(points)
+        x_min, y_min, x_max, y_max = self._sides if chosen is None else (side.take(chosen) for side in self._sides)
+        x = np.maximum(here[:, :1], x_min)
+        y = np.maximum(here[:, 1:], y_min)
+        np.minimum(x, x_max, out=x)
+        np.minimum(y, y_max, out=y)
+        np.subtract(here[:, :1], x, out=x)
+        np.subtract(here[:, 1:], y, out=y)
+        distance = x * x
+        distance += y * y
+        np.sqrt(distance, out=distance)
         if distance.min(initial=1.0) <= AT:
-            sides = np.concatenate([here - low, high - here], axis=2)
-            side = sides.argmin(axis=2)
-            inside = distance <= AT
-            outward = np.array([[-1.0, 0.0], [0.0, -1.0], [1.0, 0.0], [0.0, 1.0]])[side]
-            normals = np.where(inside[..., None], outward, away / np.maximum(distance, AT)[..., None])
-            distance = np.where(inside, -np.take_along_axis(sides, side[..., None], axis=2)[..., 0], distance)
-            return distance, normals
-        away /= distance[..., None]
-        return distance, away
+            sides = np.stack([here[:, :1] - x_min, here[:, 1:] - y_min, x_max - here[:, :1], y_max - here[:, 1:]], axis=-1)
+            inside, side = distance <= AT, sides.argmin(axis=-1)
+            # a side that is touched still has a direction
+            distance = np.where(inside, np.minimum(-sides.min(axis=-1), -AT), distance)
+            x = np.where(inside, distance * np.array([-1.0, 0.0, 1.0, 0.0])[side], x)
+            y = np.where(inside, distance * np.array([0.0, -1.0, 0.0, 1.0])[side], y)
+        return distance, x, y
+
+    def distances(self, points: Array, chosen: Array | None = None) -> Array:
+        """Distances (n, B) of points (n, 2) [m], negative inside; with `chosen` (n, K) only of these rectangles, (n, K)."""
+        return self._away(points, chosen)[0]
 
     def choose(self, points: Array) -> tuple[Array, Array, Array]:
         """Numbers (n, K) of the rectangles that matter at points (n, 2), their distances (n, K) and normals (n, K, 2) in the map."""
-        distance, normals = self.distances(points)
-        rows, columns = np.arange(len(points)), min(GRID_COLUMNS, len(self.low))
-        if columns == len(self.low):
+        distance, x, y = self._away(points, None)
+        count, rows = distance.shape[1], np.arange(len(points))
+        columns = min(GRID_COLUMNS, count)
+        if columns == count:
             chosen = np.broadcast_to(np.arange(columns), distance.shape)
         else:
             chosen = np.empty((len(points), columns), dtype=np.intp)
@@ -157,14 +186,25 @@ class Boxes:
                 nearest = left.argmin(axis=1)
                 chosen[:, i] = nearest
                 if i + 1 < columns:
-                    # how far each nearest point lies in front of the half-plane
-                    along = np.einsum("nbi,ni->nb", normals, normals[rows, nearest])
-                    along *= distance
-                    left[along >= distance[rows, nearest, None] - BEHIND] = np.inf
-                    left[rows, nearest] = np.inf
-            # once all lie behind what is taken, the same ones come again
-            distance, normals = distance[rows[:, None], chosen], normals[rows[:, None], chosen]
+                    # what lies behind the nearest one's half-plane, itself included, is done with
+                    nearest += count * rows
+                    near = distance.take(nearest)
+                    along = x * (x.take(nearest) / near)[:, None]
+                    along += y * (y.take(nearest) / near)[:, None]
+                    np.putmask(left, along >= (near - BEHIND)[:, None], np.inf)
+            place = chosen + (count * rows)[:, None]
+            distance, x, y = distance.take(place), x.take(place), y.take(place)
+        normals = np.empty((*distance.shape, 2))
+        normals[..., 0], normals[..., 1] = x / distance, y / distance
         return chosen, distance, self.grid.turn(normals)
+
+
+def stand_ins(point: Array, distance: Array, normals: Array) -> Array:
+    """Circles (C, 5) at rest, of `STAND_IN` radius, that touch what lies at distances (C,) against normals (C, 2) from a point (2,)."""
+    circles = np.zeros((len(distance), 5))
+    circles[:, :2] = point - (distance + STAND_IN)[:, None] * normals
+    circles[:, 2] = STAND_IN
+    return circles
 
 
 class Nearby:
@@ -194,7 +234,7 @@ class Nearby:
         """Distances (n, C) of what the last `measure` chose, from as many other points (n, 2) [m]."""
         distance = self._outlines.distances(points)[0] if self._count else np.empty((len(points), 0))
         for boxes, chosen in zip(self._boxes, self._chosen, strict=True):
-            distance = np.concatenate([distance, boxes.distances(points, chosen)[0]], axis=1)
+            distance = np.concatenate([distance, boxes.distances(points, chosen)], axis=1)
         return distance
 
     def least(self, points: Array) -> Array:
@@ -203,17 +243,14 @@ class Nearby:
         if self._count:
             least = self._outlines.distances(points)[0].min(axis=1)
         for boxes in self._boxes:
-            least = np.minimum(least, boxes.distances(points)[0].min(axis=1))
+            least = np.minimum(least, boxes.distances(points).min(axis=1))
         return least
 
     def stand_ins(self, point: Array) -> Array:
         """Circles (C, 5) at rest, of `STAND_IN` radius, whose edges lie at the solids' points nearest to a point (2,)."""
         chosen, (distance, normals) = self._chosen, self.measure(point[None])
         self._chosen = chosen
-        circles = np.zeros((distance.shape[1], 5))
-        circles[:, :2] = point - (distance[0] + STAND_IN)[:, None] * normals[0]
-        circles[:, 2] = STAND_IN
-        return circles
+        return stand_ins(point, distance[0], normals[0])
 
 
 class Corners:
@@ -252,7 +289,7 @@ class Corners:
         """Radius (V,) to which each corner can grow, and its edges with it, until its solid comes to a point (2,) [m]."""
         here = point[None]
         gaps = [self._outlines.distances(here)[0][0]] if len(self._outlines) else []
-        distance = np.concatenate([np.empty(0), *gaps, *(b.distances(here)[0][0] for b in self._boxes)])
+        distance = np.concatenate([np.empty(0), *gaps, *(b.distances(here)[0] for b in self._boxes)])
         grown: Array = distance[self.owner] + self.rounding
         return grown
 
@@ -273,7 +310,8 @@ class Solids:
         self.boxes = [Boxes(r[:, :2].copy(), r[:, 2:].copy(), grid) for grid, r in rectangles if len(r)]
         self.whole = Nearby(self.outlines, self.boxes)
         """All of them, for a look that is not pressed for time."""
-        ends = [self.outlines.begins.reshape(-1, 2), *(b.grid.to_map(np.concatenate([b.low, b.high])) for b in self.boxes)]
+        edges = self.outlines.begins, self.outlines.begins + self.outlines.steps
+        ends = [*(e.reshape(-1, 2) for e in edges), *(b.grid.to_map(np.concatenate([b.low, b.high])) for b in self.boxes)]
         self.extent = float(max((np.abs(e).max(initial=0.0) for e in ends), default=0.0))
         """Largest coordinate [m]."""
         self._middle, self._reach, self._near = np.full(2, np.nan), 0.0, self.whole
@@ -314,7 +352,7 @@ class Solids:
             within = reach + 2.0 * SLACK
             here = point[None]
             close = self.outlines.distances(here)[0][0] <= within if len(self.outlines) else np.zeros(0, dtype=bool)
-            chosen = [(b, b.distances(here)[0][0] <= within) for b in self.boxes]
+            chosen = [(b, b.distances(here)[0] <= within) for b in self.boxes]
             self._near = Nearby(self.outlines.take(close), [b.take(near) for b, near in chosen if near.any()])
             self._middle, self._reach = point.copy(), reach
         return self._near

@@ -153,15 +153,17 @@ def test_what_a_grid_leaves_out_lies_behind_what_it_names(seed: int) -> None:
     random = np.random.default_rng(seed)
     boxes = Solids([grid(random)]).boxes[0]
     points = random.uniform(-2.0, 2.0, (10, 2))
-    every, away = boxes.distances(points)
-    chosen, distance, _ = boxes.choose(points)
+    every = boxes.distances(points)
+    chosen, distance, normals = boxes.choose(points)
     assert chosen.shape == (10, min(GRID_COLUMNS, len(boxes.low)))
     np.testing.assert_allclose(distance[:, 0], every.min(axis=1))
     for point in range(len(points)):
         if len(set(chosen[point])) < GRID_COLUMNS:
-            normals = away[point, chosen[point]]
-            in_front = normals @ (away[point] * every[point][:, None]).T
-            assert (in_front >= distance[point][:, None] - BEHIND - 1e-12).any(axis=0).all()
+            corners = boxes.grid.to_grid(points[point])
+            nearest = np.clip(corners, boxes.low, boxes.high)
+            in_front = (boxes.grid.to_map(nearest) - points[point]) @ -normals[point].T
+            outside = every[point] > 0.0
+            assert (in_front >= distance[point] - BEHIND - 1e-12).any(axis=1)[outside].all()
 
 
 @settings(max_examples=20)
