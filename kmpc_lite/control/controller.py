@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from kmpc_lite.adaptation import OnlineAdaptation
 from kmpc_lite.border import SAME_DT
 from kmpc_lite.control.fallback import Fallback
-from kmpc_lite.control.obstacles import circle_distances
+from kmpc_lite.control.obstacles import circle_distances, stand_ins
 from kmpc_lite.control.osqp_workspace import QPStatus
 from kmpc_lite.control.pace import drivable_speeds
 from kmpc_lite.control.plan import Plan, PlanStatus
@@ -22,7 +22,7 @@ from kmpc_lite.control.pose_age import advance_pose
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.sqp import COLD_PASSES, NEW_WAY_PASSES, SQP, SQPResult, Task, Trajectory
 from kmpc_lite.control.surroundings import Obstacles, Surroundings
-from kmpc_lite.control.tightening import RISK, Tightening
+from kmpc_lite.control.tightening import LATE_RISK, RISK, Tightening
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model import KoopmanModel
@@ -69,8 +69,8 @@ class Controller:
     tightening : {"learned", None}
         Whether to keep margins from obstacles beyond the radii for what the model does not know: from its noise model, and for the
         chord between samples. None is the paper.
-    risk : float
-        Probability that the margins are made for, see `tightening.RISK`.
+    risk : float, optional
+        Probability that the margins are made for; `tightening.RISK` where not given, `LATE_RISK` for a model with input history.
     adaptation : bool or OnlineAdaptation, optional
         Whether to correct the model while driving where the floor contradicts it: from the measured poses and the commands given.
         Where not given, it runs where there are learned margins and the model is continuous. `adaptation.model` is the model now, to be
@@ -110,7 +110,7 @@ class Controller:
         *,
         guidance: bool = True,
         tightening: Literal["learned"] | None = "learned",
-        risk: float = RISK,
+        risk: float | None = None,
         adaptation: bool | OnlineAdaptation | None = None,
         pose_age: float = 0.0,
         sqp_iterations: int = 1,
@@ -145,6 +145,8 @@ class Controller:
         self._time_budget, self._clock, self._after_solve = time_budget, clock, AFTER_SOLVE
         if tightening not in (None, "learned"):
             raise ProblemError(f"tightening: expected 'learned' or None, got {tightening!r}")
+        if risk is None:
+            risk = LATE_RISK if model.history else RISK
         self._tightening = Tightening(self.model, self.problem, risk=risk) if tightening else None
         self._guide: Guide | None = None
         solved = self.problem
@@ -273,7 +275,7 @@ class Controller:
         solved = self._clock()
         usable, self._last, reason = self._verify(result, circles)
         expected = result.next_state
-        if usable and self._last is not None and self._slow_down(self._last, circles):
+        if usable and self._last is not None and self._slow_down(self._last, circles, self._sqp.keep_out.solids_ahead):
             expected = self._last.states[1]
         verified = self._clock()
         # what is still to come after a solve is learned from the steps before, quickly upwards
@@ -362,8 +364,12 @@ class Controller:
         usable = np.isfinite(states).all() and clearance >= -TOUCH
         return bool(usable), Trajectory(states, found.inputs, found.duals), reason
 
-    def _slow_down(self, plan: Trajectory, circles: Array) -> bool:
-        """Shrink the command where the coming period could end in an obstacle, and roll the plan out anew; tell whether that was so."""
+    def _slow_down(self, plan: Trajectory, circles: Array, solids: tuple[Array, Array, Array]) -> bool:
+        """Shrink the command where the coming period could end in an obstacle, and roll the plan out anew; tell whether that was so.
+
+        `solids` are a point near the robot (2,), the distances of solids from it (C,), and the normals there (C, 2): a half-plane that
+        a convex solid lies behind is as good as any other.
+        """
         if self._tightening is None or not (len(circles) or self._nearby):
             return False
         ahead = circles
@@ -371,7 +377,7 @@ class Controller:
             ahead = circles.copy()
             ahead[:, :2] += self.problem.dt * circles[:, 3:]
         if self._nearby:
-            ahead = np.concatenate([ahead, self._nearby.stand_ins(plan.states[0, :2])])
+            ahead = np.concatenate([ahead, stand_ins(*solids)])
         share = self._tightening.speed_share(plan.states[0], plan.inputs[0], ahead, self._past)
         if share < 1.0:
             # where it may hardly drive it turns on the spot, which a round robot always may, or it would stand there for ever
@@ -388,7 +394,10 @@ class Controller:
             self._nearby = None if self._solids is None else self._solids.near(rest.states[0, :2], self._reach)
         if rest is not None and self._clearance(rest.states, circles, self._solids) >= -TOUCH:
             rest = Trajectory(rest.states.copy(), rest.inputs.copy(), rest.duals)
-            self._slow_down(rest, circles)
+            distances, normals = np.empty((1, 0)), np.empty((1, 0, 2))
+            if self._nearby:
+                distances, normals = self._nearby.measure(rest.states[:1, :2])
+            self._slow_down(rest, circles, (rest.states[0, :2], distances[0], normals[0]))
             self._fallback.sent(rest.inputs[0])
             self._remember(rest.inputs[0])
             missing = n - len(rest.inputs)

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from kmpc_lite.control.solids import Nearby
 
 COLUMNS = 5
+STAND_IN = 50.0
+"""Radius of a circle that stands for a flat side [m]."""
 
 
 class _CircleFields(NamedTuple):
@@ -108,6 +110,14 @@ def circle_distances(circles: Array, positions: Array, times: Array) -> tuple[Ar
     return length - circles[:, 2], away
 
 
+def stand_ins(point: Array, distance: Array, normals: Array) -> Array:
+    """Circles (C, 5) at rest, of `STAND_IN` radius, that touch what lies at distances (C,) against normals (C, 2) from a point (2,)."""
+    circles = np.zeros((len(distance), 5))
+    circles[:, :2] = point - (distance + STAND_IN)[:, None] * normals
+    circles[:, 2] = STAND_IN
+    return circles
+
+
 class KeepOut:
     """What the robot's centre must stay out of: circles and solids grown by radius and margin, and beyond the sides of the area.
 
@@ -131,6 +141,8 @@ class KeepOut:
         self.horizon, self.slots = problem.horizon, slots
         self._times = problem.dt * np.arange(1, problem.horizon + 1)
         self.solids: Nearby | None = None
+        self.solids_ahead = np.zeros(2), np.empty(0), np.empty((0, 2))
+        """Place (2,) of stage 1 when `gaps` was called last, distances (C,) of the solids from it, and normals (C, 2)."""
         self._count = -1
         self._row_starts = np.arange(problem.horizon)[:, None]
         self._normals, self._offsets = np.zeros((self.horizon, slots, 2)), np.full((self.horizon, slots), -np.inf)
@@ -164,6 +176,7 @@ class KeepOut:
         if self.solids is not None:
             distances, self._gap_normals[:, circle_count:count] = self.solids.measure(positions)
             np.subtract(distances, self._distance, out=self._gaps[:, circle_count:count])
+            self.solids_ahead = positions[0].copy(), distances[0], self._gap_normals[0, circle_count:count]
         np.subtract(positions @ self._side_normals.T, self._side_offsets_from(states[0]), out=self._gaps[:, count:])
         return self._gaps, self._gap_normals
 

@@ -28,8 +28,6 @@ FEW = 24
 """Rectangles of grids up to which ways go around the corners of each."""
 AT = 1e-9
 """Distance at which a direction cannot be told [m]."""
-STAND_IN = 50.0
-"""Radius of a circle that stands for a flat side [m]."""
 SLACK = 0.3
 """How far the robot drives before what is near is looked up again [m]."""
 
@@ -199,14 +197,6 @@ class Boxes:
         return chosen, distance, self.grid.turn(normals)
 
 
-def stand_ins(point: Array, distance: Array, normals: Array) -> Array:
-    """Circles (C, 5) at rest, of `STAND_IN` radius, that touch what lies at distances (C,) against normals (C, 2) from a point (2,)."""
-    circles = np.zeros((len(distance), 5))
-    circles[:, :2] = point - (distance + STAND_IN)[:, None] * normals
-    circles[:, 2] = STAND_IN
-    return circles
-
-
 class Nearby:
     """The solids that a robot can come to: what a step looks at."""
 
@@ -245,12 +235,6 @@ class Nearby:
         for boxes in self._boxes:
             least = np.minimum(least, boxes.distances(points).min(axis=1))
         return least
-
-    def stand_ins(self, point: Array) -> Array:
-        """Circles (C, 5) at rest, of `STAND_IN` radius, whose edges lie at the solids' points nearest to a point (2,)."""
-        chosen, (distance, normals) = self._chosen, self.measure(point[None])
-        self._chosen = chosen
-        return stand_ins(point, distance[0], normals[0])
 
 
 class Corners:
