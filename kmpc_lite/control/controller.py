@@ -133,7 +133,7 @@ class Controller:
                 f"or use NavigationProblem(dt={model.dt:g}) or model.with_dt({self.problem.dt:g})"
             )
         for name, value in (("sqp_iterations", sqp_iterations), ("obstacle_slots", obstacle_slots)):
-            if not isinstance(value, int) or value < 1:
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
                 raise ProblemError(f"{name}: expected a whole number >= 1, got {value!r}")
         if not (np.isfinite(tolerance) and tolerance > 0):
             raise ProblemError(f"tolerance: expected a number > 0, got {tolerance!r}")
