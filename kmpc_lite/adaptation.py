@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import ModelError
-from kmpc_lite.gains import Gains, estimate, residual_covariance, scores
+from kmpc_lite.gains import FEWEST, Gains, estimate, residual_covariance, scores
 from kmpc_lite.model import KoopmanModel, NoiseModel
 
 WINDOW = 20
@@ -125,8 +125,8 @@ class OnlineAdaptation:
 
     def _forget(self) -> None:
         """Forget the steps, not the gains."""
-        self._recent = np.zeros((self._window, 10))
-        self._slow = np.zeros(10)
+        self._recent = np.zeros((self._window, 12))
+        self._slow = np.zeros(12)
         self._slow_count, self._next = 0.0, 0
         self._count, self._since = 0, 0
         self._usual = 0.0, 0.0
@@ -177,15 +177,15 @@ class OnlineAdaptation:
         self._slow += sums
         self._slow_count = self._slow_count * (1.0 - 1.0 / self._memory) + 1.0
         if self._since >= self._window:
-            newest = estimate(self._recent.sum(axis=0).tolist(), self._window, self.gains)
+            newest = estimate(self._recent.sum(axis=0).tolist(), self.gains)
             if newest.distance > ALARM[0] and self._confirmed(newest.gains, self._window):
                 return self._change()
         if self._slow_count >= self._next > 0:
             self._next = 2 * self._next if 2 * self._next < 0.9 * self._memory else 0
-            return self._give(estimate(self._slow.tolist(), self._slow_count, self.gains).gains)
+            return self._give(estimate(self._slow.tolist(), self.gains).gains)
         # what the window is too short to see; it cannot come suddenly, so it need not be looked for at every step
         if self._count % 8 == 0 and self._since > 2 * self._window:
-            slow = estimate(self._slow.tolist(), self._slow_count, self.gains)
+            slow = estimate(self._slow.tolist(), self.gains)
             if slow.distance > ALARM[1] and self._confirmed(slow.gains, min(self._since, self._memory)):
                 return self._give(slow.gains)
         return None
@@ -199,13 +199,13 @@ class OnlineAdaptation:
         order = (self._count - 1 - np.arange(self._window)) % self._window
         sums = np.cumsum(self._recent[order], axis=0)
         lengths = range(1, self._window + 1)
-        best = max(lengths, key=lambda n: estimate(sums[n - 1].tolist(), n, self.gains, scaled=False).distance)
+        best = max(lengths, key=lambda n: estimate(sums[n - 1].tolist(), self.gains, scaled=False).distance)
         if best < SHORTEST:
             return None
         self._recent[order[best:]] = 0.0
         self._slow[:] = sums[best - 1]
         self._slow_count, self._since, self._next = float(best), best, 2 * best
-        return self._give(estimate(self._slow.tolist(), best, self.gains).gains)
+        return self._give(estimate(self._slow.tolist(), self.gains).gains)
 
     def _kept(self, count: int) -> Array:
         """Where the newest steps stand, newest first."""
@@ -216,8 +216,10 @@ class OnlineAdaptation:
         """Whether the newest steps contradict the gains in use by more than their own scatter around new ones."""
         steps = self._raw[self._kept(count)].T
         pulls = scores(steps, self.gains).sum(axis=1)
-        scatter = (scores(steps, gains) ** 2).sum(axis=1)
-        return float((pulls**2 / np.maximum(scatter, 1e-12)).sum()) > CONFIRM
+        own = scores(steps, gains)
+        scatter = (own**2).sum(axis=1)
+        enough = np.count_nonzero(own, axis=1) >= FEWEST
+        return float((pulls**2 / np.maximum(scatter, 1e-12))[enough].sum()) > CONFIRM
 
     def _sums(self, before: Array, command: Array, after: Array, past: Array | None) -> list[float] | None:
         """What one step adds to the normal equations, or None where it tells nothing; the raw step is kept for the noise."""
@@ -273,6 +275,8 @@ class OnlineAdaptation:
             b * h * turned,
             b * g * turned,
             b * turned * turned,
+            float(a > 0.0),
+            float(b > 0.0),
         ]
 
     def _give(self, gains: Gains) -> KoopmanModel | None:
@@ -317,7 +321,7 @@ class OnlineAdaptation:
         self._raw[kept, 7], self._raw[kept, 8] = a, b
         position = (px * px + py * py, px * dx + py * dy, px * dy - py * dx, dx * dx + dy * dy)
         heading = (h * h, h * g, g * g, h * turned, g * turned, turned * turned)
-        sums = np.stack([*(a * term for term in position), *(b * term for term in heading)], axis=1)
+        sums = np.stack([*(a * term for term in position), *(b * term for term in heading), a > 0.0, b > 0.0], axis=1)
         recent = min(count, self._window)
         self._recent[(self._count - 1 - np.arange(recent)) % self._window] = sums[:recent]
         fading = (1.0 - 1.0 / self._memory) ** np.arange(count)

@@ -2,7 +2,8 @@
 
 A step is kept as 13 numbers: the displacement that the model gives (px, py) [m], in the map's frame, and the measured one (dx, dy); the
 turn that the model gives h [rad], the way ahead g [m], the measured turn; the weights a of position and b of heading; cos and sin of the
-heading before; v^2 and omega^2. Sums over steps are ten: a (p.p, p.d, p x d, d.d) and b (h h, h g, g g, h turned, g turned, turned turned).
+heading before; v^2 and omega^2. Sums over steps are twelve: a (p.p, p.d, p x d, d.d), b (h h, h g, g g, h turned, g turned, turned turned),
+and how many steps had a weight a, and b.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from kmpc_lite.dictionary import STATES, Array
 
 QUIETEST = 0.4
 """Least variance of the residuals, as a share of the expected one, that a test believes in: few steps may be quiet by chance."""
+FEWEST = 6
+"""Steps with a weight that gains are estimated from: of fewer, which a robot that turns on the spot leaves, chance makes anything."""
 PRIOR = (0.3, 0.3, 0.1)
 """Standard deviations of the velocity's gains, the turn gain and the pull [rad/m] before anything is measured: what a drive does not
 show stays as it was."""
@@ -43,18 +46,20 @@ class Estimate(NamedTuple):
     """Squared, in standard errors over the four gains."""
 
 
-def estimate(sums: Sequence[float], count: float, now: Gains, scaled: bool = True) -> Estimate:
+def estimate(sums: Sequence[float], now: Gains, scaled: bool = True) -> Estimate:
     """Estimate the gains from sums, and their distance to those in use in standard errors, squared.
 
     The variance of the residuals is measured; or taken from the noise model alone (`scaled` false), so that sets of steps compare.
     """
-    pp, pd, pl, dd, hh, hg, gg, ht, gt, tt = sums
+    pp, pd, pl, dd, hh, hg, gg, ht, gt, tt, moves, turns = sums
     # a prior around the gains in use holds what the drive does not show
     scale = 1.0
     if scaled and pp > 0.0:
-        scale = max(QUIETEST, (dd - (pd * pd + pl * pl) / pp) / max(2.0 * count - 2.0, 1.0))
+        scale = max(QUIETEST, (dd - (pd * pd + pl * pl) / pp) / max(2.0 * moves - 2.0, 1.0))
     information = pp + scale / PRIOR[0] ** 2
     ahead, left = (pd - now.ahead * pp) / information, (pl - now.left * pp) / information
+    if moves < FEWEST:
+        ahead = left = 0.0
     distance = (ahead * ahead + left * left) * information / scale
     # the turn gain and the pull share their information
     excess = ht - now.turn * hh - now.pull * hg, gt - now.turn * hg - now.pull * gg
@@ -64,10 +69,12 @@ def estimate(sums: Sequence[float], count: float, now: Gains, scaled: bool = Tru
         determinant = first * second - hg * hg
         turn_step = (second * excess[0] - hg * excess[1]) / determinant
         pull_step = (first * excess[1] - hg * excess[0]) / determinant
+        if turns < FEWEST:
+            turn_step = pull_step = 0.0
         turn, pull = now.turn + turn_step, now.pull + pull_step
         if scaled:
             left_over = tt - 2.0 * (turn * ht + pull * gt) + turn * turn * hh + 2.0 * turn * pull * hg + pull * pull * gg
-            scale = max(QUIETEST, left_over / max(count - 2.0, 1.0))
+            scale = max(QUIETEST, left_over / max(turns - 2.0, 1.0))
     distance += (turn_step * excess[0] + pull_step * excess[1]) / scale
     return Estimate(Gains(now.ahead + ahead, now.left + left, turn, pull), distance)
 

@@ -100,6 +100,15 @@ def test_a_good_model_is_left_alone_under_pose_noise():
     assert not go(adaptation, DifferentialDrive(0.05, seed=3), 10_000, 3, noise=(0.005, 0.005, 0.02))
 
 
+@pytest.mark.parametrize("slip", [0.0, 0.05, 0.1])
+def test_long_turns_on_the_spot_are_no_reason_to_relearn_driving(slip):
+    """Commands held for 3 s, poses noisier than the log's: in some windows hardly a step tells how far the robot comes."""
+    adaptation = OnlineAdaptation(model_of(slip))
+    assert not go(adaptation, DifferentialDrive(slip, seed=0), 4000, 0, noise=(0.005, 0.005, 0.02), hold=30)
+    turning = np.tile([0.0, 0.5], (400, 1))
+    assert not go(adaptation, DifferentialDrive(slip, seed=1), 400, 1, noise=(0.005, 0.005, 0.02), commands=turning)
+
+
 def test_drives_under_pose_noise_learn_too():
     adaptation = OnlineAdaptation(model_of(0.05))
     # a turn of 18 mrad less per step, among 28 mrad of noise

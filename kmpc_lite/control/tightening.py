@@ -22,6 +22,9 @@ RISK = 0.05
 """Probability of leaving the tube within its memory (0.8 s at dt = 0.1) that the margins are made for. A collision is far rarer: the
 robot would have to leave the tube towards an obstacle that it touches, and no step in between to correct it."""
 
+LATE_RISK = 0.01
+"""The same for a model with input history: its robot does not correct itself within the memory, so leaving the tube is touching. On
+600 maps with lag and noisy poses: no collision, against two, for 2 % more time."""
 RESERVE = 0.005
 """Added to every margin [m]: what a QP that is stopped at a tolerance of 1e-3 and linearised once may leave of a half-plane."""
 STEP_RISK = 1e-3

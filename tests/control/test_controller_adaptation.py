@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import kmpc_lite as kl
 from kmpc_lite.adaptation import OnlineAdaptation
+from kmpc_lite.control.tightening import LATE_RISK, RISK
 from kmpc_lite.sim import Scenario, drive
 from kmpc_lite.sim.maps import random_map
 from kmpc_lite.sim.scenario import Floor
@@ -179,3 +180,8 @@ def test_a_log_without_noise_does_not_make_margins_blind(knowing: dict[float, kl
         # pushed sideways by a slip of 0.2
         tightening.observe(np.array([0.0, -0.012]), 0.0, inputs[0])
     assert tightening.margins(lin, states, inputs, normals).max() > calm + 0.02
+
+
+def test_a_robot_that_lags_takes_less_risk(learned: kl.KoopmanModel, lagging: kl.KoopmanModel) -> None:
+    risks = [kl.Controller(m, **o)._tightening.risk for m in (learned, lagging) for o in ({}, {"risk": 0.1})]  # type: ignore[arg-type,union-attr]
+    assert risks == [RISK, 0.1, LATE_RISK, 0.1]
