@@ -79,9 +79,9 @@ class BatchDrive:
         predict: Predict = unicycle_arc,
     ) -> None:
         self.twin, self.clock = twin, clock
-        board = RoboClawEmulator(GEOMETRY, BOARD, clock=clock)
-        board.put_on(TwinBody(GEOMETRY, twin, clock()))
-        self.driver = WiredRoboClaw(board, BOARD, Mocap(setup.mocap, seed, clock()), clock, setup.network, seed)
+        self._board = RoboClawEmulator(GEOMETRY, BOARD, clock=clock)
+        self._board.put_on(TwinBody(GEOMETRY, twin, clock()))
+        self.driver = WiredRoboClaw(self._board, BOARD, Mocap(setup.mocap, seed, clock()), clock, setup.network, seed)
         self.planner = Planner(controller, self.driver.state, setup.period, predict=predict, clock=clock)
         self.gate = SafetyGate(GateSettings(limits=setup.limits, watchdog=setup.watchdog, pilot=False))
         self._csv = None if record is None else CsvRecorder(record, setup.period)
@@ -126,6 +126,11 @@ class BatchDrive:
         if self._csv is not None:
             self._csv.close()
         return np.array(path)
+
+    def rest(self, seconds: float) -> tuple[float, float, float]:
+        """Let time pass after the drive [s]; gives the true pose then."""
+        self.clock.now += seconds
+        return self._board.pose
 
     @property
     def rows(self) -> int:

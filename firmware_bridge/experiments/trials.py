@@ -150,8 +150,7 @@ def drive_trial(contender: Contender, scenario: Scenario, setup: Setup, seed: in
     path = drive.run(finished)
     collided = gaps[-1] < 0.0 or twin.touched is not None
     outcome = Outcome.COLLISION if collided else Outcome.REACHED if navigator.arrived_after is not None else Outcome.TIMEOUT
-    twin.advance(REST)
-    x, y, _ = twin.pose
+    x, y, _ = drive.rest(REST)
     run = _as_run(scenario, contender.model.dt, outcome, path, plans, min(gaps))
     run.info["arrival_s"] = None if navigator.arrived_after is None else round(navigator.arrived_after, 2)
     run.info["statuses"] = dict(navigator.statuses)
