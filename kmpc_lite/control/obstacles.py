@@ -73,7 +73,10 @@ def circles_to_array(obstacles: Sequence[Circle] | ArrayLike) -> Array:
     """
     if isinstance(obstacles, Sequence) and not len(obstacles):
         return np.empty((0, COLUMNS))
-    array = np.asarray(obstacles, dtype=float)
+    try:
+        array = np.asarray(obstacles, dtype=float)
+    except TypeError as error:
+        raise ValueError(f"obstacles: expected circles or an array of them: {error}") from error
     if array.ndim == 2 and array.shape[1] == 3:
         array = np.hstack([array, np.zeros((len(array), 2))])
     if array.ndim != 2 or array.shape[1] != COLUMNS:

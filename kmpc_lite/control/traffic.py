@@ -24,6 +24,8 @@ PACES = np.array([0.6, 0.3, 0.0])
 """Shares of the speed that are tried where the full one is not clear; the first one that is, is driven."""
 ESCAPES = np.array([(v, omega, end) for end in (1.0, 2.0, 4.0) for v in (0.0, 0.5, -0.5, 1.0, -1.0) for omega in (0.0, 1.0, -1.0)])
 """Shares of speed and rate of turn, and time [s], of the arcs on which room is made; the robot stops at their ends."""
+BARRED, TOUCHING = 100.0, 1e-3
+"""What an arc into a solid costs, in metres of room, and how deep it may lead [m]."""
 FAITH = 0.03
 """How much more room another arc must promise than the one begun [m]."""
 
@@ -97,7 +99,8 @@ class MovingCircles:
         if self._solids is not None:
             near = self._solids.near(pose[:2], LOOK_AHEAD * float(self._speed[0]) + self._keep)
             gaps = near.least(positions.reshape(-1, 2)).reshape(room.shape[0], -1)
-            room = np.minimum(room, gaps.min(axis=1) - self._keep)
+            # what stands still needs no spare room, but no circle is a reason to drive into it
+            room[gaps.min(axis=1) < min(self._keep, float(gaps[0, 0])) - TOUCHING] -= BARRED
         if last >= 0:
             room[last] += FAITH
         clear = room >= SPARE

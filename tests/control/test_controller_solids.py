@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lite.control.solids import Solids
+from kmpc_lite.control.traffic import MovingCircles
 from kmpc_lite.sim.closed_loop import Outcome, drive
 from kmpc_lite.sim.scenario import Scenario
 
@@ -39,6 +41,32 @@ def test_a_wall_of_circles_and_the_wall_itself_are_driven_around_alike(learned: 
     assert abs(runs[0].duration - runs[1].duration) <= 0.5
     for run in runs:
         assert run.path[:, 1].max() > 0.9
+
+
+def test_a_map_with_ragged_walls_is_driven(learned: kl.KoopmanModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a lidar leaves them: hundreds of rectangles. Also where the corners that matter are never all found."""
+    random, grid = np.random.default_rng(0), np.zeros((120, 120), dtype=bool)
+    for column in range(120):
+        if not 80 <= column < 94:
+            grid[40 + column // 3 : 44 + column // 3 + random.integers(0, 3), column] = True
+    walls = kl.OccupancyGrid(grid, 0.05, (-3.0, -3.0, 0.0))
+    assert len(walls.rectangles) > 60
+    scenario = Scenario("ragged", (-3, -3, 3, 3), (), 0.15, (-1.0, -2.0, 0.0), (-1.0, 1.5, 0.0), timeout=30.0, grid=walls)
+    for rounds in (12, -1):
+        monkeypatch.setattr("kmpc_lite.control.tangents.ROUNDS", rounds)
+        run = drive(kl.Controller(learned, scenario.problem()), scenario)
+        assert run.outcome is Outcome.REACHED and run.clearance > 0.0
+
+
+def test_room_is_made_where_there_is_no_wall(nominal: kl.KoopmanModel) -> None:
+    """A circle comes from behind: a free robot goes on ahead, one that faces a wall turns aside."""
+    circles, speed = np.array([[-0.9, 0.0, 0.2, 0.3, 0.0]]), np.array([0.6, 0.7])
+    times, pose = np.arange(0.0, 2.1, 0.1), np.zeros(3)
+    wall = Solids([kl.Wall(0.4, -2.0, 0.4, 2.0), kl.Wall(-2.0, -0.3, 0.4, -0.3)])
+    _, free = MovingCircles(circles, 0.15, speed).escape(pose, -1, times)
+    _, held = MovingCircles(circles, 0.15, speed, wall).escape(pose, -1, times)
+    assert wall.whole.least(free[:, :2]).min() < 0.15
+    assert wall.whole.least(held[:, :2]).min() >= 0.15
 
 
 def test_solids_turn_with_the_map(nominal: kl.KoopmanModel) -> None:
@@ -122,8 +150,9 @@ def test_solids_that_cannot_be_meant_give_a_safe_plan_not_an_error(nominal: kl.K
         for pose, goal in (((0.0, 0.0, 0.0), (1.5, 0.0, 0.0)), ((1.5, 0.0, 0.0), (0.0, 0.0, 0.0))):
             plan = kl.Controller(nominal).step(pose, goal, [solid])
             assert np.isfinite(plan.command).all() and (np.abs(plan.command) <= (0.6, np.pi / 4)).all()
-    with pytest.raises(ValueError, match="expected circles"):
-        controller.step((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), [(1.0, 2.0), SOLIDS[0]])
+    for wrong in ([(1.0, 2.0), SOLIDS[0]], [object()], [None], ["wall"], None):
+        with pytest.raises(ValueError):
+            controller.step((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), wrong)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
