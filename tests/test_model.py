@@ -228,7 +228,7 @@ def test_the_nominal_unicycle_is_the_plant_without_slip() -> None:
     random = np.random.default_rng(7)
     x, u = random.uniform(-3.0, 3.0, (100, 3)), random.uniform(-1.0, 1.0, (100, 2))
     model, plant = kl.nominal_unicycle(0.1), kl.DifferentialDrive(slip=0.0)
-    np.testing.assert_allclose(model.predict(x, u), plant.step(x, u, 0.1), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(model.predict(x, u), plant.step(x, u, 0.1), rtol=0, atol=1e-8)
 
 
 def test_the_nominal_unicycle_drives_circles() -> None:

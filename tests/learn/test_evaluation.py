@@ -10,6 +10,9 @@ import pytest
 
 import kmpc_lite as kl
 
+INTEGRATION = 1e-8
+"""What Runge-Kutta steps of 0.1 s are off the exact arcs that the robot drives, over a few seconds [m, rad]."""
+
 
 def drives(episodes: int = 6, steps: int = 40, dt: float = 0.1, slip: float = 0.0, seed: int = 0) -> kl.Dataset:
     """Random driving."""
@@ -30,16 +33,16 @@ def shifted(data: kl.Dataset, forward: float, left: float, turn: float) -> kl.Da
 def test_the_nominal_model_is_right_about_the_nominal_robot() -> None:
     report = kl.evaluate(kl.nominal_unicycle(0.1), drives(), horizon=2.0)
     for errors in (report.one_step, report.multi_step, report.nominal_one_step, report.nominal_multi_step):
-        assert max(errors) < 1e-12
-    assert report.rmse_percent < 1e-10
+        assert max(errors) < INTEGRATION
+    assert report.rmse_percent < 1e-6
 
 
 @pytest.mark.parametrize("bias", [(0.02, 0.0, 0.0), (0.0, -0.03, 0.0), (0.0, 0.0, 0.04), (0.01, 0.02, -0.03)])
 def test_a_bias_is_reported_in_its_own_column(bias: tuple[float, float, float]) -> None:
     # headings of all directions, so that a mixed-up frame cannot pass
     report = kl.evaluate(kl.nominal_unicycle(0.1), shifted(drives(), *bias), horizon=0.1)
-    np.testing.assert_allclose(report.one_step, np.abs(bias), atol=1e-12)
-    np.testing.assert_allclose(report.multi_step, np.abs(bias), atol=1e-12)
+    np.testing.assert_allclose(report.one_step, np.abs(bias), atol=INTEGRATION)
+    np.testing.assert_allclose(report.multi_step, np.abs(bias), atol=INTEGRATION)
     assert report.rmse_percent == pytest.approx(100 * np.linalg.norm(bias))
 
 
@@ -93,7 +96,7 @@ def test_past_commands_are_those_of_the_log() -> None:
     nominal = kl.nominal_unicycle(0.1)
     model = kl.KoopmanModel(dictionary, 0.1, nominal.A, nominal.B, nominal.H, nominal.C, continuous=True)
     report = kl.evaluate(model, kl.Dataset(late), horizon=1.0)
-    assert max(report.multi_step + report.one_step) < 1e-12 < min(report.nominal_multi_step)
+    assert max(report.multi_step + report.one_step) < INTEGRATION < min(report.nominal_multi_step)
     assert report.starts == 6 * (27 - 3 - 10 + 1)
 
 
@@ -127,7 +130,7 @@ def test_a_model_that_diverges_has_an_infinite_error_and_warns_nobody() -> None:
         kl.HermiteTrigDictionary(4), 0.1, np.ones((3, 105)), np.zeros((3, 2)), np.ones((3, 210)), np.eye(3), continuous=True
     )
     report = kl.evaluate(wild, drives(), horizon=3.0)
-    assert report.multi_step == (np.inf, np.inf, np.inf) and max(report.nominal_multi_step) < 1e-9
+    assert report.multi_step == (np.inf, np.inf, np.inf) and max(report.nominal_multi_step) < INTEGRATION
 
 
 def test_a_report_is_plain_values_and_a_table() -> None:
