@@ -257,7 +257,7 @@ class Controller:
         if self._tightening is not None and self._sent is not None:
             # how wrong the model was about the past period widens the margins at once
             heading, sent, expected = self._sent
-            self._tightening.observe(here[:2] - expected[:2], heading, sent)
+            self._tightening.observe(here - expected, heading, sent)
         guidance = None if self._guide is None else self._guide.reference(here, target, circles, self._solids)
         if guidance is not None and guidance.hold:
             return self._hold(here, pose, circles, start)

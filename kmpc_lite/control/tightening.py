@@ -50,6 +50,8 @@ QUIET = (5e-3, 1e-3, 0.02)
 of the way: even a model without noise is allowed to be so wrong."""
 USUAL_SPEED = 0.4
 """At which errors that are too large were made, where only their size is known [m/s]."""
+QUIET_TURN = (5e-3, 0.05)
+"""The same of turns: no step is judged by less than the first [rad], and the second as a share of the turn."""
 RETREAT = 0.25
 """Share of a command that is always allowed where it leads away from an obstacle: a robot that touches must get free."""
 
@@ -135,24 +137,27 @@ class Tightening:
         Parameters
         ----------
         error : ndarray
-            Measured less predicted position (2,) [m], in the map's frame; NaN counts for nothing.
+            Measured less predicted pose (3,) [m, m, rad], in the map's frame; NaN counts for nothing.
         heading : float
             At the beginning of the period [rad].
         command : ndarray
             That was held during it (2,).
         """
         # also for NaN and infinity
-        if not (abs(command[0]) * self._model.dt >= QUIET[0] and error[0] * error[0] + error[1] * error[1] < np.inf):
+        if not (abs(command[0]) * self._model.dt >= QUIET[0] and error @ error < np.inf):
             return
         # three numbers each: plain floats are ten times as fast as arrays
         cos, sin = math.cos(heading), math.sin(heading)
-        ex, ey = error.tolist()
+        ex, ey, turned = error.tolist()
         ahead, left = cos * ex + sin * ey, cos * ey - sin * ex
         v, omega = command.tolist()
         least = QUIET[1] ** 2 + (QUIET[2] * self._model.dt * v) ** 2
-        xx, yy, xy = (m + v * v * a + omega * omega * b for m, a, b in self._squares)
+        xx, yy, xy, hh = (m + v * v * a + omega * omega * b for m, a, b in self._squares)
         xx, yy = xx + least, yy + least
         square = 0.5 * (ahead * ahead * yy - 2.0 * ahead * left * xy + left * left * xx) / (xx * yy - xy * xy)
+        turned = math.remainder(turned, 2.0 * math.pi)
+        hh += QUIET_TURN[0] ** 2 + (QUIET_TURN[1] * self._model.dt * omega) ** 2
+        square = max(square, turned * turned / hh)
         change = min(float(square), SURPRISE_LIMIT) - self._surprise
         self._surprise += (ATTACK if change > 0.0 else RELEASE) * change
         self._inflate(max(1.0, self._surprise - CALM + 1.0) ** 0.5)
@@ -166,7 +171,8 @@ class Tightening:
         # errors are judged against what is allowed at rest too, but what is too much of them comes from driving
         self._allowed = np.zeros((2, 9))
         self._allowed[0, [0, 4]] = (QUIET[2] * model.dt) ** 2 + (QUIET[1] ** 2 + measured.diagonal()[:2]) / USUAL_SPEED**2
-        self._squares = [[float(part[i, j]) for part in (measured, *moved)] for i, j in ((0, 0), (1, 1), (0, 1))]
+        self._squares = [[float(part[i, j]) for part in (measured, *moved)] for i, j in ((0, 0), (1, 1), (0, 1), (2, 2))]
+        self._allowed[1, 8] = (QUIET_TURN[1] * model.dt) ** 2
         # a log that is explained to rounding tells nothing of the tails that a floor may have later
         known = model.info if model_quantile(model.info, self.risk) >= default_quantile(self.risk) else {}
         self.quantile = model_quantile(known, self.risk) if self._given is None else float(self._given)

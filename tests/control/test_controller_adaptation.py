@@ -178,7 +178,7 @@ def test_a_log_without_noise_does_not_make_margins_blind(knowing: dict[float, kl
     calm = tightening.margins(lin, states, inputs, normals).max()
     for _ in range(5):
         # pushed sideways by a slip of 0.2
-        tightening.observe(np.array([0.0, -0.012]), 0.0, inputs[0])
+        tightening.observe(np.array([0.0, -0.012, 0.0]), 0.0, inputs[0])
     assert tightening.margins(lin, states, inputs, normals).max() > calm + 0.02
 
 

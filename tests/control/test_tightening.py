@@ -310,7 +310,7 @@ def drive_and_observe(tightening, model, plant, steps, seed=0):
     for _ in range(steps):
         u = random.uniform(-0.6, 0.6, 2)
         after = plant.step(x, u, 0.1)
-        tightening.observe(after[:2] - model.predict(x, u)[:2], x[2], u)
+        tightening.observe(after - model.predict(x, u), x[2], u)
         found.append(tightening.inflation)
         x = np.append(random.uniform(-1.0, 1.0, 2), after[2] % 1.0)
     return np.array(found)
@@ -358,12 +358,26 @@ def test_even_a_model_without_noise_gets_room_on_a_slipping_floor(known):
     assert tightening.inflation < 2.0
 
 
+def test_a_robot_that_turns_less_than_it_is_told_widens_the_margins_at_once(model):
+    tightening = Tightening(model, PROBLEM)
+    lin, states, inputs = plan(model)
+    calm = tightening.margins(lin, states, inputs, directions(20, 3))
+    for _ in range(4):
+        tightening.observe(np.array([0.0, 0.0, -0.03]), 0.0, np.array([0.3, 0.75]))
+    assert tightening.inflation > 2.0
+    assert (tightening.margins(lin, states, inputs, directions(20, 3))[5:] > 1.5 * calm[5:]).all()
+    # a whole turn is no error
+    fresh = Tightening(model, PROBLEM)
+    fresh.observe(np.array([0.0, 0.0, 2 * np.pi]), 0.0, np.array([0.3, 0.75]))
+    assert fresh.inflation == 1.0
+
+
 def test_standing_and_broken_poses_widen_nothing(model):
     tightening = Tightening(model, PROBLEM)
-    tightening.observe(np.array([0.1, 0.1]), 0.0, np.zeros(2))
-    tightening.observe(np.array([np.nan, 0.1]), 0.0, np.array([0.5, 0.0]))
-    tightening.observe(np.array([np.inf, 0.1]), 0.0, np.array([0.5, 0.0]))
-    tightening.observe(np.array([0.1, 0.1]), 0.0, np.array([np.nan, 0.0]))
+    tightening.observe(np.array([0.1, 0.1, 0.0]), 0.0, np.zeros(2))
+    tightening.observe(np.array([np.nan, 0.1, 0.0]), 0.0, np.array([0.5, 0.0]))
+    tightening.observe(np.array([np.inf, 0.1, 0.0]), 0.0, np.array([0.5, 0.0]))
+    tightening.observe(np.array([0.1, 0.1, 0.0]), 0.0, np.array([np.nan, 0.0]))
     assert tightening.inflation == 1.0
-    tightening.observe(np.array([1e6, 0.1]), 0.0, np.array([0.5, 0.0]))
+    tightening.observe(np.array([1e6, 0.1, 0.0]), 0.0, np.array([0.5, 0.0]))
     assert tightening.inflation < 10.0
