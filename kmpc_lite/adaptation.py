@@ -49,7 +49,7 @@ GAINS = (0.1, 3.0)
 """Limits of the gains: beyond them the model is not what has changed."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class AdaptationCounts:
     """What became of the steps."""
 
@@ -176,7 +176,8 @@ class OnlineAdaptation:
         self._slow *= 1.0 - 1.0 / self._memory
         self._slow += sums
         self._slow_count = self._slow_count * (1.0 - 1.0 / self._memory) + 1.0
-        if self._since >= self._window:
+        # every other step is soon enough
+        if self._since >= self._window and self._count % 2 == 0:
             newest = estimate(self._recent.sum(axis=0).tolist(), self.gains)
             if newest.distance > ALARM[0] and self._confirmed(newest.gains, self._window):
                 return self._change()
@@ -227,7 +228,7 @@ class OnlineAdaptation:
         x1, y1, h1 = after.tolist()
         v, omega = command.tolist()
         if not isfinite(x0 + y0 + h0 + x1 + y1 + h1 + v + omega) or (past is not None and not np.isfinite(past).all()):
-            self.counts = replace(self.counts, rejected=self.counts.rejected + 1)
+            self.counts.rejected += 1
             return None
         dt = self.base.dt
         dx, dy, turned = x1 - x0, y1 - y0, remainder(h1 - h0, 2 * pi)
@@ -243,7 +244,7 @@ class OnlineAdaptation:
         g = float(w @ self._responses) * dt
         moved = hypot(px, py)
         if moved < STILL[0] and abs(h) < STILL[1]:
-            self.counts = replace(self.counts, still=self.counts.still + 1)
+            self.counts.still += 1
             return None
         held = (
             (moved > HELD[0] or abs(h) > HELD[1])
@@ -251,9 +252,9 @@ class OnlineAdaptation:
             and abs(turned) < GAINS[0] * abs(h) + HELD[1] * GAINS[0]
         )
         if held or hypot(dx, dy) > JUMP[0] * moved + JUMP[1] or abs(turned) > JUMP[0] * abs(h) + JUMP[2]:
-            self.counts = replace(self.counts, rejected=self.counts.rejected + 1)
+            self.counts.rejected += 1
             return None
-        self.counts = replace(self.counts, used=self.counts.used + 1)
+        self.counts.used += 1
         squares = (v * v, omega * omega)
         p, q = self._position_noise, self._heading_noise
         a = p[0] + p[1] * squares[0] + p[2] * squares[1] + NOISE_FLOOR**2
@@ -288,7 +289,7 @@ class OnlineAdaptation:
             self._forget()
             return None
         self.gains = gains
-        self.counts = replace(self.counts, models=self.counts.models + 1)
+        self.counts.models += 1
         base, count = self.base, min(self._since, self._memory)
         coefficients = residual_covariance(self._raw[self._kept(count)].T, gains, self._learned_noise)
         if self._since >= self._window:

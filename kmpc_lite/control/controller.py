@@ -51,7 +51,9 @@ AFTER_SOLVE = 5e-5
 
 def is_usable(circles: Array) -> bool:
     """Whether obstacles (M, 5) hold numbers that can be meant; also false for NaN."""
-    return bool((np.abs(circles) <= POSITION_LIMIT).all() and (circles[:, 2] >= 0.0).all())
+    if not len(circles):
+        return True
+    return bool(np.maximum.reduce(np.abs(circles), axis=None) <= POSITION_LIMIT and np.minimum.reduce(circles[:, 2]) >= 0.0)
 
 
 class Controller:

@@ -121,7 +121,7 @@ class Guide:
         self._path: TimedPath | None = None
         self._search: Iterator[bool | None] | None = None
         self._goal = np.full(3, np.nan)
-        self._circles = np.empty((0, 5))
+        self._circles, self._resting = np.empty((0, 5)), b""
         self._solids: Solids | None = None
         self._escape = -1
         self._waiting: Array | None = None
@@ -187,6 +187,8 @@ class Guide:
             return True
         if not len(circles):
             return False
+        if circles.tobytes() == self._resting:
+            return False
         change = circles - self._circles
         change[:, :2] -= self._age * self._circles[:, 3:]
         return bool((np.abs(change, out=change) > ALLOWED).any())
@@ -227,6 +229,8 @@ class Guide:
         """Look for a way in parts, none after each; at last yield whether it goes another way around than the one before."""
         previous, same_goal = self._path, bool((goal == self._goal).all())
         self._goal, self._circles, self._solids, self._age = goal.copy(), circles.copy(), solids, 0.0
+        # circles at rest that are the same to the last bit are known again in a moment
+        self._resting = b"" if traffic is not None else circles.tobytes()
         goal = self._goal
         stuck = self._stuck
         if traffic is not None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.dictionary import Array
+from kmpc_lite.dictionary import STATES, Array
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model import KoopmanModel, Linearization
 from kmpc_lite.tube import MEMORY, closed_loop, rotations, split_noise
@@ -112,6 +112,7 @@ class Tightening:
         self._radius = problem.robot_radius + problem.margin
         self._touch = problem.robot_radius
         self._levels = max(int(MEMORY).bit_length() - 1, 0)
+        self._wide = np.empty((0, STATES, 0))
         self._surprise, self._expected, self.inflation = 1.0, 0.0, 1.0
         self.update(model)
 
@@ -126,6 +127,7 @@ class Tightening:
             return
         self.inflation = factor
         self._felt = self._moved if factor == 1.0 else factor**2 * self._moved + (factor**2 - 1.0) * self._allowed
+        self._felt_factor = np.hstack([_factor(part.reshape(STATES, STATES)) for part in self._felt])
         self._felt_trace = (self._felt[:, 0] + self._felt[:, 4]).tolist()
         self._spreads = self._noisy or factor > 1.0
 
@@ -171,6 +173,7 @@ class Tightening:
         # errors are judged against what is allowed at rest too, but what is too much of them comes from driving
         self._allowed = np.zeros((2, 9))
         self._allowed[0, [0, 4]] = (QUIET[2] * model.dt) ** 2 + (QUIET[1] ** 2 + measured.diagonal()[:2]) / USUAL_SPEED**2
+        self._measured_factor = _factor(measured)
         self._squares = [[float(part[i, j]) for part in (measured, *moved)] for i, j in ((0, 0), (1, 1), (0, 1), (2, 2))]
         self._allowed[1, 8] = (QUIET_TURN[1] * model.dt) ** 2
         # a log that is explained to rounding tells nothing of the tails that a floor may have later
@@ -207,11 +210,8 @@ class Tightening:
         chords += self._reserve
         if not self._spreads:
             return np.repeat(chords[:, None], normals.shape[1], axis=1) if chords.ndim == 1 else chords
-        spread = self.covariances(lin, states, inputs)
-        across = normals @ spread
-        across *= normals
-        margins: Array = across[..., 0] + across[..., 1]
-        np.maximum(margins, 0.0, out=margins)
+        across = normals @ self._spread(lin, states, inputs)
+        margins: Array = np.einsum("nsc,nsc->ns", across, across)
         np.sqrt(margins, out=margins)
         margins *= self.quantile
         margins += chords[:, None] if chords.ndim == 1 else chords
@@ -277,27 +277,33 @@ class Tightening:
 
     def covariances(self, lin: Linearization, states: Array, inputs: Array) -> Array:
         """Covariances (N, 2, 2) of the position at stages 1 to N, each from the last `MEMORY` steps before it."""
+        spread = self._spread(lin, states, inputs)
+        covariances: Array = spread @ spread.transpose(0, 2, 1)
+        return covariances
+
+    def _spread(self, lin: Linearization, states: Array, inputs: Array) -> Array:
+        """Factors F (N, 2, C) of the covariances, ``F F'``: half the work, and never indefinite. Overwritten by the next call."""
         headings = states[:-1, 2]
         cos, sin = np.cos(headings), np.sin(headings)
         turned = rotations(cos, sin)
-        back = turned.transpose(0, 2, 1)
-        noise = turned @ ((inputs * inputs) @ self._felt).reshape(-1, 3, 3) @ back
+        width, span = self._felt_factor.shape[1], 1
+        if len(self._wide) != len(inputs):
+            self._wide = np.zeros((len(inputs), STATES, (width << self._levels) + STATES))
+        wide = self._wide
+        np.matmul(turned, self._felt_factor * inputs.repeat(STATES, axis=1)[:, None], out=wide[..., :width])
         jacobians = closed_loop(lin.A, cos, sin, self._feedback)
-        # doubling: what m steps have spread, moved on by m steps, plus what the m steps after them spread
-        span = 1
+        # doubling: beside what m steps have spread, what the m steps before them did, moved on by m steps
         for level in range(self._levels):
-            if span >= len(noise):
+            if span >= len(wide):
                 break
-            moved = jacobians[span:] @ noise[:-span] @ jacobians[span:].transpose(0, 2, 1)
+            np.matmul(jacobians[span:], wide[:-span, :, :width], out=wide[span:, :, width : 2 * width])
             if level + 1 < self._levels:
                 longer = jacobians.copy()
                 np.matmul(jacobians[span:], jacobians[:-span], out=longer[span:])
                 jacobians = longer
-            noise[span:] += moved
-            span *= 2
-        still = turned[:, :2] @ self._measured @ back[:, :, :2]
-        still += noise[:, :2, :2]
-        return still
+            width, span = 2 * width, 2 * span
+        np.matmul(turned[:, :2], self._measured_factor, out=wide[:, :2, -STATES:])
+        return wide[:, :2]
 
     def _chords(self, states: Array, radii: Array | None) -> Array:
         """How far the path between two samples may come closer to a circle than the samples do, (N,) or (N, S) [m].
@@ -320,6 +326,13 @@ class Tightening:
             squares, bulges = squares[:, None], bulges[:, None]
         chords: Array = np.sqrt((radius + bulges) ** 2 + squares) - radius
         return chords
+
+
+def _factor(covariance: Array) -> Array:
+    """Matrix L (n, n) with ``L L'`` the covariance; what rounding has left below zero counts as zero."""
+    values, vectors = np.linalg.eigh(covariance)
+    factor: Array = vectors * np.sqrt(np.maximum(values, 0.0))
+    return factor
 
 
 def default_quantile(risk: float) -> float:

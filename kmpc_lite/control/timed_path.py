@@ -49,6 +49,7 @@ class TimedPath:
         lengths = np.hypot(steps[:, 0], steps[:, 1])
         needed = np.maximum(lengths / speed[0], np.abs(steps[:, 2]) / speed[1])
         self.times = np.concatenate([[0.0], np.cumsum(np.maximum(needed, 1e-9))])
+        self._slopes = steps / np.diff(self.times)[:, None]
         self.duration = float(self.times[-1])
         self.drive_end = float(self.times[-2])
         """When the goal's position is reached, and the last turn begins [s]."""
@@ -65,9 +66,14 @@ class TimedPath:
 
     def at(self, times: Array) -> Array:
         """Poses (n, 3) at times (n,) [s]; the ends are held."""
-        poses = np.empty((len(times), 3))
-        for i in range(3):
-            poses[:, i] = np.interp(times, self.times, self.poses[:, i])
+        before = np.minimum(self.times.searchsorted(times, side="right"), len(self._slopes))
+        before -= 1
+        along = np.maximum(times, 0.0)
+        np.minimum(along, self.duration, out=along)
+        along -= self.times[before]
+        poses = self._slopes[before]
+        poses *= along[:, None]
+        poses += self.poses[before]
         return poses
 
     def locate(self, pose: Array) -> tuple[float, float]:
