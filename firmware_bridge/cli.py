@@ -132,13 +132,15 @@ def _course(robot: Robot, settle: float, seconds: float) -> _Course:
         robot = replace(robot, gate=replace(robot.gate, geofence=fence))
 
     def step(pose: tuple[float, float, float], circles: Any) -> tuple[float, float, str]:
-        plan = controller.step(pose, scenario.goal, circles if scenario.solids is None else [*circles, *scenario.solids.solids])
+        obstacles = circles if scenario.solids is None else [*circles, *scenario.solids.solids]
+        plan = controller.step(pose, scenario.goal, obstacles, sent=navigator.held())
         return float(plan.command[0]), float(plan.command[1]), plan.status.name
 
     task = Task(scenario.goal, scenario.tolerance, scenario.heading_tolerance, scenario.radius, scenario.circles_at)
     origin = (0.0, 0.0, 0.0) if robot.is_autopilot else scenario.start
     period = robot.control.period or controller.problem.dt
-    return _Course(scenario.name, robot, Navigator(step, task, settle, seconds), period, origin)
+    navigator = Navigator(step, task, settle, seconds)
+    return _Course(scenario.name, robot, navigator, period, origin)
 
 
 def _controller(robot: Robot, scenario: Any) -> Any:

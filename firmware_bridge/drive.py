@@ -40,7 +40,7 @@ def run(
         For people; nothing is written where not given.
     """
     with Session(robot, navigator, period, origin=origin, output=None if output is None else Path(output), out=out) as session:
-        navigator.is_driving = lambda: session.gate.state is GateState.ACTIVE
+        navigator.is_driving, navigator.held = lambda: session.gate.state is GateState.ACTIVE, lambda: session.planner.held
         session.drive(navigator.finished)
         report = {"outcome": "", **navigator.report(), **session.report()}
         interrupted = session.loop.stop_reason in SIGNALS

@@ -56,6 +56,8 @@ class Navigator:
         self._step, self._task, self._settle, self._seconds, self._clock = step, task, settle, seconds, clock
         self.is_driving: Callable[[], bool] = lambda: False
         """Whether commands pass; set once there is a gate."""
+        self.held: Callable[[], tuple[float, float] | None] = lambda: None
+        """Mean command on the wire since the last plan; set once there is a planner."""
         self._began: float | None = None
         self._inside_since: float | None = None
         self._last: State | None = None

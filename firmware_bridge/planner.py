@@ -60,6 +60,19 @@ class SentCommands:
             v, omega = next_v, next_omega
         return predict(state, v, omega, until - state.stamp) if until > state.stamp else state
 
+    def mean(self, begin: float, end: float) -> tuple[float, float] | None:
+        """Mean command on the wire between two moments [s]; None where there was none at the first of them."""
+        v = omega = 0.0
+        until = end
+        for sent, next_v, next_omega in reversed(tuple(self._commands)):
+            if sent >= until:
+                continue
+            share = (until - max(sent, begin)) / (end - begin)
+            v, omega, until = v + share * next_v, omega + share * next_omega, sent
+            if sent <= begin:
+                return v, omega
+        return None
+
 
 class Planner:
     """Asks the controller once per period for a command, from the pose as it is now.
@@ -97,6 +110,9 @@ class Planner:
         """To be told what goes out."""
         self.latest: tuple[VelocityCommand, float] | None = None
         """Newest command, stamped with the beginning of its computation, and the stamp of the pose behind it [s]."""
+        self.held: tuple[float, float] | None = None
+        """Mean command on the wire since the controller was asked before, for a controller that asks; None where that is not known."""
+        self._asked = -math.inf
         self.errors = 0
         """How often the controller raised."""
         self.last_error = ""
@@ -112,6 +128,9 @@ class Planner:
             if state is None or not _usable(state, now):
                 return
             self.pose_age.add(now - state.stamp)
+            # a period that was left out has not been planned for
+            self.held = self.sent.mean(self._asked, now) if 0.5 * self.period < now - self._asked < 1.5 * self.period else None
+            self._asked = now
             command = self._controller(self.sent.carry(state, now + self._latency, self._latency, self._predict))
             self.step_time.add(self._clock() - now)
             # the age of an output counts from the beginning of the computation: that is how old its grounds are

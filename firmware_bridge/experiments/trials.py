@@ -124,7 +124,8 @@ def drive_trial(contender: Contender, scenario: Scenario, setup: Setup, seed: in
     plans: list[Any] = []
 
     def step(pose: tuple[float, float, float], around: Any) -> tuple[float, float, str]:
-        plan = controller.step(pose, scenario.goal, around)
+        told = {"sent": navigator.held()} if isinstance(controller, kl.Controller) else {}
+        plan = controller.step(pose, scenario.goal, around, **told)
         if drive.driving:
             plans.append(plan)
         return float(plan.command[0]), float(plan.command[1]), plan.status.name
@@ -136,7 +137,7 @@ def drive_trial(contender: Contender, scenario: Scenario, setup: Setup, seed: in
         return navigator(state)
 
     drive = BatchDrive(twin, planner, setup, clock, seed, predict=carry_with(contender.model))
-    navigator.is_driving = lambda: drive.driving
+    navigator.is_driving, navigator.held = lambda: drive.driving, lambda: drive.planner.held
     gaps: list[float] = []
 
     def gap() -> float:

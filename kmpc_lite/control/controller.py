@@ -177,7 +177,7 @@ class Controller:
         self._given = np.zeros((int(np.ceil(self._pose_age / self.problem.dt)) + self.model.history if self._pose_age else 0, INPUTS))
         self._heading_error = 0.0
         self._fallback.reset()
-        self._sent: tuple[float, Array, Array] | None = None
+        self._sent: tuple[Array, Array, Array] | None = None
         if self._guide is not None:
             self._guide.reset()
         if self._tightening is not None:
@@ -206,7 +206,7 @@ class Controller:
         if self._guide is not None:
             self._guide.set_speeds(drivable_speeds(self.model, self.problem))
 
-    def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Obstacles = ()) -> Plan:
+    def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Obstacles = (), sent: ArrayLike | None = None) -> Plan:
         """Plan from the measured pose and give the command of the coming period.
 
         Parameters
@@ -218,6 +218,9 @@ class Controller:
         obstacles : sequence of Circle, Polygon, Wall and OccupancyGrid, or array_like
             Where they are now; an array has rows x, y, radius or x, y, radius, vx, vy. Polygons, walls and grids are prepared in the
             first step that sees them, and quickly known again as the same or equal objects.
+        sent : array_like, optional
+            Mean command (2,) of the past period where it was not the last plan's: from a gate with acceleration limits, or a pilot. What
+            is learned while driving would else take these for the floor. One that is not finite counts as not given.
 
         Returns
         -------
@@ -234,6 +237,8 @@ class Controller:
         if pose.shape != (STATES,) or target.shape != (STATES,):
             raise ValueError(f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}")
         circles, self._solids = self._surroundings.sort(obstacles)
+        if sent is not None:
+            self._correct(np.asarray(sent, dtype=float))
         if self._pose_age:
             pose = advance_pose(self.model, pose, self._given, self._pose_age)
         if self.adaptation is not None:
@@ -258,8 +263,8 @@ class Controller:
         target[2] -= 2 * np.pi * round(float(target[2]) / (2 * np.pi))
         if self._tightening is not None and self._sent is not None:
             # how wrong the model was about the past period widens the margins at once
-            heading, sent, expected = self._sent
-            self._tightening.observe(here - expected, heading, sent)
+            before, acted, expected = self._sent
+            self._tightening.observe(here - expected, float(before[2]), acted)
         guidance = None if self._guide is None else self._guide.reference(here, target, circles, self._solids)
         if guidance is not None and guidance.hold:
             return self._hold(here, pose, circles, start)
@@ -288,13 +293,30 @@ class Controller:
             return self._without_solution(pose, circles, start, timing, result.passes, reason)
         self._fallback.accept(trajectory)
         self._remember(trajectory.inputs[0])
-        self._sent = float(here[2]), trajectory.inputs[0].copy(), expected
+        self._sent = here, trajectory.inputs[0].copy(), expected
         states = trajectory.states
         if turns:
             states = states + (0.0, 0.0, turns)
         status = PlanStatus.FEASIBLE if reason else PlanStatus.SOLVED
         plan = self._plan(states, trajectory.inputs, status, circles, start, timing, result.passes, reason)
         return plan if guidance is None or guidance.reachable else replace(plan, reachable=False)
+
+    def _correct(self, command: Array) -> None:
+        """Put what was really sent in the place of the last plan's command."""
+        if command.shape != (INPUTS,):
+            raise ValueError(f"sent: expected shape ({INPUTS},), got {command.shape}")
+        if not np.isfinite(command).all():
+            return
+        for earlier in (self._past, self._given):
+            if len(earlier):
+                earlier[-1] = command
+        if self._driven is not None:
+            before, _, past = self._driven
+            self._driven = before, command.copy(), past
+        if self._sent is not None:
+            # a model with input history would need the commands before these, which are gone
+            here = self._sent[0]
+            self._sent = None if self.model.history else (here, command.copy(), self.model.predict(here, command))
 
     def _adapt(self, pose: Array, adaptation: OnlineAdaptation) -> None:
         """Show the adaptation the past period, and take over the model that it may give."""

@@ -78,6 +78,33 @@ def test_it_sees_what_was_measured_and_what_was_sent(learned: kl.KoopmanModel, l
     assert controller.adaptation is not None and controller.adaptation.counts.rejected >= 2
 
 
+@pytest.mark.parametrize("tell", [True, False])
+def test_what_a_gate_makes_of_commands_is_no_floor(learned: kl.KoopmanModel, tell: bool) -> None:
+    # a gate that lets speeds grow by 0.02 m/s and 0.05 rad/s a period, on the floor that the model was learned on
+    controller, plant = kl.Controller(learned), kl.DifferentialDrive(0.05, seed=2)
+    x, acted, gains = np.zeros(3), np.zeros(2), []
+    for k in range(120):
+        goal = (1.5, 0.0, 0.0) if (k // 30) % 2 == 0 else (0.0, 0.5, 2.0)
+        plan = controller.step(x, goal, sent=acted if tell and k else None)
+        acted = acted + np.clip(plan.command - acted, (-0.02, -0.05), (0.02, 0.05))
+        x = plant.step(x, acted, DT)
+        assert controller.adaptation is not None
+        gains.append(controller.adaptation.gains)
+    far = max(abs(g.ahead - 1.0) for g in gains)
+    assert far < 0.1 if tell else far > 0.2
+
+
+def test_a_sent_command_of_another_shape_is_refused_and_nan_is_not_used(learned: kl.KoopmanModel, lagging: kl.KoopmanModel) -> None:
+    for model in (learned, lagging):
+        controller = kl.Controller(model)
+        first = controller.step((0, 0, 0), (1.0, 0.5, 0.0))
+        with pytest.raises(ValueError, match="sent: expected shape"):
+            controller.step((0, 0, 0), (1.0, 0.5, 0.0), sent=(0.1, 0.2, 0.3))
+        past = controller._past.copy()
+        controller.step(first.states[1], (1.0, 0.5, 0.0), sent=(np.nan, 0.2))
+        assert np.isfinite(controller._past).all() and (controller._past[:-1] == past[1:]).all()
+
+
 def test_a_floor_that_changes_is_driven_with_a_model_of_it(knowing: dict[float, kl.KoopmanModel], tmp_path: object) -> None:
     scenario = replace(random_map("open", 3), circles=(), floors=(Floor(1.0, 0.2, 0.6),))
     controller = kl.Controller(knowing[0.0], scenario.problem())
