@@ -29,8 +29,11 @@ DEAD = LinkStatus(connected=False, heartbeat_stamp=-math.inf, pose_stamp=-math.i
 class Observer(Protocol):
     """Whoever wants to see each tick: a recorder. Must return at once."""
 
-    def on_tick(self, now: float, state: State | None, output: GateOutput, sent: bool) -> None:
-        """Take in what was done at `now` [s]; `sent` tells whether v and omega went on the wire."""
+    def on_tick(self, now: float, state: State | None, output: GateOutput, sent: bool, fresh: bool) -> None:
+        """Take in what was done at `now` [s].
+
+        `sent` tells whether v and omega went on the wire, `fresh` whether a plan went out for the first time.
+        """
         ...
 
 
@@ -142,6 +145,7 @@ class ControlLoop:
         self._started = clock()
         self._last_sent = -math.inf
         self._last_plan: object = None
+        """Newest plan that was sent, or that was there while none was asked for."""
         self._last_pose: float | None = None
 
     def request_stop(self, why: str) -> None:
@@ -161,7 +165,10 @@ class ControlLoop:
         counts.ticks += 1
         for reason in output.reasons:
             counts.reasons[reason.value] += 1
-        sent = self._do(now, output)
+        sent = self._do(now, output, latest)
+        fresh = sent and output.state is GateState.ACTIVE and latest is not self._last_plan
+        if sent or output.state is not GateState.ACTIVE:
+            self._last_plan = latest
         if sent and output.state is GateState.ACTIVE and latest is not None and latest[1] != self._last_pose:
             self._last_pose = latest[1]
             counts.pose_to_wire.add(self._clock() - latest[1])
@@ -171,7 +178,7 @@ class ControlLoop:
         self.snapshot = Snapshot(now, state, status, output)
         for observer in self._observers:
             try:
-                observer.on_tick(now, state, output, sent)
+                observer.on_tick(now, state, output, sent, fresh)
             except Exception as error:  # a log must not stop a robot
                 self._note(error)
         return output
@@ -234,7 +241,7 @@ class ControlLoop:
                 self._guarded(self._take)
             {"stop": self.gate.estop, "reset": self.gate.reset, "enable": self.gate.enable}[request]()
 
-    def _do(self, now: float, output: GateOutput) -> bool:
+    def _do(self, now: float, output: GateOutput, latest: object) -> bool:
         """Carry out what the gate decided; whether v and omega went out."""
         if output.action is Action.RELEASE:
             self.planner.sent.add(now, 0.0, 0.0)
@@ -242,23 +249,23 @@ class ControlLoop:
             return False
         if output.action is Action.NOTHING:
             return False
-        if output.state is GateState.ACTIVE and not self._due(now):
+        if output.state is GateState.ACTIVE and not self._due(now, latest):
             return False
         if not self._guarded(lambda: self.driver.send(output.v, output.omega)):
             self.statistics.refused += 1
             return False
         if output.state is GateState.ACTIVE and math.isfinite(self._last_sent):
             self.statistics.spacing_error.add(abs(now - self._last_sent - max(self._tick, self._command_period)))
-        self._last_sent, self._last_plan = now, self.planner.latest
+        self._last_sent = now
         self.statistics.sent += 1
         self.planner.sent.add(now, output.v, output.omega)
         return True
 
-    def _due(self, now: float) -> bool:
+    def _due(self, now: float, latest: object) -> bool:
         """Whether to send while driving: when a period has passed; where plans are as rare as commands, with each plan."""
         elapsed = now - self._last_sent
         if self._command_period > 1.5 * self._tick and abs(self._command_period - self.planner.period) < 0.5 * self._tick:
-            return self.planner.latest is not self._last_plan or elapsed >= LATE_PLAN * self._command_period
+            return latest is not self._last_plan or elapsed >= LATE_PLAN * self._command_period
         return elapsed >= self._command_period - 0.5 * self._tick
 
     def _guarded(self, action: Callable[[], None]) -> bool:

@@ -43,6 +43,8 @@ class Tick(NamedTuple):
     """v [m/s] and omega [rad/s] if they were sent in this tick."""
     driven: bool
     """Whether the robot is to be recorded: it obeys our commands."""
+    fresh: bool = False
+    """Whether the command is the first of a new plan."""
 
 
 class DurableFile(Generic[T]):
@@ -153,7 +155,8 @@ class DurableFile(Generic[T]):
 class RowSampler:
     """Puts a drive on an even grid: the pose at each row's time, and the mean command until the next.
 
-    Wherever the drive is interrupted the time jumps by three periods or more, which ends an episode for `kmpc fit`.
+    Rows begin when a plan's command begins, so that with the controller's period a row holds one command. Wherever the drive is
+    interrupted the time jumps by three periods or more, which ends an episode for `kmpc fit`.
 
     Parameters
     ----------
@@ -182,9 +185,9 @@ class RowSampler:
             return self.finish(tick.now)
         if self._next is not None:
             return self._rows(tick.now - LATENESS)
-        if self._poses and (self.by_hand or tick.command is not None):
+        if self._poses and (self.by_hand or tick.fresh) and tick.now >= self._last_row + 3.0 * self.period - 1e-9:
             self._origin = tick.now if self._origin is None else self._origin
-            self._next = max(tick.now, self._last_row + 3.0 * self.period)
+            self._next = tick.now
         return []
 
     def finish(self, until: float) -> list[tuple[float, ...]]:
@@ -248,11 +251,11 @@ class CsvRecorder:
         self._last = -math.inf
         self.file: DurableFile[Tick | None] = DurableFile(path, self._encode, HEADER)
 
-    def on_tick(self, now: float, state: State | None, output: GateOutput, sent: bool) -> None:
+    def on_tick(self, now: float, state: State | None, output: GateOutput, sent: bool, fresh: bool) -> None:
         """Take in one tick of the loop."""
         self._last = now
         driven = self._sampler.by_hand or output.state in DRIVING
-        self.file.put(Tick(now, state, (output.v, output.omega) if sent else None, driven))
+        self.file.put(Tick(now, state, (output.v, output.omega) if sent else None, driven, fresh))
 
     def close(self) -> None:
         """Write the last rows."""

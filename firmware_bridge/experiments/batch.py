@@ -27,6 +27,8 @@ from kmpc_lite.sim.twin.mjcf import TRACK, WHEEL_RADIUS
 GEOMETRY = WheelGeometry(wheel_radius=WHEEL_RADIUS, track=TRACK, max_wheel_speed=0.9)
 """What the maker publishes; nothing of how the robot slides."""
 BOARD = RoboClawOptions(counts_per_turn=1440.0, watchdog=0.5)
+SETTLE = 0.5
+"""How long all must be good before the gate opens, at least [s]."""
 STILL = 60.0
 """A gate that has not let anything pass for so long never will [s]."""
 
@@ -83,7 +85,9 @@ class BatchDrive:
         self._board.put_on(TwinBody(GEOMETRY, twin, clock()))
         self.driver = WiredRoboClaw(self._board, BOARD, Mocap(setup.mocap, seed, clock()), clock, setup.network, seed)
         self.planner = Planner(controller, self.driver.state, setup.period, predict=predict, clock=clock)
-        self.gate = SafetyGate(GateSettings(limits=setup.limits, watchdog=setup.watchdog, pilot=False))
+        # whole periods: the gate opens with a plan, and the first command that passes is held as long as all others
+        settle = max(SETTLE, setup.period) - TICK / 2.0
+        self.gate = SafetyGate(GateSettings(limits=setup.limits, watchdog=setup.watchdog, settle=settle, pilot=False))
         self._csv = None if record is None else CsvRecorder(record, setup.period)
         self.loop = ControlLoop(
             self.driver,
@@ -105,17 +109,15 @@ class BatchDrive:
         self.driver.connect(1.0)
         self.gate.enable()
         start, ticks, path, began = self.clock.now, 0, [], False
-        phase, plans = start, 0
+        plans = 0
         while not (began and finished()):
             self.driver.work()
             now = self.clock.now
-            if now - phase >= plans * self._period - 1e-9:
+            if now - start >= plans * self._period - 1e-9:
                 self.planner.step(now)
                 plans += 1
             self.loop.tick(now)
-            if self.driving and not began:
-                # the recorder's rows begin with the first command that passes: plans keep step with them, or a row would mix two commands
-                began, phase, plans = True, now, 1
+            began = began or self.driving
             if began:
                 path.append(self.twin.pose)
             elif now - start > STILL:

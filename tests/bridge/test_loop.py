@@ -47,6 +47,25 @@ class Bench:
         return self
 
 
+@pytest.mark.parametrize("command_period", [0.02, 0.1])
+def test_observers_learn_when_a_plan_goes_out_for_the_first_time(command_period):
+    seen = []
+
+    class Watch:
+        def on_tick(self, now, state, output, sent, fresh):
+            seen.append((round(now, 3), output.state, sent, fresh))
+
+    bench = Bench(observers=(Watch(),), command_period=command_period).drive()
+    planned = bench.plan_at
+    bench.run(1.0)
+    fresh = [now for now, _, _, first in seen if first]
+    active = [now for now, state, _, _ in seen if state is GateState.ACTIVE]
+    # each plan once, in the tick after it was made; the plan that was there before the gate opened is not new
+    assert [round(math.remainder(now - planned, 0.1), 6) for now in fresh] == [0.0] * len(fresh)
+    assert len(fresh) >= 20 and all(b - a == pytest.approx(0.1) for a, b in zip(fresh, fresh[1:], strict=False))
+    assert active[0] <= fresh[0] <= active[0] + 0.1 and all(sent for _, _, sent, first in seen if first)
+
+
 def test_unicycle_arc_is_the_limit_of_small_steps():
     state = State(0.3, -0.2, 0.7, 0.0, 0.0, 5.0)
     for v, omega in ((0.5, 0.0), (0.5, 1e-9), (0.5, 2.0), (-0.4, -1.3), (0.0, 3.0)):

@@ -38,11 +38,12 @@ def drive(recorder, seconds=20.0, delay=0.05, pose_every=0.025, command_every=0.
             state, pose_due = robot.state(), since + pose_every * random_.uniform(0.7, 1.3)
         gate = GateState.ACTIVE if states is None else states(since)
         sent = gate is GateState.ACTIVE
-        if sent and since >= due:
+        fresh = sent and since >= due
+        if fresh:
             command, due = (random_.uniform(-0.3, 0.3), random_.uniform(-0.8, 0.8)), due + command_every
         if sent:
             robot.send(*command)
-        recorder.on_tick(clock.now, state, GateOutput(*command, Action.SEND if sent else Action.NOTHING, gate, ()), sent)
+        recorder.on_tick(clock.now, state, GateOutput(*command, Action.SEND if sent else Action.NOTHING, gate, ()), sent, fresh)
     return robot.path
 
 
@@ -95,6 +96,24 @@ def test_what_we_did_not_command_is_left_out(tmp_path):
     assert len(data) == 3 and 15.0 < data.steps * 0.1 < 17.0
 
 
+@pytest.mark.parametrize("pause", [(0.0, 0.0), (7.05, 7.33), (7.05, 10.91)])
+def test_a_row_holds_one_plans_command(tmp_path, pause):
+    path, clock = tmp_path / "drive.csv", Clock(50.0)
+    recorder = CsvRecorder(path, 1.0)
+    for k in range(1500):
+        # plans begin every second, at 0.64 s past; the gate lets them pass from 0.2 s on, but for a pause
+        clock.now = 50.0 + k * TICK
+        since = clock.now - 50.0
+        plan, before = math.floor(since - 0.63), math.floor(since - TICK - 0.63)
+        active = since >= 0.2 and not pause[0] <= since < pause[1]
+        gate = GateState.ACTIVE if active else GateState.YIELDED
+        output = GateOutput(0.01 * plan, 0.0, Action.SEND if active else Action.NOTHING, gate, ())
+        recorder.on_tick(clock.now, State(0.0, 0.0, 0.0, 0.0, 0.0, clock.now), output, active, active and plan != before)
+    recorder.close()
+    v = np.loadtxt(path, delimiter=",", skiprows=1)[:, 4] * 100.0
+    assert len(v) > 20 and np.allclose(v, np.round(v), atol=1e-3)
+
+
 def test_by_hand_the_measured_speeds_stand_in_for_commands():
     sampler = RowSampler(0.1, by_hand=True)
     rows = []
@@ -111,7 +130,7 @@ def test_a_pose_that_is_not_finite_leaves_its_rows_out():
     for k in range(300):
         t = 10.0 + k * TICK
         x = math.nan if 150 <= k < 155 else 0.1 * t
-        rows += sampler.take(Tick(t, State(x, 0.0, 0.0, 0.1, 0.0, t), (0.1, 0.0), True))
+        rows += sampler.take(Tick(t, State(x, 0.0, 0.0, 0.1, 0.0, t), (0.1, 0.0), True, fresh=True))
     rows += sampler.finish(t)
     assert np.isfinite(rows).all()
     steps = np.diff([r[0] for r in rows])
@@ -124,7 +143,7 @@ def test_the_heading_is_interpolated_the_short_way_round():
     for k in range(100):
         t = 10.0 + k * TICK
         theta = math.remainder(3.0 + 1.0 * t, math.tau)
-        rows += sampler.take(Tick(t, State(0.0, 0.0, theta, 0.0, 1.0, t), (0.0, 1.0), True))
+        rows += sampler.take(Tick(t, State(0.0, 0.0, theta, 0.0, 1.0, t), (0.0, 1.0), True, fresh=True))
     turns = np.remainder(np.diff([r[3] for r in rows]) + math.pi, math.tau) - math.pi
     assert np.allclose(turns, 0.1, atol=1e-9)
 
