@@ -26,8 +26,8 @@ MODES = {
 HOLD, GUIDED = 4, 15
 CUSTOM_MODE_ENABLED = 1
 """Flag of DO_SET_MODE."""
-HEARTBEAT_LOST = 3.5
-"""Without a HEARTBEAT for this long the mode is not known any more [s]."""
+HEARTBEAT_LOST = 2.5
+"""Without a HEARTBEAT for this long the mode is not known any more [s]: at the protocol's 1 Hz one may be lost and the next be late."""
 
 
 class Aim(Enum):
@@ -64,10 +64,14 @@ class Authority:
         """Name of the mode, empty before the first heartbeat."""
         return "" if self.mode is None else MODES.get(self.mode, f"mode {self.mode}")
 
-    def ready(self, now: float) -> bool:
-        """Whether the vehicle obeys set-points: armed, GUIDED, heard of late, and not still being taken."""
-        obeys = self.armed and self.mode == GUIDED and now - self.heard < HEARTBEAT_LOST
-        return obeys and self.aim is not Aim.TAKE
+    @property
+    def obeys(self) -> bool:
+        """Whether by its last word the vehicle obeys set-points: armed, GUIDED, and not still being taken."""
+        return self.armed and self.mode == GUIDED and self.aim is not Aim.TAKE
+
+    def fresh(self, now: float) -> bool:
+        """Whether that last word is young enough to count."""
+        return now - self.heard < HEARTBEAT_LOST
 
     def take(self, now: float) -> None:
         """Ask for GUIDED and arming."""

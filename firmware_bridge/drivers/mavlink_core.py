@@ -147,7 +147,7 @@ class MavlinkCore:
         """Command a velocity; zeros always go out, others only to a vehicle that is ours and not being given back."""
         message = self._build.set_point(v, omega, now)
         moving = v != 0.0 or omega != 0.0
-        if moving and not (self.authority.ready(now) and self.authority.aim is Aim.WATCH and not self.wrong_vehicle):
+        if moving and not (self.authority.obeys and self.authority.aim is Aim.WATCH and not self.wrong_vehicle):
             self._counters["held_back"] += 1
             return
         self._moved = self._moved or moving
@@ -202,9 +202,12 @@ class MavlinkCore:
             faults.append(f"{authority.refusal}: {self._prearm}" if self._prearm and "arming" in authority.refusal else authority.refusal)
         if now - self._master_stamp < OTHER_MASTER:
             faults.append(f"another master: system {self._master} sends set-points to the vehicle")
-        ready = authority.ready(now) and not self.wrong_vehicle
+        fresh = authority.fresh(now)
+        ready = authority.obeys and fresh and not self.wrong_vehicle
+        # a vehicle that sends poses but no HEARTBEAT is not heard: it may obey us still, so it is braked, not left to a pilot
+        heard = self.heard if fresh else authority.heard
         return LinkStatus(
-            connected, self.heard, pose_stamp, ready, not distrust, authority.armed, authority.mode_name, tuple(faults), self.counters
+            connected, heard, pose_stamp, ready, not distrust, authority.armed, authority.mode_name, tuple(faults), self.counters
         )
 
     @property

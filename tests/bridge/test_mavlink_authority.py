@@ -7,7 +7,11 @@ import random
 import pytest
 from mavlink_rig import Rig, dialect, other
 
+from firmware_bridge.drivers.mavlink_authority import HEARTBEAT_LOST
 from firmware_bridge.emulator.rover_autopilot import GUIDED, HOLD, MANUAL
+from firmware_bridge.gate_table import Action, GateState, Reason
+from firmware_bridge.messages import VelocityCommand
+from firmware_bridge.safety import SafetyGate
 
 
 def commands(rig: Rig) -> list[tuple[int, float, float]]:
@@ -226,7 +230,62 @@ def test_without_heartbeats_the_mode_is_not_believed_for_long() -> None:
     rig = Rig()
     rig.take()
     rig.to_core = lambda frame: [] if frame[7:10] == b"\0\0\0" else [frame]
-    rig.run(3.0)
+    rig.run(2.2)
     assert rig.ready
     rig.run(1.0)
     assert not rig.ready
+
+
+def only_heartbeats(keep) -> object:
+    """A filter of frames: of the HEARTBEATs those whose number since now `keep` takes, and everything else."""
+    count = 0
+
+    def pass_on(frame: bytes) -> list[bytes]:
+        nonlocal count
+        if frame[7:10] != b"\0\0\0":
+            return [frame]
+        count += 1
+        return [frame] if keep(count) else []
+
+    return pass_on
+
+
+def test_a_vehicle_without_heartbeats_that_still_obeys_is_braked_not_left_to_a_pilot() -> None:
+    rig, gate = Rig(), SafetyGate()
+    rig.take()
+    gate.enable()
+
+    def tick() -> None:
+        state, status = rig.core.state, rig.core.status(rig.now, True)
+        output = gate.step(rig.now, VelocityCommand(0.3, 0.0, rig.now), state, status)
+        if output.action is Action.SEND:
+            rig.core.set_point(output.v, output.omega, rig.now)
+        elif output.action is Action.RELEASE:
+            rig.core.stop(rig.now)
+
+    rig.run(3.0, tick)
+    assert gate.state is GateState.ACTIVE and abs(rig.rover.velocity[0]) > 0.25
+    lost, held_back = rig.core.authority.heard, rig.core.counters["held_back"]
+    rig.to_core = only_heartbeats(lambda k: False)
+    rig.run(lost + HEARTBEAT_LOST - rig.now - 0.05, tick)
+    assert gate.state is GateState.ACTIVE
+    rig.run(0.1, tick)
+    assert gate.state is GateState.STOPPING
+    assert {Reason.HEARTBEAT, Reason.NOT_READY} <= set(gate.step(rig.now, None, rig.core.state, rig.core.status(rig.now, True)).reasons)
+    rig.run(0.4, tick)
+    # down a ramp, not in one step: the vehicle obeys for all we know
+    assert gate.state is GateState.HOLDING and rig.core.counters["held_back"] == held_back
+    rig.run(1.0, tick)
+    assert abs(rig.rover.velocity[0]) < 0.02
+    rig.run(2.0, tick)
+    assert rig.rover.mode == "HOLD"
+
+
+def test_a_lost_heartbeat_is_no_false_alarm_at_one_a_second() -> None:
+    rig = Rig()
+    rig.take()
+    # of five a second one in five comes: the protocol's 1 Hz; and of those every other one is lost
+    rig.to_core = only_heartbeats(lambda k: k % 10 == 0)
+    ready: list[bool] = []
+    rig.run(20.0, lambda: ready.append(rig.ready))
+    assert all(ready)
