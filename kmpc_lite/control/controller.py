@@ -20,6 +20,7 @@ from kmpc_lite.control.pace import drivable_speeds
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.control.pose_age import advance_pose
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.rates import RateLimit
 from kmpc_lite.control.sqp import COLD_PASSES, NEW_WAY_PASSES, SQP, SQPResult, Task, Trajectory
 from kmpc_lite.control.surroundings import Obstacles, Surroundings
 from kmpc_lite.control.tightening import LATE_RISK, RISK, Tightening
@@ -159,6 +160,7 @@ class Controller:
             self._guide, solved = Guide(self.problem, drivable_speeds(self.model, self.problem)), tracking(self.problem)
         self._sqp = SQP(self.model, solved, sqp_iterations, tolerance, obstacle_slots, self._tightening, clock)
         self._fallback = Fallback(self.problem)
+        self._rates = RateLimit(self.problem)
         self._u_min, self._u_max, _, _ = self.problem.bounds
         fastest = max(float(self._u_max[0]), -float(self._u_min[0]))
         self._reach = self.problem.horizon * self.problem.dt * fastest + self.problem.robot_radius + self.problem.margin + IN_REACH
@@ -176,6 +178,7 @@ class Controller:
         self._past = np.zeros((self.model.history, INPUTS))
         self._given = np.zeros((int(np.ceil(self._pose_age / self.problem.dt)) + self.model.history if self._pose_age else 0, INPUTS))
         self._heading_error = 0.0
+        self._command: Array = np.zeros(INPUTS)
         self._fallback.reset()
         self._sent: tuple[Array, Array, Array] | None = None
         if self._guide is not None:
@@ -277,12 +280,14 @@ class Controller:
             guess, passes = (self._sqp.at_rest(here), COLD_PASSES) if fresh else (self._sqp.along(reference, here), NEW_WAY_PASSES)
         deadline = np.inf if self._time_budget is None else start + self._time_budget - self._after_solve
         shifted = self._clock()
-        task = Task(reference, circles, self._past, deadline)
+        task = Task(reference, circles, self._past, self._command, deadline)
         result = self._sqp.solve(guess, task, passes)
         solved = self._clock()
         usable, self._last, reason = self._verify(result, circles)
         expected = result.next_state
         if usable and self._last is not None and self._slow_down(self._last, circles, self._sqp.keep_out.solids_ahead):
+            expected = self._last.states[1]
+        if usable and self._last is not None and self._limit_change(self._last):
             expected = self._last.states[1]
         verified = self._clock()
         # what is still to come after a solve is learned from the steps before, quickly upwards
@@ -329,12 +334,13 @@ class Controller:
 
     def _hold(self, here: Array, pose: Array, circles: Array, start: float) -> Plan:
         """Stand at the goal."""
-        n = self.problem.horizon
         self._last = self._sqp.at_rest(here)
+        self._limit_change(self._last)
         self._fallback.accept(self._last)
-        self._remember(np.zeros(INPUTS))
+        self._remember(self._last.inputs[0])
         self._sent = None
-        plan = self._plan(np.tile(pose, (n + 1, 1)), np.zeros((n, INPUTS)), PlanStatus.SOLVED, circles, start, {}, 0, "")
+        states = self._last.states + (pose - here)
+        plan = self._plan(states, self._last.inputs, PlanStatus.SOLVED, circles, start, {}, 0, "")
         return replace(plan, holding=True)
 
     def _goal_reference(self, here: Array, target: Array) -> Array:
@@ -409,6 +415,18 @@ class Controller:
             plan.states[:] = self.model.rollout(plan.states[0], plan.inputs, self._past)
         return share < 1.0
 
+    def _limit_change(self, plan: Trajectory) -> bool:
+        """Bring the command within reach of the one sent last, and roll the plan out anew; tell whether that was needed."""
+        if not self._rates.active:
+            return False
+        wanted = plan.inputs[0]
+        command = self._rates.limit(wanted, self._command)
+        if command is wanted:
+            return False
+        plan.inputs[0] = command
+        plan.states[:] = self.model.rollout(plan.states[0], plan.inputs, self._past)
+        return True
+
     def _without_solution(self, pose: Array, circles: Array, start: float, timing: dict[str, float], passes: int, reason: str) -> Plan:
         """Drive the rest of the last good plan while there is one, then brake."""
         self._sent = None
@@ -422,6 +440,7 @@ class Controller:
             if self._nearby:
                 distances, normals = self._nearby.measure(rest.states[:1, :2])
             self._slow_down(rest, circles, (rest.states[0, :2], distances[0], normals[0]))
+            self._limit_change(rest)
             self._fallback.sent(rest.inputs[0])
             self._remember(rest.inputs[0])
             missing = n - len(rest.inputs)
@@ -430,6 +449,9 @@ class Controller:
             return self._plan(states, inputs, PlanStatus.FALLBACK, circles, start, timing, passes, reason)
         self._last = None
         command = self._fallback.brake()
+        if self._rates.active:
+            command = self._rates.limit(command, self._command)
+            self._fallback.sent(command)
         self._remember(command)
         inputs = np.zeros((n, INPUTS))
         inputs[0] = command
@@ -441,6 +463,7 @@ class Controller:
 
     def _remember(self, command: Array) -> None:
         """Move a command that is sent into the model's past, and keep it until the next pose shows what it did."""
+        self._command = command.copy()
         if self.adaptation is not None:
             self._driven = self._seen, command.copy(), self._past.copy()
         for earlier in (self._past, self._given):

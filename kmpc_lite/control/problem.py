@@ -38,6 +38,9 @@ class NavigationProblem:
         Distance to obstacles beyond the radii [m]; the paper has none.
     deceleration : array_like
         How fast the braking ramp ends a command (2,) [m/s^2, rad/s^2].
+    du_max : array_like
+        How fast commands may change (2,) [m/s^2, rad/s^2]; infinite where not given, as in the paper. Speeds that shrink in an
+        emergency may do so at `deceleration` where that is more.
     slack_weights : array_like
         Weights (2,) of the linear [1/m] and the quadratic [1/m^2] penalty on entering an obstacle or leaving the area. The
         penalty is exact while the linear weight exceeds the constraint's multiplier.
@@ -60,6 +63,7 @@ class NavigationProblem:
     robot_radius: float = 0.15
     margin: float = 0.0
     deceleration: Any = (1.0, 4.0)
+    du_max: Any = (np.inf, np.inf)
     slack_weights: Any = (100.0, 1000.0)
 
     def __post_init__(self) -> None:
@@ -81,6 +85,9 @@ class NavigationProblem:
             if not (np.isfinite(value).all() and (value > 0).all()):
                 raise ProblemError(f"{name}: expected finite numbers > 0, got {value}")
             set_field(name, value)
+        set_field("du_max", _vector("du_max", self.du_max, INPUTS))
+        if not (self.du_max > 0).all():
+            raise ProblemError(f"du_max: expected numbers > 0, or infinity, got {self.du_max}")
         u_min, u_max, x_min, x_max = self.bounds
         if not (np.isfinite(u_min).all() and np.isfinite(u_max).all()):
             raise ProblemError(f"u_min, u_max: expected finite bounds, got {u_min} and {u_max}")
@@ -102,6 +109,11 @@ class NavigationProblem:
     def weights(self) -> tuple[Array, Array, Array]:
         """Q (3, 3), R (2, 2), Q_terminal (3, 3)."""
         return self.Q, self.R, self.Q_terminal
+
+    @property
+    def limits_changes(self) -> bool:
+        """Whether `du_max` limits anything."""
+        return bool(np.isfinite(self.du_max).any())
 
     def cost(self, states: Array, inputs: Array, reference: Array) -> float:
         """Objective of a plan without penalties: states (N+1, 3), inputs (N, 2), reference (3,) or (N+1, 3)."""

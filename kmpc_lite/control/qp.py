@@ -1,7 +1,8 @@
 """The sparse QP of one SQP pass: pattern built once, numbers written in place through index maps.
 
 Variables: states X_1 .. X_N, commands U_0 .. U_{N-1}, one slack S_1 .. S_N per stage. The present state is data.
-Rows: dynamics (3 per stage), keep-out half-planes (`slots` per stage), command bounds, slack >= 0.
+Rows: dynamics (3 per stage), keep-out half-planes (`slots` per stage), command bounds, slack >= 0, and, where the problem limits
+them, changes of the commands from stage to stage, the first from the command sent last.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ OPEN = 1e3
 
 KEEPOUT_SCALE, SLACK_SCALE = 4.0, 8.0
 """Factors of the rows of half-planes and of slack >= 0, whose multipliers are the largest: so they settle in fewer iterations of ADMM."""
+CHANGE_SCALE = 1.0
+"""The same for changes of the commands."""
 
 
 class NavigationQP:
@@ -40,14 +43,16 @@ class NavigationQP:
         self.input_columns = STATES * n + np.arange(INPUTS * n).reshape(n, INPUTS)
         self.slack_columns = (STATES + INPUTS) * n + np.arange(n)
         self.size = (STATES + INPUTS + 1) * n
-        rows = np.cumsum([0, STATES * n, slots * n, INPUTS * n, n])
+        self._limited = np.flatnonzero(np.isfinite(problem.du_max))
+        rows = np.cumsum([0, STATES * n, slots * n, INPUTS * n, n, len(self._limited) * n])
         self.dynamics_rows = np.arange(rows[0], rows[1]).reshape(n, STATES)
         self.keepout_rows = np.arange(rows[1], rows[2]).reshape(n, slots)
         self.input_rows = np.arange(rows[2], rows[3]).reshape(n, INPUTS)
         self.slack_rows = np.arange(rows[3], rows[4])
-        self.row_count = int(rows[4])
+        self.change_rows = np.arange(rows[4], rows[5]).reshape(n, len(self._limited))
+        self.row_count = int(rows[5])
         self._next_stage = np.empty(self.row_count, dtype=np.intp)
-        for part in (self.dynamics_rows, self.keepout_rows, self.input_rows, self.slack_rows):
+        for part in (self.dynamics_rows, self.keepout_rows, self.input_rows, self.slack_rows, self.change_rows):
             self._next_stage[part] = np.concatenate([part[1:], part[-1:]])
         self._build_constraints()
         self._build_cost(problem)
@@ -56,6 +61,8 @@ class NavigationQP:
         self.lower[self.keepout_rows] = -OPEN
         u_min, u_max, _, _ = problem.bounds
         self.lower[self.input_rows], self.upper[self.input_rows] = u_min, u_max
+        self._change = CHANGE_SCALE * problem.dt * problem.du_max[self._limited]
+        self.lower[self.change_rows], self.upper[self.change_rows] = -self._change, self._change
 
     def _build_constraints(self) -> None:
         n, blocks = self.horizon, []
@@ -74,6 +81,8 @@ class NavigationQP:
         block(self.keepout_rows, self.slack_columns[:, None], KEEPOUT_SCALE)
         block(self.input_rows, inputs, 1.0)
         block(self.slack_rows, self.slack_columns, SLACK_SCALE)
+        block(self.change_rows, inputs[:, self._limited], CHANGE_SCALE)
+        block(self.change_rows[1:], inputs[:-1, self._limited], -CHANGE_SCALE)
 
         row, column, value = (np.concatenate(part) for part in zip(*blocks, strict=True))
         order = np.lexsort((row, column))
@@ -102,6 +111,11 @@ class NavigationQP:
         """Write the linear weight of the slacks [1/m]."""
         self.slack_penalty = weight
         self.q[self.slack_columns] = weight
+
+    def set_last_command(self, command: Array) -> None:
+        """Write the command (2,) that the first one may not be far from; needed where the problem limits changes."""
+        last = CHANGE_SCALE * command[self._limited]
+        self.lower[self.change_rows[0]], self.upper[self.change_rows[0]] = last - self._change, last + self._change
 
     def fill(self, lin: Linearization, x: Array, u: Array, reference: Array, normals: Array, offsets: Array) -> None:
         """Write one linearisation into the matrices.

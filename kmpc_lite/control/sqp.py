@@ -8,7 +8,7 @@ the Gauss-Newton QP, which knows no curvature of the dynamics, go back and forth
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any
 
@@ -18,6 +18,7 @@ from kmpc_lite.control.obstacles import KeepOut
 from kmpc_lite.control.osqp_workspace import OSQPWorkspace, QPStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.qp import NavigationQP
+from kmpc_lite.control.rates import RateLimit
 from kmpc_lite.control.tightening import Tightening
 from kmpc_lite.dictionary import Array
 from kmpc_lite.model import KoopmanModel
@@ -73,6 +74,8 @@ class Task:
     """(M, 5) rows x, y, radius, vx, vy."""
     past: Array
     """(L, 2) commands already sent, oldest first."""
+    last: Array
+    """(2,) the command sent last, zero of a robot that stands."""
     deadline: float = np.inf
     """When the answer must be there, on the clock of the SQP [s]."""
 
@@ -132,6 +135,7 @@ class SQP:
         self.workspace = OSQPWorkspace(self.qp.P, self.qp.q, self.qp.A, self.qp.lower, self.qp.upper, **settings)
         self.keep_out = KeepOut(problem, slots)
         self._u_min, self._u_max, _, _ = problem.bounds
+        self._rates = RateLimit(problem)
         self._dynamics_penalty, self._pressed_violation = 0.0, np.inf
         self._search_time = 0.0
 
@@ -177,6 +181,10 @@ class SQP:
             How many a real-time iteration makes at the most: one from a warm start, more from a guess that knows little.
         """
         timing = {"linearise": 0.0, "fill": 0.0, "solve": 0.0, "search": 0.0}
+        if self._rates.active:
+            self.qp.set_last_command(task.last)
+            guess = replace(guess, inputs=self._rates.in_reach(guess.inputs, task.last))
+            least, most = self._rates.first(task.last)
         to_convergence = self.iterations > 1
         limit, tolerance = (self.iterations, self.tolerance) if to_convergence else (passes, COLD_TOLERANCE)
         shortest = SHORTEST_STEP["real time" if limit == 1 else "converged"]
@@ -219,6 +227,8 @@ class SQP:
             if status is not QPStatus.FAILED:
                 states, inputs, slack = self.qp.unpack(solution.x, local[0])
                 states += origin
+                if self._rates.active:
+                    np.maximum(np.minimum(inputs[0], most, out=inputs[0]), least, out=inputs[0])
                 np.maximum(np.minimum(inputs, self._u_max, out=inputs), self._u_min, out=inputs)
                 found = Trajectory(states, inputs, solution.y)
                 before = guess
