@@ -57,10 +57,11 @@ def build_parser(runs: Mapping[str, Callable[[argparse.Namespace], int]]) -> arg
 
     sub = command(
         "replay",
-        "summarise a recorded link log, make a CSV of it, or play it to a link",
+        "summarise a recorded log, make a CSV of it, play it to a link, or mend what a power cut tore",
         "kmpc-bridge replay drive.tlog --csv a.csv",
     )
-    sub.add_argument("log", help="NAME.tlog or NAME.raw")
+    sub.add_argument("log", help="NAME.tlog, NAME.raw or NAME.csv")
+    sub.add_argument("--mend", action="store_true", help="of NAME.csv: cut off the row that a power cut tore")
     sub.add_argument("--csv", metavar="FILE", help="write the poses and measured speeds of a tlog as a log for kmpc fit")
     sub.add_argument("--period", type=_positive, default=0.1, help="of the CSV's rows [s] (default 0.1)")
     sub.add_argument("--system", type=int, default=1, help="MAVLink id of the vehicle (default 1)")

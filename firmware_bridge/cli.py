@@ -191,9 +191,16 @@ def _out(options: argparse.Namespace) -> TextIO | None:
 
 
 def _replay(options: argparse.Namespace) -> int:
-    from firmware_bridge.replay import replay
+    from firmware_bridge.replay import inspect_csv, replay
 
-    report = replay(Path(options.log), options.csv, options.period, options.system, options.link, options.speed)
+    if options.log.endswith(".csv"):
+        if options.csv is not None or options.link is not None:
+            raise ConfigError(f"{options.log}: --csv and --link take the .tlog or .raw log beside it")
+        report = inspect_csv(Path(options.log), options.mend)
+    elif options.mend:
+        raise ConfigError(f"{options.log}: --mend takes a .csv; a link log is read up to its last whole record as it is")
+    else:
+        report = replay(Path(options.log), options.csv, options.period, options.system, options.link, options.speed)
     if options.json:
         _say(json.dumps(report))
     else:

@@ -279,13 +279,14 @@ def csv_row(row: Iterable[float]) -> bytes:
     return (",".join(f"{value:.6f}" for value in row) + "\n").encode()
 
 
-def mend_csv(path: Path) -> int:
-    """Cut a row that a power cut tore off the end of a CSV; returns the bytes removed."""
-    with open(path, "rb+") as file:
+def torn_bytes(path: Path, mend: bool = False) -> int:
+    """Bytes behind the last whole row of a CSV that a power cut tore; with `mend` they are cut off."""
+    with open(path, "rb+" if mend else "rb") as file:
         size = file.seek(0, os.SEEK_END)
         tail = min(size, 4096)
         file.seek(size - tail)
         # a torn page may also hold zeros
         keep = size - tail + file.read().rstrip(b"\0").rfind(b"\n") + 1
-        file.truncate(keep)
+        if mend:
+            file.truncate(keep)
     return size - keep

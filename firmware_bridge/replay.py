@@ -10,7 +10,7 @@ from typing import Any
 
 from firmware_bridge.link_log import Chunk, play, read_link_log
 from firmware_bridge.messages import ConfigError, LinkError, State
-from firmware_bridge.recorder import HEADER, DurableFile, RowSampler, Tick, csv_row
+from firmware_bridge.recorder import HEADER, DurableFile, RowSampler, Tick, csv_row, torn_bytes
 
 LISTENER_WAIT = 30.0
 """How long to wait for somebody to play to [s]; a pseudo-terminal cannot tell, and plays at once."""
@@ -55,6 +55,21 @@ def replay(log: Path, csv: str | None, period: float, system: int, link: str | N
     if link is not None:
         report["served"] = serve_log(chunks, link, speed)
     return report
+
+
+def inspect_csv(path: Path, mend: bool) -> dict[str, Any]:
+    """Look at a recorded CSV, and cut off what a power cut tore where `mend` says so; gives what was found, for JSON.
+
+    Raises
+    ------
+    ConfigError
+        Where the file is no CSV of a recorder: it is left as it is.
+    """
+    with open(path, "rb") as file:
+        if file.readline() != HEADER:
+            raise ConfigError(f"{path}: no recorded CSV: expected {HEADER.decode().strip()} in its first line")
+        rows = sum(line.endswith(b"\n") for line in file)
+    return {"log": str(path), "rows": rows, "torn_bytes": torn_bytes(path, mend), "mended": mend}
 
 
 def decode_tlog(chunks: list[Chunk], system: int) -> tuple[list[State], Counter[str]]:

@@ -425,3 +425,18 @@ def test_a_learned_model_is_adapted_while_driving_and_the_nominal_one_is_not(tmp
     assert built({"model": str(file)}).adaptation is not None
     assert built({"model": str(file), "adaptation": False}).adaptation is None
     assert built({}).adaptation is None
+
+
+def test_a_csv_that_a_power_cut_tore_is_told_and_mended(desk, capsys):
+    rows = b"".join(b"%.6f,0.1,0.2,0.3,0.4,0.5\n" % (0.1 * k) for k in range(20))
+    (desk / "drive.csv").write_bytes(b"t,x,y,theta,v,omega\n" + rows + b"2.000000,0.1,0.2,0.3,0.4,0.")
+    assert main(["replay", "drive.csv", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"log": "drive.csv", "rows": 20, "torn_bytes": 27, "mended": False}
+    assert main(["replay", "drive.csv", "--mend"]) == 0
+    assert (desk / "drive.csv").read_bytes().endswith(rows)
+    (desk / "other.csv").write_bytes(b"name,phone\nA,1")
+    for words in (["other.csv", "--mend"], ["drive.tlog", "--mend"], ["drive.csv", "--csv", "b.csv"]):
+        capsys.readouterr()
+        assert main(["replay", *words]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert (desk / "other.csv").read_bytes() == b"name,phone\nA,1"

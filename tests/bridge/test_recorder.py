@@ -18,7 +18,7 @@ import kmpc_lite as kl
 from firmware_bridge.gate_table import Action, GateState
 from firmware_bridge.link_log import LONGEST, RAW_MAGIC, Chunk, RecordedTransport, play, raw_log, read_link_log, tlog
 from firmware_bridge.messages import ConfigError, State
-from firmware_bridge.recorder import HEADER, LATENESS, CsvRecorder, DurableFile, RowSampler, Tick, mend_csv
+from firmware_bridge.recorder import HEADER, LATENESS, CsvRecorder, DurableFile, RowSampler, Tick, torn_bytes
 from firmware_bridge.safety import GateOutput
 from firmware_bridge.transport import LoopbackWire
 
@@ -264,7 +264,10 @@ def test_a_torn_row_is_mended_wherever_it_tore(tmp_path):
     for cut in range(len(whole) - 150, len(whole) + 1):
         for tail in (b"", b"\0" * 300):
             path.write_bytes(whole[:cut] + tail)
-            removed = mend_csv(path)
+            torn = torn_bytes(path)
+            assert path.read_bytes() == whole[:cut] + tail
+            removed = torn_bytes(path, mend=True)
+            assert removed == torn and torn_bytes(path) == 0
             assert path.read_bytes() == whole[: whole[:cut].rfind(b"\n") + 1]
             assert removed == cut + len(tail) - path.stat().st_size
     assert kl.Dataset.load(path).steps > 10
