@@ -19,8 +19,6 @@ OPEN = 1e3
 
 KEEPOUT_SCALE, SLACK_SCALE = 4.0, 8.0
 """Factors of the rows of half-planes and of slack >= 0, whose multipliers are the largest: so they settle in fewer iterations of ADMM."""
-CHANGE_SCALE = 1.0
-"""The same for changes of the commands."""
 
 
 class NavigationQP:
@@ -61,7 +59,7 @@ class NavigationQP:
         self.lower[self.keepout_rows] = -OPEN
         u_min, u_max, _, _ = problem.bounds
         self.lower[self.input_rows], self.upper[self.input_rows] = u_min, u_max
-        self._change = CHANGE_SCALE * problem.dt * problem.du_max[self._limited]
+        self._change = problem.dt * problem.du_max[self._limited]
         self.lower[self.change_rows], self.upper[self.change_rows] = -self._change, self._change
 
     def _build_constraints(self) -> None:
@@ -81,8 +79,8 @@ class NavigationQP:
         block(self.keepout_rows, self.slack_columns[:, None], KEEPOUT_SCALE)
         block(self.input_rows, inputs, 1.0)
         block(self.slack_rows, self.slack_columns, SLACK_SCALE)
-        block(self.change_rows, inputs[:, self._limited], CHANGE_SCALE)
-        block(self.change_rows[1:], inputs[:-1, self._limited], -CHANGE_SCALE)
+        block(self.change_rows, inputs[:, self._limited], 1.0)
+        block(self.change_rows[1:], inputs[:-1, self._limited], -1.0)
 
         row, column, value = (np.concatenate(part) for part in zip(*blocks, strict=True))
         order = np.lexsort((row, column))
@@ -114,7 +112,7 @@ class NavigationQP:
 
     def set_last_command(self, command: Array) -> None:
         """Write the command (2,) that the first one may not be far from; needed where the problem limits changes."""
-        last = CHANGE_SCALE * command[self._limited]
+        last = command[self._limited]
         self.lower[self.change_rows[0]], self.upper[self.change_rows[0]] = last - self._change, last + self._change
 
     def fill(self, lin: Linearization, x: Array, u: Array, reference: Array, normals: Array, offsets: Array) -> None:
