@@ -4,14 +4,27 @@ from __future__ import annotations
 
 import random
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Self, TypedDict, Unpack
 
 from firmware_bridge.emulator.body import Body
 from firmware_bridge.emulator.server import line_speed, serve
 from firmware_bridge.kinematics import WheelGeometry
+from firmware_bridge.options import from_table
 from firmware_bridge.transport import Transport
 
 MOTOR_LAG = 0.05
+
+
+class Surroundings(TypedDict, total=False):
+    """What a board finds around it, the same for all: the parameters of `BoardEmulator` behind the geometry."""
+
+    slip: float
+    turn_gain: float
+    seed: int
+    clock: Callable[[], float]
+    baud: int | None
 
 
 class BoardEmulator:
@@ -32,9 +45,18 @@ class BoardEmulator:
     """
 
     boot_text = b""
+    options_type: ClassVar[type[Any]]
+    """Of the ``[board]`` section, the driver's own."""
 
     def __init__(
-        self, geometry: WheelGeometry, slip: float, turn_gain: float, seed: int, clock: Callable[[], float], baud: int | None
+        self,
+        geometry: WheelGeometry,
+        *,
+        slip: float = 0.0,
+        turn_gain: float = 1.0,
+        seed: int = 0,
+        clock: Callable[[], float] = time.monotonic,
+        baud: int | None = None,
     ) -> None:
         self._geometry, self._clock, self._baud = geometry, clock, baud
         self._body = Body(geometry, slip, turn_gain, seed, MOTOR_LAG, clock())
@@ -46,6 +68,14 @@ class BoardEmulator:
         """Hears, and never answers."""
         self.lose_replies = 0
         """So many answers are lost next."""
+
+    @classmethod
+    def from_options(cls, table: Mapping[str, Any], **around: Unpack[Surroundings]) -> Self:
+        """Build it from the same robot file as the driver."""
+        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
+        # each board's second argument are its options
+        build: Callable[..., Self] = cls
+        return build(geometry, from_table(cls.options_type, table.get("board", {}), "board"), **around)
 
     def put_on(self, body: Body) -> None:
         """Put another robot under the board, before anything moves."""

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-import time
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Unpack
 
 from firmware_bridge.drivers.odrive import CLOSED_LOOP, IDLE, REGISTERS, ODriveOptions
-from firmware_bridge.emulator.board import BoardEmulator
+from firmware_bridge.emulator.board import BoardEmulator, Surroundings
 from firmware_bridge.framing import Lines, odrive_text, xor8
 from firmware_bridge.kinematics import WheelGeometry
-from firmware_bridge.options import from_table
 
 INVALID_STATE = 0x1
 PROPERTY = re.compile(r"axis([01])\.(error|active_errors|current_state|requested_state|config\.enable_watchdog|config\.watchdog_timeout)")
@@ -40,24 +37,21 @@ class ODriveEmulator(BoardEmulator):
         Of the robot, as for the driver.
     firmware : str
         "0.5" (errors in `axisN.error`) or "0.6" (`axisN.active_errors`).
-    slip, turn_gain, seed, clock, baud
-        See `BoardEmulator`.
+    **around
+        See `Surroundings`.
     """
 
     boot_text = b"ODrive booting\r\n* clocks ok *12\r\n"
+    options_type = ODriveOptions
 
     def __init__(
         self,
         geometry: WheelGeometry,
         options: ODriveOptions | None = None,
         firmware: str = "0.5",
-        slip: float = 0.0,
-        turn_gain: float = 1.0,
-        seed: int = 0,
-        clock: Callable[[], float] = time.monotonic,
-        baud: int | None = None,
+        **around: Unpack[Surroundings],
     ) -> None:
-        super().__init__(geometry, slip, turn_gain, seed, clock, baud)
+        super().__init__(geometry, **around)
         options = options or ODriveOptions()
         self._register = REGISTERS[0 if firmware == "0.5" else 1]
         self._channel = {options.first_axis: 0, options.second_axis: 1}
@@ -65,12 +59,6 @@ class ODriveEmulator(BoardEmulator):
         self.axes = (Axis(), Axis())
         """Registers of axes 0 and 1; set errors to see what the other end does."""
         self._body.driven = [False, False]
-
-    @classmethod
-    def from_options(cls, table: Mapping[str, Any], **floor: Any) -> ODriveEmulator:
-        """Build it from the same robot file as the driver."""
-        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
-        return cls(geometry, from_table(ODriveOptions, table.get("board", {}), "board"), **floor)
 
     def _reset(self) -> None:
         self.axes = (Axis(), Axis())

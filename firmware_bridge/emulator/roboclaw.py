@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-import time
-from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Unpack
 
 from firmware_bridge.drivers.roboclaw import (
     COUNTS,
@@ -21,10 +19,9 @@ from firmware_bridge.drivers.roboclaw import (
     STOPPING_32,
     RoboClawOptions,
 )
-from firmware_bridge.emulator.board import BoardEmulator
+from firmware_bridge.emulator.board import BoardEmulator, Surroundings
 from firmware_bridge.framing import ROBOCLAW_ACK, RoboClawPackets, roboclaw_reply
 from firmware_bridge.kinematics import WheelGeometry, wrapped
-from firmware_bridge.options import from_table
 
 SPEED_M1, SPEED_M2, ENCODER_M1, ENCODER_M2, SPEED_STATUS_M1, SPEED_STATUS_M2, RESET_COUNTS, VERSION, BATTERY = (
     35,
@@ -50,24 +47,21 @@ class RoboClawEmulator(BoardEmulator):
         Of the robot, as for the driver; of the options, address and counts per turn count here.
     status_bytes : int
         2 for old firmware, 4 for new.
-    slip, turn_gain, seed, clock, baud
-        See `BoardEmulator`.
+    **around
+        See `Surroundings`.
     """
 
     boot_text = b"\x00\xff\x80USB Roboclaw 2x15a v4.2.8\n\x00"
+    options_type = RoboClawOptions
 
     def __init__(
         self,
         geometry: WheelGeometry,
         options: RoboClawOptions,
         status_bytes: int = 4,
-        slip: float = 0.0,
-        turn_gain: float = 1.0,
-        seed: int = 0,
-        clock: Callable[[], float] = time.monotonic,
-        baud: int | None = None,
+        **around: Unpack[Surroundings],
     ) -> None:
-        super().__init__(geometry, slip, turn_gain, seed, clock, baud)
+        super().__init__(geometry, **around)
         self._counts_per_turn, self._address, self._status_bytes = options.counts_per_turn, options.address, status_bytes
         self._packets = RoboClawPackets(options.address, WRITES)
         self.status = 0
@@ -75,12 +69,6 @@ class RoboClawEmulator(BoardEmulator):
         self.timeout = 0
         """Serial time-out in units of 0.1 s, 0 for none."""
         self._heard = -math.inf
-
-    @classmethod
-    def from_options(cls, table: Mapping[str, Any], **floor: Any) -> RoboClawEmulator:
-        """Build it from the same robot file as the driver."""
-        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
-        return cls(geometry, from_table(RoboClawOptions, table.get("board", {}), "board"), **floor)
 
     def offset_counts(self, first: int, second: int) -> None:
         """Make the counters read as if they had counted so much more."""

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-import time
-from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Unpack
 
 from firmware_bridge.drivers.vesc import (
     ALIVE,
@@ -20,10 +18,9 @@ from firmware_bridge.drivers.vesc import (
     STEPS_PER_ELECTRIC_TURN,
     VescOptions,
 )
-from firmware_bridge.emulator.board import BoardEmulator
+from firmware_bridge.emulator.board import BoardEmulator, Surroundings
 from firmware_bridge.framing import VescPackets, vesc_packet
 from firmware_bridge.kinematics import WheelGeometry, wrapped
-from firmware_bridge.options import from_table
 
 LAYOUT = "h h i i i i h i h i i i i i i B i B".split()
 """Formats of the fields of GET_VALUES, in the order of the bits of the selective mask."""
@@ -42,11 +39,12 @@ class VescEmulator(BoardEmulator):
         Whether the firmware knows GET_VALUES_SELECTIVE.
     timeout : float
         Without a command for so long, a motor is let go [s].
-    slip, turn_gain, seed, clock, baud
-        See `BoardEmulator`.
+    **around
+        See `Surroundings`.
     """
 
     boot_text = b"\x02\x03VESC\r\n"
+    options_type = VescOptions
 
     def __init__(
         self,
@@ -55,13 +53,9 @@ class VescEmulator(BoardEmulator):
         local_id: int = 77,
         selective: bool = True,
         timeout: float = 1.0,
-        slip: float = 0.0,
-        turn_gain: float = 1.0,
-        seed: int = 0,
-        clock: Callable[[], float] = time.monotonic,
-        baud: int | None = None,
+        **around: Unpack[Surroundings],
     ) -> None:
-        super().__init__(geometry, slip, turn_gain, seed, clock, baud)
+        super().__init__(geometry, **around)
         self._ids, self._erpm, self._selective = (local_id, options.can_id), 60.0 * options.pole_pairs, selective
         self._steps = STEPS_PER_ELECTRIC_TURN * options.pole_pairs
         self.timeout = timeout
@@ -70,12 +64,6 @@ class VescEmulator(BoardEmulator):
         self.faults = [0, 0]
         """Fault codes of both; set them to see what the other end does."""
         self._body.driven = [False, False]
-
-    @classmethod
-    def from_options(cls, table: Mapping[str, Any], **floor: Any) -> VescEmulator:
-        """Build it from the same robot file as the driver."""
-        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
-        return cls(geometry, from_table(VescOptions, table.get("board", {}), "board"), **floor)
 
     def _reset(self) -> None:
         self.faults, self._fed = [0, 0], [-math.inf, -math.inf]
