@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from kmpc_lite.adaptation import OnlineAdaptation
 from kmpc_lite.border import SAME_DT
 from kmpc_lite.control.fallback import Fallback
-from kmpc_lite.control.obstacles import circle_distances, stand_ins
+from kmpc_lite.control.obstacles import circle_distances
 from kmpc_lite.control.osqp_workspace import QPStatus
 from kmpc_lite.control.pace import drivable_speeds
 from kmpc_lite.control.plan import Plan, PlanStatus
@@ -23,6 +23,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rates import RateLimit
 from kmpc_lite.control.sqp import COLD_PASSES, NEW_WAY_PASSES, SQP, SQPResult, Task, Trajectory
 from kmpc_lite.control.surroundings import Obstacles, Surroundings
+from kmpc_lite.control.tail import Tail, Tails
 from kmpc_lite.control.tightening import LATE_RISK, RISK, Tightening
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import ProblemError
@@ -44,8 +45,6 @@ TOUCH = 0.02
 """How deep such a rolled-out plan may cut into an obstacle [m] and still be driven, the rest being left to the next pass."""
 IN_REACH = 0.3
 """Solids count as far as this beyond the reach of the fastest plan [m]: margins, and a pose that is not where it was thought."""
-HARDLY = 0.05
-"""Share of a speed that is hardly driving any more: turning in full instead moves the robot by a fraction of a mm."""
 AFTER_SOLVE = 5e-5
 """Time that a step takes after its plan is verified [s]."""
 
@@ -159,7 +158,7 @@ class Controller:
 
             self._guide, solved = Guide(self.problem, drivable_speeds(self.model, self.problem)), tracking(self.problem)
         self._sqp = SQP(self.model, solved, sqp_iterations, tolerance, obstacle_slots, self._tightening, clock)
-        self._fallback = Fallback(self.problem)
+        self._fallback, self._tails = Fallback(self.problem), Tails(self.problem, self._tightening)
         self._rates = RateLimit(self.problem)
         self._u_min, self._u_max, _, _ = self.problem.bounds
         fastest = max(float(self._u_max[0]), -float(self._u_min[0]))
@@ -285,8 +284,14 @@ class Controller:
         solved = self._clock()
         usable, self._last, reason = self._verify(result, circles)
         expected = result.next_state
-        if usable and self._last is not None and self._slow_down(self._last, circles, self._sqp.keep_out.solids_ahead):
-            expected = self._last.states[1]
+        tail = None
+        if usable and self._last is not None:
+            ahead = self._sqp.keep_out.solids_ahead
+            tail = self._tails.find(self.model, self._last, circles, self._nearby, ahead, self._past)
+            if tail is None:
+                reason = "no way to a stop is clear"
+            elif tail.slowed:
+                expected = self._last.states[1]
         if usable and self._last is not None and self._limit_change(self._last):
             expected = self._last.states[1]
         verified = self._clock()
@@ -294,9 +299,9 @@ class Controller:
         self._after_solve = max(verified - solved + AFTER_SOLVE, 0.95 * self._after_solve)
         timing = {"guide": guided - start, "shift": shifted - guided, **result.timing, "verify": verified - solved}
         trajectory = self._last
-        if trajectory is None or not usable:
+        if trajectory is None or tail is None:
             return self._without_solution(pose, circles, start, timing, result.passes, reason)
-        self._fallback.accept(trajectory)
+        self._fallback.accept(trajectory, tail)
         self._remember(trajectory.inputs[0])
         self._sent = here, trajectory.inputs[0].copy(), expected
         states = trajectory.states
@@ -336,7 +341,7 @@ class Controller:
         """Stand at the goal."""
         self._last = self._sqp.at_rest(here)
         self._limit_change(self._last)
-        self._fallback.accept(self._last)
+        self._fallback.accept(self._last, Tail())
         self._remember(self._last.inputs[0])
         self._sent = None
         states = self._last.states + (pose - here)
@@ -394,27 +399,6 @@ class Controller:
         usable = np.isfinite(states).all() and clearance >= -TOUCH
         return bool(usable), Trajectory(states, found.inputs, found.duals), reason
 
-    def _slow_down(self, plan: Trajectory, circles: Array, solids: tuple[Array, Array, Array]) -> bool:
-        """Shrink the command where the coming period could end in an obstacle, and roll the plan out anew; tell whether that was so.
-
-        `solids` are a point near the robot (2,), the distances of solids from it (C,), and the normals there (C, 2): a half-plane that
-        a convex solid lies behind is as good as any other.
-        """
-        if self._tightening is None or not (len(circles) or self._nearby):
-            return False
-        ahead = circles
-        if circles[:, 3:].any():
-            ahead = circles.copy()
-            ahead[:, :2] += self.problem.dt * circles[:, 3:]
-        if self._nearby:
-            ahead = np.concatenate([ahead, stand_ins(*solids)])
-        share = self._tightening.speed_share(plan.states[0], plan.inputs[0], ahead, self._past)
-        if share < 1.0:
-            # where it may hardly drive it turns on the spot, which a round robot always may, or it would stand there for ever
-            plan.inputs[0] *= (share, share if share > HARDLY else 1.0)
-            plan.states[:] = self.model.rollout(plan.states[0], plan.inputs, self._past)
-        return share < 1.0
-
     def _limit_change(self, plan: Trajectory) -> bool:
         """Bring the command within reach of the one sent last, and roll the plan out anew; tell whether that was needed."""
         if not self._rates.active:
@@ -428,30 +412,32 @@ class Controller:
         return True
 
     def _without_solution(self, pose: Array, circles: Array, start: float, timing: dict[str, float], passes: int, reason: str) -> Plan:
-        """Drive the rest of the last good plan while there is one, then brake."""
+        """Drive the rest of the last tail while there is one and it is clear, else brake."""
         self._sent = None
         rest = self._fallback.replay()
         n = self.problem.horizon
-        if rest is not None:
-            self._nearby = None if self._solids is None else self._solids.near(rest.states[0, :2], self._reach)
-        if rest is not None and self._clearance(rest.states, circles, self._solids) >= -TOUCH:
-            rest = Trajectory(rest.states.copy(), rest.inputs.copy(), rest.duals)
-            distances, normals = np.empty((1, 0)), np.empty((1, 0, 2))
-            if self._nearby:
-                distances, normals = self._nearby.measure(rest.states[:1, :2])
-            self._slow_down(rest, circles, (rest.states[0, :2], distances[0], normals[0]))
-            self._limit_change(rest)
-            self._fallback.sent(rest.inputs[0])
-            self._remember(rest.inputs[0])
-            missing = n - len(rest.inputs)
-            states = np.concatenate([rest.states, np.repeat(rest.states[-1:], missing, axis=0)])
-            inputs = np.concatenate([rest.inputs, np.zeros((missing, INPUTS))])
-            return self._plan(states, inputs, PlanStatus.FALLBACK, circles, start, timing, passes, reason)
+        known = all(abs(value) <= POSITION_LIMIT for value in pose.tolist())
+        here = pose if known else self._fallback.expected
+        lost = False
+        if rest is not None and here is not None:
+            # from where the robot is, if that is known: what has happened since the tail was found counts too
+            states = self._tails.rollout(self.model, here, rest, self._past)
+            lost = not (self._clearance(states, circles, self._solids) >= 0.0)
+            if not lost and np.isfinite(states).all():
+                if self._rates.active:
+                    rest[0] = self._rates.limit(rest[0], self._command)
+                self._fallback.sent(rest[0], states[1])
+                self._remember(rest[0])
+                commands = np.zeros((n, INPUTS))
+                commands[: len(rest)] = rest[:n]
+                shown = np.concatenate([states[: n + 1], np.repeat(states[-1:], max(n + 1 - len(states), 0), axis=0)])
+                return self._plan(shown, commands, PlanStatus.FALLBACK, circles, start, timing, passes, reason)
         self._last = None
-        command = self._fallback.brake()
+        # where the ramp ends in an obstacle, a robot without lag can still stand; one with lag has asked for all that it has
+        command = self._fallback.brake(at_once=lost)
         if self._rates.active:
             command = self._rates.limit(command, self._command)
-            self._fallback.sent(command)
+            self._fallback.sent(command, None)
         self._remember(command)
         inputs = np.zeros((n, INPUTS))
         inputs[0] = command

@@ -1,4 +1,4 @@
-"""What the robot does when no new plan can be had: the rest of the last good one, then a braking ramp."""
+"""What the robot does when no new plan can be had: the tail of the last good one, then a braking ramp, then it stands."""
 
 from __future__ import annotations
 
@@ -6,14 +6,12 @@ import numpy as np
 
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.sqp import Trajectory
+from kmpc_lite.control.tail import Tail, ramp
 from kmpc_lite.dictionary import Array
-
-REPLAY_TIME = 0.5
-"""For how long the rest of a plan is driven without a new one [s]: what is around may have moved."""
 
 
 class Fallback:
-    """Remembers the last good plan and the last command sent.
+    """Remembers the tail of the last good plan and the last command sent.
 
     Parameters
     ----------
@@ -22,42 +20,38 @@ class Fallback:
     """
 
     def __init__(self, problem: NavigationProblem) -> None:
-        self._ramp = np.asarray(problem.deceleration) * problem.dt
-        self._u_min, self._u_max, _, _ = problem.bounds
-        self._replay_steps = int(round(REPLAY_TIME / problem.dt))
+        self._ramp_step = np.asarray(problem.deceleration) * problem.dt
         self.reset()
 
     def reset(self) -> None:
         """Forget everything; the robot is taken to stand."""
-        self._plan: Trajectory | None = None
-        self._age = 0
+        self._inputs: Array | None = None
+        self._tail = Tail()
+        self._rest: Array | None = None
         self._command: Array = np.zeros(2)
+        self.expected: Array | None = None
+        """Pose (3,) at which the period begins that `replay` gives commands for, as far as the model knows."""
 
-    def accept(self, plan: Trajectory) -> None:
-        """Remember a good plan whose first command is sent now."""
-        self._plan, self._age, self._command = plan, 0, plan.inputs[0].copy()
+    def accept(self, plan: Trajectory, tail: Tail) -> None:
+        """Remember a good plan whose first command is sent now, and what follows if there is no other."""
+        # copies, for the plan goes to the caller
+        self._inputs, self._tail, self._rest = plan.inputs[: 1 + tail.further].copy(), tail, None
+        self._command, self.expected = self._inputs[0], plan.states[1].copy()
 
-    def replay(self) -> Trajectory | None:
-        """Return the rest of the last good plan, one period older each time, or None once it is too old."""
-        if self._plan is None or self._age >= min(self._replay_steps, len(self._plan.inputs) - 1):
-            return None
-        self._age += 1
-        states, inputs = self._plan.states[self._age :], self._plan.inputs[self._age :]
-        # the last thing between a plan that somebody has overwritten and the motors; also true for NaN
-        if not (np.isfinite(states).all() and (inputs >= self._u_min).all() and (inputs <= self._u_max).all()):
-            return None
-        self.sent(inputs[0])
-        return Trajectory(states, inputs, self._plan.duals)
+    def replay(self) -> Array | None:
+        """Return the rest of the last tail (T, 2), one period less each time, or None once it has ended in a stop."""
+        if self._inputs is not None:
+            # worked out only now, for it is rarely needed
+            self._rest, self._inputs = self._tail.commands(self._inputs, self._ramp_step), None
+        self._rest = None if self._rest is None or len(self._rest) < 2 else self._rest[1:]
+        return self._rest
 
-    def sent(self, command: Array) -> None:
-        """Remember the command (2,) that is sent in place of the plan's."""
-        self._command = command.copy()
+    def sent(self, command: Array, expected: Array | None) -> None:
+        """Remember the command (2,) of the tail that is sent, and the pose (3,) to which it leads."""
+        self._command, self.expected = command.copy(), expected
 
-    def brake(self) -> Array:
-        """Return the next command (2,) of the braking ramp, which ends at zero; the old plan is dropped."""
-        self._plan = None
-        # both speeds shrink by one factor, so that the robot keeps to the curve that it is on
-        speed = np.abs(self._command)
-        factor = float(np.max(np.maximum(speed - self._ramp, 0.0) / np.where(speed > 0.0, speed, 1.0)))
-        self._command = factor * self._command if factor > 1e-3 else np.zeros(2)
+    def brake(self, at_once: bool = False) -> Array:
+        """Return the next command (2,) of the braking ramp, which ends at zero, or zero; the old plan is dropped."""
+        self._inputs = self._rest = self.expected = None
+        self._command = np.zeros(2) if at_once else ramp(self._command, self._ramp_step)[0]
         return self._command

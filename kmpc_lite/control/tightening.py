@@ -114,6 +114,8 @@ class Tightening:
         self._levels = max(int(MEMORY).bit_length() - 1, 0)
         self._wide = np.empty((0, STATES, 0))
         self._surprise, self._expected, self.inflation = 1.0, 0.0, 1.0
+        self.nearest = math.inf
+        """Room between the robot and the nearest of the circles that `speed_share` was asked about last [m]."""
         self.update(model)
 
     def reset(self) -> None:
@@ -238,14 +240,15 @@ class Tightening:
             Between 0 and 1. A robot that already touches may move away from what it touches.
         """
         if not len(circles):
+            self.nearest = math.inf
             return 1.0
         away = here[:2] - circles[:, :2]
         before = np.hypot(away[:, 0], away[:, 1])
         room = before - circles[:, 2] - (self._touch + ROUNDING)
         v, omega = command.tolist()
-        variance = v * v * self._felt_trace[0] + omega * omega * self._felt_trace[1]
+        self.nearest = float(np.minimum.reduce(room))
         # far from everything, which is most of the time, there is nothing to weigh up
-        if np.minimum.reduce(room) > FAR_PERIODS * abs(v) * self._model.dt + self._step_quantile * math.sqrt(max(variance, 0.0)):
+        if self.nearest > FAR_PERIODS * abs(v) * self._model.dt + self.step_margin(v, omega) - self._reserve:
             return 1.0
         cos, sin = np.cos(here[2]), np.sin(here[2])
         share = 1.0
@@ -274,6 +277,11 @@ class Tightening:
             # again, for a curve that is driven slowly turns less in the period than the share says
             share *= float(limits[worst])
         return share
+
+    def step_margin(self, v: float, omega: float) -> float:
+        """Room [m] that a single command needs in any direction, but for the rare error that `STEP_RISK` allows."""
+        variance = v * v * self._felt_trace[0] + omega * omega * self._felt_trace[1]
+        return self._reserve + self._step_quantile * math.sqrt(max(variance, 0.0))
 
     def covariances(self, lin: Linearization, states: Array, inputs: Array) -> Array:
         """Covariances (N, 2, 2) of the position at stages 1 to N, each from the last `MEMORY` steps before it."""

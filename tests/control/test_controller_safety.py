@@ -120,29 +120,28 @@ BAD_INPUTS = {
 
 
 @pytest.mark.parametrize("name", BAD_INPUTS)
-def test_without_usable_input_the_rest_of_the_plan_is_driven_half_a_second_then_the_robot_brakes(name: str) -> None:
+def test_without_usable_input_the_tail_is_driven_to_a_stop(name: str) -> None:
     controller = kl.Controller(MODEL)
     x, last = driven(controller, 5)
     assert last.command[0] > 0.5
-    command = last.command
+    command, stopped = last.command, False
     for k in range(1, 30):
         plan = controller.step(*BAD_INPUTS[name](x))
         assert_safe(plan, controller.problem)
         assert plan.reason
-        if k <= 5:
-            assert plan.status is kl.PlanStatus.FALLBACK
-            np.testing.assert_array_equal(plan.command, last.inputs[k])
-            np.testing.assert_allclose(plan.states[0], last.states[k], atol=1e-12)
-        else:
-            assert plan.status is kl.PlanStatus.STOPPED
-            assert abs(plan.command[0]) <= abs(command[0])
-            # brakes at least as fast as one of the two limits asks, and no faster than both
-            lost = np.abs(command) - np.abs(plan.command)
-            assert (lost <= np.array([1.0, 4.0]) * DT + 1e-9).all()
-            if np.abs(command).max() > 0.1:
-                assert (lost >= np.minimum(np.array([1.0, 4.0]) * DT, np.abs(command)) - 1e-9).any()
-            # on the curve that the robot is on
-            assert abs(command[0] * plan.command[1] - command[1] * plan.command[0]) < 1e-9
+        stopped |= plan.status is kl.PlanStatus.STOPPED
+        # to its end the tail, which is where it stands; an obstacle that is not known hides what the tail would come to
+        assert plan.status is (kl.PlanStatus.STOPPED if stopped else kl.PlanStatus.FALLBACK)
+        assert not (stopped and plan.command.any())
+        assert stopped == (k > 6)
+        if k == 1:
+            np.testing.assert_allclose(plan.states[0], last.states[1], atol=2e-3)
+        # brakes at least as fast as one of the two limits asks, and no faster than both
+        lost = np.abs(command) - np.abs(plan.command)
+        assert (lost <= np.array([1.0, 4.0]) * DT + 1e-9).all()
+        assert not command.any() or (lost >= np.minimum(np.array([1.0, 4.0]) * DT, np.abs(command)) - 1e-9).any()
+        # on the curve that the robot is on
+        assert abs(command[0] * plan.command[1] - command[1] * plan.command[0]) < 1e-9
         command = plan.command
     assert not command.any()
 
@@ -170,7 +169,8 @@ def test_the_rest_of_the_plan_is_not_driven_into_an_obstacle_that_has_come_up(lo
     pose, goal = ((NAN, 0.0, 0.0), GOAL) if lost == "pose" else (x, (NAN, 0.0, 0.0))
     plan = controller.step(pose, goal, [kl.Circle(*ahead, 0.1)])
     assert plan.status is kl.PlanStatus.STOPPED
-    assert 0.0 < plan.command[0] < last.command[0]
+    # the ramp would end in it
+    assert not plan.command.any()
     assert (plan.clearance == np.inf) == (lost == "pose")
 
 
