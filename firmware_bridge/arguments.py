@@ -86,6 +86,7 @@ def build_parser(runs: Mapping[str, Callable[[argparse.Namespace], int]]) -> arg
     sub.add_argument("--slip", type=float, help="mean slip ratio of the floor")
     sub.add_argument("--turn-gain", type=float, help="share of a turn that happens")
     sub.add_argument("--seed", type=int, default=0, help="of the slip (default 0)")
+    sub.add_argument("--pose", metavar="URL", help="also be its motion capture: send poses to udp:HOST:PORT")
     sub.add_argument("--arm-after", type=float, default=2.0, help="arming is refused so long after boot [s] (default 2)")
     sub.add_argument("--seconds", type=_positive, help="end after so long [s]")
 
@@ -116,6 +117,7 @@ def _robot_options(sub: argparse.ArgumentParser) -> None:
     sub.add_argument("robot", nargs="?", help="robot file (TOML); the options below replace its keys")
     sub.add_argument("--driver", choices=DRIVERS, help="link.driver")
     sub.add_argument("--link", metavar="URL", help="link.url: serial:PATH?baud=..., pty:PATH, tcp:HOST:PORT, udp:HOST:PORT")
+    sub.add_argument("--pose", metavar="URL", help="link.pose: udp:HOST:PORT where motion capture sends `stamp x y theta` (ENU, m, rad)")
     sub.add_argument("--timeout", type=float, help="link.timeout: how long the board may take to answer [s]")
     sub.add_argument("--v-max", type=float, help="limits.v_max and v_reverse [m/s]; slow where not given")
     sub.add_argument("--omega-max", type=float, help="limits.omega_max [rad/s]")

@@ -59,7 +59,7 @@ def load(options: argparse.Namespace) -> Robot:
     """Read the robot file under the options of a command line."""
     given = vars(options)
     overrides: dict[str, dict[str, Any]] = {
-        "link": {"url": given.get("link"), "driver": given.get("driver"), "timeout": given.get("timeout")},
+        "link": {"url": given.get("link"), "driver": given.get("driver"), "timeout": given.get("timeout"), "pose": given.get("pose")},
         "board": {"arm": True if given.get("arm") else None},
         "limits": {"v_max": given.get("v_max"), "v_reverse": given.get("v_max"), "omega_max": given.get("omega_max")},
         "safety": {"geofence": given.get("geofence"), "socket": given.get("socket")},
@@ -137,7 +137,7 @@ def _course(robot: Robot, settle: float, seconds: float) -> _Course:
         return float(plan.command[0]), float(plan.command[1]), plan.status.name
 
     task = Task(scenario.goal, scenario.tolerance, scenario.heading_tolerance, scenario.radius, scenario.circles_at)
-    origin = (0.0, 0.0, 0.0) if robot.is_autopilot else scenario.start
+    origin = (0.0, 0.0, 0.0) if robot.is_autopilot or robot.link.pose is not None else scenario.start
     period = robot.control.period or controller.problem.dt
     navigator = Navigator(step, task, settle, seconds)
     return _Course(scenario.name, robot, navigator, period, origin)
@@ -215,7 +215,10 @@ def _emulate(options: argparse.Namespace) -> int:
     from kmpc_lite.sim import Scenario
 
     autopilot = options.robot == "mavlink"
-    robot = load_robot(None if autopilot else options.robot, {"link": {"url": options.link, "driver": "mavlink" if autopilot else None}})
+    robot = load_robot(
+        None if autopilot else options.robot,
+        {"link": {"url": options.link, "driver": "mavlink" if autopilot else None, "pose": options.pose}},
+    )
     start, slip, turn_gain = (0.0, 0.0, 0.0), 0.0, 1.0
     if options.scenario is not None:
         try:
@@ -234,7 +237,7 @@ def _emulate(options: argparse.Namespace) -> int:
         emulator = build_emulator(robot, start, slip, turn_gain, options.seed, options.arm_after, twin)
     except kl.KmpcError as error:
         raise ConfigError(str(error)) from error
-    report = emulate(emulator, robot.link.url, options.seconds, _out(options))
+    report = emulate(emulator, robot.link.url, options.seconds, _out(options), options.pose, options.seed)
     if options.json:
         _say(json.dumps(report))
     return 0

@@ -5,15 +5,20 @@ from __future__ import annotations
 import signal
 import threading
 import time
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
+from firmware_bridge.emulator.mocap import MocapSender
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.transport.url import LinkUrl
 
 if TYPE_CHECKING:
+    from firmware_bridge.emulator.board import BoardEmulator
     from kmpc_lite.sim.twin import Twin
 
+BOARDS = {"roboclaw": "RoboClawEmulator", "odrive": "ODriveEmulator", "vesc": "VescEmulator"}
+"""By the name of their modules: only the one that is needed is imported."""
 SHOWN = 0.5
 """Between pictures of the pose [s]."""
 
@@ -47,6 +52,7 @@ def build_emulator(
     floor: dict[str, Any] = {"slip": slip, "turn_gain": turn_gain, "seed": seed}
     if robot.is_autopilot:
         from firmware_bridge.emulator.rover import RoverEmulator
+        from firmware_bridge.emulator.rover_parameters import MOTION_CAPTURE
 
         physics = None
         if twin is not None:
@@ -54,31 +60,22 @@ def build_emulator(
 
             physics = TwinRover(twin)
         system = robot.sections.get("board", {}).get("system", 1)
-        return RoverEmulator(**floor, pose=start, arm_after=arm_after, system=system, physics=physics)
-    emulator: Any
-    if robot.link.driver == "roboclaw":
-        from firmware_bridge.emulator.roboclaw import RoboClawEmulator
-
-        emulator = RoboClawEmulator.from_options(robot.driver_table(), **floor)
-    elif robot.link.driver == "odrive":
-        from firmware_bridge.emulator.odrive import ODriveEmulator
-
-        emulator = ODriveEmulator.from_options(robot.driver_table(), **floor)
-    else:
-        from firmware_bridge.emulator.vesc import VescEmulator
-
-        emulator = VescEmulator.from_options(robot.driver_table(), **floor)
+        parameters = MOTION_CAPTURE if robot.link.pose is not None else None
+        return RoverEmulator(**floor, pose=start, arm_after=arm_after, system=system, physics=physics, parameters=parameters)
+    module = import_module(f"firmware_bridge.emulator.{robot.link.driver}")
+    emulator: BoardEmulator = getattr(module, BOARDS[robot.link.driver]).from_options(robot.driver_table(), **floor)
     if twin is not None:
         from firmware_bridge.emulator.twin import TwinBody
 
         emulator.put_on(TwinBody(emulator.geometry, twin, time.monotonic()))
     emulator.place(*start)
-    built: Emulator = emulator
-    return built
+    return emulator
 
 
-def emulate(emulator: Emulator, url: str, seconds: float | None, out: TextIO | None) -> dict[str, Any]:
-    """Serve until SIGINT, SIGTERM, or for so long [s]; tells the last pose.
+def emulate(
+    emulator: Emulator, url: str, seconds: float | None, out: TextIO | None, pose: str | None = None, seed: int = 0
+) -> dict[str, Any]:
+    """Serve until SIGINT, SIGTERM, or for so long [s]; tells the last pose. With `pose`, motion capture sends there, noise of `seed`.
 
     Raises
     ------
@@ -90,8 +87,11 @@ def emulate(emulator: Emulator, url: str, seconds: float | None, out: TextIO | N
     done = threading.Event()
     handlers = {number: signal.signal(number, lambda *_: done.set()) for number in (signal.SIGINT, signal.SIGTERM)}
     until = None if seconds is None else time.monotonic() + seconds
+    camera = None if pose is None else MocapSender(lambda: emulator.pose, pose, seed)
     try:
         emulator.start(url)
+        if camera is not None:
+            camera.start()
         if out is not None:
             out.write(f"serving {url}; Ctrl-C ends\n")
             out.flush()
@@ -103,6 +103,8 @@ def emulate(emulator: Emulator, url: str, seconds: float | None, out: TextIO | N
                 out.flush()
         return {"link": url, "pose": [round(c, 6) for c in emulator.pose], "stopped": emulator.stopped}
     finally:
+        if camera is not None:
+            camera.close()
         emulator.close()
         for number, handler in handlers.items():
             signal.signal(number, handler)

@@ -17,6 +17,7 @@ from firmware_bridge.limits import Limits
 from firmware_bridge.loop import TICK
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check, from_table
+from firmware_bridge.pose_source import check_pose_url
 from firmware_bridge.safety import GateSettings
 
 DRIVERS = ("mavlink", "roboclaw", "odrive", "vesc")
@@ -34,12 +35,16 @@ class LinkOptions:
     driver: str
     timeout: float = bounded(0.1, 300.0, "s", 10.0)
     """How long the board may take to answer [s]."""
+    pose: str | None = None
+    """udp:HOST:PORT where poses from outside arrive; an autopilot is fed with them, else they replace the wheels' odometry."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         if self.driver not in DRIVERS:
             raise ConfigError(f"driver: expected {', '.join(DRIVERS)}, got {self.driver!r}")
         check(self)
+        if self.pose is not None:
+            check_pose_url(self.pose)
 
 
 @dataclass(frozen=True)
@@ -90,6 +95,10 @@ class Robot:
         board, geometry = self.sections.get("board", {}), self.sections.get("geometry", {})
         if self.is_autopilot and geometry:
             raise ConfigError("[geometry]: an autopilot has its own; leave the section out")
+        if self.is_autopilot and self.link.pose is not None:
+            if board.get("pose", "mocap") != "mocap":
+                raise ConfigError(f'board.pose: {board["pose"]!r} contradicts link.pose: expected "mocap", or leave it out')
+            board = {**board, "pose": "mocap"}
         return {"board": board, "geometry": geometry}
 
 

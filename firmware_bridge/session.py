@@ -19,6 +19,7 @@ from firmware_bridge.loop import ControlLoop
 from firmware_bridge.messages import BridgeError, ConfigError, Controller
 from firmware_bridge.placed import PlacedDriver
 from firmware_bridge.planner import Planner
+from firmware_bridge.pose_source import PosedDriver
 from firmware_bridge.recorder import CsvRecorder, DurableFile
 from firmware_bridge.robot_file import Robot, check_period
 from firmware_bridge.safety import SafetyGate
@@ -46,7 +47,9 @@ def open_driver(robot: Robot, transport: Transport) -> Driver:
         driver: Driver = getattr(module, DRIVER_CLASSES[robot.link.driver]).from_options(transport, robot.driver_table())
     except ConfigError as error:
         raise ConfigError(f"{robot.where}: {error}") from None
-    return driver
+    if robot.link.pose is None:
+        return driver
+    return PosedDriver(driver, robot.link.pose, getattr(driver, "feed_pose", None))
 
 
 class Session:

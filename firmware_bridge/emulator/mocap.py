@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import random
+import socket
+import threading
+import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from firmware_bridge.options import bounded, check
+from firmware_bridge.transport.url import LinkUrl
 
 Pose = tuple[float, float, float]
 
@@ -66,3 +71,45 @@ class Mocap:
         while self._coming and self._coming[0][0] + o.delay <= now + 1e-9:
             arrived.append(self._coming.popleft())
         return arrived
+
+
+class MocapSender:
+    """Sends what a `Mocap` sees, a datagram each: ``stamp x y theta``, as `firmware_bridge.pose_source` reads it.
+
+    Parameters
+    ----------
+    pose : callable
+        True x, y [m], theta [rad].
+    url : str
+        udp:HOST:PORT to send to.
+    seed : int
+        Of the noise.
+    options : MocapOptions
+        How good it is.
+    """
+
+    def __init__(self, pose: Callable[[], Pose], url: str, seed: int = 0, options: MocapOptions | None = None) -> None:
+        self._pose, self._address = pose, LinkUrl.parse(url).address()
+        self._options, self._seed = MocapOptions() if options is None else options, seed
+        self._quit = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="mocap", daemon=True)
+
+    def start(self) -> None:
+        """Begin to send, whether or not somebody listens."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Send no more; idempotent."""
+        self._quit.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        mocap, pause = Mocap(self._options, self._seed, time.monotonic()), 0.25 / self._options.rate
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            while not self._quit.wait(pause):
+                for stamp, (x, y, theta) in mocap.look(time.monotonic(), self._pose()):
+                    try:
+                        sock.sendto(f"{stamp:.6f} {x:.6f} {y:.6f} {theta:.6f}".encode(), self._address)
+                    except OSError:
+                        continue  # nobody listens yet: a pose that is lost is lost

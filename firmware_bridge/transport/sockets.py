@@ -121,6 +121,12 @@ class UdpEndpoint(Endpoint):
 
     def __init__(self, host: str, port: int, listen: bool = False) -> None:
         self._host, self._port, self._listen = host, port, listen
+        self._opened: UdpPort | None = None
+
+    @property
+    def refused(self) -> int:
+        """Datagrams from others than the peer."""
+        return 0 if self._opened is None else self._opened.refused
 
     def open(self) -> Port:
         """Make the socket."""
@@ -139,4 +145,5 @@ class UdpEndpoint(Endpoint):
         except OSError as error:
             hint = ": another program has the port" if self._listen else ""
             raise LinkError(f"{url}: {error.strerror or error}{hint}") from error
-        return UdpPort(sock, connected=not self._listen)
+        self._opened = UdpPort(sock, connected=not self._listen)
+        return self._opened
