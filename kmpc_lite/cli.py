@@ -141,13 +141,15 @@ def _parser() -> argparse.ArgumentParser:
         "study",
         run_study,
         "Reproduce the paper's table 1 beside ours, or drive random maps: plain ones, with motors that lag, noisy poses, floors that "
-        "change (adaptation), models of another floor (mismatch). IPOPT's rows need the extra peers.",
+        "change (adaptation), models of another floor (mismatch); or force failures (faults). IPOPT's rows need the extra peers.",
         "  kmpc study table1\n  kmpc study table1 --trials 100 --json > table1.json\n"
         "  kmpc study maps --maps 100 --records maps.jsonl --failures failures\n"
         "  kmpc study maps --families dense trap moving --controllers 'everything on' --slips 0.1\n"
-        "  kmpc study lag --records lag.jsonl --failures failures",
+        "  kmpc study lag --records lag.jsonl --failures failures\n"
+        "  kmpc study faults --maps 10",
     )
-    p.add_argument("study", choices=("table1", *STUDIES), help="; ".join(f"{name}: {study.text}" for name, study in STUDIES.items()))
+    told = [*(f"{name}: {study.text}" for name, study in STUDIES.items()), "faults: solver, clock, warm start and poses that fail"]
+    p.add_argument("study", choices=("table1", *STUDIES, "faults"), help="; ".join(told))
     p.add_argument("--trials", type=int, default=5, help="runs per cell (default: 5, as in the paper)")
     p.add_argument("--scenario", default="four_circles_1", help="map of table1 (default: four_circles_1); its slip and seed are replaced")
     p.add_argument("--maps", type=int, default=100, help="maps of each family (default: 100)")

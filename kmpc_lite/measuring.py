@@ -107,7 +107,20 @@ def run_study(options: argparse.Namespace) -> int:
     for name in ("trials", "maps", "workers"):
         if getattr(options, name) < 1:
             raise kl.ProblemError(f"--{name}: expected a whole number >= 1, got {getattr(options, name)}")
-    return run_table1(options) if options.study == "table1" else run_maps(options)
+    return {"table1": run_table1, "faults": run_faults}.get(options.study, run_maps)(options)
+
+
+def run_faults(options: argparse.Namespace) -> int:
+    """Drive with forced failures; status 1 where something was seen that must not be."""
+    from kmpc_lite.sim.faults_study import SLIPS, as_dicts, faults_study, format_faults
+    from kmpc_lite.sim.study import REPORTING_SEED
+
+    bar = Progress(options.study, quiet=options.json)
+    with worker_pool(options.workers) as executor:
+        first_seed = 0 if options.tuning else REPORTING_SEED
+        rows = faults_study(executor, options.maps, tuple(options.slips or SLIPS), first_seed=first_seed, progress=bar)
+    print(json.dumps(as_dicts(rows)) if options.json else format_faults(rows))
+    return int(any(row.bad for row in rows))
 
 
 def run_maps(options: argparse.Namespace) -> int:
