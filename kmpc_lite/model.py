@@ -279,9 +279,15 @@ class KoopmanModel:
             slope[..., 0] = product[..., 0]
             if offset is not None:
                 slope[..., 0] += offset
-            np.matmul(product[..., 1:], stage[..., 1:], out=slope[..., 1:])
             by_w = (expanded[..., 0] @ self._H_by_lift).reshape(*w.shape[:-1], *self._B.shape)
-            slope[..., 1 + STATES :] += by_w + self._B if self._has_B else by_w
+            if self._has_B:
+                by_w += self._B
+            if stage is start:
+                # whose derivatives are one and zero
+                slope[..., 1 : 1 + STATES], slope[..., 1 + STATES :] = product[..., 1:], by_w
+                return slope
+            np.matmul(product[..., 1:], stage[..., 1:], out=slope[..., 1:])
+            slope[..., 1 + STATES :] += by_w
             return slope
 
         if not self.continuous:

@@ -59,6 +59,9 @@ class NavigationQP:
         self.lower[self.keepout_rows] = -OPEN
         u_min, u_max, _, _ = problem.bounds
         self.lower[self.input_rows], self.upper[self.input_rows] = u_min, u_max
+        # what is written in every pass, without looking rows up
+        self._dynamics_lower, self._dynamics_upper = (bound[: STATES * n].reshape(n, STATES) for bound in (self.lower, self.upper))
+        self._keepout_lower = self.lower[rows[1] : rows[2]].reshape(n, slots)
         self._change = problem.dt * problem.du_max[self._limited]
         self.lower[self.change_rows], self.upper[self.change_rows] = -self._change, self._change
 
@@ -103,7 +106,8 @@ class NavigationQP:
         self.P = sp.block_diag([corner, sp.diags(np.full(n, 2 * quadratic))], format="csc")
         self.q = np.zeros(self.size)
         self.set_slack_penalty(float(problem.slack_weights[0]))
-        self._Q, self._Q_terminal = q, q_terminal
+        self._pull, self._pull_terminal = -2 * q, -2 * q_terminal
+        self._q_states = self.q[: STATES * n].reshape(n, STATES)
 
     def set_slack_penalty(self, weight: float) -> None:
         """Write the linear weight of the slacks [1/m]."""
@@ -140,13 +144,14 @@ class NavigationQP:
             if j < n:
                 data[self._b_places[j]] = -by_age[j:].ravel()
                 right[j:] -= (by_age[j:] @ u[: n - j, :, None])[..., 0]
-        self.lower[self.dynamics_rows] = right
-        self.upper[self.dynamics_rows] = right
+        self._dynamics_lower[:] = right
+        self._dynamics_upper[:] = right
         np.multiply(normals.ravel(), KEEPOUT_SCALE, out=self._scaled_normals)
         data[self._normal_place] = self._scaled_normals
-        self.lower[self.keepout_rows] = np.maximum(KEEPOUT_SCALE * offsets, -OPEN)
-        self.q[self.state_columns[:-1]] = -2 * reference[1:-1] @ self._Q
-        self.q[self.state_columns[-1]] = -2 * reference[-1] @ self._Q_terminal
+        np.multiply(offsets, KEEPOUT_SCALE, out=self._keepout_lower)
+        np.maximum(self._keepout_lower, -OPEN, out=self._keepout_lower)
+        np.matmul(reference[1:-1], self._pull, out=self._q_states[:-1])
+        np.matmul(reference[-1], self._pull_terminal, out=self._q_states[-1])
 
     def pack(self, x: Array, u: Array, slack: Array) -> Array:
         """One vector of variables from states (N + 1, 3), commands (N, 2) and slacks (N,)."""
