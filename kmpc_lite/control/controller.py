@@ -267,7 +267,8 @@ class Controller:
             # how wrong the model was about the past period widens the margins at once
             before, acted, expected = self._sent
             self._tightening.observe(here - expected, float(before[2]), acted)
-        guidance = None if self._guide is None else self._guide.reference(here, target, circles, self._solids)
+        rest = self._rates.rest(here, self._command) if self._rates.active else None
+        guidance = None if self._guide is None else self._guide.reference(here, target, circles, self._solids, rest)
         if guidance is not None and guidance.hold:
             return self._hold(here, pose, circles, start)
         reference = self._goal_reference(here, target) if guidance is None else guidance.states
@@ -317,6 +318,7 @@ class Controller:
             raise ValueError(f"sent: expected shape ({INPUTS},), got {command.shape}")
         if not np.isfinite(command).all():
             return
+        self._command = np.clip(command, self._u_min, self._u_max)
         for earlier in (self._past, self._given):
             if len(earlier):
                 earlier[-1] = command

@@ -129,7 +129,7 @@ class Guide:
         self._age = self._furthest = self._still = 0.0
         self._parking.reset()
 
-    def reference(self, pose: Array, goal: Array, circles: Array, solids: Solids | None = None) -> Guidance:
+    def reference(self, pose: Array, goal: Array, circles: Array, solids: Solids | None = None, rest: Array | None = None) -> Guidance:
         """Give the reference of the coming stages.
 
         Parameters
@@ -140,14 +140,21 @@ class Guide:
             (M, 5) rows x, y, radius, vx, vy, now.
         solids : Solids, optional
             Polygons, walls and grids; another object is another map.
+        rest : ndarray, optional
+            Pose (3,) at which the robot would stand if it braked now; where it is, if not given.
         """
         self._age += self._dt
         error = pose - goal
         error[2] -= 2 * np.pi * round(float(error[2]) / (2 * np.pi))
         distance = math.hypot(error[0], error[1])
-        self._turning = distance <= (ENTER[0] if self._turning else CLOSE)
+        at_rest = error
+        if rest is not None:
+            at_rest = error + (rest - pose)
+        # a last turn on the spot begins where the robot comes to a stop
+        near = distance if rest is None or self._turning else max(distance, math.hypot(at_rest[0], at_rest[1]))
+        self._turning = near <= (ENTER[0] if self._turning else CLOSE)
         traffic = MovingCircles(circles, self._keep, self._speed, solids) if circles[:, 3:].any() else None
-        place, off = (0.0, 0.0) if self._path is None else self._path.locate(pose)
+        place, off = (0.0, 0.0) if self._path is None else self._path.locate(pose, self._path.drive_end if self._turning else 0.0)
         strayed = self._strayed(off, place, distance)
         at_once = off > LOST or self._is_new(goal, circles, solids) or self._blocked(traffic, place)
         if at_once or (strayed and self._search is None):
@@ -165,7 +172,7 @@ class Guide:
             return Guidance(states, False, False, wait[None, :2], np.inf, refreshed, switched)
         path.place = place = max(place, path.drive_end) if self._turning else min(place, path.drive_end)
         left = path.duration - place
-        hold = self._parking.hold(error) and (traffic is None or traffic.leaves_alone(pose))
+        hold = self._parking.hold(error, at_rest) and (traffic is None or traffic.leaves_alone(pose))
         pace = 1.0 if traffic is None else traffic.pace(path, place)
         if traffic is not None and pace is None:
             self._escape, states = traffic.escape(pose, self._escape, self._times)

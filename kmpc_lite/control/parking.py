@@ -29,17 +29,22 @@ class Parking:
         self.holding = False
         self._error = np.zeros(3)
 
-    def hold(self, error: Array) -> bool:
+    def hold(self, error: Array, at_rest: Array | None = None) -> bool:
         """Whether the command is to be zero.
 
         Parameters
         ----------
         error : ndarray
             Pose less goal (3,) [m, m, rad], the heading's in [-pi, pi).
+        at_rest : ndarray, optional
+            The same of the pose at which the robot would stand if it braked now; `error` where not given.
         """
         distance, turn = float(np.hypot(error[0], error[1])), abs(float(error[2]))
         if not self.holding:
-            if distance <= ENTER[0] and turn <= ENTER[1]:
+            inside = distance <= ENTER[0] and turn <= ENTER[1]
+            if inside and at_rest is not None:
+                inside = bool(np.hypot(at_rest[0], at_rest[1]) <= ENTER[0] and abs(at_rest[2]) <= ENTER[1])
+            if inside:
                 self.holding = True
                 self._error = error.copy()
             return self.holding

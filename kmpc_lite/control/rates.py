@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from kmpc_lite.control.problem import NavigationProblem
@@ -9,6 +11,8 @@ from kmpc_lite.dictionary import Array
 
 ROUNDING = 1.0 + 1e-9
 """A change that is larger than allowed by less than this factor is the largest one allowed."""
+ANY = 1e6
+"""A change that is larger than any speed [m/s, rad/s]."""
 
 
 class RateLimit:
@@ -27,7 +31,7 @@ class RateLimit:
 
     def __init__(self, problem: NavigationProblem) -> None:
         self.active = problem.limits_changes
-        self._change = problem.dt * problem.du_max
+        self._dt, self._change = problem.dt, problem.dt * problem.du_max
         self._brake = problem.dt * np.maximum(problem.du_max, problem.deceleration)
         if self.active:
             steps = np.arange(1, problem.horizon + 1)[:, None]
@@ -43,6 +47,14 @@ class RateLimit:
         size = np.abs(change)
         over = size > room * ROUNDING
         return last + float((room[over] / size[over]).min()) * change if over.any() else command
+
+    def rest(self, pose: Array, last: Array) -> Array:
+        """Pose (3,) at which a robot that is at a pose (3,), and was told the last command (2,), stands if it brakes at `du_max`."""
+        step = np.minimum(self._change, ANY)
+        periods = np.floor(np.abs(last) / step)
+        ahead, turn = (self._dt * periods * (last - 0.5 * np.copysign(step, last) * (periods + 1.0))).tolist()
+        heading = float(pose[2]) + 0.5 * turn
+        return np.array([pose[0] + ahead * math.cos(heading), pose[1] + ahead * math.sin(heading), pose[2] + turn])
 
     def first(self, last: Array) -> tuple[Array, Array]:
         """Least and largest first command of a plan, (2,) each."""

@@ -76,10 +76,10 @@ class TimedPath:
         poses += self.poses[before]
         return poses
 
-    def locate(self, pose: Array) -> tuple[float, float]:
-        """Find the time [s] of the path's pose that is nearest, and its distance [m]; near the place of the last look-up."""
-        begin = int(max(self.place - BACKWARD, 0.0) / self._resolution)
-        end = int((self.place + FORWARD) / self._resolution) + 2
+    def locate(self, pose: Array, least: float = 0.0) -> tuple[float, float]:
+        """Find the time [s] of the path's pose that is nearest, not before `least` [s], and its distance [m]; near the last one found."""
+        begin = int(max(self.place - BACKWARD, least) / self._resolution)
+        end = int((max(self.place, least) + FORWARD) / self._resolution) + 2
         error = self._grid[begin:end] - pose
         error[:, 2] = TURN_LENGTH * wrap(error[:, 2])
         nearest = int(np.einsum("ni,ni->n", error, error).argmin())
