@@ -21,7 +21,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 from firmware_bridge.arguments import build_parser  # noqa: E402
 from firmware_bridge.estop import WORDS, ask, default_socket, latch_file, set_latch  # noqa: E402
 from firmware_bridge.messages import BridgeError, ConfigError, LinkError  # noqa: E402
-from firmware_bridge.robot_file import Robot, load_robot  # noqa: E402
+from firmware_bridge.robot_file import NOMINAL_LATENCY, Robot, load_robot  # noqa: E402
 
 INTERRUPTED = 130
 FENCE_ROOM = 0.25
@@ -97,6 +97,8 @@ def _run(options: argparse.Namespace) -> int:
 
     drive = _course(load(options), options.settle, options.seconds)
     _prepare(options)
+    if drive.note:
+        sys.stderr.write(f"kmpc-bridge: {drive.note}\n")
     report, status = run(drive.robot, drive.navigator, drive.period, drive.origin, options.record, _out(options))
     if options.json:
         _say(json.dumps({"scenario": drive.name, **report}))
@@ -111,6 +113,8 @@ class _Course(NamedTuple):
     navigator: Any
     period: float
     origin: tuple[float, float, float]
+    note: str
+    """What a user should know before it drives."""
 
 
 def _course(robot: Robot, settle: float, seconds: float) -> _Course:
@@ -136,11 +140,21 @@ def _course(robot: Robot, settle: float, seconds: float) -> _Course:
         plan = controller.step(pose, scenario.goal, obstacles, sent=navigator.held())
         return float(plan.command[0]), float(plan.command[1]), plan.status.name
 
+    robot, note = _with_latency(robot, controller.model.history)
     task = Task(scenario.goal, scenario.tolerance, scenario.heading_tolerance, scenario.radius, scenario.circles_at)
     origin = (0.0, 0.0, 0.0) if robot.is_autopilot or robot.link.pose is not None else scenario.start
     period = robot.control.period or controller.problem.dt
     navigator = Navigator(step, task, settle, seconds)
-    return _Course(scenario.name, robot, navigator, period, origin)
+    return _Course(scenario.name, robot, navigator, period, origin, note)
+
+
+def _with_latency(robot: Robot, history: int) -> tuple[Robot, str]:
+    """Choose a latency where none is given, for a model with so many commands of history; and say so where it matters."""
+    if robot.control.latency is not None:
+        return robot, ""
+    latency = 0.0 if history else NOMINAL_LATENCY[robot.link.driver]
+    note = f"control.latency: not given, and the model knows no lag: {latency:g} s is taken for {robot.link.driver} (or kmpc fit --lags)"
+    return replace(robot, control=replace(robot.control, latency=latency)), note if latency else ""
 
 
 def _controller(robot: Robot, scenario: Any) -> Any:

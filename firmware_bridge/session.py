@@ -131,7 +131,7 @@ class Session:
 
     def _build(self, take: Callable[[], None] | None) -> None:
         control = self.robot.control
-        self.planner = Planner(self._controller, self.driver.state, self._period, control.latency)
+        self.planner = Planner(self._controller, self.driver.state, self._period, control.latency or 0.0)
         self.gate = SafetyGate(self.robot.gate)
         self.loop = ControlLoop(
             self.driver,

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 import kmpc_lite as kl
-from firmware_bridge.cli import main
+from firmware_bridge.cli import _course, main
 from firmware_bridge.emulate import build_emulator
 from firmware_bridge.estop import ask, latch_file
 from firmware_bridge.latency import robot_text, table
@@ -23,6 +23,7 @@ from firmware_bridge.messages import LinkError
 from firmware_bridge.robot_file import DRIVERS, load_robot
 from firmware_bridge.session import open_driver
 from firmware_bridge.transport import open_transport
+from kmpc_lite.commands import make_dictionary
 
 ROBOTS = Path(__file__).parents[2] / "docs" / "robots"
 COURSE = """
@@ -440,3 +441,26 @@ def test_a_csv_that_a_power_cut_tore_is_told_and_mended(desk, capsys):
         assert main(["replay", *words]) == 2
         assert capsys.readouterr().err.count("\n") == 1
     assert (desk / "other.csv").read_bytes() == b"name,phone\nA,1"
+
+
+@pytest.mark.parametrize(
+    ("name", "model", "given", "expected"),
+    [
+        ("mavlink", None, None, 0.2),
+        ("mavlink", None, 0.0, 0.0),
+        ("mavlink", None, 0.35, 0.35),
+        ("mavlink", (0,), None, 0.2),
+        ("mavlink", (0, 1), None, 0.0),
+        ("roboclaw", None, None, 0.0),
+        ("vesc", None, 0.1, 0.1),
+    ],
+)
+def test_a_model_without_lags_gets_a_latency_that_suits_the_driver_and_the_user_is_told(desk, name, model, given, expected):
+    control = {"scenario": "course.toml", "latency": given}
+    if model is not None:
+        data = kl.generate_dataset(kl.DifferentialDrive(), episodes=6, steps=60, dt=0.1, seed=0)
+        kl.fit(data, make_dictionary("unicycle", list(model), False)).save("robot.npz")
+        control["model"] = "robot.npz"
+    course = _course(load_robot(None, {"link": {"url": "pty:x", "driver": name}, "control": control}), 1.0, 10.0)
+    assert course.robot.control.latency == expected
+    assert bool(course.note) == (given is None and expected > 0.0) and course.note.count("\n") == 0
