@@ -25,9 +25,8 @@ SECTIONS = ("link", "board", "geometry", "limits", "safety", "frame", "control")
 NOMINAL_LATENCY = {"mavlink": 0.2, "roboclaw": 0.0, "odrive": 0.0, "vesc": 0.0}
 """Taken for a model without input history where nobody says better [s].
 
-An autopilot's own speed loop lags: on the emulated rover the nominal unicycle grazes obstacles with 0.1 s or less,
-but not with 0.2 or 0.3 s.
-With a motor controller's 0.05 s the clearance is the same for 0, 0.05 and 0.1 s.
+An autopilot's own speed loop lags: on the emulated rover the nominal unicycle grazes obstacles with 0.1 s or less, but not
+with 0.2 or 0.3 s. With a motor controller's 0.05 s the clearance is the same for 0, 0.05 and 0.1 s.
 """
 LOOSE = 1.5
 """The watchdog must be this many control periods long, or one late plan would stop the robot."""
