@@ -29,7 +29,7 @@ from kmpc_lite.control.obstacles import circle_distances, stand_ins
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.sqp import Trajectory
 from kmpc_lite.control.tightening import Tightening
-from kmpc_lite.dictionary import Array
+from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.model import KoopmanModel
 
 if TYPE_CHECKING:
@@ -45,6 +45,10 @@ SPEND = 0.25
 """Share of the room that a tail may use up where there is less of it than the margin."""
 FASTER = 1.25
 """How much farther than its command says a robot is taken to drive where nothing is looked at more closely."""
+QUICK = (0.005, 0.05)
+"""What the quick look at a robot that lags is taken to be wrong by [m], and as a share of the way."""
+ANSWERS = ((0, 0), (1, 0), (2, 1))
+"""Row and column of the model's derivative by a command: driven ahead and aside by the speed, turned by the turning speed."""
 LONGEST_RAMP = 100
 """Periods of a braking ramp, at the most."""
 
@@ -83,6 +87,7 @@ class Tails:
         self._slow_v, self._slow_omega = self._ramp_step.tolist()
         self._further = min(int(round(FURTHER_TIME / problem.dt)), problem.horizon - 1)
         self._limited = problem.limits_changes
+        self._known: KoopmanModel | None = None
         self._counts = np.arange(1.0, LONGEST_RAMP + 1)
 
     def find(
@@ -139,6 +144,8 @@ class Tails:
         if not (model.history or self._limited):
             # a robot without lag stands when it is told to, and the coming period was looked at above
             return Tail(at_once=not self._ramp_is_clear(plan, ahead, periods, margin), slowed=share < 1.0)
+        if self._lagging_ramp_is_clear(model, plan, ahead, margin, past):
+            return Tail(slowed=share < 1.0)
         return self._search(model, plan, circles, nearby, past, share < 1.0)
 
     def rollout(self, model: KoopmanModel, here: Array, commands: Array, past: Array) -> Array:
@@ -161,11 +168,38 @@ class Tails:
         turned = 0.5 * (after - before) * (1.0 + times)
         cos, sin = times * np.cos(turned), times * np.sin(turned)
         dx, dy = x1 - x0, y1 - y0
-        x, y = (x1 + dx * cos - dy * sin)[:, None], (y1 + dx * sin + dy * cos)[:, None]
+        x, y = x1 + dx * cos - dy * sin, y1 + dx * sin + dy * cos
+        return self._least_room(x, y, self._dt * k, ahead) >= margin
+
+    def _least_room(self, x: Array, y: Array, times: Array, ahead: Array) -> float:
+        """Room at places (T,) and times after the coming period (T,)."""
+        x, y = x[:, None], y[:, None]
         if ahead[:, 3:].any():
-            x, y = x - self._dt * k[:, None] * ahead[:, 3], y - self._dt * k[:, None] * ahead[:, 4]
-        least = (np.hypot(x - ahead[:, 0], y - ahead[:, 1]) - ahead[:, 2]).min(initial=np.inf)
-        return bool(least >= self._touch + margin)
+            x, y = x - times[:, None] * ahead[:, 3], y - times[:, None] * ahead[:, 4]
+        return float((np.hypot(x - ahead[:, 0], y - ahead[:, 1]) - ahead[:, 2]).min(initial=np.inf)) - self._touch
+
+    def _lagging_ramp_is_clear(self, model: KoopmanModel, plan: Trajectory, ahead: Array, margin: float, past: Array) -> bool:
+        """Whether the ramp and the coasting after it keep the margin and `QUICK`: the model's answer to commands, summed up at once.
+
+        What it cannot tell is rolled out, at ten times the price.
+        """
+        if model is not self._known:
+            lin = model.linearize(np.zeros(STATES), np.zeros(INPUTS))
+            answer = np.concatenate([lin.B[None], lin.B_past])
+            self._known, self._ahead, self._left, self._turned = model, *(answer[:, row, column].copy() for row, column in ANSWERS)
+        commands = np.concatenate([past, Tail().commands(plan.inputs, self._ramp_step), np.zeros((model.history, INPUTS))])
+        first, count = model.history, len(commands) - model.history
+        speeds, turns = np.ascontiguousarray(commands[:, 0]), np.ascontiguousarray(commands[:, 1])
+        driven = np.convolve(speeds, self._ahead)[first : first + count]
+        aside = np.convolve(speeds, self._left)[first : first + count]
+        turned = np.convolve(turns, self._turned)[first : first + count]
+        x0, y0, heading = plan.states[0].tolist()
+        headings = heading + np.cumsum(turned) - 0.5 * turned
+        cos, sin = np.cos(headings), np.sin(headings)
+        x, y = x0 + np.cumsum(driven * cos - aside * sin), y0 + np.cumsum(driven * sin + aside * cos)
+        slack = QUICK[0] + QUICK[1] * float(np.abs(driven).sum())
+        # also false for NaN
+        return self._least_room(x, y, self._dt * np.arange(count), ahead) >= margin + slack
 
     def _search(
         self, model: KoopmanModel, plan: Trajectory, circles: Array, nearby: Nearby | None, past: Array, slowed: bool

@@ -119,6 +119,7 @@ class Counts:
     late_stops: int = 0
     """Steps on which the robot was still told to drive, though its tail had ended."""
     late_recoveries: int = 0
+    """Seconds of sane inputs after a failure in which no plan was had."""
     blind_steps: int = 0
     """Steps with a command other than zero after three seconds without a usable pose."""
     arrived: int = 0
@@ -155,7 +156,7 @@ class FaultyLoop:
         self._ramp_step = self.controller.problem.deceleration * DT
         self._step, self._begin, self._end = 0, 0, 0
         self._frozen = np.zeros(3)
-        self._tail_left, self._sane, self._blind = 0, 0, 0
+        self._tail_left, self._sane, self._blind, self._planned = 0, 0, 0, False
         self._next_burst()
 
     def _clock(self) -> float:
@@ -214,8 +215,8 @@ class FaultyLoop:
             if self.controller.model.history:
                 self._tail_left += round(FURTHER_TIME / DT)
         self._sane = 0 if failing else self._sane + 1
-        if self._sane == round(RECOVERY / DT):
-            counts.late_recoveries += plan.status in (PlanStatus.FALLBACK, PlanStatus.STOPPED)
+        self._planned = not failing and (self._planned or plan.status not in (PlanStatus.FALLBACK, PlanStatus.STOPPED))
+        counts.late_recoveries += self._sane == round(RECOVERY / DT) and not self._planned
         self._blind = 0 if seen else self._blind + 1
         counts.blind_steps += bool(self._blind > BLIND / DT and plan.command.any())
 
