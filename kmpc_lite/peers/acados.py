@@ -28,7 +28,7 @@ from kmpc_lite.control.obstacles import Circle, circle_distances, circles_to_arr
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.dictionary import INPUTS, STATES, Array
-from kmpc_lite.errors import KmpcError
+from kmpc_lite.errors import KmpcError, ProblemError
 from kmpc_lite.model import KoopmanModel
 from kmpc_lite.peers.ipopt import symbolic_step
 
@@ -118,11 +118,15 @@ class AcadosController:
     ------
     KmpcError
         Where acados cannot be used; says why.
+    ProblemError
+        For a problem that limits the change of commands.
     """
 
     def __init__(
         self, model: KoopmanModel, problem: NavigationProblem | None = None, obstacles: int = 4, folder: Path | None = None
     ) -> None:
+        if problem is not None and problem.limits_changes:
+            raise ProblemError("the acados peer knows no limits on the change of commands: du_max must be infinite")
         reason = why_not(folder)
         if reason:
             raise KmpcError(f"acados: {reason}")

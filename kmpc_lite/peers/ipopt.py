@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from kmpc_lite.control.obstacles import Circle, circle_distances, circles_to_array
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.rates import RateLimit
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import KmpcError, ProblemError
 from kmpc_lite.model import KoopmanModel
@@ -49,6 +50,8 @@ class IpoptController:
     ------
     KmpcError
         Where CasADi is not installed.
+    ProblemError
+        For a model with input history, and for a problem that limits the change of commands where the solver is fatrop.
     """
 
     def __init__(
@@ -61,6 +64,9 @@ class IpoptController:
         if model.history:
             raise ProblemError("the IPOPT peer takes models without input history")
         self.model, self.problem = model, NavigationProblem() if problem is None else problem
+        if solver == "fatrop" and self.problem.limits_changes:
+            raise ProblemError("fatrop takes no limits on the change of commands, which tie stages together: du_max must be infinite")
+        self._rates = RateLimit(self.problem)
         self._casadi, self._plugin, self._options = casadi, solver, options or {}
         self._step_function = symbolic_step(model)
         self._solver: Any = None
@@ -71,6 +77,7 @@ class IpoptController:
         """Forget the last solution."""
         self._states: Array | None = None
         self._inputs = np.zeros((self.problem.horizon, INPUTS))
+        self._last = np.zeros(INPUTS)
 
     def _build(self, count: int) -> None:
         """Set up the nonlinear programme for a number of obstacles, stage by stage, as structure-exploiting solvers want it."""
@@ -80,18 +87,27 @@ class IpoptController:
         x = [ca.SX.sym(f"x{k}", STATES) for k in range(n + 1)]
         u = [ca.SX.sym(f"u{k}", INPUTS) for k in range(n)]
         goal, circles = ca.SX.sym("goal", STATES), ca.SX.sym("o", 5, count)
-        cost, constraints, g_upper = 0, [], []
+        last = ca.SX.sym("last", INPUTS)
+        limited = np.flatnonzero(np.isfinite(problem.du_max))
+        cost, constraints, g_lower, g_upper = 0, [], [], []
         for k in range(n + 1):
             error = x[k] - goal
             if k < n:
                 cost += error.T @ q @ error + u[k].T @ r @ u[k]
                 constraints.append(x[k + 1] - self._step_function(x[k], u[k]))
+                g_lower += [0.0] * STATES
                 g_upper += [0.0] * STATES
+                if len(limited):
+                    change = u[k] - (u[k - 1] if k else last)
+                    constraints.append(ca.vertcat(*[change[int(i)] for i in limited]))
+                    g_lower += list(-problem.dt * problem.du_max[limited])
+                    g_upper += list(problem.dt * problem.du_max[limited])
             else:
                 cost += error.T @ q_terminal @ error
             for i in range(count if k else 0):
                 offset = x[k][:2] - circles[:2, i] - k * problem.dt * circles[3:, i]
                 constraints.append(ca.sqrt(ca.sumsqr(offset)) - circles[2, i] - problem.robot_radius - problem.margin)
+                g_lower.append(0.0)
                 g_upper.append(np.inf)
         options: dict[str, Any] = {"print_time": False, "error_on_fail": False}
         if self._plugin == "ipopt":
@@ -106,13 +122,13 @@ class IpoptController:
                 "x": ca.vertcat(*[v for pair in zip(x, u, strict=False) for v in pair], x[n]),
                 "f": cost,
                 "g": ca.vertcat(*constraints),
-                "p": ca.vertcat(goal, ca.vec(circles)),
+                "p": ca.vertcat(goal, ca.vec(circles), last),
             },
             options | self._options,
         )
         self._lower = np.concatenate([np.tile(np.concatenate([x_min, u_min]), n), x_min])
         self._upper = np.concatenate([np.tile(np.concatenate([x_max, u_max]), n), x_max])
-        self._g_lower, self._g_upper = np.zeros(len(g_upper)), np.array(g_upper)
+        self._g_lower, self._g_upper = np.array(g_lower), np.array(g_upper)
         self._obstacle_count = count
 
     def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Sequence[Circle] | ArrayLike = ()) -> Plan:
@@ -128,7 +144,12 @@ class IpoptController:
         guess = np.concatenate([np.hstack([self._states[:-1], self._inputs]).ravel(), self._states[-1]])
         guess[:STATES] = self._lower[:STATES] = self._upper[:STATES] = pose
         found = self._solver(
-            x0=guess, p=np.concatenate([target, circles.ravel()]), lbx=self._lower, ubx=self._upper, lbg=self._g_lower, ubg=self._g_upper
+            x0=guess,
+            p=np.concatenate([target, circles.ravel(), self._last]),
+            lbx=self._lower,
+            ubx=self._upper,
+            lbg=self._g_lower,
+            ubg=self._g_upper,
         )
         solution = np.array(found["x"]).ravel()
         stages = solution[: (STATES + INPUTS) * n].reshape(n, STATES + INPUTS)
@@ -137,6 +158,9 @@ class IpoptController:
         statistics = self._solver.stats()
         u_min, u_max, _, _ = self.problem.bounds
         command = np.clip(np.where(np.isfinite(inputs[0]), inputs[0], 0.0), u_min, u_max)
+        if self._rates.active:
+            command = np.clip(command, *self._rates.first(self._last))
+        self._last = command.copy()
         usable = bool(np.isfinite(solution).all())
         self._states = np.vstack([states[1:], states[-1:]]) if usable else None
         self._inputs = np.vstack([inputs[1:], inputs[-1:]]) if usable else np.zeros((n, INPUTS))

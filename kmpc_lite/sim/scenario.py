@@ -29,10 +29,10 @@ from kmpc_lite.sim.scenario_shapes import grid_to_toml, read_grid, read_polygons
 if TYPE_CHECKING:
     from kmpc_lite.control.solids import Solids
 
-FLOAT_LISTS = {"bounds": 4, "start": 3, "goal": 3, "pose_noise": 3}
+FLOAT_LISTS = {"bounds": 4, "start": 3, "goal": 3, "du_max": 2, "pose_noise": 3}
 KEYS: Mapping[str, Mapping[str, Any]] = {
     "map": {"bounds": None, "circles": [], "polygons": [], "walls": [], "grid": ""},
-    "robot": {"radius": 0.15, "start": None, "goal": None},
+    "robot": {"radius": 0.15, "start": None, "goal": None, "du_max": []},
     "plant": {
         "slip": 0.0,
         "turn_gain": 1.0,
@@ -108,6 +108,8 @@ class Scenario:
     """Heading error [rad] that counts as arrived."""
     margin: float = 0.0
     """Distance [m] that the controller is asked to keep beyond the radii."""
+    du_max: tuple[float, float] | None = None
+    """How fast commands may change [m/s^2, rad/s^2]; as the problem has it where not given. In a file [] is the same."""
     polygons: tuple[Polygon, ...] = ()
     walls: tuple[Wall, ...] = ()
     grid: OccupancyGrid | None = None
@@ -190,24 +192,28 @@ class Scenario:
         values = {**self.__dict__, "bounds": list(self.bounds), "circles": rows, "start": list(self.start), "goal": list(self.goal)}
         values["pose_noise"], values["floors"] = list(self.pose_noise), [list(f) for f in self.floors]
         values["ground_changes"], values["ground_patches"] = [list(c) for c in self.ground_changes], [list(p) for p in self.ground_patches]
+        values["du_max"] = list(self.du_max or ())
+        left_out = {"grid"} if self.du_max else {"grid", "du_max"}
         values["polygons"] = [[list(corner) for corner in p.vertices] for p in self.polygons]
         values["walls"] = [[w.x1, w.y1, w.x2, w.y2, w.thickness] for w in self.walls]
         lines: list[str] = []
         for section, keys in KEYS.items():
-            lines += [f"[{section}]", *(f"{key} = {values[key]!r}" for key in keys if key != "grid")]
+            lines += [f"[{section}]", *(f"{key} = {values[key]!r}" for key in keys if key not in left_out)]
             lines += [f"grid = {grid_to_toml(self.grid)}", ""] if section == "map" and self.grid is not None else [""]
         return "\n".join(lines)
 
     def problem(self, base: NavigationProblem | None = None) -> NavigationProblem:
         """Navigation problem of this map and robot, the rest as in `base` (the paper's where not given)."""
         x_min, y_min, x_max, y_max = self.bounds
+        base = base or NavigationProblem()
         try:
             return replace(
-                base or NavigationProblem(),
+                base,
                 x_min=(x_min, y_min, -np.inf),
                 x_max=(x_max, y_max, np.inf),
                 robot_radius=self.radius,
                 margin=self.margin,
+                du_max=base.du_max if self.du_max is None else self.du_max,
             )
         except ProblemError as error:
             raise ScenarioError(f"{self.name}: {error}") from error
@@ -292,10 +298,14 @@ def _value(where: str, key: str, value: Any) -> Any:
         return value
     if key in ("x", "y"):
         return _number(where, value)
+    if key == "du_max" and value == []:
+        return None
     if key in FLOAT_LISTS:
         if not isinstance(value, list) or len(value) != FLOAT_LISTS[key]:
             raise ScenarioError(f"{where}: expected {FLOAT_LISTS[key]} numbers, got {value!r}")
         numbers = tuple(_number(where, v) for v in value)
+        if key == "du_max" and min(numbers) <= 0:
+            raise ScenarioError(f"{where}: expected numbers > 0, got {value!r}")
         if key == "pose_noise" and min(numbers) < 0:
             raise ScenarioError(f"{where}: expected numbers >= 0, got {value!r}")
         return numbers

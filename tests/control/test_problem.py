@@ -57,6 +57,7 @@ def test_defaults_are_the_papers() -> None:
         *(("x_min", v) for v in ((2.0, -2.0, -INF), (3.0, -2.0, -INF), (NAN, -2.0, -INF), (-2.0, -2.0, -3.0), (-2.0, -2.0))),
         *(("x_max", v) for v in ((2.0, 2.0, 3.0), (2.0, -2.0, INF), (2.0, 2.0, NAN))),
         *(("deceleration", v) for v in ((0.0, 1.0), (-1.0, 1.0), (NAN, 1.0), (INF, 1.0), (1.0,))),
+        *(("du_max", v) for v in ((0.0, 1.0), (-1.0, 1.0), (NAN, 1.0), (1.0,), 1.0, None)),
         *(("slack_weights", v) for v in ((0.0, 1.0), (1.0, -1.0), (1.0, INF), (1.0, 1.0, 1.0))),
     ],
 )

@@ -29,6 +29,12 @@ def test_it_says_in_words_what_is_missing(tmp_path: Path, monkeypatch: pytest.Mo
     assert acados.why_not(tmp_path) == ""
 
 
+def test_limits_on_the_change_of_commands_are_refused() -> None:
+    with pytest.raises(kl.ProblemError, match="du_max") as caught:
+        acados.AcadosController(kl.nominal_unicycle(0.1), kl.NavigationProblem(du_max=(1.0, 4.0)))
+    assert "\n" not in str(caught.value)
+
+
 def test_a_failed_installation_is_told_in_pips_last_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def no_network(*command: Any, **options: Any) -> subprocess.CompletedProcess[str]:
         return subprocess.CompletedProcess(command, 1, "", "WARNING: retrying\nERROR: no matching distribution\n")

@@ -98,6 +98,7 @@ def test_everything_survives_being_written(tmp_path: Path) -> None:
         tolerance=0.03,
         heading_tolerance=0.2,
         margin=0.11,
+        du_max=(1.0, 4.5),
     )
     assert table(Scenario.load(write(tmp_path, scenario.to_toml()))) == table(scenario)
 
@@ -111,6 +112,8 @@ def test_everything_survives_being_written(tmp_path: Path) -> None:
         ("radius = 0.15", "radius = 'wide'", "[robot] radius"),
         ("radius = 0.15", "radius = true", "[robot] radius"),
         ("radius = 0.15", "radius = [0.15]", "[robot] radius"),
+        ("radius = 0.15", "radius = 0.15\ndu_max = 1.0", "[robot] du_max: expected 2 numbers"),
+        ("radius = 0.15", "radius = 0.15\ndu_max = [1.0, 0.0]", "[robot] du_max: expected numbers > 0"),
         ("radius = 0.15", "radius = 0.15\nweight = 3", "[robot] weight: unknown key"),
         ("[plant]", "[floor]", "unknown section [floor]"),
         ("start = [0.0, 0.0, 0.0]", "", "[robot] start: missing"),
@@ -199,6 +202,14 @@ def test_the_problem_has_the_maps_bounds_and_keeps_the_rest() -> None:
     np.testing.assert_array_equal(problem.bounds[2], [-1.0, -3.0, -np.inf])
     np.testing.assert_array_equal(problem.bounds[3], [2.0, 4.0, np.inf])
     assert (problem.robot_radius, problem.margin, problem.horizon, problem.dt) == (0.2, 0.07, 7, 0.05)
+
+
+def test_limits_on_the_change_of_commands_reach_the_problem(tmp_path: Path) -> None:
+    limited = Scenario.load(write(tmp_path, GOOD.replace("radius = 0.15", "radius = 0.15\ndu_max = [1.0, 4]")))
+    np.testing.assert_array_equal(limited.problem().du_max, [1.0, 4.0])
+    free = Scenario.load(write(tmp_path, GOOD))
+    assert not free.problem().limits_changes
+    np.testing.assert_array_equal(free.problem(kl.NavigationProblem(du_max=(0.5, 2.0))).du_max, [0.5, 2.0])
 
 
 def test_a_scenario_made_in_code_is_checked_as_a_file_is() -> None:
