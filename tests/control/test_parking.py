@@ -23,6 +23,13 @@ def test_the_robot_stands_once_inside_and_stays_until_it_is_out() -> None:
     assert not parking.hold(between)
 
 
+def test_a_robot_that_cannot_stop_inside_does_not_hold_yet() -> None:
+    parking = Parking()
+    assert not parking.hold(np.zeros(3), np.array([ENTER[0] + 0.001, 0.0, 0.0]))
+    assert not parking.hold(np.zeros(3), np.array([0.0, 0.0, -ENTER[1] - 0.001]))
+    assert parking.hold(np.zeros(3), np.array([ENTER[0] - 0.001, 0.0, 0.0]))
+
+
 def test_one_pose_far_off_ends_it_at_once() -> None:
     for push in ([PUSHED[0] + 0.01, 0.0, 0.0], [0.0, 0.0, -PUSHED[1] - 0.01]):
         parking = Parking()
@@ -44,14 +51,15 @@ def test_reset_forgets() -> None:
 
 
 def park(
-    model: kl.KoopmanModel, seed: int, slip: float, noise: float = 0.0, periods: int = 250
+    model: kl.KoopmanModel, seed: int, slip: float, noise: float = 0.0, periods: int = 250, du_max: tuple[float, float] | None = None
 ) -> tuple[np.ndarray, np.ndarray, list[bool]]:
     """Poses (T + 1, 3) less the goal's, commands (T, 2), and whether it held: from within 0.6 m, any headings."""
     random = np.random.default_rng(seed)
     bearing, distance = random.uniform(-np.pi, np.pi), 0.6 * np.sqrt(random.uniform())
     x = np.array([distance * np.cos(bearing), distance * np.sin(bearing), random.uniform(-np.pi, np.pi)])
     goal = np.array([0.0, 0.0, random.uniform(-np.pi, np.pi)])
-    controller, plant = GuidedController(model, kl.NavigationProblem()), kl.DifferentialDrive(slip, seed)
+    problem = kl.NavigationProblem() if du_max is None else kl.NavigationProblem(du_max=du_max)
+    controller, plant = GuidedController(model, problem), kl.DifferentialDrive(slip, seed)
     states, commands = [x], []
     for _ in range(periods):
         plan = controller.step(x + noise * random.normal(size=3) * (0.005, 0.005, 0.02), goal)
@@ -70,6 +78,16 @@ def test_any_start_any_heading_ends_at_rest_in_the_pose(learned: kl.KoopmanModel
     # at rest for good: no dithering
     first = holding.index(True)
     assert first < 150 and all(holding[first:]) and not commands[first:].any()
+
+
+@pytest.mark.parametrize("du_max", [(1.0, 4.0), (0.5, 2.0)])
+@pytest.mark.parametrize("seed", range(3))
+def test_with_limited_changes_it_parks_too(learned: kl.KoopmanModel, seed: int, du_max: tuple[float, float]) -> None:
+    error, commands, holding = park(learned, seed, slip=0.05, du_max=du_max)
+    assert np.hypot(*error[-1, :2]) <= 0.02 and abs(error[-1, 2]) <= 0.05
+    first = holding.index(True)
+    # the command may take some periods to zero, and then stays there
+    assert first < 150 and all(holding[first:]) and not commands[first + 5 :].any()
 
 
 @pytest.mark.long

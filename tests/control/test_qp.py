@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -184,3 +185,24 @@ def test_multipliers_move_one_stage_on(shape: tuple[int, int, int]) -> None:
     for rows in (qp.dynamics_rows, qp.keepout_rows, qp.input_rows, qp.slack_rows):
         np.testing.assert_array_equal(shifted[rows][:-1], y[rows][1:])
         np.testing.assert_array_equal(shifted[rows][-1], y[rows][-1])
+
+
+@pytest.mark.parametrize("du_max", [(1.0, 4.0), (np.inf, 2.0), (0.5, np.inf)])
+def test_changes_of_commands_are_rows_where_they_are_limited(du_max: tuple[float, float]) -> None:
+    free, problem = NavigationQP(make_problem(5), 1, 2), replace(make_problem(5), du_max=du_max)
+    qp, random = NavigationQP(problem, 1, 2), np.random.default_rng(3)
+    last, u = random.normal(size=2), random.normal(size=(5, 2))
+    qp.set_last_command(last)
+    values = qp.A @ qp.pack(np.zeros((6, 3)), u, np.zeros(5))
+    columns = [j for j in range(2) if np.isfinite(du_max[j])]
+    for k in range(5):
+        before = u[k - 1] if k else last
+        for row, j in zip(qp.change_rows[k], columns, strict=True):
+            # how much room the row leaves on either side is what the change leaves
+            np.testing.assert_allclose(qp.upper[row] - values[row], problem.dt * du_max[j] - (u[k, j] - before[j]))
+            np.testing.assert_allclose(values[row] - qp.lower[row], problem.dt * du_max[j] + (u[k, j] - before[j]))
+    # nothing else has changed, and without limits there is no such row
+    assert free.change_rows.size == 0 and qp.row_count == free.row_count + qp.change_rows.size
+    assert (qp.A[: free.row_count] != free.A).nnz == 0
+    shifted = qp.shift_duals(np.arange(qp.row_count, dtype=float))
+    np.testing.assert_array_equal(shifted[qp.change_rows[:-1]], qp.change_rows[1:])
