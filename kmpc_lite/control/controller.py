@@ -288,7 +288,7 @@ class Controller:
         tail = None
         if usable and self._last is not None:
             ahead = self._sqp.keep_out.solids_ahead
-            tail = self._tails.find(self.model, self._last, circles, self._nearby, ahead, self._past)
+            tail = self._tails.find(self.model, self._last, circles, self._nearby, ahead, self._past, self._command)
             if tail is None:
                 reason = "no way to a stop is clear"
             elif tail.slowed:

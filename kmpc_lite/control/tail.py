@@ -27,6 +27,7 @@ import numpy as np
 
 from kmpc_lite.control.obstacles import circle_distances, stand_ins
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.rates import RateLimit
 from kmpc_lite.control.sqp import Trajectory
 from kmpc_lite.control.tightening import Tightening
 from kmpc_lite.dictionary import INPUTS, STATES, Array
@@ -86,7 +87,7 @@ class Tails:
         self._ramp_step = np.asarray(problem.deceleration) * problem.dt
         self._slow_v, self._slow_omega = self._ramp_step.tolist()
         self._further = min(int(round(FURTHER_TIME / problem.dt)), problem.horizon - 1)
-        self._limited = problem.limits_changes
+        self._limited, self._rates = problem.limits_changes, RateLimit(problem)
         self._known: KoopmanModel | None = None
         self._counts = np.arange(1.0, LONGEST_RAMP + 1)
 
@@ -98,6 +99,7 @@ class Tails:
         nearby: Nearby | None,
         solids: tuple[Array, Array, Array],
         past: Array,
+        last: Array | None = None,
     ) -> Tail | None:
         """Tail of a plan, whose coming command is shrunk where it must be; None where there is no way to a stop.
 
@@ -116,6 +118,8 @@ class Tails:
             convex solid lies behind is as good as any other.
         past : ndarray
             (L, 2) commands already sent.
+        last : ndarray, optional
+            (2,) the one sent last: where changes are limited, the coming one is shrunk only as far from it as is allowed.
         """
         tightening = self._tightening
         if tightening is None or not (len(circles) or nearby):
@@ -132,6 +136,9 @@ class Tails:
         if share < 1.0:
             # where it may hardly drive it turns on the spot, which a round robot always may, or it would stand there for ever
             self._shrink(model, plan, share, past)
+            if self._limited and last is not None:
+                plan.inputs[0] = self._rates.limit(plan.inputs[0], last)
+                plan.states[:] = model.rollout(here, plan.inputs, past)
         v, omega = command.tolist()
         periods = max(abs(v) / self._slow_v, abs(omega) / self._slow_omega)
         speeds = abs(v) * (1.0 + 0.5 * periods)

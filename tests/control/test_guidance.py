@@ -9,6 +9,8 @@ from guided import GuidedController
 import kmpc_lite as kl
 from kmpc_lite.control.guidance import FLICKER, Guide, tracking
 from kmpc_lite.control.obstacles import circles_to_array
+from kmpc_lite.control.tangents import Way
+from kmpc_lite.control.timed_path import TimedPath
 
 DT = 0.1
 PROBLEM = kl.NavigationProblem(margin=0.05)
@@ -281,3 +283,14 @@ def test_weights_for_tracking_replace_only_the_weights() -> None:
     changed = tracking(PROBLEM)
     assert changed.margin == PROBLEM.margin and changed.horizon == PROBLEM.horizon
     assert not np.array_equal(changed.Q, PROBLEM.Q)
+
+
+def test_a_last_turn_is_not_mistaken_for_the_first_one() -> None:
+    # over 1 cm, with a first turn from 2.3 to 1.7 and a last one from 1.7 to 3.4: the heading 2.0 is on both
+    way = Way(np.array([[0.0, 0.01], [0.0, 0.0]]), np.full(2, 1.7), 1.0, False)
+    path = TimedPath(way, pose(0.0, 0.01, 2.3), pose(0.0, 0.0, 3.4), np.array([0.6, 0.7]))
+    here = pose(0.0, 0.009, 2.0)
+    first, _ = path.locate(here)
+    assert first < path.drive_end
+    last, _ = path.locate(here, path.drive_end)
+    np.testing.assert_allclose(path.at(np.array([last]))[0], [0.0, 0.0, 2.0], atol=0.04)
