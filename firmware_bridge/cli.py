@@ -97,9 +97,7 @@ def _run(options: argparse.Namespace) -> int:
 
     drive = _course(load(options), options.settle, options.seconds)
     _prepare(options)
-    if drive.note:
-        sys.stderr.write(f"kmpc-bridge: {drive.note}\n")
-    report, status = run(drive.robot, drive.navigator, drive.period, drive.origin, options.record, _out(options))
+    report, status = run(drive.robot, drive.navigator, drive.period, drive.origin, options.record, _out(options), drive.note)
     if options.json:
         _say(json.dumps({"scenario": drive.name, **report}))
     return status

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
 from typing import Any, TextIO
@@ -20,7 +21,7 @@ Pose = tuple[float, float, float]
 
 
 def run(
-    robot: Robot, navigator: Navigator, period: float, origin: Pose, output: str | None, out: TextIO | None
+    robot: Robot, navigator: Navigator, period: float, origin: Pose, output: str | None, out: TextIO | None, note: str = ""
 ) -> tuple[dict[str, Any], int]:
     """Drive to the goal; gives the report and the exit status.
 
@@ -38,8 +39,12 @@ def run(
         Record to files of this name.
     out : text stream, optional
         For people; nothing is written where not given.
+    note : str
+        Said on standard error once the board has answered, before it drives.
     """
     with Session(robot, navigator, period, origin=origin, output=None if output is None else Path(output), out=out) as session:
+        if note:
+            sys.stderr.write(f"kmpc-bridge: {note}\n")
         navigator.is_driving, navigator.held = lambda: session.gate.state is GateState.ACTIVE, lambda: session.planner.held
         session.drive(navigator.finished)
         report = {"outcome": "", **navigator.report(), **session.report()}
