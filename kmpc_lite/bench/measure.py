@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import resource
 import subprocess
 import sys
@@ -144,6 +145,9 @@ def measure(
         controllers[-1].step(drives[0].states[0], drives[0].goal, drives[0].circles)
         grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
         results.append(Measurement(contender.name, memory=grown / 1024))
+    # as before a loop on a robot: what exists by now need not be looked through again
+    gc.collect()
+    gc.freeze()
     for i, drive in enumerate(drives):
         for j in np.roll(np.arange(len(field_of)), i).tolist():
             _run(controllers[j], field_of[j].timed, drive, model, problem, results[j])
