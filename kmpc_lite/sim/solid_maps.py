@@ -7,7 +7,7 @@ import numpy as np
 from kmpc_lite.control.occupancy import OccupancyGrid
 from kmpc_lite.control.shapes import Polygon, Wall
 from kmpc_lite.dictionary import Array
-from kmpc_lite.sim.layout import Layout, Random, at_rest, draw_ends
+from kmpc_lite.sim.layout import BOUNDS, Layout, Random, at_rest, draw_ends
 
 CELL = 0.05
 """Of the rooms' grid [m]."""
@@ -77,6 +77,8 @@ def draw_rooms(random: Random) -> Layout:
     inside = inner - 0.2
     x = random.uniform(-inside, split - 0.3), random.uniform(split + 0.3, inside)
     ends = np.column_stack([x, random.uniform(-inside, inside, 2)]) @ rotation
+    # the corners of a house that stands askew reach beyond the area
+    ends = np.clip(ends, BOUNDS[:2], BOUNDS[2:])
     headings = random.uniform(-np.pi, np.pi, 2)
     return Layout(np.empty((0, 5)), np.append(ends[0], headings[0]), np.append(ends[1], headings[1]), grid=grid)
 

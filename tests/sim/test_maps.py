@@ -127,3 +127,10 @@ def test_ways_outside_the_area_do_not_count() -> None:
 
 def test_no_circles_no_trouble() -> None:
     assert has_passage(np.empty((0, 3)), START, GOAL, 0.3, AREA)
+
+
+@pytest.mark.parametrize("seed", [500035, 7])
+def test_houses_that_stand_askew_keep_start_and_goal_in_the_area(seed: int) -> None:
+    scenario = random_map("rooms", seed)
+    ends = np.array([scenario.start[:2], scenario.goal[:2]])
+    assert np.abs(ends).max() <= 2.0
