@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 from firmware_bridge.robot_file import DRIVERS
 
@@ -104,6 +105,15 @@ def build_parser(runs: Mapping[str, Callable[[argparse.Namespace], int]]) -> arg
     sub.add_argument("--seconds", type=_positive, default=10.0, help="for each row of the table [s] (default 10)")
     sub.add_argument("--drivers", nargs="+", choices=DRIVERS, default=list(DRIVERS), help="which (default all)")
     sub.add_argument("--rates", nargs="+", type=_positive, default=[10.0, 50.0], help="of plans and commands [Hz] (default 10 50)")
+
+    sub = command(
+        "demo",
+        "learn from a drive of the emulated rover, drive it past four obstacles over a pseudo-terminal, and show it",
+        "kmpc-bridge demo --seconds 50 --output out",
+    )
+    sub.add_argument("--seconds", type=_positive, default=50.0, help="of random driving to learn from [s] (default 50)")
+    sub.add_argument("--seed", type=int, default=0, help="of the random driving and of the floor's slip (default 0)")
+    sub.add_argument("--output", type=Path, default=Path("out"), help="folder for log, model, run and report (default out)")
     return parser
 
 

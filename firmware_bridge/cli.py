@@ -10,6 +10,7 @@ import json
 import os
 import sys
 import tomllib
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO
@@ -115,8 +116,8 @@ class _Course(NamedTuple):
     """What a user should know before it drives."""
 
 
-def _course(robot: Robot, settle: float, seconds: float) -> _Course:
-    """kmpc_lite's controller and scenario as the bridge wants them."""
+def _course(robot: Robot, settle: float, seconds: float, watch: Callable[[Any, Any], None] | None = None) -> _Course:
+    """kmpc_lite's controller and scenario as the bridge wants them; `watch` is told each pose and plan."""
     import kmpc_lite as kl
     from firmware_bridge.navigator import Navigator, Task
     from kmpc_lite.sim import Scenario
@@ -136,6 +137,8 @@ def _course(robot: Robot, settle: float, seconds: float) -> _Course:
     def step(pose: tuple[float, float, float], circles: Any) -> tuple[float, float, str]:
         obstacles = circles if scenario.solids is None else [*circles, *scenario.solids.solids]
         plan = controller.step(pose, scenario.goal, obstacles, sent=navigator.held())
+        if watch is not None:
+            watch(pose, plan)
         return float(plan.command[0]), float(plan.command[1]), plan.status.name
 
     robot, note = _with_latency(robot, controller.model.history)
@@ -289,6 +292,20 @@ def _latency(options: argparse.Namespace) -> int:
     return 0
 
 
+def _demo(options: argparse.Namespace) -> int:
+    import kmpc_lite as kl
+    from firmware_bridge.demo import demo
+
+    command = "kmpc-bridge " + " ".join(sys.argv[1:])
+    try:
+        report, status = demo(options.output, options.seconds, options.seed, _course, _out(options), command)
+    except kl.KmpcError as error:
+        raise ConfigError(str(error)) from error
+    if options.json:
+        _say(json.dumps(report))
+    return status
+
+
 COMMANDS = {
     "check": _check,
     "run": _run,
@@ -297,6 +314,7 @@ COMMANDS = {
     "emulate": _emulate,
     "estop": _estop,
     "latency": _latency,
+    "demo": _demo,
 }
 
 if __name__ == "__main__":

@@ -47,10 +47,11 @@ def robot_text(driver: str, folder: Path, period: float) -> str:
 
 
 @contextmanager
-def emulator(file: Path, link: Path) -> Iterator[None]:
-    """Emulate the board of a robot file in another process."""
-    command = [sys.executable, "-m", "firmware_bridge.cli", "emulate", str(file), "--json", "--scenario", SCENARIO]
-    child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+def emulator(file: Path, link: Path, *options: str) -> Iterator[None]:
+    """Emulate the board of a robot file in another process, with more options of `kmpc-bridge emulate`."""
+    command = [sys.executable, "-m", "firmware_bridge.cli", "emulate", str(file), "--json", "--scenario", SCENARIO, *options]
+    # a session of its own: Ctrl-C must brake the robot, not take it away
+    child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
         until = time.monotonic() + START_TIME
         while not link.is_symlink():
