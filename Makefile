@@ -27,8 +27,8 @@ $(VENV)/dev: $(VENV)/python pyproject.toml
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot,bridge,peers,twin,clients,dev]'
 	@touch $@ $(VENV)/demo
 
-demo: $(VENV)/demo  ## learn from a drive, drive past four obstacles, end in a report: out/report.html
-	@$(BIN)/kmpc demo $(if $(LOG),--log $(LOG)) --output out
+demo: $(VENV)/demo  ## learn from a drive of the emulated rover, drive it past four obstacles, end in a report: out/report.html
+	@$(BIN)/$(if $(LOG),kmpc demo --log $(LOG),kmpc-bridge demo) --output out
 
 check: $(VENV)/dev  ## style, types and import rules
 	$(BIN)/ruff check .

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
 import tomllib
@@ -25,6 +26,8 @@ from firmware_bridge.messages import BridgeError, ConfigError, LinkError  # noqa
 from firmware_bridge.robot_file import NOMINAL_LATENCY, Robot, load_robot  # noqa: E402
 
 INTERRUPTED = 130
+UNKNOWN = (math.nan, math.nan)
+"""The command of a period in which nobody knows what was on the wire."""
 FENCE_ROOM = 0.25
 """Without a geofence of its own a robot may leave the scenario's area by so much [m]."""
 LOOK_AHEAD = 2.0
@@ -136,7 +139,7 @@ def _course(robot: Robot, settle: float, seconds: float, watch: Callable[[Any, A
 
     def step(pose: tuple[float, float, float], circles: Any) -> tuple[float, float, str]:
         obstacles = circles if scenario.solids is None else [*circles, *scenario.solids.solids]
-        plan = controller.step(pose, scenario.goal, obstacles, sent=navigator.held())
+        plan = controller.step(pose, scenario.goal, obstacles, sent=navigator.held() or UNKNOWN)
         if watch is not None:
             watch(pose, plan)
         return float(plan.command[0]), float(plan.command[1]), plan.status.name

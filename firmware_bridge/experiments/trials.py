@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -124,7 +125,7 @@ def drive_trial(contender: Contender, scenario: Scenario, setup: Setup, seed: in
     plans: list[Any] = []
 
     def step(pose: tuple[float, float, float], around: Any) -> tuple[float, float, str]:
-        told = {"sent": navigator.held()} if isinstance(controller, kl.Controller) else {}
+        told = {"sent": navigator.held() or (math.nan, math.nan)} if isinstance(controller, kl.Controller) else {}
         plan = controller.step(pose, scenario.goal, around, **told)
         if drive.driving:
             plans.append(plan)

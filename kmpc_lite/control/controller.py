@@ -179,7 +179,7 @@ class Controller:
         self._heading_error = 0.0
         self._command: Array = np.zeros(INPUTS)
         self._fallback.reset()
-        self._sent: tuple[Array, Array, Array] | None = None
+        self._sent: tuple[Array, Array, Array, Array] | None = None
         if self._guide is not None:
             self._guide.reset()
         if self._tightening is not None:
@@ -222,7 +222,8 @@ class Controller:
             first step that sees them, and quickly known again as the same or equal objects.
         sent : array_like, optional
             Mean command (2,) of the past period where it was not the last plan's: from a gate with acceleration limits, or a pilot. What
-            is learned while driving would else take these for the floor. One that is not finite counts as not given.
+            is learned while driving would else take these for the floor. NaN where nobody knows
+            it: nothing is learned from that period.
 
         Returns
         -------
@@ -265,7 +266,7 @@ class Controller:
         target[2] -= 2 * np.pi * round(float(target[2]) / (2 * np.pi))
         if self._tightening is not None and self._sent is not None:
             # how wrong the model was about the past period widens the margins at once
-            before, acted, expected = self._sent
+            before, acted, expected, _ = self._sent
             self._tightening.observe(here - expected, float(before[2]), acted)
         rest = self._rates.rest(here, self._command) if self._rates.active else None
         guidance = None if self._guide is None else self._guide.reference(here, target, circles, self._solids, rest)
@@ -303,8 +304,8 @@ class Controller:
         if trajectory is None or tail is None:
             return self._without_solution(pose, circles, start, timing, result.passes, reason)
         self._fallback.accept(trajectory, tail)
+        self._sent = here, trajectory.inputs[0].copy(), expected, self._past.copy()
         self._remember(trajectory.inputs[0])
-        self._sent = here, trajectory.inputs[0].copy(), expected
         states = trajectory.states
         if turns:
             states = states + (0.0, 0.0, turns)
@@ -317,6 +318,7 @@ class Controller:
         if command.shape != (INPUTS,):
             raise ValueError(f"sent: expected shape ({INPUTS},), got {command.shape}")
         if not np.isfinite(command).all():
+            self._driven = self._sent = None
             return
         self._command = np.clip(command, self._u_min, self._u_max)
         for earlier in (self._past, self._given):
@@ -326,9 +328,8 @@ class Controller:
             before, _, past = self._driven
             self._driven = before, command.copy(), past
         if self._sent is not None:
-            # a model with input history would need the commands before these, which are gone
-            here = self._sent[0]
-            self._sent = None if self.model.history else (here, command.copy(), self.model.predict(here, command))
+            here, _, _, past = self._sent
+            self._sent = here, command.copy(), self.model.predict(here, command, past), past
 
     def _adapt(self, pose: Array, adaptation: OnlineAdaptation) -> None:
         """Show the adaptation the past period, and take over the model that it may give."""

@@ -64,3 +64,10 @@ def test_ctrl_c_while_recording_ends_with_130_and_no_model(tmp_path):
     assert child.returncode == 130 and report["loop"]["stop_reason"] == "SIGINT"
     assert "RELEASED" in [change["to"] for change in report["loop"]["changes"]]
     assert not (tmp_path / "robot.npz").exists()
+
+
+@pytest.mark.long
+def test_the_whole_demo_reaches_its_goal(tmp_path, capsys):
+    assert main(["demo", "--output", str(tmp_path / "out"), "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["outcome"] == "reached" and Run.load(tmp_path / "out" / "run.npz").clearance > 0.03
