@@ -235,7 +235,7 @@ def test_a_failure_is_driven_again_by_the_command_in_its_file(tmp_path: Path, mo
     from kmpc_lite.cli import main
 
     spec = ControllerSpec("ours, no adaptation", "kmpc", None, adaptation=False)
-    late = Condition("late", lag=0.4, dead_time=0.3, pose_age=0.2)
+    late = Condition("late", lag=1.5, dead_time=1.0, pose_age=0.2)
     # a model that knows no lag drives a robot that lags: it hits things
     found = study(specs=[spec], slips=(0.0,), maps=6, first_seed=3, conditions=(late,), failures=tmp_path)
     record = next(r for r in found if r["collision_s"] is not None)
