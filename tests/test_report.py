@@ -144,6 +144,44 @@ def test_the_report_is_one_file_that_tells_the_numbers(runs, name, tmp_path):
     assert all(getattr(again, f.name) == getattr(run.scenario, f.name) for f in fields(Scenario))
 
 
+def test_the_page_tells_what_the_robot_was_put_through(runs, tmp_path):
+    from kmpc_lite.sim.scenario import Floor
+
+    changed = {
+        "slip": 0.07,
+        "lag": 0.3,
+        "dead_time": 0.15,
+        "pose_age": 0.125,
+        "pose_noise": (0.005, 0.006, 0.02),
+        "floors": (Floor(5.0, 0.2, 0.6), Floor(8.0, 0.01)),
+        "du_max": (1.0, 4.0),
+    }
+    run = replace(runs["single"], scenario=replace(runs["single"].scenario, **changed))
+    words = {}
+    for plant in ("slip", "learned", "a rover <of mine>"):
+        write_report(tmp_path / "run.html", replace(run, info={"plant": plant}))
+        page = Page(tmp_path / "run.html").words
+        words[plant] = page[page.index("The robot and its conditions") : page.index("The scenario Name")]
+    acting = (
+        "Mean slip 7 %",
+        "Lag of the motors 300 ms (time constant)",
+        "Dead time before them 150 ms",
+        "Floor from 5 s on mean slip 20 %, 60 % of a turn happens",
+        "Floor from 8 s on mean slip 1 %, 100 % of a turn happens",
+    )
+    seen = ("Noise of the measured pose 5 mm, 6 mm, 0.02 rad", "Age of the measured pose 125 ms")
+    for line in (*acting, *seen):
+        assert line in words["slip"]
+        assert (line in words["learned"]) == (line in seen)
+        assert line not in words["a rover <of mine>"]
+    assert all("Commands change by at most 1 m/s², 4 rad/s²" in text for text in words.values())
+    assert "behaves as the model does" in words["learned"] and "a rover <of mine>" in words["a rover <of mine>"]
+    write_report(tmp_path / "run.html", runs["single"])
+    plain = Page(tmp_path / "run.html").words
+    for name in ("Lag of the motors", "Dead time before them", "Changes of the floor", "Age of the measured pose"):
+        assert f"{name} none" in plain
+
+
 def test_what_users_name_is_shown_and_never_run(runs, tmp_path):
     run = replace(runs["single"], scenario=replace(runs["single"].scenario, name=HOSTILE), info={HOSTILE: [HOSTILE]})
     model = replace(MODEL, info={"method": HOSTILE, "log": [HOSTILE], "condition": 7.5})

@@ -22,8 +22,9 @@ from kmpc_lite.learn.evaluation import FitReport
 from kmpc_lite.model import KoopmanModel
 from kmpc_lite.report.page import CAPTIONS, MOVING_CAPTION, PAGE
 from kmpc_lite.report.pictures import run_pictures
+from kmpc_lite.report.scenario_rows import robot_rows, scenario_rows
 from kmpc_lite.report.style import render, write_picture
-from kmpc_lite.report.words import STATUS_WORDS, angle, length, milliseconds, outcome_sentence, outcome_title
+from kmpc_lite.report.words import STATUS_WORDS, length, milliseconds, outcome_sentence, outcome_title
 from kmpc_lite.sim.closed_loop import Outcome, Run
 
 BADGES = {Outcome.REACHED: ("good", "✓ reached"), Outcome.COLLISION: ("bad", "✕ collision"), Outcome.TIMEOUT: ("late", "◷ out of time")}
@@ -91,7 +92,8 @@ def write_report(
         times_table=_table(_time_rows(run)),
         statuses=_table(_status_rows(run)),
         fit=_fit_section(model, held_out, pictures.get("fit", "")),
-        scenario_table=_table(_scenario_rows(run)),
+        robot_table=_table(robot_rows(run)),
+        scenario_table=_table(scenario_rows(run)),
         toml=escape(run.scenario.to_toml()),
         made=_table(_made_rows(run, command)),
         kept=_kept(run.info),
@@ -220,32 +222,6 @@ def _errors_table(report: FitReport) -> str:
         f"The paper's RMSE of one step: {report.rmse_percent:.2f} %."
     )
     return f'<div class="scroll"><table class="numbers">\n{head}\n{cells}\n</table></div>\n<p class="small">{escape(note)}</p>'
-
-
-def _scenario_rows(run: Run) -> Iterable[tuple[str, str]]:
-    scenario = run.scenario
-    x_min, y_min, x_max, y_max = scenario.bounds
-    yield "Name", scenario.name
-    yield "Area of the robot's centre", f"x from {x_min:g} to {x_max:g} m, y from {y_min:g} to {y_max:g} m"
-    for name, pose in (("Start", scenario.start), ("Goal", scenario.goal)):
-        yield name, f"({pose[0]:g}, {pose[1]:g}) m, heading {angle(pose[2])}"
-    yield "Robot radius", length(scenario.radius)
-    yield "Obstacles", str(scenario.obstacle_count)
-    for i, circle in enumerate(scenario.circles[:12], start=1):
-        moves = f", moves at ({circle.vx:g}, {circle.vy:g}) m/s" if circle.vx or circle.vy else ""
-        yield f"Obstacle {i}", f"at ({circle.x:g}, {circle.y:g}) m, radius {length(circle.radius)}{moves}"
-    if len(scenario.circles) > 12:
-        yield "Other circles", f"{len(scenario.circles) - 12}, in the file below"
-    if scenario.solids is not None:
-        grid = f", {scenario.grid!r}" if scenario.grid is not None else ""
-        yield "Solids", f"{len(scenario.polygons)} polygons, {len(scenario.walls)} walls{grid}; in the file below"
-    yield "Margin asked for", length(scenario.margin)
-    yield "Mean slip", f"{100 * scenario.slip:g} %"
-    yield "Share of a turn that happens", f"{100 * scenario.turn_gain:g} %"
-    x, y, theta = scenario.pose_noise
-    yield "Noise of the measured pose", f"{length(x)}, {length(y)}, {theta:g} rad" if any(scenario.pose_noise) else "none"
-    yield "Seed", str(scenario.seed)
-    yield "Period and horizon", f"{milliseconds(run.dt)}, {run.plans.shape[1] - 1} stages"
 
 
 def _made_rows(run: Run, command: str | None) -> Iterable[tuple[str, str]]:

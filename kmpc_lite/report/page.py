@@ -121,6 +121,10 @@ PAGE = (
 </section>
 {fit}
 <section>
+<h2>The robot and its conditions</h2>
+{robot_table}
+</section>
+<section>
 <h2>The scenario</h2>
 {scenario_table}
 <details><summary>The scenario as a file (TOML)</summary><pre>{toml}</pre></details>
