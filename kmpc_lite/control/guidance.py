@@ -247,6 +247,7 @@ class Guide:
         for choice in self._choices(pose, goal, circles, solids, keep_to):
             if choice is None:
                 yield None
+        yield None
         way, switched = choice or (None, True)
         self._furthest = self._still = 0.0
         if way is None:
@@ -259,7 +260,10 @@ class Guide:
         length = float(np.hypot(*np.diff(way.points, axis=0).T).sum())
         # a robot that is stuck turns on the spot before it drives
         free = 0.0 if stuck else FREE_TURN * min(1.0, length / LONG)
-        self._path = TimedPath(way, pose, goal, self._gears[way.reverse], free)
+        gear = self._gears[way.reverse]
+        self._path = TimedPath(way, pose, goal, gear, free)
+        # the turn that is left to the controller is no progress along the way, but no stand either
+        self._still = -free / float(gear[1])
         yield switched or previous is None or not same_goal
 
     def _choices(
@@ -290,9 +294,10 @@ class Guide:
             radii = np.clip(sizes + self._keep + clearance, 0.0, np.maximum(nearest, 0.0))
             best: Way | None = None
             route = None if maze is None else maze.route(pose, goal, self._keep + clearance, circles, area)
-            yield None
-            if maze is not None and route is None:
-                continue
+            if maze is not None:
+                yield None
+                if route is None:
+                    continue
             for way in ways_in_parts(centres, radii, pose, goal, area, self._gears[0], self._backward, edges, route):
                 if way is None:
                     yield None

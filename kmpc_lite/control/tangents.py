@@ -216,6 +216,7 @@ def _graph_ways(
     beside = ends_of_way[:, None, :2] + turning * LEFT_RIGHT[:, None] * across[:, None]
     points = np.concatenate([centres, beside.reshape(-1, 2), ends_of_way[:, :2]])
     sizes = np.concatenate([radii, np.full(TURNING, turning), (0.0, 0.0)])
+    yield None
     first, second, sense, ends, directions, lengths = free_tangents(points, sizes, count, area, edges, route)
     tangents, start_point, goal_point = len(first), count + TURNING, count + TURNING + 1
     headings = np.arctan2(directions[:, 1], directions[:, 0])
@@ -243,8 +244,8 @@ def _graph_ways(
     begins = np.zeros(size + 1, dtype=np.int32)
     np.cumsum(np.bincount(tails, minlength=size), out=begins[1:])
     graph = csr_matrix((times[by_tail], heads[by_tail].astype(np.int32), begins), (size, size))
-    distance, before = dijkstra(graph, indices=(size - 2, size - 1), return_predecessors=True)
     yield None
+    distance, before = dijkstra(graph, indices=(size - 2, size - 1), return_predecessors=True)
 
     # candidates: tangents that end at the start, with a turn there first, and the circles beside it
     to_start = np.flatnonzero((second == start_point) | (first == start_point))
@@ -266,6 +267,7 @@ def _graph_ways(
             nodes.append(following)
         away = float(leaving[column]) if column < len(leaving) else float(start[2]) + gear * math.pi
         corners, along = _trace(nodes, away, points, sizes, circle, rotation, places)
+        yield None
         yield Way(corners, along, float(total[gear, column]), gear == 1)
 
 

@@ -49,14 +49,14 @@ class TimedPath:
         lengths = np.hypot(steps[:, 0], steps[:, 1])
         needed = np.maximum(lengths / speed[0], np.abs(steps[:, 2]) / speed[1])
         self.times = np.concatenate([[0.0], np.cumsum(np.maximum(needed, 1e-9))])
-        self._slopes = steps / np.diff(self.times)[:, None]
+        self._columns = np.ascontiguousarray(self.poses.T)
         self.duration = float(self.times[-1])
         self.drive_end = float(self.times[-2])
         """When the goal's position is reached, and the last turn begins [s]."""
         # a robot that hardly moves would need more poses than there is memory
         self._resolution = max(RESOLUTION, self.duration / MOST_POSES)
         self._grid_times = np.append(np.arange(0.0, self.duration, self._resolution), self.duration)
-        self._grid = self.at(self._grid_times)
+        self._grid = self.at(self._grid_times) * (1.0, 1.0, TURN_LENGTH)
         self.place = 0.0
 
     @property
@@ -66,25 +66,23 @@ class TimedPath:
 
     def at(self, times: Array) -> Array:
         """Poses (n, 3) at times (n,) [s]; the ends are held."""
-        before = np.minimum(self.times.searchsorted(times, side="right"), len(self._slopes))
-        before -= 1
-        along = np.maximum(times, 0.0)
-        np.minimum(along, self.duration, out=along)
-        along -= self.times[before]
-        poses = self._slopes[before]
-        poses *= along[:, None]
-        poses += self.poses[before]
+        poses = np.empty((len(times), 3))
+        for i, column in enumerate(self._columns):
+            poses[:, i] = np.interp(times, self.times, column)
         return poses
 
     def locate(self, pose: Array, least: float = 0.0) -> tuple[float, float]:
         """Find the time [s] of the path's pose that is nearest, not before `least` [s], and its distance [m]; near the last one found."""
+        last = max(self.place, least)
         begin = int(max(self.place - BACKWARD, least) / self._resolution)
-        end = int((max(self.place, least) + FORWARD) / self._resolution) + 2
-        error = self._grid[begin:end] - pose
-        error[:, 2] = TURN_LENGTH * wrap(error[:, 2])
+        end = int((last + FORWARD) / self._resolution) + 2
+        x, y, heading = pose.tolist()
+        # next to the heading at the last place: the robot has not turned by half a circle since
+        heading -= 2 * math.pi * round((heading - self._grid.item(int(last / self._resolution), 2) / TURN_LENGTH) / (2 * math.pi))
+        error = self._grid[begin:end] - (x, y, TURN_LENGTH * heading)
         nearest = int(np.einsum("ni,ni->n", error, error).argmin())
         self.place = float(self._grid_times[begin + nearest])
-        return self.place, math.hypot(error[nearest, 0], error[nearest, 1])
+        return self.place, math.hypot(error.item(nearest, 0), error.item(nearest, 1))
 
     def points_left(self, pose: Array) -> Array:
         """Points (K, 2) from a robot's pose (3,) along the rest of the way."""
