@@ -2,7 +2,8 @@
 
 The way is the quickest on the tangent graph of the inflated circles; it is looked for anew only when the map, the goal or the
 robot's place gives a reason: at once for a new map or goal, over a few steps while the robot drives on where it has only strayed.
-Between times the robot is located on it, and the poses of the coming stages are read off.
+Between times the robot is located on it, and the poses of the coming stages are read off. All this is done for the point about which
+the robot turns, where that is not the one tracked.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ import numpy as np
 
 from kmpc_lite.control.parking import CLOSE, ENTER, Parking
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.tangents import NO_EDGES, Way, ways_in_parts, wrap
-from kmpc_lite.control.timed_path import TimedPath
+from kmpc_lite.control.tangents import NO_EDGES, Way, ways_in_parts
+from kmpc_lite.control.timed_path import TimedPath, same_way_around
 from kmpc_lite.control.traffic import MovingCircles
+from kmpc_lite.control.turning_point import SAME, seen_from
 from kmpc_lite.dictionary import Array
 
 if TYPE_CHECKING:
@@ -104,6 +106,9 @@ class Guide:
         self._ahead = LEAD + self._times
         self._dt = problem.dt
         self._parking = Parking()
+        self._point: Array | None = None
+        self._swing, self._clearances = 0.0, list(CLEARANCES)
+        self._shifted = False
         self.reset()
 
     def set_speeds(self, speeds: Array) -> None:
@@ -115,6 +120,18 @@ class Guide:
         # arcs that make room are driven in either gear: the slower one counts
         self._speed = self._gears[1] if 0.0 < back < ahead else self._gears[0]
         self._backward = back / ahead
+
+    def set_turning_point(self, point: Array | None) -> None:
+        """Plan for a point (2,) of the robot, ahead and to the left [m], about which it turns; `turning_point.turning_point`."""
+        known, new = (np.zeros(2) if p is None else p for p in (self._point, point))
+        if math.hypot(*(new - known)) < SAME:
+            return
+        self._point, self._swing = point, math.hypot(*new)
+        self._clearances = [c + self._swing for c in CLEARANCES]
+        if point is not None:
+            self._clearances += [c + abs(float(point[1])) for c in CLEARANCES[1:]]
+        # the way is kept until there is one for the new point
+        self._shifted = True
 
     def reset(self) -> None:
         """Forget the way."""
@@ -143,6 +160,15 @@ class Guide:
         rest : ndarray, optional
             Pose (3,) at which the robot would stand if it braked now; where it is, if not given.
         """
+        point = self._point
+        if point is None:
+            return self._follow(pose, goal, circles, solids, rest, goal)
+        stand = None if rest is None else seen_from(rest, point)
+        guidance = self._follow(seen_from(pose, point), seen_from(goal, point), circles, solids, stand, goal)
+        return replace(guidance, states=seen_from(guidance.states, -point))
+
+    def _follow(self, pose: Array, goal: Array, circles: Array, solids: Solids | None, rest: Array | None, target: Array) -> Guidance:
+        """Give what `reference` does, for poses of the turning point; `target` is the goal of the tracked one."""
         self._age += self._dt
         error = pose - goal
         error[2] -= 2 * np.pi * round(float(error[2]) / (2 * np.pi))
@@ -153,12 +179,12 @@ class Guide:
         # a last turn on the spot begins where the robot comes to a stop
         near = distance if rest is None or self._turning else max(distance, math.hypot(at_rest[0], at_rest[1]))
         self._turning = near <= (ENTER[0] if self._turning else CLOSE)
-        traffic = MovingCircles(circles, self._keep, self._speed, solids) if circles[:, 3:].any() else None
+        traffic = MovingCircles(circles, self._keep + self._swing, self._speed, solids) if circles[:, 3:].any() else None
         place, off = (0.0, 0.0) if self._path is None else self._path.locate(pose, self._path.drive_end if self._turning else 0.0)
         strayed = self._strayed(off, place, distance)
-        at_once = off > LOST or self._is_new(goal, circles, solids) or self._blocked(traffic, place)
+        at_once = off > LOST or self._is_new(target, circles, solids) or self._blocked(traffic, place)
         if at_once or (strayed and self._search is None):
-            self._search = self._look_for_way(pose.copy(), goal, circles, solids, traffic)
+            self._search = self._look_for_way(pose.copy(), goal, circles, solids, traffic, target)
         outcome = self._go_on(at_once)
         refreshed, switched = outcome is not None, bool(outcome)
         if refreshed and self._path is not None:
@@ -208,6 +234,8 @@ class Guide:
             self._furthest, self._still = place, 0.0
         if self._turning:
             return False
+        if self._shifted:
+            return True
         self._still += self._dt
         self._stuck = self._still > PATIENCE[1]
         least, share, most = OFF_WAY
@@ -231,14 +259,15 @@ class Guide:
         return outcome
 
     def _look_for_way(
-        self, pose: Array, goal: Array, circles: Array, solids: Solids | None, traffic: MovingCircles | None
+        self, pose: Array, goal: Array, circles: Array, solids: Solids | None, traffic: MovingCircles | None, target: Array
     ) -> Iterator[bool | None]:
         """Look for a way in parts, none after each; at last yield whether it goes another way around than the one before."""
-        previous, same_goal = self._path, bool((goal == self._goal).all())
-        self._goal, self._circles, self._solids, self._age = goal.copy(), circles.copy(), solids, 0.0
+        previous, same_goal = self._path, bool((target == self._goal).all())
+        self._goal, self._circles, self._solids, self._age = target.copy(), circles.copy(), solids, 0.0
+        self._shifted = False
         # circles at rest that are the same to the last bit are known again in a moment
         self._resting = b"" if traffic is not None else circles.tobytes()
-        goal = self._goal
+        goal = goal.copy()
         stuck = self._stuck
         if traffic is not None:
             circles = traffic.where_met(pose)
@@ -271,26 +300,32 @@ class Guide:
     ) -> Iterator[tuple[Way | None, bool] | None]:
         """Pick a way (none: there is none), and tell whether it goes another way around than the previous one; none after each part."""
         centres, edges, round_about = circles[:, :2], NO_EDGES, circles[:, :2]
-        to_pose, to_goal = (np.hypot(*(centres - point[:2]).T) for point in (pose, goal))
+        to_pose, to_goal, to_target = (np.hypot(*(centres - point[:2]).T) for point in (pose, goal, self._goal))
         sizes = circles[:, 2]
         if solids is not None:
             corners = solids.corners
             centres = np.concatenate([centres, corners.points])
-            to_pose, to_goal = (np.concatenate([a, corners.to_centre(p[:2])]) for a, p in ((to_pose, pose), (to_goal, goal)))
+            to_pose, to_goal, to_target = (
+                np.concatenate([a, corners.to_centre(p[:2])]) for a, p in ((to_pose, pose), (to_goal, goal), (to_target, self._goal))
+            )
             sizes, edges = np.concatenate([sizes, corners.rounding]), corners.edges + len(circles)
             round_about = np.concatenate([circles[:, :2], corners.middles])
         maze = None if solids is None else solids.maze
         if maze is not None:
             round_about = np.concatenate([round_about, maze.landmarks])
-        if (to_goal < sizes + self._radius).any() or (maze is not None and maze.room(goal[:2]) < self._radius):
+        if (to_target < sizes + self._radius).any() or (maze is not None and maze.room(self._goal[:2]) < self._radius):
             yield None, True
             return
         # the outermost of robot and goal widen the area
         area = np.concatenate(
-            [np.minimum(self._area[:2], np.minimum(pose, goal)[:2]), np.maximum(self._area[2:], np.maximum(pose, goal)[:2])]
+            [
+                np.minimum(self._area[:2] + self._swing, np.minimum(pose, goal)[:2]),
+                np.maximum(self._area[2:] - self._swing, np.maximum(pose, goal)[:2]),
+            ]
         )
         nearest = np.minimum(to_pose, to_goal) - 1e-3
-        for clearance in CLEARANCES:
+        # the pose swings around the point that drives: where that is too wide, only as far as it lies beside it
+        for clearance in self._clearances:
             radii = np.clip(sizes + self._keep + clearance, 0.0, np.maximum(nearest, 0.0))
             best: Way | None = None
             route = None if maze is None else maze.route(pose, goal, self._keep + clearance, circles, area)
@@ -305,25 +340,10 @@ class Guide:
                 if best is not None and way.time > best.time + FLICKER[0] + FLICKER[1] * best.time:
                     break
                 best = best or way
-                if previous is None or self._same_way_around(previous, way, pose, round_about):
+                if previous is None or same_way_around(previous, way, pose, round_about):
                     yield way, previous is None
                     return
             if best is not None:
                 yield best, True
                 return
         yield None, True
-
-    def _same_way_around(self, previous: TimedPath, way: Way, pose: Array, centres: Array) -> bool:
-        """Whether two ways to one goal pass every circle on the same side, in the same gear."""
-        if previous.way.reverse != way.reverse:
-            return False
-        turned = _angle_swept(previous.points_left(pose), centres) - _angle_swept(way.points, centres)
-        return bool((np.abs(turned) < np.pi).all())
-
-
-def _angle_swept(points: Array, centres: Array) -> Array:
-    """Angle (M,) by which a way through points (K, 2) goes around each centre [rad]."""
-    away = points[:, None] - centres
-    angle = np.arctan2(away[..., 1], away[..., 0])
-    swept: Array = wrap(np.diff(angle, axis=0)).sum(axis=0)
-    return swept

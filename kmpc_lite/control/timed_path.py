@@ -97,3 +97,19 @@ class TimedPath:
     def heading_at(self, time: float) -> float:
         """Heading [rad] at a time [s]."""
         return float(np.interp(time, self.times, self.poses[:, 2]))
+
+
+def same_way_around(previous: TimedPath, way: Way, pose: Array, centres: Array) -> bool:
+    """Whether two ways to one goal pass every centre (M, 2) on the same side, in the same gear."""
+    if previous.way.reverse != way.reverse:
+        return False
+    turned = _angle_swept(previous.points_left(pose), centres) - _angle_swept(way.points, centres)
+    return bool((np.abs(turned) < np.pi).all())
+
+
+def _angle_swept(points: Array, centres: Array) -> Array:
+    """Angle (M,) by which a way through points (K, 2) goes around each centre [rad]."""
+    away = points[:, None] - centres
+    angle = np.arctan2(away[..., 1], away[..., 0])
+    swept: Array = wrap(np.diff(angle, axis=0)).sum(axis=0)
+    return swept

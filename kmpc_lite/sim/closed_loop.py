@@ -235,8 +235,10 @@ def drive(
 def scenario_plant(scenario: Scenario) -> Plant:
     """Build the robot of a scenario: one that slips, and one that lags too where the scenario says so, or where its floor changes."""
     if scenario.lag or scenario.dead_time or scenario.floors:
-        return LaggingDrive(scenario.lag, scenario.dead_time, scenario.slip, scenario.turn_gain, scenario.seed, scenario.floors)
-    return DifferentialDrive(scenario.slip, scenario.seed, scenario.turn_gain)
+        return LaggingDrive(
+            scenario.lag, scenario.dead_time, scenario.slip, scenario.turn_gain, scenario.seed, scenario.floors, scenario.turning_point
+        )
+    return DifferentialDrive(scenario.slip, scenario.seed, scenario.turn_gain, scenario.turning_point)
 
 
 def _at(path: Sequence[Array], place: float) -> Array:

@@ -34,6 +34,8 @@ class Condition:
     """Of driving, and of the log [m, m, rad]."""
     pose_age: float = 0.0
     """While driving; poses of a log have stamps [s]."""
+    turning_point: tuple[float, float] = (0.0, 0.0)
+    """Where the robot turns on the spot, as seen from its pose: ahead, left [m]."""
     floors: tuple[Floor, ...] = ()
     """What the floor becomes while driving; the log knows nothing of it."""
 
@@ -48,6 +50,7 @@ class Condition:
             dead_time=self.dead_time,
             pose_noise=self.pose_noise,
             pose_age=self.pose_age,
+            turning_point=self.turning_point,
             floors=self.floors,
         )
 
@@ -61,9 +64,9 @@ class Condition:
 
         Half of such a log is for the fit, half for the margins' quantiles, as ``kmpc fit`` does with a real one.
         """
-        if not (self.lag or self.dead_time or any(self.pose_noise)):
+        if not (self.lag or self.dead_time or any(self.pose_noise) or any(self.turning_point)):
             return train(slip, method, episodes, steps)
-        plant = LaggingDrive(self.lag, self.dead_time, slip, seed=TRAINING_SEED)
+        plant = LaggingDrive(self.lag, self.dead_time, slip, seed=TRAINING_SEED, turning_point=self.turning_point)
         log = drive_log(plant, min(episodes, LOG_EPISODES), min(steps, LOG_STEPS), DT, TRAINING_SEED + 1, pose_noise=self.pose_noise)
         half, held = log.split(0.5, seed=0)
         model = fit(half, self.dictionary(), method)

@@ -31,7 +31,7 @@ class LaggingDrive:
         Time constant of both motors [s]; 0 for none.
     dead_time : float
         Between a command and the motors' first reaction [s]; need not be a multiple of the period.
-    slip, turn_gain, seed
+    slip, turn_gain, seed, turning_point
         As in `DifferentialDrive`.
     floors : sequence of Floor
         Changes of slip and turn gain, in order of time.
@@ -60,6 +60,7 @@ class LaggingDrive:
         turn_gain: float = 1.0,
         seed: int = 0,
         floors: Sequence[Floor] = (),
+        turning_point: ArrayLike = (0.0, 0.0),
     ) -> None:
         for name, value in (("lag", lag), ("dead_time", dead_time)):
             if not (np.isfinite(value) and value >= 0.0):
@@ -69,8 +70,8 @@ class LaggingDrive:
         self.lag, self.dead_time, self.floors = float(lag), float(dead_time), tuple(floors)
         self._first = Floor(0.0, slip, turn_gain)
         for floor in (self._first, *floors):
-            # checks slip and turn gain as the plain robot does
-            DifferentialDrive(floor.slip, 0, floor.turn_gain)
+            # checks them as the plain robot does
+            self.turning_point = DifferentialDrive(floor.slip, 0, floor.turn_gain, turning_point).turning_point
         self._random = np.random.default_rng(seed)
         self.reset()
 
@@ -122,19 +123,22 @@ class LaggingDrive:
                 self.speeds = self._held + (self.speeds - self._held) * decay
             else:
                 mean = self.speeds = self._held
-            state = _move(state, mean * (1.0, turn_gain), ratios, h)
+            state = _move(state, mean * (1.0, turn_gain), ratios, h, self.turning_point)
             self.time += h
         self.time = end
         return state
 
 
-def _move(state: Array, speeds: Array, ratios: Array, h: float) -> Array:
+def _move(state: Array, speeds: Array, ratios: Array, h: float, turning_point: Array) -> Array:
     """Exact arc of a slipping robot at held speeds (paper, eq. 13): states (..., 3), speeds (..., 2), ratios (3, ...)."""
     alpha, beta, gamma = ratios
     v, omega = speeds[..., 0], (1.0 + gamma) * speeds[..., 1]
     # chord of an arc: length by sin(a)/a, direction by half the turn
     half = 0.5 * h * omega
     forward, left = h * (1.0 + beta) * v * np.sinc(half / np.pi), -h * alpha * v * np.sinc(half / np.pi)
+    # the pose goes around the turning point
+    around = 2.0 * half * np.sinc(half / np.pi)
+    forward, left = forward + around * turning_point[1], left - around * turning_point[0]
     cos, sin = np.cos(state[..., 2] + half), np.sin(state[..., 2] + half)
     return np.stack(
         [state[..., 0] + cos * forward - sin * left, state[..., 1] + sin * forward + cos * left, state[..., 2] + 2.0 * half], axis=-1

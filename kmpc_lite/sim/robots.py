@@ -25,6 +25,9 @@ class DifferentialDrive:
         How much of a commanded turn happens before the slip: skid-steer robots have 0.3 to 0.7.
     seed : int
         Of the slip.
+    turning_point : array_like
+        Where the point about which it turns on the spot lies, as seen from the pose: ahead, left (2,) [m]. Not zero for a
+        marker that is off the axle's middle, or weight that is.
 
     Examples
     --------
@@ -32,11 +35,14 @@ class DifferentialDrive:
     array([0.1, 0. , 0. ])
     """
 
-    def __init__(self, slip: float = 0.0, seed: int = 0, turn_gain: float = 1.0) -> None:
+    def __init__(self, slip: float = 0.0, seed: int = 0, turn_gain: float = 1.0, turning_point: ArrayLike = (0.0, 0.0)) -> None:
         if not (np.isfinite(slip) and slip >= 0.0):
             raise ProblemError(f"slip: expected a mean ratio >= 0, got {slip}")
         if not (np.isfinite(turn_gain) and turn_gain > 0.0):
             raise ProblemError(f"turn_gain: expected a factor > 0, got {turn_gain}")
+        self.turning_point = np.asarray(turning_point, dtype=float)
+        if self.turning_point.shape != (2,) or not np.isfinite(self.turning_point).all():
+            raise ProblemError(f"turning_point: expected two finite distances [m], got {turning_point!r}")
         self.slip, self.turn_gain = float(slip), float(turn_gain)
         self._random = np.random.default_rng(seed)
 
@@ -58,6 +64,8 @@ class DifferentialDrive:
         else:
             alpha = beta = gamma = np.zeros_like(v)
         forward, left, turn = (1 + beta) * v, -alpha * v, (1 + gamma) * omega
+        # the pose goes around the turning point
+        forward, left = forward + turn * self.turning_point[1], left - turn * self.turning_point[0]
         # speeds are constant in the robot's frame, so the path is an arc: its chord lies half the turn off the heading
         t = (dt / substeps * np.arange(1, substeps + 1)).reshape(-1, *(1 for _ in v.shape))
         half = 0.5 * turn * t

@@ -29,10 +29,10 @@ from kmpc_lite.sim.scenario_shapes import grid_to_toml, read_grid, read_polygons
 if TYPE_CHECKING:
     from kmpc_lite.control.solids import Solids
 
-FLOAT_LISTS = {"bounds": 4, "start": 3, "goal": 3, "du_max": 2, "pose_noise": 3}
+FLOAT_LISTS = {"bounds": 4, "start": 3, "goal": 3, "turning_point": 2, "du_max": 2, "pose_noise": 3}
 KEYS: Mapping[str, Mapping[str, Any]] = {
     "map": {"bounds": None, "circles": [], "polygons": [], "walls": [], "grid": ""},
-    "robot": {"radius": 0.15, "start": None, "goal": None, "du_max": []},
+    "robot": {"radius": 0.15, "start": None, "goal": None, "turning_point": [0.0, 0.0], "du_max": []},
     "plant": {
         "slip": 0.0,
         "turn_gain": 1.0,
@@ -110,6 +110,8 @@ class Scenario:
     """Distance [m] that the controller is asked to keep beyond the radii."""
     du_max: tuple[float, float] | None = None
     """How fast commands may change [m/s^2, rad/s^2]; as the problem has it where not given. In a file [] is the same."""
+    turning_point: tuple[float, float] = (0.0, 0.0)
+    """Where the point lies about which the plant turns on the spot, as seen from its pose: ahead, left [m]."""
     polygons: tuple[Polygon, ...] = ()
     walls: tuple[Wall, ...] = ()
     grid: OccupancyGrid | None = None
@@ -191,6 +193,7 @@ class Scenario:
         rows = [list(c) if c.vx or c.vy else list(c[:3]) for c in self.circles]
         values = {**self.__dict__, "bounds": list(self.bounds), "circles": rows, "start": list(self.start), "goal": list(self.goal)}
         values["pose_noise"], values["floors"] = list(self.pose_noise), [list(f) for f in self.floors]
+        values["turning_point"] = list(self.turning_point)
         values["ground_changes"], values["ground_patches"] = [list(c) for c in self.ground_changes], [list(p) for p in self.ground_patches]
         values["du_max"] = list(self.du_max or ())
         left_out = {"grid"} if self.du_max else {"grid", "du_max"}

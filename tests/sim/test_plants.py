@@ -8,8 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kmpc_lite as kl
+from kmpc_lite.control.turning_point import seen_from
 from kmpc_lite.model import NoiseModel
 from kmpc_lite.sim import LearnedPlant
+from kmpc_lite.sim.lag import LaggingDrive
 
 U = st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
 X = st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-4.0, 4.0))
@@ -26,6 +28,16 @@ def test_without_slip_it_drives_the_exact_arc(x: tuple[float, ...], u: tuple[flo
         chord = u[0] * t * np.sinc(half / np.pi)
         expected = [x[0] + chord * np.cos(x[2] + half), x[1] + chord * np.sin(x[2] + half), x[2] + u[1] * t]
         np.testing.assert_allclose(state, expected, atol=1e-12)
+
+
+@given(x=X, omega=st.floats(-1.0, 1.0), slip=st.floats(0.0, 0.2), ahead=st.floats(-0.1, 0.1), left=st.floats(-0.1, 0.1))
+def test_a_turn_on_the_spot_leaves_the_turning_point_where_it_is(
+    x: tuple[float, ...], omega: float, slip: float, ahead: float, left: float
+) -> None:
+    for plant in (kl.DifferentialDrive(slip, 3, 0.6, (ahead, left)), LaggingDrive(0.2, 0.05, slip, 0.6, 3, turning_point=(ahead, left))):
+        states = plant.trace(x, (0.0, omega), 0.4, 4)
+        point = seen_from(states, np.array([ahead, left]))[:, :2]
+        np.testing.assert_allclose(point, np.broadcast_to(seen_from(np.array(x), np.array([ahead, left]))[:2], (4, 2)), atol=1e-9)
 
 
 def test_sub_samples_end_where_the_step_does() -> None:

@@ -99,6 +99,7 @@ def test_everything_survives_being_written(tmp_path: Path) -> None:
         heading_tolerance=0.2,
         margin=0.11,
         du_max=(1.0, 4.5),
+        turning_point=(-0.04, 1 / 3),
     )
     assert table(Scenario.load(write(tmp_path, scenario.to_toml()))) == table(scenario)
 
@@ -114,6 +115,7 @@ def test_everything_survives_being_written(tmp_path: Path) -> None:
         ("radius = 0.15", "radius = [0.15]", "[robot] radius"),
         ("radius = 0.15", "radius = 0.15\ndu_max = 1.0", "[robot] du_max: expected 2 numbers"),
         ("radius = 0.15", "radius = 0.15\ndu_max = [1.0, 0.0]", "[robot] du_max: expected numbers > 0"),
+        ("radius = 0.15", "radius = 0.15\nturning_point = [0.1]", "[robot] turning_point: expected 2 numbers"),
         ("radius = 0.15", "radius = 0.15\nweight = 3", "[robot] weight: unknown key"),
         ("[plant]", "[floor]", "unknown section [floor]"),
         ("start = [0.0, 0.0, 0.0]", "", "[robot] start: missing"),
