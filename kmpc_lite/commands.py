@@ -40,6 +40,8 @@ def run_simulate(options: argparse.Namespace) -> int:
     """Drive one scenario."""
     for output in (options.output, options.report):
         _keep_inputs(output, options.model, Path(options.scenario))
+    if options.plant == "learned" and options.slip is not None:
+        raise kl.ProblemError("--slip goes with --plant slip: a learned robot slips as its log did")
     scenario = Scenario.load(options.scenario)
     changes = {
         k: v
@@ -56,7 +58,7 @@ def run_simulate(options: argparse.Namespace) -> int:
         from kmpc_lite.report import write_report
 
         write_report(options.report, run, model=model, command=_command_line())
-    print(json.dumps(run.summary()) if options.json else describe(run))
+    print(json.dumps(run.summary()) if options.json else describe(run) + hint(run, model))
     for name in (options.output, options.report):
         if name and not options.json:
             print(f"wrote  {name}")
@@ -128,6 +130,9 @@ def load_and_split(logs: list[Path], dt: float | None, gap: float | None, holdou
     data = kl.Dataset([e for log in logs for e in kl.Dataset.load(log, dt=dt, gap=gap).episodes])
     if len(data) < 10:
         data = data.windows(max(5.0, 50 * dt))
+    if len(data) < 2:
+        where = ", ".join(map(str, logs))
+        raise kl.DataError(f"{where}: {data.steps * dt:g} s of driving are too few to learn from a part and check the other")
     return data.split(1.0 - holdout, seed=seed)
 
 
@@ -181,6 +186,19 @@ def describe(run: Run) -> str:
         f"{run.outcome.value} after {run.duration:.2f} s, {clearance}, "
         f"{100 * run.position_error:.1f} cm and {run.heading_error:.2f} rad from the goal\n"
         f"   step p50 {times['p50']:.2f} ms, p99 {times['p99']:.2f} ms, max {times['max']:.2f} ms; {statuses}"
+    )
+
+
+def hint(run: Run, model: kl.KoopmanModel) -> str:
+    """Tell why a drive may have failed, where model and robot disagree on lag; a line or nothing."""
+    lags = bool(run.scenario.lag or run.scenario.dead_time)
+    if run.outcome is Outcome.REACHED or run.info["plant"] != "slip" or lags == bool(model.history):
+        return ""
+    if lags:
+        return "\nhint   this robot obeys late, its model knows no lag: learn it from a log of the robot with kmpc fit --lags 0 1 2"
+    return (
+        f"\nhint   the model looks back on {model.history} past commands, this robot obeys at once: --plant learned drives one that lags "
+        "as the log did; or give [plant] of the scenario its lag and dead_time"
     )
 
 

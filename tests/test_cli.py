@@ -45,6 +45,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     plant = kl.DifferentialDrive(0.05, seed=1)
     data = kl.generate_dataset(plant, episodes=16, steps=60, dt=0.1, seed=1, u_max=(0.6, 0.8))
     data.save(folder / "drive.csv")
+    kl.Dataset(data.windows(4.0).episodes[:1]).save(folder / "brief.csv")
     kl.fit(data).save(folder / "robot.npz")
     (folder / "short.toml").write_text(SHORT)
     assert cli.main(["simulate", "--scenario", str(folder / "short.toml"), "-o", str(folder / "run.npz")]) == 0
@@ -143,6 +144,26 @@ def test_a_drive_that_does_not_arrive_has_status_one(here: Path, capsys: pytest.
 
 
 @NEEDS_PICTURES
+def test_a_drive_that_fails_for_its_lag_says_so(made: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    late = SHORT.replace("timeout = 4.0", "timeout = 0.2")
+    (here / "prompt.toml").write_text(late)
+    (here / "late.toml").write_text(late + "[plant]\nlag = 0.3\n")
+    history = kl.InputHistoryDictionary(kl.HermiteTrigDictionary(0), lags=(0, 1, 2))
+    kl.fit(kl.Dataset.load(made / "drive.csv"), history).save(here / "history.npz")
+    words = {
+        ("prompt.toml", "history.npz", "slip"): "looks back on 2 past commands, this robot obeys at once: --plant learned",
+        ("late.toml", "robot.npz", "slip"): "obeys late, its model knows no lag: learn it from a log of the robot with kmpc fit --lags",
+        ("late.toml", "history.npz", "slip"): "",
+        ("prompt.toml", "history.npz", "learned"): "",
+        ("prompt.toml", "robot.npz", "slip"): "",
+    }
+    for (scenario, model, plant), hint in words.items():
+        file = here / model if model == "history.npz" else made / model
+        assert cli.main(["simulate", "--scenario", scenario, "--model", str(file), "--plant", plant]) == 1
+        told = capsys.readouterr().out
+        assert told.startswith("timeout after 0.20 s") and ("hint" in told) == bool(hint) and hint in told
+
+
 def test_report_of_a_run_and_of_its_model(made: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["report", str(made / "run.npz"), "-o", "run.html", "--model", str(made / "robot.npz"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"written": ["run.html"]}
@@ -258,6 +279,7 @@ BAD_LINES = [
     "fit {made}/drive.txt -o robot.npz",
     "fit {made}/robot.npz -o other.npz",
     "fit {made}/short.toml -o robot.npz",
+    "fit {made}/brief.csv -o robot.npz",
     "fit {made}/drive.csv -o no/folder/robot.npz",
     "fit {made}/drive.csv -o .",
     "fit {made}/drive.csv -o {made}/drive.csv",
@@ -297,6 +319,7 @@ BAD_LINES = [
     "simulate --horizon 1e3",
     "simulate --iterations 0",
     "simulate --plant moon",
+    "simulate --plant learned --slip 0.1",
     "simulate --scenario {made}/short.toml -o no/folder/run.npz",
     "simulate --scenario {made}/short.toml -o .",
     "simulate --scenario {made}/short.toml -o {made}/short.toml",

@@ -136,7 +136,9 @@ class Dataset:
     """
 
     def __init__(self, episodes: Sequence[Episode]) -> None:
-        self.episodes = tuple(episodes)
+        self.episodes = () if isinstance(episodes, Episode) else tuple(episodes)
+        if isinstance(episodes, Episode) or not all(isinstance(e, Episode) for e in self.episodes):
+            raise DataError("a dataset is a list of episodes, each Episode(states, inputs, dt); Dataset.load(path) reads a log")
         if not self.episodes:
             raise DataError("a dataset needs at least one episode, got none")
         periods = sorted({e.dt for e in self.episodes})

@@ -270,7 +270,11 @@ def fit(
     >>> fit(data).info["rank"]
     18
     """
+    if not isinstance(dataset, Dataset):
+        raise DataError(f"dataset: expected a Dataset, got {type(dataset).__name__}; Dataset.load(path) reads a log")
     lifting = UnicycleDictionary() if dictionary is None else dictionary
+    if not hasattr(lifting, "lift"):
+        raise DataError(f"dictionary: expected one like UnicycleDictionary(), got {lifting!r:.60}")
     model: KoopmanModel | None = None
     for _ in range(2 if method == "integral" else 1):
         accumulator = Accumulator(lifting, dataset.dt, method, midpoint=model)

@@ -97,6 +97,11 @@ def test_a_log_that_turns_is_unwrapped_and_starts_within_half_a_turn(tmp_path: P
 
 
 def test_a_dataset_needs_episodes_of_one_period() -> None:
+    drive = kl.Episode(np.zeros((3, 3)), np.zeros((2, 2)), 0.1)
+    for wrong in (drive, np.zeros((3, 3)), [np.zeros((3, 3))], ["run.csv"], "run.csv"):
+        with pytest.raises(kl.DataError, match="a list of episodes"):
+            kl.Dataset(wrong)  # type: ignore[arg-type]
+    assert len(kl.Dataset(e for e in [drive, drive])) == 2  # type: ignore[arg-type]
     with pytest.raises(kl.DataError, match="at least one episode"):
         kl.Dataset([])
     with pytest.raises(kl.DataError, match=r"different periods \(0.1 to 0.2 s\)"):

@@ -262,6 +262,10 @@ def test_too_few_samples() -> None:
 
 def test_what_no_fit_can_use() -> None:
     data = drives()
+    with pytest.raises(kl.DataError, match=r"expected a Dataset, got str; Dataset.load\(path\) reads a log"):
+        kl.fit("run.csv")  # type: ignore[arg-type]
+    with pytest.raises(kl.DataError, match=r"dictionary: expected one like UnicycleDictionary\(\), got 'trig'"):
+        kl.fit(data, "trig")  # type: ignore[arg-type]
     with pytest.raises(kl.DataError, match="expected 'integral' or 'edmdc', got 'magic'"):
         kl.fit(data, method="magic")  # type: ignore[arg-type]
     with pytest.raises(kl.DataError, match="needs x, y and theta in the span of the dictionary"):
