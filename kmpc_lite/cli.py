@@ -167,7 +167,7 @@ def _parser() -> argparse.ArgumentParser:
         run_bench,
         "Time a step on this machine, beside whichever peers are installed, on the same states in one run.",
         "  kmpc bench\n  kmpc bench --drives 40 --picture bench.png\n  kmpc bench --scaling\n  kmpc bench --loop 100 --seconds 600\n"
-        "  kmpc bench --quality",
+        "  kmpc bench --quality\n  kmpc bench --fit",
     )
     p.add_argument("--drives", type=int, default=20, help="recorded drives of 60 states (default: 20)")
     p.add_argument("--tuning", action="store_true", help="use the tuning seeds instead of the reporting ones")
@@ -180,6 +180,7 @@ def _parser() -> argparse.ArgumentParser:
     p.add_argument("--no-load", action="store_true", help="with --loop: leave the other cores alone")
     p.add_argument("--budget", type=float, metavar="S", help="with --loop: the controller's time_budget")
     p.add_argument("--quality", action="store_true", help="what the passes converge to, against IPOPT, 50 states of each drive")
+    p.add_argument("--fit", action="store_true", help="time and memory of fitting 1,000,000 samples, against a bare Gram product")
     p.add_argument("--install-acados", action="store_true", help="fetch the acados peer (x86-64 Linux wheel, about 20 MB) and stop")
     return parser
 

@@ -28,6 +28,12 @@ def run_bench(options: argparse.Namespace) -> int:
         folder = install()
         print(json.dumps({"acados": str(folder)}) if options.json else f"acados is in {folder}")
         return 0
+    if options.fit:
+        from kmpc_lite.bench.fitting import fit_costs, format_fit_costs
+
+        costs = fit_costs(progress=Progress("fit", quiet=options.json))
+        print(json.dumps([c.as_dict() for c in costs]) if options.json else format_fit_costs(costs))
+        return 0
     for name in ("drives", "seconds", "loop", "budget"):
         value = getattr(options, name)
         if value is not None and not value > 0:
