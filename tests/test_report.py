@@ -155,6 +155,7 @@ def test_the_page_tells_what_the_robot_was_put_through(runs, tmp_path):
         "pose_noise": (0.005, 0.006, 0.02),
         "floors": (Floor(5.0, 0.2, 0.6), Floor(8.0, 0.01)),
         "du_max": (1.0, 4.0),
+        "turning_point": (0.04, -0.02),
     }
     run = replace(runs["single"], scenario=replace(runs["single"].scenario, **changed))
     words = {}
@@ -168,6 +169,7 @@ def test_the_page_tells_what_the_robot_was_put_through(runs, tmp_path):
         "Dead time before them 150 ms",
         "Floor from 5 s on mean slip 20 %, 60 % of a turn happens",
         "Floor from 8 s on mean slip 1 %, 100 % of a turn happens",
+        "Turns about a point 40 mm ahead of its centre, -20 mm to the left",
     )
     seen = ("Noise of the measured pose 5 mm, 6 mm, 0.02 rad", "Age of the measured pose 125 ms")
     for line in (*acting, *seen):

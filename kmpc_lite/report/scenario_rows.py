@@ -69,6 +69,9 @@ def _plant_rows(scenario: Scenario) -> Iterable[tuple[str, str]]:
         yield "Other floors", f"{len(scenario.floors) - LISTED}, in the file below"
     if not scenario.floors:
         yield "Changes of the floor", "none"
+    if any(scenario.turning_point):
+        ahead, left = scenario.turning_point
+        yield "Turns about a point", f"{length(ahead)} ahead of its centre, {length(left)} to the left"
 
 
 def _time(seconds: float) -> str:
