@@ -22,6 +22,7 @@ from kmpc_lite.errors import ModelError
 from kmpc_lite.gains import FEWEST, Gains, estimate, residual_covariance, scores
 from kmpc_lite.model import KoopmanModel, NoiseModel
 
+SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 WINDOW = 20
 """Newest steps that a change is looked for in: at 1 s of prediction, their mean is good enough to drive by."""
 MEMORY = 300
@@ -107,11 +108,15 @@ class OnlineAdaptation:
             raise ModelError(f"online adaptation: expected 8 <= window < memory, got {window} and {memory}")
         self.base, self._window, self._memory = model, int(window), int(memory)
         nz, nw = model.dictionary.size, model.dictionary.input_size
-        self._matrix = np.ascontiguousarray(
-            np.concatenate([model.A[None], model.H.reshape(STATES, nw, nz).transpose(1, 0, 2)]).reshape(1 + nw, -1)
-        )
-        self._offset = np.ascontiguousarray(model.B.T)
-        self._responses = self._forward_responses()
+        terms = np.concatenate([model.A[None], model.H.reshape(STATES, nw, nz).transpose(1, 0, 2)])
+        # how much each bilinear input drives the robot ahead
+        self._responses = (terms[1:] @ model.dictionary.lift(np.zeros(STATES)) + model.B.T)[:, 0]
+        # by (1, inputs): four rows, of the pose's three velocities and the way ahead, that act on the lifted state and a one
+        rates = np.zeros((1 + nw, STATES + 1, nz + 1))
+        rates[:, :STATES, :nz] = terms
+        rates[1:, :STATES, nz], rates[1:, STATES, nz] = model.B.T, self._responses
+        self._rates = rates.reshape(1 + nw, -1)
+        self._weights, self._lifted = np.ones(1 + nw), np.ones(nz + 1)
         coefficients = np.zeros((3, STATES, STATES)) if model.noise_model is None else model.noise_model.coefficients
         self._learned_noise = coefficients
         self._points = np.empty((3, STATES))
@@ -131,13 +136,6 @@ class OnlineAdaptation:
         self._count, self._since = 0, 0
         self._usual = 0.0, 0.0
         self._raw = np.zeros((self._memory, 13))
-
-    def _forward_responses(self) -> Array:
-        """How much each bilinear input drives the robot ahead, (nw,)."""
-        nw = self.base.dictionary.input_size
-        z = self.base.dictionary.lift(np.zeros(STATES))
-        responses: Array = (self._matrix[1:].reshape(nw, STATES, -1) @ z + self._offset)[:, 0]
-        return responses
 
     def update(self, x: ArrayLike, u: ArrayLike, x_next: ArrayLike, history: ArrayLike | None = None) -> KoopmanModel | None:
         """Take in one period.
@@ -170,11 +168,12 @@ class OnlineAdaptation:
         sums = self._sums(before, command, after, past)
         if sums is None:
             return None
-        self._recent[self._count % self._window] = sums
+        row = self._recent[self._count % self._window]
+        row[:] = sums
         self._count += 1
         self._since += 1
         self._slow *= 1.0 - 1.0 / self._memory
-        self._slow += sums
+        self._slow += row
         self._slow_count = self._slow_count * (1.0 - 1.0 / self._memory) + 1.0
         # every other step is soon enough
         if self._since >= self._window and self._count % 2 == 0:
@@ -230,18 +229,17 @@ class OnlineAdaptation:
         if not isfinite(x0 + y0 + h0 + x1 + y1 + h1 + v + omega) or (past is not None and not np.isfinite(past).all()):
             self.counts.rejected += 1
             return None
-        dt = self.base.dt
         dx, dy, turned = x1 - x0, y1 - y0, remainder(h1 - h0, 2 * pi)
+        # as the controller does: a model may have learned something of the heading itself, within one turn
+        h0 = remainder(h0, 2 * pi)
         points = self._points
-        points[0] = before
+        points[0] = x0, y0, h0
         points[2] = x1, y1, h0 + turned
         points[1] = x0 + 0.5 * dx, y0 + 0.5 * dy, h0 + 0.5 * turned
         z = self.base.dictionary.lift(points)
-        mean = (z[0] + 4.0 * z[1] + z[2]) / 6.0
-        w = self.base.dictionary.inputs(command, past)
-        weights = np.concatenate(((1.0,), w))
-        px, py, h = (((weights @ self._matrix).reshape(STATES, -1) @ mean + w @ self._offset) * dt).tolist()
-        g = float(w @ self._responses) * dt
+        np.matmul(SIMPSON, z, out=self._lifted[:-1])
+        self._weights[1:] = self.base.dictionary.inputs(command, past)
+        px, py, h, g = (((self._weights @ self._rates).reshape(STATES + 1, -1) @ self._lifted) * self.base.dt).tolist()
         moved = hypot(px, py)
         if moved < STILL[0] and abs(h) < STILL[1]:
             self.counts.still += 1

@@ -198,6 +198,23 @@ def test_headings_may_wrap():
     np.testing.assert_allclose(adaptation.gains, other.gains, atol=1e-9)
 
 
+def test_a_heading_that_has_turned_full_circles_is_still_the_same_heading():
+    # a model fitted on noise knows a little of the heading itself: nothing true of one that was never in its log
+    model = model_of(0.2)
+    h = model.H.copy()
+    h[0, model.dictionary.size + model.dictionary.names.index("theta")] += 0.02
+    adaptation, turned = (OnlineAdaptation(replace(model, H=h)) for _ in range(2))
+    random, x, plant = np.random.default_rng(0), np.zeros(3), DifferentialDrive(0.2, seed=3)
+    for _ in range(100):
+        u = random.uniform(-1, 1, 2) * U_MAX
+        after = plant.step(x, u, DT)
+        adaptation.update(x, u, after)
+        turned.update(x + (0, 0, 6 * np.pi), u, after + (0, 0, 6 * np.pi))
+        x = after
+    assert adaptation.counts == turned.counts
+    np.testing.assert_allclose(adaptation._slow, turned._slow, rtol=1e-6)
+
+
 def test_the_result_is_a_model_that_can_be_saved(tmp_path):
     adaptation = OnlineAdaptation(model_of(0.05))
     model = go(adaptation, DifferentialDrive(0.05, seed=1, turn_gain=0.6), 100, 0)[-1]

@@ -49,6 +49,8 @@ PENALTY_LIMIT = 1e5
 """To convergence, the linear penalty grows by this factor, up to this weight, while that halves what obstacles are entered by."""
 VIOLATION = 1e-5
 """How far inside an obstacle a converged plan may stand [m] before the penalty grows."""
+FAR = 0.1
+"""Where a plan has this much room beyond the widest margins [m], those do as well as its own."""
 SIDE_MARGIN = 0.01
 """What is kept from the sides of the area where margins are on [m]."""
 MIN_SOLVE_TIME = 5e-5
@@ -209,8 +211,10 @@ class SQP:
                 margins = np.empty(gaps.shape)
                 margins.fill(SIDE_MARGIN)
                 count = self.keep_out.obstacle_count(task.circles)
-                if count:
+                if count and gaps[:, :count].min() < self.tightening.widest + FAR:
                     margins[:, :count] = self.tightening.margins(lin, guess.states, guess.inputs, normals[:, :count])
+                elif count:
+                    margins[:, :count] = self.tightening.widest
                 gaps -= margins
             violation = np.maximum(-gaps.min(axis=1, initial=0.0), 0.0)
             local = guess.states - origin

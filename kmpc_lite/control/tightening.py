@@ -16,7 +16,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.dictionary import STATES, Array
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model import KoopmanModel, Linearization
-from kmpc_lite.tube import MEMORY, closed_loop, rotations, split_noise
+from kmpc_lite.tube import MEMORY, TURN, closed_loop, rotations, split_noise
 
 RISK = 0.05
 """Probability of leaving the tube within its memory (0.8 s at dt = 0.1) that the margins are made for. A collision is far rarer: the
@@ -111,6 +111,8 @@ class Tightening:
         self._feedback = not model.history
         self._radius = problem.robot_radius + problem.margin
         self._touch = problem.robot_radius
+        u_min, u_max, _, _ = problem.bounds
+        self._fastest = np.maximum(u_max, -u_min).tolist()
         self._levels = max(int(MEMORY).bit_length() - 1, 0)
         self._wide = np.empty((0, STATES, 0))
         self._surprise, self._expected, self.inflation = 1.0, 0.0, 1.0
@@ -131,7 +133,20 @@ class Tightening:
         self._felt = self._moved if factor == 1.0 else factor**2 * self._moved + (factor**2 - 1.0) * self._allowed
         self._felt_factor = np.hstack([_factor(part.reshape(STATES, STATES)) for part in self._felt])
         self._felt_trace = (self._felt[:, 0] + self._felt[:, 4]).tolist()
+        self.widest = self._widest()
         self._spreads = self._noisy or factor > 1.0
+
+    def _widest(self) -> float:
+        """Margin [m] that no plan within the bounds asks for more than: all noise at full speed, and none of it taken back but by time."""
+        v, omega = self._fastest
+        travel, turned = v * self._model.dt, v * v * float(self._felt[0, 8]) + omega * omega * float(self._felt[1, 8])
+        # by how much a heading error leads aside until it is steered back, or for good
+        aside = [min(k, 1.0 / TURN) if self._feedback else k for k in range(1, MEMORY + 1)]
+        moved = MEMORY * (v * v * self._felt_trace[0] + omega * omega * self._felt_trace[1])
+        variance = moved + travel * travel * turned * sum(a * a for a in aside) + float(np.trace(self._measured[:2, :2]))
+        bulge = travel * omega * self._model.dt / 8
+        chord = math.hypot(self._touch + bulge, travel / 2) - self._touch
+        return self.quantile * math.sqrt(variance) + chord + self._reserve
 
     def observe(self, error: Array, heading: float, command: Array) -> None:
         """Compare the past period with what was expected of it; margins widen at once where the model is more wrong than it knows.

@@ -381,3 +381,26 @@ def test_standing_and_broken_poses_widen_nothing(model):
     assert tightening.inflation == 1.0
     tightening.observe(np.array([1e6, 0.1, 0.0]), 0.0, np.array([0.5, 0.0]))
     assert tightening.inflation < 10.0
+
+
+@pytest.mark.parametrize("history", [0, 3])
+@pytest.mark.parametrize("inflation", [1.0, 3.0])
+def test_no_plan_within_the_bounds_asks_for_more_than_the_widest_margin(history, inflation):
+    problem = NavigationProblem()
+    noise = NoiseModel(np.array([np.diag([1e-5, 1e-5, 1e-4]), np.diag([2e-4, 5e-5, 4e-4]), np.diag([1e-5, 4e-5, 2e-4])]))
+    base = nominal_unicycle(0.1)
+    if history:
+        data = generate_dataset(DifferentialDrive(0.1, seed=1), episodes=20, steps=100, dt=0.1, seed=3)
+        base = fit(data, InputHistoryDictionary(UnicycleDictionary(), tuple(range(history + 1))))
+    model = replace(base, noise_model=noise)
+    tightening = Tightening(model, problem)
+    tightening._inflate(inflation)
+    random, most = np.random.default_rng(4), 0.0
+    for _ in range(40):
+        inputs = random.uniform(problem.u_min, problem.u_max, (20, 2)) if random.random() < 0.5 else np.tile((0.6, 0.0), (20, 1))
+        states = model.rollout(random.uniform(-1, 1, 3), inputs)
+        past = np.zeros((20, history, 2)) if history else None
+        margins = tightening.margins(model.linearize(states[:-1], inputs, past), states, inputs, directions(20, 8))
+        most = max(most, float(margins.max()))
+    # it is no wild guess either: what is far is often enough farther
+    assert 0.3 * tightening.widest < most <= tightening.widest

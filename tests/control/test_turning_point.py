@@ -85,7 +85,7 @@ def test_a_point_that_is_learned_anew_keeps_the_way() -> None:
     guide.set_turning_point(np.array(POINT) + (0.5 * SAME, 0.0))
     assert not guide.reference(x, goal, NO_CIRCLES).refreshed
     guide.set_turning_point(np.array(POINT) + (0.006, -0.002))
-    steps = [guide.reference(x, goal, NO_CIRCLES) for _ in range(6)]
+    steps = [guide.reference(x, goal, NO_CIRCLES) for _ in range(9)]
     assert any(s.refreshed for s in steps) and not any(s.switched for s in steps)
     assert all(np.abs(s.states - first.states)[:, :2].max() < 0.03 for s in steps)
 
