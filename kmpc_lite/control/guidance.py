@@ -44,7 +44,10 @@ LOST = 0.5
 PATIENCE = (0.3, 0.8)
 """Least time between two new ways for the same map, and how long the robot may stand still on its way [s]."""
 STILL = 0.05
-"""Progress along the way that ends a stand [s]."""
+"""Progress towards the goal that ends a stand [s]."""
+DETOUR = 0.5
+"""How much longer a new way must be than what was left to begin a new count of progress [s]: a robot that stands before an obstacle,
+and looks for its way again and again, makes none."""
 RETRY = 0.5
 """Time between two searches where there is no way [s]."""
 MOVED = 0.01
@@ -143,7 +146,8 @@ class Guide:
         self._escape = -1
         self._waiting: Array | None = None
         self._turning = self._stuck = False
-        self._age = self._furthest = self._still = 0.0
+        self._age = self._still = 0.0
+        self._least_left = np.inf
         self._parking.reset()
 
     def reference(self, pose: Array, goal: Array, circles: Array, solids: Solids | None = None, rest: Array | None = None) -> Guidance:
@@ -183,6 +187,8 @@ class Guide:
         place, off = (0.0, 0.0) if self._path is None else self._path.locate(pose, self._path.drive_end if self._turning else 0.0)
         strayed = self._strayed(off, place, distance)
         at_once = off > LOST or self._is_new(target, circles, solids) or self._blocked(traffic, place)
+        if at_once:
+            self._least_left = -np.inf
         if at_once or (strayed and self._search is None):
             self._search = self._look_for_way(pose.copy(), goal, circles, solids, traffic, target)
         outcome = self._go_on(at_once)
@@ -230,8 +236,9 @@ class Guide:
         """Whether the robot's place gives a reason to look for a way: it is off the one it has, stands still on it, or has none."""
         if self._path is None:
             return self._age >= RETRY
-        if place > self._furthest + STILL:
-            self._furthest, self._still = place, 0.0
+        left = self._path.duration - place
+        if left < self._least_left - STILL:
+            self._least_left, self._still = left, 0.0
         if self._turning:
             return False
         if self._shifted:
@@ -278,7 +285,6 @@ class Guide:
                 yield None
         yield None
         way, switched = choice or (None, True)
-        self._furthest = self._still = 0.0
         if way is None:
             if self._waiting is None:
                 self._waiting = pose
@@ -291,9 +297,13 @@ class Guide:
         free = 0.0 if stuck else FREE_TURN * min(1.0, length / LONG)
         gear = self._gears[way.reverse]
         self._path = TimedPath(way, pose, goal, gear, free)
-        # the turn that is left to the controller is no progress along the way, but no stand either
-        self._still = -free / float(gear[1])
-        yield switched or previous is None or not same_goal
+        other = switched or previous is None or not same_goal
+        place, self._path.place = self._path.locate(pose)[0], 0.0
+        left = self._path.duration - place
+        if other or stuck or left > self._least_left + DETOUR:
+            # the turn that is left to the controller is no progress along the way, but no stand either
+            self._least_left, self._still = left, -free / float(gear[1])
+        yield other
 
     def _choices(
         self, pose: Array, goal: Array, circles: Array, solids: Solids | None, previous: TimedPath | None

@@ -11,6 +11,7 @@ from kmpc_lite.control.guidance import FLICKER, Guide, tracking
 from kmpc_lite.control.obstacles import circles_to_array
 from kmpc_lite.control.tangents import Way
 from kmpc_lite.control.timed_path import TimedPath
+from kmpc_lite.sim.maps import random_map
 
 DT = 0.1
 PROBLEM = kl.NavigationProblem(margin=0.05)
@@ -294,3 +295,16 @@ def test_a_last_turn_is_not_mistaken_for_the_first_one() -> None:
     assert first < path.drive_end
     last, _ = path.locate(here, path.drive_end)
     np.testing.assert_allclose(path.at(np.array([last]))[0], [0.0, 0.0, 2.0], atol=0.04)
+
+
+def test_a_robot_that_stands_before_an_obstacle_is_turned_on_the_spot_however_often_its_way_is_found_anew() -> None:
+    scene = random_map("trap", 10, 0.05)
+    guide, random, turned, refreshed = Guide(scene.problem()), np.random.default_rng(0), [], 0
+    # beside its way around the corner, and heading as the way does only behind it
+    for _ in range(50):
+        x = pose(0.705, 0.862, -0.82) + random.normal(size=3) * (0.005, 0.005, 0.02)
+        guidance = guide.reference(x, np.array(scene.goal), scene.circles_at(0.0))
+        refreshed += guidance.refreshed
+        near = np.hypot(*(guidance.states[:6] - x)[:, :2].T).max() < 0.1
+        turned.append(near and guidance.states[5, 2] - guidance.states[0, 2] > 0.3)
+    assert refreshed > 3 and any(turned)
