@@ -41,6 +41,8 @@ COLD_PASSES, NEW_WAY_PASSES = 10, 2
 COLD_TOLERANCE = 0.02
 SHORT = (0.1, 0.4)
 """A real-time iteration takes a step that changes no state [m, rad] and no command [m/s, rad/s] by more without a line search."""
+STRAIGHT = 5e-3
+"""Nor one after which the model contradicts the plan by no more than this over a period [m, rad]."""
 ARMIJO = 1e-4
 SHORTEST_STEP = {"real time": 0.1, "converged": 1e-3}
 """Where a line search ends: in real time what is left waits for the next period, which knows more."""
@@ -241,7 +243,13 @@ class SQP:
                     guess, defect = found, solution.primal_residual
                     next_state = lin.value[0] + lin.B[0] @ (found.inputs[0] - before.inputs[0])
                 else:
-                    guess, length, predicted = self._line_search(before, found, slack, lin.value, violation, margins, task, shortest)
+                    predicted = self._predicted(found, task)
+                    if limit == 1 and np.abs(predicted - found.states[1:]).max() <= STRAIGHT:
+                        guess = found
+                    else:
+                        guess, length, predicted = self._line_search(
+                            before, found, predicted, slack, lin.value, violation, margins, task, shortest
+                        )
                     defect, next_state = float(np.abs(predicted - guess.states[1:]).max()), predicted[0]
                 if limit > 1:
                     step = max(float(np.abs(guess.states - before.states).max()), float(np.abs(guess.inputs - before.inputs).max()))
@@ -259,6 +267,11 @@ class SQP:
         if to_convergence and done == limit and status is not QPStatus.FAILED and step > tolerance and length > shortest:
             reason = reason or f"not converged in {done} passes"
         return SQPResult(guess, status, done, step, defect, next_state, timing, reason)
+
+    def _predicted(self, trajectory: Trajectory, task: Task) -> Array:
+        """What the model says of stages 1 to N, (N, 3), each from the stage before."""
+        w = self.model.dictionary.inputs(trajectory.inputs, self.past_windows(task.past, trajectory.inputs))
+        return self.model.advance(trajectory.states[:-1], w)
 
     def _is_short(self, change: Array) -> bool:
         """Whether a change of the QP's variables moves every state and command by little."""
@@ -284,8 +297,9 @@ class SQP:
         self,
         guess: Trajectory,
         found: Trajectory,
-        slack: Array,
         predicted: Array,
+        slack: Array,
+        before: Array,
         violation: Array,
         margins: Array | float,
         task: Task,
@@ -293,18 +307,17 @@ class SQP:
     ) -> tuple[Trajectory, float, Array]:
         """Go from the guess towards what the QP found until the merit function falls enough (Armijo), by halving.
 
-        Returns the new trajectory, the length of the step in (0, 1], and what the model predicts of its stages, (N, 3).
+        `predicted` (N, 3) is what the model says of the stages found, and `before` what it said of the guess's. Returns the new
+        trajectory, the length of the step in (0, 1], and what the model predicts of its stages.
         """
         cost, reference = self.problem.cost, task.reference
         self._dynamics_penalty = max(self._dynamics_penalty, 1.1 * float(np.abs(found.duals[self.qp.dynamics_rows]).max()))
-        defect = float(np.abs(guess.states[1:] - predicted).sum())
+        defect = float(np.abs(guess.states[1:] - before).sum())
         now = self._merit(cost(guess.states, guess.inputs, reference), violation, defect)
         objective = cost(found.states, found.inputs, reference)
         expected = now - objective - self._penalty(np.maximum(slack, 0.0))
         length, trial = 1.0, found
         while True:
-            w = self.model.dictionary.inputs(trial.inputs, self.past_windows(task.past, trial.inputs))
-            predicted = self.model.advance(trial.states[:-1], w)
             inside = self.keep_out.penetration(trial.states, task.circles, margins)
             merit = self._merit(objective, inside, float(np.abs(predicted - trial.states[1:]).sum()))
             # the last term forgives what rounding takes once nothing is left to gain
@@ -313,4 +326,4 @@ class SQP:
             length *= 0.5
             states = guess.states + length * (found.states - guess.states)
             trial = Trajectory(states, guess.inputs + length * (found.inputs - guess.inputs), found.duals)
-            objective = cost(trial.states, trial.inputs, reference)
+            objective, predicted = cost(trial.states, trial.inputs, reference), self._predicted(trial, task)
