@@ -52,6 +52,7 @@ def run_simulate(options: argparse.Namespace) -> int:
     model = kl.KoopmanModel.load(options.model) if options.model else kl.nominal_unicycle(SHORTEST_PERIOD)
     adaptation = False if options.no_adaptation else None
     run = simulate(model, scenario, options.plant, options.horizon, options.iterations, adaptation)
+    run.info["command"] = _command_line()
     if options.output:
         run.save(options.output)
     if options.report:

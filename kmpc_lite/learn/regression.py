@@ -200,7 +200,9 @@ class Accumulator:
         power = np.diag(self._gram)[-STATES:]
         missed = power - 2 * np.sum(c * self._gram[:nz, -STATES:].T, axis=1) + np.sum((c @ self._gram[:nz, :nz]) * c, axis=1)
         if (missed > 1e-6 * power).any():
-            raise DataError("method 'edmdc' needs x, y and theta in the span of the dictionary; use method='integral'")
+            raise DataError(
+                "method 'edmdc' needs x, y and theta in the span of the dictionary: choose the unicycle one, or the method 'integral'"
+            )
         return c
 
 

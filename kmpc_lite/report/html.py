@@ -225,9 +225,11 @@ def _errors_table(report: FitReport) -> str:
 
 
 def _made_rows(run: Run, command: str | None) -> Iterable[tuple[str, str]]:
-    given = run.info.get("command") if command is None else command
-    if given is not None:
-        yield "Command", str(given)
+    driven = run.info.get("command")
+    if driven not in (None, command):
+        yield "Driven by", str(driven)
+    if command is not None:
+        yield "Command", command
     yield "Python", platform.python_version()
     for name in ("kmpc-lite", "numpy", "scipy", "osqp", "matplotlib"):
         yield name, _version(name)
