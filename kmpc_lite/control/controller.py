@@ -14,9 +14,11 @@ from numpy.typing import ArrayLike
 from kmpc_lite.adaptation import OnlineAdaptation
 from kmpc_lite.border import SAME_DT
 from kmpc_lite.control.fallback import Fallback
+from kmpc_lite.control.goal import GoalReference
 from kmpc_lite.control.obstacles import circle_distances
 from kmpc_lite.control.osqp_workspace import QPStatus
 from kmpc_lite.control.pace import drivable_speeds
+from kmpc_lite.control.past import Past
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.control.pose_age import advance_pose
 from kmpc_lite.control.problem import NavigationProblem
@@ -25,6 +27,8 @@ from kmpc_lite.control.sqp import COLD_PASSES, NEW_WAY_PASSES, SQP, SQPResult, T
 from kmpc_lite.control.surroundings import Obstacles, Surroundings
 from kmpc_lite.control.tail import Tail, Tails
 from kmpc_lite.control.tightening import LATE_RISK, RISK, Tightening
+from kmpc_lite.control.usable import POSITION_LIMIT, are_usable, is_usable
+from kmpc_lite.control.warm_start import warm_start
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model import KoopmanModel
@@ -33,10 +37,6 @@ if TYPE_CHECKING:
     from kmpc_lite.control.guidance import Guide
     from kmpc_lite.control.solids import Nearby, Solids
 
-POSITION_LIMIT = 1e4
-"""A pose or a goal farther out [m] is taken for a broken sensor."""
-JUMP = (0.5, 1.0)
-"""A pose that is farther from the predicted one [m, rad] makes the last plan worthless as a start."""
 OLDEST_POSE = 2.0
 """Of an older pose [s] nothing follows for the present one."""
 DEFECT = 0.05
@@ -47,13 +47,6 @@ IN_REACH = 0.3
 """Solids count as far as this beyond the reach of the fastest plan [m]: margins, and a pose that is not where it was thought."""
 AFTER_SOLVE = 5e-5
 """Time that a step takes after its plan is verified [s]."""
-
-
-def is_usable(circles: Array) -> bool:
-    """Whether obstacles (M, 5) hold numbers that can be meant; also false for NaN."""
-    if not len(circles):
-        return True
-    return bool(np.maximum.reduce(np.abs(circles), axis=None) <= POSITION_LIMIT and np.minimum.reduce(circles[:, 2]) >= 0.0)
 
 
 class Controller:
@@ -142,6 +135,7 @@ class Controller:
         if not 0.0 <= pose_age <= OLDEST_POSE:
             raise ProblemError(f"pose_age: expected a time from 0 to {OLDEST_POSE:g} s, got {pose_age!r}")
         self._pose_age = float(pose_age)
+        self._past = Past(self.problem, model.history, self._pose_age)
         if time_budget is not None and not (np.isfinite(time_budget) and time_budget > 0):
             raise ProblemError(f"time_budget: expected a time > 0 s, got {time_budget!r}")
         self._time_budget, self._clock, self._after_solve = time_budget, clock, AFTER_SOLVE
@@ -158,28 +152,23 @@ class Controller:
 
             self._guide, solved = Guide(self.problem, drivable_speeds(self.model, self.problem)), tracking(self.problem)
         self._sqp = SQP(self.model, solved, sqp_iterations, tolerance, obstacle_slots, self._tightening, clock)
+        self._goal = GoalReference(self.problem)
         self._fallback, self._tails = Fallback(self.problem), Tails(self.problem, self._tightening)
         self._rates = RateLimit(self.problem)
-        self._u_min, self._u_max, _, _ = self.problem.bounds
-        fastest = max(float(self._u_max[0]), -float(self._u_min[0]))
+        u_min, u_max, _, _ = self.problem.bounds
+        fastest = max(float(u_max[0]), -float(u_min[0]))
         self._reach = self.problem.horizon * self.problem.dt * fastest + self.problem.robot_radius + self.problem.margin + IN_REACH
         self._surroundings = Surroundings()
         self._solids: Solids | None = None
         self._nearby: Nearby | None = None
-        self._largest = float(np.maximum(self._u_max, -self._u_min).max()) + 1e-9
         self.reset()
 
     def reset(self) -> None:
         """Forget the last plan, the commands sent, the side from which the goal's heading is approached, and what was learned driving."""
         self._last: Trajectory | None = None
-        self._seen: Array = np.zeros(STATES)
-        self._driven: tuple[Array, Array, Array] | None = None
-        self._past = np.zeros((self.model.history, INPUTS))
-        self._given = np.zeros((int(np.ceil(self._pose_age / self.problem.dt)) + self.model.history if self._pose_age else 0, INPUTS))
-        self._heading_error = 0.0
-        self._command: Array = np.zeros(INPUTS)
+        self._past.reset()
+        self._goal.reset()
         self._fallback.reset()
-        self._sent: tuple[Array, Array, Array, Array] | None = None
         if self._guide is not None:
             self._guide.reset()
         if self._tightening is not None:
@@ -241,17 +230,16 @@ class Controller:
             raise ValueError(f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}")
         circles, self._solids = self._surroundings.sort(obstacles)
         if sent is not None:
-            self._correct(np.asarray(sent, dtype=float))
+            self._past.correct(np.asarray(sent, dtype=float), self.model)
         if self._pose_age:
-            pose = advance_pose(self.model, pose, self._given, self._pose_age)
+            pose = advance_pose(self.model, pose, self._past.given, self._pose_age)
         if self.adaptation is not None:
             self._adapt(pose, self.adaptation)
-        for name, values in (("obstacle", circles), ("pose", pose), ("goal", target)):
-            # also false for NaN; three numbers are looked at faster one by one than as an array
-            usable = is_usable(circles) if values is circles else all(abs(v) <= POSITION_LIMIT for v in values.tolist())
-            if not usable:
-                known = circles[:0] if name == "obstacle" else circles
-                return self._without_solution(pose, known, start, {}, 0, f"{name} not usable: {values.ravel()[:5]}")
+        if not are_usable(circles):
+            return self._without_solution(pose, circles[:0], start, {}, 0, f"obstacle not usable: {circles.ravel()[:5]}")
+        for name, values in (("pose", pose), ("goal", target)):
+            if not is_usable(values):
+                return self._without_solution(pose, circles, start, {}, 0, f"{name} not usable: {values}")
         if self._solids is not None:
             if self._solids.extent > POSITION_LIMIT:
                 far, self._solids = self._solids.extent, None
@@ -264,24 +252,24 @@ class Controller:
         here, target = pose.copy(), target.copy()
         here[2] -= turns
         target[2] -= 2 * np.pi * round(float(target[2]) / (2 * np.pi))
-        if self._tightening is not None and self._sent is not None:
+        if self._tightening is not None and self._past.planned is not None:
             # how wrong the model was about the past period widens the margins at once
-            before, acted, expected, _ = self._sent
+            before, acted, expected, _ = self._past.planned
             self._tightening.observe(here - expected, float(before[2]), acted)
-        rest = self._rates.rest(here, self._command) if self._rates.active else None
+        rest = self._rates.rest(here, self._past.command) if self._rates.active else None
         guidance = None if self._guide is None else self._guide.reference(here, target, circles, self._solids, rest)
         if guidance is not None and guidance.hold:
             return self._hold(here, pose, circles, start)
-        reference = self._goal_reference(here, target) if guidance is None else guidance.states
+        reference = self._goal.reference(here, target) if guidance is None else guidance.states
         guided = self._clock()
-        guess, passes = self._warm_start(here), 1
+        guess, passes = warm_start(self._sqp, self._last, here), 1
         if guess is None or (guidance is not None and guidance.switched):
             # a plan along the old way is no good start for the new one
             fresh = guess is None
             guess, passes = (self._sqp.at_rest(here), COLD_PASSES) if fresh else (self._sqp.along(reference, here), NEW_WAY_PASSES)
         deadline = np.inf if self._time_budget is None else start + self._time_budget - self._after_solve
         shifted = self._clock()
-        task = Task(reference, circles, self._past, self._command, deadline)
+        task = Task(reference, circles, self._past.commands, self._past.command, deadline)
         result = self._sqp.solve(guess, task, passes)
         solved = self._clock()
         usable, self._last, reason = self._verify(result, circles)
@@ -289,7 +277,7 @@ class Controller:
         tail = None
         if usable and self._last is not None:
             ahead = self._sqp.keep_out.solids_ahead
-            tail = self._tails.find(self.model, self._last, circles, self._nearby, ahead, self._past, self._command)
+            tail = self._tails.find(self.model, self._last, circles, self._nearby, ahead, self._past.commands, self._past.command)
             if tail is None:
                 reason = "no way to a stop is clear"
             elif tail.slowed:
@@ -304,8 +292,8 @@ class Controller:
         if trajectory is None or tail is None:
             return self._without_solution(pose, circles, start, timing, result.passes, reason)
         self._fallback.accept(trajectory, tail)
-        self._sent = here, trajectory.inputs[0].copy(), expected, self._past.copy()
-        self._remember(trajectory.inputs[0])
+        self._past.expect(here, trajectory.inputs[0], expected)
+        self._past.remember(trajectory.inputs[0])
         states = trajectory.states
         if turns:
             states = states + (0.0, 0.0, turns)
@@ -313,79 +301,25 @@ class Controller:
         plan = self._plan(states, trajectory.inputs, status, circles, start, timing, result.passes, reason)
         return plan if guidance is None or guidance.reachable else replace(plan, reachable=False)
 
-    def _correct(self, command: Array) -> None:
-        """Put what was really sent in the place of the last plan's command."""
-        if command.shape != (INPUTS,):
-            raise ValueError(f"sent: expected shape ({INPUTS},), got {command.shape}")
-        if not np.isfinite(command).all():
-            self._driven = self._sent = None
-            return
-        self._command = np.clip(command, self._u_min, self._u_max)
-        for earlier in (self._past, self._given):
-            if len(earlier):
-                earlier[-1] = command
-        if self._driven is not None:
-            before, _, past = self._driven
-            self._driven = before, command.copy(), past
-        if self._sent is not None:
-            here, _, _, past = self._sent
-            self._sent = here, command.copy(), self.model.predict(here, command, past), past
-
     def _adapt(self, pose: Array, adaptation: OnlineAdaptation) -> None:
         """Show the adaptation the past period, and take over the model that it may give."""
-        if self._driven is not None:
-            before, command, past = self._driven
+        if self._past.driven is not None:
+            before, command, past = self._past.driven
             model = adaptation.update(before, command, pose, past)
             if model is not None:
                 self.update_model(model)
-        self._seen = pose.copy()
+        self._past.seen = pose.copy()
 
     def _hold(self, here: Array, pose: Array, circles: Array, start: float) -> Plan:
         """Stand at the goal."""
         self._last = self._sqp.at_rest(here)
         self._limit_change(self._last)
         self._fallback.accept(self._last, Tail())
-        self._remember(self._last.inputs[0])
-        self._sent = None
+        self._past.remember(self._last.inputs[0])
+        self._past.planned = None
         states = self._last.states + (pose - here)
         plan = self._plan(states, self._last.inputs, PlanStatus.SOLVED, circles, start, {}, 0, "")
         return replace(plan, holding=True)
-
-    def _goal_reference(self, here: Array, target: Array) -> Array:
-        """States (N + 1, 3) to steer for: the goal, with its heading on the side that was chosen before."""
-        reference = np.empty((self.problem.horizon + 1, STATES))
-        reference[:] = target
-        reference[:, 2] = here[2] + self._turn_to(float(target[2] - here[2]))
-        return reference
-
-    def _turn_to(self, error: float) -> float:
-        """Signed turn to the goal's heading; near a half turn it keeps the side of the step before."""
-        error = (error + np.pi) % (2 * np.pi) - np.pi
-        if abs(error) > 0.75 * np.pi and error * self._heading_error < 0.0 and abs(self._heading_error) > 0.5 * np.pi:
-            error -= np.copysign(2 * np.pi, error)
-        self._heading_error = error
-        return error
-
-    def _warm_start(self, here: Array) -> Trajectory | None:
-        """Last plan, one period on, if the robot is where that plan put it."""
-        if self._last is None:
-            return None
-        dx, dy, turned = (self._last.states[1] - here).tolist()
-        turns = 2 * np.pi * round(turned / (2 * np.pi)) if abs(turned) <= POSITION_LIMIT else 0.0
-        # also false for NaN
-        if not (abs(dx) <= JUMP[0] and abs(dy) <= JUMP[0] and abs(turned - turns) <= JUMP[1]):
-            return None
-        guess = self._sqp.shift(self._last, here)
-        # a poisoned start is worth nothing: also false for NaN
-        if not (
-            np.abs(guess.states).max() <= 2 * POSITION_LIMIT
-            and np.abs(guess.inputs).max() <= self._largest
-            and np.isfinite(guess.duals.sum())
-        ):
-            return None
-        if turns:
-            guess.states[1:, 2] -= turns
-        return guess
 
     def _verify(self, result: SQPResult, circles: Array) -> tuple[bool, Trajectory | None, str]:
         """Whether a result may be driven, the plan with commands within bounds as far as there is one, and what is wrong."""
@@ -396,7 +330,7 @@ class Controller:
             return False, None, "the model's prediction is not finite"
         if result.defect <= DEFECT:
             return True, found, result.reason
-        states = self.model.rollout(found.states[0], found.inputs, self._past)
+        states = self.model.rollout(found.states[0], found.inputs, self._past.commands)
         clearance = self._clearance(states, circles, self._solids)
         reason = f"rolled out anew: the model contradicted the plan by {result.defect:.3g}"
         usable = np.isfinite(states).all() and clearance >= -TOUCH
@@ -407,30 +341,29 @@ class Controller:
         if not self._rates.active:
             return False
         wanted = plan.inputs[0]
-        command = self._rates.limit(wanted, self._command)
+        command = self._rates.limit(wanted, self._past.command)
         if command is wanted:
             return False
         plan.inputs[0] = command
-        plan.states[:] = self.model.rollout(plan.states[0], plan.inputs, self._past)
+        plan.states[:] = self.model.rollout(plan.states[0], plan.inputs, self._past.commands)
         return True
 
     def _without_solution(self, pose: Array, circles: Array, start: float, timing: dict[str, float], passes: int, reason: str) -> Plan:
         """Drive the rest of the last tail while there is one and it is clear, else brake."""
-        self._sent = None
+        self._past.planned = None
         rest = self._fallback.replay()
         n = self.problem.horizon
-        known = all(abs(value) <= POSITION_LIMIT for value in pose.tolist())
-        here = pose if known else self._fallback.expected
+        here = pose if is_usable(pose) else self._fallback.expected
         lost = False
         if rest is not None and here is not None:
             # from where the robot is, if that is known: what has happened since the tail was found counts too
-            states = self._tails.rollout(self.model, here, rest, self._past)
+            states = self._tails.rollout(self.model, here, rest, self._past.commands)
             lost = not (self._clearance(states, circles, self._solids) >= 0.0)
             if not lost and np.isfinite(states).all():
                 if self._rates.active:
-                    rest[0] = self._rates.limit(rest[0], self._command)
+                    rest[0] = self._rates.limit(rest[0], self._past.command)
                 self._fallback.sent(rest[0], states[1])
-                self._remember(rest[0])
+                self._past.remember(rest[0])
                 commands = np.zeros((n, INPUTS))
                 commands[: len(rest)] = rest[:n]
                 shown = np.concatenate([states[: n + 1], np.repeat(states[-1:], max(n + 1 - len(states), 0), axis=0)])
@@ -439,9 +372,9 @@ class Controller:
         # where the ramp ends in an obstacle, a robot without lag can still stand; one with lag has asked for all that it has
         command = self._fallback.brake(at_once=lost)
         if self._rates.active:
-            command = self._rates.limit(command, self._command)
+            command = self._rates.limit(command, self._past.command)
             self._fallback.sent(command, None)
-        self._remember(command)
+        self._past.remember(command)
         inputs = np.zeros((n, INPUTS))
         inputs[0] = command
         states = np.tile(np.where(np.isfinite(pose), pose, 0.0), (n + 1, 1))
@@ -449,16 +382,6 @@ class Controller:
         if not np.isfinite(pose).all():
             circles, self._solids = circles[:0], None
         return self._plan(states, inputs, PlanStatus.STOPPED, circles, start, timing, passes, reason)
-
-    def _remember(self, command: Array) -> None:
-        """Move a command that is sent into the model's past, and keep it until the next pose shows what it did."""
-        self._command = command.copy()
-        if self.adaptation is not None:
-            self._driven = self._seen, command.copy(), self._past.copy()
-        for earlier in (self._past, self._given):
-            if len(earlier):
-                earlier[:-1] = earlier[1:]
-                earlier[-1] = command
 
     def _plan(
         self,

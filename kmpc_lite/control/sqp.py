@@ -139,6 +139,7 @@ class SQP:
         self.workspace = OSQPWorkspace(self.qp.P, self.qp.q, self.qp.A, self.qp.lower, self.qp.upper, **settings)
         self.keep_out = KeepOut(problem, slots)
         self._u_min, self._u_max, _, _ = problem.bounds
+        self.largest_command = float(np.maximum(self._u_max, -self._u_min).max())
         self._rates = RateLimit(problem)
         self._dynamics_penalty, self._pressed_violation = 0.0, np.inf
         self._search_time = 0.0

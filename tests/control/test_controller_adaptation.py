@@ -100,9 +100,9 @@ def test_a_sent_command_of_another_shape_is_refused_and_nan_is_not_used(learned:
         first = controller.step((0, 0, 0), (1.0, 0.5, 0.0))
         with pytest.raises(ValueError, match="sent: expected shape"):
             controller.step((0, 0, 0), (1.0, 0.5, 0.0), sent=(0.1, 0.2, 0.3))
-        past = controller._past.copy()
+        past = controller._past.commands.copy()
         controller.step(first.states[1], (1.0, 0.5, 0.0), sent=(np.nan, 0.2))
-        assert np.isfinite(controller._past).all() and (controller._past[:-1] == past[1:]).all()
+        assert np.isfinite(controller._past.commands).all() and (controller._past.commands[:-1] == past[1:]).all()
 
 
 def test_a_floor_that_changes_is_driven_with_a_model_of_it(knowing: dict[float, kl.KoopmanModel], tmp_path: object) -> None:
