@@ -231,6 +231,7 @@ def agrees_with(solver: str, p: np.ndarray, q: np.ndarray, a: np.ndarray, lower:
         sparse.csc_matrix(a[equal]) if equal.any() else None,
         lower[equal] if equal.any() else None,
         solver=solver,
+        **({"eps_abs": 1e-9} if solver == "proxqp" else {}),  # whose default is 1e-3
     )
     assert other is not None
 
@@ -294,9 +295,12 @@ def recorded_qps(monkeypatch: pytest.MonkeyPatch, model: kl.KoopmanModel) -> lis
 
 
 @pytest.mark.parametrize("name", ["nominal", "learned_edmdc", "lagging"])
-def test_agrees_with_clarabel_on_the_controllers_problems(
-    name: str, models: dict[str, kl.KoopmanModel], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("solver", ["clarabel", "daqp", "piqp", "proxqp"])
+def test_agrees_with_other_solvers_on_the_controllers_problems(
+    solver: str, name: str, models: dict[str, kl.KoopmanModel], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    if solver not in qpsolvers.available_solvers:
+        pytest.skip(f"{solver} is not installed")
     recorded = recorded_qps(monkeypatch, models[name])
     assert len(recorded) >= 25
     p, first = recorded[0]
@@ -306,4 +310,4 @@ def test_agrees_with_clarabel_on_the_controllers_problems(
     for _, data in recorded[::4]:
         answer = workspace.solve(*(data[name] for name in ("q", "lower", "upper", "Ax", "x", "y")))
         assert answer.status is QPStatus.SOLVED
-        agrees_with("clarabel", full_p, data["q"], data["A"].toarray(), data["lower"], data["upper"], answer.x)
+        agrees_with(solver, full_p, data["q"], data["A"].toarray(), data["lower"], data["upper"], answer.x)
