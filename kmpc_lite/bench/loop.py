@@ -19,6 +19,9 @@ from kmpc_lite.model import KoopmanModel
 from kmpc_lite.realtime import DeadlineLoop, Histogram, prepare_process
 from kmpc_lite.sim.robots import DifferentialDrive
 
+ANYTIME_PASSES = 100
+"""Passes that a step with a budget may make: more than it will ever have time for."""
+
 
 @dataclass(frozen=True)
 class LoopResult:
@@ -122,7 +125,7 @@ def run_loop(
     load : bool
         Whether the other cores are kept busy.
     budget : float, optional
-        `Controller`'s time_budget [s].
+        `Controller`'s time_budget [s]: steps then make as many passes as it allows, not one.
     progress : callable
         Called about once a second with seconds done and in all.
     """
@@ -130,7 +133,10 @@ def run_loop(
     random = np.random.default_rng(seed)
     circles = random_circles(random, 4)
     x, goal = free_pose(random, circles), free_pose(random, circles)
-    controller, plant = Controller(model, problem, time_budget=budget), DifferentialDrive(SLIP, seed=seed)
+    # a budget means something where there is more to do than it allows
+    passes = 1 if budget is None else ANYTIME_PASSES
+    controller = Controller(model, problem, sqp_iterations=passes, tolerance=1e-9, time_budget=budget)
+    plant = DifferentialDrive(SLIP, seed=seed)
     controller.step(x, goal, circles)
     response, steps = Histogram(), Histogram()
     statuses: dict[str, int] = {}

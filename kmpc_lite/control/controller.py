@@ -45,6 +45,8 @@ TOUCH = 0.02
 """How deep such a rolled-out plan may cut into an obstacle [m] and still be driven, the rest being left to the next pass."""
 IN_REACH = 0.3
 """Solids count as far as this beyond the reach of the fastest plan [m]: margins, and a pose that is not where it was thought."""
+GUIDE_SHARE = 1 / 3
+"""Share of a time budget after which a search for a way is left to the next step."""
 AFTER_SOLVE = 5e-5
 """Time that a step takes after its plan is verified [s]."""
 
@@ -150,7 +152,8 @@ class Controller:
             # here, for its graph search costs as much to import as all the rest
             from kmpc_lite.control.guidance import Guide, tracking
 
-            self._guide, solved = Guide(self.problem, drivable_speeds(self.model, self.problem)), tracking(self.problem)
+            self._guide = Guide(self.problem, drivable_speeds(self.model, self.problem), clock)
+            solved = tracking(self.problem)
         self._sqp = SQP(self.model, solved, sqp_iterations, tolerance, obstacle_slots, self._tightening, clock)
         self._goal = GoalReference(self.problem)
         self._fallback, self._tails = Fallback(self.problem), Tails(self.problem, self._tightening)
@@ -257,7 +260,8 @@ class Controller:
             before, acted, expected, _ = self._past.planned
             self._tightening.observe(here - expected, float(before[2]), acted)
         rest = self._rates.rest(here, self._past.command) if self._rates.active else None
-        guidance = None if self._guide is None else self._guide.reference(here, target, circles, self._solids, rest)
+        until = np.inf if self._time_budget is None else start + GUIDE_SHARE * self._time_budget
+        guidance = None if self._guide is None else self._guide.reference(here, target, circles, self._solids, rest, until)
         if guidance is not None and guidance.hold:
             return self._hold(here, pose, circles, start)
         reference = self._goal.reference(here, target) if guidance is None else guidance.states

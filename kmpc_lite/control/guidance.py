@@ -9,8 +9,9 @@ the robot turns, where that is not the one tracked.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -98,9 +99,12 @@ class Guide:
         Bounds, radius and margin, horizon and period.
     speeds : ndarray, optional
         See `set_speeds`; the command bounds where not given.
+    clock : callable
+        Gives the time [s] that `until` is on.
     """
 
-    def __init__(self, problem: NavigationProblem, speeds: Array | None = None) -> None:
+    def __init__(self, problem: NavigationProblem, speeds: Array | None = None, clock: Callable[[], float] = perf_counter) -> None:
+        self._clock = clock
         u_min, u_max, x_min, x_max = problem.bounds
         self._radius, self._keep = problem.robot_radius, problem.robot_radius + problem.margin
         self._area = np.concatenate([x_min[:2], x_max[:2]])
@@ -140,6 +144,7 @@ class Guide:
         """Forget the way."""
         self._path: TimedPath | None = None
         self._search: Iterator[bool | None] | None = None
+        self._urgent, self._until = False, math.inf
         self._goal = np.full(3, np.nan)
         self._circles, self._resting = np.empty((0, 5)), b""
         self._solids: Solids | None = None
@@ -150,7 +155,9 @@ class Guide:
         self._least_left = np.inf
         self._parking.reset()
 
-    def reference(self, pose: Array, goal: Array, circles: Array, solids: Solids | None = None, rest: Array | None = None) -> Guidance:
+    def reference(
+        self, pose: Array, goal: Array, circles: Array, solids: Solids | None = None, rest: Array | None = None, until: float = math.inf
+    ) -> Guidance:
         """Give the reference of the coming stages.
 
         Parameters
@@ -163,7 +170,11 @@ class Guide:
             Polygons, walls and grids; another object is another map.
         rest : ndarray, optional
             Pose (3,) at which the robot would stand if it braked now; where it is, if not given.
+        until : float
+            When to leave a search that is needed at once to the next step [s], on the guide's clock; the old way is kept meanwhile,
+            and where there was none the robot stands.
         """
+        self._until = until
         point = self._point
         if point is None:
             return self._follow(pose, goal, circles, solids, rest, goal)
@@ -191,7 +202,8 @@ class Guide:
             self._least_left = -np.inf
         if at_once or (strayed and self._search is None):
             self._search = self._look_for_way(pose.copy(), goal, circles, solids, traffic, target)
-        outcome = self._go_on(at_once)
+        self._urgent = self._urgent or at_once
+        outcome = self._go_on()
         refreshed, switched = outcome is not None, bool(outcome)
         if refreshed and self._path is not None:
             place, _ = self._path.locate(pose)
@@ -201,7 +213,7 @@ class Guide:
             states = np.tile(np.array([wait[0], wait[1], pose[2]]), (len(self._times), 1))
             if traffic is not None and not traffic.leaves_alone(pose):
                 self._escape, states = traffic.escape(pose, self._escape, self._times)
-            return Guidance(states, False, False, wait[None, :2], np.inf, refreshed, switched)
+            return Guidance(states, self._urgent, False, wait[None, :2], np.inf, refreshed, switched)
         path.place = place = max(place, path.drive_end) if self._turning else min(place, path.drive_end)
         left = path.duration - place
         hold = self._parking.hold(error, at_rest) and (traffic is None or traffic.leaves_alone(pose))
@@ -254,14 +266,14 @@ class Guide:
             return False
         return self._age > PATIENCE[0] and traffic.blocks(self._path, place)
 
-    def _go_on(self, to_the_end: bool) -> bool | None:
+    def _go_on(self) -> bool | None:
         """Look on for a way; none while the search goes on or where there is none, then whether it goes another way around."""
         outcome = None
         while self._search is not None:
             outcome = next(self._search)
             if outcome is not None:
-                self._search = None
-            elif not to_the_end:
+                self._search, self._urgent = None, False
+            elif not self._urgent or (self._until < math.inf and self._clock() > self._until):
                 break
         return outcome
 

@@ -309,7 +309,7 @@ class SQP:
         """Go from the guess towards what the QP found until the merit function falls enough (Armijo), by halving.
 
         `predicted` (N, 3) is what the model says of the stages found, and `before` what it said of the guess's. Returns the new
-        trajectory, the length of the step in (0, 1], and what the model predicts of its stages.
+        trajectory, the length of the step in [0, 1], and what the model predicts of its stages.
         """
         cost, reference = self.problem.cost, task.reference
         self._dynamics_penalty = max(self._dynamics_penalty, 1.1 * float(np.abs(found.duals[self.qp.dynamics_rows]).max()))
@@ -324,6 +324,9 @@ class SQP:
             # the last term forgives what rounding takes once nothing is left to gain
             if merit <= now - ARMIJO * length * expected + 1e-10 * abs(now) or length <= shortest:
                 return trial, length, predicted
+            if self.clock() > task.deadline:
+                # what a QP stopped at once has left is no direction: the plan stays
+                return guess, 0.0, before
             length *= 0.5
             states = guess.states + length * (found.states - guess.states)
             trial = Trajectory(states, guess.inputs + length * (found.inputs - guess.inputs), found.duals)

@@ -1,12 +1,16 @@
 """The time budget on a fake clock: what is begun, what the solver is given, and what comes back."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lite.control.guidance import Guide
+from kmpc_lite.control.obstacles import circles_to_array
 from kmpc_lite.control.osqp_workspace import QPStatus
+from kmpc_lite.control.sqp import Task
 
 GOAL = (1.5, 1.5, 0.0)
 OBSTACLES = [kl.Circle(0.6, 0.6, 0.15)]
@@ -106,3 +110,38 @@ def test_phases_add_up_to_no_more_than_the_total() -> None:
         parts = {k: v for k, v in plan.timing.items() if k != "total"}
         assert set(parts) == {"guide", "shift", "linearise", "fill", "solve", "search", "verify"}
         assert 0.0 < sum(parts.values()) <= plan.timing["total"]
+
+
+def test_a_search_for_a_way_is_left_to_the_next_steps_where_it_would_take_too_long() -> None:
+    problem, now = kl.NavigationProblem(), [0.0]
+
+    def clock() -> float:
+        now[0] += 1.0
+        return now[0]
+
+    guide, x, scene = Guide(problem, clock=clock), np.zeros(3), np.array([[0.8, 0.0, 0.2, 0.0, 0.0]])
+    found = [guide.reference(x, np.array(GOAL), scene, until=now[0] + 0.5) for _ in range(9)]
+    last = next(k for k, f in enumerate(found) if f.refreshed)
+    # it stands, which is not to say that there is no way
+    assert last > 3 and all(f.reachable and (f.states == x).all() for f in found[:last])
+    in_time = Guide(problem, clock=clock).reference(x, np.array(GOAL), scene)
+    assert in_time.refreshed and np.array_equal(found[last].path, in_time.path)
+    # towards another goal it drives on along the old way
+    other = np.array(GOAL) + (0.0, 0.5, 0.0)
+    on = guide.reference(x, other, scene, until=now[0] + 0.5)
+    assert not on.refreshed and np.array_equal(on.path, in_time.path)
+    assert guide.reference(x, other, scene).refreshed
+
+
+def test_a_line_search_ends_at_the_deadline_with_the_plan_that_was() -> None:
+    made = kl.Controller(kl.nominal_unicycle(0.1), sqp_iterations=50, guidance=False, tightening=None)
+    sqp = made._sqp
+    guess = sqp.at_rest(np.zeros(3))
+    task = Task(np.tile(GOAL, (21, 1)), circles_to_array(OBSTACLES), np.zeros((0, 2)), np.zeros(2))
+    wild = replace(guess, states=guess.states + 50.0 * np.arange(21)[:, None], duals=guess.duals + 1.0)
+    predicted, nothing = sqp._predicted(wild, task), np.zeros(20)
+    search = (guess, wild, predicted, nothing, guess.states[1:], nothing, 0.0)
+    _, length, _ = sqp._line_search(*search, task, 1e-3)
+    assert 0.0 < length < 0.5
+    stays, length, before = sqp._line_search(*search, replace(task, deadline=-1.0), 1e-3)
+    assert stays is guess and length == 0.0 and np.array_equal(before, guess.states[1:])
