@@ -126,6 +126,8 @@ def load_and_split(logs: list[Path], dt: float | None, gap: float | None, holdou
         raise kl.DataError(f"--holdout: expected a share between 0 and 1, got {holdout}")
     if seed < 0:
         raise kl.DataError(f"--seed: expected a whole number >= 0, got {seed}")
+    if (twice := next((log for k, log in enumerate(logs) if log.resolve() in [other.resolve() for other in logs[:k]]), None)) is not None:
+        raise kl.DataError(f"{twice}: given twice: what is learned from would be checked against itself")
     if dt is None:
         dt = max(SHORTEST_PERIOD, read_period(logs[0]))
     data = kl.Dataset([e for log in logs for e in kl.Dataset.load(log, dt=dt, gap=gap).episodes])

@@ -94,10 +94,11 @@ def test_fit_takes_every_dictionary_and_method(made: Path, here: Path, capsys: p
 
 
 def test_fit_takes_several_logs_and_another_period(made: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    log = str(made / "drive.csv")
-    assert cli.main(["fit", log, log, "-o", "robot.npz", "--dt", "0.2"]) == 0
+    assert cli.main(["fit", str(made / "drive.csv"), str(made / "brief.csv"), "-o", "robot.npz", "--dt", "0.2"]) == 0
     assert kl.KoopmanModel.load("robot.npz").dt == 0.2
-    assert "0.2 s" in capsys.readouterr().out
+    assert "0.2 s" in (told := capsys.readouterr().out)
+    counts = [int(n) for n in re.findall(r"Dataset\((\d+) episodes", told)]
+    assert sum(counts) == 17  # those of both
 
 
 def test_fit_is_the_same_for_the_same_seed(made: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -292,6 +293,7 @@ BAD_LINES = [
     "fit {made}/robot.npz -o other.npz",
     "fit {made}/short.toml -o robot.npz",
     "fit {made}/brief.csv -o robot.npz",
+    "fit {made}/drive.csv {made}/brief.csv {made}/drive.csv -o robot.npz",
     "fit {made}/drive.csv -o no/folder/robot.npz",
     "fit {made}/drive.csv -o .",
     "fit {made}/drive.csv -o {made}/drive.csv",
