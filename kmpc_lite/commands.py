@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import kmpc_lite as kl
+from kmpc_lite.control.tightening import LATE_RISK, RISK, Tightening
 from kmpc_lite.learn.formats import read_period
 from kmpc_lite.sim import LearnedPlant, Outcome, Run, Scenario, drive
 
@@ -143,9 +144,12 @@ def calibrated(model: kl.KoopmanModel, held: kl.Dataset) -> tuple[kl.KoopmanMode
     """Model with its margins calibrated on held-out drives, where those suffice; and what became of it in a line."""
     try:
         model = kl.with_quantiles(model, held)
+        how = f"calibrated on {model.info['noise_quantiles']['windows']} held-out windows"
     except kl.DataError as error:
-        return model, f"margins: not calibrated, cautious ones will be used ({error})"
-    return model, f"margins: calibrated on {model.info['noise_quantiles']['windows']} held-out windows"
+        how = f"not calibrated, cautious ones will be used ({error})"
+    problem = kl.NavigationProblem(dt=model.dt)
+    widest = Tightening(model, problem, risk=LATE_RISK if model.history else RISK).widest
+    return model, f"margins: {how}; up to {100 * widest:.0f} cm from obstacles at {problem.bounds[1][0]:g} m/s"
 
 
 def _keep_inputs(output: Path | None, *inputs: Path | None) -> None:

@@ -77,6 +77,21 @@ def test_fit_writes_a_model_and_tells_how_good_it_is(made: Path, here: Path, cap
     assert files(here) == ["robot.npz"]
 
 
+def test_fit_tells_how_much_room_the_margins_take(made: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    data, random = kl.Dataset.load(made / "drive.csv"), np.random.default_rng(0)
+    noisy = [kl.Episode(e.states + random.normal(size=e.states.shape) * (0.02, 0.02, 0.02), e.inputs, e.dt) for e in data.episodes]
+    kl.Dataset(noisy).save("noisy.csv")
+    rooms = []
+    for log in (made / "drive.csv", here / "noisy.csv"):
+        assert cli.main(["fit", str(log), "-o", "robot.npz"]) == 0
+        told = re.search(
+            r"^margins: calibrated on \d+ held-out windows; up to (\d+) cm from obstacles at 0.6 m/s$", capsys.readouterr().out, re.M
+        )
+        assert told is not None
+        rooms.append(int(told[1]))
+    assert 2 <= rooms[0] <= 10 < rooms[1]
+
+
 def test_fit_takes_every_dictionary_and_method(made: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = str(made / "drive.csv")
     for options, history, continuous in (
