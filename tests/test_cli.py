@@ -105,6 +105,7 @@ def test_fit_takes_every_dictionary_and_method(made: Path, here: Path, capsys: p
         assert (model.history, model.continuous) == (history, continuous)
         assert told["model"] == "robot.npz"
         assert told["samples"] == model.info["samples"] > 0
+        assert told["margins"].startswith(("calibrated on", "not calibrated"))
         assert all(np.isfinite(told["held_out"][key]).all() for key in ("one_step", "multi_step", "nominal_one_step"))
 
 
