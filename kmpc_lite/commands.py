@@ -28,7 +28,12 @@ def run_fit(options: argparse.Namespace) -> int:
     model = with_info(model, {"held_out": report.as_dict(), "log": [str(f) for f in options.log]})
     model.save(options.output)
     if options.json:
-        told = {"model": str(options.output), "train": repr(train), "held_out": report.as_dict(), "margins": calibration.removeprefix("margins: ")}
+        told = {
+            "model": str(options.output),
+            "train": repr(train),
+            "held_out": report.as_dict(),
+            "margins": calibration.removeprefix("margins: "),
+        }
         print(json.dumps({**told, **_fit_info(model)}))
         return 0
     print(f"train  {train}\nheld   {held}")
