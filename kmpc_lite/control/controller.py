@@ -17,7 +17,6 @@ from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.goal import GoalReference
 from kmpc_lite.control.obstacles import circle_distances
 from kmpc_lite.control.osqp_workspace import QPStatus
-from kmpc_lite.control.pace import drivable_speeds
 from kmpc_lite.control.past import Past
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.control.pose_age import advance_pose
@@ -150,9 +149,11 @@ class Controller:
         solved = self.problem
         if guidance:
             # here, for its graph search costs as much to import as all the rest
-            from kmpc_lite.control.guidance import Guide, tracking
+            from kmpc_lite.control.guidance import Guide
+            from kmpc_lite.control.reference import tracking
 
-            self._guide = Guide(self.problem, drivable_speeds(self.model, self.problem), clock)
+            self._guide = Guide(self.problem, clock=clock)
+            self._guide.learn(self.model, self._tightening)
             solved = tracking(self.problem)
         self._sqp = SQP(self.model, solved, sqp_iterations, tolerance, obstacle_slots, self._tightening, clock)
         self._goal = GoalReference(self.problem)
@@ -198,7 +199,7 @@ class Controller:
         if self._tightening is not None:
             self._tightening.update(self.model)
         if self._guide is not None:
-            self._guide.set_speeds(drivable_speeds(self.model, self.problem))
+            self._guide.learn(self.model, self._tightening)
 
     def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Obstacles = (), sent: ArrayLike | None = None) -> Plan:
         """Plan from the measured pose and give the command of the coming period.

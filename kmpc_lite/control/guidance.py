@@ -10,26 +10,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.parking import CLOSE, ENTER, Parking
+from kmpc_lite.control.pace import drivable_speeds, room_at_speed
+from kmpc_lite.control.parking import Parking, zone_of
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.reference import Guidance
+from kmpc_lite.control.stand import Stand
 from kmpc_lite.control.tangents import NO_EDGES, Way, ways_in_parts
 from kmpc_lite.control.timed_path import TimedPath, same_way_around
 from kmpc_lite.control.traffic import MovingCircles
-from kmpc_lite.control.turning_point import SAME, seen_from
+from kmpc_lite.control.turning_point import SAME, seen_from, turning_point
 from kmpc_lite.dictionary import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.solids import Solids
+    from kmpc_lite.control.tightening import Tightening
+    from kmpc_lite.model import KoopmanModel
 
-TRACKING_Q = (5.0, 5.0, 0.5)
-TRACKING_R = (0.1, 0.02)
-"""Weights of a cost that follows a reference: the paper's, for a goal that is far away, cut corners and creep at the end."""
 CLEARANCES = (0.06, 0.03, 0.005)
 """Distances beyond the problem's margin that a way keeps [m]; the next one is tried where there is no way."""
 SPEED_SHARE = (1.0, 0.9)
@@ -38,17 +40,12 @@ SLOWEST = 1e-6
 """A robot that cannot turn, or drive, is taken for one that does so this slowly [m/s, rad/s]: times are finite."""
 LEAD = 0.2
 """How far the reference runs ahead of the robot [s]."""
-OFF_WAY = (0.01, 0.08, 0.15)
-"""Distance from the way at which a new one is looked for: least [m], share of the distance to the goal, most [m]."""
+OFF_WAY = (0.08, 0.15)
+"""Distance from the way at which a new one is looked for: share of the distance to the goal, most [m]; the least is the zone's."""
 LOST = 0.5
 """Distance from the way at which the new one is needed at once [m]: the robot was carried off."""
-PATIENCE = (0.3, 0.8)
-"""Least time between two new ways for the same map, and how long the robot may stand still on its way [s]."""
-STILL = 0.05
-"""Progress towards the goal that ends a stand [s]."""
-DETOUR = 0.5
-"""How much longer a new way must be than what was left to begin a new count of progress [s]: a robot that stands before an obstacle,
-and looks for its way again and again, makes none."""
+PATIENCE = 0.3
+"""Least time between two new ways for the same map [s]."""
 RETRY = 0.5
 """Time between two searches where there is no way [s]."""
 MOVED = 0.01
@@ -63,31 +60,6 @@ FLICKER = (0.5, 0.1)
 """How much quicker another way around must be to be taken: seconds, and share of what is left."""
 LAST_STRETCH = 0.5
 """Before the goal's position is reached [s]: the last turn is not begun yet."""
-
-
-@dataclass(frozen=True, eq=False)
-class Guidance:
-    """Where to steer."""
-
-    states: Array
-    """(N + 1, 3) reference of the stages; headings next to the robot's."""
-    reachable: bool
-    """Whether there is a way to the goal."""
-    hold: bool
-    """Whether the robot is to stand still: it is at the goal."""
-    path: Array
-    """(K, 2) points of the way from where it was planned to the goal [m]; the place to wait where there is none."""
-    time_left: float
-    """Until the goal is reached [s]; infinite where it cannot be."""
-    refreshed: bool
-    """Whether a new way was found in this step, or that there is none."""
-    switched: bool
-    """Whether the new way goes another way around, so that a plan along the old one is no good start."""
-
-
-def tracking(problem: NavigationProblem) -> NavigationProblem:
-    """Return the problem with weights that suit a reference along a way."""
-    return replace(problem, Q=TRACKING_Q, R=TRACKING_R, Q_terminal=None)
 
 
 class Guide:
@@ -111,12 +83,19 @@ class Guide:
         self.set_speeds(np.array([u_max[0], -u_min[0], min(u_max[1], -u_min[1])]) if speeds is None else speeds)
         self._times = problem.dt * np.arange(problem.horizon + 1)
         self._ahead = LEAD + self._times
-        self._dt = problem.dt
-        self._parking = Parking()
+        self._problem, self._dt = problem, problem.dt
+        self._parking, self._stand = Parking(), Stand()
         self._point: Array | None = None
-        self._swing, self._clearances = 0.0, list(CLEARANCES)
-        self._shifted = False
+        self._swing, self._room, self._shifted = 0.0, 0.0, False
         self.reset()
+
+    def learn(self, model: KoopmanModel, tightening: Tightening | None) -> None:
+        """Take over what a model knows: the robot's speeds, its turning point, the noise of its pose, and the room that margins ask for."""
+        self.set_speeds(drivable_speeds(model, self._problem))
+        self.set_turning_point(turning_point(model, self._problem))
+        self._parking.zone = zone_of(model)
+        # a robot without lag is steered back before it needs the room
+        self._room = 0.0 if tightening is None or not model.history else room_at_speed(model, self._problem, tightening)
 
     def set_speeds(self, speeds: Array) -> None:
         """Time the coming ways by what the robot can do: ahead, backwards [m/s], rate of turn [rad/s], (3,); `pace.drivable_speeds`."""
@@ -134,11 +113,16 @@ class Guide:
         if math.hypot(*(new - known)) < SAME:
             return
         self._point, self._swing = point, math.hypot(*new)
-        self._clearances = [c + self._swing for c in CLEARANCES]
-        if point is not None:
-            self._clearances += [c + abs(float(point[1])) for c in CLEARANCES[1:]]
         # the way is kept until there is one for the new point
         self._shifted = True
+
+    def _clearances(self) -> list[float]:
+        """Distances beyond the margin that a way keeps [m], the widest first."""
+        wide = [self._room, *CLEARANCES] if self._room > CLEARANCES[0] else list(CLEARANCES)
+        if self._point is None:
+            return wide
+        # the pose swings around the point that drives: where that is too wide, only as far as it lies beside it
+        return [c + self._swing for c in wide] + [c + abs(float(self._point[1])) for c in CLEARANCES[1:]]
 
     def reset(self) -> None:
         """Forget the way."""
@@ -150,9 +134,8 @@ class Guide:
         self._solids: Solids | None = None
         self._escape = -1
         self._waiting: Array | None = None
-        self._turning = self._stuck = False
-        self._age = self._still = 0.0
-        self._least_left = np.inf
+        self._turning, self._age = False, 0.0
+        self._stand.reset()
         self._parking.reset()
 
     def reference(
@@ -193,13 +176,14 @@ class Guide:
             at_rest = error + (rest - pose)
         # a last turn on the spot begins where the robot comes to a stop
         near = distance if rest is None or self._turning else max(distance, math.hypot(at_rest[0], at_rest[1]))
-        self._turning = near <= (ENTER[0] if self._turning else CLOSE)
+        zone = self._parking.zone
+        self._turning = near <= (zone.keep if self._turning else zone.close)
         traffic = MovingCircles(circles, self._keep + self._swing, self._speed, solids) if circles[:, 3:].any() else None
         place, off = (0.0, 0.0) if self._path is None else self._path.locate(pose, self._path.drive_end if self._turning else 0.0)
         strayed = self._strayed(off, place, distance)
         at_once = off > LOST or self._is_new(target, circles, solids) or self._blocked(traffic, place)
         if at_once:
-            self._least_left = -np.inf
+            self._stand.forget()
         if at_once or (strayed and self._search is None):
             self._search = self._look_for_way(pose.copy(), goal, circles, solids, traffic, target)
         self._urgent = self._urgent or at_once
@@ -248,23 +232,20 @@ class Guide:
         """Whether the robot's place gives a reason to look for a way: it is off the one it has, stands still on it, or has none."""
         if self._path is None:
             return self._age >= RETRY
-        left = self._path.duration - place
-        if left < self._least_left - STILL:
-            self._least_left, self._still = left, 0.0
+        self._stand.see(self._path.duration - place)
         if self._turning:
             return False
         if self._shifted:
             return True
-        self._still += self._dt
-        self._stuck = self._still > PATIENCE[1]
-        least, share, most = OFF_WAY
-        return self._stuck or (self._age > PATIENCE[0] and off > min(max(least, share * distance), most))
+        share, most = OFF_WAY
+        too_far = self._age > PATIENCE and off > min(max(self._parking.zone.off_way, share * distance), most)
+        return self._stand.wait(self._dt) or too_far
 
     def _blocked(self, traffic: MovingCircles | None, place: float) -> bool:
         """Whether something that moves will be in the way."""
         if traffic is None or self._path is None or self._turning:
             return False
-        return self._age > PATIENCE[0] and traffic.blocks(self._path, place)
+        return self._age > PATIENCE and traffic.blocks(self._path, place)
 
     def _go_on(self) -> bool | None:
         """Look on for a way; none while the search goes on or where there is none, then whether it goes another way around."""
@@ -287,7 +268,7 @@ class Guide:
         # circles at rest that are the same to the last bit are known again in a moment
         self._resting = b"" if traffic is not None else circles.tobytes()
         goal = goal.copy()
-        stuck = self._stuck
+        stuck = self._stand.stuck
         if traffic is not None:
             circles = traffic.where_met(pose)
         keep_to = previous if same_goal and not stuck else None
@@ -311,10 +292,7 @@ class Guide:
         self._path = TimedPath(way, pose, goal, gear, free)
         other = switched or previous is None or not same_goal
         place, self._path.place = self._path.locate(pose)[0], 0.0
-        left = self._path.duration - place
-        if other or stuck or left > self._least_left + DETOUR:
-            # the turn that is left to the controller is no progress along the way, but no stand either
-            self._least_left, self._still = left, -free / float(gear[1])
+        self._stand.begin(self._path.duration - place, free / float(gear[1]), other or stuck)
         yield other
 
     def _choices(
@@ -346,8 +324,7 @@ class Guide:
             ]
         )
         nearest = np.minimum(to_pose, to_goal) - 1e-3
-        # the pose swings around the point that drives: where that is too wide, only as far as it lies beside it
-        for clearance in self._clearances:
+        for clearance in self._clearances():
             radii = np.clip(sizes + self._keep + clearance, 0.0, np.maximum(nearest, 0.0))
             best: Way | None = None
             route = None if maze is None else maze.route(pose, goal, self._keep + clearance, circles, area)

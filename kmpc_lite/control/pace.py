@@ -1,6 +1,8 @@
-"""How fast a model lets its robot be driven: what ways are timed by."""
+"""How fast a model lets its robot be driven, and how much room it then needs: what ways are timed by, and kept away from obstacles."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -8,7 +10,12 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.dictionary import INPUTS, Array
 from kmpc_lite.model import KoopmanModel
 
+if TYPE_CHECKING:
+    from kmpc_lite.control.tightening import Tightening
+
 ROUNDING = 1e-6
+SPARE = 0.02
+"""Room that a way keeps beyond the margins of a plan at full speed [m]: a plan at its margins has none to correct itself."""
 LEAST = 0.05
 """Share of a bound that is believed in the least: a model may know nothing of what its log never showed, and ways must end."""
 
@@ -47,3 +54,23 @@ def drivable_speeds(model: KoopmanModel, problem: NavigationProblem) -> Array:
     # rounding must not decide between two ways that are equally quick
     speeds = np.where(signed > (1.0 - ROUNDING) * bounds, bounds, np.maximum(signed, LEAST * bounds))
     return np.array([speeds[0], speeds[1], min(speeds[2], speeds[3])])
+
+
+def room_at_speed(model: KoopmanModel, problem: NavigationProblem, tightening: Tightening) -> float:
+    """Room [m] that a way must leave so that a plan at full speed along it keeps its margins, and `SPARE`.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        Predicts a straight drive.
+    problem : NavigationProblem
+        Command bounds and horizon.
+    tightening : Tightening
+        Asked for the last stage's margin.
+    """
+    _, u_max, _, _ = problem.bounds
+    commands = np.tile((u_max[0], 0.0), (problem.horizon, 1))
+    past = np.tile(commands[0], (problem.horizon, model.history, 1))
+    states = model.rollout(np.zeros(3), commands, past[0])
+    across = np.stack([-np.sin(states[1:, 2]), np.cos(states[1:, 2])], axis=1)[:, None]
+    return SPARE + float(tightening.margins(model.linearize(states[:-1], commands, past), states, commands, across)[-1, 0])

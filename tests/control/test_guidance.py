@@ -7,8 +7,9 @@ import pytest
 from guided import GuidedController
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance import FLICKER, Guide, tracking
+from kmpc_lite.control.guidance import FLICKER, Guide
 from kmpc_lite.control.obstacles import circles_to_array
+from kmpc_lite.control.reference import tracking
 from kmpc_lite.control.tangents import Way
 from kmpc_lite.control.timed_path import TimedPath
 from kmpc_lite.sim.maps import random_map

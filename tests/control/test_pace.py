@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance import Guide
-from kmpc_lite.control.pace import drivable_speeds
+from kmpc_lite.control.guidance import CLEARANCES, Guide
+from kmpc_lite.control.pace import drivable_speeds, room_at_speed
+from kmpc_lite.control.tightening import Tightening
+from kmpc_lite.model import NoiseModel
 
 PROBLEM = kl.NavigationProblem()
 
@@ -74,3 +76,26 @@ def test_a_model_that_knows_no_turns_makes_no_infinite_way(nominal: kl.KoopmanMo
     h[2] = 0.0
     plan = kl.Controller(replace(nominal, H=h)).step((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     assert np.isfinite(plan.command).all()
+
+
+def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(nominal: kl.KoopmanModel, lagging: kl.KoopmanModel) -> None:
+    noise = NoiseModel(np.stack([np.zeros((3, 3)), np.diag([1e-3, 1e-3, 1e-3]), np.zeros((3, 3))]))
+    model, nothing = replace(lagging, noise_model=noise), np.empty((0, 5))
+    tightening = Tightening(model, PROBLEM)
+    room = room_at_speed(model, PROBLEM, tightening)
+    assert room > CLEARANCES[0] and room > room_at_speed(replace(model, noise_model=None), PROBLEM, Tightening(lagging, PROBLEM))
+    circle, ends = np.array([[0.0, -0.05, 0.2, 0.0, 0.0]]), (np.array([-1.5, 0.0, 0.0]), np.array([1.5, 0.0, 0.0]))
+
+    def gap(model: kl.KoopmanModel, circles: np.ndarray) -> float:
+        guide = Guide(PROBLEM)
+        guide.learn(model, Tightening(model, PROBLEM))
+        assert guide.reference(*ends, nothing).reachable
+        return float(np.hypot(*(guide.reference(*ends, circles).path - circle[0, :2]).T).min() - 0.2 - PROBLEM.robot_radius)
+
+    assert gap(nominal, circle) == pytest.approx(CLEARANCES[0], abs=2e-3)
+    assert gap(model, circle) == pytest.approx(room, abs=2e-3)
+    # where there is no such room, less will do
+    wall = np.array([[0.0, side * (PROBLEM.robot_radius + 0.24 + 0.3 * k), 0.2, 0.0, 0.0] for k in range(7) for side in (-1, 1)])
+    guide = Guide(PROBLEM)
+    guide.learn(model, tightening)
+    assert guide.reference(*ends, wall).reachable

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from guided import GuidedController
 
 import kmpc_lite as kl
-from kmpc_lite.control.parking import ENTER, LEAVE, PUSHED, Parking
+from kmpc_lite.control.parking import QUIET, QUIET_ZONE, Parking, zone_of
+from kmpc_lite.model import NoiseModel
+from kmpc_lite.sim.lag import LaggingDrive, drive_log
+
+ENTER, LEAVE, PUSHED = QUIET_ZONE.enter, QUIET_ZONE.leave, QUIET_ZONE.pushed
 
 
 def test_the_robot_stands_once_inside_and_stays_until_it_is_out() -> None:
@@ -41,6 +47,30 @@ def test_noise_of_the_pose_does_not_end_it() -> None:
     random, parking = np.random.default_rng(0), Parking()
     parking.hold(np.zeros(3))
     assert all(parking.hold(random.normal(size=3) * (0.005, 0.005, 0.02)) for _ in range(1000))
+
+
+def noisy(metres: float, radians: float) -> kl.KoopmanModel:
+    """Nominal robot that has learned of such noise in its poses; a residual has that of two."""
+    at_rest = 2.0 * np.diag([metres**2, metres**2, radians**2])
+    return replace(kl.nominal_unicycle(0.1), noise_model=NoiseModel(np.stack([at_rest, 0.01 * np.eye(3), 0.01 * np.eye(3)])))
+
+
+def test_quiet_poses_leave_the_zone_as_it_is(nominal: kl.KoopmanModel) -> None:
+    assert zone_of(nominal) is zone_of(noisy(0.005, 0.02)) is zone_of(noisy(0.99 * QUIET[0], 0.99 * QUIET[1])) is QUIET_ZONE
+    at_the_limit = zone_of(noisy(1.001 * QUIET[0], 1.001 * QUIET[1]))
+    assert at_the_limit.keep == pytest.approx(QUIET_ZONE.keep, abs=1e-4) and at_the_limit.enter == pytest.approx(ENTER, abs=1e-4)
+
+
+def test_noise_widens_the_zone_so_far_that_it_does_not_end_a_hold() -> None:
+    random, parking = np.random.default_rng(0), Parking()
+    errors = random.normal(size=(1000, 3)) * (0.02, 0.02, 0.08)
+    parking.hold(np.zeros(3))
+    assert not all(parking.hold(error) for error in errors)
+    parking.reset()
+    parking.zone = zone_of(noisy(0.02, 0.08))
+    assert parking.hold(np.zeros(3)) and all(parking.hold(error) for error in errors)
+    # what is far for that noise still ends it
+    assert not parking.hold(np.array([0.15, 0.0, 0.0]))
 
 
 def test_reset_forgets() -> None:
@@ -115,3 +145,18 @@ def test_a_robot_that_is_pushed_drives_back(learned: kl.KoopmanModel) -> None:
     for _ in range(150):
         x = plant.step(x, controller.step(x, goal).command, 0.1)
     assert np.hypot(*x[:2]) <= 0.02 and abs(x[2]) <= 0.05
+
+
+def test_very_noisy_poses_end_at_rest_too() -> None:
+    noise = np.array([0.02, 0.02, 0.08])
+    log = drive_log(LaggingDrive(slip=0.05, seed=3), 60, 100, seed=4, pose_noise=noise)
+    model, held, ends = kl.fit(log, kl.HermiteTrigDictionary(order=0)), [], []
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        controller, plant = GuidedController(model, kl.NavigationProblem()), kl.DifferentialDrive(0.05, seed)
+        x, goal = random.uniform(-1.0, 1.0, 3), np.zeros(3)
+        for _ in range(250):
+            x = plant.step(x, controller.step(x + random.normal(size=3) * noise, goal).command, 0.1)
+        held.append(np.mean(controller.holding[150:]))
+        ends.append(np.hypot(*x[:2]))
+    assert np.mean(held) > 0.9 and max(ends) < 0.06
