@@ -107,10 +107,10 @@ def run_demo(options: argparse.Namespace) -> int:
     else:
         say(f"1  reading {log}")
     train, held = load_and_split([log], None, None, 0.5, 0)
-    folder.mkdir(parents=True, exist_ok=True)
     model = kl.fit(train, make_dictionary("trig", None, False))
     report = kl.evaluate(model, held, 1.0)
     model, calibration = calibrated(model, held)
+    folder.mkdir(parents=True, exist_ok=True)
     model = with_info(model, {"held_out": report.as_dict(), "log": [str(log)]})
     model.save(folder / "robot.npz")
     say(f"2  learned {folder / 'robot.npz'} from {train}")

@@ -25,6 +25,8 @@ JITTER = 0.1
 """Share of the period by which a time step may differ before the log counts as uneven."""
 DRIFT = 0.01
 """Share of the median step by which the mean may differ before the log counts as uneven."""
+LARGEST = 1e9
+"""Beyond this a pose or a command [m, rad, m/s, rad/s] is none: differences of such numbers are lost to rounding, squares overflow."""
 GAP = 2.5
 """A time step longer than this many periods ends an episode."""
 
@@ -183,6 +185,11 @@ def _check_table(file: Path, table: Array) -> None:
         row, column = np.argwhere(~np.isfinite(table))[0]
         raise DataError(
             f"{file}: {_where(file, row)}, column {COLUMNS[column]}: expected a finite number in {UNITS[column]}, got {table[row, column]}"
+        )
+    if (np.abs(table[:, 1:]) > LARGEST).any():
+        row, column = np.argwhere(np.abs(table[:, 1:]) > LARGEST)[0] + (0, 1)
+        raise DataError(
+            f"{file}: {_where(file, row)}, column {COLUMNS[column]}: expected at most {LARGEST:g} {UNITS[column]}, got {table[row, column]}"
         )
     time = table[:, 0]
     back = np.diff(time) <= 0.0
