@@ -148,6 +148,7 @@ class KeepOut:
         """Place (2,) of stage 1 when `gaps` was called last, distances (C,) of the solids from it, and normals (C, 2)."""
         self._count = -1
         self._row_starts = np.arange(problem.horizon)[:, None]
+        self._nearest: Array | None = None
         self._normals, self._offsets = np.zeros((self.horizon, slots, 2)), np.full((self.horizon, slots), -np.inf)
 
     def obstacle_count(self, circles: Array) -> int:
@@ -203,11 +204,13 @@ class KeepOut:
         """
         kinds = gaps.shape[1]
         used = min(kinds, self.slots)
+        self._nearest = None
         if kinds > self.slots:
             # in the order of the obstacles, so that a row keeps its obstacle, and its multiplier, from pass to pass
             nearest = np.argpartition(gaps, self.slots - 1, axis=1)[:, : self.slots]
             nearest.sort(axis=1)
             nearest += kinds * self._row_starts
+            self._nearest = nearest
             gaps = gaps.take(nearest)
             normals = normals.reshape(-1, 2).take(nearest, axis=0)
         offsets = np.matmul(normals, states[1:, :2, None])[..., 0]
@@ -217,6 +220,21 @@ class KeepOut:
         self._normals[:, :used], self._offsets[:, :used] = normals, offsets
         self._normals[:, used:], self._offsets[:, used:] = 0.0, -np.inf
         return self._normals, self._offsets
+
+    def bends(self, states: Array, circles: Array) -> Array:
+        """How much the half-planes that were given last turn per metre along their obstacles, (N, slots) [1/m]: sides do not.
+
+        Nor do solids here: edges are straight, and where a plan goes round a corner the next pass sees it.
+        """
+        bends = np.zeros(self._gaps.shape)
+        if len(circles):
+            distances, _ = circle_distances(circles, states[1:, :2], self._times)
+            bends[:, : len(circles)] = 1.0 / np.maximum(distances + circles[:, 2], 1e-3)
+        if self._nearest is not None:
+            return bends.take(self._nearest)
+        out = np.zeros((self.horizon, self.slots))
+        out[:, : bends.shape[1]] = bends
+        return out
 
     def penetration(self, states: Array, circles: Array, margins: Array | float = 0.0) -> Array:
         """How far each of stages 1 to N stands inside its deepest obstacle or outside the area, (N,) [m]; `gaps` without normals.

@@ -62,6 +62,7 @@ class OSQPWorkspace:
 
     def __init__(self, P: sp.csc_matrix, q: Array, A: sp.csc_matrix, lower: Array, upper: Array, **settings: Any) -> None:
         self.n, self.m, self.nnz = A.shape[1], A.shape[0], A.nnz
+        self._Px, self._new_Px = np.zeros(P.nnz), False
         # what is checked together lies together
         self._numbers, self._start = np.zeros(self.n + self.nnz), np.zeros(self.n + self.m)
         self._q, self._Ax = self._numbers[: self.n], self._numbers[self.n :]
@@ -81,6 +82,18 @@ class OSQPWorkspace:
         """Stop later solves after this long [s]; what there is by then comes back as STOPPED_EARLY."""
         self._osqp.settings.time_limit = seconds
         self._solver.update_settings(self._osqp.settings)
+
+    def change_cost(self, Px: Array) -> None:
+        """Solve with another P from the next call on: all its stored entries, in CSC order.
+
+        Raises
+        ------
+        ValueError
+            For a wrong shape.
+        """
+        if Px.shape != self._Px.shape:
+            raise ValueError(f"QP data P: expected shape {self._Px.shape}, got {Px.shape}")
+        self._Px[:], self._new_Px = Px, True
 
     def solve(self, q: Array, lower: Array, upper: Array, Ax: Array, x: Array, y: Array) -> QPSolution:
         """Solve with new numbers from a warm start.
@@ -108,6 +121,8 @@ class OSQPWorkspace:
         # each of these is also false for NaN
         if not np.maximum.reduce(np.abs(self._numbers)) <= LARGEST:
             return self._failed(f"QP data not finite, or beyond {LARGEST:g}: the factorisation would break down")
+        if self._new_Px and not np.maximum.reduce(np.abs(self._Px)) <= LARGEST:
+            return self._failed(f"QP cost not finite, or beyond {LARGEST:g}")
         if not np.logical_and.reduce(self._lower <= self._upper):
             return self._failed("QP bounds not finite, or they cross")
         # such a row would cross once its other side is cut to INFINITY, and OSQP would complain on stderr
@@ -117,9 +132,10 @@ class OSQPWorkspace:
             self._start[:] = 0.0
         solver = self._solver
         if solver.update_data_vec(q=self._q, l=self._lower, u=self._upper) or solver.update_data_mat(
-            P_x=None, P_i=None, A_x=self._Ax, A_i=None
+            P_x=self._Px if self._new_Px else None, P_i=None, A_x=self._Ax, A_i=None
         ):
             return self._failed("OSQP refused the data")
+        self._new_Px = False
         # After a matrix update the problem is scaled anew but not the iterates.
         solver.warm_start(self._x, self._y)
         solver.solve()

@@ -32,9 +32,11 @@ class NavigationQP:
         Past commands that the model depends on, L.
     slots : int
         Half-plane rows per stage.
+    curved : bool
+        Whether `fill_cost` may write other Hessians than the problem's own, which know no curvature of the constraints.
     """
 
-    def __init__(self, problem: NavigationProblem, history: int, slots: int) -> None:
+    def __init__(self, problem: NavigationProblem, history: int, slots: int, curved: bool = False) -> None:
         n = problem.horizon
         self.horizon, self.history, self.slots = n, history, slots
         self.state_columns = np.arange(STATES * n).reshape(n, STATES)
@@ -53,7 +55,7 @@ class NavigationQP:
         for part in (self.dynamics_rows, self.keepout_rows, self.input_rows, self.slack_rows, self.change_rows):
             self._next_stage[part] = np.concatenate([part[1:], part[-1:]])
         self._build_constraints()
-        self._build_cost(problem)
+        self._build_cost(problem, curved)
         self.lower, self.upper = np.zeros(self.row_count), np.full(self.row_count, np.inf)
         self.upper[self.dynamics_rows] = 0.0
         self.lower[self.keepout_rows] = -OPEN
@@ -97,17 +99,56 @@ class NavigationQP:
         self._normal_place = place[normal_start : normal_start + n * self.slots * 2]
         self._scaled_normals = np.empty(n * self.slots * 2)
 
-    def _build_cost(self, problem: NavigationProblem) -> None:
+    def _build_cost(self, problem: NavigationProblem, curved: bool) -> None:
         q, r, q_terminal = problem.weights
         _, quadratic = problem.slack_weights
         n = self.horizon
-        blocks = [2 * q] * (n - 1) + [2 * q_terminal] + [2 * r] * n
-        corner = sp.triu(sp.block_diag(blocks), format="csc")
-        self.P = sp.block_diag([corner, sp.diags(np.full(n, 2 * quadratic))], format="csc")
+        self.stage_cost, self.terminal_cost = np.zeros((n, STATES + INPUTS, STATES + INPUTS)), 2 * q_terminal
+        self.stage_cost[:, :STATES, :STATES], self.stage_cost[:, STATES:, STATES:] = 2 * q, 2 * r
+        self._slack_cost = np.full(n, 2 * quadratic)
+        # upper triangles: of the stages' blocks, whose first has no state among the variables, and of the last state's
+        given = np.full((1, STATES), -1)
+        columns = np.concatenate([np.concatenate([given, self.state_columns[:-1]]), self.input_columns], axis=1)
+        upper = np.triu_indices(STATES + INPUTS)
+        stored = (self.stage_cost[0][upper] != 0.0) | curved
+        self._stage_entries, self._last_entries = (upper[0][stored], upper[1][stored]), np.triu_indices(STATES)
+        rows, cols = (
+            np.concatenate([columns[:, stage].ravel(), self.state_columns[-1][last], self.slack_columns])
+            for stage, last in zip(self._stage_entries, self._last_entries, strict=True)
+        )
+        order = np.lexsort((rows, cols))
+        # where the entries of P come from, in CSC order
+        self._p_from = order[rows[order] >= 0]
+        pointers = np.concatenate([[0], np.cumsum(np.bincount(cols[self._p_from], minlength=self.size))])
+        values = self._cost_entries(self.stage_cost, self.terminal_cost)
+        self.P = sp.csc_matrix((values, rows[self._p_from], pointers), shape=(self.size, self.size))
         self.q = np.zeros(self.size)
         self.set_slack_penalty(float(problem.slack_weights[0]))
         self._pull, self._pull_terminal = -2 * q, -2 * q_terminal
         self._q_states = self.q[: STATES * n].reshape(n, STATES)
+        self._q_inputs = self.q[STATES * n : (STATES + INPUTS) * n].reshape(n, INPUTS)
+
+    def _cost_entries(self, stages: Array, terminal: Array) -> Array:
+        """Entries of P in CSC order for Hessians (N, 5, 5) and (3, 3)."""
+        i, j = self._stage_entries
+        entries: Array = np.concatenate([stages[:, i, j].ravel(), terminal[self._last_entries], self._slack_cost])[self._p_from]
+        return entries
+
+    def fill_cost(self, stages: Array, terminal: Array, x: Array, u: Array) -> None:
+        """Write other Hessians than the cost's own; what they add is zero, with its slope, at the iterate. After `fill`.
+
+        Parameters
+        ----------
+        stages, terminal : ndarray
+            Convex, (N, 5, 5) by state and command, of the first by the command alone, and (3, 3).
+        x, u : ndarray
+            The iterate: (N + 1, 3), (N, 2).
+        """
+        self.P.data[:] = self._cost_entries(stages, terminal)
+        slopes = ((stages - self.stage_cost) @ np.concatenate([x[:-1], u], axis=1)[..., None])[..., 0]
+        self._q_states[:-1] -= slopes[1:, :STATES]
+        self._q_states[-1] -= (terminal - self.terminal_cost) @ x[-1]
+        self._q_inputs[:] = -slopes[:, STATES:]
 
     def set_slack_penalty(self, weight: float) -> None:
         """Write the linear weight of the slacks [1/m]."""

@@ -2,7 +2,8 @@
 
 One pass per period from the shifted last solution is the real-time iteration; more passes converge to a
 Karush-Kuhn-Tucker point of the nonlinear problem. Long steps end in a line search on an exact L1 merit function: full steps of
-the Gauss-Newton QP, which knows no curvature of the dynamics, go back and forth between two plans on one state in ten.
+the Gauss-Newton QP, which knows no curvature of the dynamics, go back and forth between two plans on one state in ten. Passes to
+convergence know it (`curvature.py`), as far as the model has no input history.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from kmpc_lite.control.curvature import hessians
 from kmpc_lite.control.obstacles import KeepOut
 from kmpc_lite.control.osqp_workspace import OSQPWorkspace, QPStatus
 from kmpc_lite.control.problem import NavigationProblem
@@ -134,7 +136,9 @@ class SQP:
     ) -> None:
         self.model, self.problem, self.tightening = model, problem, tightening
         self.iterations, self.tolerance, self.clock = iterations, tolerance, clock
-        self.qp = NavigationQP(problem, model.history, slots)
+        # what a command bends many periods later is left out
+        self._curved = iterations > 1 and not model.history
+        self.qp = NavigationQP(problem, model.history, slots, self._curved)
         settings = REAL_TIME if iterations == 1 else CONVERGED
         self.workspace = OSQPWorkspace(self.qp.P, self.qp.q, self.qp.A, self.qp.lower, self.qp.upper, **settings)
         self.keep_out = KeepOut(problem, slots)
@@ -223,6 +227,11 @@ class SQP:
             local = guess.states - origin
             normals, offsets = self.keep_out.half_planes(local, gaps, normals)
             self.qp.fill(lin._replace(value=lin.value - origin), local, guess.inputs, reference, normals, offsets)
+            if self._curved:
+                bends = self.keep_out.bends(guess.states, task.circles)
+                stages, terminal = hessians(self.model, self.qp, guess.states, guess.inputs, guess.duals, normals, bends)
+                self.qp.fill_cost(stages, terminal, local, guess.inputs)
+                self.workspace.change_cost(self.qp.P.data)
             t2 = self.clock()
             if task.deadline < np.inf:
                 self.workspace.limit_time(max(task.deadline - t2 - self._search_time, MIN_SOLVE_TIME))
