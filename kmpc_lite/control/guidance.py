@@ -86,13 +86,15 @@ class Guide:
         self._problem, self._dt = problem, problem.dt
         self._parking, self._stand = Parking(), Stand()
         self._point: Array | None = None
-        self._swing, self._room, self._shifted = 0.0, 0.0, False
+        self._swing, self._room, self._shifted, self._learned = 0.0, 0.0, False, False
         self.reset()
 
     def learn(self, model: KoopmanModel, tightening: Tightening | None) -> None:
         """Take over what a model knows: the robot's speeds, its turning point, the noise of its pose, and the room that margins ask for."""
         self.set_speeds(drivable_speeds(model, self._problem))
-        self.set_turning_point(turning_point(model, self._problem))
+        if not (self._learned and "adaptation" in model.info):  # gains tell nothing of it
+            self.set_turning_point(turning_point(model, self._problem))
+        self._learned = True
         self._parking.zone = zone_of(model)
         # a robot without lag is steered back before it needs the room
         self._room = 0.0 if tightening is None or not model.history else room_at_speed(model, self._problem, tightening)

@@ -7,6 +7,8 @@ for it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from kmpc_lite.control.problem import NavigationProblem
@@ -62,7 +64,7 @@ def turning_point(model: KoopmanModel, problem: NavigationProblem) -> Array | No
     weight = float(cos @ cos + sin @ sin)
     if not 0.0 < weight < np.inf:
         return None
-    point = np.array([cos @ dx + sin @ dy, cos @ dy - sin @ dx]) / weight
+    point: Array = np.array([cos @ dx + sin @ dy, cos @ dy - sin @ dx]) / weight
     explained = weight * float(point @ point)
     left = float(dx @ dx + dy @ dy) - explained
     # the error with which a log of as many steps shows the point, at half the bounds: each step tells of it by how far it turns
@@ -72,6 +74,11 @@ def turning_point(model: KoopmanModel, problem: NavigationProblem) -> Array | No
     # also false for NaN
     if not (point @ point >= max(LEAST**2, CERTAIN**2 * variance) and explained >= CIRCLE * left):
         return None
+    adapted = model.info.get("adaptation")
+    if isinstance(adapted, Mapping):
+        # gains learned while driving stretch displacements and turns alike; they cannot know where on the robot it turns
+        ahead, left, turn = (float(adapted.get(name, default)) for name, default in (("ahead", 1.0), ("left", 0.0), ("turn", 1.0)))
+        point = turn * np.linalg.solve([[ahead, -left], [left, ahead]], point)
     return point
 
 

@@ -91,6 +91,28 @@ def test_a_point_that_is_learned_anew_keeps_the_way() -> None:
     assert all(np.abs(s.states - first.states)[:, :2].max() < 0.03 for s in steps)
 
 
+def test_a_floor_that_changes_does_not_move_it(offset_model: kl.KoopmanModel) -> None:
+    controller, plant = kl.Controller(offset_model, kl.NavigationProblem()), kl.DifferentialDrive(0.0, 1, 0.5, POINT)
+    x, commands = np.zeros(3), np.random.default_rng(2).uniform(-0.6, 0.6, (60, 2))
+    adaptation = controller.adaptation
+    assert adaptation is not None
+    for u in commands:
+        after = plant.step(x, u, 0.1)
+        adaptation.update(x, u, after)
+        x = after
+    assert adaptation.gains.turn == pytest.approx(0.5, abs=0.1)
+    before = turning_point(offset_model, PROBLEM)
+    np.testing.assert_allclose(turning_point(adaptation.model, PROBLEM), before, atol=2e-3)
+    # and its way is kept
+    guide = Guide(PROBLEM)
+    x, goal = np.array([-1.0, 0.0, 0.3]), np.array([1.0, 0.2, 1.0])
+    guide.learn(offset_model, None)
+    first = guide.reference(x, goal, NO_CIRCLES)
+    guide.learn(adaptation.model, None)
+    second = guide.reference(x, goal, NO_CIRCLES)
+    assert first.refreshed and not second.refreshed
+
+
 def test_a_goal_in_an_obstacle_is_out_of_reach_wherever_the_robot_turns() -> None:
     guide, goal = Guide(PROBLEM), np.array([1.0, 0.0, 0.0])
     guide.set_turning_point(np.array([-0.05, 0.0]))
