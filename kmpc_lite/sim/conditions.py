@@ -93,3 +93,8 @@ SLIPPERY = Condition("slip to 0.2", floors=(Floor(CHANGE, 0.2),))
 TURNS_LESS = Condition("turn gain to 0.6", floors=(Floor(CHANGE, 0.0, 0.6),))
 BOTH_CHANGE = Condition("slip to 0.2, turn gain to 0.6", floors=(Floor(CHANGE, 0.2, 0.6),))
 NOISY_CHANGE = replace(BOTH_CHANGE, name="the same, noisy poses", pose_noise=POSE_NOISE)
+TURNING = tuple(
+    Condition(f"turns about a point {1e3 * ahead:g} mm ahead, {1e3 * left:g} mm to the left", turning_point=(ahead, left))
+    for ahead, left in ((0.02, 0.0), (0.05, 0.02), (-0.04, 0.0), (0.0, 0.03))
+)
+"""Markers, antennas and weights off the middle."""

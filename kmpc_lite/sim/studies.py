@@ -16,6 +16,7 @@ from kmpc_lite.sim.conditions import (
     OLD_LAGGING,
     PLAIN,
     SLIPPERY,
+    TURNING,
     TURNS_LESS,
     Condition,
 )
@@ -46,6 +47,11 @@ STUDIES: Mapping[str, MapsStudy] = {
         slips=(0.0, 0.1),
     ),
     "noise": MapsStudy("noisy poses, and old ones", conditions=(NOISY, OLD), slips=(0.0, 0.05, 0.1, 0.2)),
+    "turning": MapsStudy(
+        "robots that turn about a point centimetres from the one tracked, driven with a model learned from their logs",
+        conditions=TURNING,
+        slips=(0.1,),
+    ),
     "adaptation": MapsStudy(
         "a floor that changes after a second",
         (UNADAPTED.label, OURS),
