@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import ModelError
-from kmpc_lite.gains import FEWEST, Gains, estimate, residual_covariance, scores
+from kmpc_lite.gains import FEWEST, Gains, estimate, residual_covariance, scores, whitening
 from kmpc_lite.model import KoopmanModel, NoiseModel
 
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
@@ -46,6 +46,8 @@ JUMP = (3.0, 0.05, 0.15)
 """A pose that moved more than this factor of what was commanded, plus this [m, rad], is a broken measurement, not a floor."""
 HELD = (0.02, 0.03)
 """A robot that should move by more than this [m], or turn by more [rad], and does next to nothing, is held: by brakes, a wall, a pilot."""
+NOTHING = (0.0,) * 7
+"""Fading sums where the steps before are unknown."""
 GAINS = (0.1, 3.0)
 """Limits of the gains: beyond them the model is not what has changed."""
 
@@ -72,6 +74,7 @@ class OnlineAdaptation:
     given only where one of them contradicts the gains in use significantly (`ALARM`); the window then replaces the older sums, and
     the model is given again each time that the number of steps since the change has doubled, until the memory is full.
     Standing still, steps within the noise, and broken measurements change nothing, however long they last.
+    Where the log's poses were noisy, steps are whitened first (`gains.whitening`): noise of a pose shows in two steps, with opposite signs.
 
     The covariance of the residuals is measured anew with every model given, so that margins grow on a floor that slips more.
 
@@ -119,6 +122,7 @@ class OnlineAdaptation:
         self._weights, self._lifted = np.ones(1 + nw), np.ones(nz + 1)
         coefficients = np.zeros((3, STATES, STATES)) if model.noise_model is None else model.noise_model.coefficients
         self._learned_noise = coefficients
+        self._carried, self._white = whitening(coefficients, model.dt)
         self._points = np.empty((3, STATES))
         self.reset()
 
@@ -135,7 +139,8 @@ class OnlineAdaptation:
         self._slow_count, self._next = 0.0, 0
         self._count, self._since = 0, 0
         self._usual = 0.0, 0.0
-        self._raw = np.zeros((self._memory, 13))
+        self._raw = np.zeros((self._memory, 20))
+        self._earlier = NOTHING
 
     def update(self, x: ArrayLike, u: ArrayLike, x_next: ArrayLike, history: ArrayLike | None = None) -> KoopmanModel | None:
         """Take in one period.
@@ -228,6 +233,7 @@ class OnlineAdaptation:
         v, omega = command.tolist()
         if not isfinite(x0 + y0 + h0 + x1 + y1 + h1 + v + omega) or (past is not None and not np.isfinite(past).all()):
             self.counts.rejected += 1
+            self._earlier = NOTHING
             return None
         dx, dy, turned = x1 - x0, y1 - y0, remainder(h1 - h0, 2 * pi)
         # as the controller does: a model may have learned something of the heading itself, within one turn
@@ -243,6 +249,7 @@ class OnlineAdaptation:
         moved = hypot(px, py)
         if moved < STILL[0] and abs(h) < STILL[1]:
             self.counts.still += 1
+            self._earlier = NOTHING
             return None
         held = (
             (moved > HELD[0] or abs(h) > HELD[1])
@@ -251,6 +258,7 @@ class OnlineAdaptation:
         )
         if held or hypot(dx, dy) > JUMP[0] * moved + JUMP[1] or abs(turned) > JUMP[0] * abs(h) + JUMP[2]:
             self.counts.rejected += 1
+            self._earlier = NOTHING
             return None
         self.counts.used += 1
         squares = (v * v, omega * omega)
@@ -262,9 +270,15 @@ class OnlineAdaptation:
         # what hardly moves, or turns, tells nothing of that
         a = 1.0 / (a + EVEN * self._usual[0]) if moved >= STILL[0] else 0.0
         b = 1.0 / (b + EVEN * self._usual[1]) if abs(h) >= STILL[1] or abs(g) >= STILL[0] else 0.0
-        self._raw[self._count % self._memory] = (px, py, dx, dy, h, g, turned, a, b, cos(h0), sin(h0), *squares)
+        # noise of a pose makes one step longer and the next one shorter: sums that fade take that back
+        own, earlier, (c, d) = (px, py, dx, dy, h, g, turned), self._earlier, self._carried
+        px, py, dx, dy = px + c * earlier[0], py + c * earlier[1], dx + c * earlier[2], dy + c * earlier[3]
+        h, g, turned = h + d * earlier[4], g + d * earlier[5], turned + d * earlier[6]
+        self._earlier = px, py, dx, dy, h, g, turned
+        a, b = a / self._white[0], b / self._white[1]
+        self._raw[self._count % self._memory] = (px, py, dx, dy, h, g, turned, a, b, cos(h0), sin(h0), *squares, *own)
         return [
-            a * moved * moved,
+            a * (px * px + py * py),
             a * (px * dx + py * dy),
             a * (px * dy - py * dx),
             a * (dx * dx + dy * dy),
@@ -311,11 +325,11 @@ class OnlineAdaptation:
         self._set_noise(coefficients)
         count = min(self._since, self._memory)
         kept = self._kept(count)
-        px, py, dx, dy, h, g, turned, a, b, _, _, v2, omega2 = self._raw[kept].T
+        px, py, dx, dy, h, g, turned, a, b, _, _, v2, omega2 = self._raw[kept, :13].T
         terms = np.stack([np.ones(count), v2, omega2])
         own = np.array([self._position_noise, self._heading_noise]) @ terms + NOISE_FLOOR**2
         self._usual = float(own[0].mean()), float(own[1].mean())
-        weights = 1.0 / (own + EVEN * np.array(self._usual)[:, None])
+        weights = 1.0 / (own + EVEN * np.array(self._usual)[:, None]) / np.array(self._white)[:, None]
         a, b = np.where(a > 0.0, weights[0], 0.0), np.where(b > 0.0, weights[1], 0.0)
         self._raw[kept, 7], self._raw[kept, 8] = a, b
         position = (px * px + py * py, px * dx + py * dy, px * dy - py * dx, dx * dx + dy * dy)

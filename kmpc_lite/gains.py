@@ -1,9 +1,9 @@
 """Four gains on a learned model: their estimate from sums, how sure it is, and the noise that they leave.
 
-A step is kept as 13 numbers: the displacement that the model gives (px, py) [m], in the map's frame, and the measured one (dx, dy); the
+A step is kept as 20 numbers: the displacement that the model gives (px, py) [m], in the map's frame, and the measured one (dx, dy); the
 turn that the model gives h [rad], the way ahead g [m], the measured turn; the weights a of position and b of heading; cos and sin of the
-heading before; v^2 and omega^2. Sums over steps are twelve: a (p.p, p.d, p x d, d.d), b (h h, h g, g g, h turned, g turned, turned turned),
-and how many steps had a weight a, and b.
+heading before; v^2 and omega^2; and the first seven once more, for there they are whitened, and here as measured. Sums over steps are
+twelve: a (p.p, p.d, p x d, d.d), b (h h, h g, g g, h turned, g turned, turned turned), and how many steps had a weight a, and b.
 """
 
 from __future__ import annotations
@@ -23,6 +23,11 @@ FEWEST = 6
 PRIOR = (0.3, 0.3, 0.1)
 """Standard deviations of the velocity's gains, the turn gain and the pull [rad/m] before anything is measured: what a drive does not
 show stays as it was."""
+
+USUAL = (0.3, 0.4)
+"""Speeds at which the noise of poses is compared with that of the floor [m/s, rad/s]."""
+RESTLESS = 0.1
+"""What a floor is taken to do at the least, as a share of a step (standard deviation): so soon is a pose forgotten."""
 
 
 class Gains(NamedTuple):
@@ -79,11 +84,41 @@ def estimate(sums: Sequence[float], now: Gains, scaled: bool = True) -> Estimate
     return Estimate(Gains(now.ahead + ahead, now.left + left, turn, pull), distance)
 
 
+def whitening(noise: Array, dt: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """How steps between noisy poses become steps whose noise is independent: to each a share of the fading sum of those before is added.
+
+    The innovations of a pose that is measured with noise while the floor moves it at random (steady-state Kalman filter). Without noise
+    of the poses nothing is carried on.
+
+    Parameters
+    ----------
+    noise : ndarray
+        Learned covariance of a step's residuals by the command, (3, 3, 3).
+    dt : float
+        Period [s].
+
+    Returns
+    -------
+    carried, white : tuple of float
+        For position and heading: the share that is carried on, and the variance of what is new as a share of a single step's.
+    """
+    carried, white = [], []
+    for axis, speed in ((0, USUAL[0]), (2, USUAL[1])):
+        # at rest, the noise of two poses makes the residual
+        pose = max(0.5 * float(noise[0, axis, axis]), 1e-12)
+        floor = float(noise[1, axis, axis]) * USUAL[0] ** 2 + float(noise[2, axis, axis]) * USUAL[1] ** 2 + (RESTLESS * speed * dt) ** 2
+        ratio = floor / pose
+        gain = 2.0 / (1.0 + sqrt(1.0 + 4.0 / ratio))
+        carried.append(1.0 - gain)
+        white.append((ratio / gain + 1.0) / (ratio + 2.0))
+    return (carried[0], carried[1]), (white[0], white[1])
+
+
 def residual_covariance(steps: Array, gains: Gains, learned: Array) -> Array:
     """Covariance of the residuals of the steps since the change, by the command, (3, 3, 3); drawn towards the learned one."""
     count = steps.shape[1]
-    cosine, sine, v2, omega2 = steps[9:]
-    ex, ey, turned = residuals(steps, gains)
+    cosine, sine, v2, omega2 = steps[9:13]
+    ex, ey, turned = residuals(steps[13:], gains)
     errors = np.stack([cosine * ex + sine * ey, cosine * ey - sine * ex, turned], axis=1)
     terms = np.stack([v2, omega2], axis=1)
     expected = np.tensordot(terms, learned[1:], axes=(1, 0)) + learned[0]
@@ -98,7 +133,7 @@ def residual_covariance(steps: Array, gains: Gains, learned: Array) -> Array:
 
 
 def residuals(steps: Array, gains: Gains) -> tuple[Array, Array, Array]:
-    """What gains leave of steps, (n,) each: x [m], y [m], heading [rad]; steps (13, n) as kept."""
+    """What gains leave of steps, (n,) each: x [m], y [m], heading [rad]; steps (7 or more, n) as kept."""
     px, py, dx, dy, h, g, turned = steps[:7]
     return (
         dx - gains.ahead * px + gains.left * py,
