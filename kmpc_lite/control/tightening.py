@@ -27,11 +27,18 @@ LATE_RISK = 0.01
 600 maps with lag and noisy poses: no collision, against two, for 2 % more time."""
 RESERVE = 0.005
 """Added to every margin [m]: what a QP that is stopped at a tolerance of 1e-3 and linearised once may leave of a half-plane."""
-STEP_RISK = 1e-3
-"""Probability of the same kind for the single command that is about to be sent."""
+HEADWAY, LONGEST_HEADWAY = 0.1, 0.06
+"""Every plan keeps the way of the first [s] at its speed, at the most the second [m], which guidance keeps too, whatever its model
+promises: a floor may begin to slip at any time, and one that slips by 0.2 pushes a robot aside by half of it in one period of ten."""
+STEP_RISK, STEP_RISK_CHANGED = 1e-3, 1e-4
+"""Probability of the same kind for the single command that is about to be sent: on the floor of the log, and on one that has changed and is
+known from a few steps."""
 
-STEP_LIMIT = 2.0
-"""What the quantile of a single command may be of the plan's: exponential slip asks for 1.9; a log whose pose jumps, for nonsense."""
+STEP_LIMIT, STEP_LIMIT_CHANGED = 2.0, 3.0
+"""What its quantile may be of the plan's: exponential slip asks for 1.9 and 2.6; a log whose pose jumps, for nonsense."""
+STRANGE = 3.0, 0.35
+"""Beyond the first inflation a robot does not know its floor: until it does, a command is taken to err by at least the second, as a share
+of its way (standard deviation): slip of 0.2 pushes farther than five times that once in ten thousand periods."""
 ROUNDING = 1e-3
 """Room that `speed_share` keeps for its own straight-line reckoning [m]."""
 CORRECTIONS = 3
@@ -53,7 +60,8 @@ USUAL_SPEED = 0.4
 QUIET_TURN = (5e-3, 0.05)
 """The same of turns: no step is judged by less than the first [rad], and the second as a share of the turn."""
 RETREAT = 0.25
-"""Share of a command that is always allowed where it leads away from an obstacle: a robot that touches must get free."""
+"""Share of a command that is always allowed where it leads away from an obstacle: a robot that touches must get free. One that does not
+touch is allowed less of it, the more its command leads past the obstacle and not straight away: aside is where floors push."""
 
 
 class Tightening:
@@ -73,11 +81,13 @@ class Tightening:
 
     reserve : float
         See `RESERVE` [m].
+    headway : float
+        See `HEADWAY` [s].
 
     Raises
     ------
     ProblemError
-        For a risk outside (0, 1), a negative quantile or reserve, or a damaged table.
+        For a risk outside (0, 1), a negative quantile, reserve or headway, or a damaged table.
 
     Examples
     --------
@@ -88,7 +98,7 @@ class Tightening:
     >>> tightening = Tightening(model, problem)
     >>> margins = tightening.margins(model.linearize(states[:-1], inputs), states, inputs, np.tile([0.0, 1.0], (20, 4, 1)))
     >>> margins.shape, float(margins[0, 0].round(4))
-    ((20, 4), 0.008)
+    ((20, 4), 0.068)
     """
 
     def __init__(
@@ -99,6 +109,7 @@ class Tightening:
         risk: float = RISK,
         quantile: float | None = None,
         reserve: float = RESERVE,
+        headway: float = HEADWAY,
     ) -> None:
         if isinstance(risk, bool) or not isinstance(risk, int | float) or not 0.0 < risk < 1.0:
             raise ProblemError(f"risk: expected a probability between 0 and 1, got {risk!r}")
@@ -106,7 +117,9 @@ class Tightening:
             raise ProblemError(f"quantile: expected a number >= 0, got {quantile!r}")
         if not (np.isfinite(reserve) and reserve >= 0.0):
             raise ProblemError(f"reserve: expected a distance >= 0 m, got {reserve!r}")
-        self.risk = float(risk)
+        if not (np.isfinite(headway) and headway >= 0.0):
+            raise ProblemError(f"headway: expected a time >= 0 s, got {headway!r}")
+        self.risk, self._headway = float(risk), float(headway)
         self._given, self._reserve = quantile, float(reserve)
         self._feedback = not model.history
         self._radius = problem.robot_radius + problem.margin
@@ -133,6 +146,11 @@ class Tightening:
         self._felt = self._moved if factor == 1.0 else factor**2 * self._moved + (factor**2 - 1.0) * self._allowed
         self._felt_factor = np.hstack([_factor(part.reshape(STATES, STATES)) for part in self._felt])
         self._felt_trace = (self._felt[:, 0] + self._felt[:, 4]).tolist()
+        self._step, self._step_trace = self._felt, self._felt_trace
+        if factor > STRANGE[0]:
+            self._step = self._felt.copy()
+            self._step[0, [0, 4]] = np.maximum(self._felt[0, [0, 4]], (STRANGE[1] * self._model.dt) ** 2)
+            self._step_trace = (self._step[:, 0] + self._step[:, 4]).tolist()
         self.widest = self._widest()
         self._spreads = self._noisy or factor > 1.0
 
@@ -146,7 +164,7 @@ class Tightening:
         variance = moved + travel * travel * turned * sum(a * a for a in aside) + float(np.trace(self._measured[:2, :2]))
         bulge = travel * omega * self._model.dt / 8
         chord = math.hypot(self._touch + bulge, travel / 2) - self._touch
-        return self.quantile * math.sqrt(variance) + chord + self._reserve
+        return max(self.quantile * math.sqrt(variance), min(self._headway * float(v), LONGEST_HEADWAY)) + chord + self._reserve
 
     def observe(self, error: Array, heading: float, command: Array) -> None:
         """Compare the past period with what was expected of it; margins widen at once where the model is more wrong than it knows.
@@ -196,7 +214,8 @@ class Tightening:
         # a log that is explained to rounding tells nothing of the tails that a floor may have later
         known = model.info if model_quantile(model.info, self.risk) >= default_quantile(self.risk) else {}
         self.quantile = model_quantile(known, self.risk) if self._given is None else float(self._given)
-        self._step_quantile = min(max(self.quantile, model_quantile(known, STEP_RISK)), STEP_LIMIT * self.quantile)
+        risk, limit = (STEP_RISK_CHANGED, STEP_LIMIT_CHANGED) if "adaptation" in model.info else (STEP_RISK, STEP_LIMIT)
+        self._step_quantile = min(max(self.quantile, model_quantile(known, risk)), limit * self.quantile)
         # what was a surprise to the old model is less of one to a model that expects more
         before, self._expected = self._expected, float(self._moved[0, 0] + self._moved[0, 4]) + 2.0 * (QUIET[2] * model.dt) ** 2
         self._surprise = max(1.0, self._surprise * before / self._expected)
@@ -225,13 +244,20 @@ class Tightening:
         """
         chords = self._chords(states, radii)
         chords += self._reserve
+        if chords.ndim == 1:
+            chords = chords[:, None]
+        headway = np.abs(inputs[:, :1])
+        headway *= self._headway
+        np.minimum(headway, LONGEST_HEADWAY, out=headway)
         if not self._spreads:
-            return np.repeat(chords[:, None], normals.shape[1], axis=1) if chords.ndim == 1 else chords
+            headway = headway + chords
+            return np.repeat(headway, normals.shape[1], axis=1) if headway.shape[1] == 1 else headway
         across = normals @ self._spread(lin, states, inputs)
         margins: Array = np.einsum("nsc,nsc->ns", across, across)
         np.sqrt(margins, out=margins)
         margins *= self.quantile
-        margins += chords[:, None] if chords.ndim == 1 else chords
+        np.maximum(margins, headway, out=margins)
+        margins += chords
         return margins
 
     def speed_share(self, here: Array, command: Array, circles: Array, past: Array | None = None) -> float:
@@ -273,7 +299,7 @@ class Tightening:
             after = np.hypot(there[0] - circles[:, 0], there[1] - circles[:, 1])
             approach = before - after
             if self._spreads:
-                noise = ((part * part) @ self._felt).reshape(3, 3)
+                noise = ((part * part) @ self._step).reshape(3, 3)
                 ahead, left = away @ (cos, sin), away @ (-sin, cos)
                 variance = ahead * ahead * noise[0, 0] + 2.0 * ahead * left * noise[0, 1] + left * left * noise[1, 1]
                 approach += self._step_quantile * np.sqrt(np.maximum(variance, 0.0)) / np.maximum(before, 1e-9)
@@ -287,15 +313,17 @@ class Tightening:
             limits = np.where(closing, np.maximum(room, 0.0) / np.maximum(approach, 1e-9), 1.0)
             worst = int(limits.argmin())
             # a robot at the very centre has no way but away
-            if command[0] * (away[worst] @ (cos, sin)) >= 0.0:
-                return share * max(float(limits[worst]), RETREAT)
+            straight = math.copysign(1.0, v) * float(away[worst] @ (cos, sin))
+            if straight >= 0.0:
+                least = RETREAT if room[worst] <= 0.0 else RETREAT * straight / float(before[worst])
+                return share * max(float(limits[worst]), least)
             # again, for a curve that is driven slowly turns less in the period than the share says
             share *= float(limits[worst])
         return share
 
     def step_margin(self, v: float, omega: float) -> float:
         """Room [m] that a single command needs in any direction, but for the rare error that `STEP_RISK` allows."""
-        variance = v * v * self._felt_trace[0] + omega * omega * self._felt_trace[1]
+        variance = v * v * self._step_trace[0] + omega * omega * self._step_trace[1]
         return self._reserve + self._step_quantile * math.sqrt(max(variance, 0.0))
 
     def covariances(self, lin: Linearization, states: Array, inputs: Array) -> Array:

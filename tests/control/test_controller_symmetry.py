@@ -117,7 +117,8 @@ def test_a_turned_scene_with_turned_weights_gives_the_same_commands(quarter: int
     goal = [*turned(*GOAL[:2]), GOAL[2] + angle]
     circles = [[*turned(*c[:2]), c[2], *turned(*c[3:])] for c in CIRCLES]
     other = commands(kl.Controller(nominal, kl.NavigationProblem(Q=q_turned), **options), (0, 0, 0.2 + angle), goal, circles, 20)
-    np.testing.assert_allclose(one, other, atol=1e-3)
+    # at an obstacle 25 passes end a little before the solution
+    np.testing.assert_allclose(one, other, atol=5e-3)
 
 
 def moved_commands(model: kl.KoopmanModel, variant: str, offset: float) -> np.ndarray:

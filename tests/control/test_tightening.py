@@ -13,7 +13,7 @@ from kmpc_lite import (
     generate_dataset,
     nominal_unicycle,
 )
-from kmpc_lite.control.tightening import RESERVE, Tightening, default_quantile, model_quantile
+from kmpc_lite.control.tightening import HEADWAY, LONGEST_HEADWAY, RESERVE, STRANGE, Tightening, default_quantile, model_quantile
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.learn.calibration import with_quantiles
 from kmpc_lite.model import KoopmanModel, NoiseModel
@@ -37,6 +37,11 @@ def plan(model, v=0.6, omega=0.3, n=20, heading=0.4):
     inputs = np.tile([v, omega], (n, 1))
     states = model.rollout((0.2, -0.1, heading), inputs)
     return model.linearize(states[:-1], inputs), states, inputs
+
+
+def of_noise(model, **options):
+    """Margins that come from the learned noise alone."""
+    return Tightening(model, PROBLEM, headway=0.0, **options)
 
 
 def directions(n, slots, seed=0):
@@ -69,7 +74,7 @@ def test_equals_a_naive_loop(model, n):
     states = model.rollout((0.2, -0.1, 0.4), inputs)
     lin = model.linearize(states[:-1], inputs)
     normals = directions(n, 6)
-    tightening = Tightening(model, replace(PROBLEM, horizon=n), risk=0.02)
+    tightening = Tightening(model, replace(PROBLEM, horizon=n), risk=0.02, headway=0.0)
     margins = tightening.margins(lin, states, inputs, normals)
     assert margins.shape == (n, 6)
     lengths = np.hypot(*np.diff(states[:, :2], axis=0).T)
@@ -86,16 +91,36 @@ def test_equals_a_naive_loop(model, n):
 
 def test_grows_with_risk_and_speed(model):
     normals = directions(20, 6)
-    by_risk = [Tightening(model, PROBLEM, risk=r).margins(*plan(model), normals) for r in (0.3, 0.05, 0.01, 0.001, 1e-5)]
+    by_risk = [of_noise(model, risk=r).margins(*plan(model), normals) for r in (0.3, 0.05, 0.01, 0.001, 1e-5)]
     assert all((b > a).all() for a, b in zip(by_risk, by_risk[1:], strict=False))
-    by_speed = [Tightening(model, PROBLEM, reserve=0.0).margins(*plan(model, v, 0.0), normals) for v in (0.0, 0.1, 0.3, 0.6)]
+    by_speed = [of_noise(model, reserve=0.0).margins(*plan(model, v, 0.0), normals) for v in (0.0, 0.1, 0.3, 0.6)]
     assert all((b > a).all() for a, b in zip(by_speed, by_speed[1:], strict=False))
     assert by_speed[0].max() < 0.3 * by_speed[-1].min()
 
 
 def test_a_shaky_floor_needs_more_room():
-    margins = [Tightening(m, PROBLEM).margins(*plan(m), directions(20, 4)).mean() for m in (slipping(0.02), slipping(0.1), slipping(0.2))]
+    margins = [of_noise(m).margins(*plan(m), directions(20, 4)).mean() for m in (slipping(0.02), slipping(0.1), slipping(0.2))]
     assert margins[0] < 0.5 * margins[1] < margins[2]
+
+
+def test_every_plan_keeps_headway_whatever_its_model_promises():
+    exact, normals = nominal_unicycle(0.1), directions(20, 3)
+    for v, expected in ((0.0, 0.0), (0.1, 0.1 * HEADWAY), (-0.4, 0.4 * HEADWAY), (1.5, LONGEST_HEADWAY)):
+        own = of_noise(exact).margins(*plan(exact, v), normals)
+        np.testing.assert_allclose(Tightening(exact, PROBLEM).margins(*plan(exact, v), normals), own + expected)
+        per_circle = of_noise(exact).margins(*plan(exact, v), normals, np.array([0.3, 0.4, np.inf]))
+        kept = Tightening(exact, PROBLEM).margins(*plan(exact, v), normals, np.array([0.3, 0.4, np.inf]))
+        np.testing.assert_allclose(kept, per_circle + expected)
+
+
+def test_noise_that_needs_more_than_the_headway_is_not_given_more():
+    shaky = slipping(0.2)
+    own = of_noise(shaky).margins(*plan(shaky), directions(20, 6))
+    exact = nominal_unicycle(0.1)
+    least = Tightening(exact, PROBLEM).margins(*plan(exact), directions(20, 6)).max()
+    wide = own > 1.1 * least
+    assert wide.any()
+    np.testing.assert_array_equal(Tightening(shaky, PROBLEM).margins(*plan(shaky), directions(20, 6))[wide], own[wide])
 
 
 def test_mirror_symmetric():
@@ -121,7 +146,7 @@ def test_turns_with_the_map(model):
 def test_without_noise_only_the_chord_counts():
     model = nominal_unicycle(0.1)
     lin, states, inputs = plan(model, 0.6, 0.0)
-    margins = Tightening(model, PROBLEM, reserve=0.0).margins(lin, states, inputs, directions(20, 3), np.array([0.3, 0.15, np.inf]))
+    margins = of_noise(model, reserve=0.0).margins(lin, states, inputs, directions(20, 3), np.array([0.3, 0.15, np.inf]))
     assert margins.shape == (20, 3)
     # a robot whose samples keep this distance touches the circle in the middle between them, and no more
     for radius, margin in zip((0.3, 0.15), margins[0], strict=False):
@@ -135,7 +160,7 @@ def test_an_arc_between_samples_stays_outside_the_circle():
     inputs = np.tile(u, (20, 1))
     states = model.rollout((0.0, 0.0, 0.0), inputs)
     lin = model.linearize(states[:-1], inputs)
-    margin = Tightening(model, PROBLEM, reserve=0.0).margins(lin, states, inputs, directions(20, 1), np.array([radius]))[4, 0]
+    margin = of_noise(model, reserve=0.0).margins(lin, states, inputs, directions(20, 1), np.array([radius]))[4, 0]
     fine = model.with_dt(0.001).rollout(states[4], np.tile(u, (100, 1)))
     # a circle on the outer side, as near as the margin lets both samples be
     middle, chord = (states[4, :2] + states[5, :2]) / 2, states[5, :2] - states[4, :2]
@@ -152,7 +177,7 @@ def test_deviations_under_feedback_stay_within_the_margins(slip, v, omega):
     """Drive the slipping plant many times with the assumed feedback, and count who leaves the tube."""
     model, risk, trials = slipping(slip), 0.05, 4000
     lin, states, inputs = plan(model, v, omega)
-    tightening = Tightening(model, PROBLEM, risk=risk, reserve=0.0)
+    tightening = Tightening(model, PROBLEM, risk=risk, reserve=0.0, headway=0.0)
     covariances = tightening.covariances(lin, states, inputs)
     closed = naive_feedback(lin, states)
     gains = np.linalg.pinv(lin.B) @ closed
@@ -219,7 +244,8 @@ def test_damaged_table(model, table):
 
 
 @pytest.mark.parametrize(
-    "options", [{"risk": 0.0}, {"risk": 1.0}, {"risk": np.nan}, {"quantile": -1.0}, {"quantile": np.nan}, {"reserve": -0.1}]
+    "options",
+    [{"risk": 0.0}, {"risk": 1.0}, {"risk": np.nan}, {"quantile": -1.0}, {"quantile": np.nan}, {"reserve": -0.1}, {"headway": np.nan}],
 )
 def test_bad_options(model, options):
     with pytest.raises(ProblemError, match="expected"):
@@ -232,13 +258,13 @@ def test_input_history_is_taken_without_feedback():
     inputs = np.tile([0.5, 0.2], (20, 1))
     states = model.rollout((0, 0, 0), inputs)
     lin = model.linearize(states[:-1], inputs, np.zeros((20, 1, 2)))
-    margins = Tightening(model, PROBLEM).margins(lin, states, inputs, directions(20, 3))
+    margins = of_noise(model).margins(lin, states, inputs, directions(20, 3))
     assert np.isfinite(margins).all() and margins[-1].min() > margins[0].max()
 
 
 def test_update_takes_over_another_noise(model):
     lin, states, inputs = plan(model)
-    tightening, normals = Tightening(model, PROBLEM), directions(20, 3)
+    tightening, normals = of_noise(model), directions(20, 3)
     before = tightening.margins(lin, states, inputs, normals)
     tightening.update(replace(model, noise_model=NoiseModel(4.0 * model.noise_model.coefficients)))
     after = tightening.margins(lin, states, inputs, normals)
@@ -278,6 +304,39 @@ def test_speed_share_lets_a_touching_robot_get_free(model):
     back, ahead = np.array([-0.3, 0.0]), np.array([0.3, 0.0])
     assert tightening.speed_share(x, back, CIRCLES) >= 0.25
     assert tightening.speed_share(x, ahead, CIRCLES) == 0.0
+
+
+def test_a_robot_that_drives_past_an_obstacle_is_not_taken_for_one_that_leaves_it():
+    """A few mm beside it on a floor that pushes aside: what leads away by little may not be driven at a quarter of full speed."""
+    tightening = Tightening(slipping(0.2), PROBLEM)
+    u = np.array([0.6, 0.0])
+    shares = [tightening.speed_share(np.array([1.0 - 0.352, 0.0, 0.5 * np.pi + turned]), u, CIRCLES) for turned in (0.02, 0.3, 0.5 * np.pi)]
+    assert shares[0] < 0.06 < shares[1] < 0.2 and shares[2] >= 0.25
+
+
+def test_a_robot_that_does_not_know_its_floor_is_wary_of_each_command():
+    model = nominal_unicycle(0.1)
+    tightening = Tightening(model, PROBLEM)
+    sure = tightening.step_margin(0.6, 0.0)
+    # pushed by a quarter of its way, three times in a row
+    for _ in range(3):
+        tightening.observe(np.array([0.0, -0.015, 0.0]), 0.0, np.array([0.6, 0.0]))
+    assert tightening.inflation > STRANGE[0] and sure < 0.01
+    assert tightening.step_margin(0.6, 0.0) > 5.0 * STRANGE[1] * 0.06
+    beside, u = np.array([1.0 - 0.38, 0.0, 0.5 * np.pi]), np.array([0.6, 0.0])
+    share = tightening.speed_share(beside, u, CIRCLES)
+    assert share < 0.5 < Tightening(model, PROBLEM).speed_share(beside, u, CIRCLES)
+    # a model that knows this floor needs no more than it knows
+    truth = slipping(0.2)
+    tightening.update(truth)
+    assert tightening.step_margin(0.6, 0.0) == pytest.approx(Tightening(truth, PROBLEM).step_margin(0.6, 0.0))
+
+
+def test_a_model_that_was_learned_while_driving_makes_its_commands_safe_for_rarer_errors():
+    truth = slipping(0.2)
+    known, new = (Tightening(m, PROBLEM) for m in (truth, replace(truth, info={**truth.info, "adaptation": {}})))
+    assert new.quantile == known.quantile
+    assert 1.15 < new.step_margin(0.6, 0.0) / known.step_margin(0.6, 0.0) < 1.5
 
 
 def test_speed_share_keeps_a_robot_without_slip_outside_on_any_curve():
@@ -326,7 +385,7 @@ def test_what_was_expected_widens_nothing(slip):
 
 def test_a_floor_that_slips_more_widens_the_margins_at_once():
     model = slipping(0.02)
-    tightening = Tightening(model, PROBLEM)
+    tightening = of_noise(model)
     lin, states, inputs = plan(model)
     calm = tightening.margins(lin, states, inputs, directions(20, 3))
     found = drive_and_observe(tightening, model, DifferentialDrive(0.2, seed=3), 200)
@@ -359,7 +418,7 @@ def test_even_a_model_without_noise_gets_room_on_a_slipping_floor(known):
 
 
 def test_a_robot_that_turns_less_than_it_is_told_widens_the_margins_at_once(model):
-    tightening = Tightening(model, PROBLEM)
+    tightening = of_noise(model)
     lin, states, inputs = plan(model)
     calm = tightening.margins(lin, states, inputs, directions(20, 3))
     for _ in range(4):
