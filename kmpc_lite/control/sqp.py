@@ -3,7 +3,7 @@
 One pass per period from the shifted last solution is the real-time iteration; more passes converge to a
 Karush-Kuhn-Tucker point of the nonlinear problem. Long steps end in a line search on an exact L1 merit function: full steps of
 the Gauss-Newton QP, which knows no curvature of the dynamics, go back and forth between two plans on one state in ten. Passes to
-convergence know it (`curvature.py`), as far as the model has no input history.
+convergence look at it where they get on badly (`curvature.py`), as far as the model has no input history.
 """
 
 from __future__ import annotations
@@ -41,6 +41,9 @@ CONVERGED: dict[str, Any] = {"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iter": 4000,
 COLD_PASSES, NEW_WAY_PASSES = 10, 2
 """Passes without a warm start, at most: the first linearisation, at rest, sees no way to steer; along a new way it does."""
 COLD_TOLERANCE = 0.02
+GAUSS_NEWTON_PASSES = 10
+"""From this pass to convergence on the curvature of dynamics and circles is looked at in every other one, before that only after a
+shortened step: where constraints settle everything Gauss-Newton is there in five passes, and convex Hessians need fifty."""
 SHORT = (0.1, 0.4)
 """A real-time iteration takes a step that changes no state [m, rad] and no command [m/s, rad/s] by more without a line search."""
 STRAIGHT = 5e-3
@@ -228,8 +231,10 @@ class SQP:
             normals, offsets = self.keep_out.half_planes(local, gaps, normals)
             self.qp.fill(lin._replace(value=lin.value - origin), local, guess.inputs, reference, normals, offsets)
             if self._curved:
-                bends = self.keep_out.bends(guess.states, task.circles)
-                stages, terminal = hessians(self.model, self.qp, guess.states, guess.inputs, guess.duals, normals, bends)
+                stages, terminal = self.qp.stage_cost, self.qp.terminal_cost
+                if done and (length < 1.0 or (done >= GAUSS_NEWTON_PASSES and done % 2 == 0)):
+                    bends = self.keep_out.bends(guess.states, task.circles)
+                    stages, terminal = hessians(self.model, self.qp, guess.states, guess.inputs, guess.duals, normals, bends)
                 self.qp.fill_cost(stages, terminal, local, guess.inputs)
                 self.workspace.change_cost(self.qp.P.data)
             t2 = self.clock()
