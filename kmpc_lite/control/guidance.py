@@ -2,8 +2,7 @@
 
 The way is the quickest on the tangent graph of the inflated circles; it is looked for anew only when the map, the goal or the
 robot's place gives a reason: at once for a new map or goal, over a few steps while the robot drives on where it has only strayed.
-Between times the robot is located on it, and the poses of the coming stages are read off. All this is done for the point about which
-the robot turns, where that is not the one tracked.
+Between times the robot is located on it, and the poses of the coming stages are read off; all for the point about which it turns.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from kmpc_lite.control.stand import Stand
 from kmpc_lite.control.tangents import NO_EDGES, Way, ways_in_parts
 from kmpc_lite.control.timed_path import TimedPath, same_way_around
 from kmpc_lite.control.traffic import MovingCircles
-from kmpc_lite.control.turning_point import SAME, seen_from, turning_point
+from kmpc_lite.control.turning_point import SAME, point_of, seen_from, turning_point
 from kmpc_lite.dictionary import Array
 
 if TYPE_CHECKING:
@@ -92,9 +91,10 @@ class Guide:
     def learn(self, model: KoopmanModel, tightening: Tightening | None) -> None:
         """Take over what a model knows: the robot's speeds, its turning point, the noise of its pose, and the room that margins ask for."""
         self.set_speeds(drivable_speeds(model, self._problem))
-        if not (self._learned and "adaptation" in model.info):  # gains tell nothing of it
-            self.set_turning_point(turning_point(model, self._problem))
+        if self._learned and "adaptation" in model.info:
+            return  # what is learned while driving tells of speeds only
         self._learned = True
+        self.set_turning_point(turning_point(model, self._problem))
         self._parking.zone = zone_of(model)
         # a robot without lag is steered back before it needs the room
         self._room = 0.0 if tightening is None or not model.history else room_at_speed(model, self._problem, tightening)
@@ -163,8 +163,8 @@ class Guide:
         point = self._point
         if point is None:
             return self._follow(pose, goal, circles, solids, rest, goal)
-        stand = None if rest is None else seen_from(rest, point)
-        guidance = self._follow(seen_from(pose, point), seen_from(goal, point), circles, solids, stand, goal)
+        stand = None if rest is None else point_of(rest, point)
+        guidance = self._follow(point_of(pose, point), point_of(goal, point), circles, solids, stand, goal)
         return replace(guidance, states=seen_from(guidance.states, -point))
 
     def _follow(self, pose: Array, goal: Array, circles: Array, solids: Solids | None, rest: Array | None, target: Array) -> Guidance:

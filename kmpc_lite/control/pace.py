@@ -62,7 +62,7 @@ def room_at_speed(model: KoopmanModel, problem: NavigationProblem, tightening: T
     Parameters
     ----------
     model : KoopmanModel
-        Predicts a straight drive.
+        Tells how errors spread along a straight drive.
     problem : NavigationProblem
         Command bounds and horizon.
     tightening : Tightening
@@ -71,6 +71,6 @@ def room_at_speed(model: KoopmanModel, problem: NavigationProblem, tightening: T
     _, u_max, _, _ = problem.bounds
     commands = np.tile((u_max[0], 0.0), (problem.horizon, 1))
     past = np.tile(commands[0], (problem.horizon, model.history, 1))
-    states = model.rollout(np.zeros(3), commands, past[0])
-    across = np.stack([-np.sin(states[1:, 2]), np.cos(states[1:, 2])], axis=1)[:, None]
+    states, across = np.zeros((problem.horizon + 1, 3)), np.tile((0.0, 1.0), (problem.horizon, 1, 1))
+    states[:, 0] = u_max[0] * problem.dt * np.arange(problem.horizon + 1)
     return SPARE + float(tightening.margins(model.linearize(states[:-1], commands, past), states, commands, across)[-1, 0])
