@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from kmpc_lite.control.tightening import Tightening
 
 ROUNDING = 1e-6
-SPARE = 0.02
-"""Room that a way keeps beyond the margins of a plan at full speed [m]: a plan at its margins has none to correct itself."""
+SPARE, MOST_ROOM = 0.02, 0.1
+"""Room that a way keeps beyond the margins of a plan at full speed, and how much it keeps at the most [m]: a plan at its margins has none to
+correct itself, but a passage that is driven slowly is better than a long way around."""
 LEAST = 0.05
 """Share of a bound that is believed in the least: a model may know nothing of what its log never showed, and ways must end."""
 
@@ -73,4 +74,5 @@ def room_at_speed(model: KoopmanModel, problem: NavigationProblem, tightening: T
     past = np.tile(commands[0], (problem.horizon, model.history, 1))
     states, across = np.zeros((problem.horizon + 1, 3)), np.tile((0.0, 1.0), (problem.horizon, 1, 1))
     states[:, 0] = u_max[0] * problem.dt * np.arange(problem.horizon + 1)
-    return SPARE + float(tightening.margins(model.linearize(states[:-1], commands, past), states, commands, across)[-1, 0])
+    margin = float(tightening.margins(model.linearize(states[:-1], commands, past), states, commands, across)[-1, 0])
+    return min(SPARE + margin, MOST_ROOM)
