@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-6
 SPARE, MOST_ROOM = 0.02, 0.1
-"""Room that a way keeps beyond the margins of a plan at full speed, and how much it keeps at the most [m]: a plan at its margins has none to
-correct itself, but a passage that is driven slowly is better than a long way around."""
+"""Room that a way keeps beyond the margins of a plan at full speed, and how much it keeps at the most [m]: a plan at its margins has none
+to correct itself, but a passage that is driven slowly is better than a long way around."""
 LEAST = 0.05
 """Share of a bound that is believed in the least: a model may know nothing of what its log never showed, and ways must end."""
 
