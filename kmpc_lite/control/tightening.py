@@ -39,6 +39,9 @@ STEP_LIMIT, STEP_LIMIT_CHANGED = 2.0, 3.0
 STRANGE = 3.0, 0.35
 """Beyond the first inflation a robot does not know its floor: until it does, a command is taken to err by at least the second, as a share
 of its way (standard deviation): slip of 0.2 pushes farther than five times that once in ten thousand periods."""
+DRIFT, FADING = 6.0, 0.8
+"""Square of the fading sum of errors, against the expected one, beyond which a robot does not know its floor either, and what the sum keeps
+per step: where poses are noisy no single error tells much, but a floor pushes to the same side again and again."""
 ROUNDING = 1e-3
 """Room that `speed_share` keeps for its own straight-line reckoning [m]."""
 CORRECTIONS = 3
@@ -57,6 +60,8 @@ QUIET = (5e-3, 1e-3, 0.02)
 of the way: even a model without noise is allowed to be so wrong."""
 USUAL_SPEED = 0.4
 """At which errors that are too large were made, where only their size is known [m/s]."""
+NO_PUSH = (0.0,) * 5
+"""Fading sums of nothing: of errors ahead and to the left, and of their expected squares."""
 QUIET_TURN = (5e-3, 0.05)
 """The same of turns: no step is judged by less than the first [rad], and the second as a share of the turn."""
 RETREAT = 0.25
@@ -129,14 +134,16 @@ class Tightening:
         self._levels = max(int(MEMORY).bit_length() - 1, 0)
         self._wide = np.empty((0, STATES, 0))
         self._surprise, self._expected, self.inflation = 1.0, 0.0, 1.0
+        self._pushed, self._drifts = NO_PUSH, False
         self.nearest = math.inf
         """Room between the robot and the nearest of the circles that `speed_share` was asked about last [m]."""
         self.update(model)
 
     def reset(self) -> None:
         """Forget what was observed."""
-        self._surprise = 1.0
+        self._surprise, self._pushed, self._drifts = 1.0, NO_PUSH, False
         self._inflate(1.0)
+        self._doubt()
 
     def _inflate(self, factor: float) -> None:
         """Scale the noise's standard deviation, and beyond 1 what the model is allowed to be wrong by on top."""
@@ -146,13 +153,18 @@ class Tightening:
         self._felt = self._moved if factor == 1.0 else factor**2 * self._moved + (factor**2 - 1.0) * self._allowed
         self._felt_factor = np.hstack([_factor(part.reshape(STATES, STATES)) for part in self._felt])
         self._felt_trace = (self._felt[:, 0] + self._felt[:, 4]).tolist()
-        self._step, self._step_trace = self._felt, self._felt_trace
-        if factor > STRANGE[0]:
+        self.widest = self._widest()
+        self._doubt()
+
+    def _doubt(self) -> None:
+        """Take a single command to err by more where the floor is not known."""
+        strange = self._drifts or self.inflation > STRANGE[0]
+        self._spreads = self._noisy or self.inflation > 1.0
+        self._step, self._step_trace, self._errs = self._felt, self._felt_trace, self._spreads or strange
+        if strange:
             self._step = self._felt.copy()
             self._step[0, [0, 4]] = np.maximum(self._felt[0, [0, 4]], (STRANGE[1] * self._model.dt) ** 2)
             self._step_trace = (self._step[:, 0] + self._step[:, 4]).tolist()
-        self.widest = self._widest()
-        self._spreads = self._noisy or factor > 1.0
 
     def _widest(self) -> float:
         """Margin [m] that no plan within the bounds asks for more than: all noise at full speed, and none of it taken back but by time."""
@@ -198,6 +210,18 @@ class Tightening:
         change = min(float(square), SURPRISE_LIMIT) - self._surprise
         self._surprise += (ATTACK if change > 0.0 else RELEASE) * change
         self._inflate(max(1.0, self._surprise - CALM + 1.0) ** 0.5)
+        # backwards, a floor pushes the other way
+        sign, sums = math.copysign(1.0, v), self._pushed
+        ahead, left = FADING * sums[0] + sign * ahead, FADING * sums[1] + sign * left
+        (mx, _, _), (my, _, _), (mc, _, _), _ = self._squares
+        xx, yy, xy = (FADING**2 * old + new for old, new in zip(sums[2:], (xx - mx, yy - my, xy - mc), strict=True))
+        self._pushed = ahead, left, xx, yy, xy
+        # noise of the poses does not add up: what it adds to one step, it takes from the next
+        xx, yy, xy = xx + mx / (1.0 + FADING), yy + my / (1.0 + FADING), xy + mc / (1.0 + FADING)
+        drift = 0.5 * (ahead * ahead * yy - 2.0 * ahead * left * xy + left * left * xx) / (xx * yy - xy * xy)
+        if (drift > DRIFT) != self._drifts:
+            self._drifts = drift > DRIFT
+            self._doubt()
 
     def update(self, model: KoopmanModel) -> None:
         """Take over the noise of another model of the same robot, between two steps."""
@@ -219,6 +243,7 @@ class Tightening:
         # what was a surprise to the old model is less of one to a model that expects more
         before, self._expected = self._expected, float(self._moved[0, 0] + self._moved[0, 4]) + 2.0 * (QUIET[2] * model.dt) ** 2
         self._surprise = max(1.0, self._surprise * before / self._expected)
+        self._pushed, self._drifts = NO_PUSH, False
         self.inflation = np.nan  # whatever it was, the noise is another one
         self._inflate(max(1.0, self._surprise - CALM + 1.0) ** 0.5)
 
@@ -298,7 +323,7 @@ class Tightening:
             there = self._model.predict(here, part, past)
             after = np.hypot(there[0] - circles[:, 0], there[1] - circles[:, 1])
             approach = before - after
-            if self._spreads:
+            if self._errs:
                 noise = ((part * part) @ self._step).reshape(3, 3)
                 ahead, left = away @ (cos, sin), away @ (-sin, cos)
                 variance = ahead * ahead * noise[0, 0] + 2.0 * ahead * left * noise[0, 1] + left * left * noise[1, 1]

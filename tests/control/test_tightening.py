@@ -332,6 +332,24 @@ def test_a_robot_that_does_not_know_its_floor_is_wary_of_each_command():
     assert tightening.step_margin(0.6, 0.0) == pytest.approx(Tightening(truth, PROBLEM).step_margin(0.6, 0.0))
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_floor_that_pushes_to_one_side_is_noticed_among_noisy_poses(way):
+    """Pushes of 10 mm to the right, backwards to the left, and poses that are 5 mm wrong: no error is large, their sum is."""
+    noise = NoiseModel(np.array([np.diag([5e-5, 5e-5, 8e-4]), np.zeros((3, 3)), np.zeros((3, 3))]))
+    model, random, u = replace(nominal_unicycle(0.1), noise_model=noise), np.random.default_rng(0), np.array([0.5 * way, 0.0])
+    calm, pushed = Tightening(model, PROBLEM), Tightening(model, PROBLEM)
+    sure, wary = calm.step_margin(0.5, 0.0), 0
+    for errors in np.diff(random.normal(size=(1001, 2)) * 0.005, axis=0):
+        calm.observe(np.append(errors, 0.0), 0.0, u)
+        wary += calm.step_margin(0.5, 0.0) > 5.0 * sure
+    assert wary < 60
+    for errors in np.diff(random.normal(size=(9, 2)) * 0.005, axis=0):
+        pushed.observe(np.append(errors + (0.0, -0.010 * way), 0.0), 0.0, u)
+    assert pushed.inflation < STRANGE[0] and pushed.step_margin(0.5, 0.0) > 5.0 * sure
+    pushed.reset()
+    assert pushed.step_margin(0.5, 0.0) == sure
+
+
 def test_a_model_that_was_learned_while_driving_makes_its_commands_safe_for_rarer_errors():
     truth = slipping(0.2)
     known, new = (Tightening(m, PROBLEM) for m in (truth, replace(truth, info={**truth.info, "adaptation": {}})))
