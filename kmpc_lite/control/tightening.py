@@ -131,6 +131,7 @@ class Tightening:
         self._touch = problem.robot_radius
         u_min, u_max, _, _ = problem.bounds
         self._fastest = np.maximum(u_max, -u_min).tolist()
+        self._fast = self._headway * self._fastest[0] > LONGEST_HEADWAY
         self._levels = max(int(MEMORY).bit_length() - 1, 0)
         self._wide = np.empty((0, STATES, 0))
         self._surprise, self._expected, self.inflation = 1.0, 0.0, 1.0
@@ -273,7 +274,8 @@ class Tightening:
             chords = chords[:, None]
         headway = np.abs(inputs[:, :1])
         headway *= self._headway
-        np.minimum(headway, LONGEST_HEADWAY, out=headway)
+        if self._fast:
+            np.minimum(headway, LONGEST_HEADWAY, out=headway)
         if not self._spreads:
             headway = headway + chords
             return np.repeat(headway, normals.shape[1], axis=1) if headway.shape[1] == 1 else headway

@@ -105,12 +105,13 @@ def test_a_shaky_floor_needs_more_room():
 
 def test_every_plan_keeps_headway_whatever_its_model_promises():
     exact, normals = nominal_unicycle(0.1), directions(20, 3)
+    fast, radii = Tightening(exact, NavigationProblem(u_max=(2.0, 1.0))), np.array([0.3, 0.4, np.inf])
     for v, expected in ((0.0, 0.0), (0.1, 0.1 * HEADWAY), (-0.4, 0.4 * HEADWAY), (1.5, LONGEST_HEADWAY)):
-        own = of_noise(exact).margins(*plan(exact, v), normals)
-        np.testing.assert_allclose(Tightening(exact, PROBLEM).margins(*plan(exact, v), normals), own + expected)
-        per_circle = of_noise(exact).margins(*plan(exact, v), normals, np.array([0.3, 0.4, np.inf]))
-        kept = Tightening(exact, PROBLEM).margins(*plan(exact, v), normals, np.array([0.3, 0.4, np.inf]))
-        np.testing.assert_allclose(kept, per_circle + expected)
+        for tightening in (Tightening(exact, PROBLEM), fast) if v <= 0.6 else (fast,):
+            own = of_noise(exact).margins(*plan(exact, v), normals)
+            np.testing.assert_allclose(tightening.margins(*plan(exact, v), normals), own + expected)
+            per_circle = of_noise(exact).margins(*plan(exact, v), normals, radii)
+            np.testing.assert_allclose(tightening.margins(*plan(exact, v), normals, radii), per_circle + expected)
 
 
 def test_noise_that_needs_more_than_the_headway_is_not_given_more():
