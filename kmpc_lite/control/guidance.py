@@ -41,6 +41,9 @@ LEAD = 0.2
 """How far the reference runs ahead of the robot [s]."""
 OFF_WAY = (0.08, 0.15)
 """Distance from the way at which a new one is looked for: share of the distance to the goal, most [m]; the least is the zone's."""
+NEAR_GOAL, MOST_PARTS = 0.3, 3
+"""Every further search so near to the goal [m] takes one part more at a step, to this number: a robot that does not get parked, since it
+lags more than its model knows, is soon where no way began."""
 LOST = 0.5
 """Distance from the way at which the new one is needed at once [m]: the robot was carried off."""
 PATIENCE = 0.3
@@ -130,7 +133,7 @@ class Guide:
         """Forget the way."""
         self._path: TimedPath | None = None
         self._search: Iterator[bool | None] | None = None
-        self._urgent, self._until = False, math.inf
+        self._urgent, self._until, self._attempts = False, math.inf, 0
         self._goal = np.full(3, np.nan)
         self._circles, self._resting = np.empty((0, 5)), b""
         self._solids: Solids | None = None
@@ -188,8 +191,9 @@ class Guide:
             self._stand.forget()
         if at_once or (strayed and self._search is None):
             self._search = self._look_for_way(pose.copy(), goal, circles, solids, traffic, target)
+            self._attempts = self._attempts + 1 if distance < NEAR_GOAL and not at_once else 0
         self._urgent = self._urgent or at_once
-        outcome = self._go_on()
+        outcome = self._go_on(min(max(self._attempts, 1), MOST_PARTS))
         refreshed, switched = outcome is not None, bool(outcome)
         if refreshed and self._path is not None:
             place, _ = self._path.locate(pose)
@@ -249,14 +253,15 @@ class Guide:
             return False
         return self._age > PATIENCE and traffic.blocks(self._path, place)
 
-    def _go_on(self) -> bool | None:
+    def _go_on(self, parts: int) -> bool | None:
         """Look on for a way; none while the search goes on or where there is none, then whether it goes another way around."""
         outcome = None
         while self._search is not None:
             outcome = next(self._search)
             if outcome is not None:
                 self._search, self._urgent = None, False
-            elif not self._urgent or (self._until < math.inf and self._clock() > self._until):
+            parts -= 1
+            if (parts <= 0 and not self._urgent) or (self._until < math.inf and self._clock() > self._until):
                 break
         return outcome
 
