@@ -1,4 +1,4 @@
-# Everything runs in a virtual environment of its own, .venv; python3 (>= 3.11), make, gcc and the package registries suffice.
+# Everything runs in a virtual environment of its own, .venv; python3 (>= 3.11), make and the package registries suffice.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -27,7 +27,7 @@ $(VENV)/dev: $(VENV)/python pyproject.toml
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot,bridge,peers,twin,clients,dev]'
 	@touch $@ $(VENV)/demo
 
-demo: $(VENV)/demo  ## learn from a drive of the emulated rover, drive it past four obstacles, end in a report: out/report.html
+demo: $(VENV)/demo  ## learn from a drive of the emulated rover, drive it past four obstacles, end in a report: out/report.html; LOG=run.csv learns from your robot's log instead
 	@$(BIN)/$(if $(LOG),kmpc demo --log $(LOG),kmpc-bridge demo) --output out
 
 check: $(VENV)/dev  ## style, types and import rules

@@ -115,6 +115,8 @@ class Controller:
         time_budget: float | None = None,
         clock: Callable[[], float] = perf_counter,
     ) -> None:
+        if not isinstance(model, KoopmanModel):
+            raise ProblemError(f"model: expected a KoopmanModel, got {type(model).__name__}; KoopmanModel.load(path) reads a file")
         if adaptation is None:
             adaptation = tightening is not None and model.continuous
         self.adaptation = OnlineAdaptation(model) if adaptation is True else adaptation or None

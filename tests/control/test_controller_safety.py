@@ -287,3 +287,8 @@ def test_an_obstacle_of_negative_radius_is_not_usable(radius: float) -> None:
     plan = kl.Controller(MODEL).step((0.0, 0.0, 0.0), GOAL, [[0.6, 0.6, radius]])
     assert plan.status is kl.PlanStatus.STOPPED and "obstacle not usable" in plan.reason
     assert not plan.command.any()
+
+
+def test_a_file_name_is_no_model() -> None:
+    with pytest.raises(kl.ProblemError, match=r"expected a KoopmanModel, got str; KoopmanModel\.load"):
+        kl.Controller("robot.npz")  # type: ignore[arg-type]
