@@ -211,6 +211,8 @@ class Tightening:
         change = min(float(square), SURPRISE_LIMIT) - self._surprise
         self._surprise += (ATTACK if change > 0.0 else RELEASE) * change
         self._inflate(max(1.0, self._surprise - CALM + 1.0) ** 0.5)
+        if self._model.history:
+            return
         # backwards, a floor pushes the other way
         sign, sums = math.copysign(1.0, v), self._pushed
         ahead, left = FADING * sums[0] + sign * ahead, FADING * sums[1] + sign * left
@@ -239,7 +241,9 @@ class Tightening:
         # a log that is explained to rounding tells nothing of the tails that a floor may have later
         known = model.info if model_quantile(model.info, self.risk) >= default_quantile(self.risk) else {}
         self.quantile = model_quantile(known, self.risk) if self._given is None else float(self._given)
-        risk, limit = (STEP_RISK_CHANGED, STEP_LIMIT_CHANGED) if "adaptation" in model.info else (STEP_RISK, STEP_LIMIT)
+        # errors of a model of lag outlast a step: they tell less of floors, and `LATE_RISK` has room for them
+        changed = "adaptation" in model.info and not model.history
+        risk, limit = (STEP_RISK_CHANGED, STEP_LIMIT_CHANGED) if changed else (STEP_RISK, STEP_LIMIT)
         self._step_quantile = min(max(self.quantile, model_quantile(known, risk)), limit * self.quantile)
         # what was a surprise to the old model is less of one to a model that expects more
         before, self._expected = self._expected, float(self._moved[0, 0] + self._moved[0, 4]) + 2.0 * (QUIET[2] * model.dt) ** 2
