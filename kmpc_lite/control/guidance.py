@@ -58,6 +58,8 @@ FREE_TURN = np.pi / 3
 """How much of the first turn is made while driving on a long way [rad]."""
 LONG = 0.5
 """A way over which the whole `FREE_TURN` may be made [m]."""
+FREE_ROOM = 0.6
+"""Room that it needs [m]: a robot backs up for it, and in a narrow place turns on the spot instead."""
 FLICKER = (0.5, 0.1)
 """How much quicker another way around must be to be taken: seconds, and share of what is left."""
 LAST_STRETCH = 0.5
@@ -294,13 +296,20 @@ class Guide:
         self._waiting = None
         length = float(np.hypot(*np.diff(way.points, axis=0).T).sum())
         # a robot that is stuck turns on the spot before it drives
-        free = 0.0 if stuck else FREE_TURN * min(1.0, length / LONG)
+        free = 0.0 if stuck else FREE_TURN * min(1.0, length / LONG, self._room_around(pose, circles, solids) / FREE_ROOM)
         gear = self._gears[way.reverse]
         self._path = TimedPath(way, pose, goal, gear, free)
         other = switched or previous is None or not same_goal
         place, self._path.place = self._path.locate(pose)[0], 0.0
         self._stand.begin(self._path.duration - place, free / float(gear[1]), other or stuck)
         yield other
+
+    def _room_around(self, pose: Array, circles: Array, solids: Solids | None) -> float:
+        """Distance to what is nearest, beyond what must be kept [m], or zero."""
+        room = float((np.hypot(*(circles[:, :2] - pose[:2]).T) - circles[:, 2]).min(initial=np.inf))
+        if solids is not None:
+            room = min(room, float(solids.whole.least(pose[None, :2])[0]))
+        return max(room - self._keep, 0.0)
 
     def _choices(
         self, pose: Array, goal: Array, circles: Array, solids: Solids | None, previous: TimedPath | None
