@@ -68,6 +68,7 @@ def test_importing_brings_nothing_but_what_the_loop_needs() -> None:
         "kmpc_lite.cli",
         "kmpc_lite.peers",
         "kmpc_lite.report",
+        "kmpc_lite.sim.scenario",
     ):
         assert heavy not in parts
 

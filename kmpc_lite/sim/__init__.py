@@ -1,7 +1,27 @@
 """Plants, scenarios, closed loops and studies."""
 
-from kmpc_lite.sim.closed_loop import LearnedPlant, Outcome, Run, drive
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from kmpc_lite.sim.robots import DifferentialDrive, generate_dataset
-from kmpc_lite.sim.scenario import Scenario
+
+if TYPE_CHECKING:
+    from kmpc_lite.sim.closed_loop import LearnedPlant, Outcome, Run, drive
+    from kmpc_lite.sim.scenario import Scenario
 
 __all__ = ["DifferentialDrive", "LearnedPlant", "Outcome", "Run", "Scenario", "drive", "generate_dataset"]
+
+LATER = {
+    "LearnedPlant": "closed_loop",
+    "Outcome": "closed_loop",
+    "Run": "closed_loop",
+    "Scenario": "scenario",
+    "drive": "closed_loop",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import what a robot's board does not need when it is asked for."""
+    if name not in LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{LATER[name]}"), name)
