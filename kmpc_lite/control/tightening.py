@@ -7,12 +7,13 @@ last iterate and stays outside the QP, which gets no new variables, only half-pl
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.quantiles import default_quantile, model_quantile
+from kmpc_lite.control.surprise import Surprise
 from kmpc_lite.dictionary import STATES, Array
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model import KoopmanModel, Linearization
@@ -39,31 +40,12 @@ STEP_LIMIT, STEP_LIMIT_CHANGED = 2.0, 3.0
 STRANGE = 3.0, 0.35
 """Beyond the first inflation a robot does not know its floor: until it does, a command is taken to err by at least the second, as a share
 of its way (standard deviation): slip of 0.2 pushes farther than five times that once in ten thousand periods."""
-DRIFT, FADING = 6.0, 0.8
-"""Square of the fading sum of errors, against the expected one, beyond which a robot does not know its floor either, and what the sum keeps
-per step: where poses are noisy no single error tells much, but a floor pushes to the same side again and again."""
 ROUNDING = 1e-3
 """Room that `speed_share` keeps for its own straight-line reckoning [m]."""
 CORRECTIONS = 3
 """How often a command is shortened and looked at again."""
 FAR_PERIODS = 3.0
 """What the command covers in so many periods, and the error of one, is far: no model drives three times as fast as it is told."""
-ATTACK, RELEASE = 0.2, 0.1
-"""How fast errors larger, and smaller, than before count, as shares per step: a floor that suddenly slips ten times as much widens the
-margins 4-fold after one step and 8-fold after five, and a calm one narrows them again within two seconds."""
-CALM = 2.5
-"""Mean square error, against the expected one, that leaves margins as they are: heavy-tailed slip passes it in one step of ten."""
-SURPRISE_LIMIT = 400.0
-"""Largest square error that counts, against the expected one: what is larger is a broken measurement."""
-QUIET = (5e-3, 1e-3, 0.02)
-"""Steps that should move the robot less than the first [m] are not judged; no step by less than the second [m], and the third as a share
-of the way: even a model without noise is allowed to be so wrong."""
-USUAL_SPEED = 0.4
-"""At which errors that are too large were made, where only their size is known [m/s]."""
-NO_PUSH = (0.0,) * 5
-"""Fading sums of nothing: of errors ahead and to the left, and of their expected squares."""
-QUIET_TURN = (5e-3, 0.05)
-"""The same of turns: no step is judged by less than the first [rad], and the second as a share of the turn."""
 RETREAT = 0.25
 """Share of a command that is always allowed where it leads away from an obstacle: a robot that touches must get free. One that does not
 touch is allowed less of it, the more its command leads past the obstacle and not straight away: aside is where floors push."""
@@ -134,15 +116,14 @@ class Tightening:
         self._fast = self._headway * self._fastest[0] > LONGEST_HEADWAY
         self._levels = max(int(MEMORY).bit_length() - 1, 0)
         self._wide = np.empty((0, STATES, 0))
-        self._surprise, self._expected, self.inflation = 1.0, 0.0, 1.0
-        self._pushed, self._drifts = NO_PUSH, False
+        self._surprise, self.inflation = Surprise(model.dt), 1.0
         self.nearest = math.inf
         """Room between the robot and the nearest of the circles that `speed_share` was asked about last [m]."""
         self.update(model)
 
     def reset(self) -> None:
         """Forget what was observed."""
-        self._surprise, self._pushed, self._drifts = 1.0, NO_PUSH, False
+        self._surprise.reset()
         self._inflate(1.0)
         self._doubt()
 
@@ -151,7 +132,7 @@ class Tightening:
         if factor == self.inflation:
             return
         self.inflation = factor
-        self._felt = self._moved if factor == 1.0 else factor**2 * self._moved + (factor**2 - 1.0) * self._allowed
+        self._felt = self._moved if factor == 1.0 else factor**2 * self._moved + (factor**2 - 1.0) * self._surprise.allowed
         self._felt_factor = np.hstack([_factor(part.reshape(STATES, STATES)) for part in self._felt])
         self._felt_trace = (self._felt[:, 0] + self._felt[:, 4]).tolist()
         self.widest = self._widest()
@@ -159,7 +140,7 @@ class Tightening:
 
     def _doubt(self) -> None:
         """Take a single command to err by more where the floor is not known."""
-        strange = self._drifts or self.inflation > STRANGE[0]
+        strange = self._surprise.drifts or self.inflation > STRANGE[0]
         self._spreads = self._noisy or self.inflation > 1.0
         self._step, self._step_trace, self._errs = self._felt, self._felt_trace, self._spreads or strange
         if strange:
@@ -193,38 +174,9 @@ class Tightening:
         command : ndarray
             That was held during it (2,).
         """
-        # also for NaN and infinity
-        if not (abs(command[0]) * self._model.dt >= QUIET[0] and error @ error < np.inf):
-            return
-        # three numbers each: plain floats are ten times as fast as arrays
-        cos, sin = math.cos(heading), math.sin(heading)
-        ex, ey, turned = error.tolist()
-        ahead, left = cos * ex + sin * ey, cos * ey - sin * ex
-        v, omega = command.tolist()
-        least = QUIET[1] ** 2 + (QUIET[2] * self._model.dt * v) ** 2
-        xx, yy, xy, hh = (m + v * v * a + omega * omega * b for m, a, b in self._squares)
-        xx, yy = xx + least, yy + least
-        square = 0.5 * (ahead * ahead * yy - 2.0 * ahead * left * xy + left * left * xx) / (xx * yy - xy * xy)
-        turned = math.remainder(turned, 2.0 * math.pi)
-        hh += QUIET_TURN[0] ** 2 + (QUIET_TURN[1] * self._model.dt * omega) ** 2
-        square = max(square, turned * turned / hh)
-        change = min(float(square), SURPRISE_LIMIT) - self._surprise
-        self._surprise += (ATTACK if change > 0.0 else RELEASE) * change
-        self._inflate(max(1.0, self._surprise - CALM + 1.0) ** 0.5)
-        if self._model.history:
-            return
-        # backwards, a floor pushes the other way
-        sign, sums = math.copysign(1.0, v), self._pushed
-        ahead, left = FADING * sums[0] + sign * ahead, FADING * sums[1] + sign * left
-        (mx, _, _), (my, _, _), (mc, _, _), _ = self._squares
-        xx, yy, xy = (FADING**2 * old + new for old, new in zip(sums[2:], (xx - mx, yy - my, xy - mc), strict=True))
-        self._pushed = ahead, left, xx, yy, xy
-        # noise of the poses does not add up: what it adds to one step, it takes from the next
-        xx, yy, xy = xx + mx / (1.0 + FADING), yy + my / (1.0 + FADING), xy + mc / (1.0 + FADING)
-        drift = 0.5 * (ahead * ahead * yy - 2.0 * ahead * left * xy + left * left * xx) / (xx * yy - xy * xy)
-        if (drift > DRIFT) != self._drifts:
-            self._drifts = drift > DRIFT
+        if self._surprise.see(error, heading, command):
             self._doubt()
+        self._inflate(self._surprise.inflation)
 
     def update(self, model: KoopmanModel) -> None:
         """Take over the noise of another model of the same robot, between two steps."""
@@ -232,12 +184,7 @@ class Tightening:
         measured, moved = split_noise(model.noise_model)
         self._noisy = model.noise_model is not None
         self._measured, self._moved = measured, np.ascontiguousarray(moved.reshape(2, 9))
-        # errors are judged against what is allowed at rest too, but what is too much of them comes from driving
-        self._allowed = np.zeros((2, 9))
-        self._allowed[0, [0, 4]] = (QUIET[2] * model.dt) ** 2 + (QUIET[1] ** 2 + measured.diagonal()[:2]) / USUAL_SPEED**2
         self._measured_factor = _factor(measured)
-        self._squares = [[float(part[i, j]) for part in (measured, *moved)] for i, j in ((0, 0), (1, 1), (0, 1), (2, 2))]
-        self._allowed[1, 8] = (QUIET_TURN[1] * model.dt) ** 2
         # a log that is explained to rounding tells nothing of the tails that a floor may have later
         known = model.info if model_quantile(model.info, self.risk) >= default_quantile(self.risk) else {}
         self.quantile = model_quantile(known, self.risk) if self._given is None else float(self._given)
@@ -245,12 +192,9 @@ class Tightening:
         changed = "adaptation" in model.info and not model.history
         risk, limit = (STEP_RISK_CHANGED, STEP_LIMIT_CHANGED) if changed else (STEP_RISK, STEP_LIMIT)
         self._step_quantile = min(max(self.quantile, model_quantile(known, risk)), limit * self.quantile)
-        # what was a surprise to the old model is less of one to a model that expects more
-        before, self._expected = self._expected, float(self._moved[0, 0] + self._moved[0, 4]) + 2.0 * (QUIET[2] * model.dt) ** 2
-        self._surprise = max(1.0, self._surprise * before / self._expected)
-        self._pushed, self._drifts = NO_PUSH, False
+        self._surprise.expect(measured, moved, bool(model.history))
         self.inflation = np.nan  # whatever it was, the noise is another one
-        self._inflate(max(1.0, self._surprise - CALM + 1.0) ** 0.5)
+        self._inflate(self._surprise.inflation)
 
     def margins(self, lin: Linearization, states: Array, inputs: Array, normals: Array, radii: Array | None = None) -> Array:
         """Distances that stages 1 to N must keep beyond the radii.
@@ -415,37 +359,3 @@ def _factor(covariance: Array) -> Array:
     values, vectors = np.linalg.eigh(covariance)
     factor: Array = vectors * np.sqrt(np.maximum(values, 0.0))
     return factor
-
-
-def default_quantile(risk: float) -> float:
-    """Quantile for noise that was never calibrated: the heavier tail of a plane's normal distribution and of two exponential ones."""
-    return float(max(np.sqrt(-2.0 * np.log(risk)), np.log(2.0 / risk) - 1.0))
-
-
-def model_quantile(info: Mapping[str, Any], risk: float) -> float:
-    """Look a risk up in the table that calibration left in a model; between its rows, and beyond them, linear in ``log(1 / risk)``.
-
-    A risk smaller than the held-out drives can vouch for follows the slope of the last rows: an exponential tail.
-
-    Raises
-    ------
-    ProblemError
-        For a table that is none.
-    """
-    table = info.get("noise_quantiles")
-    if table is None:
-        return default_quantile(risk)
-    try:
-        depth = -np.log(np.array(table["risks"], dtype=float))
-        values = np.array(table["quantiles"], dtype=float)
-        usable = depth.shape == values.shape and len(depth) >= 2 and (np.diff(depth) > 0).all() and np.isfinite(values).all()
-    except (TypeError, KeyError, ValueError):
-        usable = False
-    if not usable:
-        raise ProblemError("the model's table noise_quantiles is damaged: calibrate it anew")
-    wanted = -np.log(risk)
-    if wanted <= depth[-1]:
-        return float(np.interp(wanted, depth, values))
-    first = max(0, len(depth) - 4)
-    slope = (values[-1] - values[first]) / (depth[-1] - depth[first])
-    return float(values[-1] + max(slope, 0.0) * (wanted - depth[-1]))

@@ -13,7 +13,8 @@ from kmpc_lite import (
     generate_dataset,
     nominal_unicycle,
 )
-from kmpc_lite.control.tightening import HEADWAY, LONGEST_HEADWAY, RESERVE, STRANGE, Tightening, default_quantile, model_quantile
+from kmpc_lite.control.quantiles import default_quantile, model_quantile
+from kmpc_lite.control.tightening import HEADWAY, LONGEST_HEADWAY, RESERVE, STRANGE, Tightening
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.learn.calibration import with_quantiles
 from kmpc_lite.model import KoopmanModel, NoiseModel
