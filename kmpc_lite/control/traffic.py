@@ -20,6 +20,8 @@ SPARE = 0.12
 """Distance beyond the margin within which a moving circle is in the way [m]: it is soon lost to a robot that lags."""
 DETOUR = 0.06
 """Part of it that a way keeps [m]."""
+LONG = 3.0
+"""How much farther an arc that makes room is looked along, where there is a choice."""
 PACES = np.array([0.6, 0.3, 0.0])
 """Shares of the speed that are tried where the full one is not clear; the first one that is, is driven."""
 ESCAPES = np.array([(v, omega, end) for end in (1.0, 2.0, 4.0) for v in (0.0, 0.5, -0.5, 1.0, -1.0) for omega in (0.0, 1.0, -1.0)])
@@ -64,9 +66,10 @@ class MovingCircles:
         met[:, 2] += DETOUR * self.all[:, 3:].any(axis=1)
         return met
 
-    def _room(self, positions: Array, circles: Array) -> Array:
+    def _room(self, positions: Array, circles: Array, times: Array | None = None) -> Array:
         """Least distance (...) to spare from circles (M, 5), of positions (..., T, 2) at the moments that are looked at."""
-        away = positions[..., None, :] - circles[:, :2] - self._times[:, None, None] * circles[:, 3:]
+        times = self._times if times is None else times
+        away = positions[..., None, :] - circles[:, :2] - times[:, None, None] * circles[:, 3:]
         gaps: Array = np.sqrt(np.einsum("...i,...i->...", away, away)) - circles[:, 2] - self._keep
         room: Array = gaps.min(axis=(-2, -1))
         return room
@@ -91,22 +94,33 @@ class MovingCircles:
     def escape(self, pose: Array, last: int, times: Array) -> tuple[int, Array]:
         """Arc on which the robot gets the most room: its number and its poses (n, 3) at times (n,) [s].
 
-        The first one that is clear is taken, since the first ones move least; the one begun, number `last` (-1: none), is kept
+        The first one that is clear for long is taken, since the first ones move least; a robot that only makes room for now is pushed
+        along by what comes after it. Else the first that is clear for now; where none is, the one begun, number `last` (-1: none), is kept
         unless another one promises `FAITH` more.
         """
-        positions = self._arcs(pose, self._times)[..., :2]
-        room = self._room(positions, self.all)
+        for ahead in (self._times * LONG, self._times):
+            room = self._room_on_arcs(pose, ahead)
+            clear = room >= SPARE
+            if clear.any():
+                best = int(np.argmax(clear))
+                break
+        else:
+            if last >= 0:
+                room[last] += FAITH
+            best = int(np.argmax(room))
+        arc: Array = self._arcs(pose, times)[best]
+        return best, arc
+
+    def _room_on_arcs(self, pose: Array, times: Array) -> Array:
+        """Least distance (E,) to spare on all arcs from a pose (3,), at times (T,) [s]."""
+        positions = self._arcs(pose, times)[..., :2]
+        room = self._room(positions, self.all, times)
         if self._solids is not None:
             near = self._solids.near(pose[:2], LOOK_AHEAD * float(self._speed[0]) + self._keep)
             gaps = near.least(positions.reshape(-1, 2)).reshape(room.shape[0], -1)
             # what stands still needs no spare room, but no circle is a reason to drive into it
             room[gaps.min(axis=1) < min(self._keep, float(gaps[0, 0])) - TOUCHING] -= BARRED
-        if last >= 0:
-            room[last] += FAITH
-        clear = room >= SPARE
-        best = int(np.argmax(clear) if clear.any() else np.argmax(room))
-        arc: Array = self._arcs(pose, times)[best]
-        return best, arc
+        return room
 
     def _arcs(self, pose: Array, times: Array) -> Array:
         """Poses (E, n, 3) on all arcs from a pose (3,)."""

@@ -12,6 +12,7 @@ from kmpc_lite.control.obstacles import circles_to_array
 from kmpc_lite.control.reference import tracking
 from kmpc_lite.control.tangents import Way
 from kmpc_lite.control.timed_path import TimedPath
+from kmpc_lite.control.traffic import MovingCircles
 from kmpc_lite.sim.maps import random_map
 
 DT = 0.1
@@ -309,3 +310,12 @@ def test_a_robot_that_stands_before_an_obstacle_is_turned_on_the_spot_however_of
         near = np.hypot(*(guidance.states[:6] - x)[:, :2].T).max() < 0.1
         turned.append(near and guidance.states[5, 2] - guidance.states[0, 2] > 0.3)
     assert refreshed > 3 and any(turned)
+
+
+def test_a_robot_gets_out_of_the_way_of_what_comes_after_it_for_good() -> None:
+    # to stand 30 cm before it, or to back up before it, would be clear for the next seconds
+    slow = np.array([[0.0, 1.1, 0.2, 0.0, -0.15]])
+    times = np.arange(0.0, 12.01, 0.1)
+    _, states = MovingCircles(slow, KEEP, np.array([0.5, 0.7])).escape(pose(0.0, 0.0, np.pi / 2), -1, times)
+    gaps = np.hypot(states[:, 0], states[:, 1] - (1.1 - 0.15 * times)) - 0.2 - KEEP
+    assert gaps.min() > 0.1
