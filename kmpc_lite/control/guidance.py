@@ -42,7 +42,7 @@ LEAD = 0.2
 OFF_WAY = (0.08, 0.15)
 """Distance from the way at which a new one is looked for: share of the distance to the goal, most [m]; the least is the zone's."""
 NEAR_GOAL, MOST_PARTS = 0.3, 3
-"""Every further search so near to the goal [m] takes one part more at a step, to this number: a robot that does not get parked, since it
+"""Every search after the second so near to the goal [m] takes one part more at a step, to this number: a robot that does not get parked, since it
 lags more than its model knows, is soon where no way began."""
 LOST = 0.5
 """Distance from the way at which the new one is needed at once [m]: the robot was carried off."""
@@ -195,7 +195,7 @@ class Guide:
             self._search = self._look_for_way(pose.copy(), goal, circles, solids, traffic, target)
             self._attempts = self._attempts + 1 if distance < NEAR_GOAL and not at_once else 0
         self._urgent = self._urgent or at_once
-        outcome = self._go_on(min(max(self._attempts, 1), MOST_PARTS))
+        outcome = self._go_on(min(max(self._attempts - 1, 1), MOST_PARTS))
         refreshed, switched = outcome is not None, bool(outcome)
         if refreshed and self._path is not None:
             place, _ = self._path.locate(pose)
