@@ -42,8 +42,8 @@ LEAD = 0.2
 OFF_WAY = (0.08, 0.15)
 """Distance from the way at which a new one is looked for: share of the distance to the goal, most [m]; the least is the zone's."""
 NEAR_GOAL, MOST_PARTS = 0.3, 3
-"""Every search after the second so near to the goal [m] takes one part more at a step, to this number: a robot that does not get parked, since it
-lags more than its model knows, is soon where no way began."""
+"""Every search after the second so near to the goal [m] takes one part more at a step, to this number: a robot that does not get parked,
+since it lags more than its model knows, is soon where no way began."""
 LOST = 0.5
 """Distance from the way at which the new one is needed at once [m]: the robot was carried off."""
 PATIENCE = 0.3

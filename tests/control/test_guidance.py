@@ -278,8 +278,9 @@ def test_a_crossing_obstacle_is_let_pass(learned: kl.KoopmanModel) -> None:
     goal = pose(1.5, 0, 0)
     for k in range(0, 6, 2):
         scene = circles((0.2 * k - 0.4, 1.0, 0.25, 0.0, -0.3))
-        states, gaps = drive(GuidedController(learned, PROBLEM), pose(-1.5, 0, 0), goal, scene, 200, slip=0.05)
-        assert gaps.min() > 0.0 and at_rest_in(states, goal)
+        # the first one is in the way for so long that the robot drives beside it
+        states, gaps = drive(GuidedController(learned, PROBLEM), pose(-1.5, 0, 0), goal, scene, 250, slip=0.05)
+        assert gaps.min() > 0.1 and at_rest_in(states, goal)
 
 
 def test_weights_for_tracking_replace_only_the_weights() -> None:
