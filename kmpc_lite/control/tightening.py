@@ -28,9 +28,10 @@ LATE_RISK = 0.01
 600 maps with lag and noisy poses: no collision, against two, for 2 % more time."""
 RESERVE = 0.005
 """Added to every margin [m]: what a QP that is stopped at a tolerance of 1e-3 and linearised once may leave of a half-plane."""
-HEADWAY, LONGEST_HEADWAY = 0.1, 0.06
-"""Every plan keeps the way of the first [s] at its speed, at the most the second [m], which guidance keeps too, whatever its model
-promises: a floor may begin to slip at any time, and one that slips by 0.2 pushes a robot aside by half of it in one period of ten."""
+HEADWAY, LONGEST_HEADWAY = 0.1, 0.04
+"""Every plan keeps the way of the first [s] at its speed, at the most the second [m], whatever its model promises: a floor may begin to
+slip at any time, and one that slips by 0.2 pushes a robot aside by half of it in one period of ten. With more than 4 cm a robot is slow
+where a passage leaves it 5 cm on each side."""
 STEP_RISK, STEP_RISK_CHANGED = 1e-3, 1e-4
 """Probability of the same kind for the single command that is about to be sent: on the floor of the log, and on one that has changed and is
 known from a few steps."""
@@ -85,7 +86,7 @@ class Tightening:
     >>> tightening = Tightening(model, problem)
     >>> margins = tightening.margins(model.linearize(states[:-1], inputs), states, inputs, np.tile([0.0, 1.0], (20, 4, 1)))
     >>> margins.shape, float(margins[0, 0].round(4))
-    ((20, 4), 0.068)
+    ((20, 4), 0.048)
     """
 
     def __init__(
