@@ -267,6 +267,8 @@ class Controller:
         guidance = None if self._guide is None else self._guide.reference(here, target, circles, self._solids, rest, until)
         if guidance is not None and guidance.hold:
             return self._hold(here, pose, circles, start)
+        if self._guide is not None and self._tightening is not None:
+            self._tightening.passage = self._guide.clearance
         reference = self._goal.reference(here, target) if guidance is None else guidance.states
         guided = self._clock()
         guess, passes = warm_start(self._sqp, self._last, here), 1

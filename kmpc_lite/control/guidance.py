@@ -142,6 +142,8 @@ class Guide:
         self._escape = -1
         self._waiting: Array | None = None
         self._turning, self._age = False, 0.0
+        self.clearance = self._tried = math.inf
+        """What the way keeps beyond the margin [m]: less where a passage is narrow."""
         self._stand.reset()
         self._parking.reset()
 
@@ -299,6 +301,7 @@ class Guide:
         free = 0.0 if stuck else FREE_TURN * min(1.0, length / LONG, self._room_around(pose, circles, solids) / FREE_ROOM)
         gear = self._gears[way.reverse]
         self._path = TimedPath(way, pose, goal, gear, free)
+        self.clearance = max(self._tried - self._swing, 0.0)
         other = switched or previous is None or not same_goal
         place, self._path.place = self._path.locate(pose)[0], 0.0
         self._stand.begin(self._path.duration - place, free / float(gear[1]), other or stuck)
@@ -341,6 +344,7 @@ class Guide:
         )
         nearest = np.minimum(to_pose, to_goal) - 1e-3
         for clearance in self._clearances():
+            self._tried = clearance
             radii = np.clip(sizes + self._keep + clearance, 0.0, np.maximum(nearest, 0.0))
             best: Way | None = None
             route = None if maze is None else maze.route(pose, goal, self._keep + clearance, circles, area)

@@ -74,5 +74,8 @@ def room_at_speed(model: KoopmanModel, problem: NavigationProblem, tightening: T
     past = np.tile(commands[0], (problem.horizon, model.history, 1))
     states, across = np.zeros((problem.horizon + 1, 3)), np.tile((0.0, 1.0), (problem.horizon, 1, 1))
     states[:, 0] = u_max[0] * problem.dt * np.arange(problem.horizon + 1)
+    # headway gives way to passages, so it asks for none
+    passage, tightening.passage = tightening.passage, 0.0
     margin = float(tightening.margins(model.linearize(states[:-1], commands, past), states, commands, across)[-1, 0])
+    tightening.passage = passage
     return min(SPARE + margin, MOST_ROOM)

@@ -28,10 +28,10 @@ LATE_RISK = 0.01
 600 maps with lag and noisy poses: no collision, against two, for 2 % more time."""
 RESERVE = 0.005
 """Added to every margin [m]: what a QP that is stopped at a tolerance of 1e-3 and linearised once may leave of a half-plane."""
-HEADWAY, LONGEST_HEADWAY = 0.1, 0.04
+HEADWAY, LONGEST_HEADWAY = 0.1, 0.06
 """Every plan keeps the way of the first [s] at its speed, at the most the second [m], whatever its model promises: a floor may begin to
-slip at any time, and one that slips by 0.2 pushes a robot aside by half of it in one period of ten. With more than 4 cm a robot is slow
-where a passage leaves it 5 cm on each side."""
+slip at any time, and one that slips by 0.2 pushes a robot aside by half of it in one period of ten. Where the way itself keeps less, the
+plan does too (`passage`): more room than there is would only make it shy of narrow passages."""
 STEP_RISK, STEP_RISK_CHANGED = 1e-3, 1e-4
 """Probability of the same kind for the single command that is about to be sent: on the floor of the log, and on one that has changed and is
 known from a few steps."""
@@ -86,7 +86,7 @@ class Tightening:
     >>> tightening = Tightening(model, problem)
     >>> margins = tightening.margins(model.linearize(states[:-1], inputs), states, inputs, np.tile([0.0, 1.0], (20, 4, 1)))
     >>> margins.shape, float(margins[0, 0].round(4))
-    ((20, 4), 0.048)
+    ((20, 4), 0.068)
     """
 
     def __init__(
@@ -114,7 +114,8 @@ class Tightening:
         self._touch = problem.robot_radius
         u_min, u_max, _, _ = problem.bounds
         self._fastest = np.maximum(u_max, -u_min).tolist()
-        self._fast = self._headway * self._fastest[0] > LONGEST_HEADWAY
+        self.passage = math.inf
+        """Room that the way keeps [m], where there is one."""
         self._levels = max(int(MEMORY).bit_length() - 1, 0)
         self._wide = np.empty((0, STATES, 0))
         self._surprise, self.inflation = Surprise(model.dt), 1.0
@@ -123,7 +124,8 @@ class Tightening:
         self.update(model)
 
     def reset(self) -> None:
-        """Forget what was observed."""
+        """Forget what was observed, and the way."""
+        self.passage = math.inf
         self._surprise.reset()
         self._inflate(1.0)
         self._doubt()
@@ -223,8 +225,7 @@ class Tightening:
             chords = chords[:, None]
         headway = np.abs(inputs[:, :1])
         headway *= self._headway
-        if self._fast:
-            np.minimum(headway, LONGEST_HEADWAY, out=headway)
+        np.minimum(headway, min(LONGEST_HEADWAY, self.passage), out=headway)
         if not self._spreads:
             headway = headway + chords
             return np.repeat(headway, normals.shape[1], axis=1) if headway.shape[1] == 1 else headway

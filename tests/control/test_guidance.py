@@ -7,7 +7,7 @@ import pytest
 from guided import GuidedController
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance import FLICKER, Guide
+from kmpc_lite.control.guidance import CLEARANCES, FLICKER, Guide
 from kmpc_lite.control.obstacles import circles_to_array
 from kmpc_lite.control.reference import tracking
 from kmpc_lite.control.tangents import Way
@@ -320,3 +320,10 @@ def test_a_robot_gets_out_of_the_way_of_what_comes_after_it_for_good() -> None:
     _, states = MovingCircles(slow, KEEP, np.array([0.5, 0.7])).escape(pose(0.0, 0.0, np.pi / 2), -1, times)
     gaps = np.hypot(states[:, 0], states[:, 1] - (1.1 - 0.15 * times)) - 0.2 - KEEP
     assert gaps.min() > 0.1
+
+
+def test_a_way_tells_how_much_room_it_keeps() -> None:
+    guide, goal = Guide(PROBLEM), pose(1.5, 0, 0)
+    wall = np.array([[0.0, side * y, 0.2, 0.0, 0.0] for side in (1, -1) for y in np.arange(0.2 + KEEP + 0.04, 2.6, 0.3)])
+    assert guide.reference(pose(-1.5, 0, 0), goal, wall).reachable and guide.clearance == CLEARANCES[1]
+    assert guide.reference(pose(-1.5, 0, 0), goal, wall[:3]).reachable and guide.clearance == CLEARANCES[0]

@@ -483,3 +483,15 @@ def test_no_plan_within_the_bounds_asks_for_more_than_the_widest_margin(history,
         most = max(most, float(margins.max()))
     # it is no wild guess either: what is far is often enough farther
     assert 0.3 * tightening.widest < most <= tightening.widest
+
+
+def test_headway_gives_way_to_a_narrow_passage():
+    model, problem = nominal_unicycle(0.1), NavigationProblem()
+    tightening = Tightening(model, problem)
+    fast = plan(model)
+    roomy = tightening.margins(*fast, directions(20, 4))
+    tightening.passage = 0.03
+    narrow = tightening.margins(*fast, directions(20, 4))
+    np.testing.assert_allclose(roomy - narrow, LONGEST_HEADWAY - 0.03, atol=1e-12)
+    tightening.reset()
+    np.testing.assert_allclose(tightening.margins(*fast, directions(20, 4)), roomy)
