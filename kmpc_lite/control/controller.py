@@ -95,7 +95,7 @@ class Controller:
     >>> from kmpc_lite import nominal_unicycle
     >>> controller = Controller(nominal_unicycle(0.1))
     >>> plan = controller.step((0.0, 0.0, 0.0), goal=(1.0, 0.0, 0.0))
-    >>> plan.status.name, plan.command.round(2)
+    >>> plan.status.name, plan.command.round(2) + 0.0
     ('SOLVED', array([0.6, 0. ]))
     """
 
