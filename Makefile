@@ -37,7 +37,7 @@ check: $(VENV)/dev  ## style, types and import rules
 	$(BIN)/lint-imports
 
 test: check  ## check, then doctests, README, examples and all tests but the long ones
-	$(BIN)/python -m pytest -m "not long" --cov --cov-report=term:skip-covered $(ARGS)
+	$(BIN)/python -m pytest -n auto -m "not long" --cov --cov-report=term:skip-covered $(ARGS)
 
 test-long: $(VENV)/dev  ## the tests that take minutes
 	$(BIN)/python -m pytest -m long $(ARGS)

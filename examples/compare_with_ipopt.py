@@ -1,8 +1,9 @@
 """The same problem by our SQP and by CasADi + IPOPT: what each plan costs, and how long a step takes.
 
-Both drive the exact robot past four obstacles and start from their own last plan, as on a robot. The cost is that of the first
-plan, solved to convergence by both; the times are medians over the drive. Ours is switched to the paper's formulation, without
-guidance and learned margins, since IPOPT knows neither.
+Both drive the exact robot past four obstacles and start from their own last plan, as on a robot.
+The cost is that of the first plan, solved to convergence by both; the times are medians over the
+drive. Ours is switched to the paper's formulation, without guidance and learned margins, since
+IPOPT knows neither.
 
     python examples/compare_with_ipopt.py       # needs: pip install 'kmpc-lite[peers]'
 """
@@ -25,7 +26,9 @@ def first_cost(controller: Any, problem: kl.NavigationProblem, scenario: Scenari
     return problem.cost(plan.states, plan.inputs, np.array(scenario.goal))
 
 
-def step_times(controller: Any, scenario: Scenario, model: kl.KoopmanModel, periods: int = 50) -> list[float]:
+def step_times(
+    controller: Any, scenario: Scenario, model: kl.KoopmanModel, periods: int = 50
+) -> list[float]:
     x, times = np.array(scenario.start), []
     for _ in range(periods):
         plan = controller.step(x, scenario.goal, scenario.circles)

@@ -1,7 +1,7 @@
 """Drive a learned model past four obstacles on a floor that slips, and draw where it went.
 
-The robot slips by 5 % on average, anew in every period; the controller knows it from a log only. Ends in PNG pictures in the
-folder ``figures``.
+The robot slips by 5 % on average, anew in every period; the controller knows it from a log only.
+Ends in PNG pictures in the folder ``figures``.
 
     python examples/drive_past_obstacles.py
 """
@@ -17,11 +17,15 @@ def main() -> None:
     floor = kl.DifferentialDrive(slip=0.05, seed=1)
     model = kl.fit(kl.generate_dataset(floor, episodes=40, steps=100, dt=0.1, seed=1))
 
-    scenario = replace(Scenario.load("four_circles_1"), seed=7)  # another floor than the one that was learned on
+    scenario = replace(
+        Scenario.load("four_circles_1"), seed=7
+    )  # another floor than the one that was learned on
     controller = kl.Controller(model, scenario.problem())
     run = drive(controller, scenario, dt=model.dt)
 
-    print(f"{run.outcome.value} after {run.duration:.1f} s, {100 * run.position_error:.1f} cm from the goal")
+    print(
+        f"{run.outcome.value} after {run.duration:.1f} s, {100 * run.position_error:.1f} cm from the goal"
+    )
     print(f"smallest distance to an obstacle: {100 * run.clearance:.1f} cm")
     for picture in write_pictures("figures", run):
         print(f"wrote {picture}")

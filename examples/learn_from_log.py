@@ -1,7 +1,8 @@
 """Learn a robot from its log, in two ways, and see how well each predicts driving that it has not seen.
 
-Records a few minutes of random driving on a floor that slips (use `kmpc_lite.Dataset.load("run.csv")` for a log of your own),
-fits the paper's one-step model (``edmdc``) and the generator in weak form (``integral``), and prints the held-out errors.
+Records a few minutes of random driving on a floor that slips (use
+`kmpc_lite.Dataset.load("run.csv")` for a log of your own), fits the paper's one-step model
+(``edmdc``) and the generator in weak form (``integral``), and prints the held-out errors.
 
     python examples/learn_from_log.py
 """
@@ -19,7 +20,9 @@ def main() -> None:
     train, held = data.split(0.5, seed=0)
     print(f"learned from {train}\nchecked on   {held}\n")
 
-    print(f"root mean square error, {SECONDS_AHEAD:g} s ahead      longitudinal [mm]  lateral [mm]  heading [mrad]")
+    print(
+        f"root mean square error, {SECONDS_AHEAD:g} s ahead      longitudinal [mm]  lateral [mm]  heading [mrad]"
+    )
     for method in ("edmdc", "integral"):
         model = kl.fit(train, kl.UnicycleDictionary(), method=method)
         report = kl.evaluate(model, held, horizon=SECONDS_AHEAD)

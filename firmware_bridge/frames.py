@@ -1,6 +1,7 @@
 """Two frames: ours is ENU (x east, y north, theta counter-clockwise from east), autopilots use NED (yaw clockwise from north).
 
-Body axes follow: ours points left (FLU), theirs right (FRD), so a turn rate changes its sign and forward speed does not.
+Body axes follow: ours points left (FLU), theirs right (FRD), so a turn rate changes its sign and
+forward speed does not.
 """
 
 from __future__ import annotations

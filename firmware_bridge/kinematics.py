@@ -9,7 +9,8 @@ from firmware_bridge.options import bounded, check
 
 WRAP = 2**32
 AGREE = 3
-"""So many counters in a row that agree with each other, and not with those before, are a new beginning."""
+"""So many counters in a row that agree with each other, and not with those before, are a new
+beginning."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,11 @@ class WheelGeometry:
     wheel_radius: float = bounded(1e-3, 10.0, "m")
     """[m]"""
     track: float = bounded(1e-2, 100.0, "m")
-    """Effective distance between the wheels [m]; skid-steer robots: 1.3 to 2 times the measured one."""
+    """Effective distance between the wheels [m]; skid-steer robots: 1.3 to 2 times the measured
+    one."""
     max_wheel_speed: float = bounded(1e-3, 100.0, "m/s")
-    """At the rim [m/s]. Faster commands are scaled down on both sides, which keeps the curvature."""
+    """At the rim [m/s]. Faster commands are scaled down on both sides, which keeps the
+    curvature."""
     gear_ratio: float = bounded(1e-3, 1e4, "", 1.0)
     """Motor turns per wheel turn."""
     invert_left: bool = False
@@ -63,19 +66,26 @@ class WheelGeometry:
 
     def body(self, left: float, right: float) -> tuple[float, float]:
         """Body speeds v [m/s] and omega [rad/s] of wheel speeds [rad/s]."""
-        return self.wheel_radius * (left + right) / 2.0, self.wheel_radius * (right - left) / self.track
+        return self.wheel_radius * (left + right) / 2.0, self.wheel_radius * (
+            right - left
+        ) / self.track
 
     def to_channels(self, left: float, right: float) -> tuple[float, float]:
         """Motor turns per second of the board's first and second channel, of wheel speeds [rad/s]."""
         factor = self.gear_ratio / math.tau
-        left, right = factor * (-left if self.invert_left else left), factor * (-right if self.invert_right else right)
+        left, right = (
+            factor * (-left if self.invert_left else left),
+            factor * (-right if self.invert_right else right),
+        )
         return (right, left) if self.swap else (left, right)
 
     def from_channels(self, first: float, second: float) -> tuple[float, float]:
         """Wheel speeds or angles (left, right) [rad(/s)] of motor turns (per second) of both channels."""
         left, right = (second, first) if self.swap else (first, second)
         factor = math.tau / self.gear_ratio
-        return factor * (-left if self.invert_left else left), factor * (-right if self.invert_right else right)
+        return factor * (-left if self.invert_left else left), factor * (
+            -right if self.invert_right else right
+        )
 
 
 def wrapped(difference: float) -> float:
@@ -117,8 +127,8 @@ class WheelOdometry:
     def update(self, first: float, second: float, stamp: float) -> bool:
         """Move by what the counters say; False, without a move, where no wheel can have turned so far.
 
-        A damaged reply makes such a jump, and the next counters go on from those before it. A board that was switched off
-        and on makes one too, and the next counters go on from there.
+        A damaged reply makes such a jump, and the next counters go on from those before it. A board
+        that was switched off and on makes one too, and the next counters go on from there.
         """
         now = (first, second, stamp)
         if self._last is None:
@@ -140,11 +150,17 @@ class WheelOdometry:
         self.theta = math.remainder(self.theta + turn, math.tau)
         return True
 
-    def _turned(self, before: tuple[float, float, float], now: tuple[float, float, float]) -> tuple[float, float] | None:
+    def _turned(
+        self, before: tuple[float, float, float], now: tuple[float, float, float]
+    ) -> tuple[float, float] | None:
         """How far the wheels (left, right) turned [rad], None where no wheel can have turned so far."""
         steps = (now[0] - before[0], now[1] - before[1])
         if self._wraps:
             steps = (wrapped(steps[0]), wrapped(steps[1]))
-        left, right = self._geometry.from_channels(steps[0] / self._counts_per_turn, steps[1] / self._counts_per_turn)
-        reach = (2.0 * self._geometry.max_wheel_speed * max(0.0, now[2] - before[2]) + 0.02) / self._geometry.wheel_radius
+        left, right = self._geometry.from_channels(
+            steps[0] / self._counts_per_turn, steps[1] / self._counts_per_turn
+        )
+        reach = (
+            2.0 * self._geometry.max_wheel_speed * max(0.0, now[2] - before[2]) + 0.02
+        ) / self._geometry.wheel_radius
         return (left, right) if abs(left) <= reach and abs(right) <= reach else None

@@ -57,9 +57,11 @@ class LinkStatus:
     heartbeat_stamp: float
     """When the board was last heard."""
     pose_stamp: float
-    """When the source of the pose last gave one: for motion capture the source itself, not the autopilot's echo."""
+    """When the source of the pose last gave one: for motion capture the source itself, not the
+    autopilot's echo."""
     ready: bool
-    """Whether the board obeys our commands now: armed and in the mode we need; always true for plain motor controllers."""
+    """Whether the board obeys our commands now: armed and in the mode we need; always true for
+    plain motor controllers."""
     pose_ok: bool = True
     """Whether the board trusts its own estimate (EKF flags, valid encoder estimates)."""
     armed: bool = True

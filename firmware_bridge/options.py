@@ -25,7 +25,9 @@ def check(options: Any) -> None:
             continue
         low, high, unit = entry.metadata["low"], entry.metadata["high"], entry.metadata["unit"]
         if not (math.isfinite(value) and low <= value <= high):
-            raise ConfigError(f"{entry.name}: expected {low:g} to {high:g}{unit and ' ' + unit}, got {value}")
+            raise ConfigError(
+                f"{entry.name}: expected {low:g} to {high:g}{unit and ' ' + unit}, got {value}"
+            )
 
 
 def from_table(kind: type[T], table: Mapping[str, Any], section: str) -> T:
@@ -55,7 +57,11 @@ def from_table(kind: type[T], table: Mapping[str, Any], section: str) -> T:
     values: dict[str, Any] = {}
     for name, entry in known.items():
         if name in table:
-            values[name] = _typed(table[name], str(hints[name]) if "|" in str(hints[name]) else hints[name].__name__, f"{section}.{name}")
+            values[name] = _typed(
+                table[name],
+                str(hints[name]) if "|" in str(hints[name]) else hints[name].__name__,
+                f"{section}.{name}",
+            )
         elif entry.default is MISSING and entry.default_factory is MISSING:
             raise ConfigError(f"{section}.{name}: missing")
     try:
@@ -65,7 +71,12 @@ def from_table(kind: type[T], table: Mapping[str, Any], section: str) -> T:
 
 
 def _typed(value: Any, expected: str, name: str) -> Any:
-    kinds: dict[str, tuple[type, ...]] = {"bool": (bool,), "int": (int,), "float": (int, float), "str": (str,)}
+    kinds: dict[str, tuple[type, ...]] = {
+        "bool": (bool,),
+        "int": (int,),
+        "float": (int, float),
+        "str": (str,),
+    }
     kind = expected.split(" ")[0]
     if not isinstance(value, kinds[kind]) or (isinstance(value, bool) and kind != "bool"):
         raise ConfigError(f"{name}: expected {kind}, got {value!r}")

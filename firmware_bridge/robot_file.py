@@ -13,19 +13,18 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from firmware_bridge.limits import Limits
-from firmware_bridge.loop import TICK
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check, from_table
-from firmware_bridge.pose_source import check_pose_url
-from firmware_bridge.safety import GateSettings
+from firmware_bridge.runtime.loop import TICK
+from firmware_bridge.safety.gate import GateSettings
+from firmware_bridge.safety.limits import Limits
+from firmware_bridge.sensors.pose import check_pose_url
 
 DRIVERS = ("mavlink", "roboclaw", "odrive", "vesc")
 SECTIONS = ("link", "board", "geometry", "limits", "safety", "frame", "control")
 NOMINAL_LATENCY = {"mavlink": 0.2, "roboclaw": 0.0, "odrive": 0.0, "vesc": 0.0}
-"""Taken for a model without input history where nobody says better [s].
-
-An autopilot's own speed loop lags: on the emulated rover the nominal unicycle grazes obstacles with 0.1 s or less, but not
+"""Taken for a model without input history where nobody says better [s].  An autopilot's own speed
+loop lags: on the emulated rover the nominal unicycle grazes obstacles with 0.1 s or less, but not
 with 0.2 or 0.3 s. With a motor controller's 0.05 s the clearance is the same for 0, 0.05 and 0.1 s.
 """
 LOOSE = 1.5
@@ -42,7 +41,8 @@ class LinkOptions:
     timeout: float = bounded(0.1, 300.0, "s", 10.0)
     """How long the board may take to answer [s]."""
     pose: str | None = None
-    """udp:HOST:PORT where poses from outside arrive; an autopilot is fed with them, else they replace the wheels' odometry."""
+    """udp:HOST:PORT where poses from outside arrive; an autopilot is fed with them, else they
+    replace the wheels' odometry."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -62,11 +62,13 @@ class ControlOptions:
     command_period: float = bounded(TICK, 0.2, "s", TICK)
     """Of commands on the wire while driving [s]."""
     latency: float | None = bounded(0.0, 0.5, "s", None)
-    """From a command on the wire to the wheels [s]; where not given `NOMINAL_LATENCY` for a model that knows no lag, else 0."""
+    """From a command on the wire to the wheels [s]; where not given `NOMINAL_LATENCY` for a model
+    that knows no lag, else 0."""
     model: str | None = None
     """File of a learned model; the nominal unicycle where not given."""
     adaptation: bool = True
-    """Whether a learned model is corrected while driving where the floor contradicts it; the nominal one, which knows no lag, never is."""
+    """Whether a learned model is corrected while driving where the floor contradicts it; the
+    nominal one, which knows no lag, never is."""
     scenario: str | None = None
     """Scenario file, or the name of one that comes with kmpc_lite."""
 
@@ -85,7 +87,8 @@ class Robot:
     gate: GateSettings
     control: ControlOptions
     origin: tuple[float, float, float] | None = None
-    """Pose of the vehicle's own frame in the scenario's [m, m, rad]; None: the scenario's start for wheel odometry, else zero."""
+    """Pose of the vehicle's own frame in the scenario's [m, m, rad]; None: the scenario's start for
+    wheel odometry, else zero."""
     socket: Path | None = None
     """Of the emergency stop; the user's default where not given."""
     sections: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -103,12 +106,16 @@ class Robot:
             raise ConfigError("[geometry]: an autopilot has its own; leave the section out")
         if self.is_autopilot and self.link.pose is not None:
             if board.get("pose", "mocap") != "mocap":
-                raise ConfigError(f'board.pose: {board["pose"]!r} contradicts link.pose: expected "mocap", or leave it out')
+                raise ConfigError(
+                    f'board.pose: {board["pose"]!r} contradicts link.pose: expected "mocap", or leave it out'
+                )
             board = {**board, "pose": "mocap"}
         return {"board": board, "geometry": geometry}
 
 
-def load_robot(path: str | os.PathLike[str] | None, overrides: Mapping[str, Mapping[str, Any]] | None = None) -> Robot:
+def load_robot(
+    path: str | os.PathLike[str] | None, overrides: Mapping[str, Mapping[str, Any]] | None = None
+) -> Robot:
     """Read a robot file.
 
     Parameters
@@ -128,7 +135,9 @@ def load_robot(path: str | os.PathLike[str] | None, overrides: Mapping[str, Mapp
     sections: dict[str, dict[str, Any]] = {}
     for name in (*table, *(overrides or {})):
         if name not in SECTIONS:
-            raise ConfigError(f"{where}: unknown section [{name}]; expected {', '.join(f'[{s}]' for s in SECTIONS)}")
+            raise ConfigError(
+                f"{where}: unknown section [{name}]; expected {', '.join(f'[{s}]' for s in SECTIONS)}"
+            )
         content = table.get(name, {})
         if not isinstance(content, Mapping):
             raise ConfigError(f"{where}: [{name}] must be a section, got {content!r}")
@@ -144,7 +153,9 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ConfigError(f"{path}: cannot read the robot file: {error.strerror or error}") from error
+        raise ConfigError(
+            f"{path}: cannot read the robot file: {error.strerror or error}"
+        ) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: not TOML: {error}") from error
 
@@ -164,7 +175,9 @@ def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
     settings = [f.name for f in fields(GateSettings) if f.name not in ("limits", "pilot")]
     for key in safety:
         if key not in settings:
-            raise ConfigError(f"safety.{key}: unknown key; [safety] takes {', '.join(settings)}, socket")
+            raise ConfigError(
+                f"safety.{key}: unknown key; [safety] takes {', '.join(settings)}, socket"
+            )
     if isinstance(safety.get("geofence"), list):
         safety["geofence"] = tuple(safety["geofence"])
     try:
@@ -172,10 +185,20 @@ def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
     except ConfigError as error:
         raise ConfigError(f"safety.{error}") from None
     except TypeError:  # a geofence that is no list
-        raise ConfigError(f"safety.geofence: expected [xmin, ymin, xmax, ymax] in m, got {safety['geofence']!r}") from None
+        raise ConfigError(
+            f"safety.geofence: expected [xmin, ymin, xmax, ymax] in m, got {safety['geofence']!r}"
+        ) from None
     if control.period is not None:
         check_period(control.period, gate)
-    return Robot(where, link, gate, control, _origin(sections.get("frame", {})), None if socket is None else Path(socket), sections)
+    return Robot(
+        where,
+        link,
+        gate,
+        control,
+        _origin(sections.get("frame", {})),
+        None if socket is None else Path(socket),
+        sections,
+    )
 
 
 def check_period(period: float, gate: GateSettings) -> None:

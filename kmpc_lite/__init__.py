@@ -1,11 +1,25 @@
 """Learn a bilinear Koopman model of a wheeled robot and drive it, in real time on a small board."""
 
-from kmpc_lite.control import Circle, Controller, NavigationProblem, OccupancyGrid, Plan, PlanStatus, Polygon, Wall
-from kmpc_lite.dictionary import Dictionary, HermiteTrigDictionary, InputHistoryDictionary, UnicycleDictionary
+from kmpc_lite.control import (
+    Circle,
+    Controller,
+    NavigationProblem,
+    OccupancyGrid,
+    Plan,
+    PlanStatus,
+    Polygon,
+    Wall,
+)
 from kmpc_lite.errors import DataError, KmpcError, ModelError, ProblemError, ScenarioError
 from kmpc_lite.learn import Accumulator, Dataset, Episode, FitReport, evaluate, fit, with_quantiles
-from kmpc_lite.model import KoopmanModel, nominal_unicycle
-from kmpc_lite.sim.robots import DifferentialDrive, generate_dataset
+from kmpc_lite.model.dictionary import (
+    Dictionary,
+    HermiteTrigDictionary,
+    InputHistoryDictionary,
+    UnicycleDictionary,
+)
+from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
+from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
 
 __version__ = "0.1.0"
 

@@ -21,8 +21,9 @@ DECADES = (-7, 2)
 def prepare_process(cpu: int | None = None, priority: int | None = 50) -> list[str]:
     """Make this process fit for a control loop; say what was done and what was not permitted.
 
-    Freezes the garbage collector's view of what exists, pins to a core, asks for SCHED_FIFO. BLAS threads cannot be changed once
-    NumPy is loaded: it is told where the environment had not limited them.
+    Freezes the garbage collector's view of what exists, pins to a core, asks for SCHED_FIFO. BLAS
+    threads cannot be changed once NumPy is loaded: it is told where the environment had not limited
+    them.
 
     Parameters
     ----------
@@ -77,7 +78,11 @@ class Histogram:
 
     def add(self, seconds: float) -> None:
         """Count one time; below 0.1 us counts as that, above 100 s as that."""
-        place = 0 if seconds <= 10.0 ** DECADES[0] else int(BINS_PER_DECADE * (np.log10(seconds) - DECADES[0]))
+        place = (
+            0
+            if seconds <= 10.0 ** DECADES[0]
+            else int(BINS_PER_DECADE * (np.log10(seconds) - DECADES[0]))
+        )
         self.counts[min(place, len(self.counts) - 1)] += 1
         self.count += 1
         self.largest = max(self.largest, seconds)
@@ -94,12 +99,21 @@ class Histogram:
 
     def share_above(self, seconds: float) -> float:
         """Share of the samples above a time [s], to the bin."""
-        place = 0 if seconds <= 10.0 ** DECADES[0] else int(BINS_PER_DECADE * (np.log10(seconds) - DECADES[0]))
+        place = (
+            0
+            if seconds <= 10.0 ** DECADES[0]
+            else int(BINS_PER_DECADE * (np.log10(seconds) - DECADES[0]))
+        )
         return float(self.counts[place + 1 :].sum() / self.count) if self.count else 0.0
 
     def summary(self) -> dict[str, float]:
         """p50, p99, p99.9 and the maximum [s]."""
-        return {"p50": self.percentile(50), "p99": self.percentile(99), "p99.9": self.percentile(99.9), "max": self.largest}
+        return {
+            "p50": self.percentile(50),
+            "p99": self.percentile(99),
+            "p99.9": self.percentile(99.9),
+            "max": self.largest,
+        }
 
 
 @dataclass(frozen=True)
@@ -129,7 +143,12 @@ class DeadlineLoop:
         Monotonic time [s], and waiting for a time [s].
     """
 
-    def __init__(self, period: float, clock: Callable[[], float] = time.monotonic, sleep: Callable[[float], None] = time.sleep) -> None:
+    def __init__(
+        self,
+        period: float,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
         if not (np.isfinite(period) and period > 0.0):
             raise ProblemError(f"period: expected a time > 0 s, got {period!r}")
         self.period, self._clock, self._sleep = period, clock, sleep

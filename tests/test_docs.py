@@ -15,14 +15,14 @@ from typing import Any, NamedTuple
 import pytest
 
 import kmpc_lite as kl
-from firmware_bridge.arguments import build_parser
+from firmware_bridge.cli.arguments import build_parser
 from kmpc_lite.sim import Scenario
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 LONG = "<!-- long -->"
-PROGRAMS = {"kmpc": "kmpc_lite.cli", "kmpc-bridge": "firmware_bridge.cli"}
+PROGRAMS = {"kmpc": "kmpc_lite.cli.main", "kmpc-bridge": "firmware_bridge.cli.main"}
 
 
 class Block(NamedTuple):
@@ -61,7 +61,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where the README is worked through, with the log that it speaks of."""
     folder = tmp_path_factory.mktemp("readme")
     plant = kl.DifferentialDrive(0.05, seed=1)
-    kl.generate_dataset(plant, episodes=20, steps=60, dt=0.1, seed=1, u_max=(0.6, 0.8)).save(folder / "run.csv")
+    kl.generate_dataset(plant, episodes=20, steps=60, dt=0.1, seed=1, u_max=(0.6, 0.8)).save(
+        folder / "run.csv"
+    )
     return folder
 
 
@@ -71,7 +73,10 @@ def test_blocks_are_found_with_their_marks() -> None:
     (shell,) = blocks(text, "sh")
     assert (python.text, python.line, python.long) == ("x = 1\n", 2, False)
     assert shell.long
-    assert command_lines(shell) == [["kmpc", "study", "table1"], ["kmpc", "fit", "a.csv", "-o", "b.npz"]]
+    assert command_lines(shell) == [
+        ["kmpc", "study", "table1"],
+        ["kmpc", "fit", "a.csv", "-o", "b.npz"],
+    ]
 
 
 def test_the_readme_has_programs_and_commands() -> None:
@@ -86,13 +91,20 @@ def test_the_readmes_programs_run_in_order(folder: Path, monkeypatch: pytest.Mon
         exec(compile("\n" * block.line + block.text, str(ROOT / "README.md"), "exec"), namespace)
 
 
-@pytest.mark.parametrize(("words", "block"), COMMANDS, ids=[" ".join(words)[:60] for words, _ in COMMANDS])
+@pytest.mark.parametrize(
+    ("words", "block"), COMMANDS, ids=[" ".join(words)[:60] for words, _ in COMMANDS]
+)
 def test_the_readmes_commands_run(
-    words: list[str], block: Block, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: list[str],
+    block: Block,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(folder)
     program = importlib.import_module(PROGRAMS[words[0]])
-    # argparse exits with status 2, and the test fails, where the README has a command line that is none
+    # argparse exits with status 2, and the test fails, where the README has a command line that is
+    # none
     parser = program._parser() if words[0] == "kmpc" else build_parser(program.COMMANDS)
     assert parser.parse_args(words[1:])
     if block.long:
@@ -126,18 +138,33 @@ def test_the_files_that_the_readme_shows_exist() -> None:
 def test_examples_run_and_end_in_a_number_or_a_picture(example: Path, tmp_path: Path) -> None:
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
     done = subprocess.run(
-        [sys.executable, str(example)], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300, check=False
+        [sys.executable, str(example)],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     assert re.search(r"\d", done.stdout) or list(tmp_path.glob("*.png"))
-    assert (compile(example.read_text(), str(example), "exec").co_consts[0] or "").strip(), "an example begins with what it shows"
+    assert (compile(example.read_text(), str(example), "exec").co_consts[0] or "").strip(), (
+        "an example begins with what it shows"
+    )
 
 
 def test_the_comparison_without_casadi_says_so_and_ends_well(tmp_path: Path) -> None:
     example = str(ROOT / "examples" / "compare_with_ipopt.py")
     code = f"import sys, runpy; sys.modules['casadi'] = None; runpy.run_path({example!r}, run_name='__main__')"
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
     assert "pip install" in done.stdout and done.stderr == ""
 
 

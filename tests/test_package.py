@@ -23,7 +23,11 @@ def run(code: str) -> str:
 def test_all_is_what_can_be_imported() -> None:
     assert sorted(set(kl.__all__)) == sorted(kl.__all__)
     assert all(hasattr(kl, name) for name in kl.__all__)
-    own = {name for name, value in vars(kl).items() if not name.startswith("_") and not inspect.ismodule(value)}
+    own = {
+        name
+        for name, value in vars(kl).items()
+        if not name.startswith("_") and not inspect.ismodule(value)
+    }
     assert own == set(kl.__all__)
 
 
@@ -40,17 +44,26 @@ def test_every_public_name_has_a_docstring_of_its_own(name: str) -> None:
                 assert function.__doc__, f"{name}.{member}"
 
 
-@pytest.mark.parametrize("name", [n for n in kl.__all__ if n.endswith("Error") and n != "KmpcError"])
+@pytest.mark.parametrize(
+    "name", [n for n in kl.__all__ if n.endswith("Error") and n != "KmpcError"]
+)
 def test_every_error_is_a_kmpc_error_and_a_builtin(name: str) -> None:
     assert issubclass(getattr(kl, name), kl.KmpcError) and issubclass(getattr(kl, name), ValueError)
 
 
 def test_the_version_is_that_of_the_installed_package() -> None:
-    assert run("import kmpc_lite, importlib.metadata as m; print(kmpc_lite.__version__ == m.version('kmpc-lite'))") == "True\n"
+    assert (
+        run(
+            "import kmpc_lite, importlib.metadata as m; print(kmpc_lite.__version__ == m.version('kmpc-lite'))"
+        )
+        == "True\n"
+    )
 
 
 def test_importing_brings_nothing_but_what_the_loop_needs() -> None:
-    loaded = run(f"import sys; {NEEDED}; before = set(sys.modules); import kmpc_lite; print(*sorted(set(sys.modules) - before))").split()
+    loaded = run(
+        f"import sys; {NEEDED}; before = set(sys.modules); import kmpc_lite; print(*sorted(set(sys.modules) - before))"
+    ).split()
     others = {name.split(".")[0] for name in loaded} - set(sys.stdlib_module_names) - {"kmpc_lite"}
     assert others <= {"numpy"}, f"importing kmpc_lite imports {sorted(others)} too"
     parts = set(run("import sys, kmpc_lite; print(*sys.modules)").split())
@@ -65,10 +78,10 @@ def test_importing_brings_nothing_but_what_the_loop_needs() -> None:
         "dask",
         "clarabel",
         "firmware_bridge",
-        "kmpc_lite.cli",
+        "kmpc_lite.cli.main",
         "kmpc_lite.peers",
         "kmpc_lite.report",
-        "kmpc_lite.sim.scenario",
+        "kmpc_lite.sim.scenario.files",
     ):
         assert heavy not in parts
 
@@ -81,8 +94,12 @@ def test_the_import_prints_nothing() -> None:
 def test_importing_costs_little_more_than_what_is_needed() -> None:
     def seconds(code: str) -> float:
         """Shortest of several imports [s]."""
-        timed = f"import time; start = time.perf_counter(); {code}; print(time.perf_counter() - start)"
+        timed = (
+            f"import time; start = time.perf_counter(); {code}; print(time.perf_counter() - start)"
+        )
         return min(float(run(timed)) for _ in range(10))
 
     needed, ours = seconds(NEEDED), seconds("import kmpc_lite")
-    assert ours <= 1.4 * needed, f"{ours:.3f} s is {ours / needed:.2f} times the {needed:.3f} s of numpy, scipy.sparse and osqp"
+    assert ours <= 1.4 * needed, (
+        f"{ours:.3f} s is {ours / needed:.2f} times the {needed:.3f} s of numpy, scipy.sparse and osqp"
+    )

@@ -10,8 +10,8 @@ from firmware_bridge.messages import LinkStatus, State
 class Driver(Protocol):
     """The near end of a link to a motor controller or an autopilot.
 
-    All methods return at once: the transport's own thread reads, parses and keeps the newest. Commands come
-    only from the safety gate.
+    All methods return at once: the transport's own thread reads, parses and keeps the newest.
+    Commands come only from the safety gate.
     """
 
     def connect(self, timeout: float) -> None:

@@ -7,10 +7,11 @@ import threading
 import time
 from collections.abc import Callable, Hashable
 
-from firmware_bridge.transport import Transport
+from firmware_bridge.link import Transport
 
 STRANGERS, STRANGERS_WITHIN = 5, 1.0
-"""So many replies that nobody asked for within so many seconds: somebody else talks to the board."""
+"""So many replies that nobody asked for within so many seconds: somebody else talks to the
+board."""
 
 
 class NoReply(Exception):
@@ -30,7 +31,9 @@ class Exchange:
         Prepares the decoder for the reply to a key.
     """
 
-    def __init__(self, transport: Transport, reply_timeout: float, begin: Callable[[Hashable], None]) -> None:
+    def __init__(
+        self, transport: Transport, reply_timeout: float, begin: Callable[[Hashable], None]
+    ) -> None:
         self._transport, self._reply_timeout, self._begin = transport, reply_timeout, begin
         self.changed = threading.Condition()
         """Held by whoever reads or writes what both threads know; told of replies."""
@@ -41,7 +44,9 @@ class Exchange:
         """When the board last answered [s]."""
         self._reply: tuple[bytes, float] | None = None
         self._strangers: list[float] = []
-        self.counters = dict.fromkeys(("frames", "timeouts", "unexpected_replies", "refused_replies"), 0)
+        self.counters = dict.fromkeys(
+            ("frames", "timeouts", "unexpected_replies", "refused_replies"), 0
+        )
 
     def ask(self, frame: bytes, key: Hashable) -> tuple[bytes, float]:
         """Send a question and wait for its reply; returns the reply and when it was true, as well as is known [s]."""
@@ -52,7 +57,9 @@ class Exchange:
             if not self._transport.write(frame):
                 self.expected = None
                 raise NoReply
-            self.changed.wait_for(lambda: self._reply is not None or self.closing, self._reply_timeout)
+            self.changed.wait_for(
+                lambda: self._reply is not None or self.closing, self._reply_timeout
+            )
             self.expected = None
             if self._reply is None:
                 self.counters["timeouts"] += not self.closing

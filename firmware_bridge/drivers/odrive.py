@@ -11,11 +11,11 @@ from typing import Any
 
 from firmware_bridge.drivers.exchange import NoReply
 from firmware_bridge.drivers.polled import PolledDriver
-from firmware_bridge.framing import Lines, odrive_line, odrive_text
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.link import Transport
+from firmware_bridge.link.framing import Lines, odrive_line, odrive_text
 from firmware_bridge.messages import ConfigError, LinkError
 from firmware_bridge.options import bounded, check, from_table
-from firmware_bridge.transport import Transport
 
 IDLE, CLOSED_LOOP = 1, 8
 AXIS_ERRORS = {
@@ -72,7 +72,11 @@ class ErrorRegister:
 
     def text(self, errors: int) -> tuple[str, ...]:
         """Say which errors stand."""
-        return tuple(self.words.get(1 << bit, f"error bit {bit}") for bit in range(errors.bit_length()) if errors >> bit & 1)
+        return tuple(
+            self.words.get(1 << bit, f"error bit {bit}")
+            for bit in range(errors.bit_length())
+            if errors >> bit & 1
+        )
 
 
 REGISTERS = (
@@ -96,7 +100,8 @@ class ODriveOptions:
     clear_errors: bool = False
     """Clear any standing error on connect; else only an expired watchdog."""
     command_timeout: float = bounded(0.05, 10.0, "s", 0.25)
-    """The driver sends zero when the last command is older [s]; less than the watchdog, so that the motors brake before they disarm."""
+    """The driver sends zero when the last command is older [s]; less than the watchdog, so that the
+    motors brake before they disarm."""
     poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)
     reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)
 
@@ -104,25 +109,39 @@ class ODriveOptions:
         """Check the ranges."""
         check(self)
         if self.first_axis == self.second_axis:
-            raise ConfigError(f"second_axis: expected another axis than first_axis, got {self.second_axis} for both")
+            raise ConfigError(
+                f"second_axis: expected another axis than first_axis, got {self.second_axis} for both"
+            )
         if self.command_timeout >= self.watchdog:
-            raise ConfigError(f"command_timeout: expected less than the watchdog of {self.watchdog:g} s, got {self.command_timeout:g}")
+            raise ConfigError(
+                f"command_timeout: expected less than the watchdog of {self.watchdog:g} s, got {self.command_timeout:g}"
+            )
 
 
 class ODriveDriver(PolledDriver):
     """Two axes of one ODrive: `v` commands, `f` feedback, `r` and `w` for errors, state and watchdog.
 
-    Replies carry no name. Requests for two numbers and for one number alternate, and the link keeps their order, so a
-    reply that comes too late has the wrong shape for the request that waits, and is refused.
+    Replies carry no name. Requests for two numbers and for one number alternate, and the link keeps
+    their order, so a reply that comes too late has the wrong shape for the request that waits, and
+    is refused.
     """
 
     board = "ODrive"
     answers_commands = False
 
-    def __init__(self, transport: Transport, geometry: WheelGeometry, options: ODriveOptions | None = None) -> None:
+    def __init__(
+        self, transport: Transport, geometry: WheelGeometry, options: ODriveOptions | None = None
+    ) -> None:
         options = options or ODriveOptions()
         odometry = WheelOdometry(geometry, 1.0, wraps=False)
-        super().__init__(transport, geometry, odometry, options.poll_hz, options.reply_timeout, options.command_timeout)
+        super().__init__(
+            transport,
+            geometry,
+            odometry,
+            options.poll_hz,
+            options.reply_timeout,
+            options.command_timeout,
+        )
         self._axes, self._options = (options.first_axis, options.second_axis), options
         self._lines = Lines()
         self._bad_lines = 0
@@ -130,7 +149,9 @@ class ODriveDriver(PolledDriver):
         self._armed = False
         self._axis_errors = [0, 0]
         self._fed = -math.inf
-        self.hint = "is it powered, wired TX to RX, with its UART or USB in ASCII mode at this baud rate?"
+        self.hint = (
+            "is it powered, wired TX to RX, with its UART or USB in ASCII mode at this baud rate?"
+        )
 
     @classmethod
     def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> ODriveDriver:
@@ -141,7 +162,9 @@ class ODriveDriver(PolledDriver):
     def _configure(self) -> None:
         """Find the error register; `_arm` does the rest."""
         self._armed = False
-        self._ask(odrive_line(f"f {self._axes[0]}", self._options.checksum), "pair")  # behind it, no number is late
+        self._ask(
+            odrive_line(f"f {self._axes[0]}", self._options.checksum), "pair"
+        )  # behind it, no number is late
         self._find_register()
 
     def _arm(self) -> None:
@@ -154,7 +177,9 @@ class ODriveDriver(PolledDriver):
         for axis in self._axes:
             timeout = self._number(f"axis{axis}.config.watchdog_timeout")
             if abs(timeout - self._options.watchdog) > 1e-3 or not self._watchdog_is_set(axis):
-                raise LinkError(f"axis {axis} did not take a watchdog of {self._options.watchdog:g} s")
+                raise LinkError(
+                    f"axis {axis} did not take a watchdog of {self._options.watchdog:g} s"
+                )
         for axis in self._axes:  # only now: no axis turns without its watchdog
             self._say(f"u {axis}", f"w axis{axis}.requested_state {CLOSED_LOOP}", f"v {axis} 0 0")
         end = time.monotonic() + 0.5
@@ -162,7 +187,10 @@ class ODriveDriver(PolledDriver):
             self._drive(0.0, 0.0)
             self._read_errors()
             if any(self._axis_errors) or time.monotonic() > end:
-                raise LinkError("; ".join(self._errors) or "the axes do not enter closed-loop control: are motor and encoder calibrated?")
+                raise LinkError(
+                    "; ".join(self._errors)
+                    or "the axes do not enter closed-loop control: are motor and encoder calibrated?"
+                )
         self._armed = True
 
     def _find_register(self) -> None:
@@ -182,7 +210,9 @@ class ODriveDriver(PolledDriver):
         if any(others) and not self._options.clear_errors:
             raise LinkError("; ".join(self._errors))
         if any(self._axis_errors):
-            self._say(*(f"u {axis}" for axis in self._axes), "sc", *(f"u {axis}" for axis in self._axes))
+            self._say(
+                *(f"u {axis}" for axis in self._axes), "sc", *(f"u {axis}" for axis in self._axes)
+            )
             self._read_errors()
 
     def _poll(self, cycle: int) -> None:
@@ -228,7 +258,9 @@ class ODriveDriver(PolledDriver):
 
     def _tell_errors(self) -> None:
         pairs = zip(self._axes, self._axis_errors, strict=True)
-        self._errors = tuple(f"axis {axis}: {word}" for axis, errors in pairs for word in self._register.text(errors))
+        self._errors = tuple(
+            f"axis {axis}: {word}" for axis, errors in pairs for word in self._register.text(errors)
+        )
 
     def _error_of(self, axis: int) -> int:
         errors = self._number(f"axis{axis}.{self._register.name}")
@@ -238,7 +270,9 @@ class ODriveDriver(PolledDriver):
 
     def _closed_loop(self) -> bool:
         states = [self._number(f"axis{axis}.current_state") for axis in self._axes]
-        self._mode = {IDLE: "idle", CLOSED_LOOP: "closed loop"}.get(int(min(states)), f"state {min(states):g}")
+        self._mode = {IDLE: "idle", CLOSED_LOOP: "closed loop"}.get(
+            int(min(states)), f"state {min(states):g}"
+        )
         return all(state == CLOSED_LOOP for state in states)
 
     def _watchdog_is_set(self, axis: int) -> bool:
@@ -250,7 +284,9 @@ class ODriveDriver(PolledDriver):
 
     def _release(self) -> None:
         for axis in self._axes:
-            self._say(f"w axis{axis}.requested_state {IDLE}", f"w axis{axis}.config.enable_watchdog 0")
+            self._say(
+                f"w axis{axis}.requested_state {IDLE}", f"w axis{axis}.config.enable_watchdog 0"
+            )
         self._armed = False
 
     def _say(self, *lines: str) -> None:
@@ -274,9 +310,17 @@ class ODriveDriver(PolledDriver):
             if text is None:
                 self._bad_lines += 1
                 continue
-            words = ["1" if word == "True" else "0" if word == "False" else word for word in text.split()]
+            words = [
+                "1" if word == "True" else "0" if word == "False" else word for word in text.split()
+            ]
             numbers = all(NUMBER.fullmatch(word) for word in words)
-            shape = "number" if text in REFUSALS else {1: "number", 2: "pair"}.get(len(words)) if numbers else None
+            shape = (
+                "number"
+                if text in REFUSALS
+                else {1: "number", 2: "pair"}.get(len(words))
+                if numbers
+                else None
+            )
             self._exchange.deliver(shape, " ".join(words).encode("ascii"), stamp)
 
     def _damaged(self) -> int:

@@ -9,11 +9,12 @@ from collections.abc import Hashable
 
 from firmware_bridge.drivers.exchange import Exchange, NoReply
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.link import Transport
 from firmware_bridge.messages import LinkError, LinkStatus, State
-from firmware_bridge.transport import Transport
 
 SETTLE = 0.012
-"""Silence after a reply that did not come: past the 10 ms after which a RoboClaw forgets half a packet [s]."""
+"""Silence after a reply that did not come: past the 10 ms after which a RoboClaw forgets half a
+packet [s]."""
 SILENCE = 0.5
 """A board that has answered nothing for so long is set up anew [s]."""
 JUMP_SHOWN = 1.0
@@ -27,8 +28,8 @@ ABSURD = 5.0
 class PolledDriver:
     """A `Driver` that asks a board for its counters, one request under way at a time.
 
-    A subclass builds the frames: `_configure`, `_poll`, `_drive`, `_release`, `_feed`. They run in the driver's thread, but
-    `_feed`, which runs in the transport's.
+    A subclass builds the frames: `_configure`, `_poll`, `_drive`, `_release`, `_feed`. They run in
+    the driver's thread, but `_feed`, which runs in the transport's.
 
     Parameters
     ----------
@@ -49,10 +50,8 @@ class PolledDriver:
     board = "board"
     hint = "is it powered and wired, TX to RX?"
     answers_commands = True
-    """Whether the board answers commands; they then wait for the reply that is under way, and are repeated until answered.
-
-    Else they go out at once, and zeros a few times more.
-    """
+    """Whether the board answers commands; they then wait for the reply that is under way, and are
+    repeated until answered.  Else they go out at once, and zeros a few times more. """
 
     def __init__(
         self,
@@ -83,7 +82,14 @@ class PolledDriver:
         self._estimate_ok = True
         self._mode = ""
         self._links = 0
-        names = ("refused_commands", "stale_commands", "odometry_jumps", "setups", "board_restarts", "driver_errors")
+        names = (
+            "refused_commands",
+            "stale_commands",
+            "odometry_jumps",
+            "setups",
+            "board_restarts",
+            "driver_errors",
+        )
         self._counters = dict.fromkeys(names, 0)
 
     # What a board adds
@@ -129,10 +135,14 @@ class PolledDriver:
         except LinkError:
             self.close()
             raise
-        self._thread = threading.Thread(target=self._run, name=f"bridge-{self.board.lower()}", daemon=True)
+        self._thread = threading.Thread(
+            target=self._run, name=f"bridge-{self.board.lower()}", daemon=True
+        )
         self._thread.start()
         with self._changed:
-            done = self._changed.wait_for(lambda: self._configured and self._armed and self._state is not None, timeout)
+            done = self._changed.wait_for(
+                lambda: self._configured and self._armed and self._state is not None, timeout
+            )
         if not done:
             reason = self._why_silent(timeout)
             self.close()
@@ -146,7 +156,10 @@ class PolledDriver:
         """Command speeds: written at once, or after the reply that is under way."""
         left, right = self._geometry.wheels(v, omega)
         with self._changed:
-            self._command, self._command_stamp = self._geometry.to_channels(left, right), time.monotonic()
+            self._command, self._command_stamp = (
+                self._geometry.to_channels(left, right),
+                time.monotonic(),
+            )
             self._pending, self._zeros = True, self._repeats()
             if left == right == 0.0:
                 self._released = False  # only standing still may take the motors back
@@ -171,9 +184,13 @@ class PolledDriver:
             jumped = now - self._jumped < JUMP_SHOWN
             faults = self._errors + self._trouble
             if jumped:
-                faults += ("the wheel counters jumped: the board was restarted, or a reply was damaged",)
+                faults += (
+                    "the wheel counters jumped: the board was restarted, or a reply was damaged",
+                )
             if self._exchange.strangers(now):
-                faults += ("replies that nobody asked for: does another program talk to the board?",)
+                faults += (
+                    "replies that nobody asked for: does another program talk to the board?",
+                )
             fresh = now - self._exchange.heard < SILENCE
             connected = self._transport.connected
             if not connected and self._transport.last_error:
@@ -182,12 +199,22 @@ class PolledDriver:
                 connected=connected,
                 heartbeat_stamp=self._exchange.heard,
                 pose_stamp=self._state.stamp if self._state is not None else -math.inf,
-                ready=connected and self._configured and fresh and self._armed and not self._errors and not self._released,
+                ready=connected
+                and self._configured
+                and fresh
+                and self._armed
+                and not self._errors
+                and not self._released,
                 pose_ok=self._estimate_ok and not jumped,
                 armed=self._armed and not self._released,
                 mode="; ".join((*filter(None, (self._mode,)), *self._warnings)),
                 faults=faults,
-                counters={**self._transport.counters, **self._exchange.counters, **self._counters, "bad_bytes": self._damaged()},
+                counters={
+                    **self._transport.counters,
+                    **self._exchange.counters,
+                    **self._counters,
+                    "bad_bytes": self._damaged(),
+                },
             )
 
     def close(self) -> None:
@@ -216,7 +243,9 @@ class PolledDriver:
                 self._set_up()
                 now = time.monotonic()
                 if now >= deadline:
-                    deadline = max(deadline + self._period, now)  # after a stall, skip: do not burst
+                    deadline = max(
+                        deadline + self._period, now
+                    )  # after a stall, skip: do not burst
                     self._round(cycle)
                     cycle += 1
                 self._exchange.wait(lambda: self._pending, deadline - time.monotonic())
@@ -226,7 +255,9 @@ class PolledDriver:
             except LinkError as error:  # the board answers, and does not do what it should
                 self._trouble = (str(error),)
                 self._exchange.wait(lambda: False, 0.05)
-            except Exception as error:  # nothing that a board says may end this thread: it is counted and told
+            except (
+                Exception
+            ) as error:  # nothing that a board says may end this thread: it is counted and told
                 self._counters["driver_errors"] += 1
                 self._trouble = (f"{type(error).__name__}: {error}",)
                 self._configured = False
@@ -252,7 +283,9 @@ class PolledDriver:
         self._send_pending()
         self._poll(cycle)
         never = self._command_stamp == -math.inf
-        still = self._command == (0.0, 0.0) and (never or time.monotonic() - self._command_stamp < self._command_timeout)
+        still = self._command == (0.0, 0.0) and (
+            never or time.monotonic() - self._command_stamp < self._command_timeout
+        )
         if not self._armed and not self._released and still and cycle % 5 == 0:
             self._arm()  # only while somebody asks it to stand still
             self._trouble = ()
@@ -275,12 +308,16 @@ class PolledDriver:
 
     def _send_pending(self) -> None:
         """Send the newest command, if it has not been."""
-        with self._changed:  # held while a frame is queued, so that two threads cannot swap a command and a zero
+        with (
+            self._changed
+        ):  # held while a frame is queued, so that two threads cannot swap a command and a zero
             if not self._pending:
                 return
             self._pending = False
             first, second = self._command
-            if (first != 0.0 or second != 0.0) and (self._released or not self._armed or not self._configured):
+            if (first != 0.0 or second != 0.0) and (
+                self._released or not self._armed or not self._configured
+            ):
                 self._counters["refused_commands"] += 1
                 first = second = 0.0
             try:
@@ -294,7 +331,10 @@ class PolledDriver:
     def _guard(self) -> None:
         """Replace a command that has become old by zero: asking alone keeps some boards' watchdogs fed."""
         with self._changed:
-            if self._command != (0.0, 0.0) and time.monotonic() - self._command_stamp > self._command_timeout:
+            if (
+                self._command != (0.0, 0.0)
+                and time.monotonic() - self._command_stamp > self._command_timeout
+            ):
                 self._command, self._pending, self._zeros = (0.0, 0.0), True, self._repeats()
                 self._counters["stale_commands"] += 1
         self._send_pending()
@@ -313,19 +353,25 @@ class PolledDriver:
             self._jumped = time.monotonic()
         self._configured = False
 
-    def _moved(self, counts: tuple[float, float], speeds: tuple[float, float], stamp: float) -> None:
+    def _moved(
+        self, counts: tuple[float, float], speeds: tuple[float, float], stamp: float
+    ) -> None:
         """Take counters and speeds (motor turns per second) of both channels into the odometry."""
         left, right = self._geometry.from_channels(*speeds)
         v, omega = self._geometry.body(left, right)
         fastest = (ABSURD * self._geometry.max_wheel_speed + 1.0) / self._geometry.wheel_radius
-        if not (math.isfinite(counts[0] + counts[1]) and abs(left) <= fastest and abs(right) <= fastest):
+        if not (
+            math.isfinite(counts[0] + counts[1]) and abs(left) <= fastest and abs(right) <= fastest
+        ):
             raise self._exchange.refuse(f"counters {counts}, speeds {speeds}")
         with self._changed:
             if not self._odometry.update(*counts, stamp):
                 self._counters["odometry_jumps"] += 1
                 self._jumped = stamp
                 return
-            self._state = State(self._odometry.x, self._odometry.y, self._odometry.theta, v, omega, stamp)
+            self._state = State(
+                self._odometry.x, self._odometry.y, self._odometry.theta, v, omega, stamp
+            )
             self._changed.notify_all()
 
     # Small things
@@ -339,7 +385,10 @@ class PolledDriver:
 
     def _why_silent(self, timeout: float) -> str:
         """Say why `connect` failed, in words a user can act on."""
-        counters, faults = {**self._transport.counters, **self._exchange.counters}, self._errors + self._trouble
+        counters, faults = (
+            {**self._transport.counters, **self._exchange.counters},
+            self._errors + self._trouble,
+        )
         if not self._transport.connected:
             return f"{self.board}: {self._transport.last_error or 'the link is down'}"
         if faults and counters["frames"]:

@@ -10,13 +10,22 @@ from typing import Any
 
 from firmware_bridge.drivers.exchange import NoReply
 from firmware_bridge.drivers.polled import PolledDriver
-from firmware_bridge.framing import RoboClawReplies, roboclaw_packet, roboclaw_request
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.link import Transport
+from firmware_bridge.link.framing import RoboClawReplies, roboclaw_packet, roboclaw_request
 from firmware_bridge.messages import ConfigError, LinkError
 from firmware_bridge.options import bounded, check, from_table
-from firmware_bridge.transport import Transport
 
-SET_TIMEOUT, GET_TIMEOUT, DUTY, SPEED, SPEED_ACCEL, COUNTS, RAW_SPEEDS, STATUS = 14, 15, 34, 37, 40, 78, 79, 90
+SET_TIMEOUT, GET_TIMEOUT, DUTY, SPEED, SPEED_ACCEL, COUNTS, RAW_SPEEDS, STATUS = (
+    14,
+    15,
+    34,
+    37,
+    40,
+    78,
+    79,
+    90,
+)
 STATUS_32 = (
     "emergency stop",
     "temperature",
@@ -74,14 +83,16 @@ class RoboClawOptions:
     """The ``[board]`` section of a robot file."""
 
     counts_per_turn: float = bounded(1.0, 1e7)
-    """Quadrature counts per turn of the shaft that carries the encoder; the geometry's gear ratio is from there to the wheel."""
+    """Quadrature counts per turn of the shaft that carries the encoder; the geometry's gear ratio
+    is from there to the wheel."""
     address: int = bounded(0x80, 0x87, "", 0x80)
     watchdog: float = bounded(0.1, 25.5, "s", 0.5)
     """The board stops the motors when it hears nothing for so long [s], in steps of 0.1 s."""
     acceleration: float | None = bounded(1e-3, 1e3, "m/s^2", None)
     """Of the rim, by the board [m/s^2]; none: as fast as its speed loop can."""
     command_timeout: float = bounded(0.05, 10.0, "s", 0.5)
-    """The driver sends zero when the last command is older [s]: its questions alone would feed the board's watchdog."""
+    """The driver sends zero when the last command is older [s]: its questions alone would feed the
+    board's watchdog."""
     poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)
     reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)
 
@@ -93,8 +104,14 @@ class RoboClawOptions:
 def status_words(status: int, size: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Errors that stop the motors, and warnings, of a status register of 2 or 4 bytes."""
     names, stopping = (STATUS_32, STOPPING_32) if size == 4 else (STATUS_16, STOPPING_16)
-    known = [(bit, names[bit] if bit < len(names) and names[bit] else f"status bit {bit}") for bit in range(8 * size) if status >> bit & 1]
-    return tuple(name for bit, name in known if stopping >> bit & 1), tuple(name for bit, name in known if not stopping >> bit & 1)
+    known = [
+        (bit, names[bit] if bit < len(names) and names[bit] else f"status bit {bit}")
+        for bit in range(8 * size)
+        if status >> bit & 1
+    ]
+    return tuple(name for bit, name in known if stopping >> bit & 1), tuple(
+        name for bit, name in known if not stopping >> bit & 1
+    )
 
 
 class RoboClawDriver(PolledDriver):
@@ -102,15 +119,32 @@ class RoboClawDriver(PolledDriver):
 
     board = "RoboClaw"
 
-    def __init__(self, transport: Transport, geometry: WheelGeometry, options: RoboClawOptions) -> None:
+    def __init__(
+        self, transport: Transport, geometry: WheelGeometry, options: RoboClawOptions
+    ) -> None:
         odometry = WheelOdometry(geometry, options.counts_per_turn, wraps=True)
-        super().__init__(transport, geometry, odometry, options.poll_hz, options.reply_timeout, options.command_timeout)
-        per_metre = options.counts_per_turn * geometry.gear_ratio / (math.tau * geometry.wheel_radius)
+        super().__init__(
+            transport,
+            geometry,
+            odometry,
+            options.poll_hz,
+            options.reply_timeout,
+            options.command_timeout,
+        )
+        per_metre = (
+            options.counts_per_turn * geometry.gear_ratio / (math.tau * geometry.wheel_radius)
+        )
         if geometry.max_wheel_speed * per_metre >= 2**31:
-            raise ConfigError(f"board.counts_per_turn: {options.counts_per_turn:g} makes speeds past the board's 32 bits")
+            raise ConfigError(
+                f"board.counts_per_turn: {options.counts_per_turn:g} makes speeds past the board's 32 bits"
+            )
         self._counts_per_turn, self._address = options.counts_per_turn, options.address
         self._watchdog = math.ceil(round(options.watchdog * 10.0, 6))
-        self._acceleration = None if options.acceleration is None else max(1, round(options.acceleration * per_metre))
+        self._acceleration = (
+            None
+            if options.acceleration is None
+            else max(1, round(options.acceleration * per_metre))
+        )
         self._replies = RoboClawReplies()
         self._status_bytes = 4
         self.hint = f"is it powered, wired TX to RX, in packet serial mode at address {options.address:#x} and at this baud rate?"
@@ -119,7 +153,9 @@ class RoboClawDriver(PolledDriver):
     def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> RoboClawDriver:
         """Build it from the ``[geometry]`` and ``[board]`` sections of a robot file; ConfigError names a wrong key."""
         geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
-        return cls(transport, geometry, from_table(RoboClawOptions, table.get("board", {}), "board"))
+        return cls(
+            transport, geometry, from_table(RoboClawOptions, table.get("board", {}), "board")
+        )
 
     def _configure(self) -> None:
         try:
@@ -132,13 +168,19 @@ class RoboClawDriver(PolledDriver):
         self._drive(0.0, 0.0)
         self._write(SET_TIMEOUT, bytes((self._watchdog,)))
         if not self._watchdog_is_set():
-            raise LinkError(f"the board did not take a serial time-out of {self._watchdog / 10:g} s")
+            raise LinkError(
+                f"the board did not take a serial time-out of {self._watchdog / 10:g} s"
+            )
 
     def _poll(self, cycle: int) -> None:
         counts, stamp = self._read(COUNTS, 8)
         speeds, _ = self._read(RAW_SPEEDS, 8)
         first, second = struct.unpack(">ii", speeds)
-        self._moved(struct.unpack(">ii", counts), (first / self._counts_per_turn, second / self._counts_per_turn), stamp)
+        self._moved(
+            struct.unpack(">ii", counts),
+            (first / self._counts_per_turn, second / self._counts_per_turn),
+            stamp,
+        )
         if cycle % 5 == 0:
             status = int.from_bytes(self._read(STATUS, self._status_bytes)[0], "big")
             self._errors, self._warnings = status_words(status, self._status_bytes)
@@ -153,7 +195,9 @@ class RoboClawDriver(PolledDriver):
         return self._read(GET_TIMEOUT, 1)[0][0] == self._watchdog
 
     def _drive(self, first: float, second: float) -> None:
-        speeds = struct.pack(">ii", round(first * self._counts_per_turn), round(second * self._counts_per_turn))
+        speeds = struct.pack(
+            ">ii", round(first * self._counts_per_turn), round(second * self._counts_per_turn)
+        )
         if self._acceleration is None:
             self._write(SPEED, speeds)
         else:

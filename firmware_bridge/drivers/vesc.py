@@ -10,13 +10,22 @@ from typing import Any
 
 from firmware_bridge.drivers.exchange import NoReply
 from firmware_bridge.drivers.polled import PolledDriver
-from firmware_bridge.framing import VescPackets, vesc_packet
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.link import Transport
+from firmware_bridge.link.framing import VescPackets, vesc_packet
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check, from_table
-from firmware_bridge.transport import Transport
 
-FW_VERSION, GET_VALUES, SET_CURRENT, SET_BRAKE, SET_RPM, ALIVE, FORWARD_CAN, GET_SELECTIVE = 0, 4, 6, 7, 8, 30, 34, 50
+FW_VERSION, GET_VALUES, SET_CURRENT, SET_BRAKE, SET_RPM, ALIVE, FORWARD_CAN, GET_SELECTIVE = (
+    0,
+    4,
+    6,
+    7,
+    8,
+    30,
+    34,
+    50,
+)
 MASK = 1 << 7 | 1 << 13 | 1 << 15 | 1 << 17
 """rpm, tachometer, fault, controller id"""
 SELECTIVE = struct.Struct(">BIiiBB")
@@ -71,7 +80,8 @@ class VescOptions:
     pole_pairs: int = bounded(1, 200)
     """Of both motors."""
     brake_current: float = bounded(0.0, 200.0, "A", 0.0)
-    """Brake with this current at zero speed [A]; 0: zero ERPM, under which VESCs let the motor roll."""
+    """Brake with this current at zero speed [A]; 0: zero ERPM, under which VESCs let the motor
+    roll."""
     command_timeout: float = bounded(0.05, 0.9, "s", 0.5)
     """The driver sends zero when the last command is older [s]; below the board's own second."""
     poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)
@@ -85,8 +95,8 @@ class VescOptions:
 class VescDriver(PolledDriver):
     """Two VESCs: ERPM by 8, the second through 34, values by 50 or, for old firmware, 4.
 
-    Their time-out (1 s unless changed in VESC Tool) is fed by commands only; ALIVE (30), which would keep an old
-    set-point, is never sent.
+    Their time-out (1 s unless changed in VESC Tool) is fed by commands only; ALIVE (30), which
+    would keep an old set-point, is never sent.
     """
 
     board = "VESC"
@@ -94,10 +104,26 @@ class VescDriver(PolledDriver):
 
     def __init__(self, transport: Transport, geometry: WheelGeometry, options: VescOptions) -> None:
         odometry = WheelOdometry(geometry, STEPS_PER_ELECTRIC_TURN * options.pole_pairs, wraps=True)
-        super().__init__(transport, geometry, odometry, options.poll_hz, options.reply_timeout, options.command_timeout)
+        super().__init__(
+            transport,
+            geometry,
+            odometry,
+            options.poll_hz,
+            options.reply_timeout,
+            options.command_timeout,
+        )
         self._erpm = 60.0 * options.pole_pairs
-        if geometry.max_wheel_speed / geometry.wheel_radius * geometry.gear_ratio / math.tau * self._erpm >= 2**31:
-            raise ConfigError(f"board.pole_pairs: {options.pole_pairs} makes speeds past the board's 32 bits")
+        if (
+            geometry.max_wheel_speed
+            / geometry.wheel_radius
+            * geometry.gear_ratio
+            / math.tau
+            * self._erpm
+            >= 2**31
+        ):
+            raise ConfigError(
+                f"board.pole_pairs: {options.pole_pairs} makes speeds past the board's 32 bits"
+            )
         self._can_id, self._brake = options.can_id, round(1000.0 * options.brake_current)
         self._packets = VescPackets(MAX_PAYLOAD)
         self._local_id: int | None = None
@@ -133,7 +159,9 @@ class VescDriver(PolledDriver):
         rpm2, tacho2, fault2, _, stamp2 = self._values("can")
         named = ((fault1, "first"), (fault2, "second"))
         self._errors = tuple(
-            f"{which} VESC: {FAULTS[fault] if fault < len(FAULTS) else f'fault {fault}'}" for fault, which in named if fault
+            f"{which} VESC: {FAULTS[fault] if fault < len(FAULTS) else f'fault {fault}'}"
+            for fault, which in named
+            if fault
         )
         self._estimate_ok = not ENCODER_FAULTS & {fault1, fault2}
         # Both tachometers at the same instant, so that their difference is a turn and nothing else.
@@ -145,14 +173,19 @@ class VescDriver(PolledDriver):
 
     def _values(self, which: str) -> tuple[int, int, int, int, float]:
         """Ask one VESC: ERPM, tachometer, fault, controller id, stamp."""
-        request = struct.pack(">BI", GET_SELECTIVE, MASK) if self._selective else bytes((GET_VALUES,))
+        request = (
+            struct.pack(">BI", GET_SELECTIVE, MASK) if self._selective else bytes((GET_VALUES,))
+        )
         if which == "can":
             request = bytes((FORWARD_CAN, self._can_id)) + request
         reply, stamp = self._ask(vesc_packet(request), (which, self._selective))
         return (*_numbers(reply), stamp)
 
     def _drive(self, first: float, second: float) -> None:
-        payloads = [self._set_point(first), bytes((FORWARD_CAN, self._can_id)) + self._set_point(second)]
+        payloads = [
+            self._set_point(first),
+            bytes((FORWARD_CAN, self._can_id)) + self._set_point(second),
+        ]
         self._transport.write(b"".join(map(vesc_packet, payloads)))
 
     def _set_point(self, speed: float) -> bytes:
@@ -162,7 +195,9 @@ class VescDriver(PolledDriver):
 
     def _release(self) -> None:
         free = struct.pack(">Bi", SET_CURRENT, 0)
-        self._transport.write(vesc_packet(free) + vesc_packet(bytes((FORWARD_CAN, self._can_id)) + free))
+        self._transport.write(
+            vesc_packet(free) + vesc_packet(bytes((FORWARD_CAN, self._can_id)) + free)
+        )
 
     def _begin(self, key: Hashable) -> None:
         self._packets.reset()
@@ -178,7 +213,9 @@ class VescDriver(PolledDriver):
         if payload[0] == FW_VERSION:
             return "version"
         selective = payload[0] == GET_SELECTIVE
-        if selective and (len(payload) != SELECTIVE.size or int.from_bytes(payload[1:5], "big") != MASK):
+        if selective and (
+            len(payload) != SELECTIVE.size or int.from_bytes(payload[1:5], "big") != MASK
+        ):
             return None
         if not selective and (payload[0] != GET_VALUES or len(payload) < VALUES.size):
             return None

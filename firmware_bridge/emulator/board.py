@@ -11,13 +11,13 @@ from typing import Any, ClassVar, Self, TypedDict, Unpack
 from firmware_bridge.emulator.body import Body
 from firmware_bridge.emulator.server import line_speed, serve
 from firmware_bridge.kinematics import WheelGeometry
+from firmware_bridge.link import Transport
 from firmware_bridge.options import from_table
-from firmware_bridge.transport import Transport
 
 MOTOR_LAG = 0.05
 
 
-class Surroundings(TypedDict, total=False):
+class Scene(TypedDict, total=False):
     """What a board finds around it, the same for all: the parameters of `BoardEmulator` behind the geometry."""
 
     slip: float
@@ -30,18 +30,20 @@ class Surroundings(TypedDict, total=False):
 class BoardEmulator:
     """A motor controller with a robot under it.
 
-    Nothing runs by itself: each question, and each look at the robot, first brings the robot and the watchdog up to the clock.
+    Nothing runs by itself: each question, and each look at the robot, first brings the robot and
+    the watchdog up to the clock.
 
     Parameters
     ----------
     geometry : WheelGeometry
         Of the robot.
     slip, turn_gain, seed
-        Of the floor: see `kmpc_lite.sim.robots.DifferentialDrive`.
+        Of the floor: see `kmpc_lite.sim.plants.robots.DifferentialDrive`.
     clock : callable
         Monotonic time [s].
     baud : int or None
-        What the board's port is set to; a pseudo-terminal at another speed carries garbage both ways.
+        What the board's port is set to; a pseudo-terminal at another speed carries garbage both
+        ways.
     """
 
     boot_text = b""
@@ -70,12 +72,14 @@ class BoardEmulator:
         """So many answers are lost next."""
 
     @classmethod
-    def from_options(cls, table: Mapping[str, Any], **around: Unpack[Surroundings]) -> Self:
+    def from_options(cls, table: Mapping[str, Any], **around: Unpack[Scene]) -> Self:
         """Build it from the same robot file as the driver."""
         geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
         # each board's second argument are its options
         build: Callable[..., Self] = cls
-        return build(geometry, from_table(cls.options_type, table.get("board", {}), "board"), **around)
+        return build(
+            geometry, from_table(cls.options_type, table.get("board", {}), "board"), **around
+        )
 
     def put_on(self, body: Body) -> None:
         """Put another robot under the board, before anything moves."""
@@ -111,7 +115,10 @@ class BoardEmulator:
         """Set-points of the left and right wheel [rad/s]; zero for motors that are let go."""
         with self._lock:
             self._advance()
-            asked = [speed if driven else 0.0 for speed, driven in zip(self._body.command, self._body.driven, strict=True)]
+            asked = [
+                speed if driven else 0.0
+                for speed, driven in zip(self._body.command, self._body.driven, strict=True)
+            ]
             return self._geometry.from_channels(*asked)
 
     @property

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from firmware_bridge.kinematics import WheelGeometry
-from kmpc_lite.sim.robots import DifferentialDrive
+from kmpc_lite.sim.plants.robots import DifferentialDrive
 
 STEP = 0.01
 """[s]"""
@@ -28,18 +28,28 @@ class Body:
     geometry : WheelGeometry
         Of the robot.
     slip, turn_gain, seed
-        Of the floor: see `kmpc_lite.sim.robots.DifferentialDrive`.
+        Of the floor: see `kmpc_lite.sim.plants.robots.DifferentialDrive`.
     lag : float
         Time constant of the driven motors [s].
     now : float
         Time of the clock at the start [s].
     """
 
-    def __init__(self, geometry: WheelGeometry, slip: float, turn_gain: float, seed: int, lag: float, now: float) -> None:
+    def __init__(
+        self,
+        geometry: WheelGeometry,
+        slip: float,
+        turn_gain: float,
+        seed: int,
+        lag: float,
+        now: float,
+    ) -> None:
         self._geometry, self._lag = geometry, lag
         self._floor = DifferentialDrive(slip=slip, seed=seed, turn_gain=turn_gain)
         self._start, self._steps = now, 0
-        self._top = TOP * geometry.max_wheel_speed / geometry.wheel_radius * geometry.gear_ratio / math.tau
+        self._top = (
+            TOP * geometry.max_wheel_speed / geometry.wheel_radius * geometry.gear_ratio / math.tau
+        )
         self._pose = np.zeros(3)
         self.command = [0.0, 0.0]
         """Set-points of both channels, motor turns per second."""
@@ -59,7 +69,9 @@ class Body:
 
     def turned(self, channel: int, now: float) -> float:
         """Motor turns at `now`, between two steps too: encoders know no steps."""
-        return self.turns[channel] + self.speeds[channel] * max(0.0, now - self._start - self._steps * STEP)
+        return self.turns[channel] + self.speeds[channel] * max(
+            0.0, now - self._start - self._steps * STEP
+        )
 
     def place(self, x: float, y: float, theta: float) -> None:
         """Put the robot down somewhere."""

@@ -10,8 +10,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from firmware_bridge.link.url import LinkUrl
 from firmware_bridge.options import bounded, check
-from firmware_bridge.transport.url import LinkUrl
 
 Pose = tuple[float, float, float]
 
@@ -66,7 +66,16 @@ class Mocap:
             if now >= self._hidden_until:
                 x, y, theta = pose
                 gauss = self._random.gauss
-                self._coming.append((now, (x + gauss(0.0, o.noise), y + gauss(0.0, o.noise), theta + gauss(0.0, o.heading_noise))))
+                self._coming.append(
+                    (
+                        now,
+                        (
+                            x + gauss(0.0, o.noise),
+                            y + gauss(0.0, o.noise),
+                            theta + gauss(0.0, o.heading_noise),
+                        ),
+                    )
+                )
         arrived = []
         while self._coming and self._coming[0][0] + o.delay <= now + 1e-9:
             arrived.append(self._coming.popleft())
@@ -74,7 +83,7 @@ class Mocap:
 
 
 class MocapSender:
-    """Sends what a `Mocap` sees, a datagram each: ``stamp x y theta``, as `firmware_bridge.pose_source` reads it.
+    """Sends what a `Mocap` sees, a datagram each: ``stamp x y theta``, as `firmware_bridge.sensors.pose` reads it.
 
     Parameters
     ----------
@@ -88,7 +97,9 @@ class MocapSender:
         How good it is.
     """
 
-    def __init__(self, pose: Callable[[], Pose], url: str, seed: int = 0, options: MocapOptions | None = None) -> None:
+    def __init__(
+        self, pose: Callable[[], Pose], url: str, seed: int = 0, options: MocapOptions | None = None
+    ) -> None:
         self._pose, self._address = pose, LinkUrl.parse(url).address()
         self._options, self._seed = MocapOptions() if options is None else options, seed
         self._quit = threading.Event()
@@ -110,6 +121,8 @@ class MocapSender:
             while not self._quit.wait(pause):
                 for stamp, (x, y, theta) in mocap.look(time.monotonic(), self._pose()):
                     try:
-                        sock.sendto(f"{stamp:.6f} {x:.6f} {y:.6f} {theta:.6f}".encode(), self._address)
+                        sock.sendto(
+                            f"{stamp:.6f} {x:.6f} {y:.6f} {theta:.6f}".encode(), self._address
+                        )
                     except OSError:
                         continue  # nobody listens yet: a pose that is lost is lost

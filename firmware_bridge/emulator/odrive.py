@@ -8,12 +8,14 @@ from dataclasses import dataclass
 from typing import Unpack
 
 from firmware_bridge.drivers.odrive import CLOSED_LOOP, IDLE, REGISTERS, ODriveOptions
-from firmware_bridge.emulator.board import BoardEmulator, Surroundings
-from firmware_bridge.framing import Lines, odrive_text, xor8
+from firmware_bridge.emulator.board import BoardEmulator, Scene
 from firmware_bridge.kinematics import WheelGeometry
+from firmware_bridge.link.framing import Lines, odrive_text, xor8
 
 INVALID_STATE = 0x1
-PROPERTY = re.compile(r"axis([01])\.(error|active_errors|current_state|requested_state|config\.enable_watchdog|config\.watchdog_timeout)")
+PROPERTY = re.compile(
+    r"axis([01])\.(error|active_errors|current_state|requested_state|config\.enable_watchdog|config\.watchdog_timeout)"
+)
 
 
 @dataclass
@@ -38,7 +40,7 @@ class ODriveEmulator(BoardEmulator):
     firmware : str
         "0.5" (errors in `axisN.error`) or "0.6" (`axisN.active_errors`).
     **around
-        See `Surroundings`.
+        See `Scene`.
     """
 
     boot_text = b"ODrive booting\r\n* clocks ok *12\r\n"
@@ -49,7 +51,7 @@ class ODriveEmulator(BoardEmulator):
         geometry: WheelGeometry,
         options: ODriveOptions | None = None,
         firmware: str = "0.5",
-        **around: Unpack[Surroundings],
+        **around: Unpack[Scene],
     ) -> None:
         super().__init__(geometry, **around)
         options = options or ODriveOptions()
@@ -96,7 +98,11 @@ class ODriveEmulator(BoardEmulator):
             if match[2] in ("error", "active_errors") and match[2] != self._register.name:
                 return "invalid property"
             number = int(match[1])
-            return self._get(number, match[2]) if command == "r" else self._put(number, match[2], words[1:], now)
+            return (
+                self._get(number, match[2])
+                if command == "r"
+                else self._put(number, match[2], words[1:], now)
+            )
         if command == "sc":
             for axis in self.axes:
                 axis.errors = 0
@@ -122,7 +128,11 @@ class ODriveEmulator(BoardEmulator):
         axis, channel = self.axes[number], self._channel.get(number, number)
         if command == "f":
             valid = axis.calibrated and not axis.errors & self._register.estimate
-            return f"{self._turns(channel):f} {self._body.speeds[channel]:f}" if valid else "0.000000 0.000000"
+            return (
+                f"{self._turns(channel):f} {self._body.speeds[channel]:f}"
+                if valid
+                else "0.000000 0.000000"
+            )
         if command == "v":
             if not values:
                 return "invalid command format"

@@ -19,11 +19,21 @@ from firmware_bridge.drivers.roboclaw import (
     STOPPING_32,
     RoboClawOptions,
 )
-from firmware_bridge.emulator.board import BoardEmulator, Surroundings
-from firmware_bridge.framing import ROBOCLAW_ACK, RoboClawPackets, roboclaw_reply
+from firmware_bridge.emulator.board import BoardEmulator, Scene
 from firmware_bridge.kinematics import WheelGeometry, wrapped
+from firmware_bridge.link.framing import ROBOCLAW_ACK, RoboClawPackets, roboclaw_reply
 
-SPEED_M1, SPEED_M2, ENCODER_M1, ENCODER_M2, SPEED_STATUS_M1, SPEED_STATUS_M2, RESET_COUNTS, VERSION, BATTERY = (
+(
+    SPEED_M1,
+    SPEED_M2,
+    ENCODER_M1,
+    ENCODER_M2,
+    SPEED_STATUS_M1,
+    SPEED_STATUS_M2,
+    RESET_COUNTS,
+    VERSION,
+    BATTERY,
+) = (
     35,
     36,
     16,
@@ -34,7 +44,15 @@ SPEED_M1, SPEED_M2, ENCODER_M1, ENCODER_M2, SPEED_STATUS_M1, SPEED_STATUS_M2, RE
     21,
     24,
 )
-WRITES = {SET_TIMEOUT: 1, RESET_COUNTS: 0, DUTY: 4, SPEED_M1: 4, SPEED_M2: 4, SPEED: 8, SPEED_ACCEL: 12}
+WRITES = {
+    SET_TIMEOUT: 1,
+    RESET_COUNTS: 0,
+    DUTY: 4,
+    SPEED_M1: 4,
+    SPEED_M2: 4,
+    SPEED: 8,
+    SPEED_ACCEL: 12,
+}
 """Payload sizes."""
 
 
@@ -48,7 +66,7 @@ class RoboClawEmulator(BoardEmulator):
     status_bytes : int
         2 for old firmware, 4 for new.
     **around
-        See `Surroundings`.
+        See `Scene`.
     """
 
     boot_text = b"\x00\xff\x80USB Roboclaw 2x15a v4.2.8\n\x00"
@@ -59,10 +77,14 @@ class RoboClawEmulator(BoardEmulator):
         geometry: WheelGeometry,
         options: RoboClawOptions,
         status_bytes: int = 4,
-        **around: Unpack[Surroundings],
+        **around: Unpack[Scene],
     ) -> None:
         super().__init__(geometry, **around)
-        self._counts_per_turn, self._address, self._status_bytes = options.counts_per_turn, options.address, status_bytes
+        self._counts_per_turn, self._address, self._status_bytes = (
+            options.counts_per_turn,
+            options.address,
+            status_bytes,
+        )
         self._packets = RoboClawPackets(options.address, WRITES)
         self.status = 0
         """Error and warning bits; set them to see what the other end does."""
@@ -86,7 +108,9 @@ class RoboClawEmulator(BoardEmulator):
 
     def _answer(self, data: bytes, now: float) -> bytes:
         self._heard = now  # the manual: when no serial bytes are received; any byte counts
-        return b"".join(self._execute(command, payload) for command, payload in self._packets.feed(data, now))
+        return b"".join(
+            self._execute(command, payload) for command, payload in self._packets.feed(data, now)
+        )
 
     def _execute(self, command: int, payload: bytes) -> bytes:
         if command in WRITES:
@@ -101,7 +125,12 @@ class RoboClawEmulator(BoardEmulator):
         elif command == RESET_COUNTS:
             self._zero = list(self._body.turns)
         elif command == DUTY:
-            top = self._geometry.max_wheel_speed / self._geometry.wheel_radius * self._geometry.gear_ratio / math.tau
+            top = (
+                self._geometry.max_wheel_speed
+                / self._geometry.wheel_radius
+                * self._geometry.gear_ratio
+                / math.tau
+            )
             for channel, duty in enumerate(struct.unpack(">hh", payload)):
                 self._set(channel, top * duty / 32767.0)
         elif command in (SPEED_M1, SPEED_M2):

@@ -6,12 +6,12 @@ import os
 import socket
 import termios
 
+from firmware_bridge.link import Transport, loopback_wire
+from firmware_bridge.link.sockets import TcpPort, UdpEndpoint
+from firmware_bridge.link.threaded import Endpoint, Port, ThreadedTransport
+from firmware_bridge.link.tty import SPEEDS, make_raw
+from firmware_bridge.link.url import LinkUrl
 from firmware_bridge.messages import ConfigError, LinkError
-from firmware_bridge.transport import Transport, loopback_wire
-from firmware_bridge.transport.sockets import TcpPort, UdpEndpoint
-from firmware_bridge.transport.threaded import Endpoint, Port, ThreadedTransport
-from firmware_bridge.transport.tty import SPEEDS, make_raw
-from firmware_bridge.transport.url import LinkUrl
 
 READ_BYTES = 65536
 
@@ -19,7 +19,8 @@ READ_BYTES = 65536
 class PtyPort:
     """The master side of a pseudo-terminal whose slave side is linked to a path.
 
-    It holds the slave open as well, so that a bridge that leaves is no hang-up. What nobody reads is lost, as on a wire.
+    It holds the slave open as well, so that a bridge that leaves is no hang-up. What nobody reads
+    is lost, as on a wire.
     """
 
     def __init__(self, path: str) -> None:
@@ -35,7 +36,9 @@ class PtyPort:
         except OSError as error:
             os.close(self._master)
             os.close(self._slave)
-            hint = ": another emulator or file is there" if isinstance(error, FileExistsError) else ""
+            hint = (
+                ": another emulator or file is there" if isinstance(error, FileExistsError) else ""
+            )
             raise LinkError(f"pty:{path}: {error.strerror}{hint}") from error
 
     def fileno(self) -> int:
@@ -103,7 +106,9 @@ class TcpListener(Endpoint):
                 family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
                 self._socket = socket.create_server(self._address, family=family, backlog=4)
             except OSError as error:
-                raise LinkError(f"tcp:{host}:{port}: cannot listen: {error.strerror or error}") from error
+                raise LinkError(
+                    f"tcp:{host}:{port}: cannot listen: {error.strerror or error}"
+                ) from error
             self._socket.setblocking(False)
             return None
         try:

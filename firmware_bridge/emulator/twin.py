@@ -7,13 +7,14 @@ import math
 import numpy as np
 
 from firmware_bridge.emulator.body import COAST, STEP, STILL, Body
-from firmware_bridge.emulator.rover_physics import Demand, DriveLimits, RoverPhysics
+from firmware_bridge.emulator.rover.physics import Demand, DriveLimits, RoverPhysics
 from firmware_bridge.kinematics import WheelGeometry
 from kmpc_lite.sim.twin import Twin
 from kmpc_lite.sim.twin.mjcf import LEFT, TRACK, WHEEL_RADIUS
 
 CORRECTION = (1.0, 2.0)
-"""Integral gains with which an autopilot brings measured speed and turn rate to what it wants [1/s]."""
+"""Integral gains with which an autopilot brings measured speed and turn rate to what it wants
+[1/s]."""
 LARGEST_CORRECTION = (0.3, 2.0)
 """[m/s, rad/s]"""
 
@@ -52,7 +53,9 @@ class TwinBody(Body):
         for i in (0, 1):
             change = min(max(self.command[i], -self._top), self._top) - self._ramped[i]
             self._ramped[i] += math.copysign(min(abs(change), self.ramp * STEP), change)
-            targets.append(self._ramped[i] if self.driven[i] else self.speeds[i] * math.exp(-STEP / COAST))
+            targets.append(
+                self._ramped[i] if self.driven[i] else self.speeds[i] * math.exp(-STEP / COAST)
+            )
         self.twin.command_sides(*self._geometry.from_channels(*targets))
         self.twin.advance(STEP)
         angles, speeds = self.twin.wheel_angles, self.twin.wheel_speeds
@@ -60,12 +63,18 @@ class TwinBody(Body):
         for i, turns in enumerate(self._channels(turned)):
             self.turns[i] += turns
         self.speeds = list(self._channels(speeds))
-        if not any(targets) and np.abs(speeds).max() < STILL and max(map(abs, self.twin.velocity)) < STILL:
+        if (
+            not any(targets)
+            and np.abs(speeds).max() < STILL
+            and max(map(abs, self.twin.velocity)) < STILL
+        ):
             self.speeds = [0.0, 0.0]
 
     def _channels(self, wheels: np.ndarray) -> tuple[float, float]:
         """Motor turns of both channels, from radians of the four wheels."""
-        return self._geometry.to_channels(float(wheels[self._left].mean()), float(wheels[~self._left].mean()))
+        return self._geometry.to_channels(
+            float(wheels[self._left].mean()), float(wheels[~self._left].mean())
+        )
 
 
 class TwinRover(RoverPhysics):
@@ -97,8 +106,12 @@ class TwinRover(RoverPhysics):
             self._corrections[:] = 0.0
         else:
             self._corrections += dt * np.array(CORRECTION) * (wanted - measured)
-            self._corrections = np.clip(self._corrections, np.negative(LARGEST_CORRECTION), LARGEST_CORRECTION)
+            self._corrections = np.clip(
+                self._corrections, np.negative(LARGEST_CORRECTION), LARGEST_CORRECTION
+            )
         v, omega = wanted + self._corrections
-        self.twin.command_sides((v - omega * TRACK / 2.0) / WHEEL_RADIUS, (v + omega * TRACK / 2.0) / WHEEL_RADIUS)
+        self.twin.command_sides(
+            (v - omega * TRACK / 2.0) / WHEEL_RADIUS, (v + omega * TRACK / 2.0) / WHEEL_RADIUS
+        )
         self.twin.advance(dt)
         self.velocity = self.twin.velocity

@@ -18,9 +18,9 @@ from firmware_bridge.drivers.vesc import (
     STEPS_PER_ELECTRIC_TURN,
     VescOptions,
 )
-from firmware_bridge.emulator.board import BoardEmulator, Surroundings
-from firmware_bridge.framing import VescPackets, vesc_packet
+from firmware_bridge.emulator.board import BoardEmulator, Scene
 from firmware_bridge.kinematics import WheelGeometry, wrapped
+from firmware_bridge.link.framing import VescPackets, vesc_packet
 
 LAYOUT = "h h i i i i h i h i i i i i i B i B".split()
 """Formats of the fields of GET_VALUES, in the order of the bits of the selective mask."""
@@ -40,7 +40,7 @@ class VescEmulator(BoardEmulator):
     timeout : float
         Without a command for so long, a motor is let go [s].
     **around
-        See `Surroundings`.
+        See `Scene`.
     """
 
     boot_text = b"\x02\x03VESC\r\n"
@@ -53,10 +53,14 @@ class VescEmulator(BoardEmulator):
         local_id: int = 77,
         selective: bool = True,
         timeout: float = 1.0,
-        **around: Unpack[Surroundings],
+        **around: Unpack[Scene],
     ) -> None:
         super().__init__(geometry, **around)
-        self._ids, self._erpm, self._selective = (local_id, options.can_id), 60.0 * options.pole_pairs, selective
+        self._ids, self._erpm, self._selective = (
+            (local_id, options.can_id),
+            60.0 * options.pole_pairs,
+            selective,
+        )
         self._steps = STEPS_PER_ELECTRIC_TURN * options.pole_pairs
         self.timeout = timeout
         self._fed = [-math.inf, -math.inf]
@@ -114,4 +118,8 @@ class VescEmulator(BoardEmulator):
         values[8] = 126
         values[13] = int(wrapped(round(self._turns(channel) * self._steps)))
         values[15] = self.faults[channel]
-        return b"".join(struct.pack(f">{LAYOUT[bit]}", values[bit]) for bit in range(len(LAYOUT)) if mask >> bit & 1)
+        return b"".join(
+            struct.pack(f">{LAYOUT[bit]}", values[bit])
+            for bit in range(len(LAYOUT))
+            if mask >> bit & 1
+        )

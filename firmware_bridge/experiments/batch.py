@@ -13,14 +13,14 @@ from firmware_bridge.emulator.mocap import Mocap, MocapOptions
 from firmware_bridge.emulator.roboclaw import RoboClawEmulator
 from firmware_bridge.emulator.twin import TwinBody
 from firmware_bridge.experiments.wire import ManualClock, Network, WiredRoboClaw
-from firmware_bridge.gate_table import GateState
 from firmware_bridge.kinematics import WheelGeometry
-from firmware_bridge.limits import Limits
-from firmware_bridge.loop import TICK, ControlLoop
 from firmware_bridge.messages import Controller
-from firmware_bridge.planner import Planner, Predict, unicycle_arc
-from firmware_bridge.recorder import CsvRecorder
-from firmware_bridge.safety import GateSettings, SafetyGate
+from firmware_bridge.recording.recorder import CsvRecorder
+from firmware_bridge.runtime.controller_thread import Planner, Predict, unicycle_arc
+from firmware_bridge.runtime.loop import TICK, ControlLoop
+from firmware_bridge.safety.gate import GateSettings, SafetyGate
+from firmware_bridge.safety.gate_table import GateState
+from firmware_bridge.safety.limits import Limits
 from kmpc_lite.sim.twin import Twin
 from kmpc_lite.sim.twin.mjcf import TRACK, WHEEL_RADIUS
 
@@ -83,11 +83,18 @@ class BatchDrive:
         self.twin, self.clock = twin, clock
         self._board = RoboClawEmulator(GEOMETRY, BOARD, clock=clock)
         self._board.put_on(TwinBody(GEOMETRY, twin, clock()))
-        self.driver = WiredRoboClaw(self._board, BOARD, Mocap(setup.mocap, seed, clock()), clock, setup.network, seed)
-        self.planner = Planner(controller, self.driver.state, setup.period, predict=predict, clock=clock)
-        # whole periods: the gate opens with a plan, and the first command that passes is held as long as all others
+        self.driver = WiredRoboClaw(
+            self._board, BOARD, Mocap(setup.mocap, seed, clock()), clock, setup.network, seed
+        )
+        self.planner = Planner(
+            controller, self.driver.state, setup.period, predict=predict, clock=clock
+        )
+        # whole periods: the gate opens with a plan, and the first command that passes is held as
+        # long as all others
         settle = max(SETTLE, setup.period) - TICK / 2.0
-        self.gate = SafetyGate(GateSettings(limits=setup.limits, watchdog=setup.watchdog, settle=settle, pilot=False))
+        self.gate = SafetyGate(
+            GateSettings(limits=setup.limits, watchdog=setup.watchdog, settle=settle, pilot=False)
+        )
         self._csv = None if record is None else CsvRecorder(record, setup.period)
         self.loop = ControlLoop(
             self.driver,
@@ -121,7 +128,9 @@ class BatchDrive:
             if began:
                 path.append(self.twin.pose)
             elif now - start > STILL:
-                raise RuntimeError(f"the gate lets nothing pass: {self.loop.statistics.reasons}, {self.planner.last_error}")
+                raise RuntimeError(
+                    f"the gate lets nothing pass: {self.loop.statistics.reasons}, {self.planner.last_error}"
+                )
             ticks += 1
             self.clock.now = start + ticks * TICK
         self.driver.stop()

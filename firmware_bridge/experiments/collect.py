@@ -8,25 +8,42 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from firmware_bridge.emulator.mocap import MocapOptions
-from firmware_bridge.excitation import Excitation
 from firmware_bridge.experiments.batch import BatchDrive, Setup
 from firmware_bridge.experiments.wire import ManualClock, Network
-from firmware_bridge.limits import Limits
 from firmware_bridge.messages import State, VelocityCommand
+from firmware_bridge.recording.excitation import Excitation
+from firmware_bridge.safety.limits import Limits
 from kmpc_lite.sim.twin import Ground, Twin
 
 FAST = Setup(
-    Limits(v_max=0.8, v_reverse=0.8, omega_max=1.0, acceleration=2.0, deceleration=2.0, angular_acceleration=8.0, angular_deceleration=8.0)
+    Limits(
+        v_max=0.8,
+        v_reverse=0.8,
+        omega_max=1.0,
+        acceleration=2.0,
+        deceleration=2.0,
+        angular_acceleration=8.0,
+        angular_deceleration=8.0,
+    )
 )
 """10 Hz. The paper's unit square, less what the wheels (0.9 m/s) cannot do."""
 SLOW = Setup(
-    Limits(v_max=0.4, v_reverse=0.4, omega_max=0.6, acceleration=2.0, deceleration=2.0, angular_acceleration=8.0, angular_deceleration=8.0),
+    Limits(
+        v_max=0.4,
+        v_reverse=0.4,
+        omega_max=0.6,
+        acceleration=2.0,
+        deceleration=2.0,
+        angular_acceleration=8.0,
+        angular_deceleration=8.0,
+    ),
     period=1.0,
     mocap=MocapOptions(noise=0.005, heading_noise=0.01, delay=0.05),
     network=Network(0.15, 0.45),
     watchdog=2.0,
 )
-"""1 Hz, as on the paper's hardware: from the picture of the pose to the wheels it takes 0.2 to 0.5 s."""
+"""1 Hz, as on the paper's hardware: from the picture of the pose to the wheels it takes 0.2 to 0.5
+s."""
 FENCE = (-4.0, -4.0, 4.0, 4.0)
 SAMPLES = {"fast": 24_000, "slow": 6_200}
 """Rows of the paper's sets."""
@@ -44,7 +61,9 @@ class NormalCommands:
 
     def __call__(self, state: State) -> VelocityCommand:
         """Give the command for now."""
-        return VelocityCommand(self._random.gauss(0.0, NORMAL), self._random.gauss(0.0, NORMAL), state.stamp)
+        return VelocityCommand(
+            self._random.gauss(0.0, NORMAL), self._random.gauss(0.0, NORMAL), state.stamp
+        )
 
 
 @dataclass(frozen=True)
@@ -73,7 +92,8 @@ def collect(
     folder : Path
         For the CSV files.
     kind : str
-        ``fast``: uniform commands in the four sign scenarios, 10 Hz. ``slow``: normal commands, 1 Hz, with latency.
+        ``fast``: uniform commands in the four sign scenarios, 10 Hz. ``slow``: normal commands, 1
+        Hz, with latency.
     samples : int
         Rows in all, at least.
     ground : Ground
@@ -93,14 +113,22 @@ def collect(
     for i in range(drives):
         clock = ManualClock()
         fast = kind == "fast"
-        controller = Excitation(FENCE, setup.limits, hold=setup.period, seed=seed * 1000 + i) if fast else NormalCommands(seed * 1000 + i)
+        controller = (
+            Excitation(FENCE, setup.limits, hold=setup.period, seed=seed * 1000 + i)
+            if fast
+            else NormalCommands(seed * 1000 + i)
+        )
         file = folder / f"{kind}_{i:02d}.csv"
         file.unlink(missing_ok=True)
-        drive = BatchDrive(Twin(ground=ground, seed=robot), controller, setup, clock, seed * 1000 + i, file)
+        drive = BatchDrive(
+            Twin(ground=ground, seed=robot), controller, setup, clock, seed * 1000 + i, file
+        )
         seconds = each * setup.period + 1.0
         began: list[float] = []
 
-        def finished(drive: BatchDrive = drive, began: list[float] = began, seconds: float = seconds) -> bool:
+        def finished(
+            drive: BatchDrive = drive, began: list[float] = began, seconds: float = seconds
+        ) -> bool:
             began.append(drive.clock.now)
             return drive.clock.now - began[0] > seconds
 

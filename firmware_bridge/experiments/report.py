@@ -29,13 +29,20 @@ COLUMNS = (
 def table(which: str, trials: Sequence[Trial]) -> str:
     """Render as Markdown: a row for each controller over all maps, and one for each of its maps."""
     experiment = EXPERIMENTS[which]
-    lines = [f"experiment ({which}): {experiment.title}; paper: {experiment.paper}", "", "| " + " | ".join(COLUMNS) + " |"]
+    lines = [
+        f"experiment ({which}): {experiment.title}; paper: {experiment.paper}",
+        "",
+        "| " + " | ".join(COLUMNS) + " |",
+    ]
     lines.append("|" + "---|" * len(COLUMNS))
     for label in dict.fromkeys(t.label for t in trials):
         own = [t for t in trials if t.label == label]
         maps = list(dict.fromkeys(t.run.scenario.name for t in own))
         lines += [_row(label, "all", own)] if len(maps) > 1 else []
-        lines += [_row(label, name.removeprefix("twin_"), [t for t in own if t.run.scenario.name == name]) for name in maps]
+        lines += [
+            _row(label, name.removeprefix("twin_"), [t for t in own if t.run.scenario.name == name])
+            for name in maps
+        ]
     return "\n".join(lines)
 
 
@@ -44,7 +51,11 @@ def _row(label: str, maps: str, trials: Sequence[Trial]) -> str:
     reached = [t for t in trials if t.run.outcome is Outcome.REACHED]
     free = [t for t in trials if t.run.outcome is not Outcome.COLLISION]
     times = f"{np.mean([t.run.info['arrival_s'] for t in reached]):.1f}" if reached else "-"
-    errors = f"{np.mean([t.final_error for t in free]):.3f} / {max(t.final_error for t in free):.3f}" if free else "-"
+    errors = (
+        f"{np.mean([t.final_error for t in free]):.3f} / {max(t.final_error for t in free):.3f}"
+        if free
+        else "-"
+    )
     gap = 1e3 * min(t.run.clearance for t in trials)
     surprises = np.concatenate([t.surprises() for t in trials])
     off = f"{1e3 * np.sqrt(np.mean(surprises**2)):.0f}" if len(surprises) else "-"
@@ -67,14 +78,24 @@ def picture(file: Path, trials: Sequence[Trial]) -> None:
             scenario = own[0].run.scenario
             axes = figure.add_subplot(rows, columns, i + 1, aspect="equal")
             for kind, x, y, radius in scenario.ground_patches:
-                axes.add_patch(Circle((x, y), radius, color="0.85" if kind == "carpet" else "#cfe3f7", zorder=0))
+                axes.add_patch(
+                    Circle(
+                        (x, y), radius, color="0.85" if kind == "carpet" else "#cfe3f7", zorder=0
+                    )
+                )
             for c in scenario.circles:
                 axes.add_patch(Circle((c.x, c.y), c.radius, color="0.25", zorder=2))
-            axes.add_patch(Circle(scenario.start[:2], scenario.radius, fill=False, color="0.5", zorder=2))
-            axes.plot(*scenario.goal[:2], "x", color="red", markersize=8, markeredgewidth=2, zorder=5)
+            axes.add_patch(
+                Circle(scenario.start[:2], scenario.radius, fill=False, color="0.5", zorder=2)
+            )
+            axes.plot(
+                *scenario.goal[:2], "x", color="red", markersize=8, markeredgewidth=2, zorder=5
+            )
             for t in own:
                 colour, line, _ = LINES[labels.index(t.label) % len(LINES)]
-                axes.plot(*t.run.path[:, :2].T, color=colour, linestyle=line, linewidth=0.9, zorder=3)
+                axes.plot(
+                    *t.run.path[:, :2].T, color=colour, linestyle=line, linewidth=0.9, zorder=3
+                )
                 if t.run.outcome is Outcome.COLLISION:
                     axes.plot(*t.run.path[-1, :2], "x", color=colour, markersize=6, zorder=6)
             x_min, y_min, x_max, y_max = scenario.bounds

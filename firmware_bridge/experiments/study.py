@@ -21,7 +21,8 @@ Progress = Callable[[str], Callable[[int, int], None]]
 REPORTING_SEED = 500_000
 """Of pose noise and delays; nothing was tuned on these."""
 PAPER_BOUNDS, SLOW_BOUNDS = (0.6, 0.785), (0.2, 0.4)
-"""Command bounds at 10 Hz (the paper's), and at 1 Hz (twice to four times what the training commands usually are) [m/s, rad/s]."""
+"""Command bounds at 10 Hz (the paper's), and at 1 Hz (twice to four times what the training
+commands usually are) [m/s, rad/s]."""
 FITS = {
     "fast": ("fast", ("--dictionary", "trig", "--lags", "0", "1", "--product")),
     "fast_paper": ("fast", ("--dictionary", "unicycle", "--method", "edmdc")),
@@ -48,19 +49,32 @@ class Experiment:
 
 EXPERIMENTS = {
     "a": Experiment(
-        "four maps, goals (1.5, 1.5) and (-1.5, -1.5)", tuple(f"twin_a{i}" for i in range(1, 5)), 5, "4/4 reached, 13 s, 0.01 m"
+        "four maps, goals (1.5, 1.5) and (-1.5, -1.5)",
+        tuple(f"twin_a{i}" for i in range(1, 5)),
+        5,
+        "4/4 reached, 13 s, 0.01 m",
     ),
-    "b": Experiment("two maps with twice the obstacles", ("twin_b1", "twin_b2"), 5, "8/10 without contact (5/5, 3/5), 0.09 m"),
+    "b": Experiment(
+        "two maps with twice the obstacles",
+        ("twin_b1", "twin_b2"),
+        5,
+        "8/10 without contact (5/5, 3/5), 0.09 m",
+    ),
     "c": Experiment(
-        "ten maps at 1 Hz, 0.2 to 0.5 s late", tuple(f"twin_c{i}" for i in range(1, 11)), 5, "44/50 without contact, 21 to 60 s"
+        "ten maps at 1 Hz, 0.2 to 0.5 s late",
+        tuple(f"twin_c{i}" for i in range(1, 11)),
+        5,
+        "44/50 without contact, 21 to 60 s",
     ),
-    "d": Experiment("the floor changes under way", ("twin_carpet", "twin_wet", "twin_wet_patch"), 5, "-"),
+    "d": Experiment(
+        "the floor changes under way", ("twin_carpet", "twin_wet", "twin_wet_patch"), 5, "-"
+    ),
 }
 
 
 def learn(folder: Path, name: str, bar: Progress, robot: int = 0) -> kl.KoopmanModel:
     """Load a model from the folder; where it is not there, record its set through the link and run ``kmpc fit`` on it."""
-    from kmpc_lite.cli import main
+    from kmpc_lite.cli.main import main
 
     file = folder / f"{name}.npz"
     if not file.exists():
@@ -73,14 +87,18 @@ def learn(folder: Path, name: str, bar: Progress, robot: int = 0) -> kl.KoopmanM
             collect(logs, kind, count, ground, robot=robot, progress=bar(f"recording {data}"))
         said = io.StringIO()
         with contextlib.redirect_stdout(said):
-            status = main(["fit", *map(str, sorted(logs.glob("*.csv"))), "-o", str(file), *options, "--json"])
+            status = main(
+                ["fit", *map(str, sorted(logs.glob("*.csv"))), "-o", str(file), *options, "--json"]
+            )
         if status:
             raise ConfigError(f"kmpc fit failed on {logs}: remove the folder and try again")
         (folder / f"{name}.json").write_text(said.getvalue())
     return kl.KoopmanModel.load(file)
 
 
-def prediction_errors(folder: Path, bar: Progress, robot: int = 0) -> list[tuple[str, tuple[float, ...], tuple[float, ...]]]:
+def prediction_errors(
+    folder: Path, bar: Progress, robot: int = 0
+) -> list[tuple[str, tuple[float, ...], tuple[float, ...]]]:
     """Held-out errors after 1 s of each model of the paper's sets, beside the nominal unicycle's: along, across [m], heading [rad]."""
     rows = []
     for name in ("fast", "fast_paper", "slow", "slow_paper"):
@@ -96,7 +114,9 @@ def contenders(folder: Path, which: str, bar: Progress, robot: int = 0) -> list[
         slow = learn(folder, "slow", bar, robot)
         return [
             Contender("ours", "kmpc", slow, SLOW_BOUNDS),
-            Contender("K-NMPC, IPOPT", "ipopt", learn(folder, "slow_paper", bar, robot), SLOW_BOUNDS),
+            Contender(
+                "K-NMPC, IPOPT", "ipopt", learn(folder, "slow_paper", bar, robot), SLOW_BOUNDS
+            ),
             Contender("NMPC, IPOPT", "ipopt", kl.nominal_unicycle(1.0), SLOW_BOUNDS),
         ]
     ours = Contender("ours", "kmpc", learn(folder, "fast", bar, robot), PAPER_BOUNDS)
@@ -148,6 +168,12 @@ def run(
     if which == "d":
         # what knows the new floor from the beginning: the whole floor is the new one
         for floor, scenario in (("carpet", scenarios[0]), ("wet", scenarios[1])):
-            told = Contender(f"ours, learned on {floor}", "kmpc", learn(folder, floor, bar, robot), PAPER_BOUNDS, adaptation=False)
+            told = Contender(
+                f"ours, learned on {floor}",
+                "kmpc",
+                learn(folder, floor, bar, robot),
+                PAPER_BOUNDS,
+                adaptation=False,
+            )
             found += repeat([told], [scenario], setup, seeds, bar(f"learned on {floor}"))
     return found

@@ -12,11 +12,11 @@ import numpy as np
 import kmpc_lite as kl
 from firmware_bridge.experiments.batch import BatchDrive, Setup
 from firmware_bridge.experiments.wire import ManualClock
-from firmware_bridge.loop import TICK
 from firmware_bridge.messages import State, VelocityCommand
-from firmware_bridge.navigator import Navigator, Task
-from firmware_bridge.planner import Predict, unicycle_arc
-from kmpc_lite.control.obstacles import circle_distances
+from firmware_bridge.runtime.controller_thread import Predict, unicycle_arc
+from firmware_bridge.runtime.loop import TICK
+from firmware_bridge.runtime.navigator import Navigator, Task
+from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.sim import Outcome, Run, Scenario
 from kmpc_lite.sim.twin import Twin
 
@@ -49,7 +49,9 @@ class Contender:
     def build(self, scenario: Scenario) -> Any:
         """Make the controller."""
         u_max = np.array(self.u_max)
-        base = kl.NavigationProblem(dt=self.model.dt, horizon=self.horizon, u_min=-u_max, u_max=u_max)
+        base = kl.NavigationProblem(
+            dt=self.model.dt, horizon=self.horizon, u_min=-u_max, u_max=u_max
+        )
         problem = scenario.problem(base)
         if self.solver == "ipopt":
             from kmpc_lite.peers.ipopt import IpoptController
@@ -72,7 +74,11 @@ class Trial:
     def surprises(self) -> np.ndarray:
         """How far each planned heading was off one period later, while moving [rad]; after a change of the floor, from `LEARNING` on."""
         run = self.run
-        first = round((run.scenario.ground_changes[-1][0] + LEARNING) / run.dt) if run.scenario.ground_changes else 0
+        first = (
+            round((run.scenario.ground_changes[-1][0] + LEARNING) / run.dt)
+            if run.scenario.ground_changes
+            else 0
+        )
         errors = run.plans[:, 1, 2] - run.states[1 : len(run.plans) + 1, 2]
         moving = np.abs(run.inputs).max(axis=1) > STANDING
         moving[:first] = False
@@ -114,24 +120,39 @@ def carry_with(model: kl.KoopmanModel) -> Predict:
 def drive_trial(contender: Contender, scenario: Scenario, setup: Setup, seed: int) -> Trial:
     """Drive a scenario with one seed, of pose noise and delays; the robot is the setup's.
 
-    A drive ends in a collision (four sub-samples a period or more, by the scenario's circles), when the goal is held, or when time is up.
+    A drive ends in a collision (four sub-samples a period or more, by the scenario's circles), when
+    the goal is held, or when time is up.
     """
     scenario = replace(scenario, seed=seed)
     noise = scenario.pose_noise
-    setup = replace(setup, period=contender.model.dt, mocap=replace(setup.mocap, noise=noise[0], heading_noise=noise[2]))
+    setup = replace(
+        setup,
+        period=contender.model.dt,
+        mocap=replace(setup.mocap, noise=noise[0], heading_noise=noise[2]),
+    )
     twin, clock = Twin.of(scenario, setup.robot), ManualClock()
     controller = contender.build(scenario)
     circles = scenario.circles_at(0.0)
     plans: list[Any] = []
 
     def step(pose: tuple[float, float, float], around: Any) -> tuple[float, float, str]:
-        told = {"sent": navigator.held() or (math.nan, math.nan)} if isinstance(controller, kl.Controller) else {}
+        told = (
+            {"sent": navigator.held() or (math.nan, math.nan)}
+            if isinstance(controller, kl.Controller)
+            else {}
+        )
         plan = controller.step(pose, scenario.goal, around, **told)
         if drive.driving:
             plans.append(plan)
         return float(plan.command[0]), float(plan.command[1]), plan.status.name
 
-    task = Task(scenario.goal, contender.tolerance + 3.0 * noise[0], 0.05 + 3.0 * noise[2], scenario.radius, scenario.circles_at)
+    task = Task(
+        scenario.goal,
+        contender.tolerance + 3.0 * noise[0],
+        0.05 + 3.0 * noise[2],
+        scenario.radius,
+        scenario.circles_at,
+    )
     navigator = Navigator(step, task, contender.seconds, scenario.timeout, clock)
 
     def planner(state: State) -> VelocityCommand:
@@ -151,15 +172,35 @@ def drive_trial(contender: Contender, scenario: Scenario, setup: Setup, seed: in
 
     path = drive.run(finished)
     collided = gaps[-1] < 0.0 or twin.touched is not None
-    outcome = Outcome.COLLISION if collided else Outcome.REACHED if navigator.arrived_after is not None else Outcome.TIMEOUT
+    outcome = (
+        Outcome.COLLISION
+        if collided
+        else Outcome.REACHED
+        if navigator.arrived_after is not None
+        else Outcome.TIMEOUT
+    )
     x, y, _ = drive.rest(REST)
     run = _as_run(scenario, contender.model.dt, outcome, path, plans, min(gaps))
-    run.info["arrival_s"] = None if navigator.arrived_after is None else round(navigator.arrived_after, 2)
+    run.info["arrival_s"] = (
+        None if navigator.arrived_after is None else round(navigator.arrived_after, 2)
+    )
     run.info["statuses"] = dict(navigator.statuses)
-    return Trial(contender.label, run, twin.touched is not None, float(np.hypot(x - scenario.goal[0], y - scenario.goal[1])))
+    return Trial(
+        contender.label,
+        run,
+        twin.touched is not None,
+        float(np.hypot(x - scenario.goal[0], y - scenario.goal[1])),
+    )
 
 
-def _as_run(scenario: Scenario, dt: float, outcome: Outcome, path: np.ndarray, plans: list[Any], clearance: float) -> Run:
+def _as_run(
+    scenario: Scenario,
+    dt: float,
+    outcome: Outcome,
+    path: np.ndarray,
+    plans: list[Any],
+    clearance: float,
+) -> Run:
     """Put a drive into the form that pictures are made of: whole periods, the last one filled up by standing still."""
     every = round(dt / TICK)
     periods = max(1, -(-(len(path) - 1) // every))
@@ -183,7 +224,11 @@ def _as_run(scenario: Scenario, dt: float, outcome: Outcome, path: np.ndarray, p
 
 
 def repeat(
-    contenders: list[Contender], scenarios: list[Scenario], setup: Setup, seeds: list[int], progress: Callable[[int, int], None]
+    contenders: list[Contender],
+    scenarios: list[Scenario],
+    setup: Setup,
+    seeds: list[int],
+    progress: Callable[[int, int], None],
 ) -> list[Trial]:
     """Drive every contender in every scenario with every seed."""
     trials = []

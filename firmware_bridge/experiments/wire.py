@@ -1,7 +1,8 @@
 """A RoboClaw robot on a clock that is turned by hand: the frames of `RoboClawDriver`, without its thread.
 
-The driver waits for replies in a thread of its own and on real time. Here each frame is handed to the emulated board at once, so that an
-hour of driving takes minutes; a test holds the frames of both against each other.
+The driver waits for replies in a thread of its own and on real time. Here each frame is handed to
+the emulated board at once, so that an hour of driving takes minutes; a test holds the frames of
+both against each other.
 """
 
 from __future__ import annotations
@@ -13,10 +14,17 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from firmware_bridge.drivers.roboclaw import COUNTS, DUTY, RAW_SPEEDS, SET_TIMEOUT, SPEED, RoboClawOptions
+from firmware_bridge.drivers.roboclaw import (
+    COUNTS,
+    DUTY,
+    RAW_SPEEDS,
+    SET_TIMEOUT,
+    SPEED,
+    RoboClawOptions,
+)
 from firmware_bridge.emulator.mocap import Mocap
 from firmware_bridge.emulator.roboclaw import RoboClawEmulator
-from firmware_bridge.framing import RoboClawReplies, roboclaw_packet, roboclaw_request
+from firmware_bridge.link.framing import RoboClawReplies, roboclaw_packet, roboclaw_request
 from firmware_bridge.messages import LinkError, LinkStatus, State
 
 POLL = 0.1
@@ -66,9 +74,21 @@ class WiredRoboClaw:
     """
 
     def __init__(
-        self, board: RoboClawEmulator, options: RoboClawOptions, mocap: Mocap, clock: Callable[[], float], network: Network, seed: int
+        self,
+        board: RoboClawEmulator,
+        options: RoboClawOptions,
+        mocap: Mocap,
+        clock: Callable[[], float],
+        network: Network,
+        seed: int,
     ) -> None:
-        self._board, self._options, self._mocap, self._clock, self._network = board, options, mocap, clock, network
+        self._board, self._options, self._mocap, self._clock, self._network = (
+            board,
+            options,
+            mocap,
+            clock,
+            network,
+        )
         self._random = random.Random(seed)
         self._replies = RoboClawReplies()
         self._coming: deque[tuple[float, bytes]] = deque()
@@ -84,7 +104,9 @@ class WiredRoboClaw:
         """Stop the board and set its watchdog."""
         self._ask(roboclaw_packet(self._options.address, SPEED, bytes(8)), SPEED, 0)
         watchdog = math.ceil(round(self._options.watchdog * 10.0, 6))
-        self._ask(roboclaw_packet(self._options.address, SET_TIMEOUT, bytes((watchdog,))), SET_TIMEOUT, 0)
+        self._ask(
+            roboclaw_packet(self._options.address, SET_TIMEOUT, bytes((watchdog,))), SET_TIMEOUT, 0
+        )
         self.work()
 
     def work(self) -> None:
@@ -96,7 +118,9 @@ class WiredRoboClaw:
             self._polled = now
             address = self._options.address
             self._ask(roboclaw_request(address, COUNTS), COUNTS, 8)
-            first, second = struct.unpack(">ii", self._ask(roboclaw_request(address, RAW_SPEEDS), RAW_SPEEDS, 8))
+            first, second = struct.unpack(
+                ">ii", self._ask(roboclaw_request(address, RAW_SPEEDS), RAW_SPEEDS, 8)
+            )
             turns = first / self._options.counts_per_turn, second / self._options.counts_per_turn
             self._speeds = self._board.geometry.body(*self._board.geometry.from_channels(*turns))
         for stamp, (x, y, theta) in self._mocap.look(now, self._board.pose):
@@ -116,7 +140,11 @@ class WiredRoboClaw:
         left, right = self._board.geometry.wheels(v, omega)
         per_turn = self._options.counts_per_turn
         first, second = self._board.geometry.to_channels(left, right)
-        frame = roboclaw_packet(self._options.address, SPEED, struct.pack(">ii", round(first * per_turn), round(second * per_turn)))
+        frame = roboclaw_packet(
+            self._options.address,
+            SPEED,
+            struct.pack(">ii", round(first * per_turn), round(second * per_turn)),
+        )
         now, net = self._clock(), self._network
         if now - self._drawn >= net.period - 1e-9:
             self._drawn, self._delay = now, self._random.uniform(net.shortest, net.longest)
@@ -124,7 +152,9 @@ class WiredRoboClaw:
             self._ask(frame, SPEED, 0)
             return
         due = now + self._delay
-        while self._coming and self._coming[-1][0] > due:  # overtaken on the way: the newer one counts
+        while (
+            self._coming and self._coming[-1][0] > due
+        ):  # overtaken on the way: the newer one counts
             self._coming.pop()
         self._coming.append((due, frame))
 

@@ -3,4 +3,13 @@
 from kmpc_lite.bench.contenders import Contender, contenders, full, full_contenders, plain
 from kmpc_lite.bench.measure import Measurement, format_measurements, measure
 
-__all__ = ["Contender", "Measurement", "contenders", "full", "full_contenders", "format_measurements", "measure", "plain"]
+__all__ = [
+    "Contender",
+    "Measurement",
+    "contenders",
+    "full",
+    "full_contenders",
+    "format_measurements",
+    "measure",
+    "plain",
+]

@@ -9,7 +9,7 @@ from typing import Any
 
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.model import KoopmanModel
+from kmpc_lite.model.koopman import KoopmanModel
 
 Build = Callable[[KoopmanModel, NavigationProblem, int], Any]
 
@@ -38,7 +38,9 @@ def full(model: KoopmanModel, problem: NavigationProblem, obstacles: int = 0) ->
 
 
 def _converged(model: KoopmanModel, problem: NavigationProblem, obstacles: int) -> Any:
-    return Controller(model, problem, guidance=False, tightening=None, sqp_iterations=200, tolerance=1e-6)
+    return Controller(
+        model, problem, guidance=False, tightening=None, sqp_iterations=200, tolerance=1e-6
+    )
 
 
 def _casadi(solver: str) -> Build:
@@ -73,9 +75,16 @@ def contenders() -> list[Contender]:
 
 def full_contenders() -> list[Contender]:
     """Ours with everything on, beside what is compared to it: on the states of its own drives."""
-    return [Contender("ours, full step", full), Contender("CasADi + IPOPT", _casadi("ipopt"), without_casadi())]
+    return [
+        Contender("ours, full step", full),
+        Contender("CasADi + IPOPT", _casadi("ipopt"), without_casadi()),
+    ]
 
 
 def without_casadi() -> str:
     """Say why CasADi cannot take part; empty if it can."""
-    return "" if importlib.util.find_spec("casadi") else "CasADi is not installed: pip install 'kmpc-lite[peers]'"
+    return (
+        ""
+        if importlib.util.find_spec("casadi")
+        else "CasADi is not installed: pip install 'kmpc-lite[peers]'"
+    )

@@ -12,14 +12,15 @@ import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.regression import Method, fit
-from kmpc_lite.sim.robots import DifferentialDrive, generate_dataset
+from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
 
 STEPS = 1000
 """Of each episode."""
 COLUMNS = 20
 """Of the bare product: the paper's regressor."""
 REPEATS = 5
-"""Of everything, in turns; the shortest time counts: what the machine can do when nothing else asks for it."""
+"""Of everything, in turns; the shortest time counts: what the machine can do when nothing else asks
+for it."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,9 @@ def memory_growth(data: Dataset, method: Method) -> float:
         tracemalloc.stop()
 
 
-def fit_costs(episodes: int = 1000, progress: Callable[[int, int], None] | None = None) -> list[FitCost]:
+def fit_costs(
+    episodes: int = 1000, progress: Callable[[int, int], None] | None = None
+) -> list[FitCost]:
     """Time and memory of both methods on `episodes` drives of `STEPS` steps."""
     data = generate_dataset(DifferentialDrive(), episodes=episodes, steps=STEPS, dt=0.1, seed=0)
     rows = np.random.default_rng(8).normal(size=(data.steps, COLUMNS))
@@ -71,7 +74,9 @@ def fit_costs(episodes: int = 1000, progress: Callable[[int, int], None] | None 
             progress(done + 1, total)
     costs = []
     for done, method in enumerate(methods, REPEATS + 1):
-        costs.append(FitCost(method, data.steps, min(spent[method]), min(bare), memory_growth(data, method)))
+        costs.append(
+            FitCost(method, data.steps, min(spent[method]), min(bare), memory_growth(data, method))
+        )
         if progress is not None:
             progress(done, total)
     return costs
@@ -79,8 +84,13 @@ def fit_costs(episodes: int = 1000, progress: Callable[[int, int], None] | None 
 
 def format_fit_costs(costs: list[FitCost]) -> str:
     """Render a line per method."""
-    lines = [f"fitting {costs[0].samples:,} samples; a bare Gram product of as many rows of {COLUMNS} takes {costs[0].bare_seconds:.3f} s"]
-    lines += [f"  {c.method:<9} {c.seconds:7.3f} s, {c.ratio:5.1f} times that, {c.growth:5.1f} MB beyond the data" for c in costs]
+    lines = [
+        f"fitting {costs[0].samples:,} samples; a bare Gram product of as many rows of {COLUMNS} takes {costs[0].bare_seconds:.3f} s"
+    ]
+    lines += [
+        f"  {c.method:<9} {c.seconds:7.3f} s, {c.ratio:5.1f} times that, {c.growth:5.1f} MB beyond the data"
+        for c in costs
+    ]
     return "\n".join(lines)
 
 

@@ -15,9 +15,9 @@ import numpy as np
 from kmpc_lite.bench.measure import SLIP, free_pose, random_circles
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.model import KoopmanModel
+from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.realtime import DeadlineLoop, Histogram, prepare_process
-from kmpc_lite.sim.robots import DifferentialDrive
+from kmpc_lite.sim.plants.robots import DifferentialDrive
 
 ANYTIME_PASSES = 100
 """Passes that a step with a budget may make: more than it will ever have time for."""
@@ -51,14 +51,20 @@ class LoopResult:
             "rate_hz": self.rate,
             "ticks": self.ticks,
             "setup": self.setup,
-            **{name: {k: 1e3 * v for k, v in getattr(self, name).summary().items()} for name in ("lateness", "response", "steps")},
+            **{
+                name: {k: 1e3 * v for k, v in getattr(self, name).summary().items()}
+                for name in ("lateness", "response", "steps")
+            },
             "share_of_commands_after_their_period": self.response.share_above(period),
             "skipped_periods": self.skipped,
             "statuses": self.statuses,
             **(
                 {}
                 if self.budget is None
-                else {"budget_ms": 1e3 * self.budget, "share_of_steps_over_budget": self.steps.share_above(self.budget)}
+                else {
+                    "budget_ms": 1e3 * self.budget,
+                    "share_of_steps_over_budget": self.steps.share_above(self.budget),
+                }
             ),
         }
 
@@ -67,12 +73,23 @@ class LoopResult:
         d = self.as_dict()
         lines = [*self.setup, f"{self.ticks} periods at {self.rate:g} Hz, {self.skipped} skipped"]
         lines.append(f"{'':<34}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9} [ms]")
-        for name, text in (("lateness", "period begins late by"), ("steps", "Controller.step"), ("response", "deadline to command")):
-            lines.append(f"{text:<34}" + "".join(f"{d[name][k]:9.3f}" for k in ("p50", "p99", "p99.9", "max")))
-        lines.append(f"commands that came after their period: {100 * d['share_of_commands_after_their_period']:.4f} %; {self.statuses}")
+        for name, text in (
+            ("lateness", "period begins late by"),
+            ("steps", "Controller.step"),
+            ("response", "deadline to command"),
+        ):
+            lines.append(
+                f"{text:<34}"
+                + "".join(f"{d[name][k]:9.3f}" for k in ("p50", "p99", "p99.9", "max"))
+            )
+        lines.append(
+            f"commands that came after their period: {100 * d['share_of_commands_after_their_period']:.4f} %; {self.statuses}"
+        )
         if self.budget is not None:
             over, p999 = d["share_of_steps_over_budget"], d["steps"]["p99.9"] / d["budget_ms"]
-            lines.append(f"budget of {d['budget_ms']:g} ms: {100 * over:.3f} % of the steps took longer, p99.9 is {p999:.2f} of it")
+            lines.append(
+                f"budget of {d['budget_ms']:g} ms: {100 * over:.3f} % of the steps took longer, p99.9 is {p999:.2f} of it"
+            )
         return "\n".join(lines)
 
 
@@ -117,7 +134,8 @@ def run_loop(
     Parameters
     ----------
     model, problem
-        Every tick of the loop is one period of the problem: at 100 Hz a robot with dt = 0.1 s lives ten times as fast.
+        Every tick of the loop is one period of the problem: at 100 Hz a robot with dt = 0.1 s lives
+        ten times as fast.
     rate, seconds : float
         Of the loop [Hz], [s].
     seed : int
@@ -135,7 +153,9 @@ def run_loop(
     x, goal = free_pose(random, circles), free_pose(random, circles)
     # a budget means something where there is more to do than it allows
     passes = 1 if budget is None else ANYTIME_PASSES
-    controller = Controller(model, problem, sqp_iterations=passes, tolerance=1e-9, time_budget=budget)
+    controller = Controller(
+        model, problem, sqp_iterations=passes, tolerance=1e-9, time_budget=budget
+    )
     plant = DifferentialDrive(SLIP, seed=seed)
     controller.step(x, goal, circles)
     response, steps = Histogram(), Histogram()
@@ -155,4 +175,6 @@ def run_loop(
                 goal = free_pose(random, circles)
             if ticks % int(max(rate, 1)) == 0:
                 progress(int(tick.index / rate), int(seconds))
-    return LoopResult(rate, ticks, setup, loop.lateness, response, steps, loop.skipped, statuses, budget)
+    return LoopResult(
+        rate, ticks, setup, loop.lateness, response, steps, loop.skipped, statuses, budget
+    )

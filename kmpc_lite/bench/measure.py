@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.bench.contenders import Build, Contender, full, plain
-from kmpc_lite.control.obstacles import circle_distances
+from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.dictionary import Array
 from kmpc_lite.learn.regression import fit
-from kmpc_lite.model import KoopmanModel
-from kmpc_lite.sim.robots import DifferentialDrive, generate_dataset
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
+from kmpc_lite.types import Array
 
 SLIP = 0.05
 TUNING_SEED, REPORTING_SEED = 7_000, 700_000
@@ -63,12 +63,23 @@ class Measurement:
         return {
             "name": self.name,
             "steps": len(t),
-            "ms": {"p50": np.quantile(t, 0.5), "p99": np.quantile(t, 0.99), "p99.9": np.quantile(t, 0.999), "max": t.max()},
+            "ms": {
+                "p50": np.quantile(t, 0.5),
+                "p99": np.quantile(t, 0.99),
+                "p99.9": np.quantile(t, 0.999),
+                "max": t.max(),
+            },
             "cold_ms": {"p50": 1e3 * float(np.median(self.cold)), "max": 1e3 * max(self.cold)},
             "phases_ms": {k: 1e3 * float(np.median(v)) for k, v in self.phases.items()},
             "cost_median": float(np.median(self.cost)),
-            "violation_mm": {"p99": 1e3 * float(np.quantile(self.violation, 0.99)), "max": 1e3 * max(self.violation)},
-            "defect_mm": {"p99": 1e3 * float(np.quantile(self.defect, 0.99)), "max": 1e3 * max(self.defect)},
+            "violation_mm": {
+                "p99": 1e3 * float(np.quantile(self.violation, 0.99)),
+                "max": 1e3 * max(self.violation),
+            },
+            "defect_mm": {
+                "p99": 1e3 * float(np.quantile(self.defect, 0.99)),
+                "max": 1e3 * max(self.defect),
+            },
             "unsolved": self.unsolved,
             "memory_mb": self.memory,
         }
@@ -95,12 +106,21 @@ def free_pose(random: np.random.Generator, circles: Array, half: float = 1.8) ->
     """Pose (3,) at least 0.1 m clear of the obstacles."""
     while True:
         pose = np.array([*random.uniform(-half, half, 2), random.uniform(-np.pi, np.pi)])
-        if not len(circles) or (np.hypot(*(circles[:, :2] - pose[:2]).T) > circles[:, 2] + 0.25).all():
+        if (
+            not len(circles)
+            or (np.hypot(*(circles[:, :2] - pose[:2]).T) > circles[:, 2] + 0.25).all()
+        ):
             return pose
 
 
 def record(
-    model: KoopmanModel, problem: NavigationProblem, drives: int, steps: int, obstacles: int, seed: int, build: Build = plain
+    model: KoopmanModel,
+    problem: NavigationProblem,
+    drives: int,
+    steps: int,
+    obstacles: int,
+    seed: int,
+    build: Build = plain,
 ) -> list[Drive]:
     """Drive random maps with one of our controllers and keep the states, for all contenders to plan from."""
     recorded = []
@@ -155,7 +175,14 @@ def measure(
     return results
 
 
-def _run(controller: Any, timed: str, drive: Drive, model: KoopmanModel, problem: NavigationProblem, result: Measurement) -> None:
+def _run(
+    controller: Any,
+    timed: str,
+    drive: Drive,
+    model: KoopmanModel,
+    problem: NavigationProblem,
+    result: Measurement,
+) -> None:
     """One contender over one drive: first all steps, then the looking at what they found."""
     controller.reset()
     plans = [controller.step(x, drive.goal, drive.circles) for x in drive.states]
@@ -171,7 +198,9 @@ def _run(controller: Any, timed: str, drive: Drive, model: KoopmanModel, problem
         goal[2] = x[2] + np.remainder(goal[2] - x[2] + np.pi, 2 * np.pi) - np.pi
         result.cost.append(problem.cost(plan.states, plan.inputs, goal))
         result.violation.append(violation(plan.states, drive.circles, problem))
-        result.defect.append(float(np.abs(model.predict(plan.states[:-1], plan.inputs) - plan.states[1:]).max()))
+        result.defect.append(
+            float(np.abs(model.predict(plan.states[:-1], plan.inputs) - plan.states[1:]).max())
+        )
 
 
 def violation(states: Array, circles: Array, problem: NavigationProblem) -> float:
@@ -186,12 +215,21 @@ def violation(states: Array, circles: Array, problem: NavigationProblem) -> floa
 
 
 def scaling(
-    model: KoopmanModel, seed: int, drives: int, progress: Callable[[int, int], None] = lambda done, total: None
+    model: KoopmanModel,
+    seed: int,
+    drives: int,
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict[str, Any]]:
     """Median and p99 of a full step by horizon, with 4 obstacles, and by obstacles, with N = 20; takes turns drive by drive."""
     cases = [(n, 4) for n in (10, 20, 50, 100, 200)] + [(20, m) for m in (1, 16, 64)]
-    problems = [NavigationProblem(horizon=n, x_min=(-8.0, -8.0, -np.inf), x_max=(8.0, 8.0, np.inf)) for n, _ in cases]
-    recorded = [record(model, p, drives, 40, m, seed, full) for p, (_, m) in zip(problems, cases, strict=True)]
+    problems = [
+        NavigationProblem(horizon=n, x_min=(-8.0, -8.0, -np.inf), x_max=(8.0, 8.0, np.inf))
+        for n, _ in cases
+    ]
+    recorded = [
+        record(model, p, drives, 40, m, seed, full)
+        for p, (_, m) in zip(problems, cases, strict=True)
+    ]
     controllers = [full(model, p) for p in problems]
     times: list[list[float]] = [[] for _ in cases]
     for i in range(drives):
@@ -202,7 +240,11 @@ def scaling(
             times[j] += [plan.timing["total"] for plan in plans[1:]]
         progress(i + 1, drives)
     return [
-        {"horizon": n, "obstacles": m, "ms": {"p50": 1e3 * float(np.median(t)), "p99": 1e3 * float(np.quantile(t, 0.99))}}
+        {
+            "horizon": n,
+            "obstacles": m,
+            "ms": {"p50": 1e3 * float(np.median(t)), "p99": 1e3 * float(np.quantile(t, 0.99))},
+        }
         for (n, m), t in zip(cases, times, strict=True)
     ]
 
@@ -210,7 +252,9 @@ def scaling(
 def format_scaling(rows: Sequence[dict[str, Any]]) -> str:
     """Render `scaling` as a table; ratios are to N = 20 with 4 obstacles."""
     base = next(r["ms"] for r in rows if (r["horizon"], r["obstacles"]) == (20, 4))
-    lines = [f"{'horizon':>8}{'obstacles':>10}{'p50':>9}{'p99':>9} [ms]{'p50':>8}{'p99':>8} x (20, 4)"]
+    lines = [
+        f"{'horizon':>8}{'obstacles':>10}{'p50':>9}{'p99':>9} [ms]{'p50':>8}{'p99':>8} x (20, 4)"
+    ]
     for r in rows:
         t = r["ms"]
         lines.append(
@@ -227,16 +271,19 @@ def import_times(repeats: int = 5) -> dict[str, float]:
     times: dict[str, list[float]] = {name: [] for name in what}
     for _ in range(repeats):
         for name, modules in what.items():
-            done = subprocess.run([sys.executable, "-c", code.format(modules)], capture_output=True, text=True, check=True)
+            done = subprocess.run(
+                [sys.executable, "-c", code.format(modules)],
+                capture_output=True,
+                text=True,
+                check=True,
+            )
             times[name].append(float(done.stdout))
     return {name: float(np.median(values)) for name, values in times.items()}
 
 
 def format_measurements(results: Sequence[Measurement]) -> str:
     """Render a table; ratios are of the medians, and of p99, to the first row's."""
-    head = (
-        f"{'':<18}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9} [ms]{'p50':>7}{'p99':>7} x first{'cost':>9}{'violation':>11}{'defect':>9} [mm]"
-    )
+    head = f"{'':<18}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9} [ms]{'p50':>7}{'p99':>7} x first{'cost':>9}{'violation':>11}{'defect':>9} [mm]"
     lines = [head + f"{'unsolved':>10}"]
     first = results[0].as_dict()["ms"]
     for result in results:

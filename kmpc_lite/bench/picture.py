@@ -22,7 +22,15 @@ def write_bench_picture(path: Path, results: Sequence[Measurement]) -> None:
             share = 1.0 - np.arange(len(times)) / len(times)
             every = max(1, len(times) // 8)
             handles += axes.step(
-                times, share, where="post", color=colour, linestyle=line, marker=marker, markevery=every, markersize=4, label=result.name
+                times,
+                share,
+                where="post",
+                color=colour,
+                linestyle=line,
+                marker=marker,
+                markevery=every,
+                markersize=4,
+                label=result.name,
             )
         axes.set_xscale("log")
         axes.set_yscale("log")

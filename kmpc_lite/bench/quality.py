@@ -11,8 +11,8 @@ import numpy as np
 from kmpc_lite.bench.measure import Drive, violation
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.dictionary import Array
-from kmpc_lite.model import KoopmanModel
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.types import Array
 
 PASSES, TOLERANCE = 200, 1e-6
 """Of ours: passes at the most, and the change that ends them."""
@@ -65,11 +65,20 @@ def compare(
     """
     from kmpc_lite.peers.ipopt import IpoptController
 
-    ours = Controller(model, problem, guidance=False, tightening=None, adaptation=False, sqp_iterations=PASSES, tolerance=TOLERANCE)
+    ours = Controller(
+        model,
+        problem,
+        guidance=False,
+        tightening=None,
+        adaptation=False,
+        sqp_iterations=PASSES,
+        tolerance=TOLERANCE,
+    )
     peer, rows = IpoptController(model, problem), []
     for i, drive in enumerate(drives):
         for k, state in enumerate(drive.states):
-            # a learned model need not be the same a turn further on: both get the heading that ours would make of it
+            # a learned model need not be the same a turn further on: both get the heading that ours
+            # would make of it
             x = np.append(state[:2], (state[2] + np.pi) % (2 * np.pi) - np.pi)
             ours.reset()
             peer.reset()
@@ -78,7 +87,9 @@ def compare(
     return rows
 
 
-def _judge(i: int, k: int, x: Array, drive: Drive, ours: Any, peer: Any, problem: NavigationProblem) -> Comparison:
+def _judge(
+    i: int, k: int, x: Array, drive: Drive, ours: Any, peer: Any, problem: NavigationProblem
+) -> Comparison:
     plans = [controller.step(x, drive.goal, drive.circles) for controller in (ours, peer)]
     goal = drive.goal.copy()
     goal[2] = x[2] + np.remainder(goal[2] - x[2] + np.pi, 2 * np.pi) - np.pi
@@ -109,16 +120,27 @@ def as_dicts(rows: Sequence[Comparison]) -> list[dict[str, Any]]:
 def format_comparison(rows: Sequence[Comparison]) -> str:
     """Render the counts of the verdicts, and the quantiles of the excess where both plans are feasible."""
     count = len(rows)
-    lines = [f"{count} states, each planned from a standing robot, ours to convergence against CasADi + IPOPT"]
+    lines = [
+        f"{count} states, each planned from a standing robot, ours to convergence against CasADi + IPOPT"
+    ]
     for verdict, meaning in VERDICTS.items():
         number = sum(row.verdict == verdict for row in rows)
         if number:
             lines.append(f"  {verdict:<16}{number:>6}  {100 * number / count:5.1f} %  {meaning}")
     judged = [row for row in rows if row.verdict not in ("starts inside", "IPOPT failed")]
     if judged:
-        excess, inside = np.array([row.excess for row in judged]), np.array([row.violation for row in judged])
+        excess, inside = (
+            np.array([row.excess for row in judged]),
+            np.array([row.violation for row in judged]),
+        )
         good = sum(row.verdict == "as good" for row in judged)
-        lines.append(f"as good on {good} of the {len(judged)} states on which IPOPT has a feasible plan: {100 * good / len(judged):.1f} %")
-        lines.append(f"excess of the cost: median {np.median(excess):.1e}, p99 {np.quantile(excess, 0.99):.1e}, max {excess.max():.1e}")
-        lines.append(f"violation: p99 {1e3 * np.quantile(inside, 0.99):.3f} mm, max {1e3 * inside.max():.3f} mm")
+        lines.append(
+            f"as good on {good} of the {len(judged)} states on which IPOPT has a feasible plan: {100 * good / len(judged):.1f} %"
+        )
+        lines.append(
+            f"excess of the cost: median {np.median(excess):.1e}, p99 {np.quantile(excess, 0.99):.1e}, max {excess.max():.1e}"
+        )
+        lines.append(
+            f"violation: p99 {1e3 * np.quantile(inside, 0.99):.3f} mm, max {1e3 * inside.max():.3f} mm"
+        )
     return "\n".join(lines)

@@ -1,7 +1,7 @@
 """The study behind the solver's settings: what each costs and what it gives, on tuning drives.
 
-Plans are judged by the commands that they hold: rolled out by the model, their objective with penalties against that of a plan
-that was run to convergence from the same state.
+Plans are judged by the commands that they hold: rolled out by the model, their objective with
+penalties against that of a plan that was run to convergence from the same state.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from kmpc_lite.bench.measure import Drive, violation
-from kmpc_lite.control import sqp
 from kmpc_lite.control.controller import Controller
-from kmpc_lite.control.osqp_workspace import OSQPWorkspace, QPStatus
+from kmpc_lite.control.nmpc import sqp
+from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace, QPStatus
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.dictionary import Array
-from kmpc_lite.model import KoopmanModel
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.types import Array
 
 
 @dataclass(frozen=True)
@@ -63,14 +63,28 @@ def settings_study(
     Returns
     -------
     list of dict
-        One for each variant: iterations of OSQP, time of its solve [ms], excess of the objective over the converged plan's, violation [mm].
+        One for each variant: iterations of OSQP, time of its solve [ms], excess of the objective
+        over the converged plan's, violation [mm].
     """
-    rows: list[dict[str, list[float]]] = [{"iterations": [], "solve": [], "excess": [], "violation": []} for _ in variants]
-    best = Controller(model, problem, guidance=False, tightening=None, sqp_iterations=100, tolerance=1e-4, obstacle_slots=8)
+    rows: list[dict[str, list[float]]] = [
+        {"iterations": [], "solve": [], "excess": [], "violation": []} for _ in variants
+    ]
+    best = Controller(
+        model,
+        problem,
+        guidance=False,
+        tightening=None,
+        sqp_iterations=100,
+        tolerance=1e-4,
+        obstacle_slots=8,
+    )
     controllers = [_controller(model, problem, variant) for variant in variants]
     for i, drive in enumerate(drives):
         best.reset()
-        converged = [_judge(best.step(x, drive.goal, drive.circles).inputs, x, drive, model, problem)[0] for x in drive.states]
+        converged = [
+            _judge(best.step(x, drive.goal, drive.circles).inputs, x, drive, model, problem)[0]
+            for x in drive.states
+        ]
         for controller, row in zip(controllers, rows, strict=True):
             controller.reset()
             for k, x in enumerate(drive.states):
@@ -83,7 +97,10 @@ def settings_study(
                     row["excess"].append(objective / converged[k] - 1.0)
                     row["violation"].append(1e3 * inside)
         progress(i + 1, len(drives))
-    return [{"name": v.name, **{key: _quantiles(values) for key, values in row.items()}} for v, row in zip(variants, rows, strict=True)]
+    return [
+        {"name": v.name, **{key: _quantiles(values) for key, values in row.items()}}
+        for v, row in zip(variants, rows, strict=True)
+    ]
 
 
 class _Counting(Controller):
@@ -95,7 +112,11 @@ class _Counting(Controller):
 def _controller(model: KoopmanModel, problem: NavigationProblem, variant: Variant) -> _Counting:
     kept, sqp.REAL_TIME = sqp.REAL_TIME, {**sqp.REAL_TIME, **variant.osqp}
     try:
-        asked = problem if variant.slack_weights is None else replace(problem, slack_weights=variant.slack_weights)
+        asked = (
+            problem
+            if variant.slack_weights is None
+            else replace(problem, slack_weights=variant.slack_weights)
+        )
         more = {} if variant.slots is None else {"obstacle_slots": variant.slots}
         controller = _Counting(model, asked, guidance=False, tightening=None, **more)  # type: ignore[arg-type]
     finally:
@@ -111,7 +132,9 @@ def _controller(model: KoopmanModel, problem: NavigationProblem, variant: Varian
     return controller
 
 
-def _judge(inputs: Array, x: Array, drive: Drive, model: KoopmanModel, problem: NavigationProblem) -> tuple[float, float]:
+def _judge(
+    inputs: Array, x: Array, drive: Drive, model: KoopmanModel, problem: NavigationProblem
+) -> tuple[float, float]:
     """Objective with penalties of what the commands do, and how deep they enter an obstacle [m]."""
     goal = drive.goal.copy()
     goal[2] = x[2] + np.remainder(goal[2] - x[2] + np.pi, 2 * np.pi) - np.pi
@@ -124,7 +147,9 @@ def _quantiles(values: Sequence[float]) -> dict[str, float]:
     return {f"p{p:g}": float(np.quantile(values, p / 100)) for p in (50, 90, 99)}
 
 
-def record_qps(model: KoopmanModel, problem: NavigationProblem, drives: Sequence[Drive]) -> list[tuple[Any, ...]]:
+def record_qps(
+    model: KoopmanModel, problem: NavigationProblem, drives: Sequence[Drive]
+) -> list[tuple[Any, ...]]:
     """QPs (P, q, A, lower, upper) that a plain controller meets, for other solvers to try."""
     controller = Controller(model, problem, guidance=False, tightening=None)
     qps: list[tuple[Any, ...]] = []
@@ -145,11 +170,13 @@ def record_qps(model: KoopmanModel, problem: NavigationProblem, drives: Sequence
     return qps
 
 
-def solver_study(qps: Sequence[tuple[Any, ...]], problem: NavigationProblem) -> list[dict[str, Any]]:
+def solver_study(
+    qps: Sequence[tuple[Any, ...]], problem: NavigationProblem
+) -> list[dict[str, Any]]:
     """Cold solves of recorded QPs by every solver that qpsolvers finds here, sparse, and condensed to the commands for dense ones.
 
-    OSQP's row is our workspace with no warm start. The error is the largest difference of the first command to OSQP's at a
-    tolerance of 1e-9.
+    OSQP's row is our workspace with no warm start. The error is the largest difference of the first
+    command to OSQP's at a tolerance of 1e-9.
     """
     import qpsolvers
 
@@ -157,9 +184,9 @@ def solver_study(qps: Sequence[tuple[Any, ...]], problem: NavigationProblem) -> 
     first = 3 * n
     exact = []
     for p, q, a, lower, upper in qps:
-        found = OSQPWorkspace(p, q, a, lower, upper, eps_abs=1e-9, eps_rel=1e-9, max_iter=50000).solve(
-            q, lower, upper, a.data, np.zeros(len(q)), np.zeros(len(lower))
-        )
+        found = OSQPWorkspace(
+            p, q, a, lower, upper, eps_abs=1e-9, eps_rel=1e-9, max_iter=50000
+        ).solve(q, lower, upper, a.data, np.zeros(len(q)), np.zeros(len(lower)))
         exact.append(found.x[first : first + 2] if found.status is QPStatus.SOLVED else None)
     rows = []
     workspace = OSQPWorkspace(*qps[0], **sqp.REAL_TIME)
@@ -170,10 +197,23 @@ def solver_study(qps: Sequence[tuple[Any, ...]], problem: NavigationProblem) -> 
         times.append(1e3 * (perf_counter() - begin))
         if true is not None:
             errors.append(float(np.abs(x[first : first + 2] - true).max()))
-    rows.append({"name": "osqp, ours, cold", "form": "sparse", "ms": _quantiles(times), "error": _quantiles(errors), "failed": 0})
+    rows.append(
+        {
+            "name": "osqp, ours, cold",
+            "form": "sparse",
+            "ms": _quantiles(times),
+            "error": _quantiles(errors),
+            "failed": 0,
+        }
+    )
     for name in qpsolvers.available_solvers:
         for form in ("sparse", "condensed"):
-            if form == "sparse" and name not in qpsolvers.sparse_solvers or form == "condensed" and name not in qpsolvers.dense_solvers:
+            if (
+                form == "sparse"
+                and name not in qpsolvers.sparse_solvers
+                or form == "condensed"
+                and name not in qpsolvers.dense_solvers
+            ):
                 continue
             times, errors, failed = [], [], 0
             for (p, q, a, lower, upper), true in zip(qps, exact, strict=True):
@@ -203,22 +243,39 @@ def solver_study(qps: Sequence[tuple[Any, ...]], problem: NavigationProblem) -> 
                     failed += 1
                 elif true is not None:
                     errors.append(float(np.abs(solution.x[place : place + 2] - true).max()))
-            rows.append({"name": name, "form": form, "ms": _quantiles(times), "error": _quantiles(errors or [np.nan]), "failed": failed})
+            rows.append(
+                {
+                    "name": name,
+                    "form": form,
+                    "ms": _quantiles(times),
+                    "error": _quantiles(errors or [np.nan]),
+                    "failed": failed,
+                }
+            )
     return rows
 
 
 def format_settings(rows: Sequence[dict[str, Any]], solvers: Sequence[dict[str, Any]]) -> str:
     """Render both studies as tables."""
-    lines = [f"{'':<22}{'OSQP iterations':>20}{'solve [ms]':>22}{'excess objective [%]':>26}{'violation [mm]':>18}"]
-    lines.append(f"{'':<22}{'p50':>7}{'p90':>6}{'p99':>7}{'p50':>8}{'p90':>7}{'p99':>7}{'p50':>10}{'p90':>8}{'p99':>8}{'p90':>9}{'p99':>9}")
+    lines = [
+        f"{'':<22}{'OSQP iterations':>20}{'solve [ms]':>22}{'excess objective [%]':>26}{'violation [mm]':>18}"
+    ]
+    lines.append(
+        f"{'':<22}{'p50':>7}{'p90':>6}{'p99':>7}{'p50':>8}{'p90':>7}{'p99':>7}{'p50':>10}{'p90':>8}{'p99':>8}{'p90':>9}{'p99':>9}"
+    )
     for r in rows:
         i, s, e, v = r["iterations"], r["solve"], r["excess"], r["violation"]
         lines.append(
             f"{r['name']:<22}{i['p50']:7.0f}{i['p90']:6.0f}{i['p99']:7.0f}{s['p50']:8.3f}{s['p90']:7.3f}{s['p99']:7.3f}"
             f"{100 * e['p50']:10.3f}{100 * e['p90']:8.2f}{100 * e['p99']:8.2f}{v['p90']:9.1f}{v['p99']:9.1f}"
         )
-    lines += ["", f"{'cold solves':<22}{'form':<12}{'p50':>8}{'p99':>8} [ms]  error of the first command p50, p99; failed"]
+    lines += [
+        "",
+        f"{'cold solves':<22}{'form':<12}{'p50':>8}{'p99':>8} [ms]  error of the first command p50, p99; failed",
+    ]
     for r in solvers:
         t, e = r["ms"], r["error"]
-        lines.append(f"{r['name']:<22}{r['form']:<12}{t['p50']:8.3f}{t['p99']:8.3f}       {e['p50']:.1e}, {e['p99']:.1e}; {r['failed']}")
+        lines.append(
+            f"{r['name']:<22}{r['form']:<12}{t['p50']:8.3f}{t['p99']:8.3f}       {e['p50']:.1e}, {e['p99']:.1e}; {r['failed']}"
+        )
     return "\n".join(lines)

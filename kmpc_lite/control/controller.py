@@ -11,39 +11,42 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.adaptation import OnlineAdaptation
-from kmpc_lite.border import SAME_DT
-from kmpc_lite.control.fallback import Fallback
-from kmpc_lite.control.goal import GoalReference
-from kmpc_lite.control.obstacles import circle_distances
-from kmpc_lite.control.osqp_workspace import QPStatus
-from kmpc_lite.control.past import Past
+from kmpc_lite.adaptation.online import OnlineAdaptation
+from kmpc_lite.control.estimation.command_history import CommandHistory
+from kmpc_lite.control.estimation.pose_age import advance_pose
+from kmpc_lite.control.guidance.goal_reference import GoalReference
+from kmpc_lite.control.input_checks import POSITION_LIMIT, are_plausible, is_plausible
+from kmpc_lite.control.margins.tightening import LATE_RISK, RISK, Tightening
+from kmpc_lite.control.nmpc.osqp_workspace import QPStatus
+from kmpc_lite.control.nmpc.sqp import COLD_PASSES, NEW_WAY_PASSES, SQP, SQPResult, Task, Trajectory
+from kmpc_lite.control.nmpc.warm_start import warm_start
+from kmpc_lite.control.obstacles.circles import circle_distances
+from kmpc_lite.control.obstacles.scene import Obstacles, Scene
 from kmpc_lite.control.plan import Plan, PlanStatus
-from kmpc_lite.control.pose_age import advance_pose
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.rates import RateLimit
-from kmpc_lite.control.sqp import COLD_PASSES, NEW_WAY_PASSES, SQP, SQPResult, Task, Trajectory
-from kmpc_lite.control.surroundings import Obstacles, Surroundings
-from kmpc_lite.control.tail import Tail, Tails
-from kmpc_lite.control.tightening import LATE_RISK, RISK, Tightening
-from kmpc_lite.control.usable import POSITION_LIMIT, are_usable, is_usable
-from kmpc_lite.control.warm_start import warm_start
-from kmpc_lite.dictionary import INPUTS, STATES, Array
+from kmpc_lite.control.rate_limit import RateLimit
+from kmpc_lite.control.safe_stop.backup import Backup
+from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectories, StopTrajectory
 from kmpc_lite.errors import ProblemError
-from kmpc_lite.model import KoopmanModel
+from kmpc_lite.files import SAME_DT
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.types import INPUTS, STATES, Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.guidance import Guide
-    from kmpc_lite.control.solids import Nearby, Solids
+    from kmpc_lite.control.guidance.guide import Guide
+    from kmpc_lite.control.obstacles.solids import Nearby, Solids
 
 OLDEST_POSE = 2.0
 """Of an older pose [s] nothing follows for the present one."""
 DEFECT = 0.05
-"""How far the model may contradict a plan over one period [m, rad] before its commands are rolled out anew."""
+"""How far the model may contradict a plan over one period [m, rad] before its commands are rolled
+out anew."""
 TOUCH = 0.02
-"""How deep such a rolled-out plan may cut into an obstacle [m] and still be driven, the rest being left to the next pass."""
+"""How deep such a rolled-out plan may cut into an obstacle [m] and still be driven, the rest being
+left to the next pass."""
 IN_REACH = 0.3
-"""Solids count as far as this beyond the reach of the fastest plan [m]: margins, and a pose that is not where it was thought."""
+"""Solids count as far as this beyond the reach of the fastest plan [m]: margins, and a pose that is
+not where it was thought."""
 GUIDE_SHARE = 1 / 3
 """Share of a time budget after which a search for a way is left to the next step."""
 AFTER_SOLVE = 5e-5
@@ -60,30 +63,35 @@ class Controller:
     problem : NavigationProblem, optional
         The paper's where not given.
     guidance : bool
-        Whether to steer along a way around the obstacles, park and hold at the goal, with weights that suit a reference. Without it
-        the goal itself is the reference, as in the paper, and the problem's weights are used.
+        Whether to steer along a way around the obstacles, park and hold at the goal, with weights
+        that suit a reference. Without it the goal itself is the reference, as in the paper, and the
+        problem's weights are used.
     tightening : {"learned", None}
-        Whether to keep margins from obstacles beyond the radii for what the model does not know: from its noise model, and for the
-        chord between samples. None is the paper.
+        Whether to keep margins from obstacles beyond the radii for what the model does not know:
+        from its noise model, and for the chord between samples. None is the paper.
     risk : float, optional
-        Probability that the margins are made for; `tightening.RISK` where not given, `LATE_RISK` for a model with input history.
+        Probability that the margins are made for; `tightening.RISK` where not given, `LATE_RISK`
+        for a model with input history.
     adaptation : bool or OnlineAdaptation, optional
-        Whether to correct the model while driving where the floor contradicts it: from the measured poses and the commands given.
-        Where not given, it runs where there are learned margins and the model is continuous. `adaptation.model` is the model now, to be
-        saved. One with options of its own must have been made for `model`.
+        Whether to correct the model while driving where the floor contradicts it: from the measured
+        poses and the commands given. Where not given, it runs where there are learned margins and
+        the model is continuous. `adaptation.model` is the model now, to be saved. One with options
+        of its own must have been made for `model`.
     pose_age : float
         How old the pose is on arrival [s]; it is brought forward with the commands given meanwhile.
     sqp_iterations : int
-        Passes per step: 1 is the real-time iteration, more run until the plan changes by less than `tolerance`.
+        Passes per step: 1 is the real-time iteration, more run until the plan changes by less than
+        `tolerance`.
     tolerance : float
         See above.
     time_budget : float, optional
-        Longest that a step may take [s]. Passes that would not end in time are not begun, and the QP solver is stopped;
-        what it has by then is used if it passes the checks (FEASIBLE).
+        Longest that a step may take [s]. Passes that would not end in time are not begun, and the
+        QP solver is stopped; what it has by then is used if it passes the checks (FEASIBLE).
     clock : callable
         Gives the time for budget and timing [s].
     obstacle_slots : int
-        How many obstacles and sides of the area each stage of the plan can be held away from: the nearest ones.
+        How many obstacles and sides of the area each stage of the plan can be held away from: the
+        nearest ones.
 
     Raises
     ------
@@ -116,13 +124,16 @@ class Controller:
         clock: Callable[[], float] = perf_counter,
     ) -> None:
         if not isinstance(model, KoopmanModel):
-            raise ProblemError(f"model: expected a KoopmanModel, got {type(model).__name__}; KoopmanModel.load(path) reads a file")
+            raise ProblemError(
+                f"model: expected a KoopmanModel, got {type(model).__name__}; KoopmanModel.load(path) reads a file"
+            )
         if adaptation is None:
             adaptation = tightening is not None and model.continuous
         self.adaptation = OnlineAdaptation(model) if adaptation is True else adaptation or None
         if self.adaptation is not None and self.adaptation.base is not model:
             raise ProblemError("adaptation: it was made for another model than the controller's")
-        # half the time of rk4, and far below what slip does; prediction, verification and fallback share it
+        # half the time of rk4, and far below what slip does; prediction, verification and fallback
+        # share it
         self.model = replace(model, integrator="midpoint")
         self.problem = NavigationProblem() if problem is None else problem
         if abs(model.dt - self.problem.dt) > SAME_DT * self.problem.dt:
@@ -136,9 +147,11 @@ class Controller:
         if not (np.isfinite(tolerance) and tolerance > 0):
             raise ProblemError(f"tolerance: expected a number > 0, got {tolerance!r}")
         if not 0.0 <= pose_age <= OLDEST_POSE:
-            raise ProblemError(f"pose_age: expected a time from 0 to {OLDEST_POSE:g} s, got {pose_age!r}")
+            raise ProblemError(
+                f"pose_age: expected a time from 0 to {OLDEST_POSE:g} s, got {pose_age!r}"
+            )
         self._pose_age = float(pose_age)
-        self._past = Past(self.problem, model.history, self._pose_age)
+        self._past = CommandHistory(self.problem, model.history, self._pose_age)
         if time_budget is not None and not (np.isfinite(time_budget) and time_budget > 0):
             raise ProblemError(f"time_budget: expected a time > 0 s, got {time_budget!r}")
         self._time_budget, self._clock, self._after_solve = time_budget, clock, AFTER_SOLVE
@@ -151,20 +164,30 @@ class Controller:
         solved = self.problem
         if guidance:
             # here, for its graph search costs as much to import as all the rest
-            from kmpc_lite.control.guidance import Guide
-            from kmpc_lite.control.reference import tracking
+            from kmpc_lite.control.guidance.guide import Guide
+            from kmpc_lite.control.guidance.reference import tracking
 
             self._guide = Guide(self.problem, clock=clock)
             self._guide.learn(self.model, self._tightening)
             solved = tracking(self.problem)
-        self._sqp = SQP(self.model, solved, sqp_iterations, tolerance, obstacle_slots, self._tightening, clock)
+        self._sqp = SQP(
+            self.model, solved, sqp_iterations, tolerance, obstacle_slots, self._tightening, clock
+        )
         self._goal = GoalReference(self.problem)
-        self._fallback, self._tails = Fallback(self.problem), Tails(self.problem, self._tightening)
+        self._fallback, self._tails = (
+            Backup(self.problem),
+            StopTrajectories(self.problem, self._tightening),
+        )
         self._rates = RateLimit(self.problem)
         u_min, u_max, _, _ = self.problem.bounds
         fastest = max(float(u_max[0]), -float(u_min[0]))
-        self._reach = self.problem.horizon * self.problem.dt * fastest + self.problem.robot_radius + self.problem.margin + IN_REACH
-        self._surroundings = Surroundings()
+        self._reach = (
+            self.problem.horizon * self.problem.dt * fastest
+            + self.problem.robot_radius
+            + self.problem.margin
+            + IN_REACH
+        )
+        self._surroundings = Scene()
         self._solids: Solids | None = None
         self._nearby: Nearby | None = None
         self.reset()
@@ -192,7 +215,10 @@ class Controller:
         ProblemError
             For another period, or another length of input history.
         """
-        if abs(model.dt - self.problem.dt) > SAME_DT * self.problem.dt or model.history != self.model.history:
+        if (
+            abs(model.dt - self.problem.dt) > SAME_DT * self.problem.dt
+            or model.history != self.model.history
+        ):
             raise ProblemError(
                 f"expected a model with dt {self.problem.dt:g} s and {self.model.history} past commands, "
                 f"got {model.dt:g} s and {model.history}"
@@ -203,7 +229,13 @@ class Controller:
         if self._guide is not None:
             self._guide.learn(self.model, self._tightening)
 
-    def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Obstacles = (), sent: ArrayLike | None = None) -> Plan:
+    def step(
+        self,
+        x: ArrayLike,
+        goal: ArrayLike,
+        obstacles: Obstacles = (),
+        sent: ArrayLike | None = None,
+    ) -> Plan:
         """Plan from the measured pose and give the command of the coming period.
 
         Parameters
@@ -213,12 +245,13 @@ class Controller:
         goal : array_like
             Pose to reach (3,).
         obstacles : sequence of Circle, Polygon, Wall and OccupancyGrid, or array_like
-            Where they are now; an array has rows x, y, radius or x, y, radius, vx, vy. Polygons, walls and grids are prepared in the
-            first step that sees them, and quickly known again as the same or equal objects.
+            Where they are now; an array has rows x, y, radius or x, y, radius, vx, vy. Polygons,
+            walls and grids are prepared in the first step that sees them, and quickly known again
+            as the same or equal objects.
         sent : array_like, optional
-            Mean command (2,) of the past period where it was not the last plan's: from a gate with acceleration limits, or a pilot. What
-            is learned while driving would else take these for the floor. NaN where nobody knows
-            it: nothing is learned from that period.
+            Mean command (2,) of the past period where it was not the last plan's: from a gate with
+            acceleration limits, or a pilot. What is learned while driving would else take these for
+            the floor. NaN where nobody knows it: nothing is learned from that period.
 
         Returns
         -------
@@ -233,7 +266,9 @@ class Controller:
         start = self._clock()
         pose, target = np.asarray(x, dtype=float), np.asarray(goal, dtype=float)
         if pose.shape != (STATES,) or target.shape != (STATES,):
-            raise ValueError(f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}")
+            raise ValueError(
+                f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}"
+            )
         circles, self._solids = self._surroundings.sort(obstacles)
         if sent is not None:
             self._past.correct(np.asarray(sent, dtype=float), self.model)
@@ -241,15 +276,21 @@ class Controller:
             pose = advance_pose(self.model, pose, self._past.given, self._pose_age)
         if self.adaptation is not None:
             self._adapt(pose, self.adaptation)
-        if not are_usable(circles):
-            return self._without_solution(pose, circles[:0], start, {}, 0, f"obstacle not usable: {circles.ravel()[:5]}")
+        if not are_plausible(circles):
+            return self._without_solution(
+                pose, circles[:0], start, {}, 0, f"obstacle not usable: {circles.ravel()[:5]}"
+            )
         for name, values in (("pose", pose), ("goal", target)):
-            if not is_usable(values):
-                return self._without_solution(pose, circles, start, {}, 0, f"{name} not usable: {values}")
+            if not is_plausible(values):
+                return self._without_solution(
+                    pose, circles, start, {}, 0, f"{name} not usable: {values}"
+                )
         if self._solids is not None:
             if self._solids.extent > POSITION_LIMIT:
                 far, self._solids = self._solids.extent, None
-                return self._without_solution(pose, circles, start, {}, 0, f"obstacle not usable: reaches out to {far:g} m")
+                return self._without_solution(
+                    pose, circles, start, {}, 0, f"obstacle not usable: reaches out to {far:g} m"
+                )
             self._nearby = self._solids.near(pose[:2], self._reach)
         else:
             self._nearby = None
@@ -264,7 +305,11 @@ class Controller:
             self._tightening.observe(here - expected, float(before[2]), acted)
         rest = self._rates.rest(here, self._past.command) if self._rates.active else None
         until = np.inf if self._time_budget is None else start + GUIDE_SHARE * self._time_budget
-        guidance = None if self._guide is None else self._guide.reference(here, target, circles, self._solids, rest, until)
+        guidance = (
+            None
+            if self._guide is None
+            else self._guide.reference(here, target, circles, self._solids, rest, until)
+        )
         if guidance is not None and guidance.hold:
             return self._hold(here, pose, circles, start)
         if self._guide is not None and self._tightening is not None:
@@ -275,8 +320,14 @@ class Controller:
         if guess is None or (guidance is not None and guidance.switched):
             # a plan along the old way is no good start for the new one
             fresh = guess is None
-            guess, passes = (self._sqp.at_rest(here), COLD_PASSES) if fresh else (self._sqp.along(reference, here), NEW_WAY_PASSES)
-        deadline = np.inf if self._time_budget is None else start + self._time_budget - self._after_solve
+            guess, passes = (
+                (self._sqp.at_rest(here), COLD_PASSES)
+                if fresh
+                else (self._sqp.along(reference, here), NEW_WAY_PASSES)
+            )
+        deadline = (
+            np.inf if self._time_budget is None else start + self._time_budget - self._after_solve
+        )
         shifted = self._clock()
         task = Task(reference, circles, self._past.commands, self._past.command, deadline)
         result = self._sqp.solve(guess, task, passes)
@@ -286,7 +337,15 @@ class Controller:
         tail = None
         if usable and self._last is not None:
             ahead = self._sqp.keep_out.solids_ahead
-            tail = self._tails.find(self.model, self._last, circles, self._nearby, ahead, self._past.commands, self._past.command)
+            tail = self._tails.find(
+                self.model,
+                self._last,
+                circles,
+                self._nearby,
+                ahead,
+                self._past.commands,
+                self._past.command,
+            )
             if tail is None:
                 reason = "no way to a stop is clear"
             elif tail.slowed:
@@ -296,7 +355,12 @@ class Controller:
         verified = self._clock()
         # what is still to come after a solve is learned from the steps before, quickly upwards
         self._after_solve = max(verified - solved + AFTER_SOLVE, 0.95 * self._after_solve)
-        timing = {"guide": guided - start, "shift": shifted - guided, **result.timing, "verify": verified - solved}
+        timing = {
+            "guide": guided - start,
+            "shift": shifted - guided,
+            **result.timing,
+            "verify": verified - solved,
+        }
         trajectory = self._last
         if trajectory is None or tail is None:
             return self._without_solution(pose, circles, start, timing, result.passes, reason)
@@ -307,7 +371,9 @@ class Controller:
         if turns:
             states = states + (0.0, 0.0, turns)
         status = PlanStatus.FEASIBLE if reason else PlanStatus.SOLVED
-        plan = self._plan(states, trajectory.inputs, status, circles, start, timing, result.passes, reason)
+        plan = self._plan(
+            states, trajectory.inputs, status, circles, start, timing, result.passes, reason
+        )
         return plan if guidance is None or guidance.reachable else replace(plan, reachable=False)
 
     def _adapt(self, pose: Array, adaptation: OnlineAdaptation) -> None:
@@ -323,7 +389,7 @@ class Controller:
         """Stand at the goal."""
         self._last = self._sqp.at_rest(here)
         self._limit_change(self._last)
-        self._fallback.accept(self._last, Tail())
+        self._fallback.accept(self._last, StopTrajectory())
         self._past.remember(self._last.inputs[0])
         self._past.planned = None
         states = self._last.states + (pose - here)
@@ -357,15 +423,24 @@ class Controller:
         plan.states[:] = self.model.rollout(plan.states[0], plan.inputs, self._past.commands)
         return True
 
-    def _without_solution(self, pose: Array, circles: Array, start: float, timing: dict[str, float], passes: int, reason: str) -> Plan:
+    def _without_solution(
+        self,
+        pose: Array,
+        circles: Array,
+        start: float,
+        timing: dict[str, float],
+        passes: int,
+        reason: str,
+    ) -> Plan:
         """Drive the rest of the last tail while there is one and it is clear, else brake."""
         self._past.planned = None
         rest = self._fallback.replay()
         n = self.problem.horizon
-        here = pose if is_usable(pose) else self._fallback.expected
+        here = pose if is_plausible(pose) else self._fallback.expected
         lost = False
         if rest is not None and here is not None:
-            # from where the robot is, if that is known: what has happened since the tail was found counts too
+            # from where the robot is, if that is known: what has happened since the tail was found
+            # counts too
             states = self._tails.rollout(self.model, here, rest, self._past.commands)
             lost = not (self._clearance(states, circles, self._solids) >= 0.0)
             if not lost and np.isfinite(states).all():
@@ -375,10 +450,15 @@ class Controller:
                 self._past.remember(rest[0])
                 commands = np.zeros((n, INPUTS))
                 commands[: len(rest)] = rest[:n]
-                shown = np.concatenate([states[: n + 1], np.repeat(states[-1:], max(n + 1 - len(states), 0), axis=0)])
-                return self._plan(shown, commands, PlanStatus.FALLBACK, circles, start, timing, passes, reason)
+                shown = np.concatenate(
+                    [states[: n + 1], np.repeat(states[-1:], max(n + 1 - len(states), 0), axis=0)]
+                )
+                return self._plan(
+                    shown, commands, PlanStatus.FALLBACK, circles, start, timing, passes, reason
+                )
         self._last = None
-        # where the ramp ends in an obstacle, a robot without lag can still stand; one with lag has asked for all that it has
+        # where the ramp ends in an obstacle, a robot without lag can still stand; one with lag has
+        # asked for all that it has
         command = self._fallback.brake(at_once=lost)
         if self._rates.active:
             command = self._rates.limit(command, self._past.command)
@@ -390,7 +470,9 @@ class Controller:
         # where the robot is not known, nor is its distance to anything
         if not np.isfinite(pose).all():
             circles, self._solids = circles[:0], None
-        return self._plan(states, inputs, PlanStatus.STOPPED, circles, start, timing, passes, reason)
+        return self._plan(
+            states, inputs, PlanStatus.STOPPED, circles, start, timing, passes, reason
+        )
 
     def _plan(
         self,
@@ -412,7 +494,9 @@ class Controller:
         """Smallest distance between the edges of robot and obstacles along a plan [m]."""
         least = np.inf
         if len(circles):
-            distances, _ = circle_distances(circles, states[:, :2], self.problem.dt * np.arange(len(states)))
+            distances, _ = circle_distances(
+                circles, states[:, :2], self.problem.dt * np.arange(len(states))
+            )
             least = float(distances.min())
         if solids is not None:
             least = min(least, float(solids.whole.least(states[:, :2]).min()))

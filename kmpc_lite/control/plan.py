@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 
-from kmpc_lite.dictionary import Array
+from kmpc_lite.types import Array
 
 
 class PlanStatus(Enum):
@@ -44,7 +44,8 @@ class Plan:
     reason: str = ""
     """Why the status is not SOLVED, in words."""
     reachable: bool = True
-    """Whether there is a way to the goal, as far as guidance can tell; where there is none the robot waits at a safe place."""
+    """Whether there is a way to the goal, as far as guidance can tell; where there is none the
+    robot waits at a safe place."""
     holding: bool = False
     """Whether the robot has parked at its goal and stands there."""
 

@@ -7,16 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import ProblemError
+from kmpc_lite.types import INPUTS, STATES, Array
 
 
 @dataclass(frozen=True, eq=False)
 class NavigationProblem:
     """Drive to a pose within bounds and past obstacles (paper, eq. 9 to 11); the defaults are the paper's.
 
-    ``min sum_{k=0}^{N-1} |x_k - x_ref|^2_Q + |u_k|^2_R + |x_N - x_ref|^2_{Q_terminal}``, commands within bounds,
-    position within the area, and every obstacle at least `robot_radius` + `margin` away from the robot's centre.
+    ``min sum_{k=0}^{N-1} |x_k - x_ref|^2_Q + |u_k|^2_R + |x_N - x_ref|^2_{Q_terminal}``, commands
+    within bounds, position within the area, and every obstacle at least `robot_radius` + `margin`
+    away from the robot's centre.
 
     Parameters
     ----------
@@ -39,11 +40,12 @@ class NavigationProblem:
     deceleration : array_like
         How fast the braking ramp ends a command (2,) [m/s^2, rad/s^2].
     du_max : array_like
-        How fast commands may change (2,) [m/s^2, rad/s^2]; infinite where not given, as in the paper. Speeds that shrink in an
-        emergency may do so at `deceleration` where that is more.
+        How fast commands may change (2,) [m/s^2, rad/s^2]; infinite where not given, as in the
+        paper. Speeds that shrink in an emergency may do so at `deceleration` where that is more.
     slack_weights : array_like
-        Weights (2,) of the linear [1/m] and the quadratic [1/m^2] penalty on entering an obstacle or leaving the area. The
-        penalty is exact while the linear weight exceeds the constraint's multiplier.
+        Weights (2,) of the linear [1/m] and the quadratic [1/m^2] penalty on entering an obstacle
+        or leaving the area. The penalty is exact while the linear weight exceeds the constraint's
+        multiplier.
 
     Raises
     ------
@@ -67,8 +69,14 @@ class NavigationProblem:
     slack_weights: Any = (100.0, 1000.0)
 
     def __post_init__(self) -> None:
-        if isinstance(self.horizon, bool) or not isinstance(self.horizon, int | np.integer) or not 1 <= self.horizon <= 1000:
-            raise ProblemError(f"horizon: expected a whole number of stages from 1 to 1000, got {self.horizon!r}")
+        if (
+            isinstance(self.horizon, bool)
+            or not isinstance(self.horizon, int | np.integer)
+            or not 1 <= self.horizon <= 1000
+        ):
+            raise ProblemError(
+                f"horizon: expected a whole number of stages from 1 to 1000, got {self.horizon!r}"
+            )
         for name in ("dt", "robot_radius", "margin"):
             _scalar(name, getattr(self, name), above_zero=name == "dt")
 
@@ -77,8 +85,20 @@ class NavigationProblem:
 
         set_field("Q", _weight("Q", self.Q, STATES))
         set_field("R", _weight("R", self.R, INPUTS))
-        set_field("Q_terminal", _weight("Q_terminal", np.zeros(STATES) if self.Q_terminal is None else self.Q_terminal, STATES))
-        for name, length in (("u_min", INPUTS), ("u_max", INPUTS), ("x_min", STATES), ("x_max", STATES)):
+        set_field(
+            "Q_terminal",
+            _weight(
+                "Q_terminal",
+                np.zeros(STATES) if self.Q_terminal is None else self.Q_terminal,
+                STATES,
+            ),
+        )
+        for name, length in (
+            ("u_min", INPUTS),
+            ("u_max", INPUTS),
+            ("x_min", STATES),
+            ("x_max", STATES),
+        ):
             set_field(name, _vector(name, getattr(self, name), length))
         for name in ("deceleration", "slack_weights"):
             value = _vector(name, getattr(self, name), 2)
@@ -94,11 +114,15 @@ class NavigationProblem:
         if (u_min >= u_max).any():
             raise ProblemError(f"u_min, u_max: bounds cross: {u_min} and {u_max}")
         if (u_min > 0).any() or (u_max < 0).any():
-            raise ProblemError(f"u_min, u_max: must contain the zero command, or the robot could not brake; got {u_min} and {u_max}")
+            raise ProblemError(
+                f"u_min, u_max: must contain the zero command, or the robot could not brake; got {u_min} and {u_max}"
+            )
         if (x_min >= x_max).any():
             raise ProblemError(f"x_min, x_max: bounds cross: {x_min} and {x_max}")
         if np.isfinite(x_min[2]) or np.isfinite(x_max[2]):
-            raise ProblemError(f"x_min, x_max: the heading cannot be bounded; use -inf and inf, got {x_min[2]} and {x_max[2]}")
+            raise ProblemError(
+                f"x_min, x_max: the heading cannot be bounded; use -inf and inf, got {x_min[2]} and {x_max[2]}"
+            )
 
     @property
     def bounds(self) -> tuple[Array, Array, Array, Array]:
@@ -120,13 +144,17 @@ class NavigationProblem:
         q, r, q_terminal = self.weights
         error = states - reference
         on_way, end = error[:-1], error[-1]
-        return float(np.vdot(on_way @ q, on_way) + np.vdot(inputs @ r, inputs) + end @ q_terminal @ end)
+        return float(
+            np.vdot(on_way @ q, on_way) + np.vdot(inputs @ r, inputs) + end @ q_terminal @ end
+        )
 
 
 def _scalar(name: str, value: Any, above_zero: bool) -> None:
     number = not isinstance(value, bool) and isinstance(value, int | float | np.number)
     if not number or not np.isfinite(value) or value < 0 or (above_zero and value == 0):
-        raise ProblemError(f"{name}: expected a number {'> 0' if above_zero else '>= 0'}, got {value!r}")
+        raise ProblemError(
+            f"{name}: expected a number {'> 0' if above_zero else '>= 0'}, got {value!r}"
+        )
 
 
 def _vector(name: str, value: Any, length: int) -> Array:
@@ -144,12 +172,20 @@ def _weight(name: str, value: Any, size: int) -> Array:
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError) as error:
-        raise ProblemError(f"{name}: expected {size} weights or a ({size}, {size}) matrix, got {_shown(value)}") from error
+        raise ProblemError(
+            f"{name}: expected {size} weights or a ({size}, {size}) matrix, got {_shown(value)}"
+        ) from error
     matrix = np.diag(array) if array.ndim == 1 else array
     if matrix.shape != (size, size) or not np.isfinite(matrix).all():
-        raise ProblemError(f"{name}: expected {size} finite weights or a ({size}, {size}) matrix, got {_shown(value)}")
-    if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix).min() < -1e-9 * max(1.0, np.abs(matrix).max()):
-        raise ProblemError(f"{name}: must be symmetric and positive semidefinite, got {_shown(value)}")
+        raise ProblemError(
+            f"{name}: expected {size} finite weights or a ({size}, {size}) matrix, got {_shown(value)}"
+        )
+    if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix).min() < -1e-9 * max(
+        1.0, np.abs(matrix).max()
+    ):
+        raise ProblemError(
+            f"{name}: must be symmetric and positive semidefinite, got {_shown(value)}"
+        )
     return matrix
 
 

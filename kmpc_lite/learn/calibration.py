@@ -1,8 +1,9 @@
 """Conformal quantiles: how far held-out drives leave the tube that the learned covariance draws.
 
-The slip of a wheel is heavy-tailed, so a Gaussian quantile of its covariance promises too much. Here the ellipse around a plan is scaled
-until it holds the wanted share of drives that the model has not seen (split conformal prediction, Vovk et al. 2005). That
-needs no distribution, only that what comes is like what was held out.
+The slip of a wheel is heavy-tailed, so a Gaussian quantile of its covariance promises too much.
+Here the ellipse around a plan is scaled until it holds the wanted share of drives that the model
+has not seen (split conformal prediction, Vovk et al. 2005). That needs no distribution, only that
+what comes is like what was held out.
 """
 
 from __future__ import annotations
@@ -13,12 +14,12 @@ from math import ceil
 
 import numpy as np
 
-from kmpc_lite.border import SAME_DT
-from kmpc_lite.dictionary import Array
 from kmpc_lite.errors import DataError
+from kmpc_lite.files import SAME_DT
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.model import KoopmanModel
-from kmpc_lite.tube import MEMORY, window_deviations
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.tube import MEMORY, window_deviations
+from kmpc_lite.types import Array
 
 RISKS = (0.3, 0.2, 0.1, 0.05, 0.03, 0.02, 0.01, 0.005, 0.003, 0.002, 0.001)
 """Risks that `with_quantiles` tabulates, as far as the held-out drives reach."""
@@ -36,12 +37,14 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int = MEMORY) -> Array
     held_out : Dataset
         Drives that the model was not fitted to.
     steps : int
-        Length of a window [periods]; windows do not overlap, so that they are as independent as the drives allow.
+        Length of a window [periods]; windows do not overlap, so that they are as independent as the
+        drives allow.
 
     Returns
     -------
     ndarray
-        (n,) dimensionless: the position's deviation under feedback, measured by the ellipse of its stage.
+        (n,) dimensionless: the position's deviation under feedback, measured by the ellipse of its
+        stage.
 
     Raises
     ------
@@ -49,7 +52,9 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int = MEMORY) -> Array
         For another dt, or where no episode is as long as a window.
     """
     if abs(held_out.dt - model.dt) > SAME_DT * model.dt:
-        raise DataError(f"the held-out dataset's dt is {held_out.dt:g} s, the model's {model.dt:g} s: resample it")
+        raise DataError(
+            f"the held-out dataset's dt is {held_out.dt:g} s, the model's {model.dt:g} s: resample it"
+        )
     length = model.history
     parts: list[tuple[Array, Array, Array, Array | None]] = []
     found = []
@@ -67,7 +72,9 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int = MEMORY) -> Array
         found.append(_largest(model, parts))
     if not found:
         longest = max(len(e) for e in held_out.episodes)
-        raise DataError(f"no held-out episode is as long as a window of {length + steps} steps (longest {longest})")
+        raise DataError(
+            f"no held-out episode is as long as a window of {length + steps} steps (longest {longest})"
+        )
     return np.concatenate(found)
 
 
@@ -76,7 +83,9 @@ def _largest(model: KoopmanModel, parts: list[tuple[Array, Array, Array, Array |
     x, u, x_next = (np.concatenate([p[i] for p in parts]) for i in range(3))
     past = np.concatenate([p[3] for p in parts if p[3] is not None]) if model.history else None
     deviations, covariances = window_deviations(model, x, u, x_next, past)
-    squares = np.einsum("nki,nki->nk", deviations, np.linalg.solve(covariances, deviations[..., None])[..., 0])
+    squares = np.einsum(
+        "nki,nki->nk", deviations, np.linalg.solve(covariances, deviations[..., None])[..., 0]
+    )
     largest: Array = np.sqrt(squares.max(axis=1))
     return largest
 
@@ -84,7 +93,8 @@ def _largest(model: KoopmanModel, parts: list[tuple[Array, Array, Array, Array |
 def conformal_quantile(values: Array, risk: float) -> float:
     """Give the smallest bound that a fresh value exceeds with a probability of at most `risk`, whatever the distribution.
 
-    It is the ``ceil((n + 1)(1 - risk))``-th smallest of n values; infinite where n is too small for that.
+    It is the ``ceil((n + 1)(1 - risk))``-th smallest of n values; infinite where n is too small for
+    that.
 
     Examples
     --------
@@ -107,7 +117,8 @@ def calibrate(model: KoopmanModel, held_out: Dataset, risk: float) -> float:
     held_out : Dataset
         Drives that it was not fitted to.
     risk : float
-        Probability that a robot leaves the ellipses within the memory of the tube (0.8 s at dt = 0.1).
+        Probability that a robot leaves the ellipses within the memory of the tube (0.8 s at dt =
+        0.1).
 
     Returns
     -------
@@ -136,14 +147,28 @@ def calibrate(model: KoopmanModel, held_out: Dataset, risk: float) -> float:
     return bound
 
 
-def with_quantiles(model: KoopmanModel, held_out: Dataset, risks: Sequence[float] = RISKS) -> KoopmanModel:
+def with_quantiles(
+    model: KoopmanModel, held_out: Dataset, risks: Sequence[float] = RISKS
+) -> KoopmanModel:
     """Return the model with a table of calibrated quantiles in ``info["noise_quantiles"]``, which `save` keeps.
 
-    Risks that the held-out drives are too few for are left out; `kmpc_lite.control.tightening` extends the table by its slope.
+    Risks that the held-out drives are too few for are left out;
+    `kmpc_lite.control.margins.tightening` extends the table by its slope.
     """
     values = scores(model, held_out)
-    table = [(float(r), q) for r in sorted(risks, reverse=True) if np.isfinite(q := conformal_quantile(values, r))]
+    table = [
+        (float(r), q)
+        for r in sorted(risks, reverse=True)
+        if np.isfinite(q := conformal_quantile(values, r))
+    ]
     if len(table) < 2:
-        raise DataError(f"{len(values)} held-out windows of {MEMORY} steps are too few to calibrate: drive longer")
-    quantiles = {"risks": [r for r, _ in table], "quantiles": [q for _, q in table], "windows": len(values), "steps": MEMORY}
+        raise DataError(
+            f"{len(values)} held-out windows of {MEMORY} steps are too few to calibrate: drive longer"
+        )
+    quantiles = {
+        "risks": [r for r, _ in table],
+        "quantiles": [q for _, q in table],
+        "windows": len(values),
+        "steps": MEMORY,
+    }
     return replace(model, info={**model.info, "noise_quantiles": quantiles})

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kmpc_lite.border import SAME_DT, real_array
-from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import DataError
+from kmpc_lite.files import SAME_DT, real_array
+from kmpc_lite.types import INPUTS, STATES, Array
 
 CHUNK = 8192
 """Rows handled at once: what fits a small board's second-level cache."""
@@ -44,16 +44,25 @@ class Episode:
 
     def __post_init__(self) -> None:
         """Check the arrays and unwrap the heading."""
-        states, inputs = real_array(self.states, "episode states", DataError), real_array(self.inputs, "episode inputs", DataError)
+        states, inputs = (
+            real_array(self.states, "episode states", DataError),
+            real_array(self.inputs, "episode inputs", DataError),
+        )
         if states.ndim != 2 or states.shape[1] != STATES or len(states) < 2:
-            raise DataError(f"episode states: expected shape (T + 1, {STATES}) with T >= 1, got {states.shape}")
+            raise DataError(
+                f"episode states: expected shape (T + 1, {STATES}) with T >= 1, got {states.shape}"
+            )
         if inputs.shape != (len(states) - 1, INPUTS):
-            raise DataError(f"episode inputs: expected shape ({len(states) - 1}, {INPUTS}), one row per step, got {inputs.shape}")
+            raise DataError(
+                f"episode inputs: expected shape ({len(states) - 1}, {INPUTS}), one row per step, got {inputs.shape}"
+            )
         dt = check_time("episode dt", self.dt)
         for name, array in (("states", states), ("inputs", inputs)):
             if not np.isfinite(array).all():
                 row, column = np.argwhere(~np.isfinite(array))[0]
-                raise DataError(f"episode {name}: row {row}, column {column} is {array[row, column]}; expected finite numbers")
+                raise DataError(
+                    f"episode {name}: row {row}, column {column} is {array[row, column]}; expected finite numbers"
+                )
         if np.any(np.abs(np.diff(states[:, 2])) > np.pi):
             states = states.copy()
             states[:, 2] = np.unwrap(states[:, 2])
@@ -68,8 +77,8 @@ class Episode:
     def resample(self, dt: float) -> Episode | None:
         """Return the same drive at another period [s], or None where it is shorter than one period.
 
-        Poses are interpolated linearly; a command is the mean of what was held during the new period. DataError where
-        the robot turns by more than half a turn within it.
+        Poses are interpolated linearly; a command is the mean of what was held during the new
+        period. DataError where the robot turns by more than half a turn within it.
         """
         return resample(np.arange(len(self) + 1) * self.dt, self.states, self.inputs, dt)
 
@@ -87,7 +96,9 @@ def resample(time: Array, states: Array, inputs: Array, dt: float) -> Episode | 
     dt = check_time("dt", dt)
     elapsed = time - time[0]
     if elapsed[-1] > MAX_ROWS * dt:
-        raise DataError(f"dt: {dt:g} s would cut a drive of {elapsed[-1]:g} s into more than {MAX_ROWS:,} steps")
+        raise DataError(
+            f"dt: {dt:g} s would cut a drive of {elapsed[-1]:g} s into more than {MAX_ROWS:,} steps"
+        )
     steps = int(np.floor(elapsed[-1] / dt + 1e-6))
     if steps < 1:
         return None
@@ -97,7 +108,9 @@ def resample(time: Array, states: Array, inputs: Array, dt: float) -> Episode | 
     held = np.column_stack([np.interp(grid, elapsed, column) for column in travelled.T])
     turn = np.abs(np.diff(poses[:, 2])).max()
     if turn > np.pi:  # an episode would take it for the shorter turn the other way
-        raise DataError(f"dt: within {dt:g} s the robot turns by {turn:.2f} rad, more than half a turn: choose a shorter period")
+        raise DataError(
+            f"dt: within {dt:g} s the robot turns by {turn:.2f} rad, more than half a turn: choose a shorter period"
+        )
     return Episode(poses, np.diff(held, axis=0) / dt, dt)
 
 
@@ -138,39 +151,47 @@ class Dataset:
     def __init__(self, episodes: Sequence[Episode]) -> None:
         self.episodes = () if isinstance(episodes, Episode) else tuple(episodes)
         if isinstance(episodes, Episode) or not all(isinstance(e, Episode) for e in self.episodes):
-            raise DataError("a dataset is a list of episodes, each Episode(states, inputs, dt); Dataset.load(path) reads a log")
+            raise DataError(
+                "a dataset is a list of episodes, each Episode(states, inputs, dt); Dataset.load(path) reads a log"
+            )
         if not self.episodes:
             raise DataError("a dataset needs at least one episode, got none")
         periods = sorted({e.dt for e in self.episodes})
         if periods[-1] - periods[0] > SAME_DT * periods[-1]:
-            raise DataError(f"episodes have different periods ({periods[0]:g} to {periods[-1]:g} s): resample them to one dt")
+            raise DataError(
+                f"episodes have different periods ({periods[0]:g} to {periods[-1]:g} s): resample them to one dt"
+            )
         self.dt = periods[0]
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], dt: float | None = None, gap: float | None = None) -> Dataset:
+    def load(
+        cls, path: str | os.PathLike[str], dt: float | None = None, gap: float | None = None
+    ) -> Dataset:
         """Read a log with the columns t, x, y, theta, v, omega (s, m, rad, m/s, rad/s).
 
         Parameters
         ----------
         path : path
-            A .csv file with a header, or an .npz file with one array per column; other columns are not looked at.
+            A .csv file with a header, or an .npz file with one array per column; other columns are
+            not looked at.
         dt : float, optional
             Period [s] to resample to; without it the log must be evenly sampled and keeps its own.
         gap : float, optional
-            A longer time between rows [s] ends an episode; 2.5 times the median period where not given.
+            A longer time between rows [s] ends an episode; 2.5 times the median period where not
+            given.
 
         Raises
         ------
         DataError
             With file, line and column, for whatever is wrong.
         """
-        from kmpc_lite.learn.formats import read_log
+        from kmpc_lite.learn.formats.tables import read_log
 
         return cls(read_log(path, dt=dt, gap=gap))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the episodes as a .csv or .npz log that `load` reads; whole or not at all."""
-        from kmpc_lite.learn.formats import write_log
+        from kmpc_lite.learn.formats.tables import write_log
 
         write_log(self.episodes, path)
 
@@ -211,7 +232,9 @@ class Dataset:
         """Cut every episode into pieces of at most `seconds` (one step at least), so that one long log can be split."""
         length = max(1, int(min(check_time("windows", seconds) / self.dt + 1e-6, MAX_ROWS)))
         pieces = [
-            Episode(e.states[k : k + length + 1], e.inputs[k : k + length], e.dt) for e in self.episodes for k in range(0, len(e), length)
+            Episode(e.states[k : k + length + 1], e.inputs[k : k + length], e.dt)
+            for e in self.episodes
+            for k in range(0, len(e), length)
         ]
         return Dataset(pieces)
 
@@ -234,9 +257,18 @@ class Dataset:
                 part = slice(start, min(start + chunk, len(episode)))
                 past = None
                 if history:
-                    windows = np.lib.stride_tricks.sliding_window_view(episode.inputs, history, axis=0)
+                    windows = np.lib.stride_tricks.sliding_window_view(
+                        episode.inputs, history, axis=0
+                    )
                     past = windows[part.start - history : part.stop - history].transpose(0, 2, 1)
-                batch.append(Transitions(episode.states[part], episode.inputs[part], episode.states[part.start + 1 : part.stop + 1], past))
+                batch.append(
+                    Transitions(
+                        episode.states[part],
+                        episode.inputs[part],
+                        episode.states[part.start + 1 : part.stop + 1],
+                        past,
+                    )
+                )
                 rows += part.stop - part.start
                 if rows >= chunk:
                     yield _gather(batch)
@@ -249,7 +281,14 @@ def _gather(batch: list[Transitions]) -> Transitions:
     """One set of contiguous arrays from many."""
     if len(batch) == 1:
         return batch[0]
-    past = None if batch[0].history is None else np.concatenate([b.history for b in batch if b.history is not None])
+    past = (
+        None
+        if batch[0].history is None
+        else np.concatenate([b.history for b in batch if b.history is not None])
+    )
     return Transitions(
-        np.concatenate([b.x for b in batch]), np.concatenate([b.u for b in batch]), np.concatenate([b.x_next for b in batch]), past
+        np.concatenate([b.x for b in batch]),
+        np.concatenate([b.u for b in batch]),
+        np.concatenate([b.x_next for b in batch]),
+        past,
     )

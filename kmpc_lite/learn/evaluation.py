@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.border import SAME_DT
-from kmpc_lite.dictionary import Array
 from kmpc_lite.errors import DataError
+from kmpc_lite.files import SAME_DT
 from kmpc_lite.learn.dataset import CHUNK, Dataset, check_time
-from kmpc_lite.model import KoopmanModel, nominal_unicycle
+from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
+from kmpc_lite.types import Array
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,8 @@ class FitReport:
     starts: int
     """From how many poses."""
     one_step: tuple[float, float, float]
-    """Longitudinal [m], lateral [m], heading [rad], one period ahead; in the frame of the true starting pose."""
+    """Longitudinal [m], lateral [m], heading [rad], one period ahead; in the frame of the true
+    starting pose."""
     multi_step: tuple[float, float, float]
     """The same after `horizon`."""
     nominal_one_step: tuple[float, float, float]
@@ -46,13 +47,20 @@ class FitReport:
             (f"{self.horizon:g} s", "model", self.multi_step),
             (f"{self.horizon:g} s", "nominal unicycle", self.nominal_multi_step),
         )
-        lines = [f"held-out RMS error from {self.starts} starts   longitudinal [m]  lateral [m]  heading [rad]"]
-        lines += [f"  {ahead:<9} {who:<32}{e[0]:>14.4g}{e[1]:>13.4g}{e[2]:>15.4g}" for ahead, who, e in rows]
+        lines = [
+            f"held-out RMS error from {self.starts} starts   longitudinal [m]  lateral [m]  heading [rad]"
+        ]
+        lines += [
+            f"  {ahead:<9} {who:<32}{e[0]:>14.4g}{e[1]:>13.4g}{e[2]:>15.4g}"
+            for ahead, who, e in rows
+        ]
         lines.append(f"  paper's RMSE of one step: {self.rmse_percent:.2f} %")
         return "\n".join(lines)
 
 
-def evaluate(model: KoopmanModel, dataset: Dataset, horizon: float = 1.0, stride: int = 1) -> FitReport:
+def evaluate(
+    model: KoopmanModel, dataset: Dataset, horizon: float = 1.0, stride: int = 1
+) -> FitReport:
     """Open-loop prediction errors from true poses, against the nominal unicycle.
 
     Parameters
@@ -72,7 +80,9 @@ def evaluate(model: KoopmanModel, dataset: Dataset, horizon: float = 1.0, stride
         For another dt, an impossible horizon or stride, or where no episode is long enough.
     """
     if abs(dataset.dt - model.dt) > SAME_DT * model.dt:
-        raise DataError(f"the dataset's dt is {dataset.dt:g} s, the model's {model.dt:g} s: resample it")
+        raise DataError(
+            f"the dataset's dt is {dataset.dt:g} s, the model's {model.dt:g} s: resample it"
+        )
     if stride != int(stride) or stride < 1:
         raise DataError(f"stride: expected a whole number >= 1, got {stride}")
     stride, steps = int(stride), max(1, int(round(check_time("horizon", horizon) / model.dt)))
@@ -99,11 +109,25 @@ def evaluate(model: KoopmanModel, dataset: Dataset, horizon: float = 1.0, stride
         )
     sums, total = np.where(np.isnan(sums), np.inf, sums), np.inf if np.isnan(total) else total
     rms = np.sqrt(sums / np.array([count, count, long_count, long_count])[:, None])
-    one, nominal_one, multi, nominal_multi = (tuple(float(v) for v in row) for row in rms)
-    return FitReport(steps * model.dt, long_count, one, multi, nominal_one, nominal_multi, 100 * float(np.sqrt(total / count)))  # type: ignore[arg-type]
+    return FitReport(
+        steps * model.dt,
+        long_count,
+        _triple(rms[0]),
+        _triple(rms[2]),
+        _triple(rms[1]),
+        _triple(rms[3]),
+        100 * float(np.sqrt(total / count)),
+    )
 
 
-def _segments(dataset: Dataset, history: int, steps: int, stride: int) -> Iterator[tuple[Array, Array, Array]]:
+def _triple(errors: Array) -> tuple[float, float, float]:
+    along, across, heading = errors.tolist()
+    return along, across, heading
+
+
+def _segments(
+    dataset: Dataset, history: int, steps: int, stride: int
+) -> Iterator[tuple[Array, Array, Array]]:
     """Yield starts (n, 3), commands (n, history + steps, 2) and final states (n, 3), in chunks over the episodes."""
     batch: list[tuple[Array, Array, Array]] = []
     rows = 0
@@ -111,8 +135,12 @@ def _segments(dataset: Dataset, history: int, steps: int, stride: int) -> Iterat
         all_starts = np.arange(history, len(episode) - steps + 1, stride)
         for k in range(0, len(all_starts), CHUNK):
             starts = all_starts[k : k + CHUNK]
-            windows = np.lib.stride_tricks.sliding_window_view(episode.inputs, history + steps, axis=0).transpose(0, 2, 1)
-            batch.append((episode.states[starts], windows[starts - history], episode.states[starts + steps]))
+            windows = np.lib.stride_tricks.sliding_window_view(
+                episode.inputs, history + steps, axis=0
+            ).transpose(0, 2, 1)
+            batch.append(
+                (episode.states[starts], windows[starts - history], episode.states[starts + steps])
+            )
             rows += len(starts)
             if rows >= CHUNK:
                 yield _joined(batch)

@@ -1,7 +1,7 @@
 """Least squares from a stream: the paper's discrete fit and the integral (weak) form.
 
-Whatever the length of the log, only Gram matrices are kept. Two accumulators can be merged, so chunks can be
-fitted apart, on other cores or on other days.
+Whatever the length of the log, only Gram matrices are kept. Two accumulators can be merged, so
+chunks can be fitted apart, on other cores or on other days.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from kmpc_lite.border import SAME_DT
-from kmpc_lite.dictionary import INPUTS, STATES, Array, Dictionary, UnicycleDictionary, dictionary_to_config
 from kmpc_lite.errors import DataError
+from kmpc_lite.files import SAME_DT
 from kmpc_lite.learn.dataset import Dataset, check_time
-from kmpc_lite.model import KoopmanModel, NoiseModel
+from kmpc_lite.model.dictionary import Dictionary, UnicycleDictionary, dictionary_to_config
+from kmpc_lite.model.koopman import KoopmanModel, NoiseModel
+from kmpc_lite.types import INPUTS, STATES, Array
 
 Method = Literal["integral", "edmdc"]
 
@@ -30,10 +31,10 @@ NOISE_SWEEPS = 500
 class Accumulator:
     """Streaming normal equations of one fit.
 
-    ``edmdc`` regresses the next lifted state on ``[z; w (x) z; w]`` and the state on `z` (paper, eq. 8, with the
-    blocks in the order in which they are stacked). ``integral`` regresses ``(x+ - x) / dt`` on the mean of
-    ``[z; w (x) z; w]`` over the step by Simpson's rule; `w` is left out where the dictionary holds the
-    constant, since it then stands in ``w (x) z`` already.
+    ``edmdc`` regresses the next lifted state on ``[z; w (x) z; w]`` and the state on `z` (paper,
+    eq. 8, with the blocks in the order in which they are stacked). ``integral`` regresses ``(x+ -
+    x) / dt`` on the mean of ``[z; w (x) z; w]`` over the step by Simpson's rule; `w` is left out
+    where the dictionary holds the constant, since it then stands in ``w (x) z`` already.
 
     Parameters
     ----------
@@ -44,13 +45,15 @@ class Accumulator:
     method : {"integral", "edmdc"}
         See above.
     midpoint : KoopmanModel, optional
-        Continuous model of an earlier pass. Its derivatives bend the path between two samples (cubic Hermite
-        midpoint); without it the midpoint is the mean, which is exact only to second order in dt.
+        Continuous model of an earlier pass. Its derivatives bend the path between two samples
+        (cubic Hermite midpoint); without it the midpoint is the mean, which is exact only to second
+        order in dt.
 
     Raises
     ------
     DataError
-        For another method or period, or a midpoint that is no continuous model of the same dictionary.
+        For another method or period, or a midpoint that is no continuous model of the same
+        dictionary.
 
     Examples
     --------
@@ -64,12 +67,27 @@ class Accumulator:
     200
     """
 
-    def __init__(self, dictionary: Dictionary, dt: float, method: Method = "integral", midpoint: KoopmanModel | None = None) -> None:
+    def __init__(
+        self,
+        dictionary: Dictionary,
+        dt: float,
+        method: Method = "integral",
+        midpoint: KoopmanModel | None = None,
+    ) -> None:
         if method not in ("integral", "edmdc"):
             raise DataError(f"method: expected 'integral' or 'edmdc', got {method!r}")
-        if midpoint is not None and not (method == "integral" and midpoint.continuous and _same(midpoint.dictionary, dictionary)):
-            raise DataError("midpoint: expected a continuous model of the same dictionary, for method 'integral'")
-        self.dictionary, self.dt, self.method, self.midpoint = dictionary, check_time("dt", dt), method, midpoint
+        if midpoint is not None and not (
+            method == "integral" and midpoint.continuous and _same(midpoint.dictionary, dictionary)
+        ):
+            raise DataError(
+                "midpoint: expected a continuous model of the same dictionary, for method 'integral'"
+            )
+        self.dictionary, self.dt, self.method, self.midpoint = (
+            dictionary,
+            check_time("dt", dt),
+            method,
+            midpoint,
+        )
         nz, nw = dictionary.size, dictionary.input_size
         self._with_inputs = method == "edmdc" or "1" not in dictionary.names
         self._features = nz + nw * nz + (nw if self._with_inputs else 0)
@@ -83,8 +101,12 @@ class Accumulator:
     def add(self, data: Dataset) -> None:
         """Take in every step of a dataset, chunk by chunk."""
         if abs(data.dt - self.dt) > SAME_DT * self.dt:
-            raise DataError(f"the dataset's dt is {data.dt:g} s, the fit's {self.dt:g} s: resample it")
-        with np.errstate(over="ignore", invalid="ignore"):  # `solve` tells of numbers that are too large
+            raise DataError(
+                f"the dataset's dt is {data.dt:g} s, the fit's {self.dt:g} s: resample it"
+            )
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # `solve` tells of numbers that are too large
             for part in data.transitions(self.dictionary.history):
                 self._add(part.x, part.u, part.x_next, part.history)
 
@@ -131,9 +153,15 @@ class Accumulator:
             or abs(self.dt - other.dt) > SAME_DT * self.dt
             or not _same(self.dictionary, other.dictionary)
             or (mine is None) != (theirs is None)
-            or (mine is not None and theirs is not None and not (np.array_equal(mine.A, theirs.A) and np.array_equal(mine.H, theirs.H)))
+            or (
+                mine is not None
+                and theirs is not None
+                and not (np.array_equal(mine.A, theirs.A) and np.array_equal(mine.H, theirs.H))
+            )
         ):
-            raise DataError("cannot merge accumulators of different fits (method, dt, dictionary or midpoint)")
+            raise DataError(
+                "cannot merge accumulators of different fits (method, dt, dictionary or midpoint)"
+            )
         self._gram += other._gram
         self._input_moments += other._input_moments
         self.count += other.count
@@ -149,8 +177,8 @@ class Accumulator:
         Raises
         ------
         DataError
-            For too few samples, inputs that do not vary, numbers too large to square, or a dictionary that the
-            method cannot use.
+            For too few samples, inputs that do not vary, numbers too large to square, or a
+            dictionary that the method cannot use.
         """
         if not (np.isfinite(ridge) and ridge >= 0.0):
             raise DataError(f"ridge: expected a share >= 0, got {ridge}")
@@ -173,20 +201,32 @@ class Accumulator:
             "features": p,
             "condition": condition,
         }
-        return KoopmanModel(self.dictionary, self.dt, a, b, h, c, continuous=self.method == "integral", info=info)
+        return KoopmanModel(
+            self.dictionary, self.dt, a, b, h, c, continuous=self.method == "integral", info=info
+        )
 
     def _check_excitation(self) -> None:
         """Tell of data that cannot determine a model, in terms of the log."""
         if self.count < self._features:
-            past = f" with an input history of {self.dictionary.history}" if self.dictionary.history else ""
-            raise DataError(f"too few samples: {self.count} steps{past} for {self._features} unknowns per state")
+            past = (
+                f" with an input history of {self.dictionary.history}"
+                if self.dictionary.history
+                else ""
+            )
+            raise DataError(
+                f"too few samples: {self.count} steps{past} for {self._features} unknowns per state"
+            )
         if not np.isfinite(self._gram).all():
-            raise DataError("the log's numbers are too large for this dictionary: put the origin near the drive, or choose a smaller one")
+            raise DataError(
+                "the log's numbers are too large for this dictionary: put the origin near the drive, or choose a smaller one"
+            )
         mean, square = self._input_moments / self.count
         spread = np.sqrt(np.maximum(square - mean**2, 0.0))
         for i, name in enumerate(("v", "omega")):
             if spread[i] <= 1e-6 * max(1e-3, abs(mean[i])):
-                raise DataError(f"column {name} is constant ({mean[i]:g}) over {self.count} samples: the fit needs it to vary")
+                raise DataError(
+                    f"column {name} is constant ({mean[i]:g}) over {self.count} samples: the fit needs it to vary"
+                )
 
     def _structural_rank(self) -> int:
         """Rank that ample data would have: the paper's regressor holds `w` twice."""
@@ -198,7 +238,11 @@ class Accumulator:
         nz = self.dictionary.size
         c, _, _ = _least_squares(self._gram[:nz, :nz], self._gram[:nz, -STATES:], 0.0)
         power = np.diag(self._gram)[-STATES:]
-        missed = power - 2 * np.sum(c * self._gram[:nz, -STATES:].T, axis=1) + np.sum((c @ self._gram[:nz, :nz]) * c, axis=1)
+        missed = (
+            power
+            - 2 * np.sum(c * self._gram[:nz, -STATES:].T, axis=1)
+            + np.sum((c @ self._gram[:nz, :nz]) * c, axis=1)
+        )
         if (missed > 1e-6 * power).any():
             raise DataError(
                 "method 'edmdc' needs x, y and theta in the span of the dictionary: choose the unicycle one, or the method 'integral'"
@@ -208,13 +252,19 @@ class Accumulator:
 
 def _same(one: Dictionary, other: Dictionary) -> bool:
     """Whether two dictionaries lift alike, as far as they tell."""
-    return type(one) is type(other) and one.names == other.names and dictionary_to_config(one) == dictionary_to_config(other)
+    return (
+        type(one) is type(other)
+        and one.names == other.names
+        and dictionary_to_config(one) == dictionary_to_config(other)
+    )
 
 
 def _derivative_difference(model: KoopmanModel, z: Array, z_next: Array, w: Array) -> Array:
     """Give f(x) - f(x+) at one command, (n, 3), for the Hermite midpoint: linear in z, so one product serves both."""
     blocks = np.concatenate([model.A, model.H], axis=1).reshape(STATES, 1 + w.shape[1], z.shape[1])
-    products = ((z - z_next) @ blocks.transpose(2, 1, 0).reshape(z.shape[1], -1)).reshape(len(z), -1, STATES)
+    products = ((z - z_next) @ blocks.transpose(2, 1, 0).reshape(z.shape[1], -1)).reshape(
+        len(z), -1, STATES
+    )
     difference: Array = products[:, 0].copy()
     for i in range(w.shape[1]):
         difference += w[:, i : i + 1] * products[:, 1 + i]
@@ -248,8 +298,8 @@ def fit(
     dictionary : Dictionary, optional
         The paper's `UnicycleDictionary` where not given.
     method : {"integral", "edmdc"}
-        ``"integral"`` fits the generator in weak form, twice, the second time with the path between samples bent by
-        the first result. ``"edmdc"`` is the paper's one-step regression (eq. 8).
+        ``"integral"`` fits the generator in weak form, twice, the second time with the path between
+        samples bent by the first result. ``"edmdc"`` is the paper's one-step regression (eq. 8).
     ridge : float
         Share of the scaled Gram matrix's diagonal that is added to it.
     noise : bool
@@ -273,7 +323,9 @@ def fit(
     18
     """
     if not isinstance(dataset, Dataset):
-        raise DataError(f"dataset: expected a Dataset, got {type(dataset).__name__}; Dataset.load(path) reads a log")
+        raise DataError(
+            f"dataset: expected a Dataset, got {type(dataset).__name__}; Dataset.load(path) reads a log"
+        )
     lifting = UnicycleDictionary() if dictionary is None else dictionary
     if not hasattr(lifting, "lift"):
         raise DataError(f"dictionary: expected one like UnicycleDictionary(), got {lifting!r:.60}")
@@ -286,33 +338,53 @@ def fit(
     if not noise:
         return model
     return KoopmanModel(
-        model.dictionary, model.dt, model.A, model.B, model.H, model.C, model.continuous, fit_noise(model, dataset), model.info
+        model.dictionary,
+        model.dt,
+        model.A,
+        model.B,
+        model.H,
+        model.C,
+        model.continuous,
+        fit_noise(model, dataset),
+        model.info,
     )
 
 
 def fit_noise(model: KoopmanModel, dataset: Dataset) -> NoiseModel:
     """Regress outer products of the one-step residuals, in the robot's frame, on ``[1, v^2, omega^2]``.
 
-    At most about NOISE_SAMPLES steps are looked at, spread evenly over the dataset. Each coefficient matrix is kept positive
-    semidefinite, so every covariance is.
+    At most about NOISE_SAMPLES steps are looked at, spread evenly over the dataset. Each
+    coefficient matrix is kept positive semidefinite, so every covariance is.
     """
     gram, moments = np.zeros((3, 3)), np.zeros((3, STATES * STATES))
     every = -(-dataset.steps // NOISE_SAMPLES)
     for part in islice(dataset.transitions(model.history), 0, None, every):
         error = part.x_next - model.advance(part.x, model.dictionary.inputs(part.u, part.history))
         cos, sin = np.cos(part.x[:, 2]), np.sin(part.x[:, 2])
-        body = np.stack([cos * error[:, 0] + sin * error[:, 1], cos * error[:, 1] - sin * error[:, 0], error[:, 2]], axis=1)
+        body = np.stack(
+            [
+                cos * error[:, 0] + sin * error[:, 1],
+                cos * error[:, 1] - sin * error[:, 0],
+                error[:, 2],
+            ],
+            axis=1,
+        )
         terms = np.column_stack([np.ones(len(body)), part.u[:, 0] ** 2, part.u[:, 1] ** 2])
         gram += terms.T @ terms
         moments += terms.T @ (body[:, :, None] * body[:, None, :]).reshape(len(body), -1)
     weights, _, _ = _least_squares(gram, moments, 0.0)
-    return NoiseModel(_nearest_covariances(gram, moments.reshape(3, STATES, STATES), weights.T.reshape(3, STATES, STATES)))
+    return NoiseModel(
+        _nearest_covariances(
+            gram, moments.reshape(3, STATES, STATES), weights.T.reshape(3, STATES, STATES)
+        )
+    )
 
 
 def _nearest_covariances(gram: Array, moments: Array, start: Array) -> Array:
     """Least squares over three positive semidefinite matrices, one after another until nothing moves any more.
 
-    Projecting each of the unconstrained ones alone would only ever add: too wide a tube by a fifth on a real robot.
+    Projecting each of the unconstrained ones alone would only ever add: too wide a tube by a fifth
+    on a real robot.
     """
     s = np.array([_semidefinite(c) for c in start])
     for _ in range(NOISE_SWEEPS):

@@ -1,7 +1,8 @@
 """acados SQP_RTI with HPIPM: the same problem with the same soft obstacles, as generated C.
 
-acados is no dependency. `install` fetches the wheel ``comma-deps-acados`` (x86-64 Linux, acados 0.2.2) into a folder of its own:
-the wheel brings a CasADi that would replace the real one, so that part is thrown away. A C compiler and make are needed.
+acados is no dependency. `install` fetches the wheel ``comma-deps-acados`` (x86-64 Linux, acados
+0.2.2) into a folder of its own: the wheel brings a CasADi that would replace the real one, so that
+part is thrown away. A C compiler and make are needed.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.obstacles import Circle, circle_distances, circles_to_array
+from kmpc_lite.control.obstacles.circles import Circle, circle_distances, circles_to_array
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.dictionary import INPUTS, STATES, Array
 from kmpc_lite.errors import KmpcError, ProblemError
-from kmpc_lite.model import KoopmanModel
+from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.peers.ipopt import symbolic_step
+from kmpc_lite.types import INPUTS, STATES, Array
 
 WHEEL = "comma-deps-acados"
 FAR_AWAY = (1e3, 1e3, 0.0, 0.0, 0.0)
@@ -65,10 +66,22 @@ def install(folder: Path | None = None) -> Path:
     target = folder or default_folder()
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent) as scratch:
-        command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", scratch, WHEEL]
+        command = [
+            sys.executable,
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--no-deps",
+            "--target",
+            scratch,
+            WHEEL,
+        ]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
-            raise KmpcError(f"pip could not install {WHEEL}: {(done.stderr.strip().splitlines() or ['no output'])[-1]}")
+            raise KmpcError(
+                f"pip could not install {WHEEL}: {(done.stderr.strip().splitlines() or ['no output'])[-1]}"
+            )
         shutil.rmtree(target, ignore_errors=True)
         target.mkdir()
         shutil.move(str(Path(scratch) / "acados"), target / "acados")
@@ -92,7 +105,8 @@ def _prepare(folder: Path) -> Path:
             link.symlink_to(target)
     os.environ["ACADOS_SOURCE_DIR"] = str(root)
     os.environ["TERA_PATH"] = str(package / "install/bin/t_renderer")
-    # loaded here and for all, the generated solver finds them without LD_LIBRARY_PATH, which would come too late now
+    # loaded here and for all, the generated solver finds them without LD_LIBRARY_PATH, which would
+    # come too late now
     for library in ("libblasfeo.so", "libhpipm.so", "libqpOASES_e.so", "libacados.so"):
         ctypes.CDLL(str(package / "install/lib" / library), mode=ctypes.RTLD_GLOBAL)
     if str(folder) not in sys.path:
@@ -123,10 +137,16 @@ class AcadosController:
     """
 
     def __init__(
-        self, model: KoopmanModel, problem: NavigationProblem | None = None, obstacles: int = 4, folder: Path | None = None
+        self,
+        model: KoopmanModel,
+        problem: NavigationProblem | None = None,
+        obstacles: int = 4,
+        folder: Path | None = None,
     ) -> None:
         if problem is not None and problem.limits_changes:
-            raise ProblemError("the acados peer knows no limits on the change of commands: du_max must be infinite")
+            raise ProblemError(
+                "the acados peer knows no limits on the change of commands: du_max must be infinite"
+            )
         reason = why_not(folder)
         if reason:
             raise KmpcError(f"acados: {reason}")
@@ -147,7 +167,10 @@ class AcadosController:
         u_min, u_max, x_min, x_max = problem.bounds
         x, u, p = ca.SX.sym("x", STATES), ca.SX.sym("u", INPUTS), ca.SX.sym("p", 3 * self.obstacles)
         gaps = [
-            ca.sqrt(ca.sumsqr(x[:2] - p[3 * i : 3 * i + 2])) - p[3 * i + 2] - problem.robot_radius - problem.margin
+            ca.sqrt(ca.sumsqr(x[:2] - p[3 * i : 3 * i + 2]))
+            - p[3 * i + 2]
+            - problem.robot_radius
+            - problem.margin
             for i in range(self.obstacles)
         ]
         acados_model = AcadosModel()
@@ -165,7 +188,11 @@ class AcadosController:
         ocp.cost.Vx, ocp.cost.Vu, ocp.cost.Vx_e = np.eye(5, 3), np.eye(5, 2, -3), np.eye(3)
         ocp.cost.yref, ocp.cost.yref_e = np.zeros(5), np.zeros(3)
         ocp.constraints.lbu, ocp.constraints.ubu, ocp.constraints.idxbu = u_min, u_max, np.arange(2)
-        ocp.constraints.lbx, ocp.constraints.ubx, ocp.constraints.idxbx = x_min[:2], x_max[:2], np.arange(2)
+        ocp.constraints.lbx, ocp.constraints.ubx, ocp.constraints.idxbx = (
+            x_min[:2],
+            x_max[:2],
+            np.arange(2),
+        )
         ocp.constraints.x0 = np.zeros(3)
         soft = np.arange(self.obstacles)
         linear, quadratic = problem.slack_weights
@@ -176,11 +203,22 @@ class AcadosController:
             for weight, value in (("zl", linear), ("zu", 0.0), ("Zl", 2 * quadratic), ("Zu", 0.0)):
                 setattr(ocp.cost, f"{weight}{end}", np.full(self.obstacles, scale * value))
         options = ocp.solver_options
-        options.tf, options.integrator_type, options.hessian_approx = n * problem.dt, "DISCRETE", "GAUSS_NEWTON"
-        options.nlp_solver_type, options.qp_solver, options.print_level = "SQP_RTI", "PARTIAL_CONDENSING_HPIPM", 0
-        # HPIPM at its best here: with the default tolerance of 1e-6 it always ran to its limit of 50 iterations, ten times as long
+        options.tf, options.integrator_type, options.hessian_approx = (
+            n * problem.dt,
+            "DISCRETE",
+            "GAUSS_NEWTON",
+        )
+        options.nlp_solver_type, options.qp_solver, options.print_level = (
+            "SQP_RTI",
+            "PARTIAL_CONDENSING_HPIPM",
+            0,
+        )
+        # HPIPM at its best here: with the default tolerance of 1e-6 it always ran to its limit of
+        # 50 iterations, ten times as long
         options.hpipm_mode, options.qp_solver_cond_N = "SPEED", max(1, n // 4)
-        options.qp_solver_tol_stat = options.qp_solver_tol_eq = options.qp_solver_tol_ineq = options.qp_solver_tol_comp = 1e-4
+        options.qp_solver_tol_stat = options.qp_solver_tol_eq = options.qp_solver_tol_ineq = (
+            options.qp_solver_tol_comp
+        ) = 1e-4
         ocp.code_export_directory = str(Path(self._work.name) / "code")
         here = os.getcwd()
         quiet = io.StringIO()
@@ -196,11 +234,19 @@ class AcadosController:
         self._plan: tuple[Array, Array] | None = None
         self._known = b""
 
-    def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Sequence[Circle] | ArrayLike = ()) -> Plan:
+    def step(
+        self, x: ArrayLike, goal: ArrayLike, obstacles: Sequence[Circle] | ArrayLike = ()
+    ) -> Plan:
         """Plan from the measured pose (3,) to the goal (3,); see `Controller.step`."""
-        pose, target, circles = np.asarray(x, dtype=float), np.asarray(goal, dtype=float).copy(), circles_to_array(obstacles)
+        pose, target, circles = (
+            np.asarray(x, dtype=float),
+            np.asarray(goal, dtype=float).copy(),
+            circles_to_array(obstacles),
+        )
         if len(circles) > self.obstacles:
-            raise ValueError(f"obstacles: the solver was generated for {self.obstacles}, got {len(circles)}")
+            raise ValueError(
+                f"obstacles: the solver was generated for {self.obstacles}, got {len(circles)}"
+            )
         n, dt, solver = self.problem.horizon, self.problem.dt, self._solver
         start = perf_counter()
         target[2] = pose[2] + np.remainder(target[2] - pose[2] + np.pi, 2 * np.pi) - np.pi
@@ -227,7 +273,11 @@ class AcadosController:
         states = np.array([solver.get(k, "x") for k in range(n + 1)])
         inputs = np.array([solver.get(k, "u") for k in range(n)])
         usable = bool(np.isfinite(states).all() and np.isfinite(inputs).all())
-        self._plan = (np.vstack([states[1:], states[-1:]]), np.vstack([inputs[1:], inputs[-1:]])) if usable else None
+        self._plan = (
+            (np.vstack([states[1:], states[-1:]]), np.vstack([inputs[1:], inputs[-1:]]))
+            if usable
+            else None
+        )
         end = perf_counter()
         u_min, u_max, _, _ = self.problem.bounds
         command = np.clip(np.where(np.isfinite(inputs[0]), inputs[0], 0.0), u_min, u_max)
@@ -244,7 +294,12 @@ class AcadosController:
             lambda: clearance,
             1,
             # setting and reading through Python is not acados' own time: it is told apart
-            {"set": prepared - start, "solve": solved - prepared, "read": end - solved, "total": end - start},
+            {
+                "set": prepared - start,
+                "solve": solved - prepared,
+                "read": end - solved,
+                "total": end - start,
+            },
             "" if good else f"acados status {status}",
         )
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.obstacles import Circle, circle_distances, circles_to_array
+from kmpc_lite.control.obstacles.circles import Circle, circle_distances, circles_to_array
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.rates import RateLimit
-from kmpc_lite.dictionary import INPUTS, STATES, Array
+from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.errors import KmpcError, ProblemError
-from kmpc_lite.model import KoopmanModel
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.types import INPUTS, STATES, Array
 
 
 def symbolic_step(model: KoopmanModel) -> Any:
@@ -31,9 +31,10 @@ def symbolic_step(model: KoopmanModel) -> Any:
 class IpoptController:
     """Nonlinear MPC with hard constraints, by multiple shooting in CasADi, solved by IPOPT every step.
 
-    As in the paper: states and commands are the variables, obstacles are constraints on the distance of the
-    centres, nothing is soft, the last solution, shifted, is the start. When IPOPT gives up, its last iterate is used,
-    as the usual tutorials do; the plan's status then is FALLBACK.
+    As in the paper: states and commands are the variables, obstacles are constraints on the
+    distance of the centres, nothing is soft, the last solution, shifted, is the start. When IPOPT
+    gives up, its last iterate is used, as the usual tutorials do; the plan's status then is
+    FALLBACK.
 
     Parameters
     ----------
@@ -51,11 +52,16 @@ class IpoptController:
     KmpcError
         Where CasADi is not installed.
     ProblemError
-        For a model with input history, and for a problem that limits the change of commands where the solver is fatrop.
+        For a model with input history, and for a problem that limits the change of commands where
+        the solver is fatrop.
     """
 
     def __init__(
-        self, model: KoopmanModel, problem: NavigationProblem | None = None, solver: str = "ipopt", options: dict[str, Any] | None = None
+        self,
+        model: KoopmanModel,
+        problem: NavigationProblem | None = None,
+        solver: str = "ipopt",
+        options: dict[str, Any] | None = None,
     ) -> None:
         try:
             import casadi
@@ -65,7 +71,9 @@ class IpoptController:
             raise ProblemError("the IPOPT peer takes models without input history")
         self.model, self.problem = model, NavigationProblem() if problem is None else problem
         if solver == "fatrop" and self.problem.limits_changes:
-            raise ProblemError("fatrop takes no limits on the change of commands, which tie stages together: du_max must be infinite")
+            raise ProblemError(
+                "fatrop takes no limits on the change of commands, which tie stages together: du_max must be infinite"
+            )
         self._rates = RateLimit(self.problem)
         self._casadi, self._plugin, self._options = casadi, solver, options or {}
         self._step_function = symbolic_step(model)
@@ -106,7 +114,12 @@ class IpoptController:
                 cost += error.T @ q_terminal @ error
             for i in range(count if k else 0):
                 offset = x[k][:2] - circles[:2, i] - k * problem.dt * circles[3:, i]
-                constraints.append(ca.sqrt(ca.sumsqr(offset)) - circles[2, i] - problem.robot_radius - problem.margin)
+                constraints.append(
+                    ca.sqrt(ca.sumsqr(offset))
+                    - circles[2, i]
+                    - problem.robot_radius
+                    - problem.margin
+                )
                 g_lower.append(0.0)
                 g_upper.append(np.inf)
         options: dict[str, Any] = {"print_time": False, "error_on_fail": False}
@@ -114,7 +127,12 @@ class IpoptController:
             options |= {"ipopt.print_level": 0, "ipopt.sb": "yes"}
         elif self._plugin == "fatrop":
             equality = [bool(bound == 0.0) for bound in g_upper]
-            options |= {"structure_detection": "auto", "equality": equality, "expand": True, "fatrop.print_level": 0}
+            options |= {
+                "structure_detection": "auto",
+                "equality": equality,
+                "expand": True,
+                "fatrop.print_level": 0,
+            }
         self._solver = ca.nlpsol(
             "peer",
             self._plugin,
@@ -131,9 +149,15 @@ class IpoptController:
         self._g_lower, self._g_upper = np.array(g_lower), np.array(g_upper)
         self._obstacle_count = count
 
-    def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Sequence[Circle] | ArrayLike = ()) -> Plan:
+    def step(
+        self, x: ArrayLike, goal: ArrayLike, obstacles: Sequence[Circle] | ArrayLike = ()
+    ) -> Plan:
         """Plan from the measured pose (3,) to the goal (3,); see `Controller.step`."""
-        pose, target, circles = np.asarray(x, dtype=float), np.asarray(goal, dtype=float).copy(), circles_to_array(obstacles)
+        pose, target, circles = (
+            np.asarray(x, dtype=float),
+            np.asarray(goal, dtype=float).copy(),
+            circles_to_array(obstacles),
+        )
         if len(circles) != self._obstacle_count:
             self._build(len(circles))
         n = self.problem.horizon
@@ -141,7 +165,9 @@ class IpoptController:
         target[2] = pose[2] + np.remainder(target[2] - pose[2] + np.pi, 2 * np.pi) - np.pi
         if self._states is None:
             self._states = np.tile(pose, (n + 1, 1))
-        guess = np.concatenate([np.hstack([self._states[:-1], self._inputs]).ravel(), self._states[-1]])
+        guess = np.concatenate(
+            [np.hstack([self._states[:-1], self._inputs]).ravel(), self._states[-1]]
+        )
         guess[:STATES] = self._lower[:STATES] = self._upper[:STATES] = pose
         found = self._solver(
             x0=guess,
@@ -153,7 +179,10 @@ class IpoptController:
         )
         solution = np.array(found["x"]).ravel()
         stages = solution[: (STATES + INPUTS) * n].reshape(n, STATES + INPUTS)
-        states, inputs = np.vstack([stages[:, :STATES], solution[-STATES:]]), stages[:, STATES:].copy()
+        states, inputs = (
+            np.vstack([stages[:, :STATES], solution[-STATES:]]),
+            stages[:, STATES:].copy(),
+        )
         elapsed = perf_counter() - start
         statistics = self._solver.stats()
         u_min, u_max, _, _ = self.problem.bounds
@@ -166,7 +195,9 @@ class IpoptController:
         self._inputs = np.vstack([inputs[1:], inputs[-1:]]) if usable else np.zeros((n, INPUTS))
         clearance = np.inf
         if len(circles) and usable:
-            distances, _ = circle_distances(circles, states[:, :2], self.problem.dt * np.arange(n + 1))
+            distances, _ = circle_distances(
+                circles, states[:, :2], self.problem.dt * np.arange(n + 1)
+            )
             clearance = float(distances.min()) - self.problem.robot_radius
         return Plan(
             command,

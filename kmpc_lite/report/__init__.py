@@ -2,7 +2,13 @@
 
 from kmpc_lite.report.html import write_report
 from kmpc_lite.report.maps import map_picture, overlay_picture
-from kmpc_lite.report.pictures import commands_picture, errors_picture, fit_picture, timing_picture, write_pictures
+from kmpc_lite.report.pictures import (
+    commands_picture,
+    errors_picture,
+    fit_picture,
+    timing_picture,
+    write_pictures,
+)
 
 __all__ = [
     "commands_picture",

@@ -19,15 +19,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.learn.evaluation import FitReport
-from kmpc_lite.model import KoopmanModel
+from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.report.page import CAPTIONS, MOVING_CAPTION, PAGE
 from kmpc_lite.report.pictures import run_pictures
 from kmpc_lite.report.scenario_rows import robot_rows, scenario_rows
 from kmpc_lite.report.style import render, write_picture
-from kmpc_lite.report.words import STATUS_WORDS, length, milliseconds, outcome_sentence, outcome_title
+from kmpc_lite.report.words import (
+    STATUS_WORDS,
+    length,
+    milliseconds,
+    outcome_sentence,
+    outcome_title,
+)
 from kmpc_lite.sim.closed_loop import Outcome, Run
 
-BADGES = {Outcome.REACHED: ("good", "✓ reached"), Outcome.COLLISION: ("bad", "✕ collision"), Outcome.TIMEOUT: ("late", "◷ out of time")}
+BADGES = {
+    Outcome.REACHED: ("good", "✓ reached"),
+    Outcome.COLLISION: ("bad", "✕ collision"),
+    Outcome.TIMEOUT: ("late", "◷ out of time"),
+}
 NOISE_COMMANDS = {"at rest": (0.0, 0.0), "at 0.5 m/s": (0.5, 0.0), "at 0.5 rad/s": (0.0, 0.5)}
 """Commands (v [m/s], omega [rad/s]) for which the model's noise is told."""
 UNIT = re.compile(r"(?<=\d) (?=(?:mm|ms|mrad|m|s|rad|m/s|rad/s|%)(?![\w]))")
@@ -73,7 +83,9 @@ def write_report(
     held_out = _held_out(model) if fit_report is None else fit_report
     moving = any(circle.vx or circle.vy for circle in run.scenario.circles)
     pictures = {
-        name: _image(name, render(figure, "svg"), MOVING_CAPTION if name == "map" and moving else "")
+        name: _image(
+            name, render(figure, "svg"), MOVING_CAPTION if name == "map" and moving else ""
+        )
         for name, figure in run_pictures(run, held_out, u_min, u_max).items()
     }
     heading = outcome_title(run) if title is None else title
@@ -106,7 +118,9 @@ def _image(name: str, svg: bytes, more: str) -> str:
     """Picture as an element; inside an image its ids cannot meet those of the others."""
     alt, caption = CAPTIONS[name]
     image = f'<img alt="{escape(alt)}" src="data:image/svg+xml;base64,{b64encode(svg).decode("ascii")}">'
-    return f'<figure class="{name}">{image}<figcaption>{escape(caption + more)}</figcaption></figure>'
+    return (
+        f'<figure class="{name}">{image}<figcaption>{escape(caption + more)}</figcaption></figure>'
+    )
 
 
 def _text(text: str) -> str:
@@ -119,16 +133,35 @@ def _tiles(run: Run) -> Iterable[str]:
     scenario, times = run.scenario, run.step_times
     clearance = "no obstacles" if not np.isfinite(run.clearance) else length(run.clearance)
     margin = f"{length(scenario.margin)} asked for" if scenario.margin else "edge to edge"
-    solved, without = run.statuses.count("SOLVED"), run.statuses.count("FALLBACK") + run.statuses.count("STOPPED")
+    solved, without = (
+        run.statuses.count("SOLVED"),
+        run.statuses.count("FALLBACK") + run.statuses.count("STOPPED"),
+    )
     numbers = (
         ("Duration", f"{run.duration:.4g} s", f"{scenario.timeout:g} s allowed"),
-        ("Position error", length(run.position_error), f"{length(scenario.tolerance)} counts as arrived"),
-        ("Heading error", f"{run.heading_error:.3f} rad", f"{scenario.heading_tolerance:g} rad counts as arrived"),
+        (
+            "Position error",
+            length(run.position_error),
+            f"{length(scenario.tolerance)} counts as arrived",
+        ),
+        (
+            "Heading error",
+            f"{run.heading_error:.3f} rad",
+            f"{scenario.heading_tolerance:g} rad counts as arrived",
+        ),
         ("Smallest clearance", clearance, margin),
         ("Step time, p50", milliseconds(float(np.median(times))), f"period {milliseconds(run.dt)}"),
         ("Step time, p99", milliseconds(float(np.quantile(times, 0.99))), "99 % of steps within"),
-        ("Step time, max", milliseconds(float(times.max())), f"{100 * float(times.max()) / run.dt:.2g} % of the period"),
-        ("Steps solved", f"{solved} of {len(run.statuses)}", f"{without or 'none'} without a new plan"),
+        (
+            "Step time, max",
+            milliseconds(float(times.max())),
+            f"{100 * float(times.max()) / run.dt:.2g} % of the period",
+        ),
+        (
+            "Steps solved",
+            f"{solved} of {len(run.statuses)}",
+            f"{without or 'none'} without a new plan",
+        ),
     )
     for name, value, note in numbers:
         content = f'<span class="name">{name}</span><strong>{_text(value)}</strong><span class="note">{_text(note)}</span>'
@@ -137,7 +170,10 @@ def _tiles(run: Run) -> Iterable[str]:
 
 def _table(rows: Iterable[tuple[str, str]]) -> str:
     """Rows of a name and a value; both are text, not HTML."""
-    body = "\n".join(f'<tr><th scope="row">{_text(name)}</th><td>{_text(value)}</td></tr>' for name, value in rows)
+    body = "\n".join(
+        f'<tr><th scope="row">{_text(name)}</th><td>{_text(value)}</td></tr>'
+        for name, value in rows
+    )
     return f'<div class="scroll"><table>\n{body}\n</table></div>'
 
 
@@ -145,7 +181,10 @@ def _status_rows(run: Run) -> Iterable[tuple[str, str]]:
     for status, words in STATUS_WORDS.items():
         count = run.statuses.count(status)
         if count:
-            yield status, f"{count} of {len(run.statuses)} steps ({100 * count / len(run.statuses):.3g} %): {words}"
+            yield (
+                status,
+                f"{count} of {len(run.statuses)} steps ({100 * count / len(run.statuses):.3g} %): {words}",
+            )
 
 
 def _time_rows(run: Run) -> Iterable[tuple[str, str]]:
@@ -155,7 +194,10 @@ def _time_rows(run: Run) -> Iterable[tuple[str, str]]:
     yield "Half of them within (p50)", milliseconds(float(np.median(times)))
     yield "99 % within (p99)", milliseconds(float(np.quantile(times, 0.99)))
     yield "All within (max)", milliseconds(float(times.max()))
-    yield "Slowest step", f"at {slowest * run.dt:.4g} s; {STATUS_WORDS.get(run.statuses[slowest], run.statuses[slowest])}"
+    yield (
+        "Slowest step",
+        f"at {slowest * run.dt:.4g} s; {STATUS_WORDS.get(run.statuses[slowest], run.statuses[slowest])}",
+    )
     yield "Period, the budget", milliseconds(run.dt)
     yield "Steps over budget", str(late) if late else "none"
 
@@ -185,9 +227,16 @@ def _fit_section(model: KoopmanModel | None, report: FitReport | None, picture: 
 
 def _model_rows(model: KoopmanModel) -> Iterable[tuple[str, str]]:
     info = model.info
-    form = "derivative of the pose, integrated over the period" if model.continuous else "next pose, one period on"
+    form = (
+        "derivative of the pose, integrated over the period"
+        if model.continuous
+        else "next pose, one period on"
+    )
     yield "Method", f"{info.get('method', 'not told')} ({form})"
-    yield "Dictionary", f"{type(model.dictionary).__name__}, {model.dictionary.size} lifted coordinates, {model.history} past commands"
+    yield (
+        "Dictionary",
+        f"{type(model.dictionary).__name__}, {model.dictionary.size} lifted coordinates, {model.history} past commands",
+    )
     yield "Period", milliseconds(model.dt)
     if "samples" in info:
         yield "Samples", str(info["samples"])
@@ -196,11 +245,17 @@ def _model_rows(model: KoopmanModel) -> Iterable[tuple[str, str]]:
     if isinstance(info.get("condition"), int | float):
         yield "Condition", f"{info['condition']:.4g}"
     if "log" in info:
-        yield "Log", ", ".join(map(str, info["log"])) if isinstance(info["log"], list) else str(info["log"])
+        yield (
+            "Log",
+            ", ".join(map(str, info["log"])) if isinstance(info["log"], list) else str(info["log"]),
+        )
     if model.noise_model is not None:
         for name, command in NOISE_COMMANDS.items():
             forward, left, heading = 1e3 * np.sqrt(np.diag(model.noise(command)))
-            yield f"Noise {name}", f"{forward:.3g} mm forward, {left:.3g} mm sideways, {heading:.3g} mrad per step (standard deviation)"
+            yield (
+                f"Noise {name}",
+                f"{forward:.3g} mm forward, {left:.3g} mm sideways, {heading:.3g} mrad per step (standard deviation)",
+            )
 
 
 def _errors_table(report: FitReport) -> str:
@@ -213,7 +268,9 @@ def _errors_table(report: FitReport) -> str:
         (ahead, "nominal unicycle", report.nominal_multi_step),
     )
     cells = "\n".join(
-        f'<tr><th scope="row">{escape(when)}</th><td>{who}</td>' + "".join(f"<td>{1e3 * value:.3g}</td>" for value in errors) + "</tr>"
+        f'<tr><th scope="row">{escape(when)}</th><td>{who}</td>'
+        + "".join(f"<td>{1e3 * value:.3g}</td>" for value in errors)
+        + "</tr>"
         for when, who, errors in rows
     )
     head = "<tr><th>ahead</th><th></th><th>along [mm]</th><th>across [mm]</th><th>heading [mrad]</th></tr>"
@@ -233,7 +290,19 @@ def _made_rows(run: Run, command: str | None) -> Iterable[tuple[str, str]]:
     yield "Python", platform.python_version()
     for name in ("kmpc-lite", "numpy", "scipy", "osqp", "matplotlib"):
         yield name, _version(name)
-    yield "Machine", ", ".join(part for part in (_processor(), platform.machine(), f"{os.cpu_count() or '?'} cores", sys.platform) if part)
+    yield (
+        "Machine",
+        ", ".join(
+            part
+            for part in (
+                _processor(),
+                platform.machine(),
+                f"{os.cpu_count() or '?'} cores",
+                sys.platform,
+            )
+            if part
+        ),
+    )
 
 
 def _version(name: str) -> str:
@@ -249,7 +318,11 @@ def _processor() -> str:
         file = Path(source)
         if file.is_file():
             text = file.read_text(encoding="utf-8", errors="replace").strip("\0\n ")
-            lines = [line.partition(":")[2].strip() if key else line for line in text.splitlines() if line.startswith(key)]
+            lines = [
+                line.partition(":")[2].strip() if key else line
+                for line in text.splitlines()
+                if line.startswith(key)
+            ]
             if lines:
                 return lines[0]
     return platform.processor()

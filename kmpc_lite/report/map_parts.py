@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kmpc_lite.control.obstacles import Circle
-from kmpc_lite.dictionary import Array
+from kmpc_lite.control.obstacles.circles import Circle
 from kmpc_lite.report.solid_parts import draw_solids
 from kmpc_lite.report.style import BLUE, GREEN, INK, RED, SMALL, WIDTH, new_figure
-from kmpc_lite.sim.scenario import Scenario
+from kmpc_lite.sim.scenario.files import Scenario
+from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,7 +24,13 @@ def map_axes(view: Array) -> tuple[Figure, Any]:
     width, height = view[1] - view[0]
     figure = new_figure(float(np.clip((WIDTH - 0.9) * height / width, 1.2, TALLEST)) + 1.05)
     axes = figure.subplots()
-    axes.set(xlim=view[:, 0], ylim=view[:, 1], aspect="equal", xlabel="x, east [m]", ylabel="y, north [m]")
+    axes.set(
+        xlim=view[:, 0],
+        ylim=view[:, 1],
+        aspect="equal",
+        xlabel="x, east [m]",
+        ylabel="y, north [m]",
+    )
     axes.locator_params(nbins=8, steps=[1, 2, 5, 10])
     return figure, axes
 
@@ -36,16 +42,45 @@ def draw_scenario(axes: Any, scenario: Scenario, times: Array, labels: Labels) -
 
     x_min, y_min, x_max, y_max = scenario.bounds
     side: dict[str, Any] = {"linewidth": 1.2, "linestyle": "-."}
-    axes.add_patch(Rectangle((x_min, y_min), x_max - x_min, y_max - y_min, fill=False, edgecolor=INK, zorder=1, **side))
+    axes.add_patch(
+        Rectangle(
+            (x_min, y_min),
+            x_max - x_min,
+            y_max - y_min,
+            fill=False,
+            edgecolor=INK,
+            zorder=1,
+            **side,
+        )
+    )
     along = np.linspace(0.0, 1.0, 50)[:, None]
-    corners = np.array([(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max), (x_min, y_min)])
-    labels.avoid_lines(np.concatenate([(1.0 - along) * a + along * b for a, b in zip(corners[:-1], corners[1:], strict=True)]))
+    corners = np.array(
+        [(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max), (x_min, y_min)]
+    )
+    labels.avoid_lines(
+        np.concatenate(
+            [(1.0 - along) * a + along * b for a, b in zip(corners[:-1], corners[1:], strict=True)]
+        )
+    )
     handles = [Line2D([], [], color=INK, label="area bounds", **side)]
-    dot: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 9, "markeredgecolor": INK}
+    dot: dict[str, Any] = {
+        "linestyle": "none",
+        "marker": "o",
+        "markersize": 9,
+        "markeredgecolor": INK,
+    }
     still = [c for c in scenario.circles if not (c.vx or c.vy)]
     moving = [c for c in scenario.circles if c.vx or c.vy]
     for circle in still:
-        disc(axes, circle[:2], circle.radius, facecolor="#a9a9a9", edgecolor=INK, linewidth=0.9, zorder=2)
+        disc(
+            axes,
+            circle[:2],
+            circle.radius,
+            facecolor="#a9a9a9",
+            edgecolor=INK,
+            linewidth=0.9,
+            zorder=2,
+        )
         labels.avoid(circle[:2], circle.radius)
     if scenario.solids is not None:
         draw_solids(axes, scenario.solids.solids, labels)
@@ -54,20 +89,44 @@ def draw_scenario(axes: Any, scenario: Scenario, times: Array, labels: Labels) -
     if still or scenario.solids is not None:
         handles.append(Line2D([], [], markerfacecolor="#a9a9a9", label="obstacle", **dot))
     if moving:
-        handles.append(Line2D([], [], markerfacecolor="#e4e4e4", label="moving, at the start", **dot))
+        handles.append(
+            Line2D([], [], markerfacecolor="#e4e4e4", label="moving, at the start", **dot)
+        )
     goal = np.array(scenario.goal)
-    disc(axes, goal, scenario.radius, fill=False, edgecolor=GREEN, linewidth=1.6, linestyle="--", zorder=5)
+    disc(
+        axes,
+        goal,
+        scenario.radius,
+        fill=False,
+        edgecolor=GREEN,
+        linewidth=1.6,
+        linestyle="--",
+        zorder=5,
+    )
     disc(axes, goal, scenario.tolerance, facecolor=GREEN, alpha=0.45, edgecolor="none", zorder=3)
     _arrow(axes, goal, goal_front(scenario), GREEN, 1.8)
     labels.avoid(goal, scenario.radius)
     labels.avoid(goal_front(scenario), 0.2 * scenario.radius)
-    handles.append(Line2D([], [], color=GREEN, marker="o", markerfacecolor="none", linestyle="none", markersize=9, label="goal pose"))
+    handles.append(
+        Line2D(
+            [],
+            [],
+            color=GREEN,
+            marker="o",
+            markerfacecolor="none",
+            linestyle="none",
+            markersize=9,
+            label="goal pose",
+        )
+    )
     return handles
 
 
 def goal_front(scenario: Scenario) -> Array:
     """Give the tip (2,) of the arrow that shows the goal's heading."""
-    tip: Array = np.array(scenario.goal[:2]) + 1.6 * scenario.radius * np.array([np.cos(scenario.goal[2]), np.sin(scenario.goal[2])])
+    tip: Array = np.array(scenario.goal[:2]) + 1.6 * scenario.radius * np.array(
+        [np.cos(scenario.goal[2]), np.sin(scenario.goal[2])]
+    )
     return tip
 
 
@@ -75,14 +134,32 @@ def _draw_moving(axes: Any, circle: Circle, times: Array, labels: Labels) -> Non
     """Fill the circle where it starts, outline it at `times` where these are apart, and draw its way with an arrow."""
     centre, velocity = np.array(circle[:2]), np.array(circle[3:])
     speed = float(np.hypot(*velocity))
-    disc(axes, centre, circle.radius, facecolor="#e4e4e4", edgecolor=INK, hatch="///", linewidth=0.9, zorder=2)
+    disc(
+        axes,
+        centre,
+        circle.radius,
+        facecolor="#e4e4e4",
+        edgecolor=INK,
+        hatch="///",
+        linewidth=0.9,
+        zorder=2,
+    )
     labels.avoid(centre, circle.radius)
     end = last = float(times[-1])
     # from the end back, so that the last outline is always there
     for time in times[::-1]:
         if time == end or min(time, last - time) * speed >= 0.9 * circle.radius:
             last, point = float(time), centre + time * velocity
-            disc(axes, point, circle.radius, fill=False, edgecolor="#555555", linewidth=0.9, linestyle=":", zorder=2.4)
+            disc(
+                axes,
+                point,
+                circle.radius,
+                fill=False,
+                edgecolor="#555555",
+                linewidth=0.9,
+                linestyle=":",
+                zorder=2.4,
+            )
             _write(axes, point, f"{time:.4g} s", fontsize=7, color="#444444")
             labels.avoid(point, circle.radius)
     _arrow(axes, centre, centre + (end + 1.5 * circle.radius / speed) * velocity, "#555555", 0.9)
@@ -97,10 +174,27 @@ def disc(axes: Any, centre: Any, radius: float, **look: Any) -> None:
 
 def footprint(axes: Any, pose: Array, radius: float, strong: bool) -> None:
     """Robot to scale, with a line from its centre to its front."""
-    disc(axes, pose, radius, facecolor="#cfe4f3", alpha=0.75 if strong else 0.5, edgecolor="none", zorder=3.5)
-    disc(axes, pose, radius, fill=False, edgecolor=BLUE, linewidth=1.5 if strong else 0.9, zorder=4.5)
+    disc(
+        axes,
+        pose,
+        radius,
+        facecolor="#cfe4f3",
+        alpha=0.75 if strong else 0.5,
+        edgecolor="none",
+        zorder=3.5,
+    )
+    disc(
+        axes, pose, radius, fill=False, edgecolor=BLUE, linewidth=1.5 if strong else 0.9, zorder=4.5
+    )
     front = pose[:2] + radius * np.array([np.cos(pose[2]), np.sin(pose[2])])
-    axes.plot([pose[0], front[0]], [pose[1], front[1]], color=INK, linewidth=1.8 if strong else 1.2, zorder=5, solid_capstyle="butt")
+    axes.plot(
+        [pose[0], front[0]],
+        [pose[1], front[1]],
+        color=INK,
+        linewidth=1.8 if strong else 1.2,
+        zorder=5,
+        solid_capstyle="butt",
+    )
 
 
 def cross(axes: Any, point: Array) -> None:
@@ -113,7 +207,16 @@ def _arrow(axes: Any, start: Any, end: Any, colour: str, width: float) -> None:
 
     ends = [(float(p[0]), float(p[1])) for p in (start, end)]
     axes.add_patch(
-        FancyArrowPatch(*ends, arrowstyle="-|>", mutation_scale=9, shrinkA=0, shrinkB=0, color=colour, linewidth=width, zorder=5.5)
+        FancyArrowPatch(
+            *ends,
+            arrowstyle="-|>",
+            mutation_scale=9,
+            shrinkA=0,
+            shrinkB=0,
+            color=colour,
+            linewidth=width,
+            zorder=5.5,
+        )
     )
 
 
@@ -163,13 +266,20 @@ class Labels:
             for direction in np.linspace(0.0, 2 * np.pi, 16, endpoint=False):
                 unit = np.array([np.cos(direction), np.sin(direction)])
                 # far enough that the text's box just stays outside the disc
-                gap, inside = (0.35 + 1.2 * away) * letter, float(np.min(half / np.maximum(np.abs(unit), 1e-9)))
+                gap, inside = (
+                    (0.35 + 1.2 * away) * letter,
+                    float(np.min(half / np.maximum(np.abs(unit), 1e-9))),
+                )
                 spot = point + (radius + gap + inside) * unit
                 # a place farther off must be worth it
                 merit = self._room(spot, half, 0.8 * letter) - 0.6 * away * letter
                 if merit > best + 1e-9:
                     best, where = merit, spot
-                    leader = np.array([point + radius * unit, point + (radius + gap) * unit]) if away else None
+                    leader = (
+                        np.array([point + radius * unit, point + (radius + gap) * unit])
+                        if away
+                        else None
+                    )
         if leader is not None:
             self._axes.plot(leader[:, 0], leader[:, 1], color=INK, linewidth=0.8, zorder=6.5)
         _write(self._axes, where, text, fontsize=SMALL, fontweight="bold" if bold else "normal")
@@ -181,7 +291,9 @@ class Labels:
         box = spot + half * np.array([[x, y] for x in (-1, -0.5, 0, 0.5, 1) for y in (-1, 0, 1)])
         if (box < self._view[0]).any() or (box > self._view[1]).any():
             return -np.inf
-        free = float(np.min(np.hypot(*(self._points[:, None] - box).transpose(2, 0, 1)), initial=enough))
+        free = float(
+            np.min(np.hypot(*(self._points[:, None] - box).transpose(2, 0, 1)), initial=enough)
+        )
         for other, size in self._discs:
             free = min(free, float(np.hypot(*(box - other).T).min()) - size)
         return free

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kmpc_lite.control.obstacles import circle_distances
-from kmpc_lite.dictionary import Array
+from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.errors import KmpcError
 from kmpc_lite.report.map_parts import Labels, cross, draw_scenario, footprint, goal_front, map_axes
 from kmpc_lite.report.solid_parts import solid_points
 from kmpc_lite.report.style import BLUE, INK, LINES, ORANGE, RED, legend_below, style
 from kmpc_lite.report.words import clearance_words, outcome_title, substeps
 from kmpc_lite.sim.closed_loop import Outcome, Run
-from kmpc_lite.sim.scenario import Scenario
+from kmpc_lite.sim.scenario.files import Scenario
+from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,11 +40,30 @@ def map_picture(run: Run) -> Figure:
         labels = Labels(axes, view, run.path[:, :2])
         handles = draw_scenario(axes, run.scenario, seconds, labels)
         # with a collision, also what the robot had in mind just before it
-        for k in (0, *moments[:: 1 if len(moments) <= ENOUGH else 2], *([len(run.plans) - 1] if collided else [])):
+        for k in (
+            0,
+            *moments[:: 1 if len(moments) <= ENOUGH else 2],
+            *([len(run.plans) - 1] if collided else []),
+        ):
             axes.plot(run.plans[k, :, 0], run.plans[k, :, 1], **PLAN, zorder=4.2)
             labels.avoid_lines(run.plans[k, :, :2])
-            axes.plot(*run.plans[k, -1, :2], "o", color=ORANGE, markeredgecolor=INK, markeredgewidth=0.5, markersize=3.2, zorder=4.2)
-        axes.plot(run.path[: end + 1, 0], run.path[: end + 1, 1], color=BLUE, linewidth=2.8, zorder=4, solid_capstyle="round")
+            axes.plot(
+                *run.plans[k, -1, :2],
+                "o",
+                color=ORANGE,
+                markeredgecolor=INK,
+                markeredgewidth=0.5,
+                markersize=3.2,
+                zorder=4.2,
+            )
+        axes.plot(
+            run.path[: end + 1, 0],
+            run.path[: end + 1, 1],
+            color=BLUE,
+            linewidth=2.8,
+            zorder=4,
+            solid_capstyle="round",
+        )
         for index in (0, *(every * k for k in moments), end):
             footprint(axes, run.path[index], run.scenario.radius, strong=index in (0, end))
             labels.avoid(run.path[index], run.scenario.radius)
@@ -53,11 +72,15 @@ def map_picture(run: Run) -> Figure:
         for k in moments:
             labels.put(f"{run.dt * k:.4g} s", run.states[k, :2], run.scenario.radius)
         if run.outcome is Outcome.TIMEOUT:
-            labels.put(f"end, {run.duration:.4g} s", run.path[end, :2], run.scenario.radius, bold=True)
+            labels.put(
+                f"end, {run.duration:.4g} s", run.path[end, :2], run.scenario.radius, bold=True
+            )
         if collided:
             point = _contact(run, end)
             cross(axes, point)
-            labels.put(f"collision, {run.duration:.4g} s", point, 0.5 * run.scenario.radius, bold=True)
+            labels.put(
+                f"collision, {run.duration:.4g} s", point, 0.5 * run.scenario.radius, bold=True
+            )
         axes.set_title(f"{outcome_title(run)}, {clearance_words(run)}")
         legend_below(figure, [*_robot_handles(), *handles])
     return figure
@@ -79,40 +102,77 @@ def overlay_picture(runs: Sequence[Run], labels: Sequence[str]) -> Figure:
         For no runs, another number of labels, or runs of different maps.
     """
     if not runs or len(runs) != len(labels):
-        raise KmpcError(f"overlay: expected at least one run and a label for each, got {len(runs)} runs and {len(labels)} labels")
+        raise KmpcError(
+            f"overlay: expected at least one run and a label for each, got {len(runs)} runs and {len(labels)} labels"
+        )
     scenario = runs[0].scenario
     for i, run in enumerate(runs):
         substeps(run)
         if _map_of(run.scenario) != _map_of(scenario):
-            raise KmpcError(f"overlay: run {i} ({run.scenario.name}) has another map than the first ({scenario.name})")
+            raise KmpcError(
+                f"overlay: run {i} ({run.scenario.name}) has another map than the first ({scenario.name})"
+            )
     names = list(dict.fromkeys(labels))
     outcomes = [run.outcome for run in runs]
     with style():
         view = _view(scenario, runs)
         figure, axes = map_axes(view)
         written = Labels(axes, view, np.concatenate([run.path[:, :2] for run in runs]))
-        handles = draw_scenario(axes, scenario, np.array([max(run.duration for run in runs)]), written)
+        handles = draw_scenario(
+            axes, scenario, np.array([max(run.duration for run in runs)]), written
+        )
         for run, label in zip(runs, labels, strict=True):
             colour, line, marker = LINES[names.index(label) % len(LINES)]
             end = _end_index(run)
-            axes.plot(run.path[: end + 1, 0], run.path[: end + 1, 1], color=colour, linestyle=line, linewidth=1.5, zorder=4)
+            axes.plot(
+                run.path[: end + 1, 0],
+                run.path[: end + 1, 1],
+                color=colour,
+                linestyle=line,
+                linewidth=1.5,
+                zorder=4,
+            )
             if run.outcome is Outcome.COLLISION:
                 cross(axes, _contact(run, end))
             else:
                 face = colour if run.outcome is Outcome.REACHED else "white"
-                axes.plot(*run.path[end, :2], marker, color=colour, markerfacecolor=face, markersize=5.5, zorder=6)
+                axes.plot(
+                    *run.path[end, :2],
+                    marker,
+                    color=colour,
+                    markerfacecolor=face,
+                    markersize=5.5,
+                    zorder=6,
+                )
         for start in dict.fromkeys(run.scenario.start for run in runs):
             footprint(axes, np.array(start), scenario.radius, strong=True)
         written.put("start", scenario.start[:2], scenario.radius, bold=True)
         written.put("goal", scenario.goal[:2], scenario.radius, bold=True)
-        counts = [outcomes.count(outcome) for outcome in (Outcome.REACHED, Outcome.COLLISION, Outcome.TIMEOUT)]
-        axes.set_title(f"{len(runs)} runs: {counts[0]} reached, {counts[1]} collided, {counts[2]} out of time")
-        legend_below(figure, [*_series_handles(names, list(labels), counts), *handles], 2 if max(map(len, names)) > 14 else 3)
+        counts = [
+            outcomes.count(outcome)
+            for outcome in (Outcome.REACHED, Outcome.COLLISION, Outcome.TIMEOUT)
+        ]
+        axes.set_title(
+            f"{len(runs)} runs: {counts[0]} reached, {counts[1]} collided, {counts[2]} out of time"
+        )
+        legend_below(
+            figure,
+            [*_series_handles(names, list(labels), counts), *handles],
+            2 if max(map(len, names)) > 14 else 3,
+        )
     return figure
 
 
 def _map_of(scenario: Scenario) -> tuple[object, ...]:
-    return scenario.bounds, scenario.circles, scenario.polygons, scenario.walls, scenario.grid, scenario.goal, scenario.radius
+    return (
+        scenario.bounds,
+        scenario.circles,
+        scenario.polygons,
+        scenario.walls,
+        scenario.grid,
+        scenario.goal,
+        scenario.radius,
+    )
 
 
 def _view(scenario: Scenario, runs: Sequence[Run]) -> Array:
@@ -125,7 +185,10 @@ def _view(scenario: Scenario, runs: Sequence[Run]) -> Array:
     for circle in scenario.circles:
         centre = np.array(circle[:2])
         if ((centre > near_low) & (centre < near_high)).all():
-            low, high = np.minimum(low, centre - circle.radius), np.maximum(high, centre + circle.radius)
+            low, high = (
+                np.minimum(low, centre - circle.radius),
+                np.maximum(high, centre + circle.radius),
+            )
     if scenario.solids is not None:
         corners = solid_points(scenario.solids.solids)
         near = corners[((corners > near_low) & (corners < near_high)).all(axis=1)]
@@ -144,7 +207,8 @@ def _moments(run: Run, view: Array) -> list[int]:
     apart = max(2.2 * run.scenario.radius, 0.06 * float((view[1] - view[0]).max()))
     taken = [run.states[0, :2], run.states[-1, :2], np.array(run.scenario.goal[:2])]
     best: list[int] = []
-    # a robot may stand for most of the drive: look for the longest step that shows enough of the way
+    # a robot may stand for most of the drive: look for the longest step that shows enough of the
+    # way
     for step in sorted(NICE_TIMES, reverse=True):
         near, chosen = list(taken), []
         for time in np.arange(step, len(run.inputs) * run.dt, step):
@@ -163,16 +227,27 @@ def _moments(run: Run, view: Array) -> list[int]:
 def _end_index(run: Run) -> int:
     """Index in `Run.path` of the sub-sample at which the drive ended."""
     last = len(run.path) - 1
-    return min(int(round(run.duration / run.dt * substeps(run))), last) if run.outcome is Outcome.COLLISION else last
+    return (
+        min(int(round(run.duration / run.dt * substeps(run))), last)
+        if run.outcome is Outcome.COLLISION
+        else last
+    )
 
 
 def _contact(run: Run, index: int) -> Array:
     """Give the point (2,) of the obstacle's edge that the robot ran into."""
     here, time = run.path[index : index + 1, :2], np.array([index * run.dt / substeps(run)])
-    distances, normals = circle_distances(run.scenario.circles_at(0.0), here, time) if run.scenario.circles else NO_DISTANCES
+    distances, normals = (
+        circle_distances(run.scenario.circles_at(0.0), here, time)
+        if run.scenario.circles
+        else NO_DISTANCES
+    )
     if run.scenario.solids is not None:
         gaps, away = run.scenario.solids.whole.measure(here)
-        distances, normals = np.concatenate([distances, gaps], axis=1), np.concatenate([normals, away], axis=1)
+        distances, normals = (
+            np.concatenate([distances, gaps], axis=1),
+            np.concatenate([normals, away], axis=1),
+        )
     hit = int(np.argmin(distances[0]))
     point: Array = here[0] - distances[0, hit] * normals[0, hit]
     return point
@@ -184,7 +259,16 @@ def _robot_handles() -> list[Any]:
     return [
         Line2D([], [], color=BLUE, linewidth=2.8, label="driven path"),
         Line2D([], [], **PLAN, label="plan at that time"),
-        Line2D([], [], color=BLUE, marker="o", markerfacecolor="#cfe4f3", linestyle="none", markersize=9, label="robot, heading"),
+        Line2D(
+            [],
+            [],
+            color=BLUE,
+            marker="o",
+            markerfacecolor="#cfe4f3",
+            linestyle="none",
+            markersize=9,
+            label="robot, heading",
+        ),
     ]
 
 
@@ -198,9 +282,33 @@ def _series_handles(names: list[str], labels: list[str], counts: list[int]) -> l
         count = labels.count(name)
         # a label that begins with an underscore would be left out of the legend
         text = (f" {name}" if name.startswith("_") else name) + (f" ({count})" if count > 1 else "")
-        entries.append(Line2D([], [], color=colour, linestyle=line, marker=marker, markersize=5, label=text))
+        entries.append(
+            Line2D([], [], color=colour, linestyle=line, marker=marker, markersize=5, label=text)
+        )
     if counts[1]:
-        entries.append(Line2D([], [], color=RED, marker="X", markeredgecolor="white", linestyle="none", markersize=9, label="collision"))
+        entries.append(
+            Line2D(
+                [],
+                [],
+                color=RED,
+                marker="X",
+                markeredgecolor="white",
+                linestyle="none",
+                markersize=9,
+                label="collision",
+            )
+        )
     if counts[2]:
-        entries.append(Line2D([], [], color=INK, marker="o", markerfacecolor="white", linestyle="none", markersize=5, label="out of time"))
+        entries.append(
+            Line2D(
+                [],
+                [],
+                color=INK,
+                marker="o",
+                markerfacecolor="white",
+                linestyle="none",
+                markersize=5,
+                label="out of time",
+            )
+        )
     return entries

@@ -25,7 +25,9 @@ CAPTIONS = {
 }
 """Alternative text and caption of each picture."""
 
-MOVING_CAPTION = " Moving obstacles are filled where they start and dotted where they are at the times in them."
+MOVING_CAPTION = (
+    " Moving obstacles are filled where they start and dotted where they are at the times in them."
+)
 
 _CSS = """
 :root { color-scheme: light dark; --ink: #1d2327; --soft: #5a6570; --back: #f4f5f6; --card: #ffffff; --line: #d9dde1;

@@ -13,8 +13,28 @@ from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.errors import KmpcError
 from kmpc_lite.learn.evaluation import FitReport
 from kmpc_lite.report.maps import map_picture
-from kmpc_lite.report.style import BLUE, GREEN, GREY, INK, PURPLE, RED, SMALL, legend_below, new_figure, render, style, write_picture
-from kmpc_lite.report.words import STATUS_WORDS, length, milliseconds, path_clearances, path_times, substeps
+from kmpc_lite.report.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    PURPLE,
+    RED,
+    SMALL,
+    legend_below,
+    new_figure,
+    render,
+    style,
+    write_picture,
+)
+from kmpc_lite.report.words import (
+    STATUS_WORDS,
+    length,
+    milliseconds,
+    path_clearances,
+    path_times,
+    substeps,
+)
 from kmpc_lite.sim.closed_loop import Run
 
 if TYPE_CHECKING:
@@ -29,7 +49,9 @@ MANY = 2000
 """More dots than this are drawn as pixels, or the file would grow with the run."""
 
 
-def commands_picture(run: Run, u_min: ArrayLike | None = None, u_max: ArrayLike | None = None) -> Figure:
+def commands_picture(
+    run: Run, u_min: ArrayLike | None = None, u_max: ArrayLike | None = None
+) -> Figure:
     """Draw the commands over time, with their limits, and when a step was not simply solved.
 
     Parameters
@@ -47,7 +69,9 @@ def commands_picture(run: Run, u_min: ArrayLike | None = None, u_max: ArrayLike 
 
         figure = new_figure(3.9)
         panels = figure.subplots(2, 1, sharex=True)
-        for i, (panel, title, unit) in enumerate(zip(panels, ("Forward speed v", "Turn rate ω"), ("m/s", "rad/s"), strict=True)):
+        for i, (panel, title, unit) in enumerate(
+            zip(panels, ("Forward speed v", "Turn rate ω"), ("m/s", "rad/s"), strict=True)
+        ):
             handles = _status_bands(panel, run)
             panel.axhline(0.0, color=GREY, linewidth=0.8)
             panel.stairs(run.inputs[:, i], edges, baseline=None, color=BLUE, linewidth=1.8)
@@ -102,10 +126,19 @@ def _status_bands(panel: Any, run: Run) -> list[Any]:
     handles = []
     for status, (colour, hatch) in STATUS_LOOKS.items():
         if spans[status]:
-            look: dict[str, Any] = {"facecolor": colour, "hatch": hatch, "edgecolor": "#8f8f8f", "linewidth": 0.0}
+            look: dict[str, Any] = {
+                "facecolor": colour,
+                "hatch": hatch,
+                "edgecolor": "#8f8f8f",
+                "linewidth": 0.0,
+            }
             # one collection for all spans: in a long run there are thousands
-            panel.broken_barh(spans[status], (0.0, 1.0), transform=panel.get_xaxis_transform(), zorder=0.5, **look)
-            handles.append(Patch(**look, label=f"{STATUS_WORDS[status]} ({run.statuses.count(status)})"))
+            panel.broken_barh(
+                spans[status], (0.0, 1.0), transform=panel.get_xaxis_transform(), zorder=0.5, **look
+            )
+            handles.append(
+                Patch(**look, label=f"{STATUS_WORDS[status]} ({run.statuses.count(status)})")
+            )
     return handles
 
 
@@ -126,7 +159,14 @@ def errors_picture(run: Run) -> Figure:
         arrival: dict[str, Any] = {"color": GREEN, "linestyle": "--", "linewidth": 1.3}
         margin: dict[str, Any] = {"color": PURPLE, "linestyle": ":", "linewidth": 1.8}
         contact: dict[str, Any] = {"color": RED, "linewidth": 1.3}
-        handles = [Line2D([], [], **arrival, label=f"arrived: {length(scenario.tolerance)}, {scenario.heading_tolerance:g} rad")]
+        handles = [
+            Line2D(
+                [],
+                [],
+                **arrival,
+                label=f"arrived: {length(scenario.tolerance)}, {scenario.heading_tolerance:g} rad",
+            )
+        ]
         floor = 0.3 * min(scenario.tolerance, max(float(distance[-1]), 0.1 * scenario.tolerance))
         panels[0].plot(times, np.maximum(distance, floor), **curve)
         panels[0].axhline(scenario.tolerance, **arrival)
@@ -141,15 +181,29 @@ def errors_picture(run: Run) -> Figure:
             # as in `Run.clearance`, the start does not count: no command had been given yet
             nearest = 1 + int(np.argmin(gaps[1:]))
             panels[2].plot(times, gaps, **curve)
-            panels[2].plot(times[nearest], gaps[nearest], "o", color=INK, markerfacecolor="white", markersize=5, zorder=5)
-            panels[2].set_title(f"Clearance to the nearest obstacle [m], smallest {length(float(gaps[nearest]))}")
+            panels[2].plot(
+                times[nearest],
+                gaps[nearest],
+                "o",
+                color=INK,
+                markerfacecolor="white",
+                markersize=5,
+                zorder=5,
+            )
+            panels[2].set_title(
+                f"Clearance to the nearest obstacle [m], smallest {length(float(gaps[nearest]))}"
+            )
             low = min(-0.05 * float(gaps.max()), 1.5 * float(gaps.min()))
-            panels[2].axhspan(low, 0.0, facecolor="#f2b98c", hatch="///", edgecolor="#8f8f8f", linewidth=0.0)
+            panels[2].axhspan(
+                low, 0.0, facecolor="#f2b98c", hatch="///", edgecolor="#8f8f8f", linewidth=0.0
+            )
             panels[2].axhline(0.0, **contact)
             panels[2].set_ylim(low, None)
             if scenario.margin > 0.0:
                 panels[2].axhline(scenario.margin, **margin)
-                handles.append(Line2D([], [], **margin, label=f"margin asked for: {length(scenario.margin)}"))
+                handles.append(
+                    Line2D([], [], **margin, label=f"margin asked for: {length(scenario.margin)}")
+                )
             handles.append(Line2D([], [], **contact, label="contact"))
         panels[0].set_xlim(0.0, 1.01 * times[-1])
         panels[-1].set_xlabel("time [s]")
@@ -186,12 +240,27 @@ def timing_picture(run: Run) -> Figure:
         figure = new_figure(3.1)
         over_time, share = figure.subplots(1, 2, sharey=True, width_ratios=(2.6, 1))
         over_time.plot(
-            times, values, ".", color=GREY, markeredgecolor=INK, markeredgewidth=0.3, markersize=5, rasterized=len(values) > MANY
+            times,
+            values,
+            ".",
+            color=GREY,
+            markeredgecolor=INK,
+            markeredgewidth=0.3,
+            markersize=5,
+            rasterized=len(values) > MANY,
         )
         low, high = 0.7 * float(values.min()), 1.6 * max(period, float(values.max()))
         bins = np.geomspace(float(values.min()) * 0.97, float(values.max()) * 1.03, 25)
         weights = np.full(len(values), 100.0 / len(values))
-        share.hist(values, bins=bins, weights=weights, orientation="horizontal", color="#c9c9c9", edgecolor="#777777", linewidth=0.5)
+        share.hist(
+            values,
+            bins=bins,
+            weights=weights,
+            orientation="horizontal",
+            color="#c9c9c9",
+            edgecolor="#777777",
+            linewidth=0.5,
+        )
         for panel in (over_time, share):
             for _, value, colour, line in marks:
                 panel.axhline(value, color=colour, linestyle=line, linewidth=1.5)
@@ -201,9 +270,19 @@ def timing_picture(run: Run) -> Figure:
         _plain_log_ticks(over_time.yaxis)
         over_time.set(xlabel="time [s]", ylabel="step time [ms], logarithmic")
         share.set_xlabel("share of steps [%]")
-        over_time.set_title(f"The slowest step took {_share_of(float(values.max()) / period)} of the period")
+        over_time.set_title(
+            f"The slowest step took {_share_of(float(values.max()) / period)} of the period"
+        )
         handles = [
-            Line2D([], [], color=c, linestyle=line, linewidth=1.5, label=who.format(milliseconds(1e-3 * v))) for who, v, c, line in marks
+            Line2D(
+                [],
+                [],
+                color=c,
+                linestyle=line,
+                linewidth=1.5,
+                label=who.format(milliseconds(1e-3 * v)),
+            )
+            for who, v, c, line in marks
         ]
         legend_below(figure, handles, 2)
     return figure
@@ -223,25 +302,47 @@ def fit_picture(report: FitReport) -> Figure:
     )
     looks = {"model": (BLUE, ""), "nominal": ("#f0d9a8", "///")}
     where = np.array([0.0, 1.0, 2.4, 3.4])
-    over: tuple[dict[str, Any], dict[str, Any]] = ({}, {"bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.5}})
+    over: tuple[dict[str, Any], dict[str, Any]] = (
+        {},
+        {"bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.5}},
+    )
     with style():
         from matplotlib.patches import Patch
 
         figure = new_figure(4.9)
         panels = figure.subplots(3, 1)
         for i, (panel, name, unit) in enumerate(
-            zip(panels, ("Along the heading", "Across the heading", "Heading"), ("mm", "mm", "mrad"), strict=True)
+            zip(
+                panels,
+                ("Along the heading", "Across the heading", "Heading"),
+                ("mm", "mm", "mrad"),
+                strict=True,
+            )
         ):
             values = [1e3 * row[2][i] for row in rows]
             # a model that diverges has an infinite error: its bar ends where the picture does
             top = 1.2 * max([value for value in values if np.isfinite(value)] + [1e-12])
             for y, (_, who, _), value in zip(where, rows, values, strict=True):
                 colour, hatch = looks[who]
-                panel.barh(y, min(value, top), height=0.92, color=colour, hatch=hatch, edgecolor=INK, linewidth=0.6)
+                panel.barh(
+                    y,
+                    min(value, top),
+                    height=0.92,
+                    color=colour,
+                    hatch=hatch,
+                    edgecolor=INK,
+                    linewidth=0.6,
+                )
                 text = f"{value:.3g} {unit}" if np.isfinite(value) else "diverged"
                 place = (value, y) if np.isfinite(value) else (0.0, y)
                 panel.annotate(
-                    text, place, xytext=(4, 0), textcoords="offset points", va="center", fontsize=SMALL, **over[text == "diverged"]
+                    text,
+                    place,
+                    xytext=(4, 0),
+                    textcoords="offset points",
+                    va="center",
+                    fontsize=SMALL,
+                    **over[text == "diverged"],
                 )
             panel.set_yticks([0.5, 2.9], ["one step", f"{report.horizon:g} s ahead"])
             panel.tick_params(axis="y", length=0)
@@ -250,11 +351,19 @@ def fit_picture(report: FitReport) -> Figure:
             panel.set_xlim(0.0, top)
             panel.set_title(f"{name}: RMS error [{unit}]")
         names = {"model": "learned model", "nominal": "nominal unicycle"}
-        legend_below(figure, [Patch(facecolor=c, hatch=h, edgecolor=INK, linewidth=0.6, label=names[who]) for who, (c, h) in looks.items()])
+        legend_below(
+            figure,
+            [
+                Patch(facecolor=c, hatch=h, edgecolor=INK, linewidth=0.6, label=names[who])
+                for who, (c, h) in looks.items()
+            ],
+        )
     return figure
 
 
-def run_pictures(run: Run, fit_report: FitReport | None, u_min: ArrayLike | None, u_max: ArrayLike | None) -> dict[str, Figure]:
+def run_pictures(
+    run: Run, fit_report: FitReport | None, u_min: ArrayLike | None, u_max: ArrayLike | None
+) -> dict[str, Figure]:
     """Give every picture of a run by its name."""
     found = {
         "map": map_picture(run),
@@ -266,7 +375,12 @@ def run_pictures(run: Run, fit_report: FitReport | None, u_min: ArrayLike | None
 
 
 def write_pictures(
-    folder: str | Path, run: Run, fit_report: FitReport | None = None, *, u_min: ArrayLike | None = None, u_max: ArrayLike | None = None
+    folder: str | Path,
+    run: Run,
+    fit_report: FitReport | None = None,
+    *,
+    u_min: ArrayLike | None = None,
+    u_max: ArrayLike | None = None,
 ) -> list[Path]:
     """Write ``map.png``, ``commands.png``, ``errors.png``, ``timing.png`` and, with a fit report, ``fit.png``.
 

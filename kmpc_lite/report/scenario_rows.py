@@ -6,10 +6,11 @@ from collections.abc import Iterable
 
 from kmpc_lite.report.words import angle, length, milliseconds
 from kmpc_lite.sim.closed_loop import Run
-from kmpc_lite.sim.scenario import Scenario
+from kmpc_lite.sim.scenario.files import Scenario
 
 LISTED = 12
-"""Circles, and changes of the floor, that have a row of their own; the others stand in the file below."""
+"""Circles, and changes of the floor, that have a row of their own; the others stand in the file
+below."""
 SCENARIOS_OWN, LEARNED = "slip", "learned"
 """Plants of ``kmpc simulate``; a run that tells none drove the scenario's own."""
 
@@ -19,18 +20,27 @@ def scenario_rows(run: Run) -> Iterable[tuple[str, str]]:
     scenario = run.scenario
     x_min, y_min, x_max, y_max = scenario.bounds
     yield "Name", scenario.name
-    yield "Area of the robot's centre", f"x from {x_min:g} to {x_max:g} m, y from {y_min:g} to {y_max:g} m"
+    yield (
+        "Area of the robot's centre",
+        f"x from {x_min:g} to {x_max:g} m, y from {y_min:g} to {y_max:g} m",
+    )
     for name, pose in (("Start", scenario.start), ("Goal", scenario.goal)):
         yield name, f"({pose[0]:g}, {pose[1]:g}) m, heading {angle(pose[2])}"
     yield "Obstacles", str(scenario.obstacle_count)
     for i, circle in enumerate(scenario.circles[:LISTED], start=1):
         moves = f", moves at ({circle.vx:g}, {circle.vy:g}) m/s" if circle.vx or circle.vy else ""
-        yield f"Obstacle {i}", f"at ({circle.x:g}, {circle.y:g}) m, radius {length(circle.radius)}{moves}"
+        yield (
+            f"Obstacle {i}",
+            f"at ({circle.x:g}, {circle.y:g}) m, radius {length(circle.radius)}{moves}",
+        )
     if len(scenario.circles) > LISTED:
         yield "Other circles", f"{len(scenario.circles) - LISTED}, in the file below"
     if scenario.solids is not None:
         grid = f", {scenario.grid!r}" if scenario.grid is not None else ""
-        yield "Solids", f"polygons {len(scenario.polygons)}, walls {len(scenario.walls)}{grid}; in the file below"
+        yield (
+            "Solids",
+            f"polygons {len(scenario.polygons)}, walls {len(scenario.walls)}{grid}; in the file below",
+        )
     yield "Margin asked for", length(scenario.margin)
     yield "Period and horizon", f"{milliseconds(run.dt)}, {run.plans.shape[1] - 1} stages"
 
@@ -46,13 +56,19 @@ def robot_rows(run: Run) -> Iterable[tuple[str, str]]:
     yield "Robot", kinds.get(plant, f"{plant}; the scenario's [plant] does not act")
     yield "Radius", length(scenario.radius)
     if scenario.du_max is not None:
-        yield "Commands change by at most", f"{scenario.du_max[0]:g} m/s², {scenario.du_max[1]:g} rad/s²"
+        yield (
+            "Commands change by at most",
+            f"{scenario.du_max[0]:g} m/s², {scenario.du_max[1]:g} rad/s²",
+        )
     if plant not in kinds:
         return
     if plant == SCENARIOS_OWN:
         yield from _plant_rows(scenario)
     x, y, theta = scenario.pose_noise
-    yield "Noise of the measured pose", f"{length(x)}, {length(y)}, {theta:g} rad" if any(scenario.pose_noise) else "none"
+    yield (
+        "Noise of the measured pose",
+        f"{length(x)}, {length(y)}, {theta:g} rad" if any(scenario.pose_noise) else "none",
+    )
     yield "Age of the measured pose", _time(scenario.pose_age)
     yield "Seed", str(scenario.seed)
 
@@ -64,14 +80,20 @@ def _plant_rows(scenario: Scenario) -> Iterable[tuple[str, str]]:
     yield "Lag of the motors", f"{_time(scenario.lag)}{' (time constant)' if scenario.lag else ''}"
     yield "Dead time before them", _time(scenario.dead_time)
     for floor in scenario.floors[:LISTED]:
-        yield f"Floor from {floor.time:g} s on", f"mean slip {100 * floor.slip:g} %, {100 * floor.turn_gain:g} % of a turn happens"
+        yield (
+            f"Floor from {floor.time:g} s on",
+            f"mean slip {100 * floor.slip:g} %, {100 * floor.turn_gain:g} % of a turn happens",
+        )
     if len(scenario.floors) > LISTED:
         yield "Other floors", f"{len(scenario.floors) - LISTED}, in the file below"
     if not scenario.floors:
         yield "Changes of the floor", "none"
     if any(scenario.turning_point):
         ahead, left = scenario.turning_point
-        yield "Turns about a point", f"{length(ahead)} ahead of its centre, {length(left)} to the left"
+        yield (
+            "Turns about a point",
+            f"{length(ahead)} ahead of its centre, {length(left)} to the left",
+        )
 
 
 def _time(seconds: float) -> str:

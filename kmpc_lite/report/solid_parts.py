@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kmpc_lite.control.occupancy import OccupancyGrid
-from kmpc_lite.control.shapes import Wall
-from kmpc_lite.control.solids import corners_of
-from kmpc_lite.control.surroundings import Solid
-from kmpc_lite.dictionary import Array
+from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
+from kmpc_lite.control.obstacles.scene import Solid
+from kmpc_lite.control.obstacles.shapes import Wall
+from kmpc_lite.control.obstacles.solids import corners_of
 from kmpc_lite.report.style import INK
+from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.report.map_parts import Labels
@@ -28,10 +28,16 @@ def draw_solids(axes: Any, solids: tuple[Solid, ...], labels: Labels) -> None:
     for solid in solids:
         if isinstance(solid, OccupancyGrid):
             # no lines between the rectangles, which are none of the map's
-            look = {"facecolor": SOLID_LOOK["facecolor"], "edgecolor": SOLID_LOOK["facecolor"], "linewidth": 0.3}
+            look = {
+                "facecolor": SOLID_LOOK["facecolor"],
+                "edgecolor": SOLID_LOOK["facecolor"],
+                "linewidth": 0.3,
+            }
             axes.add_collection(PolyCollection(list(_corners(solid)), zorder=2, **look))
             cells = np.argwhere(solid.occupied)[:, ::-1]
-            places = solid.to_map(solid.resolution * (cells[:: max(1, len(cells) // MOST_POINTS)] + 0.5))
+            places = solid.to_map(
+                solid.resolution * (cells[:: max(1, len(cells) // MOST_POINTS)] + 0.5)
+            )
             labels.avoid_lines(places)
             continue
         outline = _capsule(solid) if isinstance(solid, Wall) else corners_of(solid)
@@ -39,13 +45,21 @@ def draw_solids(axes: Any, solids: tuple[Solid, ...], labels: Labels) -> None:
         along = np.linspace(0.0, 1.0, 20)[:, None]
         corners = corners_of(solid)
         labels.avoid_lines(
-            np.concatenate([(1.0 - along) * a + along * b for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)])
+            np.concatenate(
+                [
+                    (1.0 - along) * a + along * b
+                    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)
+                ]
+            )
         )
 
 
 def solid_points(solids: tuple[Solid, ...]) -> Array:
     """Corners (V, 2) of all solids: what a map shows of them [m]."""
-    found = [_corners(s).reshape(-1, 2) if isinstance(s, OccupancyGrid) else corners_of(s) for s in solids]
+    found = [
+        _corners(s).reshape(-1, 2) if isinstance(s, OccupancyGrid) else corners_of(s)
+        for s in solids
+    ]
     return np.concatenate([np.empty((0, 2)), *found])
 
 
@@ -61,5 +75,10 @@ def _capsule(wall: Wall) -> Array:
     turn = np.linspace(-np.pi / 2, np.pi / 2, 12)
     halves = []
     for end, forward in zip(ends, (along + np.pi, along), strict=True):
-        halves.append(end + 0.5 * wall.thickness * np.column_stack([np.cos(forward + turn), np.sin(forward + turn)]))
+        halves.append(
+            end
+            + 0.5
+            * wall.thickness
+            * np.column_stack([np.cos(forward + turn), np.sin(forward + turn)])
+        )
     return np.concatenate(halves)

@@ -8,14 +8,23 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from kmpc_lite.border import write_whole
 from kmpc_lite.errors import KmpcError
+from kmpc_lite.files import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Okabe and Ito's set, which colour-blind readers can tell apart; wherever two of them meet, line style, marker or hatch differ too
-INK, GREY, BLUE, ORANGE, RED, GREEN, PURPLE = "#222222", "#8a8a8a", "#0072b2", "#e69f00", "#d55e00", "#009e73", "#cc79a7"
+# Okabe and Ito's set, which colour-blind readers can tell apart; wherever two of them meet, line
+# style, marker or hatch differ too
+INK, GREY, BLUE, ORANGE, RED, GREEN, PURPLE = (
+    "#222222",
+    "#8a8a8a",
+    "#0072b2",
+    "#e69f00",
+    "#d55e00",
+    "#009e73",
+    "#cc79a7",
+)
 LINES = (
     (BLUE, "-", "o"),
     (RED, "--", "s"),
@@ -92,13 +101,21 @@ def legend_below(figure: Figure, handles: list[Any], columns: int = 3) -> None:
     if handles:
         rows = -(-len(handles) // columns)
         figure.set_figheight(figure.get_figheight() + 0.12 + 0.18 * rows)
-        figure.legend(handles=handles, loc="outside lower center", ncols=min(columns, len(handles)), columnspacing=1.4, handlelength=2.2)
+        figure.legend(
+            handles=handles,
+            loc="outside lower center",
+            ncols=min(columns, len(handles)),
+            columnspacing=1.4,
+            handlelength=2.2,
+        )
 
 
 def render(figure: Figure, kind: Literal["svg", "png"], dpi: int = 150) -> bytes:
     """Picture as a file's bytes, without a date in them."""
     buffer = BytesIO()
-    metadata = dict.fromkeys(("Creator", "Date", "Format", "Type") if kind == "svg" else ("Software",))
+    metadata = dict.fromkeys(
+        ("Creator", "Date", "Format", "Type") if kind == "svg" else ("Software",)
+    )
     with style():
         figure.savefig(buffer, format=kind, dpi=dpi, metadata=metadata)
     return buffer.getvalue()

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from kmpc_lite.control.plan import PlanStatus
-from kmpc_lite.dictionary import Array
 from kmpc_lite.errors import KmpcError
 from kmpc_lite.sim.closed_loop import Outcome, Run, obstacle_gaps
+from kmpc_lite.types import Array
 
 STATUS_WORDS = {
     PlanStatus.SOLVED.name: "solved",
@@ -23,7 +23,11 @@ def length(metres: float) -> str:
     >>> length(0.0519), length(-0.004), length(2.0768)
     ('52 mm', '-4 mm', '2.08 m')
     """
-    return f"{1e3 * metres:.{0 if abs(metres) >= 0.01 else 1}f} mm".replace(".0 ", " ") if abs(metres) < 1.0 else f"{metres:.2f} m"
+    return (
+        f"{1e3 * metres:.{0 if abs(metres) >= 0.01 else 1}f} mm".replace(".0 ", " ")
+        if abs(metres) < 1.0
+        else f"{metres:.2f} m"
+    )
 
 
 def milliseconds(seconds: float) -> str:
@@ -73,7 +77,9 @@ def outcome_sentence(run: Run) -> str:
     past = f" It kept at least {length(run.clearance)} from {_obstacles(count)}." if count else ""
     short = f"{length(run.position_error)} and {angle(run.heading_error)}"
     if run.outcome is Outcome.REACHED:
-        return f"The robot reached its goal in {run.duration:.4g} s and stands {short} from it.{past}"
+        return (
+            f"The robot reached its goal in {run.duration:.4g} s and stands {short} from it.{past}"
+        )
     return f"The robot did not reach its goal within {run.duration:.4g} s: it is still {short} from it.{past}"
 
 
@@ -87,13 +93,18 @@ def substeps(run: Run) -> int:
     Raises
     ------
     KmpcError
-        For a run without a single step, whose arrays do not fit together, or that ran away to infinity.
+        For a run without a single step, whose arrays do not fit together, or that ran away to
+        infinity.
     """
     steps = len(run.inputs)
     if steps == 0 or (len(run.path) - 1) % steps or len(run.path) <= steps:
-        raise KmpcError(f"run: expected at least one step and whole sub-samples, got {steps} steps and a path of {len(run.path)} poses")
+        raise KmpcError(
+            f"run: expected at least one step and whole sub-samples, got {steps} steps and a path of {len(run.path)} poses"
+        )
     if not (np.isfinite(run.path).all() and np.isfinite(run.inputs).all()):
-        raise KmpcError("run: the path or the commands hold NaN or infinity; there is nothing that could be drawn to scale")
+        raise KmpcError(
+            "run: the path or the commands hold NaN or infinity; there is nothing that could be drawn to scale"
+        )
     return (len(run.path) - 1) // steps
 
 

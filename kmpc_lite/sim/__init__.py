@@ -3,19 +3,27 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from kmpc_lite.sim.robots import DifferentialDrive, generate_dataset
+from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
 
 if TYPE_CHECKING:
     from kmpc_lite.sim.closed_loop import LearnedPlant, Outcome, Run, drive
-    from kmpc_lite.sim.scenario import Scenario
+    from kmpc_lite.sim.scenario.files import Scenario
 
-__all__ = ["DifferentialDrive", "LearnedPlant", "Outcome", "Run", "Scenario", "drive", "generate_dataset"]
+__all__ = [
+    "DifferentialDrive",
+    "LearnedPlant",
+    "Outcome",
+    "Run",
+    "Scenario",
+    "drive",
+    "generate_dataset",
+]
 
 LATER = {
     "LearnedPlant": "closed_loop",
     "Outcome": "closed_loop",
     "Run": "closed_loop",
-    "Scenario": "scenario",
+    "Scenario": "scenario.files",
     "drive": "closed_loop",
 }
 

@@ -12,13 +12,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.obstacles import circle_distances
+from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.control.plan import Plan, PlanStatus
-from kmpc_lite.dictionary import Array
-from kmpc_lite.model import KoopmanModel
-from kmpc_lite.sim.lag import LaggingDrive
-from kmpc_lite.sim.robots import DifferentialDrive
-from kmpc_lite.sim.scenario import Scenario
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.sim.plants.lag import LaggingDrive
+from kmpc_lite.sim.plants.robots import DifferentialDrive
+from kmpc_lite.sim.scenario.files import Scenario
+from kmpc_lite.types import Array
 
 SUBSAMPLES = 4
 
@@ -42,8 +42,9 @@ class Plant(Protocol):
 class LearnedPlant:
     """A plant that behaves as a learned model does, with noise of the covariance that the model learned.
 
-    For a robot of which there is only a log. It remembers its own past commands. Only the part of the covariance that
-    grows with the speeds moves it: what is left at rest is the noise of the measured pose.
+    For a robot of which there is only a log. It remembers its own past commands. Only the part of
+    the covariance that grows with the speeds moves it: what is left at rest is the noise of the
+    measured pose.
 
     Parameters
     ----------
@@ -66,7 +67,9 @@ class LearnedPlant:
         end = self.model.predict(state, command, self._past)
         cos, sin = np.cos(state[2]), np.sin(state[2])
         end = end + (cos * noise[0] - sin * noise[1], sin * noise[0] + cos * noise[1], noise[2])
-        self._past = np.concatenate([self._past[1:], command[None]]) if len(self._past) else self._past
+        self._past = (
+            np.concatenate([self._past[1:], command[None]]) if len(self._past) else self._past
+        )
         share = np.arange(1, substeps + 1)[:, None] / substeps
         path: Array = state + share * (end - state)
         return path
@@ -114,7 +117,9 @@ class Run:
     @property
     def heading_error(self) -> float:
         """Heading error at the end [rad]."""
-        return float(abs(np.remainder(self.states[-1, 2] - self.scenario.goal[2] + np.pi, 2 * np.pi) - np.pi))
+        return float(
+            abs(np.remainder(self.states[-1, 2] - self.scenario.goal[2] + np.pi, 2 * np.pi) - np.pi)
+        )
 
     def summary(self) -> dict[str, Any]:
         """Plain values, for JSON."""
@@ -126,8 +131,14 @@ class Run:
             "position_error_m": self.position_error,
             "heading_error_rad": self.heading_error,
             "clearance_m": self.clearance if np.isfinite(self.clearance) else None,
-            "step_ms": {"p50": float(np.median(times)), "p99": float(np.quantile(times, 0.99)), "max": float(times.max())},
-            "statuses": {s.name: self.statuses.count(s.name) for s in PlanStatus if s.name in self.statuses},
+            "step_ms": {
+                "p50": float(np.median(times)),
+                "p99": float(np.quantile(times, 0.99)),
+                "max": float(times.max()),
+            },
+            "statuses": {
+                s.name: self.statuses.count(s.name) for s in PlanStatus if s.name in self.statuses
+            },
             **self.info,
         }
 
@@ -175,7 +186,8 @@ def drive(
     settle : float
         How long the robot must stay within the tolerances to have arrived [s].
     stop_norm : float, optional
-        Where given, arrival is ``|x - goal| <= stop_norm`` over the whole state, as in the paper's study.
+        Where given, arrival is ``|x - goal| <= stop_norm`` over the whole state, as in the paper's
+        study.
     info : dict, optional
         Kept with the run.
     """
@@ -204,12 +216,18 @@ def drive(
         states.append(x)
         clearance = min(clearance, float(gaps.min(initial=np.inf)))
         if (gaps < 0.0).any():
-            outcome, duration = Outcome.COLLISION, k * dt + (int(np.argmax(gaps < 0.0)) + 1) * dt / SUBSAMPLES
+            outcome, duration = (
+                Outcome.COLLISION,
+                k * dt + (int(np.argmax(gaps < 0.0)) + 1) * dt / SUBSAMPLES,
+            )
             break
         error = x - goal
         error[2] = np.remainder(error[2] + np.pi, 2 * np.pi) - np.pi
         if stop_norm is None:
-            here = np.hypot(error[0], error[1]) <= scenario.tolerance and abs(error[2]) <= scenario.heading_tolerance
+            here = (
+                np.hypot(error[0], error[1]) <= scenario.tolerance
+                and abs(error[2]) <= scenario.heading_tolerance
+            )
         else:
             here = bool(np.linalg.norm(error) <= stop_norm)
         inside = inside + dt if here else 0.0
@@ -236,9 +254,17 @@ def scenario_plant(scenario: Scenario) -> Plant:
     """Build the robot of a scenario: one that slips, and one that lags too where the scenario says so, or where its floor changes."""
     if scenario.lag or scenario.dead_time or scenario.floors:
         return LaggingDrive(
-            scenario.lag, scenario.dead_time, scenario.slip, scenario.turn_gain, scenario.seed, scenario.floors, scenario.turning_point
+            scenario.lag,
+            scenario.dead_time,
+            scenario.slip,
+            scenario.turn_gain,
+            scenario.seed,
+            scenario.floors,
+            scenario.turning_point,
         )
-    return DifferentialDrive(scenario.slip, scenario.seed, scenario.turn_gain, scenario.turning_point)
+    return DifferentialDrive(
+        scenario.slip, scenario.seed, scenario.turn_gain, scenario.turning_point
+    )
 
 
 def _at(path: Sequence[Array], place: float) -> Array:

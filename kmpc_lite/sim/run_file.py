@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from kmpc_lite.border import read_npz, real_array, write_whole
-from kmpc_lite.dictionary import Array
 from kmpc_lite.errors import ScenarioError
+from kmpc_lite.files import read_npz, real_array, write_whole
 from kmpc_lite.sim.closed_loop import Outcome, Run
-from kmpc_lite.sim.scenario import Scenario
+from kmpc_lite.sim.scenario.files import Scenario
+from kmpc_lite.types import Array
 
 FORMAT, VERSION = "kmpc_lite.run", 1
 ARRAYS = ("states", "path", "inputs", "plans", "step_times")
@@ -35,7 +35,9 @@ def save_run(run: Run, path: Path) -> None:
     try:
         with write_whole(path) as file:
             arrays = {name: getattr(run, name) for name in ARRAYS}
-            np.savez_compressed(file, allow_pickle=False, header=np.array(json.dumps(header)), **arrays)
+            np.savez_compressed(
+                file, allow_pickle=False, header=np.array(json.dumps(header)), **arrays
+            )
     except OSError as error:
         raise ScenarioError(f"{path}: cannot write the run: {error.strerror or error}") from error
 
@@ -47,12 +49,18 @@ def load_run(path: Path) -> Run:
     except OSError as error:
         raise ScenarioError(f"{path}: cannot read the run: {error.strerror or error}") from error
     except ValueError as error:
-        raise ScenarioError(f"{path}: not a run that kmpc simulate wrote, or damaged: {error}") from error
+        raise ScenarioError(
+            f"{path}: not a run that kmpc simulate wrote, or damaged: {error}"
+        ) from error
     try:
         header = json.loads(str(arrays.pop("header")))
         if header["format"] != FORMAT or header["version"] != VERSION:
-            raise ScenarioError(f"{path}: expected {FORMAT} version {VERSION}, got {header['format']} version {header['version']}")
-        scenario = Scenario.from_table(tomllib.loads(str(header["scenario"])), header["name"], str(path))
+            raise ScenarioError(
+                f"{path}: expected {FORMAT} version {VERSION}, got {header['format']} version {header['version']}"
+            )
+        scenario = Scenario.from_table(
+            tomllib.loads(str(header["scenario"])), header["name"], str(path)
+        )
         return Run(
             scenario=scenario,
             dt=float(header["dt"]),
@@ -66,7 +74,9 @@ def load_run(path: Path) -> Run:
     except ScenarioError:
         raise
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise ScenarioError(f"{path}: not a run that kmpc simulate wrote: {type(error).__name__} {error}") from error
+        raise ScenarioError(
+            f"{path}: not a run that kmpc simulate wrote: {type(error).__name__} {error}"
+        ) from error
 
 
 def _checked(arrays: dict[str, Array], steps: int) -> dict[str, Array]:
@@ -83,5 +93,7 @@ def _checked(arrays: dict[str, Array], steps: int) -> dict[str, Array]:
     }
     for name, shape in expected.items():
         if checked[name].shape != shape or not steps:
-            raise ValueError(f"{name}: expected shape {shape} for {steps} steps, got {checked[name].shape}")
+            raise ValueError(
+                f"{name}: expected shape {shape} for {steps} steps, got {checked[name].shape}"
+            )
     return checked

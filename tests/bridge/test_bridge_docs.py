@@ -3,11 +3,11 @@
 import re
 from pathlib import Path
 
-from firmware_bridge.arguments import build_parser
-from firmware_bridge.cli import COMMANDS
-from firmware_bridge.gate_table import diagram, legend
+from firmware_bridge.cli.arguments import build_parser
+from firmware_bridge.cli.main import COMMANDS
 from firmware_bridge.robot_file import SECTIONS, ControlOptions, LinkOptions
-from firmware_bridge.safety import GateSettings
+from firmware_bridge.safety.gate import GateSettings
+from firmware_bridge.safety.gate_table import diagram, legend
 
 DOCS = Path(__file__).parents[2] / "docs"
 BRIDGE = (DOCS / "bridge.md").read_text()
@@ -21,7 +21,9 @@ def test_the_state_machine_in_the_docs_is_the_one_in_the_code():
 def test_links_between_the_pages_lead_somewhere():
     for page in DOCS.glob("*.md"):
         for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
-            assert target.startswith("http") or (page.parent / target).exists(), f"{page.name}: {target}"
+            assert target.startswith("http") or (page.parent / target).exists(), (
+                f"{page.name}: {target}"
+            )
 
 
 def test_every_section_and_key_of_a_robot_file_is_named():
@@ -29,7 +31,11 @@ def test_every_section_and_key_of_a_robot_file_is_named():
     for options in (LinkOptions, ControlOptions):
         assert all(f"`{name}`" in BRIDGE for name in options.__dataclass_fields__)
     assert all(f"`{name}`" in BRIDGE for name in GateSettings().limits.__dataclass_fields__)
-    assert all(f"`{name}`" in BRIDGE for name in GateSettings.__dataclass_fields__ if name not in ("limits", "pilot"))
+    assert all(
+        f"`{name}`" in BRIDGE
+        for name in GateSettings.__dataclass_fields__
+        if name not in ("limits", "pilot")
+    )
 
 
 def test_the_commands_of_the_docs_parse():

@@ -1,7 +1,8 @@
 """Random faults of link, board and controller: what the wire may carry meanwhile, and what must come back after.
 
-The whole of driver core, gate, loop and emulated rover runs on a clock turned by hand; only the drivers' threads are left
-out. What the bridge writes and what reaches it is judged by decoders of the test's own.
+The whole of driver core, gate, loop and emulated rover runs on a clock turned by hand; only the
+drivers' threads are left out. What the bridge writes and what reaches it is judged by decoders of
+the test's own.
 """
 
 import math
@@ -24,28 +25,34 @@ from wire_decoders import (
     with_nan,
 )
 
-from firmware_bridge.drivers.mavlink_core import MavlinkCore
-from firmware_bridge.drivers.mavlink_options import MavlinkOptions
-from firmware_bridge.emulate import build_emulator
-from firmware_bridge.emulator.rover import RoverEmulator
-from firmware_bridge.gate_table import GateState
+from firmware_bridge.cli.emulate import build_emulator
+from firmware_bridge.drivers.mavlink.core import MavlinkCore
+from firmware_bridge.drivers.mavlink.options import MavlinkOptions
+from firmware_bridge.emulator.rover.rover import RoverEmulator
 from firmware_bridge.kinematics import WheelGeometry
-from firmware_bridge.limits import Limits
-from firmware_bridge.link_log import Chunk, RecordedTransport
-from firmware_bridge.loop import ControlLoop
+from firmware_bridge.link import Faults, LoopbackWire, open_transport
+from firmware_bridge.link.log import Chunk, RecordedTransport
+from firmware_bridge.link.loopback import named_wire
 from firmware_bridge.messages import VelocityCommand
-from firmware_bridge.planner import Planner
 from firmware_bridge.robot_file import load_robot
-from firmware_bridge.safety import GateSettings, SafetyGate
-from firmware_bridge.session import open_driver
-from firmware_bridge.transport import Faults, LoopbackWire, open_transport
-from firmware_bridge.transport.loopback import named_wire
+from firmware_bridge.runtime.controller_thread import Planner
+from firmware_bridge.runtime.loop import ControlLoop
+from firmware_bridge.runtime.session import open_driver
+from firmware_bridge.safety.gate import GateSettings, SafetyGate
+from firmware_bridge.safety.gate_table import GateState
+from firmware_bridge.safety.limits import Limits
 
 TICK = 0.02
 LATEST = 0.3
 """Of the loss of what is depended on [s]."""
 LIMITS = Limits(
-    v_max=0.5, v_reverse=0.4, omega_max=1.0, acceleration=1.0, deceleration=1.5, angular_acceleration=4.0, angular_deceleration=5.0
+    v_max=0.5,
+    v_reverse=0.4,
+    omega_max=1.0,
+    acceleration=1.0,
+    deceleration=1.5,
+    angular_acceleration=4.0,
+    angular_deceleration=5.0,
 )
 ROUNDING = 1e-6
 """Set-points are float32."""
@@ -115,14 +122,22 @@ class World:
         self.gate, self.desk = SafetyGate(GateSettings(LIMITS)), Desk()
         self.planner = Planner(self.control, self.driver.state, 0.1, clock=self.clock)
         self.loop = ControlLoop(
-            self.driver, self.gate, self.planner, operator=self.desk, take=lambda: self.core.take(self.clock()), clock=self.clock
+            self.driver,
+            self.gate,
+            self.planner,
+            operator=self.desk,
+            take=lambda: self.core.take(self.clock()),
+            clock=self.clock,
         )
         self.outage = "none"
         self.sent_ear, self.heard_ear = MavlinkEar(), MavlinkEar()
-        self.good = dict.fromkeys(("board", "position", "attitude", "ekf", "controller", "alone"), -math.inf)
+        self.good = dict.fromkeys(
+            ("board", "position", "attitude", "ekf", "controller", "alone"), -math.inf
+        )
         """When each was last seen to be good, by the test's own decoder [s]."""
         self.taken = -math.inf
-        """When a heartbeat first said that the rover is not armed in GUIDED; infinite while it is [s]."""
+        """When a heartbeat first said that the rover is not armed in GUIDED; infinite while it is
+        [s]."""
         self.last = (self.clock(), 0.0, 0.0)
         self.slowest_stop = 0.0
         self.counts: Counter[str] = Counter()
@@ -178,7 +193,10 @@ class World:
         self.counts["set-points"] += 1
         assert (mask, frame) == (0x5C7, 8)
         assert math.isfinite(v) and math.isfinite(omega)
-        assert -LIMITS.v_reverse - ROUNDING <= v <= LIMITS.v_max + ROUNDING and abs(omega) <= LIMITS.omega_max + ROUNDING
+        assert (
+            -LIMITS.v_reverse - ROUNDING <= v <= LIMITS.v_max + ROUNDING
+            and abs(omega) <= LIMITS.omega_max + ROUNDING
+        )
         then, v_before, omega_before = self.last
         self.last = (now, v, omega)
         if (v, omega) == (0.0, 0.0):
@@ -186,7 +204,10 @@ class World:
         self.counts["moving"] += 1
         step = max(0.0, now - then) + 1e-9
         assert abs(v - v_before) <= max(LIMITS.acceleration, LIMITS.deceleration) * step + ROUNDING
-        assert abs(omega - omega_before) <= max(LIMITS.angular_acceleration, LIMITS.angular_deceleration) * step + ROUNDING
+        assert (
+            abs(omega - omega_before)
+            <= max(LIMITS.angular_acceleration, LIMITS.angular_deceleration) * step + ROUNDING
+        )
         assert now - self.taken <= LATEST, "moving set-point to a rover that said it is not ours"
         braking = abs(v) < abs(v_before) or abs(omega) < abs(omega_before)
         for name, stamp in self.good.items():
@@ -194,7 +215,14 @@ class World:
             if not braking:
                 assert age <= LATEST, f"{name} lost {age:.3f} s ago and not braked"
             # the ramp of the fastest command, and a tick
-            longest = LATEST + max(LIMITS.v_max / LIMITS.deceleration, LIMITS.omega_max / LIMITS.angular_deceleration) + TICK
+            longest = (
+                LATEST
+                + max(
+                    LIMITS.v_max / LIMITS.deceleration,
+                    LIMITS.omega_max / LIMITS.angular_deceleration,
+                )
+                + TICK
+            )
             assert age <= longest, f"{name} lost {age:.3f} s ago and still moving"
             if braking:
                 self.slowest_stop = max(self.slowest_stop, age)
@@ -248,7 +276,11 @@ class World:
     @property
     def faults(self) -> int:
         """Faults so far: of frames both ways, and outages."""
-        return self.wire.bridge.counters["faults"] + self.wire.board.counters["faults"] + self.counts["outages"]
+        return (
+            self.wire.bridge.counters["faults"]
+            + self.wire.board.counters["faults"]
+            + self.counts["outages"]
+        )
 
 
 def suffer(world: World) -> None:
@@ -291,7 +323,9 @@ def suffer(world: World) -> None:
         world.run(0.1)
         world.desk.requests.add("enable")
         world.run(6.0)
-    assert world.gate.state is GateState.ACTIVE, f"does not drive again after {state}: {world.loop.snapshot}"
+    assert world.gate.state is GateState.ACTIVE, (
+        f"does not drive again after {state}: {world.loop.snapshot}"
+    )
     assert world.rover.armed and world.rover.mode == "GUIDED"
 
 
@@ -312,14 +346,20 @@ def endure(seed: int, faults: int) -> World:
 
 def test_faults_of_all_kinds_never_let_a_bad_command_onto_the_wire():
     world = endure(1, 3_000)
-    assert {GateState.YIELDED, GateState.ACTIVE} <= {GateState[name[5:]] for name in world.counts if name.startswith("then ")}
+    assert {GateState.YIELDED, GateState.ACTIVE} <= {
+        GateState[name[5:]] for name in world.counts if name.startswith("then ")
+    }
 
 
 @pytest.mark.long
 def test_a_hundred_thousand_faults():
     world = endure(3, 100_000)
     assert world.faults >= 100_000
-    assert set(OUTAGES) <= set(world.counts) and world.counts["then ACTIVE"] > 100 and world.counts["then RELEASED"] > 10
+    assert (
+        set(OUTAGES) <= set(world.counts)
+        and world.counts["then ACTIVE"] > 100
+        and world.counts["then RELEASED"] > 10
+    )
 
 
 BOARD_LIMITS = Limits(v_max=0.3, v_reverse=0.2, omega_max=0.8)
@@ -356,7 +396,9 @@ class SerialEar:
         elif self.board == "odrive":
             told = odrive_speeds(chunk.data)
         else:
-            told = {int(second): erpm / 60.0 / 7.0 for second, erpm in vesc_erpm(chunk.data).items()}
+            told = {
+                int(second): erpm / 60.0 / 7.0 for second, erpm in vesc_erpm(chunk.data).items()
+            }
         if not told:
             return
         self.commands += 1
@@ -364,7 +406,11 @@ class SerialEar:
             assert math.isfinite(turns)
             self.turns[wheel] = turns
             # one wheel goes as fast as both speeds together allow
-            fastest = (BOARD_LIMITS.v_max + BOARD_LIMITS.omega_max * GEOMETRY.track / 2.0) / GEOMETRY.wheel_radius / math.tau
+            fastest = (
+                (BOARD_LIMITS.v_max + BOARD_LIMITS.omega_max * GEOMETRY.track / 2.0)
+                / GEOMETRY.wheel_radius
+                / math.tau
+            )
             assert abs(turns) <= fastest + 1e-3
 
 
@@ -374,7 +420,11 @@ def test_serial_boards_in_real_time(board):
     """The same for the motor controllers, whose drivers have threads of their own: what must hold does not depend on speed."""
     robot = load_robot(
         None,
-        {"link": {"url": f"loopback:{board}", "driver": board}, "board": BOARDS[board], "geometry": SHAPE},
+        {
+            "link": {"url": f"loopback:{board}", "driver": board},
+            "board": BOARDS[board],
+            "geometry": SHAPE,
+        },
     )
     wire = named_wire(board, Faults(), 5)
     emulator = build_emulator(robot, (0.0, 0.0, 0.0), 0.0, 1.0, 0, 0.0)
@@ -406,13 +456,20 @@ def test_serial_boards_in_real_time(board):
         for _ in range(8):
             assert wait_for(lambda: gate.state is GateState.ACTIVE, 10.0), loop.snapshot
             level = draw.choice((0.02, 0.1, 0.3))
-            wire.faults = Faults(**{name: draw.uniform(0, level) for name in ("drop", "duplicate", "corrupt", "reorder", "split")})
+            wire.faults = Faults(
+                **{
+                    name: draw.uniform(0, level)
+                    for name in ("drop", "duplicate", "corrupt", "reorder", "split")
+                }
+            )
             what = draw.choice(("noise", "cut", "mute", "reboot", "long cut"))
             if what == "cut":
                 wire.cut(0.6)
             elif what == "long cut":
                 wire.cut(2.5)
-                assert wait_for(lambda: loop.snapshot.output.v == loop.snapshot.output.omega == 0.0, 5.0)
+                assert wait_for(
+                    lambda: loop.snapshot.output.v == loop.snapshot.output.omega == 0.0, 5.0
+                )
             elif what == "mute":
                 emulator.mute = True
             elif what == "reboot":
@@ -433,4 +490,9 @@ def test_serial_boards_in_real_time(board):
         still = wait_for(lambda: emulator.stopped, 2.0)
         emulator.close()
     assert not failures, failures[0]
-    assert still and ear.commands > 100 and loop.statistics.driver_errors == 0 and sum(recovered.values()) == 8
+    assert (
+        still
+        and ear.commands > 100
+        and loop.statistics.driver_errors == 0
+        and sum(recovered.values()) == 8
+    )

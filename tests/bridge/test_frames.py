@@ -15,7 +15,14 @@ angles = st.floats(-50.0, 50.0)
 
 
 @pytest.mark.parametrize(
-    ("yaw", "theta"), [(0.0, math.pi / 2), (math.pi / 2, 0.0), (math.pi, -math.pi / 2), (-math.pi / 2, math.pi), (math.pi / 4, math.pi / 4)]
+    ("yaw", "theta"),
+    [
+        (0.0, math.pi / 2),
+        (math.pi / 2, 0.0),
+        (math.pi, -math.pi / 2),
+        (-math.pi / 2, math.pi),
+        (math.pi / 4, math.pi / 4),
+    ],
 )
 def test_headings_of_the_compass(yaw: float, theta: float) -> None:
     assert ned_to_enu(2.0, 1.0, yaw) == pytest.approx((1.0, 2.0, theta))

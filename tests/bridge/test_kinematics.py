@@ -28,11 +28,16 @@ geometries = st.builds(
 @given(geometries, speeds, speeds)
 def test_wheels_are_within_the_limit_at_the_same_curvature(geometry, v, omega):
     left, right = geometry.wheels(v, omega)
-    assert max(abs(left), abs(right)) * geometry.wheel_radius <= geometry.max_wheel_speed * (1 + 1e-12)
+    assert max(abs(left), abs(right)) * geometry.wheel_radius <= geometry.max_wheel_speed * (
+        1 + 1e-12
+    )
     v_out, omega_out = geometry.body(left, right)
     assert v_out * omega == pytest.approx(omega_out * v, abs=1e-9)
     assert v_out * v >= 0.0 and omega_out * omega >= -1e-12
-    if max(abs(v - omega * geometry.track / 2), abs(v + omega * geometry.track / 2)) <= geometry.max_wheel_speed:
+    if (
+        max(abs(v - omega * geometry.track / 2), abs(v + omega * geometry.track / 2))
+        <= geometry.max_wheel_speed
+    ):
         assert (v_out, omega_out) == pytest.approx((v, omega), abs=1e-9)
 
 
@@ -42,7 +47,9 @@ def test_any_finite_command_gives_finite_wheels_within_the_limit(v, omega):
     assert max(abs(left), abs(right)) * ROSBOT.wheel_radius <= 0.9 * (1 + 1e-12)
 
 
-@pytest.mark.parametrize("command", [(math.nan, 0.0), (0.0, math.nan), (math.inf, 0.0), (0.0, -math.inf)])
+@pytest.mark.parametrize(
+    "command", [(math.nan, 0.0), (0.0, math.nan), (math.inf, 0.0), (0.0, -math.inf)]
+)
 def test_non_finite_commands_are_refused(command):
     with pytest.raises(ValueError, match="expected finite speeds"):
         ROSBOT.wheels(*command)
@@ -50,12 +57,17 @@ def test_non_finite_commands_are_refused(command):
 
 @given(geometries, speeds, speeds)
 def test_channels_and_back(geometry, left, right):
-    assert geometry.from_channels(*geometry.to_channels(left, right)) == pytest.approx((left, right), abs=1e-9)
+    assert geometry.from_channels(*geometry.to_channels(left, right)) == pytest.approx(
+        (left, right), abs=1e-9
+    )
 
 
 def test_mirror_symmetry():
     left, right = ROSBOT.wheels(0.5, 1.0)
-    assert ROSBOT.wheels(0.5, -1.0) == (right, left) and ROSBOT.wheels(-0.5, -1.0) == (-left, -right)
+    assert ROSBOT.wheels(0.5, -1.0) == (right, left) and ROSBOT.wheels(-0.5, -1.0) == (
+        -left,
+        -right,
+    )
 
 
 def test_signs_and_order_of_the_channels():
@@ -107,13 +119,18 @@ def test_impossible_jumps_do_not_move_the_robot():
 
 
 def test_one_damaged_reply_costs_no_motion():
-    clean, damaged = WheelOdometry(ROSBOT, 1000.0, wraps=True), WheelOdometry(ROSBOT, 1000.0, wraps=True)
+    clean, damaged = (
+        WheelOdometry(ROSBOT, 1000.0, wraps=True),
+        WheelOdometry(ROSBOT, 1000.0, wraps=True),
+    )
     for k in range(50):
         counts = (10 * k, 12 * k)
         assert clean.update(*counts, 0.02 * k)
         bad = k in (10, 20, 21, 30)
         assert damaged.update(*(counts if not bad else (70_000 + 999 * k * k, 5)), 0.02 * k) != bad
-    assert (damaged.x, damaged.y, damaged.theta) == pytest.approx((clean.x, clean.y, clean.theta), abs=1e-4)
+    assert (damaged.x, damaged.y, damaged.theta) == pytest.approx(
+        (clean.x, clean.y, clean.theta), abs=1e-4
+    )
 
 
 def test_rebase_keeps_the_pose():

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from firmware_bridge.link import open_transport
 from firmware_bridge.messages import ConfigError, LinkStatus, State
-from firmware_bridge.placed import PlacedDriver
 from firmware_bridge.robot_file import DRIVERS, check_period, load_robot
-from firmware_bridge.safety import GateSettings
-from firmware_bridge.session import open_driver
-from firmware_bridge.transport import open_transport
+from firmware_bridge.runtime.session import open_driver
+from firmware_bridge.safety.gate import GateSettings
+from firmware_bridge.sensors.placed import PlacedDriver
 
 ROBOTS = Path(__file__).parents[2] / "docs" / "robots"
 LINK = '[link]\nurl = "tcp:127.0.0.1:1"\ndriver = "mavlink"\n'
@@ -62,10 +62,22 @@ def test_everything_of_a_file_arrives(tmp_path):
             """,
         )
     )
-    assert (robot.link.timeout, robot.gate.limits.v_max, robot.gate.limits.deceleration) == (3.0, 0.5, 2.0)
+    assert (robot.link.timeout, robot.gate.limits.v_max, robot.gate.limits.deceleration) == (
+        3.0,
+        0.5,
+        2.0,
+    )
     assert (robot.gate.watchdog, robot.gate.hold, robot.gate.geofence) == (0.2, 0.7, (-1, -2, 3, 4))
-    assert (robot.origin, str(robot.socket), robot.control.period) == ((1.0, 2.0, 0.5), "/run/robot.sock", 0.05)
-    assert not robot.gate.pilot and not robot.is_autopilot and robot.driver_table()["geometry"] == {"wheel_radius": 0.05}
+    assert (robot.origin, str(robot.socket), robot.control.period) == (
+        (1.0, 2.0, 0.5),
+        "/run/robot.sock",
+        0.05,
+    )
+    assert (
+        not robot.gate.pilot
+        and not robot.is_autopilot
+        and robot.driver_table()["geometry"] == {"wheel_radius": 0.05}
+    )
 
 
 def test_an_autopilot_has_a_pilot_and_slow_limits_unless_told(tmp_path):
@@ -76,9 +88,18 @@ def test_an_autopilot_has_a_pilot_and_slow_limits_unless_told(tmp_path):
 def test_the_command_line_lies_over_the_file_and_may_do_without_it(tmp_path):
     path = write(tmp_path, LINK + "[limits]\nv_max = 0.5\n")
     robot = load_robot(
-        path, {"limits": {"v_max": 0.1, "omega_max": None}, "link": {"url": "udp:127.0.0.1:2"}, "control": {"model": "a.npz"}}
+        path,
+        {
+            "limits": {"v_max": 0.1, "omega_max": None},
+            "link": {"url": "udp:127.0.0.1:2"},
+            "control": {"model": "a.npz"},
+        },
     )
-    assert (robot.gate.limits.v_max, robot.link.url, robot.control.model) == (0.1, "udp:127.0.0.1:2", "a.npz")
+    assert (robot.gate.limits.v_max, robot.link.url, robot.control.model) == (
+        0.1,
+        "udp:127.0.0.1:2",
+        "a.npz",
+    )
     alone = load_robot(None, {"link": {"url": "tcp::1", "driver": "mavlink"}})
     assert alone.where == "command line" and alone.link.driver == "mavlink"
 
@@ -88,7 +109,10 @@ def test_the_command_line_lies_over_the_file_and_may_do_without_it(tmp_path):
     [
         ("", "link.url: missing: give --link URL"),
         ('[link]\nurl = "tcp::1"', "link.driver: missing: give --driver NAME"),
-        ('[link]\nurl = "tcp::1"\ndriver = "arduino"', "link.driver: expected mavlink, roboclaw, odrive, vesc, got 'arduino'"),
+        (
+            '[link]\nurl = "tcp::1"\ndriver = "arduino"',
+            "link.driver: expected mavlink, roboclaw, odrive, vesc, got 'arduino'",
+        ),
         (LINK + "baud = 9600", "link.baud: unknown key"),
         (LINK + "timeout = 0", "link.timeout: expected 0.1 to 300 s, got 0"),
         (LINK + 'timeout = "long"', "link.timeout: expected float, got 'long'"),
@@ -99,20 +123,38 @@ def test_the_command_line_lies_over_the_file_and_may_do_without_it(tmp_path):
         (LINK + "[limits]\nv_max = true", "limits.v_max: expected float, got True"),
         (LINK + "[limits]\nspeed = 1", "limits.speed: unknown key"),
         (LINK + "[safety]\nwatchdog = 0", "safety.watchdog: expected a time"),
-        (LINK + "[safety]\nwatchdogs = 1", "safety.watchdogs: unknown key; .safety. takes watchdog, pose_age"),
+        (
+            LINK + "[safety]\nwatchdogs = 1",
+            "safety.watchdogs: unknown key; .safety. takes watchdog, pose_age",
+        ),
         (LINK + "[safety]\npilot = false", "safety.pilot: unknown key"),
         (LINK + "[safety]\nlimits = 1", "safety.limits: unknown key"),
-        (LINK + "[safety]\ngeofence = [0, 0, 1]", "safety.geofence: expected .xmin, ymin, xmax, ymax."),
-        (LINK + "[safety]\ngeofence = [1, 0, 0, 1]", "safety.geofence: expected .xmin, ymin, xmax, ymax."),
+        (
+            LINK + "[safety]\ngeofence = [0, 0, 1]",
+            "safety.geofence: expected .xmin, ymin, xmax, ymax.",
+        ),
+        (
+            LINK + "[safety]\ngeofence = [1, 0, 0, 1]",
+            "safety.geofence: expected .xmin, ymin, xmax, ymax.",
+        ),
         (LINK + "[safety]\ngeofence = 3", "safety.geofence: expected .xmin, ymin, xmax, ymax."),
-        (LINK + '[safety]\ngeofence = "here"', "safety.geofence: expected .xmin, ymin, xmax, ymax."),
+        (
+            LINK + '[safety]\ngeofence = "here"',
+            "safety.geofence: expected .xmin, ymin, xmax, ymax.",
+        ),
         (LINK + "[safety]\nsocket = 3", "safety.socket: expected a path, got 3"),
         (LINK + "[frame]\norigin = [0, 0]", "frame.origin: expected .x, y, theta."),
         (LINK + "[frame]\norigin = [0, 0, inf]", "frame.origin: expected .x, y, theta."),
         (LINK + "[frame]\nstart = [0, 0, 0]", "frame.start: unknown key"),
         (LINK + "[control]\nperiod = 0", "control.period: expected 0.01 to 1 s, got 0"),
-        (LINK + "[control]\nperiod = 0.2", "control.period: 0.2 s is too long for a watchdog of 0.25 s: expected at most 0.167 s"),
-        (LINK + "[control]\ncommand_period = 0.5", "control.command_period: expected 0.02 to 0.2 s"),
+        (
+            LINK + "[control]\nperiod = 0.2",
+            "control.period: 0.2 s is too long for a watchdog of 0.25 s: expected at most 0.167 s",
+        ),
+        (
+            LINK + "[control]\ncommand_period = 0.5",
+            "control.command_period: expected 0.02 to 0.2 s",
+        ),
         (LINK + "[control]\nmodel = 3", "control.model: expected str, got 3"),
         ("[link\n", "not TOML"),
         (b"\xff\xfe", "not TOML"),
@@ -132,7 +174,10 @@ def test_whatever_is_wrong_is_told_with_file_and_key_in_one_line(tmp_path, text,
         (LINK + "[board]\nsystem = 0", "board.system: expected a MAVLink id"),
         (LINK + "[geometry]\ntrack = 1", "an autopilot has its own"),
         ('[link]\nurl = "tcp::1"\ndriver = "roboclaw"', "geometry.wheel_radius: missing"),
-        ('[link]\nurl = "tcp::1"\ndriver = "vesc"\n[geometry]\nwheel_radius = 0', "geometry.track: missing"),
+        (
+            '[link]\nurl = "tcp::1"\ndriver = "vesc"\n[geometry]\nwheel_radius = 0',
+            "geometry.track: missing",
+        ),
     ],
 )
 def test_what_the_driver_finds_wrong_is_told_with_the_file_too(tmp_path, text, words):

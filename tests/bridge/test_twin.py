@@ -9,15 +9,15 @@ import sys
 import time
 
 import pytest
-from bridge.boards import TABLES
+from boards import TABLES
 from bridge.mavlink_rig import Rig
 
-from firmware_bridge.cli import main
-from firmware_bridge.drivers.mavlink_options import MavlinkOptions
+from firmware_bridge.cli.main import main
+from firmware_bridge.drivers.mavlink.options import MavlinkOptions
 from firmware_bridge.emulator.mocap import Mocap, MocapOptions
 from firmware_bridge.emulator.roboclaw import RoboClawEmulator
 from firmware_bridge.emulator.twin import TwinBody, TwinRover
-from firmware_bridge.framing import roboclaw_packet
+from firmware_bridge.link.framing import roboclaw_packet
 from kmpc_lite.sim.twin import Twin
 
 COURSE = """
@@ -59,7 +59,9 @@ def test_a_roboclaw_turns_the_twins_wheels_and_its_watchdog_stops_them(board):
     counts = [round(1440 * s) for s in turns_per_second(emulator, 0.3, 0.0)]
     for _ in range(50):
         clock.now += 0.02
-        emulator.handle(roboclaw_packet(0x80, 37, b"".join(c.to_bytes(4, "big", signed=True) for c in counts)))
+        emulator.handle(
+            roboclaw_packet(0x80, 37, b"".join(c.to_bytes(4, "big", signed=True) for c in counts))
+        )
     x, y, theta = emulator.pose
     travelled = math.hypot(x - 0.2, y - 0.1)
     assert 0.2 < travelled < 0.3 and abs(theta - 0.4) < 0.02
@@ -82,13 +84,22 @@ def test_the_rovers_loops_turn_the_twin_as_told_though_its_wheels_slide():
 
 
 def test_motion_capture_has_a_rate_a_delay_noise_and_drop_outs():
-    mocap = Mocap(MocapOptions(rate=100.0, noise=0.002, delay=0.03, dropouts=1.0, hidden=0.2), 1, 0.0)
-    came = [(0.01 * k, stamp, pose) for k in range(2000) for stamp, pose in mocap.look(0.01 * k, (1.0, 2.0, 3.0))]
+    mocap = Mocap(
+        MocapOptions(rate=100.0, noise=0.002, delay=0.03, dropouts=1.0, hidden=0.2), 1, 0.0
+    )
+    came = [
+        (0.01 * k, stamp, pose)
+        for k in range(2000)
+        for stamp, pose in mocap.look(0.01 * k, (1.0, 2.0, 3.0))
+    ]
     assert all(abs(now - stamp - 0.03) < 0.0101 for now, stamp, _ in came)
     assert 1200 < len(came) < 1900
     xs = [pose[0] for _, _, pose in came]
     mean = sum(xs) / len(xs)
-    assert abs(mean - 1.0) < 3e-4 and 0.0015 < math.sqrt(sum((x - mean) ** 2 for x in xs) / len(xs)) < 0.0025
+    assert (
+        abs(mean - 1.0) < 3e-4
+        and 0.0015 < math.sqrt(sum((x - mean) ** 2 for x in xs) / len(xs)) < 0.0025
+    )
     gaps = [b[1] - a[1] for a, b in zip(came, came[1:], strict=False)]
     assert max(gaps) == pytest.approx(0.2, abs=0.03) or max(gaps) > 0.2
 
@@ -99,13 +110,39 @@ def test_the_twin_is_driven_past_an_obstacle_through_a_pty(tmp_path, monkeypatch
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
     (tmp_path / "course.toml").write_text(COURSE)
-    command = [sys.executable, "-m", "firmware_bridge.cli", "emulate", "mavlink", "--physics", "mujoco", "--scenario", "course.toml"]
-    emulator = subprocess.Popen([*command, "--link", "pty:link", "--arm-after", "0.1", "--json"], stdout=subprocess.PIPE, text=True)
+    command = [
+        sys.executable,
+        "-m",
+        "firmware_bridge.cli.main",
+        "emulate",
+        "mavlink",
+        "--physics",
+        "mujoco",
+        "--scenario",
+        "course.toml",
+    ]
+    emulator = subprocess.Popen(
+        [*command, "--link", "pty:link", "--arm-after", "0.1", "--json"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     try:
         end = time.monotonic() + 15.0
         while not os.path.exists("link") and time.monotonic() < end:
             time.sleep(0.05)
-        robot = ["--driver", "mavlink", "--link", "pty:link", "--arm", "--v-max", "0.5", "--omega-max", "1.0", "--latency", "0.15"]
+        robot = [
+            "--driver",
+            "mavlink",
+            "--link",
+            "pty:link",
+            "--arm",
+            "--v-max",
+            "0.5",
+            "--omega-max",
+            "1.0",
+            "--latency",
+            "0.15",
+        ]
         quick = ["--set", "safety.hold=0.3", "--settle", "0.3", "--seconds", "25", "--json"]
         status = main(["run", *robot, *quick, "--scenario", "course.toml"])
     finally:

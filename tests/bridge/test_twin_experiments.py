@@ -5,7 +5,7 @@ import os
 
 import numpy as np
 import pytest
-from bridge.boards import Rig, until
+from boards import Rig, until
 
 import kmpc_lite as kl
 from firmware_bridge.emulator.mocap import Mocap, MocapOptions
@@ -23,13 +23,27 @@ from kmpc_lite.sim import Outcome, Scenario
 def wired(network=None, **mocap):
     clock = ManualClock()
     board = RoboClawEmulator(GEOMETRY, BOARD, clock=clock)
-    return clock, board, WiredRoboClaw(board, BOARD, Mocap(MocapOptions(**mocap), 0, clock()), clock, network or Network(), 0)
+    return (
+        clock,
+        board,
+        WiredRoboClaw(
+            board, BOARD, Mocap(MocapOptions(**mocap), 0, clock()), clock, network or Network(), 0
+        ),
+    )
 
 
 def test_a_command_is_the_same_frame_as_the_drivers_own(tmp_path):
-    table = {"geometry": {"wheel_radius": GEOMETRY.wheel_radius, "track": GEOMETRY.track, "max_wheel_speed": GEOMETRY.max_wheel_speed}}
+    table = {
+        "geometry": {
+            "wheel_radius": GEOMETRY.wheel_radius,
+            "track": GEOMETRY.track,
+            "max_wheel_speed": GEOMETRY.max_wheel_speed,
+        }
+    }
     rig = Rig(
-        "roboclaw", f"pty:{tmp_path}/link", {**table, "board": {"counts_per_turn": BOARD.counts_per_turn, "watchdog": BOARD.watchdog}}
+        "roboclaw",
+        f"pty:{tmp_path}/link",
+        {**table, "board": {"counts_per_turn": BOARD.counts_per_turn, "watchdog": BOARD.watchdog}},
     )
     clock, _, driver = wired()
     driver.frames = []
@@ -84,7 +98,10 @@ def test_a_trial_reaches_its_goal_untouched_twice_the_same(folder):
     first, again = (drive_trial(ours, scenario, FAST, 7) for _ in range(2))
     assert first.run.outcome is Outcome.REACHED and not first.touched and first.run.clearance > 0.0
     assert first.final_error < 0.02
-    assert first.run.path.shape == again.run.path.shape and np.abs(first.run.path - again.run.path).max() < 1e-9
+    assert (
+        first.run.path.shape == again.run.path.shape
+        and np.abs(first.run.path - again.run.path).max() < 1e-9
+    )
     assert (len(first.run.path) - 1) % (len(first.run.states) - 1) == 0
     assert "| ours | a2 | 1 | 0 | 1 |" in table("a", [first])
     picture(folder / "a.png", [first])
@@ -95,7 +112,9 @@ def test_a_controller_that_drives_into_an_obstacle_is_seen_to():
     blind = Blind("blind", "kmpc", kl.nominal_unicycle(0.1), (0.6, 0.785))
     trial = drive_trial(blind, Scenario.load("twin_a1"), FAST, 1)
     assert (
-        trial.run.outcome is Outcome.COLLISION and trial.run.clearance < 0.0 and "| blind | a1 | 1 | 1 | 0 | - | - |" in table("a", [trial])
+        trial.run.outcome is Outcome.COLLISION
+        and trial.run.clearance < 0.0
+        and "| blind | a1 | 1 | 1 | 0 | - | - |" in table("a", [trial])
     )
 
 

@@ -36,7 +36,11 @@ def test_on_a_new_floor_adaptation_is_as_good_as_having_learned_it(folder, capsy
     assert all(d["outcome"] == "reached" for d in drives)
 
     def seconds(label, scenario):
-        return next(d["arrival_s"] for d in drives if d["controller"] == label and d["scenario"] == scenario)
+        return next(
+            d["arrival_s"] for d in drives if d["controller"] == label and d["scenario"] == scenario
+        )
 
     for floor in ("carpet", "wet"):
-        assert seconds("ours", f"twin_{floor}") <= 1.1 * seconds(f"ours, learned on {floor}", f"twin_{floor}")
+        assert seconds("ours", f"twin_{floor}") <= 1.1 * seconds(
+            f"ours, learned on {floor}", f"twin_{floor}"
+        )

@@ -17,7 +17,9 @@ def nominal() -> kl.KoopmanModel:
 
 @pytest.fixture(scope="session")
 def slipping_data() -> kl.Dataset:
-    return kl.generate_dataset(kl.DifferentialDrive(0.05, seed=1), episodes=40, steps=60, dt=DT, seed=2)
+    return kl.generate_dataset(
+        kl.DifferentialDrive(0.05, seed=1), episodes=40, steps=60, dt=DT, seed=2
+    )
 
 
 @pytest.fixture(scope="session")
@@ -41,12 +43,22 @@ def lagging(nominal: kl.KoopmanModel) -> kl.KoopmanModel:
         padded = np.vstack([np.zeros((2, 2)), sent])
         acting = 0.5 * padded[2:] + 0.3 * padded[1:-1] + 0.2 * padded[:-2]
         episodes.append(kl.Episode(nominal.rollout(random.uniform(-1, 1, 3), acting), sent, DT))
-    dictionary = kl.InputHistoryDictionary(kl.HermiteTrigDictionary(order=0), lags=(0, 1, 2), product=True)
+    dictionary = kl.InputHistoryDictionary(
+        kl.HermiteTrigDictionary(order=0), lags=(0, 1, 2), product=True
+    )
     return kl.fit(kl.Dataset(episodes), dictionary)
 
 
 @pytest.fixture(scope="session")
 def models(
-    nominal: kl.KoopmanModel, learned: kl.KoopmanModel, learned_edmdc: kl.KoopmanModel, lagging: kl.KoopmanModel
+    nominal: kl.KoopmanModel,
+    learned: kl.KoopmanModel,
+    learned_edmdc: kl.KoopmanModel,
+    lagging: kl.KoopmanModel,
 ) -> dict[str, kl.KoopmanModel]:
-    return {"nominal": nominal, "learned": learned, "learned_edmdc": learned_edmdc, "lagging": lagging}
+    return {
+        "nominal": nominal,
+        "learned": learned,
+        "learned_edmdc": learned_edmdc,
+        "lagging": lagging,
+    }

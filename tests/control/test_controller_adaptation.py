@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kmpc_lite as kl
-from kmpc_lite.adaptation import OnlineAdaptation
-from kmpc_lite.control.tightening import LATE_RISK, LONGEST_HEADWAY, RISK
+from kmpc_lite.adaptation.online import OnlineAdaptation
+from kmpc_lite.control.margins.tightening import LATE_RISK, LONGEST_HEADWAY, RISK
 from kmpc_lite.sim import Scenario, drive
-from kmpc_lite.sim.maps import random_map
-from kmpc_lite.sim.scenario import Floor
+from kmpc_lite.sim.maps.families import random_map
+from kmpc_lite.sim.scenario.files import Floor
 
 DT = 0.1
 NOISE = (0.005, 0.005, 0.02)
@@ -26,7 +26,9 @@ def knowing() -> dict[float, kl.KoopmanModel]:
     """Models by the slip that they were learned at, with margins from drives of their own."""
 
     def learn(slip: float) -> kl.KoopmanModel:
-        data = kl.generate_dataset(kl.DifferentialDrive(slip, seed=3), episodes=120, steps=200, seed=4)
+        data = kl.generate_dataset(
+            kl.DifferentialDrive(slip, seed=3), episodes=120, steps=200, seed=4
+        )
         fitted, held = data.split(0.5)
         return kl.with_quantiles(kl.fit(fitted), held)
 
@@ -51,7 +53,9 @@ def test_it_runs_where_there_are_margins_and_the_model_can_be_adapted(
 
 
 @pytest.mark.parametrize("lag", [False, True])
-def test_it_sees_what_was_measured_and_what_was_sent(learned: kl.KoopmanModel, lagging: kl.KoopmanModel, lag: bool) -> None:
+def test_it_sees_what_was_measured_and_what_was_sent(
+    learned: kl.KoopmanModel, lagging: kl.KoopmanModel, lag: bool
+) -> None:
     class Listening(OnlineAdaptation):
         def update(self, x, u, x_next, history=None):  # type: ignore[no-untyped-def]
             heard.append((np.array(x), np.array(u), np.array(x_next), np.array(history)))
@@ -59,12 +63,20 @@ def test_it_sees_what_was_measured_and_what_was_sent(learned: kl.KoopmanModel, l
 
     model, heard = lagging if lag else learned, []
     controller = kl.Controller(model, adaptation=Listening(model))
-    poses, commands, x, plant = [], [], np.array([0.0, 0.0, 2 * np.pi]), kl.DifferentialDrive(0.05, seed=2)
+    poses, commands, x, plant = (
+        [],
+        [],
+        np.array([0.0, 0.0, 2 * np.pi]),
+        kl.DifferentialDrive(0.05, seed=2),
+    )
     for k in range(25):
         poses.append(x.copy())
-        # a pose that is none makes a fallback, whose command counts too; at the goal the robot holds
+        # a pose that is none makes a fallback, whose command counts too; at the goal the robot
+        # holds
         goal = x.copy() if k > 20 else (1.5, 1.0, 0.5)
-        plan = controller.step(np.full(3, np.nan) if k == 8 else x, goal, [kl.Circle(0.7, 0.2, 0.1)])
+        plan = controller.step(
+            np.full(3, np.nan) if k == 8 else x, goal, [kl.Circle(0.7, 0.2, 0.1)]
+        )
         commands.append(plan.command.copy())
         x = plant.step(x, plan.command, DT)
     poses[8] = np.full(3, np.nan)
@@ -80,7 +92,8 @@ def test_it_sees_what_was_measured_and_what_was_sent(learned: kl.KoopmanModel, l
 
 @pytest.mark.parametrize("tell", [True, False])
 def test_what_a_gate_makes_of_commands_is_no_floor(learned: kl.KoopmanModel, tell: bool) -> None:
-    # a gate that lets speeds grow by 0.02 m/s and 0.05 rad/s a period, on the floor that the model was learned on
+    # a gate that lets speeds grow by 0.02 m/s and 0.05 rad/s a period, on the floor that the model
+    # was learned on
     controller, plant = kl.Controller(learned), kl.DifferentialDrive(0.05, seed=2)
     x, acted, gains = np.zeros(3), np.zeros(2), []
     for k in range(120):
@@ -94,7 +107,9 @@ def test_what_a_gate_makes_of_commands_is_no_floor(learned: kl.KoopmanModel, tel
     assert far < 0.1 if tell else far > 0.2
 
 
-def test_a_sent_command_of_another_shape_is_refused_and_nan_is_not_used(learned: kl.KoopmanModel, lagging: kl.KoopmanModel) -> None:
+def test_a_sent_command_of_another_shape_is_refused_and_nan_is_not_used(
+    learned: kl.KoopmanModel, lagging: kl.KoopmanModel
+) -> None:
     for model in (learned, lagging):
         controller = kl.Controller(model)
         first = controller.step((0, 0, 0), (1.0, 0.5, 0.0))
@@ -102,10 +117,15 @@ def test_a_sent_command_of_another_shape_is_refused_and_nan_is_not_used(learned:
             controller.step((0, 0, 0), (1.0, 0.5, 0.0), sent=(0.1, 0.2, 0.3))
         past = controller._past.commands.copy()
         controller.step(first.states[1], (1.0, 0.5, 0.0), sent=(np.nan, 0.2))
-        assert np.isfinite(controller._past.commands).all() and (controller._past.commands[:-1] == past[1:]).all()
+        assert (
+            np.isfinite(controller._past.commands).all()
+            and (controller._past.commands[:-1] == past[1:]).all()
+        )
 
 
-def test_a_floor_that_changes_is_driven_with_a_model_of_it(knowing: dict[float, kl.KoopmanModel], tmp_path: object) -> None:
+def test_a_floor_that_changes_is_driven_with_a_model_of_it(
+    knowing: dict[float, kl.KoopmanModel], tmp_path: object
+) -> None:
     scenario = replace(random_map("open", 3), circles=(), floors=(Floor(1.0, 0.2, 0.6),))
     controller = kl.Controller(knowing[0.0], scenario.problem())
     run = drive(controller, scenario, settle=1.0)
@@ -139,14 +159,20 @@ def test_standing_still_changes_nothing(knowing: dict[float, kl.KoopmanModel]) -
     before = controller.model
     poses = random.normal(size=(100_000, 3)) * NOISE
     assert all(adaptation.update(a, np.zeros(2), b) is None for a, b in pairwise(poses))
-    assert controller.model is before and adaptation.model is knowing[0.05] and adaptation.counts.used == 0
+    assert (
+        controller.model is before
+        and adaptation.model is knowing[0.05]
+        and adaptation.counts.used == 0
+    )
 
 
 @settings(max_examples=12, deadline=None)
 @given(
     slip=st.sampled_from([0.0, 0.05, 0.2]),
     noise=st.sampled_from([(0.0, 0.0, 0.0), NOISE]),
-    jumps=st.lists(st.tuples(st.integers(1, 79), st.floats(0.3, 3.0), st.floats(-np.pi, np.pi)), max_size=3),
+    jumps=st.lists(
+        st.tuples(st.integers(1, 79), st.floats(0.3, 3.0), st.floats(-np.pi, np.pi)), max_size=3
+    ),
     seed=st.integers(0, 9999),
 )
 def test_a_good_model_is_never_made_worse(
@@ -165,7 +191,9 @@ def test_a_good_model_is_never_made_worse(
         for when, distance, bearing in jumps:
             if when == k:
                 shift = shift + (distance * np.cos(bearing), distance * np.sin(bearing), 0.0)
-        plan = controller.step(x + shift + random.normal(size=3) * noise, np.array(scenario.goal) + shift)
+        plan = controller.step(
+            x + shift + random.normal(size=3) * noise, np.array(scenario.goal) + shift
+        )
         x = plant.step(x, plan.command, DT)
     adaptation = controller.adaptation
     assert adaptation is not None and adaptation.counts.models == 0
@@ -186,14 +214,21 @@ def test_a_robot_that_is_held_is_no_slow_floor(knowing: dict[float, kl.KoopmanMo
     assert np.hypot(*(x[:2] - (1.5, 1.2))) < 0.05
 
 
-def test_four_circles_take_the_same_way_with_and_without_it(knowing: dict[float, kl.KoopmanModel]) -> None:
+def test_four_circles_take_the_same_way_with_and_without_it(
+    knowing: dict[float, kl.KoopmanModel],
+) -> None:
     """Where the model is good, adaptation is not to be felt: bit for bit."""
     scenario = replace(Scenario.load("four_circles_1"), slip=0.05)
-    on, off = (drive(kl.Controller(knowing[0.05], scenario.problem(), adaptation=a), scenario) for a in (True, False))
+    on, off = (
+        drive(kl.Controller(knowing[0.05], scenario.problem(), adaptation=a), scenario)
+        for a in (True, False)
+    )
     np.testing.assert_array_equal(on.states, off.states)
 
 
-def test_a_log_without_noise_does_not_make_margins_blind(knowing: dict[float, kl.KoopmanModel]) -> None:
+def test_a_log_without_noise_does_not_make_margins_blind(
+    knowing: dict[float, kl.KoopmanModel],
+) -> None:
     """Its calibrated quantile is next to nothing; of a floor that slips later it knows nothing."""
     assert knowing[0.0].info["noise_quantiles"]["quantiles"][-1] < 0.01
     controller = kl.Controller(knowing[0.0])
@@ -204,7 +239,10 @@ def test_a_log_without_noise_does_not_make_margins_blind(knowing: dict[float, kl
     assert tightening is not None
     # what one period of an unknown floor may do is kept in any case
     assert tightening.margins(lin, states, inputs, normals).min() > LONGEST_HEADWAY
-    spread, single = tightening.covariances(lin, states, inputs).max(), tightening.step_margin(0.6, 0.0)
+    spread, single = (
+        tightening.covariances(lin, states, inputs).max(),
+        tightening.step_margin(0.6, 0.0),
+    )
     for _ in range(5):
         # pushed sideways by a slip of 0.2
         tightening.observe(np.array([0.0, -0.012, 0.0]), 0.0, inputs[0])
@@ -212,6 +250,12 @@ def test_a_log_without_noise_does_not_make_margins_blind(knowing: dict[float, kl
     assert tightening.step_margin(0.6, 0.0) > single + 0.1
 
 
-def test_a_robot_that_lags_takes_less_risk(learned: kl.KoopmanModel, lagging: kl.KoopmanModel) -> None:
-    risks = [kl.Controller(m, **o)._tightening.risk for m in (learned, lagging) for o in ({}, {"risk": 0.1})]  # type: ignore[arg-type,union-attr]
+def test_a_robot_that_lags_takes_less_risk(
+    learned: kl.KoopmanModel, lagging: kl.KoopmanModel
+) -> None:
+    risks = [
+        kl.Controller(m, **o)._tightening.risk
+        for m in (learned, lagging)
+        for o in ({}, {"risk": 0.1})
+    ]  # type: ignore[arg-type,union-attr]
     assert risks == [RISK, 0.1, LATE_RISK, 0.1]

@@ -15,7 +15,9 @@ import kmpc_lite as kl
 DT = 0.1
 GOAL = (1.5, 1.5, 0.0)
 NAN = float("nan")
-PROBLEM = kl.NavigationProblem(u_min=(-0.2, -0.7), u_max=(0.6, 0.8))  # bounds that are not symmetric
+PROBLEM = kl.NavigationProblem(
+    u_min=(-0.2, -0.7), u_max=(0.6, 0.8)
+)  # bounds that are not symmetric
 MODEL = kl.nominal_unicycle(DT)
 CONTROLLERS = {
     "real time": kl.Controller(MODEL, PROBLEM),
@@ -24,10 +26,16 @@ CONTROLLERS = {
     "hurried": kl.Controller(MODEL, PROBLEM, time_budget=1e-4),
 }
 
-wild = st.floats() | st.floats(-3.0, 3.0) | st.sampled_from([0.0, 1.5, 1e4, -1e4, 1e12, 1e300, NAN, float("inf"), -float("inf")])
+wild = (
+    st.floats()
+    | st.floats(-3.0, 3.0)
+    | st.sampled_from([0.0, 1.5, 1e4, -1e4, 1e12, 1e300, NAN, float("inf"), -float("inf")])
+)
 tame = st.floats(-2.5, 2.5)
 poses = st.tuples(wild, wild, wild) | st.tuples(tame, tame, tame)
-rows = st.tuples(wild, wild, wild, wild, wild) | st.tuples(tame, tame, st.floats(0.0, 1.0), tame, tame)
+rows = st.tuples(wild, wild, wild, wild, wild) | st.tuples(
+    tame, tame, st.floats(0.0, 1.0), tame, tame
+)
 moments = st.tuples(poses, poses, st.lists(rows, max_size=9))
 
 
@@ -35,8 +43,16 @@ def assert_safe(plan: kl.Plan, problem: kl.NavigationProblem = PROBLEM) -> None:
     """What `Plan` promises."""
     u_min, u_max, _, _ = problem.bounds
     n = problem.horizon
-    assert plan.command.shape == (2,) and plan.states.shape == (n + 1, 3) and plan.inputs.shape == (n, 2)
-    assert np.isfinite(plan.command).all() and np.isfinite(plan.states).all() and np.isfinite(plan.inputs).all()
+    assert (
+        plan.command.shape == (2,)
+        and plan.states.shape == (n + 1, 3)
+        and plan.inputs.shape == (n, 2)
+    )
+    assert (
+        np.isfinite(plan.command).all()
+        and np.isfinite(plan.states).all()
+        and np.isfinite(plan.inputs).all()
+    )
     assert (plan.command >= u_min).all() and (plan.command <= u_max).all()
     assert (plan.inputs >= u_min).all() and (plan.inputs <= u_max).all()
     np.testing.assert_array_equal(plan.command, plan.inputs[0])
@@ -50,7 +66,9 @@ def assert_safe(plan: kl.Plan, problem: kl.NavigationProblem = PROBLEM) -> None:
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @settings(max_examples=30, deadline=None)
 @given(drive=st.lists(moments, min_size=1, max_size=4))
-def test_any_numbers_give_a_safe_plan(name: str, drive: list[tuple[Sequence[float], Sequence[float], list[Sequence[float]]]]) -> None:
+def test_any_numbers_give_a_safe_plan(
+    name: str, drive: list[tuple[Sequence[float], Sequence[float], list[Sequence[float]]]]
+) -> None:
     controller = CONTROLLERS[name]
     controller.reset()
     for x, goal, obstacles in drive:
@@ -60,8 +78,14 @@ def test_any_numbers_give_a_safe_plan(name: str, drive: list[tuple[Sequence[floa
 
 
 @settings(max_examples=50, deadline=None)
-@given(x=st.tuples(tame, tame, st.floats(-20, 20)), goal=st.tuples(tame, tame, st.floats(-20, 20)), obstacles=st.lists(rows, max_size=4))
-def test_floating_point_errors_may_be_exceptions(x: Sequence[float], goal: Sequence[float], obstacles: list[Sequence[float]]) -> None:
+@given(
+    x=st.tuples(tame, tame, st.floats(-20, 20)),
+    goal=st.tuples(tame, tame, st.floats(-20, 20)),
+    obstacles=st.lists(rows, max_size=4),
+)
+def test_floating_point_errors_may_be_exceptions(
+    x: Sequence[float], goal: Sequence[float], obstacles: list[Sequence[float]]
+) -> None:
     controller = CONTROLLERS["real time"]
     controller.reset()
     with np.errstate(over="raise", divide="raise", invalid="raise"):
@@ -89,7 +113,9 @@ def test_wrong_shapes_raise_value_errors_and_change_nothing() -> None:
     for arguments in wrong:
         with pytest.raises(ValueError, match="expected"):
             controller.step(*arguments)
-    np.testing.assert_array_equal(controller.step(x_next, GOAL).command, other.step(x_next, GOAL).command)
+    np.testing.assert_array_equal(
+        controller.step(x_next, GOAL).command, other.step(x_next, GOAL).command
+    )
 
 
 @pytest.mark.parametrize("x", ["abc", ("a", "b", "c"), ({}, 0, 0), object()])
@@ -98,7 +124,9 @@ def test_what_is_no_number_raises_an_error_of_the_callers(x: object) -> None:
         kl.Controller(MODEL).step(x, GOAL)  # type: ignore[arg-type]
 
 
-def driven(controller: kl.Controller, periods: int, obstacles: Sequence[kl.Circle] = ()) -> tuple[np.ndarray, kl.Plan]:
+def driven(
+    controller: kl.Controller, periods: int, obstacles: Sequence[kl.Circle] = ()
+) -> tuple[np.ndarray, kl.Plan]:
     """Drive until the robot is fast; the pose and the last plan."""
     x = np.array([0.0, 0.0, 0.7])
     for _ in range(periods):
@@ -130,7 +158,8 @@ def test_without_usable_input_the_tail_is_driven_to_a_stop(name: str) -> None:
         assert_safe(plan, controller.problem)
         assert plan.reason
         stopped |= plan.status is kl.PlanStatus.STOPPED
-        # to its end the tail, which is where it stands; an obstacle that is not known hides what the tail would come to
+        # to its end the tail, which is where it stands; an obstacle that is not known hides what
+        # the tail would come to
         assert plan.status is (kl.PlanStatus.STOPPED if stopped else kl.PlanStatus.FALLBACK)
         assert not (stopped and plan.command.any())
         assert stopped == (k > 6)
@@ -139,7 +168,10 @@ def test_without_usable_input_the_tail_is_driven_to_a_stop(name: str) -> None:
         # brakes at least as fast as one of the two limits asks, and no faster than both
         lost = np.abs(command) - np.abs(plan.command)
         assert (lost <= np.array([1.0, 4.0]) * DT + 1e-9).all()
-        assert not command.any() or (lost >= np.minimum(np.array([1.0, 4.0]) * DT, np.abs(command)) - 1e-9).any()
+        assert (
+            not command.any()
+            or (lost >= np.minimum(np.array([1.0, 4.0]) * DT, np.abs(command)) - 1e-9).any()
+        )
         # on the curve that the robot is on
         assert abs(command[0] * plan.command[1] - command[1] * plan.command[0]) < 1e-9
         command = plan.command
@@ -186,9 +218,13 @@ def absurd_models() -> dict[str, kl.KoopmanModel]:
     made = {}
     for scale in (0.0, 1.0, -1.0, 1e3, -1e5, 1e8, 1e20, 1e100):
         ones = scale * np.ones((3, 12))
-        made[f"continuous {scale:g}"] = kl.KoopmanModel(dictionary, DT, ones[:, :6], ones[:, :2], ones, np.eye(3), continuous=True)
+        made[f"continuous {scale:g}"] = kl.KoopmanModel(
+            dictionary, DT, ones[:, :6], ones[:, :2], ones, np.eye(3), continuous=True
+        )
         full = scale * np.ones((6, 12))
-        made[f"discrete {scale:g}"] = kl.KoopmanModel(dictionary, DT, full[:, :6], full[:, :2], full, np.eye(3, 6), continuous=False)
+        made[f"discrete {scale:g}"] = kl.KoopmanModel(
+            dictionary, DT, full[:, :6], full[:, :2], full, np.eye(3, 6), continuous=False
+        )
     return made
 
 
@@ -232,13 +268,24 @@ def test_extreme_problems_give_safe_plans(changes: dict[str, object]) -> None:
 @pytest.mark.parametrize("fastest", [1e-12, 1e-300])
 def test_bounds_of_almost_nothing_give_safe_plans(fastest: float) -> None:
     problem = kl.NavigationProblem(u_min=(-fastest, -fastest), u_max=(fastest, fastest))
-    assert_safe(kl.Controller(MODEL, problem).step((0.0, 0.0, 0.2), GOAL, [kl.Circle(0.7, 0.6, 0.2)]), problem)
+    assert_safe(
+        kl.Controller(MODEL, problem).step((0.0, 0.0, 0.2), GOAL, [kl.Circle(0.7, 0.6, 0.2)]),
+        problem,
+    )
 
 
 @pytest.mark.parametrize(
-    "bounds", [((-0.6, 0.0), (0.6, 0.8)), ((-0.6, -0.8), (0.0, 0.8)), ((0.0, 0.0), (0.6, 0.8)), ((-0.6, -0.8), (0.6, 0.0))]
+    "bounds",
+    [
+        ((-0.6, 0.0), (0.6, 0.8)),
+        ((-0.6, -0.8), (0.0, 0.8)),
+        ((0.0, 0.0), (0.6, 0.8)),
+        ((-0.6, -0.8), (0.6, 0.0)),
+    ],
 )
-def test_one_sided_bounds_give_safe_plans(bounds: tuple[tuple[float, float], tuple[float, float]]) -> None:
+def test_one_sided_bounds_give_safe_plans(
+    bounds: tuple[tuple[float, float], tuple[float, float]],
+) -> None:
     problem = kl.NavigationProblem(u_min=bounds[0], u_max=bounds[1])
     for options in ({}, {"guidance": False, "tightening": None}):
         controller, x = kl.Controller(MODEL, problem, **options), np.array([0.0, 0.0, 0.2])
@@ -279,7 +326,12 @@ def test_wrong_options_are_refused_by_name(options: dict[str, object], word: str
 def test_model_of_another_period_is_refused_with_both_periods() -> None:
     with pytest.raises(kl.ProblemError, match=r"0\.05 s.*0\.1 s"):
         kl.Controller(kl.nominal_unicycle(0.05), kl.NavigationProblem(dt=0.1))
-    assert kl.Controller(MODEL.with_dt(0.05), kl.NavigationProblem(dt=0.05)).step((0, 0, 0), GOAL).status is kl.PlanStatus.SOLVED
+    assert (
+        kl.Controller(MODEL.with_dt(0.05), kl.NavigationProblem(dt=0.05))
+        .step((0, 0, 0), GOAL)
+        .status
+        is kl.PlanStatus.SOLVED
+    )
 
 
 @pytest.mark.parametrize("radius", [-0.15, -1e-9, -np.inf])
@@ -290,5 +342,7 @@ def test_an_obstacle_of_negative_radius_is_not_usable(radius: float) -> None:
 
 
 def test_a_file_name_is_no_model() -> None:
-    with pytest.raises(kl.ProblemError, match=r"expected a KoopmanModel, got str; KoopmanModel\.load"):
+    with pytest.raises(
+        kl.ProblemError, match=r"expected a KoopmanModel, got str; KoopmanModel\.load"
+    ):
         kl.Controller("robot.npz")  # type: ignore[arg-type]

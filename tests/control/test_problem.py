@@ -26,7 +26,12 @@ def test_defaults_are_the_papers() -> None:
     np.testing.assert_array_equal(u_min, -u_max)
     np.testing.assert_array_equal(x_max, [2.0, 2.0, INF])
     np.testing.assert_array_equal(x_min, -x_max)
-    assert (problem.horizon, problem.dt, problem.robot_radius, problem.margin) == (20, 0.1, 0.15, 0.0)
+    assert (problem.horizon, problem.dt, problem.robot_radius, problem.margin) == (
+        20,
+        0.1,
+        0.15,
+        0.0,
+    )
 
 
 @pytest.mark.parametrize(
@@ -52,9 +57,31 @@ def test_defaults_are_the_papers() -> None:
         *(("Q", v) for v in ([[1, 2, 0], [2, 1, 0], [0, 0, 1]], np.zeros((3, 3, 3)))),
         *(("R", v) for v in ((1.0, 1.0, 1.0), (NAN, 1.0), (-1.0, 1.0))),
         *(("Q_terminal", v) for v in ((1.0, 1.0), (0.0, 0.0, -1.0))),
-        *(("u_min", v) for v in ((NAN, -1.0), (-INF, -1.0), (0.7, -1.0), (-0.6,), (0.1, -1.0), None)),
-        *(("u_max", v) for v in ((0.6, INF), (-0.1, 1.0), (-0.6, 1.0), (-0.7, 1.0), (0.6, 1.0, 1.0), ("a", "b"))),
-        *(("x_min", v) for v in ((2.0, -2.0, -INF), (3.0, -2.0, -INF), (NAN, -2.0, -INF), (-2.0, -2.0, -3.0), (-2.0, -2.0))),
+        *(
+            ("u_min", v)
+            for v in ((NAN, -1.0), (-INF, -1.0), (0.7, -1.0), (-0.6,), (0.1, -1.0), None)
+        ),
+        *(
+            ("u_max", v)
+            for v in (
+                (0.6, INF),
+                (-0.1, 1.0),
+                (-0.6, 1.0),
+                (-0.7, 1.0),
+                (0.6, 1.0, 1.0),
+                ("a", "b"),
+            )
+        ),
+        *(
+            ("x_min", v)
+            for v in (
+                (2.0, -2.0, -INF),
+                (3.0, -2.0, -INF),
+                (NAN, -2.0, -INF),
+                (-2.0, -2.0, -3.0),
+                (-2.0, -2.0),
+            )
+        ),
         *(("x_max", v) for v in ((2.0, 2.0, 3.0), (2.0, -2.0, INF), (2.0, 2.0, NAN))),
         *(("deceleration", v) for v in ((0.0, 1.0), (-1.0, 1.0), (NAN, 1.0), (INF, 1.0), (1.0,))),
         *(("du_max", v) for v in ((0.0, 1.0), (-1.0, 1.0), (NAN, 1.0), (1.0,), 1.0, None)),
@@ -101,11 +128,17 @@ def test_numpys_whole_numbers_are_whole_numbers(number: Any) -> None:
 def test_cost_is_the_papers_sum(seed: int, n: int) -> None:
     random = np.random.default_rng(seed)
     root = random.normal(size=(3, 3))
-    problem = NavigationProblem(horizon=n, Q=root @ root.T, R=(0.3, 0.7), Q_terminal=(4.0, 5.0, 6.0))
+    problem = NavigationProblem(
+        horizon=n, Q=root @ root.T, R=(0.3, 0.7), Q_terminal=(4.0, 5.0, 6.0)
+    )
     x, u, goal = random.normal(size=(n + 1, 3)), random.normal(size=(n, 2)), random.normal(size=3)
     total = 0.0
     for k in range(n):
-        total += (x[k] - goal) @ (root @ root.T) @ (x[k] - goal) + 0.3 * u[k, 0] ** 2 + 0.7 * u[k, 1] ** 2
+        total += (
+            (x[k] - goal) @ (root @ root.T) @ (x[k] - goal)
+            + 0.3 * u[k, 0] ** 2
+            + 0.7 * u[k, 1] ** 2
+        )
     total += float(np.sum(np.array([4.0, 5.0, 6.0]) * (x[n] - goal) ** 2))
     assert problem.cost(x, u, goal) == pytest.approx(total, rel=1e-9)
     assert problem.cost(x, u, np.tile(goal, (n + 1, 1))) == pytest.approx(total, rel=1e-9)

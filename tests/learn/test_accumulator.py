@@ -17,17 +17,23 @@ UNICYCLE = kl.UnicycleDictionary()
 
 def drives(episodes: int = 20, steps: int = 60, slip: float = 0.0) -> kl.Dataset:
     """Random driving, as the paper trains."""
-    return kl.generate_dataset(kl.DifferentialDrive(slip, 0), episodes=episodes, steps=steps, dt=0.1, seed=0)
+    return kl.generate_dataset(
+        kl.DifferentialDrive(slip, 0), episodes=episodes, steps=steps, dt=0.1, seed=0
+    )
 
 
 def assert_alike(one: kl.KoopmanModel, other: kl.KoopmanModel, tolerance: float) -> None:
     """The same matrices and the same account of the fit."""
     for name in ("A", "B", "H", "C"):
-        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=0, atol=tolerance, err_msg=name)
+        np.testing.assert_allclose(
+            getattr(one, name), getattr(other, name), rtol=0, atol=tolerance, err_msg=name
+        )
     assert {**one.info, "condition": 0} == {**other.info, "condition": 0}
 
 
-@pytest.mark.parametrize("dictionary", [UNICYCLE, kl.InputHistoryDictionary(UNICYCLE, lags=(0, 3), product=True)])
+@pytest.mark.parametrize(
+    "dictionary", [UNICYCLE, kl.InputHistoryDictionary(UNICYCLE, lags=(0, 3), product=True)]
+)
 @pytest.mark.parametrize("method", ["integral", "edmdc"])
 def test_merged_accumulators_are_one(dictionary: kl.Dictionary, method: Any) -> None:
     data = drives(slip=0.05)
@@ -69,7 +75,9 @@ def test_accumulators_of_different_fits_do_not_merge() -> None:
             mine.merge(other)
     for midpoint in (None, second):
         with pytest.raises(kl.DataError, match="cannot merge"):
-            kl.Accumulator(UNICYCLE, 0.1, midpoint=first).merge(kl.Accumulator(UNICYCLE, 0.1, midpoint=midpoint))
+            kl.Accumulator(UNICYCLE, 0.1, midpoint=first).merge(
+                kl.Accumulator(UNICYCLE, 0.1, midpoint=midpoint)
+            )
 
 
 # streaming
@@ -89,9 +97,16 @@ class Counting(kl.UnicycleDictionary):
 
 @pytest.mark.parametrize("method", ["integral", "edmdc"])
 @pytest.mark.parametrize(("episodes", "steps"), [(1, 60_000), (60, 1000), (3, 20_001), (20_000, 3)])
-def test_work_is_the_same_for_every_step_and_chunks_stay_small(method: Any, episodes: int, steps: int) -> None:
+def test_work_is_the_same_for_every_step_and_chunks_stay_small(
+    method: Any, episodes: int, steps: int
+) -> None:
     random = np.random.default_rng(7)
-    data = kl.Dataset([kl.Episode(random.normal(size=(steps + 1, 3)), random.normal(size=(steps, 2)), 0.1) for _ in range(episodes)])
+    data = kl.Dataset(
+        [
+            kl.Episode(random.normal(size=(steps + 1, 3)), random.normal(size=(steps, 2)), 0.1)
+            for _ in range(episodes)
+        ]
+    )
     dictionary = Counting()
     kl.fit(data, dictionary, method=method, noise=False)
     # edmdc lifts both ends of a step; the integral form its middle too, in each of two passes
@@ -109,12 +124,18 @@ def test_a_million_samples_take_a_few_megabytes() -> None:
 @pytest.mark.long
 def test_a_million_samples_take_a_few_bare_gram_products() -> None:
     costs = {cost.method: cost for cost in fit_costs()}
-    assert costs["edmdc"].ratio <= 15.0 and costs["integral"].ratio <= 50.0, format_fit_costs(list(costs.values()))
+    assert costs["edmdc"].ratio <= 15.0 and costs["integral"].ratio <= 50.0, format_fit_costs(
+        list(costs.values())
+    )
 
 
 def test_what_a_fit_costs_is_printed_per_method() -> None:
     costs = fit_costs(episodes=2)
     assert [(c.method, c.samples) for c in costs] == [("integral", 2000), ("edmdc", 2000)]
-    assert all(c.seconds == pytest.approx(c.ratio * c.bare_seconds) and c.seconds > 0.0 for c in costs)
+    assert all(
+        c.seconds == pytest.approx(c.ratio * c.bare_seconds) and c.seconds > 0.0 for c in costs
+    )
     text = format_fit_costs(costs)
-    assert "2,000 samples" in text and all(f"{c.method:<9} {c.seconds:7.3f} s, {c.ratio:5.1f} times that" in text for c in costs)
+    assert "2,000 samples" in text and all(
+        f"{c.method:<9} {c.seconds:7.3f} s, {c.ratio:5.1f} times that" in text for c in costs
+    )

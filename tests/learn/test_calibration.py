@@ -15,12 +15,14 @@ from kmpc_lite import (
 )
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.calibration import RISKS, calibrate, conformal_quantile, scores, with_quantiles
-from kmpc_lite.model import NoiseModel
-from kmpc_lite.tube import MEMORY
+from kmpc_lite.model.koopman import NoiseModel
+from kmpc_lite.model.tube import MEMORY
 
 
 def drives(slip, seed, episodes=60, steps=400):
-    return generate_dataset(DifferentialDrive(slip, seed=seed), episodes=episodes, steps=steps, dt=0.1, seed=seed + 1)
+    return generate_dataset(
+        DifferentialDrive(slip, seed=seed), episodes=episodes, steps=steps, dt=0.1, seed=seed + 1
+    )
 
 
 @pytest.mark.parametrize("slip", [0.01, 0.05, 0.1, 0.2])
@@ -65,7 +67,10 @@ def test_conformal_rank():
 
 def test_conformal_promise_holds_on_average_for_small_samples():
     random = np.random.default_rng(1)
-    exceeded = [random.exponential() ** 2 > conformal_quantile(random.exponential(size=19) ** 2, 0.1) for _ in range(20_000)]
+    exceeded = [
+        random.exponential() ** 2 > conformal_quantile(random.exponential(size=19) ** 2, 0.1)
+        for _ in range(20_000)
+    ]
     assert np.mean(exceeded) == pytest.approx(0.1, abs=0.01)
 
 
@@ -102,7 +107,10 @@ def test_table_falls_with_risk_and_stops_where_the_data_do():
 def test_too_few_windows():
     train, held_out = drives(0.1, 20, episodes=4, steps=100).split(0.5)
     model = fit(train)
-    with pytest.raises(DataError, match="24 held-out windows of 8 steps are too few for a risk of 0.001: 999 are needed"):
+    with pytest.raises(
+        DataError,
+        match="24 held-out windows of 8 steps are too few for a risk of 0.001: 999 are needed",
+    ):
         calibrate(model, held_out, 0.001)
     with pytest.raises(DataError, match="too few to calibrate"):
         with_quantiles(model, Dataset(held_out.episodes[:1]).windows(0.8).split(0.1)[0])

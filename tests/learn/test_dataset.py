@@ -18,13 +18,19 @@ HEADER = "t,x,y,theta,v,omega"
 def numbered(steps: int, number: int, dt: float = 0.1) -> kl.Episode:
     """An episode whose every value tells its episode (thousands) and row."""
     row = 1000.0 * number + np.arange(steps + 1)
-    return kl.Episode(np.c_[row, row + 0.25, 0.001 * np.arange(steps + 1)], np.c_[row[:-1], -row[:-1]], dt)
+    return kl.Episode(
+        np.c_[row, row + 0.25, 0.001 * np.arange(steps + 1)], np.c_[row[:-1], -row[:-1]], dt
+    )
 
 
 def wandering(steps: int, dt: float, seed: int = 0) -> kl.Episode:
     """Any drive."""
     random = np.random.default_rng(seed)
-    return kl.Episode(0.3 * np.cumsum(random.normal(size=(steps + 1, 3)), axis=0), random.normal(size=(steps, 2)), dt)
+    return kl.Episode(
+        0.3 * np.cumsum(random.normal(size=(steps + 1, 3)), axis=0),
+        random.normal(size=(steps, 2)),
+        dt,
+    )
 
 
 # episodes
@@ -45,7 +51,12 @@ STATES, INPUTS = np.zeros((5, 3)), np.zeros((4, 2))
         ("drive.csv", INPUTS, 0.1, "states: expected an array of real numbers"),
         ([[0, 0, 0], [1, 2]], INPUTS, 0.1, "states: expected an array of real numbers"),
         (STATES + 1j, INPUTS, 0.1, "states: expected an array of real numbers"),
-        (STATES, np.zeros((5, 2)), 0.1, r"inputs: expected shape \(4, 2\), one row per step, got \(5, 2\)"),
+        (
+            STATES,
+            np.zeros((5, 2)),
+            0.1,
+            r"inputs: expected shape \(4, 2\), one row per step, got \(5, 2\)",
+        ),
         (STATES, np.zeros((4, 3)), 0.1, "inputs: expected shape"),
         (STATES, np.zeros(4), 0.1, "inputs: expected shape"),
         (STATES, INPUTS, 0.0, "dt: expected a time > 0 s, got 0"),
@@ -53,8 +64,18 @@ STATES, INPUTS = np.zeros((5, 3)), np.zeros((4, 2))
         (STATES, INPUTS, float("nan"), "dt"),
         (STATES, INPUTS, float("inf"), "dt"),
         (STATES, INPUTS, "fast", "dt"),
-        (np.where(np.arange(15).reshape(5, 3) == 10, np.nan, 0.0), INPUTS, 0.1, "states: row 3, column 1 is nan"),
-        (STATES, np.where(np.arange(8).reshape(4, 2) == 5, -np.inf, 0.0), 0.1, "inputs: row 2, column 1 is -inf"),
+        (
+            np.where(np.arange(15).reshape(5, 3) == 10, np.nan, 0.0),
+            INPUTS,
+            0.1,
+            "states: row 3, column 1 is nan",
+        ),
+        (
+            STATES,
+            np.where(np.arange(8).reshape(4, 2) == 5, -np.inf, 0.0),
+            0.1,
+            "inputs: row 2, column 1 is -inf",
+        ),
     ],
 )
 def test_what_makes_no_episode(states: Any, inputs: Any, dt: Any, words: str) -> None:
@@ -64,7 +85,11 @@ def test_what_makes_no_episode(states: Any, inputs: Any, dt: Any, words: str) ->
 
 def test_lists_and_whole_numbers_make_an_episode() -> None:
     episode = kl.Episode([[0, 0, 0], [1, 0, 0]], [[1, 0]], 1)  # type: ignore[arg-type]
-    assert len(episode) == 1 and episode.states.dtype == episode.inputs.dtype == float and episode.dt == 1.0
+    assert (
+        len(episode) == 1
+        and episode.states.dtype == episode.inputs.dtype == float
+        and episode.dt == 1.0
+    )
 
 
 def test_the_heading_is_unwrapped_over_many_turns() -> None:
@@ -74,18 +99,27 @@ def test_the_heading_is_unwrapped_over_many_turns() -> None:
     for sign in (1.0, -1.0):
         episode = kl.Episode(np.c_[true, true, sign * wrapped], np.zeros((199, 2)), 0.1)
         np.testing.assert_allclose(episode.states[:, 2], sign * true, atol=1e-12)
-    np.testing.assert_allclose(np.abs(np.diff(wrapped)).max(), 2 * np.pi - 31.0 / 199, atol=1e-9)  # the caller's array is left alone
+    np.testing.assert_allclose(
+        np.abs(np.diff(wrapped)).max(), 2 * np.pi - 31.0 / 199, atol=1e-9
+    )  # the caller's array is left alone
 
 
 def test_a_log_that_turns_is_unwrapped_and_starts_within_half_a_turn(tmp_path: Path) -> None:
     true = np.linspace(3.0, 25.0, 120)
     np.savez(
-        tmp_path / "run.npz", **{n: np.angle(np.exp(1j * true)) if n == "theta" else 0.1 * np.arange(120.0) for n in HEADER.split(",")}
+        tmp_path / "run.npz",
+        **{
+            n: np.angle(np.exp(1j * true)) if n == "theta" else 0.1 * np.arange(120.0)
+            for n in HEADER.split(",")
+        },
     )
     for shift in (0.0, 6 * np.pi):
         np.savez(
             tmp_path / "run.npz",
-            **{n: np.angle(np.exp(1j * true)) + shift if n == "theta" else 0.1 * np.arange(120.0) for n in HEADER.split(",")},
+            **{
+                n: np.angle(np.exp(1j * true)) + shift if n == "theta" else 0.1 * np.arange(120.0)
+                for n in HEADER.split(",")
+            },
         )
         for dt in (None, 0.1):
             theta = kl.Dataset.load(tmp_path / "run.npz", dt=dt).episodes[0].states[:, 2]
@@ -107,7 +141,10 @@ def test_a_dataset_needs_episodes_of_one_period() -> None:
     with pytest.raises(kl.DataError, match=r"different periods \(0.1 to 0.2 s\)"):
         kl.Dataset([numbered(5, 1), numbered(5, 2, dt=0.2)])
     assert kl.Dataset([numbered(5, 1), numbered(5, 2, dt=0.1 * (1 + 1e-9))]).steps == 10
-    assert repr(kl.Dataset([numbered(300, 1), numbered(300, 2)])) == "Dataset(2 episodes, 600 steps of 0.1 s, 1.0 min)"
+    assert (
+        repr(kl.Dataset([numbered(300, 1), numbered(300, 2)]))
+        == "Dataset(2 episodes, 600 steps of 0.1 s, 1.0 min)"
+    )
 
 
 @pytest.mark.parametrize("ending", ["csv", "npz"])
@@ -125,8 +162,13 @@ def test_a_saved_dataset_comes_back(tmp_path: Path, ending: str, dt: float) -> N
             assert next(csv.reader(file)) == HEADER.split(",")
 
 
-@pytest.mark.parametrize("name", ["missing/run.csv", "old.npz/run.npz", "n" * 300 + ".csv", "bad\0name.npz", "folder.csv"])
-def test_a_log_that_cannot_be_written_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+@pytest.mark.parametrize(
+    "name",
+    ["missing/run.csv", "old.npz/run.npz", "n" * 300 + ".csv", "bad\0name.npz", "folder.csv"],
+)
+def test_a_log_that_cannot_be_written_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
     monkeypatch.chdir(tmp_path)
     data = kl.Dataset([wandering(5, 0.1)])
     data.save("old.npz")
@@ -136,7 +178,9 @@ def test_a_log_that_cannot_be_written_leaves_nothing_behind(tmp_path: Path, monk
         data.save(name)
     with pytest.raises(kl.DataError, match="unknown log format"):
         data.save("run.txt")
-    assert sorted(os.listdir()) == ["folder.csv", "old.npz"] and Path("old.npz").read_bytes() == before
+    assert (
+        sorted(os.listdir()) == ["folder.csv", "old.npz"] and Path("old.npz").read_bytes() == before
+    )
 
 
 def test_gaps_end_an_episode(tmp_path: Path) -> None:
@@ -144,7 +188,11 @@ def test_gaps_end_an_episode(tmp_path: Path) -> None:
     rows = np.arange(9.0)
     np.savez(tmp_path / "run.npz", **{n: time if n == "t" else rows for n in HEADER.split(",")})
     # 0.26 s is more than 2.5 periods, and a row between two gaps is no episode
-    assert [e.states[:, 0].tolist() for e in kl.Dataset.load(tmp_path / "run.npz").episodes] == [[0, 1, 2, 3], [4, 5], [7, 8]]
+    assert [e.states[:, 0].tolist() for e in kl.Dataset.load(tmp_path / "run.npz").episodes] == [
+        [0, 1, 2, 3],
+        [4, 5],
+        [7, 8],
+    ]
     bridged = kl.Dataset.load(tmp_path / "run.npz", dt=0.1, gap=0.3)
     assert [len(e) for e in bridged.episodes] == [6, 1]
     with pytest.raises(kl.DataError, match="uneven sampling, a step of 0.26 s"):
@@ -188,7 +236,10 @@ def test_windows_cut_without_losing_a_step() -> None:
     assert [len(e) for e in pieces.episodes] == [10, 10, 5, 10, 3] and pieces.steps == data.steps
     assert owner(pieces) == [1, 1, 1, 2, 3]
     np.testing.assert_array_equal(pieces.episodes[1].states[0], pieces.episodes[0].states[-1])
-    assert np.concatenate([e.inputs for e in pieces.episodes]).tolist() == np.concatenate([e.inputs for e in data.episodes]).tolist()
+    assert (
+        np.concatenate([e.inputs for e in pieces.episodes]).tolist()
+        == np.concatenate([e.inputs for e in data.episodes]).tolist()
+    )
     assert max(len(e) for e in data.windows(0.19).episodes) == 1  # at most so many seconds
     assert len(data.windows(1e9)) == 3
     for seconds in (0.0, -1.0, float("nan"), float("inf")):
@@ -203,10 +254,16 @@ def test_windows_cut_without_losing_a_step() -> None:
 def test_a_drive_at_constant_speed_resamples_exactly(dt: float) -> None:
     speed = np.array([0.3, -0.2, 0.7])
     time = 0.1 * np.arange(31)
-    drive = kl.Episode(np.array([1.0, 2.0, 3.0]) + time[:, None] * speed, np.tile([0.4, 0.7], (30, 1)), 0.1)
+    drive = kl.Episode(
+        np.array([1.0, 2.0, 3.0]) + time[:, None] * speed, np.tile([0.4, 0.7], (30, 1)), 0.1
+    )
     again = drive.resample(dt)
     assert again is not None and len(again) == int(3.0 / dt + 1e-9) and again.dt == dt
-    np.testing.assert_allclose(again.states, np.array([1.0, 2.0, 3.0]) + dt * np.arange(len(again) + 1)[:, None] * speed, atol=1e-12)
+    np.testing.assert_allclose(
+        again.states,
+        np.array([1.0, 2.0, 3.0]) + dt * np.arange(len(again) + 1)[:, None] * speed,
+        atol=1e-12,
+    )
     np.testing.assert_allclose(again.inputs, np.tile([0.4, 0.7], (len(again), 1)), atol=1e-12)
 
 
@@ -216,20 +273,28 @@ def test_resampling_conserves_what_was_commanded(dt: float) -> None:
     again = drive.resample(dt)
     assert again is not None
     covered = int(round(len(again) * dt / 0.1))
-    np.testing.assert_allclose(again.inputs.sum(axis=0) * dt, drive.inputs[:covered].sum(axis=0) * 0.1, atol=1e-9)
+    np.testing.assert_allclose(
+        again.inputs.sum(axis=0) * dt, drive.inputs[:covered].sum(axis=0) * 0.1, atol=1e-9
+    )
     if dt >= 0.1:  # and each new command is the mean of those that it stands for
         each = int(round(dt / 0.1))
-        np.testing.assert_allclose(again.inputs, drive.inputs[:covered].reshape(-1, each, 2).mean(axis=1), atol=1e-9)
+        np.testing.assert_allclose(
+            again.inputs, drive.inputs[:covered].reshape(-1, each, 2).mean(axis=1), atol=1e-9
+        )
         np.testing.assert_allclose(again.states, drive.states[: covered + 1 : each], atol=1e-9)
 
 
 def test_more_than_half_a_turn_within_a_period_is_refused() -> None:
     # the heading of an episode is unwrapped, so 4 rad would silently become -2.28 rad
-    turning = kl.Episode(np.c_[np.zeros((31, 2)), 0.4 * np.arange(31)], np.tile([0.0, 4.0], (30, 1)), 0.1)
+    turning = kl.Episode(
+        np.c_[np.zeros((31, 2)), 0.4 * np.arange(31)], np.tile([0.0, 4.0], (30, 1)), 0.1
+    )
     again = turning.resample(0.7)
     assert again is not None
     np.testing.assert_allclose(np.diff(again.states[:, 2]), 2.8, atol=1e-12)
-    with pytest.raises(kl.DataError, match="within 1 s the robot turns by 4.00 rad, more than half a turn"):
+    with pytest.raises(
+        kl.DataError, match="within 1 s the robot turns by 4.00 rad, more than half a turn"
+    ):
         turning.resample(1.0)
 
 
@@ -254,7 +319,11 @@ def test_an_uneven_log_is_put_on_an_even_grid(tmp_path: Path) -> None:
     np.testing.assert_allclose(episode.states, grid[:, None] * [0.5, -1.0, 0.2], atol=1e-6)
     # what the held commands add up to by the end of the grid
     held = np.clip(grid[-1] - elapsed[:-1], 0.0, np.diff(elapsed))
-    np.testing.assert_allclose(episode.inputs.sum(axis=0) * 0.1, [held @ values["v"][:-1], held @ values["omega"][:-1]], atol=1e-6)
+    np.testing.assert_allclose(
+        episode.inputs.sum(axis=0) * 0.1,
+        [held @ values["v"][:-1], held @ values["omega"][:-1]],
+        atol=1e-6,
+    )
 
 
 def test_what_is_too_short_for_the_period_is_left_out() -> None:
@@ -283,9 +352,15 @@ def test_an_impossible_period_is_refused(dt: Any) -> None:
 def test_transitions_never_cross_the_beginning_of_an_episode(history: int, chunk: int) -> None:
     data = kl.Dataset([numbered(steps, number) for number, steps in enumerate([9, 2, 3, 4, 17])])
     parts = list(data.transitions(history, chunk))
-    x, u, x_next = (np.concatenate([getattr(p, name) for p in parts]) for name in ("x", "u", "x_next"))
+    x, u, x_next = (
+        np.concatenate([getattr(p, name) for p in parts]) for name in ("x", "u", "x_next")
+    )
     expected = [1000 * n + k for n, e in enumerate(data.episodes) for k in range(history, len(e))]
-    assert x[:, 0].tolist() == expected and u[:, 0].tolist() == expected and u[:, 1].tolist() == [-e for e in expected]
+    assert (
+        x[:, 0].tolist() == expected
+        and u[:, 0].tolist() == expected
+        and u[:, 1].tolist() == [-e for e in expected]
+    )
     np.testing.assert_allclose(x_next - x, np.tile([1.0, 1.0, 0.001], (len(x), 1)), atol=1e-9)
     if history:
         past = np.concatenate([p.history for p in parts if p.history is not None])

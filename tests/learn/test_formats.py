@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.learn.formats import read_period
+from kmpc_lite.learn.formats.tables import read_period
 
 HEADER = "t,x,y,theta,v,omega"
 GOOD = [f"{0.1 * k:.1f},{k},2,0.5,1,0.25" for k in range(6)]
@@ -55,7 +55,13 @@ def refusal(path: str | Path, **options: Any) -> str:
         "\r".join([HEADER, *GOOD, ""]),
         "\ufeff" + "\n".join([HEADER, *GOOD, ""]),
         "\n".join([" t , x,y, theta,v,omega ", *(g.replace(",", " , ") for g in GOOD), ""]),
-        "\n".join([",".join(f'"{name}"' for name in HEADER.split(",")), *(",".join(f'"{v}"' for v in g.split(",")) for g in GOOD), ""]),
+        "\n".join(
+            [
+                ",".join(f'"{name}"' for name in HEADER.split(",")),
+                *(",".join(f'"{v}"' for v in g.split(",")) for g in GOOD),
+                "",
+            ]
+        ),
         "\n".join([f"{HEADER},", *(f"{g}," for g in GOOD), ""]),
         "\n".join([f"note,{HEADER},note", *(f'"left, then right",{g},ähm #1' for g in GOOD), ""]),
         "\n".join(["omega,v,theta,y,x,t", *(",".join(reversed(g.split(","))) for g in GOOD), ""]),
@@ -80,7 +86,9 @@ def test_the_same_log_in_many_looks(tmp_path: Path, content: str) -> None:
     path = tmp_path / "run.csv"
     path.write_bytes(content.encode())
     (episode,) = kl.Dataset.load(path).episodes
-    np.testing.assert_array_equal(episode.states, np.c_[np.arange(6.0), np.full(6, 2.0), np.full(6, 0.5)])
+    np.testing.assert_array_equal(
+        episode.states, np.c_[np.arange(6.0), np.full(6, 2.0), np.full(6, 0.5)]
+    )
     np.testing.assert_array_equal(episode.inputs, np.tile([1.0, 0.25], (5, 1)))
     assert episode.dt == 0.1
 
@@ -90,8 +98,16 @@ def test_upper_case_endings(tmp_path: Path) -> None:
 
 
 def test_arrays_of_any_real_type_and_others_not_looked_at(tmp_path: Path) -> None:
-    columns = {name: np.arange(4, dtype=kind) for name, kind in zip(HEADER.split(","), ["f4", "i8", "u1", "f8", "i2", "f2"], strict=True)}
-    np.savez(tmp_path / "run.npz", **columns, note=np.array(["a", "b"]), pickled=np.array([object], dtype=object))
+    columns = {
+        name: np.arange(4, dtype=kind)
+        for name, kind in zip(HEADER.split(","), ["f4", "i8", "u1", "f8", "i2", "f2"], strict=True)
+    }
+    np.savez(
+        tmp_path / "run.npz",
+        **columns,
+        note=np.array(["a", "b"]),
+        pickled=np.array([object], dtype=object),
+    )
     data = kl.Dataset.load(tmp_path / "run.npz")
     np.testing.assert_array_equal(data.episodes[0].states[:, 0], np.arange(4.0))
 
@@ -117,7 +133,10 @@ def test_arrays_of_any_real_type_and_others_not_looked_at(tmp_path: Path) -> Non
         (f"{HEADER}\n{GOOD[0]}\n".encode("utf-16"), ["line 1", "missing"]),
         (bytes(range(256)) * 10, ["missing"]),
         (b"\0" * 5000, ["missing"]),
-        (np.random.default_rng(0).bytes(100_000).replace(b"\n", b"").replace(b"\r", b""), ["line 1 is too long"]),
+        (
+            np.random.default_rng(0).bytes(100_000).replace(b"\n", b"").replace(b"\r", b""),
+            ["line 1 is too long"],
+        ),
         (pickle.dumps([1, 2, 3]), ["missing"]),
         (b"PK\x03\x04" + b"\0" * 100, ["missing"]),
     ],
@@ -154,11 +173,16 @@ def test_text_that_is_no_log(tmp_path: Path, content: bytes, words: list[str]) -
         ("0.3,1,2,0,1,1", "column t: time must grow, got 0.3 s after 0.5 s"),
         ("0.5,1,2,0,1,1", "column t: time must grow, got 0.5 s after 0.5 s"),
         ("-3,1,2,0,1,1", "column t: time must grow, got -3 s after 0.5 s"),
-        ("0.62,1,2,0,1,1", "column t: uneven sampling, a step of 0.12 s where the median is 0.1 s; give dt="),
+        (
+            "0.62,1,2,0,1,1",
+            "column t: uneven sampling, a step of 0.12 s where the median is 0.1 s; give dt=",
+        ),
         ("0.7,1,2,0,1,1", "column t: uneven sampling, a step of 0.2 s"),
     ],
 )
-def test_a_bad_row_is_named_by_its_line_in_the_file(tmp_path: Path, row: str, words: str, blank: list[str]) -> None:
+def test_a_bad_row_is_named_by_its_line_in_the_file(
+    tmp_path: Path, row: str, words: str, blank: list[str]
+) -> None:
     path = write(tmp_path / "run.csv", HEADER, *GOOD[:2], *blank, *GOOD[2:], *blank, row, *blank)
     line = 1 + len(GOOD) + 2 * len(blank) + 1
     text = refusal(path)
@@ -171,7 +195,9 @@ def test_a_bad_row_is_named_by_its_line_in_the_file(tmp_path: Path, row: str, wo
 def test_steps_that_drift_are_uneven(tmp_path: Path) -> None:
     time = np.cumsum([0.0, *[0.1, 0.1, 0.108] * 20])
     path = write(tmp_path / "run.csv", HEADER, *(f"{t:.4f},0,0,0,1,1" for t in time))
-    assert "uneven sampling, steps of 0.102667 s in the mean but 0.1 s in the median" in refusal(path)
+    assert "uneven sampling, steps of 0.102667 s in the mean but 0.1 s in the median" in refusal(
+        path
+    )
     assert kl.Dataset.load(path, dt=0.1).dt == 0.1
 
 
@@ -187,7 +213,9 @@ def test_a_log_that_cannot_be_read(tmp_path: Path, ending: str) -> None:
     (tmp_path / f"folder{ending}").mkdir()
     assert "cannot read the log: Is a directory" in refusal(tmp_path / f"folder{ending}")
     write(tmp_path / f"file{ending}", HEADER)
-    assert "cannot read the log: Not a directory" in refusal(tmp_path / f"file{ending}" / f"run{ending}")
+    assert "cannot read the log: Not a directory" in refusal(
+        tmp_path / f"file{ending}" / f"run{ending}"
+    )
     with pytest.raises(kl.DataError, match="null byte"):
         kl.Dataset.load(f"bad\0name{ending}")
 
@@ -201,7 +229,9 @@ def test_an_impossible_period_or_gap(tmp_path: Path, name: str, value: Any) -> N
 
 
 def test_a_period_that_would_make_millions_of_steps(tmp_path: Path) -> None:
-    assert "more than 10,000,000 steps" in refusal(write(tmp_path / "run.csv", HEADER, *GOOD), dt=1e-9)
+    assert "more than 10,000,000 steps" in refusal(
+        write(tmp_path / "run.csv", HEADER, *GOOD), dt=1e-9
+    )
 
 
 def test_a_log_shorter_than_the_period_or_made_of_gaps(tmp_path: Path) -> None:
@@ -210,10 +240,12 @@ def test_a_log_shorter_than_the_period_or_made_of_gaps(tmp_path: Path) -> None:
     assert "no two rows closer than 0.05 s (the gap limit)" in refusal(path, gap=0.05)
 
 
-def test_a_log_too_long_is_refused_before_it_fills_the_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_too_long_is_refused_before_it_fills_the_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = write(tmp_path / "run.csv", HEADER, *GOOD)
     kl.Dataset.load(path).save(tmp_path / "run.npz")
-    for module in ("formats", "dataset"):
+    for module in ("formats.tables", "dataset"):
         monkeypatch.setattr(f"kmpc_lite.learn.{module}.MAX_ROWS", 5)
     assert "more than 5 rows" in refusal(path)
     assert "more than 5 rows" in refusal(tmp_path / "run.npz")
@@ -243,7 +275,10 @@ def columns(**changed: Any) -> dict[str, Any]:
         ({"t": np.arange(5).astype("datetime64[s]")}, "array t: expected an array of real numbers"),
         ({"v": np.zeros(5, dtype=[("a", float)])}, "array v: expected an array of real numbers"),
         ({"v": np.array([0, 1, None, 3, 4], dtype=object)}, "Object arrays cannot be loaded"),
-        ({"v": np.array([0, 1, np.nan, 3, 4])}, "row 2, column v: expected a finite number in m/s, got nan"),
+        (
+            {"v": np.array([0, 1, np.nan, 3, 4])},
+            "row 2, column v: expected a finite number in m/s, got nan",
+        ),
         ({"t": np.array([0, 1, 2, 2, 4])}, "row 3, column t: time must grow"),
     ],
 )
@@ -287,7 +322,16 @@ def test_damaged_archives(tmp_path: Path, save: Any) -> None:
     assert refused > 0.5 * len(whole) / 7
 
 
-@pytest.mark.parametrize("content", [b"", b"t,x,y\n", pickle.dumps({"t": [0, 1]}), b"\x93NUMPY", np.random.default_rng(0).bytes(3000)])
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"t,x,y\n",
+        pickle.dumps({"t": [0, 1]}),
+        b"\x93NUMPY",
+        np.random.default_rng(0).bytes(3000),
+    ],
+)
 def test_files_that_are_no_archive(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "run.npz").write_bytes(content)
     text = refusal(tmp_path / "run.npz")
@@ -306,9 +350,14 @@ def test_an_array_under_the_name_of_an_archive(tmp_path: Path) -> None:
 @pytest.mark.parametrize("since", [0.0, 1.7e9])
 @pytest.mark.parametrize("dt", [0.05, 0.1, 1 / 30, 0.02, 1.0])
 @pytest.mark.parametrize("rows", [2, 5, 200])
-def test_the_period_is_as_exact_as_the_stamps(tmp_path: Path, since: float, dt: float, rows: int) -> None:
+def test_the_period_is_as_exact_as_the_stamps(
+    tmp_path: Path, since: float, dt: float, rows: int
+) -> None:
     time = since + dt * np.arange(rows)
-    np.savez(tmp_path / "run.npz", **{name: time if name == "t" else np.zeros(rows) for name in HEADER.split(",")})
+    np.savez(
+        tmp_path / "run.npz",
+        **{name: time if name == "t" else np.zeros(rows) for name in HEADER.split(",")},
+    )
     data = kl.Dataset.load(tmp_path / "run.npz")
     resolution = 2 * np.spacing(time[-1]) / (rows - 1)
     assert abs(data.dt - dt) <= max(1e-9 * dt, 2 * resolution)
@@ -322,5 +371,9 @@ def test_stamps_with_few_digits_still_give_the_mean_period(tmp_path: Path) -> No
 
 
 def test_the_period_of_an_uneven_log(tmp_path: Path) -> None:
-    path = write(tmp_path / "run.csv", HEADER, *(f"{t},0,0,0,1,1" for t in (0, 0.1, 0.2, 0.25, 0.35, 5.0, 5.1)))
+    path = write(
+        tmp_path / "run.csv",
+        HEADER,
+        *(f"{t},0,0,0,1,1" for t in (0, 0.1, 0.2, 0.25, 0.35, 5.0, 5.1)),
+    )
     assert read_period(path) == pytest.approx(0.1)

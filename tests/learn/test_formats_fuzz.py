@@ -14,7 +14,21 @@ import kmpc_lite as kl
 
 HEADER = "t,x,y,theta,v,omega\n"
 ROWS = "".join(f"{0.1 * k:.1f},{k},2,0.5,1,0.25\n" for k in range(5))
-NUMBERS = ["0", "0.1", "-2.5", "1e5", "nan", "-inf", "1e999", "1_0", "0x1F", "1d5", "1j", "\u0661", "True"]
+NUMBERS = [
+    "0",
+    "0.1",
+    "-2.5",
+    "1e5",
+    "nan",
+    "-inf",
+    "1e999",
+    "1_0",
+    "0x1F",
+    "1d5",
+    "1j",
+    "\u0661",
+    "True",
+]
 SIGNS = [
     ",",
     ",",
@@ -54,7 +68,9 @@ def check(content: bytes, ending: str) -> None:
             text = str(error)
             assert path.name in text and text.isprintable() and len(text) < 400
         else:
-            assert all(np.isfinite(e.states).all() and np.isfinite(e.inputs).all() for e in data.episodes)
+            assert all(
+                np.isfinite(e.states).all() and np.isfinite(e.inputs).all() for e in data.episodes
+            )
 
 
 @settings(max_examples=300, deadline=None, derandomize=True)
@@ -64,7 +80,13 @@ def test_any_rows_under_a_good_header(words: list[str]) -> None:
 
 
 @settings(max_examples=300, deadline=None, derandomize=True)
-@given(st.lists(st.tuples(st.integers(0, len(HEADER + ROWS)), st.integers(0, 3), tokens), min_size=1, max_size=3))
+@given(
+    st.lists(
+        st.tuples(st.integers(0, len(HEADER + ROWS)), st.integers(0, 3), tokens),
+        min_size=1,
+        max_size=3,
+    )
+)
 def test_a_good_log_with_something_put_in_or_taken_out(changes: list[tuple[int, int, str]]) -> None:
     text = HEADER + ROWS
     for place, removed, word in changes:

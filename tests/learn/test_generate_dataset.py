@@ -12,7 +12,15 @@ import kmpc_lite as kl
 
 def test_drives_are_uniform_and_reproducible() -> None:
     def make(seed: int) -> kl.Dataset:
-        return kl.generate_dataset(kl.DifferentialDrive(0.1, seed=5), 200, 50, 0.1, seed, u_max=(0.6, 0.8), x_max=(2.0, 1.0, 3.0))
+        return kl.generate_dataset(
+            kl.DifferentialDrive(0.1, seed=5),
+            200,
+            50,
+            0.1,
+            seed,
+            u_max=(0.6, 0.8),
+            x_max=(2.0, 1.0, 3.0),
+        )
 
     data, again, other = make(1), make(1), make(2)
     assert len(data) == 200 and data.steps == 10_000 and data.dt == 0.1
@@ -21,7 +29,10 @@ def test_drives_are_uniform_and_reproducible() -> None:
         for a, b in zip(data.episodes, again.episodes, strict=True)
     )
     assert not np.array_equal(data.episodes[0].inputs, other.episodes[0].inputs)
-    starts, inputs = np.array([e.states[0] for e in data.episodes]), np.concatenate([e.inputs for e in data.episodes])
+    starts, inputs = (
+        np.array([e.states[0] for e in data.episodes]),
+        np.concatenate([e.inputs for e in data.episodes]),
+    )
     for values, limit in ((starts, [2.0, 1.0, 3.0]), (inputs, [0.6, 0.8])):
         share = values / limit
         assert np.abs(share).max() <= 1.0
@@ -34,15 +45,21 @@ def test_the_slip_is_that_of_the_paper(slip: float) -> None:
     dt, count = 1e-3, 20_000
     plant = kl.DifferentialDrive(slip, seed=1)
     heading = 0.7
-    moved = plant.step(np.tile([0.0, 0.0, heading], (count, 1)), np.tile([1.0, 0.0], (count, 1)), dt) / dt
+    moved = (
+        plant.step(np.tile([0.0, 0.0, heading], (count, 1)), np.tile([1.0, 0.0], (count, 1)), dt)
+        / dt
+    )
     along, across = (
         np.cos(heading) * moved[:, 0] + np.sin(heading) * moved[:, 1],
         np.cos(heading) * moved[:, 1] - np.sin(heading) * moved[:, 0],
     )
-    # x' = (v + beta v) cos + alpha v sin, y' = (v + beta v) sin - alpha v cos: it slips to the right
+    # x' = (v + beta v) cos + alpha v sin, y' = (v + beta v) sin - alpha v cos: it slips to the
+    # right
     for ratio in (along - 1.0, -across):
         assert ratio.min() >= -1e-9
-        assert ratio.mean() == pytest.approx(slip, rel=0.05) and ratio.std() == pytest.approx(slip, rel=0.05)
+        assert ratio.mean() == pytest.approx(slip, rel=0.05) and ratio.std() == pytest.approx(
+            slip, rel=0.05
+        )
     turned = plant.step(np.zeros((count, 3)), np.tile([0.0, -1.0], (count, 1)), dt)[:, 2] / dt
     assert (-turned - 1.0).mean() == pytest.approx(slip, rel=0.05)
 
@@ -52,7 +69,10 @@ def test_every_robot_of_a_batch_slips_on_its_own() -> None:
     ends = plant.step(np.zeros((50, 3)), [1.0, 1.0], 0.1)
     assert len(np.unique(ends[:, 0])) == 50
     assert plant.step(np.zeros(3), np.ones((4, 2)), 0.1).shape == (4, 3)
-    one, next_one = plant.step(np.zeros(3), [1.0, 1.0], 0.1), plant.step(np.zeros(3), [1.0, 1.0], 0.1)
+    one, next_one = (
+        plant.step(np.zeros(3), [1.0, 1.0], 0.1),
+        plant.step(np.zeros(3), [1.0, 1.0], 0.1),
+    )
     assert not np.array_equal(one, next_one)
 
 
@@ -68,10 +88,16 @@ def test_every_robot_of_a_batch_slips_on_its_own() -> None:
 )
 def test_drives_that_are_none_are_refused(arguments: dict[str, Any], words: str) -> None:
     with pytest.raises(kl.DataError, match=words):
-        kl.generate_dataset(kl.DifferentialDrive(), **{"episodes": 2, "steps": 3, "dt": 0.1, **arguments})
+        kl.generate_dataset(
+            kl.DifferentialDrive(), **{"episodes": 2, "steps": 3, "dt": 0.1, **arguments}
+        )
 
 
 def test_wrong_shapes_are_value_errors() -> None:
-    for x, u in ((np.zeros(2), np.zeros(2)), (np.zeros(3), np.zeros(3)), (np.zeros((5, 3)), np.zeros((4, 2)))):
+    for x, u in (
+        (np.zeros(2), np.zeros(2)),
+        (np.zeros(3), np.zeros(3)),
+        (np.zeros((5, 3)), np.zeros((4, 2))),
+    ):
         with pytest.raises(ValueError):
             kl.DifferentialDrive().step(x, u, 0.1)

@@ -13,9 +13,13 @@ UNICYCLE = kl.UnicycleDictionary()
 TRIG = kl.HermiteTrigDictionary(0)
 
 
-def drives(episodes: int = 20, steps: int = 60, dt: float = 0.1, slip: float = 0.0, seed: int = 0) -> kl.Dataset:
+def drives(
+    episodes: int = 20, steps: int = 60, dt: float = 0.1, slip: float = 0.0, seed: int = 0
+) -> kl.Dataset:
     """Random driving, as the paper trains."""
-    return kl.generate_dataset(kl.DifferentialDrive(slip, seed), episodes=episodes, steps=steps, dt=dt, seed=seed)
+    return kl.generate_dataset(
+        kl.DifferentialDrive(slip, seed), episodes=episodes, steps=steps, dt=dt, seed=seed
+    )
 
 
 # the paper's fit
@@ -27,7 +31,9 @@ def drives(episodes: int = 20, steps: int = 60, dt: float = 0.1, slip: float = 0
         UNICYCLE,
         kl.HermiteTrigDictionary(1),
         kl.InputHistoryDictionary(UNICYCLE, lags=(0, 2)),
-        kl.InputHistoryDictionary(kl.HermiteTrigDictionary(1, harmonics=0), lags=(1,), product=True),
+        kl.InputHistoryDictionary(
+            kl.HermiteTrigDictionary(1, harmonics=0), lags=(1,), product=True
+        ),
     ],
 )
 def test_edmdc_is_the_pseudoinverse_of_the_paper(dictionary: kl.Dictionary) -> None:
@@ -37,7 +43,9 @@ def test_edmdc_is_the_pseudoinverse_of_the_paper(dictionary: kl.Dictionary) -> N
         for k in range(dictionary.history, len(e)):
             z = dictionary.lift(e.states[k])
             w = dictionary.inputs(e.inputs[k], e.inputs[k - dictionary.history : k])
-            regressor.append(np.concatenate([z, np.kron(w, z), w]))  # the stacking order [Z; U (x) Z; U] counts
+            regressor.append(
+                np.concatenate([z, np.kron(w, z), w])
+            )  # the stacking order [Z; U (x) Z; U] counts
             lifted.append(z)
             after.append(dictionary.lift(e.states[k + 1]))
             states.append(e.states[k])
@@ -47,10 +55,20 @@ def test_edmdc_is_the_pseudoinverse_of_the_paper(dictionary: kl.Dictionary) -> N
     np.testing.assert_allclose(model.A, weights[:, :nz], atol=1e-7)
     np.testing.assert_allclose(model.H, weights[:, nz : nz + nw * nz], atol=1e-7)
     np.testing.assert_allclose(model.B, weights[:, nz + nw * nz :], atol=1e-7)
-    np.testing.assert_allclose(model.C, np.array(states).T @ np.linalg.pinv(np.array(lifted).T), atol=1e-7)
+    np.testing.assert_allclose(
+        model.C, np.array(states).T @ np.linalg.pinv(np.array(lifted).T), atol=1e-7
+    )
     assert not model.continuous
-    assert model.info["method"] == "edmdc" and model.info["samples"] == len(states) and model.info["features"] == nz + nw * nz + nw
-    assert model.info["rank"] == np.linalg.matrix_rank(np.array(regressor)) == model.info["features"] - nw
+    assert (
+        model.info["method"] == "edmdc"
+        and model.info["samples"] == len(states)
+        and model.info["features"] == nz + nw * nz + nw
+    )
+    assert (
+        model.info["rank"]
+        == np.linalg.matrix_rank(np.array(regressor))
+        == model.info["features"] - nw
+    )
 
 
 def paper_rows(data: kl.Dataset) -> np.ndarray:
@@ -65,7 +83,9 @@ def test_the_condition_is_that_of_the_regressor_with_columns_of_length_one() -> 
     rows = paper_rows(data)
     values = np.linalg.svd(rows / np.linalg.norm(rows, axis=0), compute_uv=False)
     info = kl.fit(data, method="edmdc").info
-    assert info["rank"] == 18 and info["condition"] == pytest.approx(values[0] / values[17], rel=1e-6)
+    assert info["rank"] == 18 and info["condition"] == pytest.approx(
+        values[0] / values[17], rel=1e-6
+    )
 
 
 # exact recovery
@@ -75,7 +95,9 @@ def bilinear_truth(dictionary: kl.Dictionary, seed: int) -> tuple[np.ndarray, np
     """Coefficients (3, nz) and (3, nw nz) of a random bilinear system, slow enough to stay near."""
     random = np.random.default_rng(seed)
     nz, nw = dictionary.size, dictionary.input_size
-    return 0.4 / np.sqrt(nz) * random.normal(size=(3, nz)), 0.4 / np.sqrt(nz) * random.normal(size=(3, nw * nz))
+    return 0.4 / np.sqrt(nz) * random.normal(size=(3, nz)), 0.4 / np.sqrt(nz) * random.normal(
+        size=(3, nw * nz)
+    )
 
 
 @pytest.mark.parametrize("lags", [(0,), (0, 1), (2,)])
@@ -90,7 +112,9 @@ def test_edmdc_recovers_a_discrete_bilinear_system(lags: tuple[int, ...]) -> Non
         commands = np.vstack([np.zeros((dictionary.history, 2)), inputs])
         for k, u in enumerate(inputs):
             z = dictionary.lift(states[-1])
-            states.append(a @ z + h @ np.kron(dictionary.inputs(u, commands[k : k + dictionary.history]), z))
+            states.append(
+                a @ z + h @ np.kron(dictionary.inputs(u, commands[k : k + dictionary.history]), z)
+            )
         episodes.append(kl.Episode(np.array(states), inputs, 0.1))
     model = kl.fit(kl.Dataset(episodes), dictionary, method="edmdc")
     # `w` stands in the regressor twice: only the sum of its two coefficients is determined
@@ -101,10 +125,21 @@ def test_edmdc_recovers_a_discrete_bilinear_system(lags: tuple[int, ...]) -> Non
     np.testing.assert_allclose(both, h, atol=1e-9)
     e = episodes[0]
     length = dictionary.history
-    np.testing.assert_allclose(model.rollout(e.states[length], e.inputs[length:], e.inputs[:length]), e.states[length:], atol=1e-8)
+    np.testing.assert_allclose(
+        model.rollout(e.states[length], e.inputs[length:], e.inputs[:length]),
+        e.states[length:],
+        atol=1e-8,
+    )
 
 
-def simulate(dictionary: kl.Dictionary, a: np.ndarray, h: np.ndarray, dt: float, episodes: int = 30, seconds: float = 4.0) -> kl.Dataset:
+def simulate(
+    dictionary: kl.Dictionary,
+    a: np.ndarray,
+    h: np.ndarray,
+    dt: float,
+    episodes: int = 30,
+    seconds: float = 4.0,
+) -> kl.Dataset:
     """Drive a continuous bilinear system with held commands, finely integrated, all episodes at once."""
     random = np.random.default_rng(3)
     steps, fine = int(seconds / dt), 20
@@ -130,7 +165,13 @@ def simulate(dictionary: kl.Dictionary, a: np.ndarray, h: np.ndarray, dt: float,
 
 
 @pytest.mark.parametrize(
-    "dictionary", [TRIG, UNICYCLE, kl.HermiteTrigDictionary(1, harmonics=0), kl.InputHistoryDictionary(TRIG, lags=(0, 2), product=True)]
+    "dictionary",
+    [
+        TRIG,
+        UNICYCLE,
+        kl.HermiteTrigDictionary(1, harmonics=0),
+        kl.InputHistoryDictionary(TRIG, lags=(0, 2), product=True),
+    ],
 )
 def test_integral_recovers_a_continuous_bilinear_system(dictionary: kl.Dictionary) -> None:
     a, h = bilinear_truth(dictionary, seed=4)
@@ -139,7 +180,8 @@ def test_integral_recovers_a_continuous_bilinear_system(dictionary: kl.Dictionar
         model = kl.fit(simulate(dictionary, a, h, dt), dictionary)
         assert model.continuous and not model.B.any() and np.array_equal(model.C, np.eye(3))
         errors.append(max(np.abs(model.A - a).max(), np.abs(model.H - h).max()))
-    # Simpson's rule with a Hermite midpoint: fourth order in dt, where a mean midpoint leaves second order
+    # Simpson's rule with a Hermite midpoint: fourth order in dt, where a mean midpoint leaves
+    # second order
     assert errors[1] < 3e-6 and errors[1] < errors[0] / 8
 
 
@@ -161,25 +203,44 @@ def test_without_the_constant_the_commands_have_a_column_of_their_own() -> None:
     np.testing.assert_allclose(model.A, 0.0, atol=1e-6)
 
 
-@pytest.mark.parametrize("dictionary", [UNICYCLE, TRIG, kl.HermiteTrigDictionary(1), kl.InputHistoryDictionary(UNICYCLE, lags=(0, 1))])
+@pytest.mark.parametrize(
+    "dictionary",
+    [UNICYCLE, TRIG, kl.HermiteTrigDictionary(1), kl.InputHistoryDictionary(UNICYCLE, lags=(0, 1))],
+)
 def test_the_integral_fit_finds_the_unicycle(dictionary: kl.Dictionary) -> None:
     model = kl.fit(drives(episodes=40, steps=100), dictionary)
     random = np.random.default_rng(5)
-    x, u, past = random.uniform(-1.0, 1.0, (50, 3)), random.uniform(-1.0, 1.0, (50, 2)), random.uniform(-1.0, 1.0, (50, model.history, 2))
-    np.testing.assert_allclose(model.predict(x, u, past), kl.nominal_unicycle(0.1).predict(x, u), atol=2e-7)
+    x, u, past = (
+        random.uniform(-1.0, 1.0, (50, 3)),
+        random.uniform(-1.0, 1.0, (50, 2)),
+        random.uniform(-1.0, 1.0, (50, model.history, 2)),
+    )
+    np.testing.assert_allclose(
+        model.predict(x, u, past), kl.nominal_unicycle(0.1).predict(x, u), atol=2e-7
+    )
 
 
 def test_without_slip_the_integral_fit_is_a_thousand_times_closer_after_two_seconds() -> None:
     data, held = drives(episodes=60, steps=100, seed=1), drives(episodes=20, steps=60, seed=2)
-    integral, paper = (kl.evaluate(kl.fit(data, method=m), held, horizon=2.0) for m in ("integral", "edmdc"))
+    integral, paper = (
+        kl.evaluate(kl.fit(data, method=m), held, horizon=2.0) for m in ("integral", "edmdc")
+    )
     assert np.hypot(*integral.multi_step[:2]) <= np.hypot(*paper.multi_step[:2]) / 1000
     assert np.hypot(*paper.multi_step[:2]) > 1e-3  # the paper's fit cannot express v * omega
 
 
 def test_with_slip_the_integral_fit_is_no_worse_than_the_paper() -> None:
-    data, held = drives(episodes=100, steps=100, slip=0.05, seed=1), drives(episodes=30, steps=60, slip=0.05, seed=2)
-    integral, paper = (kl.evaluate(kl.fit(data, method=m), held, horizon=2.0) for m in ("integral", "edmdc"))
-    assert all(mine < theirs for mine, theirs in zip(integral.multi_step, integral.nominal_multi_step, strict=True))
+    data, held = (
+        drives(episodes=100, steps=100, slip=0.05, seed=1),
+        drives(episodes=30, steps=60, slip=0.05, seed=2),
+    )
+    integral, paper = (
+        kl.evaluate(kl.fit(data, method=m), held, horizon=2.0) for m in ("integral", "edmdc")
+    )
+    assert all(
+        mine < theirs
+        for mine, theirs in zip(integral.multi_step, integral.nominal_multi_step, strict=True)
+    )
     assert np.hypot(*integral.multi_step[:2]) < np.hypot(*paper.multi_step[:2])
 
 
@@ -187,10 +248,16 @@ def test_with_slip_the_integral_fit_is_no_worse_than_the_paper() -> None:
 @pytest.mark.parametrize("distance", [100.0, 10_000.0])
 def test_a_drive_far_from_the_origin_fits_as_well_or_says_so(method: Any, distance: float) -> None:
     near = drives()
-    far = kl.Dataset([kl.Episode(e.states + [distance, -distance, 0.0], e.inputs, e.dt) for e in near.episodes])
-    here, there = (kl.evaluate(kl.fit(data, method=method), data).multi_step for data in (near, far))
+    far = kl.Dataset(
+        [kl.Episode(e.states + [distance, -distance, 0.0], e.inputs, e.dt) for e in near.episodes]
+    )
+    here, there = (
+        kl.evaluate(kl.fit(data, method=method), data).multi_step for data in (near, far)
+    )
     np.testing.assert_allclose(there, here, rtol=0.01, atol=1e-6)
-    lost = kl.Dataset([kl.Episode(e.states + [5e6, -5e6, 0.0], e.inputs, e.dt) for e in near.episodes])
+    lost = kl.Dataset(
+        [kl.Episode(e.states + [5e6, -5e6, 0.0], e.inputs, e.dt) for e in near.episodes]
+    )
     with pytest.raises(kl.DataError, match="not far from the origin"):
         kl.fit(lost, method=method)
     assert kl.evaluate(kl.fit(lost, TRIG), lost).multi_step[0] < 1e-4
@@ -204,14 +271,22 @@ def test_a_ridge_is_that_of_the_scaled_least_squares() -> None:
     rows = paper_rows(data)
     targets = UNICYCLE.lift(np.concatenate([e.states[1:] for e in data.episodes]))
     scale = np.linalg.norm(rows, axis=0)
-    expected = np.linalg.solve((rows / scale).T @ (rows / scale) + ridge * np.eye(20), (rows / scale).T @ targets) / scale[:, None]
+    expected = (
+        np.linalg.solve(
+            (rows / scale).T @ (rows / scale) + ridge * np.eye(20), (rows / scale).T @ targets
+        )
+        / scale[:, None]
+    )
     model = kl.fit(data, method="edmdc", ridge=ridge)
     np.testing.assert_allclose(np.c_[model.A, model.H, model.B], expected.T, atol=1e-9)
 
 
 def test_more_ridge_is_a_smaller_model() -> None:
     data = drives(slip=0.1)
-    sizes = [float(np.linalg.norm(np.c_[m.A, m.H])) for m in (kl.fit(data, TRIG, ridge=r) for r in (0.0, 1e-3, 0.1, 10.0))]
+    sizes = [
+        float(np.linalg.norm(np.c_[m.A, m.H]))
+        for m in (kl.fit(data, TRIG, ridge=r) for r in (0.0, 1e-3, 0.1, 10.0))
+    ]
     assert sizes == sorted(sizes, reverse=True) and sizes[-1] < 0.2 * sizes[0]
 
 
@@ -251,7 +326,9 @@ def test_what_does_not_determine_a_model_is_told(method: Any, change: Any, words
 
 
 def test_too_few_samples() -> None:
-    short = kl.Dataset([kl.Episode(e.states[:5], e.inputs[:4], e.dt) for e in drives().episodes[:4]])
+    short = kl.Dataset(
+        [kl.Episode(e.states[:5], e.inputs[:4], e.dt) for e in drives().episodes[:4]]
+    )
     with pytest.raises(kl.DataError, match="too few samples: 16 steps for 18 unknowns"):
         kl.fit(short)
     with pytest.raises(kl.DataError, match="too few samples: 0 steps with an input history of 4"):
@@ -262,9 +339,13 @@ def test_too_few_samples() -> None:
 
 def test_what_no_fit_can_use() -> None:
     data = drives()
-    with pytest.raises(kl.DataError, match=r"expected a Dataset, got str; Dataset.load\(path\) reads a log"):
+    with pytest.raises(
+        kl.DataError, match=r"expected a Dataset, got str; Dataset.load\(path\) reads a log"
+    ):
         kl.fit("run.csv")  # type: ignore[arg-type]
-    with pytest.raises(kl.DataError, match=r"dictionary: expected one like UnicycleDictionary\(\), got 'trig'"):
+    with pytest.raises(
+        kl.DataError, match=r"dictionary: expected one like UnicycleDictionary\(\), got 'trig'"
+    ):
         kl.fit(data, "trig")  # type: ignore[arg-type]
     with pytest.raises(kl.DataError, match="expected 'integral' or 'edmdc', got 'magic'"):
         kl.fit(data, method="magic")  # type: ignore[arg-type]

@@ -35,9 +35,13 @@ def test_limits_on_the_change_of_commands_are_refused() -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_a_failed_installation_is_told_in_pips_last_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_installation_is_told_in_pips_last_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def no_network(*command: Any, **options: Any) -> subprocess.CompletedProcess[str]:
-        return subprocess.CompletedProcess(command, 1, "", "WARNING: retrying\nERROR: no matching distribution\n")
+        return subprocess.CompletedProcess(
+            command, 1, "", "WARNING: retrying\nERROR: no matching distribution\n"
+        )
 
     monkeypatch.setattr(acados.subprocess, "run", no_network)
     with pytest.raises(kl.KmpcError, match="no matching distribution") as caught:

@@ -17,13 +17,19 @@ def test_ours_converges_to_what_ipopt_finds() -> None:
     drives = record(model, problem, 2, 12, 4, TUNING_SEED + 50)
     rows = compare(model, problem, drives)
     assert len(rows) == 24
-    assert all(row.verdict == "as good" and row.excess <= EQUAL and row.violation <= OBEYED for row in rows)
+    assert all(
+        row.verdict == "as good" and row.excess <= EQUAL and row.violation <= OBEYED for row in rows
+    )
     assert "as good on 24 of the 24 states" in format_comparison(rows)
 
 
 def test_a_start_in_an_obstacle_is_told_apart() -> None:
     model, problem = learned_model(), NavigationProblem()
-    inside = Drive(np.array([[0.3, 0.0, 3.5]]), np.array([1.5, 0.0, 0.0]), np.array([[0.0, 0.0, 0.2, 0.0, 0.0]]))
+    inside = Drive(
+        np.array([[0.3, 0.0, 3.5]]),
+        np.array([1.5, 0.0, 0.0]),
+        np.array([[0.0, 0.0, 0.2, 0.0, 0.0]]),
+    )
     (row,) = compare(model, problem, [inside])
     assert row.verdict == "starts inside" and row.verdict in VERDICTS
     assert "states on which IPOPT" not in format_comparison([row])

@@ -11,7 +11,9 @@ import pytest
 import kmpc_lite as kl
 
 LOGS = Path(__file__).parents[3] / "shared" / "data" / "norlab_drive"
-pytestmark = pytest.mark.skipif(not LOGS.is_dir(), reason="needs the Norlab DRIVE logs in ../shared/data/norlab_drive")
+pytestmark = pytest.mark.skipif(
+    not LOGS.is_dir(), reason="needs the Norlab DRIVE logs in ../shared/data/norlab_drive"
+)
 
 TRIG = kl.HermiteTrigDictionary(0)
 HISTORY = kl.InputHistoryDictionary(TRIG, lags=(1, 2, 3, 4), product=True)  # 50 to 200 ms
@@ -21,8 +23,9 @@ ROBOTS = ("warthog", "husky")
 NOMINAL = {"warthog": (0.525, 0.477, 0.808), "husky": (0.095, 0.185, 0.809)}
 REFERENCE = {"warthog": (0.266, 0.199, 0.129), "husky": (0.113, 0.057, 0.145)}
 REFERENCE_HISTORY = {"warthog": (0.134, 0.141, 0.109), "husky": (0.103, 0.076, 0.138)}
-# The reference does not say from which poses it predicts: its nominal rows, which no fit enters, differ from ours by up to 1 %, and
-# starting at every 5th pose instead of every one moves each figure by as much. That is what equal means here.
+# The reference does not say from which poses it predicts: its nominal rows, which no fit enters,
+# differ from ours by up to 1 %, and starting at every 5th pose instead of every one moves each
+# figure by as much. That is what equal means here.
 SLACK = 1.02
 
 
@@ -35,7 +38,9 @@ def halves(robot: str, dt: float) -> tuple[kl.Dataset, kl.Dataset]:
 
 
 @cache
-def report(robot: str, dictionary: kl.Dictionary, dt: float = 0.05, stride: int = 1) -> kl.FitReport:
+def report(
+    robot: str, dictionary: kl.Dictionary, dt: float = 0.05, stride: int = 1
+) -> kl.FitReport:
     """Errors on the odd windows of a model of the even ones."""
     train, held = halves(robot, dt)
     return kl.evaluate(kl.fit(train, dictionary), held, horizon=1.0, stride=stride)
@@ -59,7 +64,9 @@ def test_the_log_is_what_its_readme_says(robot: str) -> None:
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("stride", [1, 5])
 def test_the_nominal_unicycle_errs_as_in_the_reference(robot: str, stride: int) -> None:
-    np.testing.assert_allclose(report(robot, TRIG, stride=stride).nominal_multi_step, NOMINAL[robot], rtol=0.012)
+    np.testing.assert_allclose(
+        report(robot, TRIG, stride=stride).nominal_multi_step, NOMINAL[robot], rtol=0.012
+    )
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
@@ -82,13 +89,18 @@ def test_input_history_helps(robot: str, dt: float, lags: tuple[int, ...]) -> No
     without = position_and_heading(report(robot, TRIG, dt).multi_step)
     history = kl.InputHistoryDictionary(TRIG, lags=lags, product=True)
     assert (position_and_heading(report(robot, history, dt).multi_step) < without).all()
-    assert (position_and_heading(REFERENCE[robot]) > position_and_heading(report(robot, history, dt).multi_step)).all()
+    assert (
+        position_and_heading(REFERENCE[robot])
+        > position_and_heading(report(robot, history, dt).multi_step)
+    ).all()
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_at_a_tenth_of_a_second_the_errors_are_the_same(robot: str) -> None:
     coarse = position_and_heading(report(robot, TRIG, dt=0.1).multi_step)
-    np.testing.assert_allclose(coarse, position_and_heading(report(robot, TRIG).multi_step), rtol=0.03)
+    np.testing.assert_allclose(
+        coarse, position_and_heading(report(robot, TRIG).multi_step), rtol=0.03
+    )
     assert (coarse <= SLACK * position_and_heading(REFERENCE[robot])).all()
 
 
@@ -96,7 +108,10 @@ def test_at_a_tenth_of_a_second_the_errors_are_the_same(robot: str) -> None:
 def test_the_learned_turn_rate_is_that_of_the_readme(robot: str) -> None:
     model = kl.fit(halves(robot, 0.05)[0], TRIG)
     ratio = {"warthog": 0.63, "husky": 0.37}[robot]
-    turned = model.rollout(np.zeros(3), np.tile([0.0, 1.0], (20, 1)))[-1, 2] - model.rollout(np.zeros(3), np.zeros((20, 2)))[-1, 2]
+    turned = (
+        model.rollout(np.zeros(3), np.tile([0.0, 1.0], (20, 1)))[-1, 2]
+        - model.rollout(np.zeros(3), np.zeros((20, 2)))[-1, 2]
+    )
     assert turned == pytest.approx(ratio, abs=0.05)
 
 
@@ -112,7 +127,9 @@ def test_the_model_does_not_know_where_it_is(robot: str, dictionary: kl.Dictiona
 
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("dictionary", [TRIG, HISTORY])
-def test_the_covariance_of_a_step_is_that_of_the_residuals(robot: str, dictionary: kl.Dictionary) -> None:
+def test_the_covariance_of_a_step_is_that_of_the_residuals(
+    robot: str, dictionary: kl.Dictionary
+) -> None:
     train, held = halves(robot, 0.05)
     model = kl.fit(train, dictionary)
     for data, tolerance in ((train, 0.12), (held, 0.3)):

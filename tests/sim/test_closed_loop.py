@@ -11,7 +11,7 @@ from scripted import Scripted, field
 
 import kmpc_lite as kl
 from kmpc_lite.sim import Outcome, drive
-from kmpc_lite.sim.lag import Floor, LaggingDrive
+from kmpc_lite.sim.plants.lag import Floor, LaggingDrive
 
 
 def test_arrives_when_within_both_tolerances() -> None:
@@ -46,7 +46,12 @@ def test_settling_asks_for_staying() -> None:
 def test_the_papers_end_of_a_run_is_a_norm_over_the_whole_state() -> None:
     run = drive(Scripted(*[(0.5, 0.0)] * 20, (0.0, 0.0)), field(), stop_norm=1e-2)
     assert run.duration == pytest.approx(2.0)
-    assert drive(Scripted(*[(0.5, 0.0)] * 20, (0.0, 0.0)), field(goal=(1.0, 0.0, 0.011)), stop_norm=1e-2).outcome is Outcome.TIMEOUT
+    assert (
+        drive(
+            Scripted(*[(0.5, 0.0)] * 20, (0.0, 0.0)), field(goal=(1.0, 0.0, 0.011)), stop_norm=1e-2
+        ).outcome
+        is Outcome.TIMEOUT
+    )
 
 
 def test_a_run_out_of_time_is_told_with_its_length() -> None:
@@ -57,7 +62,8 @@ def test_a_run_out_of_time_is_told_with_its_length() -> None:
 
 
 def test_a_collision_is_timed_to_the_sub_sample() -> None:
-    # edges meet after 0.505 - 0.1 - 0.1 = 0.305 m, 0.61 s at 0.5 m/s; the first sub-sample behind that is at 0.625 s
+    # edges meet after 0.505 - 0.1 - 0.1 = 0.305 m, 0.61 s at 0.5 m/s; the first sub-sample behind
+    # that is at 0.625 s
     run = drive(Scripted((0.5, 0.0)), field(circles=(kl.Circle(0.505, 0.0, 0.1),)))
     assert run.outcome is Outcome.COLLISION
     assert run.duration == pytest.approx(0.625)
@@ -77,9 +83,12 @@ def test_sub_samples_catch_what_the_ends_of_periods_miss() -> None:
 
 
 def test_a_corner_cut_by_a_curve_counts() -> None:
-    # an arc of radius 0.5: ends of periods at the chords' ends, the obstacle outside of the arc's middle
+    # an arc of radius 0.5: ends of periods at the chords' ends, the obstacle outside of the arc's
+    # middle
     angle = 0.8
-    place = 0.5 * np.array([np.sin(angle / 2), 1 - np.cos(angle / 2)]) + 0.14 * np.array([np.sin(angle / 2), -np.cos(angle / 2)])
+    place = 0.5 * np.array([np.sin(angle / 2), 1 - np.cos(angle / 2)]) + 0.14 * np.array(
+        [np.sin(angle / 2), -np.cos(angle / 2)]
+    )
     scenario = field(circles=(kl.Circle(*place, 0.05),), goal=(0.0, 1.0, np.pi))
     run = drive(Scripted((4.0, 8.0)), scenario)
     assert run.outcome is Outcome.COLLISION
@@ -112,7 +121,15 @@ def test_without_obstacles_the_clearance_is_infinite() -> None:
 
 def test_pose_noise_is_what_the_controller_sees_not_what_is_driven() -> None:
     controller = Scripted((0.5, 0.0))
-    run = drive(controller, field(pose_noise=(0.01, 0.02, 0.03), goal=(4.0, 4.0, 0.0), timeout=30.0, bounds=(-50.0, -50.0, 50.0, 50.0)))
+    run = drive(
+        controller,
+        field(
+            pose_noise=(0.01, 0.02, 0.03),
+            goal=(4.0, 4.0, 0.0),
+            timeout=30.0,
+            bounds=(-50.0, -50.0, 50.0, 50.0),
+        ),
+    )
     seen = np.array([x for x, _, _ in controller.asked])
     np.testing.assert_allclose(run.states[:, 0], 0.05 * np.arange(301), atol=1e-9)
     np.testing.assert_allclose((seen - run.states[:-1]).std(axis=0), [0.01, 0.02, 0.03], rtol=0.15)
@@ -122,7 +139,12 @@ def test_a_drive_is_a_function_of_its_seed() -> None:
     slippery = field(slip=0.1, pose_noise=(0.01, 0.01, 0.01), seed=4)
     one, other = drive(Scripted((0.5, 0.1)), slippery), drive(Scripted((0.5, 0.1)), slippery)
     np.testing.assert_array_equal(one.path, other.path)
-    assert np.abs(drive(Scripted((0.5, 0.1)), replace(slippery, seed=5)).states[5] - one.states[5]).max() > 1e-4
+    assert (
+        np.abs(
+            drive(Scripted((0.5, 0.1)), replace(slippery, seed=5)).states[5] - one.states[5]
+        ).max()
+        > 1e-4
+    )
 
 
 def test_the_period_may_be_another() -> None:
@@ -141,12 +163,18 @@ def test_a_run_holds_what_was_driven() -> None:
     assert len(run.statuses) == len(run.step_times) == steps
     np.testing.assert_array_equal(run.path[::4], run.states)
     np.testing.assert_array_equal(run.inputs[:2], [(0.5, 0.2), (0.4, -0.1)])
-    np.testing.assert_allclose(kl.nominal_unicycle(0.1).rollout(run.states[0], run.inputs), run.states, atol=1e-6)
+    np.testing.assert_allclose(
+        kl.nominal_unicycle(0.1).rollout(run.states[0], run.inputs), run.states, atol=1e-6
+    )
     summary = run.summary()
     assert json.loads(json.dumps(summary)) == summary
     assert summary["what"] == "test"
     assert summary["statuses"] == {"SOLVED": steps}
-    assert summary["step_ms"] == {"p50": pytest.approx(2.0), "p99": pytest.approx(2.0), "max": pytest.approx(2.0)}
+    assert summary["step_ms"] == {
+        "p50": pytest.approx(2.0),
+        "p99": pytest.approx(2.0),
+        "max": pytest.approx(2.0),
+    }
 
 
 def test_a_plant_of_ones_own() -> None:
@@ -154,7 +182,9 @@ def test_a_plant_of_ones_own() -> None:
         """Moves half as far as it is told."""
 
         def trace(self, x: np.ndarray, u: np.ndarray, dt: float, substeps: int) -> np.ndarray:
-            return x + 0.5 * dt * u[0] * np.arange(1, substeps + 1)[:, None] / substeps * np.array([1.0, 0.0, 0.0])
+            return x + 0.5 * dt * u[0] * np.arange(1, substeps + 1)[:, None] / substeps * np.array(
+                [1.0, 0.0, 0.0]
+            )
 
     assert drive(Scripted((0.5, 0.0)), field(), Treadmill()).duration == pytest.approx(3.8)
 

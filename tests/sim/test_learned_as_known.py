@@ -18,7 +18,9 @@ PAPER: dict[str, Any] = {"guidance": False, "tightening": None}
 
 @cache
 def learned(method: Any) -> kl.KoopmanModel:
-    train, held = kl.generate_dataset(kl.DifferentialDrive(), episodes=60, steps=100, dt=DT, seed=1).split(0.5, seed=0)
+    train, held = kl.generate_dataset(
+        kl.DifferentialDrive(), episodes=60, steps=100, dt=DT, seed=1
+    ).split(0.5, seed=0)
     model = kl.fit(train, method=method)
     return kl.with_quantiles(model, held) if method == "integral" else model
 
@@ -35,13 +37,23 @@ def apart(one: Run, other: Run) -> float:
 
 
 @pytest.mark.parametrize("options", [{}, PAPER], ids=["everything on", "paper"])
-@pytest.mark.parametrize("name", ["mehrez", "four_circles_1", "four_circles_2", "four_circles_3", "four_circles_4"])
-def test_without_slip_the_learned_controller_follows_the_known_one_within_a_millimetre(name: str, options: dict[str, Any]) -> None:
-    known, ours = driven(kl.nominal_unicycle(DT), name, options), driven(learned("integral"), name, options)
+@pytest.mark.parametrize(
+    "name", ["mehrez", "four_circles_1", "four_circles_2", "four_circles_3", "four_circles_4"]
+)
+def test_without_slip_the_learned_controller_follows_the_known_one_within_a_millimetre(
+    name: str, options: dict[str, Any]
+) -> None:
+    known, ours = (
+        driven(kl.nominal_unicycle(DT), name, options),
+        driven(learned("integral"), name, options),
+    )
     assert (ours.outcome, ours.duration) == (known.outcome, known.duration)
     assert apart(ours, known) < (1e-3 if not options else 1e-7)
 
 
 def test_the_papers_fit_is_seen_to_go_elsewhere() -> None:
-    known, theirs = (driven(model, "four_circles_1", PAPER) for model in (kl.nominal_unicycle(DT), learned("edmdc")))
+    known, theirs = (
+        driven(model, "four_circles_1", PAPER)
+        for model in (kl.nominal_unicycle(DT), learned("edmdc"))
+    )
     assert apart(theirs, known) > 2e-3

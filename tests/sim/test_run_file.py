@@ -16,11 +16,18 @@ from kmpc_lite.sim import Run, drive
 
 @pytest.fixture(scope="module")
 def run() -> Run:
-    scenario = field(circles=(kl.Circle(0.5, 2.0, 0.1, 0.1, 0.0),), slip=0.05, seed=3, pose_noise=(0.01, 0.0, 0.0))
+    scenario = field(
+        circles=(kl.Circle(0.5, 2.0, 0.1, 0.1, 0.0),),
+        slip=0.05,
+        seed=3,
+        pose_noise=(0.01, 0.0, 0.0),
+    )
     return drive(Scripted((0.5, 0.1)), scenario, info={"plant": "slip", "numbers": [1, 2.5, None]})
 
 
-def rewrite(source: Path, target: Path, header: dict[str, object] | str | None = None, **arrays: object) -> None:
+def rewrite(
+    source: Path, target: Path, header: dict[str, object] | str | None = None, **arrays: object
+) -> None:
     """Copy a run file with parts of it changed; None leaves an array out."""
     with np.load(source) as archive:
         parts: dict[str, object] = {name: archive[name] for name in archive.files}
@@ -112,7 +119,9 @@ def test_other_files_are_refused(run: Run, tmp_path: Path) -> None:
         "3",
     ],
 )
-def test_headers_that_make_no_sense_are_refused(run: Run, tmp_path: Path, header: dict[str, object] | str) -> None:
+def test_headers_that_make_no_sense_are_refused(
+    run: Run, tmp_path: Path, header: dict[str, object] | str
+) -> None:
     run.save(tmp_path / "run.npz")
     rewrite(tmp_path / "run.npz", tmp_path / "other.npz", header)
     with pytest.raises(kl.ScenarioError, match=r"other\.npz"):
@@ -121,7 +130,9 @@ def test_headers_that_make_no_sense_are_refused(run: Run, tmp_path: Path, header
 
 @pytest.mark.parametrize("name", ["states", "path", "inputs", "plans", "step_times"])
 @pytest.mark.parametrize("shape", [(), (0,), (3,), (2, 2), (1, 2, 4)])
-def test_arrays_of_other_shapes_are_refused(run: Run, tmp_path: Path, name: str, shape: tuple[int, ...]) -> None:
+def test_arrays_of_other_shapes_are_refused(
+    run: Run, tmp_path: Path, name: str, shape: tuple[int, ...]
+) -> None:
     run.save(tmp_path / "run.npz")
     rewrite(tmp_path / "run.npz", tmp_path / "other.npz", **{name: np.zeros(shape)})
     with pytest.raises(kl.ScenarioError, match=f"other.npz.*{name}"):

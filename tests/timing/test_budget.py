@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance import Guide
-from kmpc_lite.control.obstacles import circles_to_array
-from kmpc_lite.control.osqp_workspace import QPStatus
-from kmpc_lite.control.sqp import Task
+from kmpc_lite.control.guidance.guide import Guide
+from kmpc_lite.control.nmpc.osqp_workspace import QPStatus
+from kmpc_lite.control.nmpc.sqp import Task
+from kmpc_lite.control.obstacles.circles import circles_to_array
 
 GOAL = (1.5, 1.5, 0.0)
 OBSTACLES = [kl.Circle(0.6, 0.6, 0.15)]
@@ -27,7 +27,9 @@ class Clock:
         return self.now
 
 
-def controller(clock: Clock, budget: float | None, qp_seconds: float, **options: Any) -> tuple[kl.Controller, list[float]]:
+def controller(
+    clock: Clock, budget: float | None, qp_seconds: float, **options: Any
+) -> tuple[kl.Controller, list[float]]:
     """Controller whose QPs take `qp_seconds`, or as long as they may; and the limits that they were given."""
     made = kl.Controller(kl.nominal_unicycle(0.1), time_budget=budget, clock=clock, **options)
     workspace, limits = made._sqp.workspace, []
@@ -86,11 +88,20 @@ def test_a_budget_that_is_over_before_it_begins_still_gives_a_safe_plan(iteratio
     made, _ = controller(clock, 1e-3, 0.0, sqp_iterations=iterations)
     plan = made.step((0, 0, 0), GOAL, OBSTACLES)
     assert plan.iterations == 1
-    assert np.isfinite(plan.command).all() and (np.abs(plan.command) <= (0.6 + 1e-12, np.pi / 4 + 1e-12)).all()
+    assert (
+        np.isfinite(plan.command).all()
+        and (np.abs(plan.command) <= (0.6 + 1e-12, np.pi / 4 + 1e-12)).all()
+    )
 
 
 def test_osqp_itself_stops_at_its_limit() -> None:
-    made = kl.Controller(kl.nominal_unicycle(0.1), kl.NavigationProblem(horizon=200), sqp_iterations=5, guidance=False, tightening=None)
+    made = kl.Controller(
+        kl.nominal_unicycle(0.1),
+        kl.NavigationProblem(horizon=200),
+        sqp_iterations=5,
+        guidance=False,
+        tightening=None,
+    )
     sqp = made._sqp
     made.step((0, 0, 0), GOAL, OBSTACLES)
     qp = sqp.qp
@@ -98,7 +109,11 @@ def test_osqp_itself_stops_at_its_limit() -> None:
     full = sqp.workspace.solve(*data)
     sqp.workspace.limit_time(1e-6)
     cut = sqp.workspace.solve(*data)
-    assert cut.status is QPStatus.STOPPED_EARLY and cut.iterations < full.iterations and "time" in cut.reason
+    assert (
+        cut.status is QPStatus.STOPPED_EARLY
+        and cut.iterations < full.iterations
+        and "time" in cut.reason
+    )
 
 
 def test_phases_add_up_to_no_more_than_the_total() -> None:
@@ -119,7 +134,11 @@ def test_a_search_for_a_way_is_left_to_the_next_steps_where_it_would_take_too_lo
         now[0] += 1.0
         return now[0]
 
-    guide, x, scene = Guide(problem, clock=clock), np.zeros(3), np.array([[0.8, 0.0, 0.2, 0.0, 0.0]])
+    guide, x, scene = (
+        Guide(problem, clock=clock),
+        np.zeros(3),
+        np.array([[0.8, 0.0, 0.2, 0.0, 0.0]]),
+    )
     found = [guide.reference(x, np.array(GOAL), scene, until=now[0] + 0.5) for _ in range(9)]
     last = next(k for k, f in enumerate(found) if f.refreshed)
     # it stands, which is not to say that there is no way
@@ -134,11 +153,15 @@ def test_a_search_for_a_way_is_left_to_the_next_steps_where_it_would_take_too_lo
 
 
 def test_a_line_search_ends_at_the_deadline_with_the_plan_that_was() -> None:
-    made = kl.Controller(kl.nominal_unicycle(0.1), sqp_iterations=50, guidance=False, tightening=None)
+    made = kl.Controller(
+        kl.nominal_unicycle(0.1), sqp_iterations=50, guidance=False, tightening=None
+    )
     sqp = made._sqp
     guess = sqp.at_rest(np.zeros(3))
     task = Task(np.tile(GOAL, (21, 1)), circles_to_array(OBSTACLES), np.zeros((0, 2)), np.zeros(2))
-    wild = replace(guess, states=guess.states + 50.0 * np.arange(21)[:, None], duals=guess.duals + 1.0)
+    wild = replace(
+        guess, states=guess.states + 50.0 * np.arange(21)[:, None], duals=guess.duals + 1.0
+    )
     predicted, nothing = sqp._predicted(wild, task), np.zeros(20)
     search = (guess, wild, predicted, nothing, guess.states[1:], nothing, 0.0)
     _, length, _ = sqp._line_search(*search, task, 1e-3)

@@ -38,7 +38,10 @@ def test_memory_is_flat_over_100_000_steps() -> None:
 
 @pytest.mark.parametrize("poison", [np.nan, np.inf, 1e300, 1e9])
 def test_a_poisoned_warm_start_is_dropped(poison: float) -> None:
-    controller, fresh = kl.Controller(kl.nominal_unicycle(0.1)), kl.Controller(kl.nominal_unicycle(0.1))
+    controller, fresh = (
+        kl.Controller(kl.nominal_unicycle(0.1)),
+        kl.Controller(kl.nominal_unicycle(0.1)),
+    )
     x, goal = np.zeros(3), (1.5, 1.0, 0.0)
     for _ in range(3):
         x = controller.step(x, goal).states[1]
@@ -48,7 +51,10 @@ def test_a_poisoned_warm_start_is_dropped(poison: float) -> None:
     last.inputs[1:] = poison
     last.duals[:] = poison
     plan = controller.step(x, goal)
-    assert np.isfinite(plan.command).all() and (np.abs(plan.command) <= (0.6 + 1e-12, np.pi / 4 + 1e-12)).all()
+    assert (
+        np.isfinite(plan.command).all()
+        and (np.abs(plan.command) <= (0.6 + 1e-12, np.pi / 4 + 1e-12)).all()
+    )
     for _ in range(10):  # one second
         plan = controller.step(x, goal)
         x = plan.states[1]

@@ -46,7 +46,9 @@ class Camera:
         try:
             self._renderer: Any = mujoco.Renderer(twin.model, height=size[1], width=size[0])
         except Exception as error:  # each back end raises its own
-            raise NoRenderer(f"no off-screen renderer with MUJOCO_GL={os.environ.get('MUJOCO_GL', '')}: {error}") from error
+            raise NoRenderer(
+                f"no off-screen renderer with MUJOCO_GL={os.environ.get('MUJOCO_GL', '')}: {error}"
+            ) from error
 
     def frame(self) -> np.ndarray:
         """Take a picture now, (height, width, 3) of bytes."""
@@ -59,7 +61,13 @@ class Camera:
         self._renderer.close()
 
 
-def film(run: Run, file: Path, view: str = "aside", frames_per_second: float = 10.0, size: tuple[int, int] = SIZE) -> int:
+def film(
+    run: Run,
+    file: Path,
+    view: str = "aside",
+    frames_per_second: float = 10.0,
+    size: tuple[int, int] = SIZE,
+) -> int:
     """Write a run as an animated GIF, at the pace of the drive; gives the number of frames.
 
     The robot is shown at the poses of the run; its wheels roll as its way says.
@@ -90,8 +98,19 @@ def write_gif(frames: Sequence[np.ndarray], file: Path, period: float) -> None:
     try:
         from PIL import Image
     except ImportError as error:
-        raise KmpcError("GIFs need Pillow, which comes with the extra plot: pip install 'kmpc-lite[plot]'") from error
+        raise KmpcError(
+            "GIFs need Pillow, which comes with the extra plot: pip install 'kmpc-lite[plot]'"
+        ) from error
     # one palette for all: else the floor flickers from frame to frame
     palette = Image.fromarray(frames[len(frames) // 2]).quantize(128)
-    pictures = [Image.fromarray(f).quantize(palette=palette, dither=Image.Dither.NONE) for f in frames]
-    pictures[0].save(file, save_all=True, append_images=pictures[1:], duration=round(1e3 * period), loop=0, optimize=True)
+    pictures = [
+        Image.fromarray(f).quantize(palette=palette, dither=Image.Dither.NONE) for f in frames
+    ]
+    pictures[0].save(
+        file,
+        save_all=True,
+        append_images=pictures[1:],
+        duration=round(1e3 * period),
+        loop=0,
+        optimize=True,
+    )

@@ -7,22 +7,24 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kmpc_lite.dictionary import Array
 from kmpc_lite.errors import ScenarioError
+from kmpc_lite.types import Array
 
 
 @dataclass(frozen=True)
 class Floor:
     """How a floor holds a tyre, and how it brakes it.
 
-    A skid-steer robot turns by sliding: with wheels at (+-a, +-b) and tyres of contact radius p the sliding forces balance at a share of
-    the turn that the wheels say, b^2 / (a^2 + b^2) = 0.77 for p = 0 and less the larger p is.
+    A skid-steer robot turns by sliding: with wheels at (+-a, +-b) and tyres of contact radius p the
+    sliding forces balance at a share of the turn that the wheels say, b^2 / (a^2 + b^2) = 0.77 for
+    p = 0 and less the larger p is.
     """
 
     sliding: float
     """Coefficient of friction."""
     patch_radius: float
-    """Of the tyre's contact: the moment that resists spinning on the spot is sliding * patch_radius * load [m]."""
+    """Of the tyre's contact: the moment that resists spinning on the spot is sliding * patch_radius
+    * load [m]."""
     rolling: float
     """Moment that brakes each wheel, from axle and pile [N m]."""
 
@@ -35,9 +37,11 @@ class Floor:
 
 
 FLOORS: Mapping[str, Floor] = {
-    # the robot makes 0.60 to 0.74 of a turn, less the faster; the maker's 1/1.36 to 1/1.45 on an office floor (diff_drive_controller.yaml)
+    # the robot makes 0.60 to 0.74 of a turn, less the faster; the maker's 1/1.36 to 1/1.45 on an
+    # office floor (diff_drive_controller.yaml)
     "tile": Floor(sliding=0.7, patch_radius=0.006, rolling=0.002),
-    # tyres sink in: they slide less, stand on a larger patch, and roll against the pile; 0.44 to 0.54 of a turn
+    # tyres sink in: they slide less, stand on a larger patch, and roll against the pile; 0.44 to
+    # 0.54 of a turn
     "carpet": Floor(sliding=1.0, patch_radius=0.025, rolling=0.02),
     # water on tile: 0.76 of a turn, wheels spin, and the robot drifts outwards in curves
     "wet": Floor(sliding=0.2, patch_radius=0.006, rolling=0.002),
@@ -73,16 +77,23 @@ class Ground:
 
     @classmethod
     def named(
-        cls, floor: str, changes: tuple[tuple[float, str], ...] = (), patches: tuple[tuple[str, float, float, float], ...] = ()
+        cls,
+        floor: str,
+        changes: tuple[tuple[float, str], ...] = (),
+        patches: tuple[tuple[str, float, float, float], ...] = (),
     ) -> Ground:
         """Build it from the words of a scenario; ScenarioError for a floor that nobody knows."""
         return cls(
-            find_floor(floor), tuple((t, find_floor(n)) for t, n in changes), tuple(Patch(find_floor(n), x, y, r) for n, x, y, r in patches)
+            find_floor(floor),
+            tuple((t, find_floor(n)) for t, n in changes),
+            tuple(Patch(find_floor(n), x, y, r) for n, x, y, r in patches),
         )
 
     def base(self, time: float) -> Floor:
         """Floor without the patches at a time [s]."""
-        return next((floor for start, floor in reversed(self.changes) if time >= start - 1e-9), self.floor)
+        return next(
+            (floor for start, floor in reversed(self.changes) if time >= start - 1e-9), self.floor
+        )
 
     def under(self, positions: Array, time: float) -> list[Floor]:
         """Floor under each of the positions (n, 2) [m]."""
@@ -90,7 +101,9 @@ class Ground:
         found = [base] * len(positions)
         for patch in self.patches:
             inside = np.hypot(positions[:, 0] - patch.x, positions[:, 1] - patch.y) <= patch.radius
-            found = [patch.floor if hit else floor for hit, floor in zip(inside, found, strict=True)]
+            found = [
+                patch.floor if hit else floor for hit, floor in zip(inside, found, strict=True)
+            ]
         return found
 
 

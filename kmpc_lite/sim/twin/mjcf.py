@@ -1,16 +1,18 @@
 """The robot and its room as MJCF, MuJoCo's model format; written anew from the maker's published figures.
 
-Sources, all of github.com/husarion/rosbot_ros: ``rosbot_description/urdf/rosbot/body.urdf.xacro`` (body: 1.728 kg, inertia, box
-0.197 x 0.150 x 0.080 m), ``wheel.urdf.xacro`` (wheels: 0.074 kg, inertia, 36 mm wide, 0.106 m apart lengthways and 0.192 m across, 1.5 N m,
-24 rad/s), ``rosbot_macro.urdf.xacro`` (radius 0.0425 m). Camera and lidar are on the real robot and not in the body's 1.728 kg: a box and a
-cylinder of the makers' data sheets (Orbbec Astra 0.30 kg, RPLIDAR A2 0.19 kg) stand for them.
+Sources, all of github.com/husarion/rosbot_ros: ``rosbot_description/urdf/rosbot/body.urdf.xacro``
+(body: 1.728 kg, inertia, box 0.197 x 0.150 x 0.080 m), ``wheel.urdf.xacro`` (wheels: 0.074 kg,
+inertia, 36 mm wide, 0.106 m apart lengthways and 0.192 m across, 1.5 N m, 24 rad/s),
+``rosbot_macro.urdf.xacro`` (radius 0.0425 m). Camera and lidar are on the real robot and not in the
+body's 1.728 kg: a box and a cylinder of the makers' data sheets (Orbbec Astra 0.30 kg, RPLIDAR A2
+0.19 kg) stand for them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from kmpc_lite.control.obstacles import Circle
+from kmpc_lite.control.obstacles.circles import Circle
 
 WHEEL_RADIUS = 0.0425
 WHEELBASE, TRACK = 0.106, 0.192
@@ -28,7 +30,8 @@ TIMESTEP = 0.0025
 HEIGHT = 0.30
 """Of the obstacles [m]."""
 ROBOT_HITS, OBSTACLE = 1, 2
-"""Bits of collision filtering: the robot meets obstacles; wheels meet the floor through pairs of their own."""
+"""Bits of collision filtering: the robot meets obstacles; wheels meet the floor through pairs of
+their own."""
 
 _WHEEL = """
       <body name="{name}" pos="{x} {y} 0">
@@ -109,12 +112,18 @@ def write_mjcf(
     x_min, y_min, x_max, y_max = bounds
     size = max(x_max - x_min, y_max - y_min) + 0.6
     cx, cy = (x_min + x_max) / 2.0, (y_min + y_max) / 2.0
-    places = [(name, (1 - 2 * (i >= 2)) * WHEELBASE / 2, (1 if LEFT[i] else -1) * TRACK / 2) for i, name in enumerate(WHEELS)]
+    places = [
+        (name, (1 - 2 * (i >= 2)) * WHEELBASE / 2, (1 if LEFT[i] else -1) * TRACK / 2)
+        for i, name in enumerate(WHEELS)
+    ]
     marks = [
-        f'\n    <geom class="mark" type="cylinder" pos="{x} {y} 0.0005" size="{r} 0.0005" rgba="0.45 0.65 0.9 0.6"/>' for x, y, r in patches
+        f'\n    <geom class="mark" type="cylinder" pos="{x} {y} 0.0005" size="{r} 0.0005" rgba="0.45 0.65 0.9 0.6"/>'
+        for x, y, r in patches
     ]
     if goal is not None:
-        marks.append(f'\n    <geom class="mark" type="cylinder" pos="{goal[0]} {goal[1]} 0.001" size="0.08 0.001" rgba="0.85 0.1 0.1 1"/>')
+        marks.append(
+            f'\n    <geom class="mark" type="cylinder" pos="{goal[0]} {goal[1]} 0.001" size="0.08 0.001" rgba="0.85 0.1 0.1 1"/>'
+        )
     return _ROOM.format(
         timestep=TIMESTEP,
         robot=ROBOT_HITS,
@@ -131,9 +140,16 @@ def write_mjcf(
             f'\n    <geom class="obstacle" name="obstacle{i}" pos="{c.x} {c.y} {HEIGHT / 2}" size="{max(c.radius, 1e-3)} {HEIGHT / 2}"/>'
             for i, c in enumerate(circles)
         ),
-        wheels="".join(_WHEEL.format(name=name, x=x, y=y, r=WHEEL_RADIUS, hub=0.7 * WHEEL_RADIUS, rotor=ROTOR) for name, x, y in places),
-        pairs="".join(
-            f'\n    <pair name="{name}" geom1="{name}" geom2="floor" condim="4" friction="0.7 0.7 0.007 0 0"/>' for name in WHEELS
+        wheels="".join(
+            _WHEEL.format(name=name, x=x, y=y, r=WHEEL_RADIUS, hub=0.7 * WHEEL_RADIUS, rotor=ROTOR)
+            for name, x, y in places
         ),
-        motors="".join(f'\n    <velocity name="{name}" joint="{name}" kv="{GAIN}" forcerange="-{TORQUE} {TORQUE}"/>' for name in WHEELS),
+        pairs="".join(
+            f'\n    <pair name="{name}" geom1="{name}" geom2="floor" condim="4" friction="0.7 0.7 0.007 0 0"/>'
+            for name in WHEELS
+        ),
+        motors="".join(
+            f'\n    <velocity name="{name}" joint="{name}" kv="{GAIN}" forcerange="-{TORQUE} {TORQUE}"/>'
+            for name in WHEELS
+        ),
     )

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.obstacles import Circle
-from kmpc_lite.dictionary import INPUTS, STATES, Array
+from kmpc_lite.control.obstacles.circles import Circle
 from kmpc_lite.errors import KmpcError, ScenarioError
-from kmpc_lite.sim.scenario import Scenario
+from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.sim.twin.floors import Floor, Ground
 from kmpc_lite.sim.twin.mjcf import LEFT, TOP_SPEED, TORQUE, TRACK, WHEEL_RADIUS, WHEELS, write_mjcf
+from kmpc_lite.types import INPUTS, STATES, Array
 
 SERVO_LAG = 0.04
 """First-order lag of the set-point in the motor board: its loop and its speed filter [s]."""
@@ -52,9 +52,10 @@ def load_mujoco() -> Any:
 class Twin:
     """A ROSbot 2 on a floor, among cylinders; a plant as `DifferentialDrive` is one, for one robot.
 
-    Its wheel speeds follow set-points by a PI loop with a motor's torque and speed limits. What a command (v, omega)
-    says to the wheels is the maker's kinematics with the geometric track: the robot turns by sliding, so it turns less. It keeps its own
-    state: `trace` moves on from where it is, unless it is given another pose, where it is then put down, standing.
+    Its wheel speeds follow set-points by a PI loop with a motor's torque and speed limits. What a
+    command (v, omega) says to the wheels is the maker's kinematics with the geometric track: the
+    robot turns by sliding, so it turns less. It keeps its own state: `trace` moves on from where it
+    is, unless it is given another pose, where it is then put down, standing.
 
     Parameters
     ----------
@@ -63,7 +64,8 @@ class Twin:
     ground : Ground
         What is under the wheels, where and when.
     seed : int
-        Of the robot: a seed is one robot, with its own weight distribution and tyres; 0 is the even one.
+        Of the robot: a seed is one robot, with its own weight distribution and tyres; 0 is the even
+        one.
     pose : tuple
         Where it stands [m, m, rad].
     bounds : tuple
@@ -93,14 +95,18 @@ class Twin:
             raise ScenarioError("twin: expected obstacles that stand still, got one that moves")
         self.ground = Ground() if ground is None else ground
         patches = [(p.x, p.y, p.radius) for p in self.ground.patches]
-        self.model = self._mujoco.MjModel.from_xml_string(write_mjcf(circles, bounds, goal, patches))
+        self.model = self._mujoco.MjModel.from_xml_string(
+            write_mjcf(circles, bounds, goal, patches)
+        )
         self.data = self._mujoco.MjData(self.model)
         self._step = float(self.model.opt.timestep)
         self._vary(seed)
         self._wheel_q = np.array([self.model.joint(name).qposadr[0] for name in WHEELS])
         self._wheel_v = np.array([self.model.joint(name).dofadr[0] for name in WHEELS])
         self._wheel_geoms = np.array([self.model.geom(name).id for name in WHEELS])
-        self._obstacles = {i for i in range(self.model.ngeom) if self.model.geom(i).name.startswith("obstacle")}
+        self._obstacles = {
+            i for i in range(self.model.ngeom) if self.model.geom(i).name.startswith("obstacle")
+        }
         self._left = np.array(LEFT)
         self.target: Array = np.zeros(len(WHEELS))
         """Wheel speeds asked for, front left, front right, rear left, rear right [rad/s]."""
@@ -114,7 +120,9 @@ class Twin:
     def of(cls, scenario: Scenario, seed: int = 0) -> Twin:
         """Build the twin of a scenario: its obstacles, its floor, its start."""
         ground = Ground.named(scenario.ground, scenario.ground_changes, scenario.ground_patches)
-        return cls(scenario.circles, ground, seed, scenario.start, scenario.bounds, scenario.goal[:2])
+        return cls(
+            scenario.circles, ground, seed, scenario.start, scenario.bounds, scenario.goal[:2]
+        )
 
     def _vary(self, seed: int) -> None:
         """Make it one robot of many."""
@@ -124,7 +132,9 @@ class Twin:
         body = self.model.body("robot").id
         self.model.body_ipos[body, :2] += WEIGHT_SPREAD * random.normal(size=2)
         for name in WHEELS:
-            self.model.geom(name).size[[0, 2]] *= 1.0 + TYRE_SPREAD * float(np.clip(random.normal(), -3.0, 3.0))
+            self.model.geom(name).size[[0, 2]] *= 1.0 + TYRE_SPREAD * float(
+                np.clip(random.normal(), -3.0, 3.0)
+            )
 
     def place(self, x: float, y: float, theta: float) -> None:
         """Put the robot down, standing: [m], [m], [rad]."""
@@ -179,7 +189,9 @@ class Twin:
 
     def command(self, v: float, omega: float) -> None:
         """Ask for v [m/s] and omega [rad/s], as a robot without slip would need them of its wheels."""
-        self.command_sides((v - omega * TRACK / 2.0) / WHEEL_RADIUS, (v + omega * TRACK / 2.0) / WHEEL_RADIUS)
+        self.command_sides(
+            (v - omega * TRACK / 2.0) / WHEEL_RADIUS, (v + omega * TRACK / 2.0) / WHEEL_RADIUS
+        )
 
     def command_sides(self, left: float, right: float) -> None:
         """Ask for wheel speeds of both sides [rad/s]."""
@@ -204,7 +216,9 @@ class Twin:
         """Evenly spaced states during one period, without the first: (substeps, 3)."""
         state, command = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
         if state.shape != (STATES,) or command.shape != (INPUTS,):
-            raise ValueError(f"expected one state ({STATES},) and one command ({INPUTS},), got {state.shape} and {command.shape}")
+            raise ValueError(
+                f"expected one state ({STATES},) and one command ({INPUTS},), got {state.shape} and {command.shape}"
+            )
         if not np.allclose(state, self._last, rtol=0.0, atol=1e-9):
             self.place(*state.tolist())
         self.command(*command.tolist())
@@ -223,7 +237,8 @@ class Twin:
         self._count += 1
         h, data = self._step, self.data
         self._filtered += (self.target - self._filtered) * (h / (SERVO_LAG + h))
-        # the proportional part is the actuator's own, which MuJoCo integrates implicitly; no wind-up at the motor's limit
+        # the proportional part is the actuator's own, which MuJoCo integrates implicitly; no
+        # wind-up at the motor's limit
         free = np.abs(data.actuator_force) < TORQUE * (1.0 - 1e-9)
         self._integral += free * (self._filtered - data.qvel[self._wheel_v]) * (h / RESET_TIME)
         data.ctrl[:] = self._filtered + self._integral
@@ -235,7 +250,11 @@ class Twin:
         for i, floor in enumerate(self.ground.under(positions, self.time)):
             if floor is not self._floors[i]:
                 self._floors[i] = floor
-                self.model.pair_friction[i, :3] = floor.sliding, floor.sliding, floor.sliding * floor.patch_radius
+                self.model.pair_friction[i, :3] = (
+                    floor.sliding,
+                    floor.sliding,
+                    floor.sliding * floor.patch_radius,
+                )
                 self.model.dof_frictionloss[self._wheel_v[i]] = floor.rolling
 
     def _watch(self) -> None:

@@ -22,7 +22,19 @@ def test_a_camera_sees_the_robot_or_says_that_there_is_no_renderer(tmp_path):
     path = np.linspace((0.0, 0.0, 0.0), (0.4, 0.0, 0.0), 9)
     scenario = Scenario("room", (-1.0, -1.0, 1.0, 1.0), (), 0.15, (0.0, 0.0, 0.0), (0.4, 0.0, 0.0))
     plans = np.zeros((2, 1, 3))
-    run = Run(scenario, 0.5, Outcome.REACHED, 1.0, path[::4], path, np.zeros((2, 2)), plans, ("SOLVED",) * 2, np.zeros(2), 1.0)
+    run = Run(
+        scenario,
+        0.5,
+        Outcome.REACHED,
+        1.0,
+        path[::4],
+        path,
+        np.zeros((2, 2)),
+        plans,
+        ("SOLVED",) * 2,
+        np.zeros(2),
+        1.0,
+    )
     assert film(run, tmp_path / "run.gif", size=(80, 60)) == 9
     assert Image.open(tmp_path / "run.gif").n_frames == 9
 

@@ -73,12 +73,17 @@ def test_the_floor_changes_by_time_and_by_place():
     wet, tile = FLOORS["wet"], FLOORS["tile"]
     ground = Ground.named("tile", ((1.0, "carpet"),), (("wet", 1.0, 0.0, 0.2),))
     places = np.array([[0.0, 0.0], [1.1, 0.0]])
-    assert ground.under(places, 0.0) == [tile, wet] and ground.under(places, 1.0) == [FLOORS["carpet"], wet]
+    assert ground.under(places, 0.0) == [tile, wet] and ground.under(places, 1.0) == [
+        FLOORS["carpet"],
+        wet,
+    ]
     twin = Twin(ground=ground)
     twin.advance(0.5)
     before = twin.model.pair_friction[:, 0].copy()
     twin.advance(0.6)
-    assert (before == tile.sliding).all() and (twin.model.pair_friction[:, 0] == FLOORS["carpet"].sliding).all()
+    assert (before == tile.sliding).all() and (
+        twin.model.pair_friction[:, 0] == FLOORS["carpet"].sliding
+    ).all()
 
 
 def test_a_touch_is_felt_and_pushes_back():
@@ -102,13 +107,22 @@ def test_heading_goes_on_past_a_half_turn_and_a_placed_robot_keeps_its_turns():
 
 def test_it_is_a_plant_of_the_closed_loop():
     scenario = Scenario(
-        "room", (-2.0, -2.0, 2.0, 2.0), (Circle(0.7, 0.0, 0.12),), 0.15, (0.0, 0.0, 0.0), (1.2, 0.0, 0.0), margin=0.05, timeout=15.0
+        "room",
+        (-2.0, -2.0, 2.0, 2.0),
+        (Circle(0.7, 0.0, 0.12),),
+        0.15,
+        (0.0, 0.0, 0.0),
+        (1.2, 0.0, 0.0),
+        margin=0.05,
+        timeout=15.0,
     )
     controller = Controller(nominal_unicycle(0.1), scenario.problem(NavigationProblem()))
     twin = Twin.of(scenario)
     run = drive(controller, scenario, twin)
     assert run.outcome is Outcome.REACHED and twin.touched is None
-    assert run.path[0].tolist() == list(scenario.start) and np.abs(np.diff(run.path[:, 2])).max() < 0.1
+    assert (
+        run.path[0].tolist() == list(scenario.start) and np.abs(np.diff(run.path[:, 2])).max() < 0.1
+    )
 
 
 def test_scenarios_name_floors(tmp_path):

@@ -1,0 +1,129 @@
+"""`kmpc-bridge check`: who answers, and what is missing before the robot can drive, in words a user can act on."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+from firmware_bridge.drivers import Driver
+from firmware_bridge.link import open_transport
+from firmware_bridge.messages import LinkError, State, VelocityCommand
+from firmware_bridge.robot_file import Robot
+from firmware_bridge.runtime.session import open_driver
+from firmware_bridge.runtime.timing import Histogram
+from firmware_bridge.safety.estop import EmergencyStop, ask, default_socket
+from firmware_bridge.safety.gate import SafetyGate
+from firmware_bridge.safety.gate_table import Reason
+
+POLL = 0.005
+ADVICE = {
+    Reason.LINK: "plug the cable in, or start the vehicle's end of the link",
+    Reason.HEARTBEAT: "is the board powered, and is the telemetry frequent enough? safety.heartbeat_age is the limit",
+    Reason.NOT_READY: "arm it and choose GUIDED (run --arm does both); a motor controller is taken when the bridge runs",
+    Reason.BOARD: "see the fault above",
+    Reason.ESTIMATE: "wait for the position estimate, check GPS, motion capture or encoders",
+    Reason.POSE: "poses must come at least every safety.pose_age seconds",
+    Reason.POSE_INVALID: "the board sends poses that are not numbers: check its sensors",
+    Reason.GEOFENCE: "the robot stands outside safety.geofence: carry or drive it inside, or check the frame",
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at."""
+
+    ok: bool
+    text: str
+
+
+def check(robot: Robot, seconds: float) -> list[Finding]:
+    """Look at everything short of moving the robot.
+
+    Parameters
+    ----------
+    robot : Robot
+        What to look at.
+    seconds : float
+        How long to watch the telemetry [s].
+
+    Raises
+    ------
+    ConfigError
+        For a wrong key.
+    """
+    found = [Finding(True, f"{robot.where}: {robot.link.driver} at {robot.link.url}")]
+    driver = open_driver(robot, open_transport(robot.link.url))
+    found += _estop(robot)
+    try:
+        driver.connect(robot.link.timeout)
+    except LinkError as error:
+        driver.close()
+        return [*found, Finding(False, str(error))]
+    try:
+        return [*found, *_telemetry(driver, robot, seconds), *_judgement(driver, robot)]
+    finally:
+        driver.close()
+
+
+def _estop(robot: Robot) -> list[Finding]:
+    path = default_socket() if robot.socket is None else robot.socket
+    try:
+        ask(path, "status")
+    except LinkError:
+        if EmergencyStop(path).latched:
+            return [Finding(False, "the emergency stop is pressed: kmpc-bridge estop --reset")]
+        return [Finding(True, f"emergency stop: not pressed, at {path}")]
+    return [
+        Finding(
+            False, f"another bridge is running ({path}): two masters on one robot; stop it first"
+        )
+    ]
+
+
+def _telemetry(driver: Driver, robot: Robot, seconds: float) -> list[Finding]:
+    """Rate and age of poses, and what the board says of itself."""
+    until, last, gaps, ages = time.monotonic() + seconds, None, Histogram(), Histogram()
+    state: State | None = None
+    while (now := time.monotonic()) < until:
+        state = driver.state()
+        if state is not None and state.stamp != last:
+            ages.add(now - state.stamp)
+            if last is not None:
+                gaps.add(state.stamp - last)
+            last = state.stamp
+        time.sleep(POLL)
+    found = []
+    if state is None:
+        found.append(Finding(False, f"no pose within {seconds:g} s"))
+    else:
+        text = f"pose: x {state.x:.3f} m, y {state.y:.3f} m, theta {state.theta:.3f} rad; {ages.count / seconds:.0f} Hz, "
+        text += f"{1e3 * ages.quantile(0.5):.0f} ms old when it comes (at most {1e3 * ages.maximum:.0f}), "
+        text += f"gaps up to {1e3 * gaps.maximum:.0f} ms"
+        found.append(Finding(gaps.count > 0 and gaps.maximum <= robot.gate.pose_age, text))
+    status = driver.health()
+    found.append(
+        Finding(
+            status.connected,
+            f"board: {status.mode or 'no modes'}, {'armed' if status.armed else 'not armed'}",
+        )
+    )
+    found += [Finding(False, f"board: {fault}") for fault in status.faults]
+    notes = getattr(driver, "notes", None)
+    found += [Finding(True, f"note: {note}") for note in (notes() if notes is not None else ())]
+    return found
+
+
+def _judgement(driver: Driver, robot: Robot) -> list[Finding]:
+    """What the safety gate would say if a controller ran."""
+    now = time.monotonic()
+    state, status = driver.state(), driver.health()
+    output = SafetyGate(robot.gate).step(now, VelocityCommand(0.0, 0.0, now), state, status)
+    if not output.reasons:
+        return [Finding(True, "the safety gate would let it drive now")]
+    fresh = now - status.heartbeat_stamp if math.isfinite(status.heartbeat_stamp) else math.inf
+    found = []
+    for reason in output.reasons:
+        detail = f" ({fresh:.2f} s)" if reason is Reason.HEARTBEAT else ""
+        found.append(Finding(False, f"{reason.value}{detail}: {ADVICE.get(reason, 'see above')}"))
+    return found

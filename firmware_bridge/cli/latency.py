@@ -1,0 +1,158 @@
+"""Latency and jitter of every driver: each drives an emulated board, in a process of its own, over a pseudo-terminal."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TextIO
+
+from firmware_bridge.messages import LinkError
+from firmware_bridge.robot_file import Robot, load_robot
+
+SCENARIO = "four_circles_1"
+START_TIME = 20.0
+"""How long an emulator may take to start [s]."""
+GEOMETRY = {"wheel_radius": 0.0425, "track": 0.27, "max_wheel_speed": 0.9}
+BOARDS: dict[str, dict[str, Any]] = {
+    "mavlink": {"arm": True},
+    "roboclaw": {"counts_per_turn": 1440.0},
+    "odrive": {},
+    "vesc": {"can_id": 1, "pole_pairs": 7},
+}
+COLUMNS = (
+    "pose age when planning",
+    "controller",
+    "pose to command on the wire",
+    "command spacing, off by",
+    "gate period, late by",
+)
+SHOWN = ("p50", "p99", "p99.9", "max")
+
+
+def robot_text(driver: str, folder: Path, period: float) -> str:
+    """Robot file of a ROSbot-sized robot that plans and commands every `period` [s]."""
+    sections: dict[str, dict[str, Any]] = {
+        "link": {"url": f"pty:{folder}/{driver}", "driver": driver},
+        "board": BOARDS[driver],
+        "geometry": {} if driver == "mavlink" else GEOMETRY,
+        "safety": {"socket": f"{folder}/estop"},
+        "control": {"period": period, "command_period": period},
+    }
+    lines: list[str] = []
+    for section, keys in sections.items():
+        lines += [
+            f"[{section}]",
+            *(
+                f"{key} = {str(value).lower() if isinstance(value, bool) else repr(value)}"
+                for key, value in keys.items()
+            ),
+        ]
+    return "\n".join(lines)
+
+
+@contextmanager
+def emulator(file: Path, link: Path, *options: str) -> Iterator[None]:
+    """Emulate the board of a robot file in another process, with more options of `kmpc-bridge emulate`."""
+    command = [
+        sys.executable,
+        "-m",
+        "firmware_bridge.cli.main",
+        "emulate",
+        str(file),
+        "--json",
+        "--scenario",
+        SCENARIO,
+        *options,
+    ]
+    # a session of its own: Ctrl-C must brake the robot, not take it away
+    child = subprocess.Popen(
+        command,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        until = time.monotonic() + START_TIME
+        while not link.is_symlink():
+            if child.poll() is not None or time.monotonic() > until:
+                child.kill()
+                raise LinkError(f"the emulator did not start: {child.communicate()[1].strip()}")
+            time.sleep(0.02)
+        yield
+    finally:
+        child.terminate()
+        child.communicate()
+
+
+def measure(
+    drivers: Sequence[str],
+    rates: Sequence[float],
+    drive: Callable[[Robot], dict[str, Any]],
+    progress: TextIO | None,
+) -> list[dict[str, Any]]:
+    """Drive each board at each rate; gives a row of times [ms] each.
+
+    Parameters
+    ----------
+    drivers : sequence of str
+        Which boards.
+    rates : sequence of float
+        Of plans and commands [Hz].
+    drive : callable
+        Drives a robot and gives the report of the run.
+    progress : text stream, optional
+        Where to say what is under way.
+    """
+    rows = []
+    for driver in drivers:
+        for rate in rates:
+            with tempfile.TemporaryDirectory(prefix="kmpc-bridge-") as name:
+                folder = Path(name)
+                file = folder / "robot.toml"
+                file.write_text(robot_text(driver, folder, 1.0 / rate))
+                if progress is not None and progress.isatty():
+                    progress.write(f"\r\x1b[2K{driver} at {rate:g} Hz ...")
+                    progress.flush()
+                with emulator(file, folder / driver):
+                    report = drive(load_robot(file))
+            loop = report["loop"]
+            rows.append(
+                {
+                    "driver": driver,
+                    "rate_hz": rate,
+                    "outcome": report["outcome"],
+                    "commands": loop["commands_sent"],
+                    "skipped": loop["ticks_skipped"],
+                    "times_ms": {column: loop["times_ms"][column] for column in COLUMNS},
+                }
+            )
+    if progress is not None and progress.isatty():
+        progress.write("\r\x1b[2K")
+    return rows
+
+
+def table(rows: Sequence[dict[str, Any]]) -> str:
+    """Render the rows for people."""
+    width = 8 * len(SHOWN)
+    head = f"{'[ms]':<10}{'Hz':>4}{'sent':>7}" + "".join(
+        f"  {column:>{width}}" for column in COLUMNS
+    )
+    lines = [
+        head,
+        " " * 21 + "".join("  " + "".join(f"{name:>8}" for name in SHOWN) for _ in COLUMNS),
+    ]
+    for row in rows:
+        line = f"{row['driver']:<10}{row['rate_hz']:>4g}{row['commands']:>7}"
+        for column in COLUMNS:
+            times = row["times_ms"][column]
+            line += "  " + "".join(
+                f"{'-' if times[name] is None else format(times[name], '.2f'):>8}" for name in SHOWN
+            )
+        lines.append(line)
+    return "\n".join(lines)

@@ -1,0 +1,151 @@
+"""Who has the robot: we take it only when asked, give it back until that is confirmed, and never take it from a pilot."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from firmware_bridge.drivers.mavlink.commands import (
+    ACCEPTED,
+    ARM,
+    DENIED,
+    SET_MODE,
+    UNSUPPORTED,
+    CommandDesk,
+)
+
+MODES = {
+    0: "MANUAL",
+    1: "ACRO",
+    3: "STEERING",
+    4: "HOLD",
+    5: "LOITER",
+    6: "FOLLOW",
+    7: "SIMPLE",
+    8: "DOCK",
+    9: "CIRCLE",
+    10: "AUTO",
+    11: "RTL",
+    12: "SMART_RTL",
+    15: "GUIDED",
+    16: "INITIALISING",
+}
+"""Custom modes of ArduPilot Rover."""
+HOLD, GUIDED = 4, 15
+CUSTOM_MODE_ENABLED = 1
+"""Flag of DO_SET_MODE."""
+HEARTBEAT_LOST = 2.5
+"""Without a HEARTBEAT for this long the mode is not known any more [s]: at the protocol's 1 Hz one
+may be lost and the next be late."""
+
+
+class Aim(Enum):
+    """What we are about."""
+
+    WATCH = "the robot is whose it is"
+    TAKE = "asking for GUIDED, then for arming"
+    RELEASE = "asking for HOLD"
+
+
+class Authority:
+    """Follows mode and arming, and asks for them.
+
+    Parameters
+    ----------
+    desk : CommandDesk
+        Sends the commands.
+    """
+
+    def __init__(self, desk: CommandDesk) -> None:
+        self._desk = desk
+        self.aim = Aim.WATCH
+        self.mode: int | None = None
+        self.armed = False
+        self.heard = -float("inf")
+        self.refusal = ""
+        """Why the vehicle does not give itself to us, in words; empty if it does or was not
+        asked."""
+        self.yielded = 0
+        """How often somebody else changed mode or arming while we had the robot."""
+        self._guided_seen = False
+
+    @property
+    def mode_name(self) -> str:
+        """Name of the mode, empty before the first heartbeat."""
+        return "" if self.mode is None else MODES.get(self.mode, f"mode {self.mode}")
+
+    @property
+    def obeys(self) -> bool:
+        """Whether by its last word the vehicle obeys set-points: armed, GUIDED, and not still being taken."""
+        return self.armed and self.mode == GUIDED and self.aim is not Aim.TAKE
+
+    def fresh(self, now: float) -> bool:
+        """Whether that last word is young enough to count."""
+        return now - self.heard < HEARTBEAT_LOST
+
+    def take(self, now: float) -> None:
+        """Ask for GUIDED and arming."""
+        self.aim, self.refusal, self._guided_seen = Aim.TAKE, "", False
+        self._desk.request(SET_MODE, CUSTOM_MODE_ENABLED, GUIDED, now=now, patient=True)
+
+    def release(self, now: float) -> None:
+        """Ask for HOLD, if the robot is ours or about to be."""
+        if self.aim is Aim.RELEASE:
+            return
+        taking = self.aim is Aim.TAKE
+        self._desk.cancel(ARM)
+        self._desk.cancel(SET_MODE)
+        if taking or self.mode == GUIDED:
+            self.aim = Aim.RELEASE
+            self._guided_seen = not taking or self._guided_seen
+            self._desk.request(SET_MODE, CUSTOM_MODE_ENABLED, HOLD, now=now, patient=True)
+
+    def on_heartbeat(self, mode: int, armed: bool, now: float) -> None:
+        """Take what the vehicle says of itself."""
+        if (
+            self.mode == GUIDED
+            and self.armed
+            and not (mode == GUIDED and armed)
+            and self.aim is Aim.WATCH
+        ):
+            self.yielded += 1
+        self.mode, self.armed, self.heard = mode, armed, now
+        if armed and mode == GUIDED:
+            self.refusal = ""
+        self.tick(now)
+
+    def tick(self, now: float) -> None:
+        """Take the next step towards the aim."""
+        if self.aim is Aim.TAKE:
+            self._take(now)
+        elif self.aim is Aim.RELEASE:
+            agreed = self._desk.result(SET_MODE) == ACCEPTED and self.mode == HOLD
+            # a pilot who leaves GUIDED while we ask for HOLD keeps the mode of his choice
+            if agreed or (self._guided_seen and self.mode not in (GUIDED, HOLD)):
+                self._finish()
+
+    def _take(self, now: float) -> None:
+        mode, arm = self._desk.result(SET_MODE), self._desk.result(ARM)
+        if mode in (DENIED, UNSUPPORTED) or arm in (DENIED, UNSUPPORTED):
+            self.refusal = "the vehicle refuses " + (
+                "GUIDED" if mode in (DENIED, UNSUPPORTED) else "to arm"
+            )
+            self._finish()
+        elif self._guided_seen and self.mode != GUIDED:
+            self.yielded += 1
+            self.refusal = f"mode changed to {self.mode_name} by somebody else while we armed"
+            self._finish()
+        elif mode == ACCEPTED and self.mode == GUIDED and not self._guided_seen:
+            self._guided_seen, self.refusal = True, ""
+            self._desk.cancel(SET_MODE)
+            self._desk.request(ARM, 1.0, now=now, patient=True)
+        elif arm == ACCEPTED and self.armed:
+            self._finish()
+        elif mode is not None and mode != ACCEPTED:
+            self.refusal = "GUIDED is refused for now"
+        elif arm is not None and arm != ACCEPTED:
+            self.refusal = "arming is refused for now"
+
+    def _finish(self) -> None:
+        self.aim = Aim.WATCH
+        self._desk.cancel(SET_MODE)
+        self._desk.cancel(ARM)

@@ -1,0 +1,90 @@
+"""The vehicle's clock in terms of ours: TIMESYNC, and `time_boot_ms` that wraps after 49.7 days."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+WRAP = 2.0**32 / 1000.0
+"""Period of `time_boot_ms` [s]."""
+WINDOW = 20
+"""Round trips to choose the best from."""
+SETTLED = 10
+PENDING = 8
+"""Requests that may still be answered."""
+LONGEST = 0.5
+"""A round trip beyond this says too little [s]."""
+REBOOT = 1.0
+"""`time_boot_ms` running back by more than this is another boot [s]."""
+
+
+@dataclass(frozen=True)
+class RoundTrip:
+    """One answered TIMESYNC request."""
+
+    offset: float
+    """Vehicle's clock minus ours, give or take half the duration [s]."""
+    duration: float
+    """[s]"""
+
+
+class VehicleClock:
+    """Offset between the vehicle's clock and `time.monotonic()`, from the shortest of the last round trips."""
+
+    def __init__(self) -> None:
+        self._asked: deque[int] = deque(maxlen=PENDING)
+        self._trips: deque[RoundTrip] = deque(maxlen=WINDOW)
+        self._last_boot: float | None = None
+        self.jumps = 0
+        """How often the vehicle's clock was set or began anew."""
+
+    @property
+    def best(self) -> RoundTrip | None:
+        """Shortest round trip, None before the first."""
+        return min(self._trips, key=lambda trip: trip.duration, default=None)
+
+    @property
+    def settled(self) -> bool:
+        """Whether enough round trips are known to choose from."""
+        return len(self._trips) >= SETTLED
+
+    def ask(self, now: float) -> int:
+        """Time stamp `ts1` of a new request [ns]."""
+        ts1 = int(now * 1e9)
+        self._asked.append(ts1)
+        return ts1
+
+    def answer(self, tc1: int, ts1: int, now: float) -> bool:
+        """Take a reply (both stamps in ns); False where it answers no request of ours."""
+        if ts1 not in self._asked:
+            return False
+        self._asked.remove(ts1)
+        sent = ts1 * 1e-9
+        duration = now - sent
+        if not 0.0 <= duration <= LONGEST:
+            return False
+        trip, best = RoundTrip(tc1 * 1e-9 - (sent + now) / 2.0, duration), self.best
+        if (
+            best is not None
+            and abs(trip.offset - best.offset) > (trip.duration + best.duration) / 2.0 + 0.01
+        ):
+            self._restart()
+        self._trips.append(trip)
+        return True
+
+    def stamp(self, boot_ms: int, arrival: float) -> float:
+        """Our time of a vehicle's `time_boot_ms`: never later than the arrival, which is the answer before the first round trip [s]."""
+        boot = boot_ms / 1000.0
+        last, self._last_boot = self._last_boot, boot
+        if last is not None and REBOOT < last - boot < WRAP / 2.0:
+            self._restart()
+        best = self.best
+        if best is None:
+            return arrival
+        expected = arrival + best.offset
+        boot += WRAP * round((expected - boot) / WRAP)
+        return min(boot - best.offset, arrival)
+
+    def _restart(self) -> None:
+        self.jumps += 1
+        self._trips.clear()

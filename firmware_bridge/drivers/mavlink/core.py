@@ -1,0 +1,287 @@
+"""One MAVLink vehicle, without threads: messages in, messages out, on the times it is given."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from firmware_bridge.drivers.mavlink.authority import HOLD, Aim, Authority
+from firmware_bridge.drivers.mavlink.clock import VehicleClock
+from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
+from firmware_bridge.drivers.mavlink.commands import CommandDesk, Stream, StreamRequests, rates_from
+from firmware_bridge.drivers.mavlink.failsafe import GcsFailsafe
+from firmware_bridge.drivers.mavlink.messages import MessageBuilder
+from firmware_bridge.drivers.mavlink.options import MOCAP, MavlinkOptions
+from firmware_bridge.drivers.mavlink.telemetry import PoseTracker
+from firmware_bridge.messages import LinkStatus, State
+
+ARDUPILOT, ROVER_TYPES = 3, (10, 11)
+"""MAV_AUTOPILOT, and MAV_TYPE of a ground rover and a surface boat."""
+ARMED = 128
+"""Flag of HEARTBEAT.base_mode."""
+SET_POINT_MESSAGES = frozenset(
+    ("SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT", "SET_ATTITUDE_TARGET")
+)
+OTHER_MASTER = 1.0
+"""How long another's set-point makes a fault [s]."""
+HEARTBEAT_PERIOD, TIMESYNC_PERIOD, ZERO_PERIOD, ORIGIN_PERIOD = 1.0, 1.0, 0.1, 2.0
+TIMESYNC_FIRST = 0.1
+"""Between requests until enough were answered [s]."""
+VISION_PERIOD = 0.02
+"""Motion capture may be faster than this: the rest is left out, a serial link has no room for it
+[s]."""
+EKF_RATE, HEARTBEAT_RATE = 20.0, 5.0
+TEXTS = 20
+
+
+class MavlinkCore:
+    """What is known of the vehicle and what it is to be told.
+
+    Not thread-safe: `MavlinkDriver` holds one lock around every call.
+
+    Parameters
+    ----------
+    options : MavlinkOptions
+        Who is who.
+    write : callable
+        Takes one whole frame.
+    wall_time : float
+        Unix time for signature time stamps [s].
+    """
+
+    def __init__(
+        self, options: MavlinkOptions, write: Callable[[bytes], object], wall_time: float
+    ) -> None:
+        self.options, self._write = options, write
+        self._codec = MavlinkCodec(*options.us, key=options.read_key(), wall_time=wall_time)
+        self._build = MessageBuilder(options)
+        self.clock, self.pose = VehicleClock(), PoseTracker()
+        self.desk = CommandDesk(
+            lambda command, parameters, again: self._send(
+                self._build.command(command, parameters, again)
+            )
+        )
+        self.authority = Authority(self.desk)
+        rates = rates_from(options.rate)
+        self._ekf = Stream(193, "EKF_STATUS_REPORT", rates_from(min(options.rate, EKF_RATE)))
+        position, attitude = Stream(32, "LOCAL_POSITION_NED", rates), Stream(30, "ATTITUDE", rates)
+        self.streams = StreamRequests(
+            self.desk,
+            (
+                position,
+                attitude,
+                self._ekf,
+                Stream(0, "HEARTBEAT", (HEARTBEAT_RATE,), needed=False),
+            ),
+        )
+        self.failsafe = GcsFailsafe(
+            lambda name: self._send(self._build.parameter_read(name)),
+            lambda name, value, kind: self._send(self._build.parameter_set(name, value, kind)),
+            options.us[0],
+            options.failsafe,
+        )
+        self.heard, self.wrong_vehicle, self.identified = -math.inf, "", False
+        self.texts: deque[tuple[int, str]] = deque(maxlen=TEXTS)
+        self._prearm, self._moved, self._has_origin = "", False, False
+        self._source_stamp, self._vision_sent = -math.inf, -math.inf
+        self._master, self._master_stamp = 0, -math.inf
+        self._due = dict.fromkeys(("heartbeat", "timesync", "zero", "origin"), -math.inf)
+        names = (
+            "others",
+            "other_masters",
+            "unmatched_acks",
+            "unmatched_timesync",
+            "held_back",
+            "refused_poses",
+        )
+        self._counters = dict.fromkeys(names, 0)
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Take bytes from the link."""
+        for message in self._codec.feed(data, now):
+            header = message.get_header()
+            if (header.srcSystem, header.srcComponent) == (
+                self.options.system,
+                self.options.component,
+            ):
+                self._on_message(message, now)
+            else:
+                self._counters["others"] += 1
+                if message.get_type() in SET_POINT_MESSAGES and message.target_system in (
+                    0,
+                    self.options.system,
+                ):
+                    self._counters["other_masters"] += 1
+                    self._master, self._master_stamp = header.srcSystem, now
+
+    def _on_message(self, message: Any, now: float) -> None:
+        """Take one message of our vehicle."""
+        kind = message.get_type()
+        self.heard = now
+        if kind == "HEARTBEAT":
+            if (message.autopilot, message.type in ROVER_TYPES) != (ARDUPILOT, True):
+                self.wrong_vehicle = f"system {self.options.system} is no ArduPilot rover: autopilot {message.autopilot}, type {message.type}"
+                return
+            self.wrong_vehicle, self.identified = "", True
+            self.authority.on_heartbeat(message.custom_mode, bool(message.base_mode & ARMED), now)
+        elif kind == "LOCAL_POSITION_NED":
+            self.pose.on_position(message, self.clock.stamp(message.time_boot_ms, now))
+        elif kind == "ATTITUDE":
+            self.pose.on_attitude(message, self.clock.stamp(message.time_boot_ms, now))
+        elif kind == "EKF_STATUS_REPORT":
+            self.pose.on_ekf(message.flags, now)
+        elif kind == "COMMAND_ACK":
+            system, component = self.options.us
+            ours = message.target_system in (0, system) and message.target_component in (
+                0,
+                component,
+            )
+            if not (ours and self.desk.on_ack(message.command, message.result, now)):
+                self._counters["unmatched_acks"] += 1
+            self.authority.tick(now)
+        elif kind == "TIMESYNC":
+            if message.tc1 == 0:
+                self._send(self._build.timesync(int(now * 1e9), message.ts1))
+            elif not self.clock.answer(message.tc1, message.ts1, now):
+                self._counters["unmatched_timesync"] += 1
+        elif kind == "PARAM_VALUE":
+            self.failsafe.on_param(message.param_id, message.param_value, message.param_type, now)
+        elif kind == "STATUSTEXT":
+            self.texts.append((message.severity, message.text))
+            if message.text.startswith(("PreArm:", "Arm:")):
+                self._prearm = message.text
+        elif kind == "GPS_GLOBAL_ORIGIN":
+            self._has_origin = True
+        self.streams.saw(message.get_msgId(), now)
+
+    def tick(self, now: float) -> None:
+        """Send what is due; to be called 20 times a second."""
+        if self._is_due("heartbeat", now, HEARTBEAT_PERIOD):
+            self._send(self._build.heartbeat())
+        if not self.identified or self.wrong_vehicle:
+            return
+        if self._is_due("timesync", now, TIMESYNC_PERIOD if self.clock.settled else TIMESYNC_FIRST):
+            self._send(self._build.timesync(0, self.clock.ask(now)))
+        self.streams.tick(now)
+        self.failsafe.tick(now)
+        if (
+            self.options.pose == MOCAP
+            and self.options.origin is not None
+            and not self._has_origin
+            and self.pose.state is None
+        ):
+            if self._is_due("origin", now, ORIGIN_PERIOD):
+                self._send(self._build.origin(*self.options.origin))
+        self.desk.tick(now)
+        self.authority.tick(now)
+        if self.authority.aim is Aim.RELEASE and self._is_due("zero", now, ZERO_PERIOD):
+            self._send(self._build.set_point(0.0, 0.0, now))
+
+    def set_point(self, v: float, omega: float, now: float) -> None:
+        """Command a velocity; zeros always go out, others only to a vehicle that is ours and not being given back."""
+        message = self._build.set_point(v, omega, now)
+        moving = v != 0.0 or omega != 0.0
+        if moving and not (
+            self.authority.obeys and self.authority.aim is Aim.WATCH and not self.wrong_vehicle
+        ):
+            self._counters["held_back"] += 1
+            return
+        self._moved = self._moved or moving
+        self._send(message)
+
+    def take(self, now: float) -> None:
+        """Begin to ask for GUIDED and arming."""
+        self.authority.take(now)
+
+    def stop(self, now: float) -> None:
+        """Zeros, then HOLD, both until HOLD is acknowledged and shown; a pilot's mode is left alone."""
+        self._moved = False
+        self._send(self._build.set_point(0.0, 0.0, now))
+        self.authority.release(now)
+
+    @property
+    def stopping(self) -> bool:
+        """Whether HOLD is asked for and not confirmed."""
+        return self.authority.aim is Aim.RELEASE
+
+    @property
+    def owes_stop(self) -> bool:
+        """Whether the vehicle may still be moving by our word."""
+        return self._moved and self.authority.mode != HOLD
+
+    def feed_pose(self, x: float, y: float, theta: float, stamp: float, now: float) -> None:
+        """Pass a pose from outside on; one that is not finite, from the future or older than the last is refused and counted."""
+        if (
+            not all(map(math.isfinite, (x, y, theta, stamp)))
+            or stamp > now + 0.05
+            or stamp <= self._source_stamp
+        ):
+            self._counters["refused_poses"] += 1
+            return
+        self._source_stamp = stamp
+        if stamp - self._vision_sent >= VISION_PERIOD * 0.9:
+            self._vision_sent = stamp
+            self._send(self._build.vision(x, y, theta, stamp))
+
+    @property
+    def state(self) -> State | None:
+        """Newest state."""
+        return self.pose.state
+
+    def status(self, now: float, connected: bool) -> LinkStatus:
+        """What is known of the vehicle."""
+        distrust, authority = self.pose.faults(now, self._ekf.rate), self.authority
+        pose_stamp = self.pose.oldest_part
+        if self.options.pose == MOCAP:
+            # the EKF's output looks valid for 7 s after its source has stopped: the source's own
+            # stamp tells
+            pose_stamp = min(pose_stamp, self._source_stamp)
+        faults = [*distrust, *(f"the vehicle refuses {name}" for name in self.streams.refused())]
+        if self.wrong_vehicle:
+            faults.append(self.wrong_vehicle)
+        if authority.refusal:
+            faults.append(
+                f"{authority.refusal}: {self._prearm}"
+                if self._prearm and "arming" in authority.refusal
+                else authority.refusal
+            )
+        if now - self._master_stamp < OTHER_MASTER:
+            faults.append(f"another master: system {self._master} sends set-points to the vehicle")
+        fresh = authority.fresh(now)
+        ready = authority.obeys and fresh and not self.wrong_vehicle
+        # a vehicle that sends poses but no HEARTBEAT is not heard: it may obey us still, so it is
+        # braked, not left to a pilot
+        heard = self.heard if fresh else authority.heard
+        return LinkStatus(
+            connected,
+            heard,
+            pose_stamp,
+            ready,
+            not distrust,
+            authority.armed,
+            authority.mode_name,
+            tuple(faults),
+            self.counters,
+        )
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Everything that is counted."""
+        more = {
+            "refused_telemetry": self.pose.refused,
+            "unpaired_positions": self.pose.unpaired,
+            "clock_jumps": self.clock.jumps,
+            "yielded": self.authority.yielded,
+        }
+        return {**self._codec.counters, **self._counters, **more}
+
+    def _send(self, message: Any) -> None:
+        self._write(self._codec.encode(message))
+
+    def _is_due(self, what: str, now: float, period: float) -> bool:
+        if now < self._due[what]:
+            return False
+        self._due[what] = now + period
+        return True

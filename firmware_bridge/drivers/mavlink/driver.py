@@ -1,0 +1,235 @@
+"""MAVLink driver for ArduPilot Rover: velocity and turn rate in GUIDED mode.
+
+PX4 is not driven: its rovers take a velocity vector for speed and heading and ignore the turn rate,
+and its manual control was not tested against anything. A vehicle that is no ArduPilot rover is
+refused.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import Any
+
+from firmware_bridge.drivers.mavlink.core import MavlinkCore
+from firmware_bridge.drivers.mavlink.options import MavlinkOptions
+from firmware_bridge.link import Transport
+from firmware_bridge.messages import ConfigError, LinkError, LinkStatus, State
+
+TICK = 0.047
+"""Between looks at what is due: no multiple of an autopilot's loop period, or all TIMESYNC requests
+would wait equally long in it [s]."""
+FAREWELL = 1.0
+"""How long `close` waits for HOLD to be confirmed [s]."""
+
+
+class MavlinkDriver:
+    """The near end of a MAVLink link to an ArduPilot rover.
+
+    Telemetry comes as often as the vehicle gives it; stamps are the vehicle's own, brought to our
+    clock by TIMESYNC. Set-points are handed to the link in the thread that calls `send`;
+    heartbeats, requests and retries in a thread of the driver.
+
+    Parameters
+    ----------
+    transport : Transport
+        The link, not yet started.
+    options : MavlinkOptions
+        Who is who, and whether to arm.
+    clock : callable
+        Monotonic time [s].
+
+    Examples
+    --------
+    >>> from firmware_bridge.link import open_transport
+    >>> driver = MavlinkDriver(open_transport("tcp:127.0.0.1:5760"), MavlinkOptions(arm=True))
+    >>> driver.health().connected
+    False
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        options: MavlinkOptions | None = None,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._transport, self._clock = transport, clock
+        self._core = MavlinkCore(
+            MavlinkOptions() if options is None else options, transport.write, time.time()
+        )
+        self._changed = threading.Condition()
+        self._started, self._closing = False, False
+        self._thread: threading.Thread | None = None
+        self._internal_errors, self._internal_error = 0, ""
+
+    @classmethod
+    def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> MavlinkDriver:
+        """Build it from a robot file: its ``[board]`` section holds the fields of `MavlinkOptions`.
+
+        Raises
+        ------
+        ConfigError
+            Names the key.
+        """
+        astray = [entry.name for entry in fields(MavlinkOptions) if entry.name in table]
+        if astray:
+            raise ConfigError(f"{astray[0]}: expected in [board], not at the top")
+        return cls(transport, MavlinkOptions.from_table(table.get("board", {})))
+
+    def connect(self, timeout: float) -> None:
+        """Open the link, find the vehicle, ask for telemetry, see to its failsafe; with `arm`, begin to take it.
+
+        Taking goes on after the return: arming may be refused for 45 s after boot. `health().ready`
+        tells when it is done.
+
+        Raises
+        ------
+        LinkError
+            Where the link cannot be opened, or nobody, or no ArduPilot rover, answers within
+            `timeout` [s].
+        """
+        if not self._started:
+            self._transport.start(self._on_bytes)
+            self._started = True
+            self._thread = threading.Thread(target=self._run, name="mavlink", daemon=True)
+            self._thread.start()
+        core, deadline = self._core, time.monotonic() + timeout
+        with self._changed:
+            while not (core.identified and core.streams.answered) and not core.wrong_vehicle:
+                left = deadline - time.monotonic()
+                if left <= 0.0:
+                    break
+                self._changed.wait(left)
+            if core.wrong_vehicle:
+                raise LinkError(f"mavlink: {core.wrong_vehicle}")
+            if not core.identified:
+                raise LinkError(self._nobody(timeout))
+            if not core.streams.answered:
+                raise LinkError(
+                    f"mavlink: system {core.options.system} is heard, but answers no request within {timeout:g} s: one-way link, or signing"
+                )
+            if core.options.arm:
+                core.take(self._clock())
+
+    def state(self) -> State | None:
+        """Newest state, None before the first."""
+        return self._core.state
+
+    def send(self, v: float, omega: float) -> None:
+        """Command forward speed [m/s] and turn rate, counter-clockwise [rad/s].
+
+        Zeros always go out. Anything else is held back and counted while the vehicle is not ours
+        (not armed, not in GUIDED) or is being given back.
+        """
+        with self._changed:
+            self._core.set_point(v, omega, self._clock())
+
+    def take(self) -> None:
+        """Ask for GUIDED and arming, again where they were lost or given back."""
+        with self._changed:
+            self._core.take(self._clock())
+
+    def stop(self) -> None:
+        """Zero speed now, then HOLD, repeated until the vehicle confirms it; a mode that a pilot chose is left alone."""
+        with self._changed:
+            self._core.stop(self._clock())
+
+    def feed_pose(self, x: float, y: float, theta: float, stamp: float) -> None:
+        """Pass on a pose from motion capture: ENU [m, m, rad] at `time.monotonic()` [s]. Bad ones are refused and counted."""
+        with self._changed:
+            self._core.feed_pose(x, y, theta, stamp, self._clock())
+
+    def health(self) -> LinkStatus:
+        """What is known of the vehicle and the link."""
+        with self._changed:
+            status = self._core.status(self._clock(), self._transport.connected)
+        faults, counters = (
+            status.faults,
+            {
+                **self._transport.counters,
+                **status.counters,
+                "internal_errors": self._internal_errors,
+            },
+        )
+        if self._internal_error:
+            faults = (*faults, self._internal_error)
+        names = ("heartbeat_stamp", "pose_stamp", "ready", "pose_ok", "armed", "mode")
+        return LinkStatus(
+            status.connected,
+            **{name: getattr(status, name) for name in names},
+            faults=faults,
+            counters=counters,
+        )
+
+    def notes(self) -> tuple[str, ...]:
+        """What a user may want to know and no robot must stop for: failsafe set-up, last words of the vehicle."""
+        with self._changed:
+            return (self._core.failsafe.note, *(text for _, text in self._core.texts))
+
+    def close(self) -> None:
+        """Stop a vehicle that moves by our word, wait up to a second until it confirms HOLD, close the link; idempotent."""
+        with self._changed:
+            if self._closing:
+                return
+            if self._core.owes_stop:
+                self._core.stop(self._clock())
+            deadline = time.monotonic() + FAREWELL
+            while (
+                self._core.stopping
+                and self._transport.connected
+                and (left := deadline - time.monotonic()) > 0.0
+            ):
+                self._changed.wait(left)
+            self._closing = True
+            self._changed.notify_all()
+        if self._thread is not None:
+            self._thread.join()
+        self._transport.close()
+
+    def _nobody(self, timeout: float) -> str:
+        counters, transport = self._core.counters, self._transport.counters
+        start = (
+            f"mavlink: no heartbeat of system {self._core.options.system} within {timeout:g} s: "
+        )
+        if counters["unsigned"] or counters["bad_signature"]:
+            return (
+                start
+                + f"{counters['unsigned']} unsigned and {counters['bad_signature']} wrongly signed frames: is the key right?"
+            )
+        if counters["others"]:
+            return start + f"{counters['others']} frames of other systems: is the id right?"
+        if transport.get("bytes_in", 0):
+            return (
+                start
+                + f"{transport['bytes_in']} bytes, but no frame: is the baud rate right, is it MAVLink?"
+            )
+        return start + "no byte: is it powered, are the lines crossed?"
+
+    def _on_bytes(self, data: bytes, stamp: float) -> None:
+        """Take what arrived (I/O thread); whatever goes wrong is counted and told, and leaves the thread alone."""
+        with self._changed:
+            try:
+                self._core.receive(data, stamp)
+            except Exception as error:
+                self._note(error)
+            self._changed.notify_all()
+
+    def _run(self) -> None:
+        """Look at what is due, time and again."""
+        with self._changed:
+            due = time.monotonic()
+            while not self._closing:
+                try:
+                    self._core.tick(self._clock())
+                except Exception as error:
+                    self._note(error)
+                due = max(due + TICK, time.monotonic())
+                while not self._closing and (left := due - time.monotonic()) > 0.0:
+                    self._changed.wait(left)
+
+    def _note(self, error: Exception) -> None:
+        self._internal_errors += 1
+        self._internal_error = f"internal error: {type(error).__name__}: {error}"

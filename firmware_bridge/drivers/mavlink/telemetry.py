@@ -1,0 +1,81 @@
+"""LOCAL_POSITION_NED, ATTITUDE and EKF_STATUS_REPORT -> State and whether to trust it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from firmware_bridge.frames import forward_speed, ned_to_enu
+from firmware_bridge.messages import State
+
+ATTITUDE, VELOCITY_HORIZ, POS_HORIZ_REL, POS_HORIZ_ABS = 1, 2, 8, 16
+CONST_POS_MODE, UNINITIALIZED, GPS_GLITCHING = 128, 1024, 32768
+"""Flags of EKF_STATUS_REPORT."""
+EKF_AGE = 0.25
+"""How old the flags may be [s]."""
+PAIR = 0.2
+"""How far apart a position and the attitude used with it may be [s]."""
+FARTHEST, FASTEST = 1e5, 100.0
+"""Positions [m] and speeds [m/s, rad/s] beyond these are no rover's."""
+
+
+class PoseTracker:
+    """Pairs positions with attitudes, refuses what is not finite or out of range, and judges the EKF by its flags."""
+
+    def __init__(self) -> None:
+        self.state: State | None = None
+        self.oldest_part = -math.inf
+        """When the older of the position and the attitude behind `state` was true [s]."""
+        self.flags: int | None = None
+        self.refused = 0
+        """Messages with values that cannot be."""
+        self.unpaired = 0
+        """Positions without an attitude near them in time."""
+        self._flags_stamp = -float("inf")
+        self._attitude: tuple[float, float, float] | None = None
+
+    def on_attitude(self, message: Any, stamp: float) -> None:
+        """Keep the newest yaw and yaw rate (NED)."""
+        if self._sane((message.yaw, message.yawspeed), FASTEST):
+            self._attitude = (stamp, message.yaw, message.yawspeed)
+
+    def on_position(self, message: Any, stamp: float) -> None:
+        """Make a state of the newest position and the attitude, brought to the same time."""
+        if not self._sane((message.x, message.y), FARTHEST) or not self._sane(
+            (message.vx, message.vy), FASTEST
+        ):
+            return
+        if self._attitude is None or abs(stamp - self._attitude[0]) > PAIR:
+            self.unpaired += 1
+            return
+        at, yaw, yaw_rate = self._attitude
+        yaw += (stamp - at) * yaw_rate
+        x, y, theta = ned_to_enu(message.x, message.y, yaw)
+        self.state = State(
+            x, y, theta, forward_speed(message.vx, message.vy, yaw), 0.0 - yaw_rate, stamp
+        )
+        self.oldest_part = min(stamp, at)
+
+    def on_ekf(self, flags: int, now: float) -> None:
+        """Keep the EKF's flags."""
+        self.flags, self._flags_stamp = flags, now
+
+    def faults(self, now: float, rate: float) -> tuple[str, ...]:
+        """Why the estimate is not to be trusted; `rate` is how often the flags should come [Hz]."""
+        if self.flags is None or now - self._flags_stamp > max(EKF_AGE, 3.0 / rate):
+            return ("EKF: no status report",)
+        missing = [
+            (not self.flags & ATTITUDE, "no attitude"),
+            (not self.flags & VELOCITY_HORIZ, "no horizontal velocity"),
+            (not self.flags & (POS_HORIZ_REL | POS_HORIZ_ABS), "no horizontal position"),
+            (bool(self.flags & CONST_POS_MODE), "position held constant"),
+            (bool(self.flags & UNINITIALIZED), "not initialised"),
+            (bool(self.flags & GPS_GLITCHING), "GPS glitch"),
+        ]
+        return tuple(f"EKF: {text}" for wrong, text in missing if wrong)
+
+    def _sane(self, values: tuple[float, ...], limit: float) -> bool:
+        """Whether all are numbers within the limit; counted if not."""
+        good = all(math.isfinite(value) and abs(value) <= limit for value in values)
+        self.refused += not good
+        return good

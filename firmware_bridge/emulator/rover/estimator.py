@@ -1,0 +1,81 @@
+"""What the emulated autopilot believes of its pose: from its GPS, or from motion capture that may fall silent."""
+
+from __future__ import annotations
+
+import math
+
+from firmware_bridge.emulator.rover.parameters import Parameters
+from firmware_bridge.emulator.rover.physics import RoverPhysics
+
+GOOD = 1 | 2 | 4 | 8 | 16 | 32 | 256 | 512
+"""EKF_STATUS_REPORT: attitude, velocities, positions and their predictions."""
+LOST = 1 | 4 | 32 | 128
+"""Attitude and height only, horizontal position held constant."""
+UNINITIALIZED = 1024
+LOOKS_VALID = 7.0
+"""How long the pose looks valid after motion capture has stopped, as measured [s]."""
+FED = 0.25
+"""Motion capture must come at least this often to be taken for the first time [s]."""
+ORIGIN = (47.3769, 8.5417, 408.0)
+"""Where the GPS is: latitude, longitude [deg], altitude [m]."""
+
+
+class Estimator:
+    """Pose estimate, ENU, and its flags.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Say where the pose comes from.
+    settled : float
+        When after boot the EKF has its position and, with GPS, its origin [s].
+    """
+
+    def __init__(self, parameters: Parameters, settled: float) -> None:
+        self._parameters, self._settled = parameters, settled
+        self.origin: tuple[float, float, float] | None = None
+        self.pose = (0.0, 0.0, 0.0)
+        """x, y [m], theta [rad]."""
+        self.broken = False
+        """Set by a test: the filter has lost its position."""
+        self.poses_in = 0
+        self._uptime, self._fed, self._ever = 0.0, -math.inf, False
+
+    def vision(self, x: float, y: float, theta: float, uptime: float) -> None:
+        """Take a pose from outside, where one is wanted."""
+        if self._parameters.motion_capture and all(map(math.isfinite, (x, y, theta))):
+            self.poses_in += 1
+            self._ever = self._ever or (uptime - self._fed <= FED and self.origin is not None)
+            self._fed, self.pose = uptime, (x, y, theta)
+
+    def step(self, physics: RoverPhysics, uptime: float, dt: float) -> None:
+        """Follow the rover: exactly with GPS, from the last fed pose by its own motion with motion capture."""
+        self._uptime = uptime
+        if not self._parameters.motion_capture:
+            self.pose = physics.pose
+            if uptime >= self._settled and self.origin is None:
+                self.origin = ORIGIN
+            return
+        x, y, theta = self.pose
+        # the motion is measured in the body's frame, which the estimate may have turned
+        turned = theta - physics.pose[2]
+        east, north, turn = physics.velocity
+        x += (east * math.cos(turned) - north * math.sin(turned)) * dt
+        y += (east * math.sin(turned) + north * math.cos(turned)) * dt
+        self.pose = (x, y, theta + turn * dt)
+
+    @property
+    def position_ok(self) -> bool:
+        """Whether there is a horizontal position: LOCAL_POSITION_NED is sent, GUIDED may be entered."""
+        if self.broken or self.origin is None or self._uptime < self._settled:
+            return False
+        return not self._parameters.motion_capture or (
+            self._ever and self._uptime - self._fed <= LOOKS_VALID
+        )
+
+    @property
+    def flags(self) -> int:
+        """Flags of EKF_STATUS_REPORT."""
+        if self._uptime < min(1.0, self._settled):
+            return UNINITIALIZED
+        return GOOD if self.position_ok else LOST

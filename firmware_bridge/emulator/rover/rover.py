@@ -1,0 +1,241 @@
+"""An ArduPilot-like rover at the other end of a MAVLink link: real bytes, the measured behaviour of Rover 4.6.3, physics of `kmpc_lite`."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
+from firmware_bridge.emulator.rover.autopilot import Autopilot
+from firmware_bridge.emulator.rover.estimator import Estimator
+from firmware_bridge.emulator.rover.parameters import Parameters
+from firmware_bridge.emulator.rover.physics import RoverPhysics
+from firmware_bridge.emulator.rover.protocol import Protocol
+from firmware_bridge.emulator.rover.telemetry import Telemetry
+from firmware_bridge.emulator.server import serve
+from firmware_bridge.link import Transport
+
+log = logging.getLogger(__name__)
+
+LONGEST_CATCH_UP = 1.0
+"""After a stall longer than this the rover has lost that time [s]."""
+
+
+class RoverEmulator:
+    """The emulated rover; `start` serves it on a link, or `step` drives it by hand on a clock of one's own.
+
+    Messages are taken and sent in the main loop of 50 Hz, as the real one does: hence its round
+    trip of about 10 ms.
+
+    Parameters
+    ----------
+    slip, turn_gain, seed
+        Of `kmpc_lite.sim.DifferentialDrive`.
+    pose : tuple
+        Where it starts: x, y [m], theta [rad], ENU.
+    clock : callable
+        Monotonic time [s].
+    parameters : mapping
+        ArduPilot parameters other than delivered.
+    arm_after : float
+        Arming is refused this long after boot [s]; the real one takes 25 to 45 s.
+    uptime : float
+        How long ago it booted [s].
+    system : int
+        Its MAVLink id.
+    key : bytes or None
+        Signing key, 32 bytes.
+    physics : RoverPhysics, optional
+        Another rover; slip, turn gain and seed are then its own.
+
+    Examples
+    --------
+    >>> times = iter([0.0, 0.5])
+    >>> rover = RoverEmulator(clock=lambda: next(times))
+    >>> rover.step()
+    >>> rover.pose, rover.stopped
+    ((0.0, 0.0, 0.0), True)
+    """
+
+    def __init__(
+        self,
+        slip: float = 0.0,
+        turn_gain: float = 1.0,
+        seed: int = 0,
+        *,
+        pose: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        clock: Callable[[], float] = time.monotonic,
+        parameters: Mapping[str, float] | None = None,
+        arm_after: float = 2.0,
+        uptime: float = 0.0,
+        system: int = 1,
+        key: bytes | None = None,
+        physics: RoverPhysics | None = None,
+    ) -> None:
+        self.parameters = Parameters(parameters)
+        self._physics = RoverPhysics(slip, turn_gain, seed) if physics is None else physics
+        self._physics.place(*pose)
+        self._clock, self._arm_after, self._system = clock, arm_after, system
+        self._lock = threading.RLock()
+        self._codec = MavlinkCodec(system, 1, key=key, wall_time=time.time())
+        self._inbox: list[tuple[bytes, float]] = []
+        self._write: Callable[[bytes], object] = lambda frame: None
+        self._transport: Transport | None = None
+        self._thread: threading.Thread | None = None
+        self._closing = threading.Event()
+        self.internal_errors = 0
+        self.reboots = -1
+        self._boot(uptime)
+
+    def _boot(self, uptime: float) -> None:
+        estimator = Estimator(self.parameters, 0.6 * self._arm_after)
+        self.autopilot = Autopilot(self.parameters, self._physics, estimator, self._arm_after)
+        self.autopilot.uptime = uptime
+        self._telemetry = Telemetry(self.autopilot)
+        self._protocol = Protocol(self.autopilot, self._telemetry, self._send, self._system)
+        self._booted = self._clock() - uptime
+        self._next = uptime
+        self.reboots += 1
+
+    def start(self, url: str) -> None:
+        """Serve the rover on a link (pty:, tcp:, udp:) until `close`; LinkError if the link cannot be had."""
+        transport = serve(url)
+        self.connect(transport.write)
+        transport.start(self.receive)
+        self._transport = transport
+        self._thread = threading.Thread(target=self._run, name="rover", daemon=True)
+        self._thread.start()
+
+    def connect(self, write: Callable[[bytes], object]) -> None:
+        """Send frames to this callable."""
+        self._write = write
+
+    def receive(self, data: bytes, stamp: float) -> None:
+        """Take bytes; they are looked at in the next turn of the main loop."""
+        with self._lock:
+            self._inbox.append((data, stamp))
+
+    def step(self) -> None:
+        """Run the main loop up to the present time."""
+        with self._lock:
+            uptime, period = self._clock() - self._booted, 1.0 / self.parameters["SCHED_LOOP_RATE"]
+            if uptime - self._next > LONGEST_CATCH_UP:
+                self._next = uptime
+            while self._next <= uptime + 1e-9:
+                self._turn(self._next, period)
+                self._next += period
+                if self._protocol.reboot:
+                    self._boot(0.0)
+                    return
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """True pose, ENU: x, y [m], theta [rad]."""
+        with self._lock:
+            return self._physics.pose
+
+    @property
+    def velocity(self) -> tuple[float, float, float]:
+        """True velocity: east, north [m/s], turn rate counter-clockwise [rad/s]."""
+        with self._lock:
+            return self._physics.velocity
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it stands."""
+        with self._lock:
+            return self._physics.stopped
+
+    @property
+    def mode(self) -> str:
+        """Name of its mode."""
+        with self._lock:
+            return str(
+                dialect.enums["ROVER_MODE"][self.autopilot.mode].name.removeprefix("ROVER_MODE_")
+            )
+
+    @property
+    def armed(self) -> bool:
+        """Whether it is armed."""
+        return self.autopilot.armed
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """What came and what was made of it; `aborts` counts the set-points that make the real one abort."""
+        with self._lock:
+            more = {
+                "ignored": self._protocol.ignored,
+                "reboots": self.reboots,
+                "internal_errors": self.internal_errors,
+            }
+            return {**self._codec.counters, **self.autopilot.counters, **more}
+
+    def place(self, x: float, y: float, theta: float) -> None:
+        """Put the rover down somewhere: [m], [m], [rad]."""
+        with self._lock:
+            self._physics.place(x, y, theta)
+
+    def pilot_mode(self, mode: int) -> bool:
+        """A pilot's mode switch; False where the mode cannot be entered."""
+        with self._lock:
+            return self.autopilot.set_mode(mode)
+
+    def pilot_arm(self, armed: bool = True) -> bool:
+        """A pilot's arming switch; False where arming is refused."""
+        with self._lock:
+            if armed:
+                return self.autopilot.arm(force=False)
+            self.autopilot.disarm()
+            return True
+
+    def lose_position(self, lost: bool = True) -> None:
+        """Break the pose estimate, or mend it."""
+        with self._lock:
+            self.autopilot.estimator.broken = lost
+
+    def close(self) -> None:
+        """Stop serving; idempotent."""
+        self._closing.set()
+        if self._thread is not None:
+            self._thread.join()
+        if self._transport is not None:
+            self._transport.close()
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while not self._closing.is_set():
+            try:
+                self.step()
+            except (
+                Exception
+            ):  # the rover of a desk is to outlive whatever it is sent; tests look at the count
+                self.internal_errors += 1
+                log.exception("emulated rover")
+            due = max(due + 1.0 / self.parameters["SCHED_LOOP_RATE"], time.monotonic())
+            self._closing.wait(due - time.monotonic())
+
+    def _turn(self, uptime: float, period: float) -> None:
+        """One turn of the main loop: take what came, move, tell."""
+        self.autopilot.uptime = uptime
+        inbox, self._inbox = self._inbox, []
+        for data, stamp in inbox:
+            for message in self._codec.feed(data, stamp):
+                self._protocol.on_message(message)
+        self.autopilot.step(uptime, period)
+        self._protocol.step()
+        if self.autopilot.mode_changed:
+            self.autopilot.mode_changed = False
+            self._send(self._telemetry.heartbeat())
+        for message in self._telemetry.due():
+            self._send(message)
+        while self.autopilot.texts:
+            severity, text = self.autopilot.texts.popleft()
+            self._send(dialect.MAVLink_statustext_message(severity, text.encode()[:50]))
+
+    def _send(self, message: Any) -> None:
+        self._write(self._codec.encode(message))

@@ -1,0 +1,185 @@
+"""The bytes of a link, both ways: recorded between driver and transport, read, and played back.
+
+MAVLink links make a tlog (before each frame its time, big-endian uint64 microseconds since 1970),
+which MAVProxy, QGroundControl and mavlogdump read. Other links make a raw log: after a magic line,
+records of monotonic microseconds (uint64), direction (0 in, 1 out), length (uint16) and bytes,
+big-endian.
+"""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from firmware_bridge.link import OnBytes, Transport
+from firmware_bridge.messages import ConfigError
+from firmware_bridge.recording.recorder import DurableFile
+
+RAW_MAGIC = b"kmpc-bridge raw log 1\n"
+RAW_RECORD = struct.Struct(">QBH")
+TLOG_STAMP = struct.Struct(">Q")
+LONGEST, LONGEST_PAUSE = 0xFFFF, 5.0
+V1, V2, SIGNED = 0xFE, 0xFD, 1
+"""First bytes of MAVLink frames, and the flag of a signed one."""
+
+
+class Chunk(NamedTuple):
+    """Bytes that passed at one time."""
+
+    time: float
+    """[s], of whatever clock the log has."""
+    incoming: bool | None
+    """From the board; None where the log does not tell."""
+    data: bytes
+
+
+class RecordedTransport:
+    """A transport that shows a log all that passes through it.
+
+    Parameters
+    ----------
+    transport : Transport
+        The link.
+    log : callable
+        Takes chunks with times of `time.monotonic()`; must return at once.
+    """
+
+    def __init__(self, transport: Transport, log: Callable[[Chunk], None]) -> None:
+        self._transport, self._log = transport, log
+
+    def start(self, on_bytes: OnBytes) -> None:
+        """Open the link."""
+
+        def both(data: bytes, stamp: float) -> None:
+            self._log(Chunk(stamp, True, data))
+            on_bytes(data, stamp)
+
+        self._transport.start(both)
+
+    def write(self, data: bytes) -> bool:
+        """Send one frame; logged if the link takes it."""
+        taken = self._transport.write(data)
+        if taken:
+            self._log(Chunk(time.monotonic(), False, bytes(data)))
+        return taken
+
+    @property
+    def connected(self) -> bool:
+        """Whether the link is open."""
+        return self._transport.connected
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Counters of the link."""
+        return self._transport.counters
+
+    @property
+    def last_error(self) -> str:
+        """Why the link last went down."""
+        return self._transport.last_error
+
+    def close(self) -> None:
+        """Close the link."""
+        self._transport.close()
+
+
+def raw_log(path: Path) -> DurableFile[Chunk]:
+    """Start a raw log in a new file."""
+    return DurableFile(path, _encode_raw, RAW_MAGIC)
+
+
+def tlog(path: Path) -> DurableFile[Chunk]:
+    """Start a tlog in a new file; whole frames only, noise on the line is left out."""
+    from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
+
+    # Unix time as the format wants it, taken once: the log must not jump with the wall clock
+    codec, unix = MavlinkCodec(255, 190), time.time() - time.monotonic()
+
+    def encode(chunks: Iterable[Chunk]) -> bytes:
+        parts: list[bytes] = []
+        for chunk in chunks:
+            frames = (
+                [bytes(m.get_msgbuf()) for m in codec.feed(chunk.data, chunk.time)]
+                if chunk.incoming
+                else [chunk.data]
+            )
+            stamp = TLOG_STAMP.pack(int((chunk.time + unix) * 1e6))
+            parts += [stamp + frame for frame in frames]
+        return b"".join(parts)
+
+    return DurableFile(path, encode)
+
+
+def _encode_raw(chunks: Iterable[Chunk]) -> bytes:
+    return b"".join(
+        RAW_RECORD.pack(int(chunk.time * 1e6), not chunk.incoming, len(piece)) + piece
+        for chunk in chunks
+        for piece in (chunk.data[i : i + LONGEST] for i in range(0, len(chunk.data), LONGEST))
+    )
+
+
+def read_link_log(path: Path) -> Iterator[Chunk]:
+    """Read a tlog or a raw log; a record that a power cut tore off the end is left out.
+
+    Raises
+    ------
+    ConfigError
+        For a file that is missing or neither.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot read: {error.strerror or error}") from error
+    if content.startswith(RAW_MAGIC):
+        return _read_raw(content)
+    if len(content) > TLOG_STAMP.size and content[TLOG_STAMP.size] in (V1, V2):
+        return _read_tlog(content, path)
+    raise ConfigError(f"{path}: neither a tlog nor a raw log of kmpc-bridge")
+
+
+def _read_raw(content: bytes) -> Iterator[Chunk]:
+    at = len(RAW_MAGIC)
+    while at + RAW_RECORD.size <= len(content):
+        stamp, direction, length = RAW_RECORD.unpack_from(content, at)
+        at += RAW_RECORD.size
+        if at + length > len(content):
+            return
+        yield Chunk(stamp * 1e-6, direction == 0, content[at : at + length])
+        at += length
+
+
+def _read_tlog(content: bytes, path: Path) -> Iterator[Chunk]:
+    at = 0
+    while at + TLOG_STAMP.size + 10 <= len(content):
+        (stamp,) = TLOG_STAMP.unpack_from(content, at)
+        start = at + TLOG_STAMP.size
+        magic, length, flags = content[start : start + 3]
+        if magic not in (V1, V2):
+            raise ConfigError(
+                f"{path}: byte {start}: expected a MAVLink frame, got {magic:#04x}: damaged"
+            )
+        size = 8 + length if magic == V1 else 12 + length + (13 if flags & SIGNED else 0)
+        at = start + size
+        if at > len(content):
+            return
+        yield Chunk(stamp * 1e-6, None, content[start:at])
+
+
+def play(
+    chunks: Iterable[Chunk],
+    speed: float,
+    clock: Callable[[], float],
+    sleep: Callable[[float], None],
+) -> Iterator[Chunk]:
+    """Give chunks at `speed` times the recorded pace; a pause of the log of more than 5 s is cut to that."""
+    due, last = clock(), None
+    for chunk in chunks:
+        due += 0.0 if last is None else min(max(0.0, chunk.time - last), LONGEST_PAUSE) / speed
+        last = chunk.time
+        wait = due - clock()
+        if wait > 0.0:
+            sleep(wait)
+        yield chunk

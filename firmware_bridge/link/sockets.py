@@ -1,0 +1,155 @@
+"""TCP and UDP ports."""
+
+from __future__ import annotations
+
+import socket
+import time
+
+from firmware_bridge.link.threaded import Endpoint, Port
+from firmware_bridge.messages import LinkError
+
+CONNECT_TIMEOUT = 1.0
+READ_BYTES = 65536
+SEND_BUFFER = 8192
+"""Small, so that a peer that stalls cannot pile up old commands [bytes]."""
+PEER_SILENCE = 1.0
+"""A listener takes another UDP peer once the first has been silent this long [s]."""
+
+
+class TcpPort:
+    """One connected stream."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        sock.setblocking(False)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        self._socket = sock
+
+    def fileno(self) -> int:
+        """Descriptor to poll."""
+        return self._socket.fileno()
+
+    def read(self) -> bytes:
+        """Take what has arrived."""
+        try:
+            data = self._socket.recv(READ_BYTES)
+        except BlockingIOError:
+            return b""
+        if not data:
+            raise LinkError("the other end closed the connection")
+        return data
+
+    def write(self, data: memoryview) -> int:
+        """Bytes that the socket took."""
+        try:
+            return self._socket.send(data)
+        except BlockingIOError:
+            return 0
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+class TcpEndpoint(Endpoint):
+    """Connects to a listener, again whenever the connection is lost."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._address = (host, port)
+
+    def open(self) -> Port:
+        """Connect."""
+        host, port = self._address
+        try:
+            return TcpPort(socket.create_connection(self._address, timeout=CONNECT_TIMEOUT))
+        except TimeoutError:
+            raise LinkError(
+                f"tcp:{host}:{port}: no answer within {CONNECT_TIMEOUT:g} s: is the address right?"
+            ) from None
+        except ConnectionRefusedError:
+            raise LinkError(
+                f"tcp:{host}:{port}: nothing listens there: is the vehicle or emulator running?"
+            ) from None
+        except OSError as error:
+            raise LinkError(f"tcp:{host}:{port}: {error.strerror or error}") from error
+
+
+class UdpPort:
+    """A datagram socket with one peer: named from the start, or the first that speaks."""
+
+    def __init__(self, sock: socket.socket, connected: bool) -> None:
+        sock.setblocking(False)
+        self._socket, self._connected = sock, connected
+        self._peer: tuple[str, int] | None = None
+        self._heard = -float("inf")
+        self.refused = 0
+        """Datagrams from others than the peer."""
+
+    def fileno(self) -> int:
+        """Descriptor to poll."""
+        return self._socket.fileno()
+
+    def read(self) -> bytes:
+        """One datagram."""
+        try:
+            data, sender = self._socket.recvfrom(READ_BYTES)
+        except (BlockingIOError, ConnectionRefusedError):
+            return b""  # refused: a datagram sent before found nobody; it is lost, and silence is the upper layers' matter
+        if self._connected:
+            return data
+        now = time.monotonic()
+        if sender != self._peer and now - self._heard < PEER_SILENCE:
+            self.refused += 1
+            return b""
+        self._peer, self._heard = sender, now
+        return data
+
+    def write(self, data: memoryview) -> int:
+        """Send one datagram; it is lost where there is no peer yet or its buffer is full."""
+        try:
+            if self._connected:
+                self._socket.send(data)
+            elif self._peer is not None:
+                self._socket.sendto(data, self._peer)
+        except (BlockingIOError, ConnectionRefusedError):
+            pass  # as above
+        return len(data)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+class UdpEndpoint(Endpoint):
+    """Sends to an address, or listens there and answers whoever spoke first."""
+
+    def __init__(self, host: str, port: int, listen: bool = False) -> None:
+        self._host, self._port, self._listen = host, port, listen
+        self._opened: UdpPort | None = None
+
+    @property
+    def refused(self) -> int:
+        """Datagrams from others than the peer."""
+        return 0 if self._opened is None else self._opened.refused
+
+    def open(self) -> Port:
+        """Make the socket."""
+        url = f"udp:{self._host}:{self._port}"
+        try:
+            family, kind, protocol, _, address = socket.getaddrinfo(
+                self._host, self._port, type=socket.SOCK_DGRAM
+            )[0]
+            sock = socket.socket(family, kind, protocol)
+            try:
+                if self._listen:
+                    sock.bind(address)
+                else:
+                    sock.connect(address)
+            except OSError:
+                sock.close()
+                raise
+        except OSError as error:
+            hint = ": another program has the port" if self._listen else ""
+            raise LinkError(f"{url}: {error.strerror or error}{hint}") from error
+        self._opened = UdpPort(sock, connected=not self._listen)
+        return self._opened

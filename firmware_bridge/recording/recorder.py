@@ -1,0 +1,334 @@
+"""Records a drive: the bytes of the link both ways, and a CSV that `kmpc fit` reads.
+
+Nothing here can stop a robot: records go into bounded queues, a thread of each file's own writes
+and syncs them, and a full disk ends the log, not the drive.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Generic, NamedTuple, TypeVar
+
+from firmware_bridge.messages import ConfigError, State
+from firmware_bridge.safety.gate import GateOutput
+from firmware_bridge.safety.gate_table import DRIVING
+
+T = TypeVar("T")
+WRITE_PERIOD = 0.25
+"""Between writes [s]."""
+SYNC_PERIOD = 0.5
+"""Between syncs to the disk [s]: with what waits for its turn, a power cut costs less than the last
+second."""
+QUEUE = 100_000
+"""Records that may wait for the disk."""
+HEADER = b"t,x,y,theta,v,omega\n"
+LATENESS = 0.3
+"""A row is written this long after its time [s]: by then its pose has come, or the robot was
+stopped for the lack of it."""
+POSE_GAP = 0.25
+"""Poses farther apart [s] are not interpolated: the row is left out, and the episode ends."""
+
+
+class Tick(NamedTuple):
+    """One tick of the loop, as far as a log wants it."""
+
+    now: float
+    """[s]"""
+    state: State | None
+    command: tuple[float, float] | None
+    """v [m/s] and omega [rad/s] if they were sent in this tick."""
+    driven: bool
+    """Whether the robot is to be recorded: it obeys our commands."""
+    fresh: bool = False
+    """Whether the command is the first of a new plan."""
+
+
+class DurableFile(Generic[T]):
+    """A new file that grows by whole records, from any thread.
+
+    Parameters
+    ----------
+    path : Path
+        Must not exist: a log is never written over.
+    encode : callable
+        Records to bytes; called in the writing thread.
+    header : bytes
+        First bytes of the file.
+
+    Raises
+    ------
+    ConfigError
+        Where the file exists or cannot be made.
+    """
+
+    def __init__(
+        self, path: Path, encode: Callable[[Iterable[T]], bytes], header: bytes = b""
+    ) -> None:
+        self.path, self._encode = path, encode
+        try:
+            self._descriptor = os.open(
+                path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o644
+            )
+        except FileExistsError as error:
+            raise ConfigError(
+                f"{path}: exists already: choose another name, or remove it"
+            ) from error
+        except OSError as error:
+            raise ConfigError(f"{path}: cannot write: {error.strerror or error}") from error
+        self._queue: deque[T] = deque()
+        self._quit = threading.Event()
+        self.problem = ""
+        """Why nothing is written any more."""
+        self.dropped = 0
+        """Records that were lost: the disk was too slow, or full."""
+        self.size = 0
+        """Bytes of whole records in the file."""
+        self._header_size = len(header)
+        self._write(header)
+        self._thread = threading.Thread(
+            target=self._run, name=f"bridge-log-{path.suffix}", daemon=True
+        )
+        self._thread.start()
+
+    def put(self, record: T) -> None:
+        """Add a record; returns at once and never raises."""
+        if self.problem or len(self._queue) >= QUEUE:
+            self.dropped += 1
+        else:
+            self._queue.append(record)
+
+    def close(self) -> None:
+        """Write what waits and close; idempotent."""
+        if not self._quit.is_set():
+            self._quit.set()
+            self._thread.join()
+            os.close(self._descriptor)
+
+    def discard_if_empty(self) -> None:
+        """Remove a closed file into which no record came."""
+        if self.size == self._header_size:
+            self.path.unlink(missing_ok=True)
+
+    def _run(self) -> None:
+        synced, due = time.monotonic(), False
+        while True:
+            last = self._quit.wait(WRITE_PERIOD)
+            records = [self._queue.popleft() for _ in range(len(self._queue))]
+            if records and not self.problem:
+                try:
+                    data = self._encode(records)
+                except (
+                    Exception
+                ) as error:  # a log that cannot be made sense of must not end the drive
+                    self.dropped += len(records)
+                    self.problem = (
+                        f"{self.path}: {type(error).__name__}: {error}: logging has ended"
+                    )
+                    data = b""
+                due = self._write(data) or due
+            elif records:
+                self.dropped += len(records)
+            if due and (last or time.monotonic() - synced >= SYNC_PERIOD):
+                synced, due = time.monotonic(), False
+                self._sync()
+            if last:
+                return
+
+    def _write(self, data: bytes) -> bool:
+        """Append whole records; what a full disk cut short is taken back."""
+        try:
+            left = memoryview(data)
+            while left:
+                left = left[os.write(self._descriptor, left) :]
+        except OSError as error:
+            self._fail(error)
+            try:
+                os.ftruncate(self._descriptor, self.size)
+            except OSError:  # the disk is gone: readers know how to stop at a torn record
+                return False
+            return False
+        self.size += len(data)
+        return bool(data)
+
+    def _sync(self) -> None:
+        try:
+            os.fsync(self._descriptor)
+        except OSError as error:
+            self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        self.problem = f"{self.path}: {error.strerror or error}: logging has ended after {self.size} bytes; the robot drives on"
+
+
+class RowSampler:
+    """Puts a drive on an even grid: the pose at each row's time, and the mean command until the next.
+
+    Rows begin when a plan's command begins, so that with the controller's period a row holds one
+    command. Wherever the drive is interrupted the time jumps by three periods or more, which ends
+    an episode for `kmpc fit`.
+
+    Parameters
+    ----------
+    period : float
+        Of the rows [s].
+    by_hand : bool
+        Somebody else drives: the measured speeds stand in for the commands.
+    """
+
+    def __init__(self, period: float, by_hand: bool = False) -> None:
+        self.period, self.by_hand = period, by_hand
+        self._poses: deque[State] = deque(maxlen=256)
+        self._commands: deque[tuple[float, float, float]] = deque(maxlen=256)
+        self._origin: float | None = None
+        self._next: float | None = None
+        """Time of the next row [s]; None between episodes."""
+        self._last_row = -math.inf
+
+    def take(self, tick: Tick) -> list[tuple[float, ...]]:
+        """Take in one tick and give the rows that are now whole: t, x, y, theta, v, omega."""
+        if tick.state is not None and (not self._poses or tick.state.stamp > self._poses[-1].stamp):
+            self._poses.append(tick.state)
+        if tick.command is not None:
+            self._commands.append((tick.now, *tick.command))
+        if not tick.driven:
+            return self.finish(tick.now)
+        if self._next is not None:
+            return self._rows(tick.now - LATENESS)
+        if (
+            self._poses
+            and (self.by_hand or tick.fresh)
+            and tick.now >= self._last_row + 3.0 * self.period - 1e-9
+        ):
+            self._origin = tick.now if self._origin is None else self._origin
+            self._next = tick.now
+        return []
+
+    def finish(self, until: float) -> list[tuple[float, ...]]:
+        """End an episode at `until` [s] and give its last rows."""
+        rows = [] if self._next is None else self._rows(until)
+        self._next = None
+        return rows
+
+    def _rows(self, until: float) -> list[tuple[float, ...]]:
+        """Rows whose period is over by `until` [s]."""
+        assert self._origin is not None
+        rows: list[tuple[float, ...]] = []
+        while self._next is not None and self._next + self.period <= until + 1e-9:
+            pose, command = (
+                self._pose(self._next),
+                self._command(self._next, self._next + self.period),
+            )
+            if pose is None or command is None:
+                self._next = max(self._next + self.period, self._last_row + 3.0 * self.period)
+                continue
+            rows.append((self._next - self._origin, *pose, *command))
+            self._last_row, self._next = self._next, self._next + self.period
+        return rows
+
+    def _pose(self, time: float) -> tuple[float, float, float] | None:
+        """Interpolate the pose at a time [s]; None across a gap, and before the first pose or after the last."""
+        after = None
+        for before in reversed(self._poses):
+            if before.stamp > time:
+                after = before
+                continue
+            if (
+                after is None
+                or after.stamp - before.stamp > POSE_GAP
+                or not (_finite(before) and _finite(after))
+            ):
+                return None
+            share = (time - before.stamp) / (after.stamp - before.stamp)
+            turn = math.remainder(after.theta - before.theta, math.tau)
+            return (
+                before.x + share * (after.x - before.x),
+                before.y + share * (after.y - before.y),
+                before.theta + share * turn,
+            )
+        return None
+
+    def _command(self, start: float, end: float) -> tuple[float, float] | None:
+        """Mean of what was held from `start` to `end` [s]; None where it is not known for all of that time."""
+        held = (
+            [(s.stamp, s.v, s.omega) for s in self._poses if _finite(s)]
+            if self.by_hand
+            else list(self._commands)
+        )
+        v_sum = omega_sum = covered = 0.0
+        for (begin, v, omega), (finish, _, _) in zip(
+            held, [*held[1:], (math.inf, 0.0, 0.0)], strict=True
+        ):
+            overlap = min(finish, end) - max(begin, start)
+            if overlap > 0.0:
+                v_sum, omega_sum, covered = (
+                    v_sum + overlap * v,
+                    omega_sum + overlap * omega,
+                    covered + overlap,
+                )
+        return None if covered < 0.99 * (end - start) else (v_sum / covered, omega_sum / covered)
+
+
+class CsvRecorder:
+    """Records the rows of a `RowSampler` in a new file; an `Observer` of the loop.
+
+    Parameters
+    ----------
+    path : Path
+        Of a new .csv file.
+    period, by_hand
+        See `RowSampler`.
+    """
+
+    def __init__(self, path: Path, period: float, by_hand: bool = False) -> None:
+        self._sampler = RowSampler(period, by_hand)
+        self.rows = 0
+        self._last = -math.inf
+        self.file: DurableFile[Tick | None] = DurableFile(path, self._encode, HEADER)
+
+    def on_tick(
+        self, now: float, state: State | None, output: GateOutput, sent: bool, fresh: bool
+    ) -> None:
+        """Take in one tick of the loop."""
+        self._last = now
+        driven = self._sampler.by_hand or output.state in DRIVING
+        self.file.put(Tick(now, state, (output.v, output.omega) if sent else None, driven, fresh))
+
+    def close(self) -> None:
+        """Write the last rows."""
+        self.file.put(None)
+        self.file.close()
+
+    def _encode(self, ticks: Iterable[Tick | None]) -> bytes:
+        rows: list[tuple[float, ...]] = []
+        for tick in ticks:
+            rows += self._sampler.finish(self._last) if tick is None else self._sampler.take(tick)
+        self.rows += len(rows)
+        return b"".join(map(csv_row, rows))
+
+
+def _finite(state: State) -> bool:
+    return all(map(math.isfinite, (state.x, state.y, state.theta, state.v, state.omega)))
+
+
+def csv_row(row: Iterable[float]) -> bytes:
+    """Render one row."""
+    return (",".join(f"{value:.6f}" for value in row) + "\n").encode()
+
+
+def torn_bytes(path: Path, mend: bool = False) -> int:
+    """Bytes behind the last whole row of a CSV that a power cut tore; with `mend` they are cut off."""
+    with open(path, "rb+" if mend else "rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        tail = min(size, 4096)
+        file.seek(size - tail)
+        # a torn page may also hold zeros
+        keep = size - tail + file.read().rstrip(b"\0").rfind(b"\n") + 1
+        if mend:
+            file.truncate(keep)
+    return size - keep

@@ -1,0 +1,190 @@
+"""The controller in a thread of its own: it may crash or hang, and the gate goes on."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+
+from firmware_bridge.messages import Controller, State, VelocityCommand
+from firmware_bridge.runtime.timing import Deadlines, Histogram
+
+Predict = Callable[[State, float, float, float], State]
+"""State after holding v [m/s] and omega [rad/s] for dt [s]."""
+OLDEST_POSE = 0.5
+"""A controller is not asked to plan from an older pose [s]."""
+
+
+def unicycle_arc(state: State, v: float, omega: float, dt: float) -> State:
+    """Drive a robot without slip: the exact arc.
+
+    Examples
+    --------
+    >>> end = unicycle_arc(State(0.0, 0.0, 0.0, 0.0, 0.0, 1.0), 1.0, math.pi, 0.5)
+    >>> round(end.x, 3), round(end.y, 3), end.stamp
+    (0.318, 0.318, 1.5)
+    """
+    turn = omega * dt
+    # the chord, along the mean heading
+    length = v * dt * (math.sin(turn / 2) / (turn / 2) if abs(turn) > 1e-6 else 1.0)
+    heading = state.theta + turn / 2
+    return State(
+        state.x + length * math.cos(heading),
+        state.y + length * math.sin(heading),
+        state.theta + turn,
+        v,
+        omega,
+        state.stamp + dt,
+    )
+
+
+class SentCommands:
+    """The last commands on the wire, for the delay compensation."""
+
+    def __init__(self, length: int = 128) -> None:
+        self._commands: deque[tuple[float, float, float]] = deque(maxlen=length)
+
+    def add(self, now: float, v: float, omega: float) -> None:
+        """Remember what was sent at `now` [s]."""
+        self._commands.append((now, v, omega))
+
+    def carry(
+        self, state: State, until: float, latency: float = 0.0, predict: Predict = unicycle_arc
+    ) -> State:
+        """Predict a state on to `until` [s] with the commands that act from its stamp on: those sent `latency` [s] before.
+
+        Before the first command that is remembered, the state's own speeds hold.
+        """
+        v, omega = state.v, state.omega
+        # a copy, since another thread adds
+        for sent, next_v, next_omega in tuple(self._commands):
+            start = sent + latency
+            if start >= until:
+                break
+            if start > state.stamp:
+                state = predict(state, v, omega, start - state.stamp)
+            v, omega = next_v, next_omega
+        return predict(state, v, omega, until - state.stamp) if until > state.stamp else state
+
+    def mean(self, begin: float, end: float) -> tuple[float, float] | None:
+        """Mean command on the wire between two moments [s]; None where there was none at the first of them."""
+        v = omega = 0.0
+        until = end
+        for sent, next_v, next_omega in reversed(tuple(self._commands)):
+            if sent >= until:
+                continue
+            share = (until - max(sent, begin)) / (end - begin)
+            v, omega, until = v + share * next_v, omega + share * next_omega, sent
+            if sent <= begin:
+                return v, omega
+        return None
+
+
+class Planner:
+    """Asks the controller once per period for a command, from the pose as it is now.
+
+    Parameters
+    ----------
+    controller : callable
+        State to VelocityCommand.
+    poses : callable
+        Gives the newest State, or None: the driver's `state`.
+    period : float
+        [s]
+    latency : float
+        From a command on the wire to the wheels [s]: what is planned starts from the pose as it
+        will be then.
+    predict : callable
+        See `Predict`.
+    clock : callable
+        [s]
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        poses: Callable[[], State | None],
+        period: float,
+        latency: float = 0.0,
+        predict: Predict = unicycle_arc,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._controller, self._poses, self.period, self._latency = (
+            controller,
+            poses,
+            period,
+            latency,
+        )
+        self._predict, self._clock = predict, clock
+        self._quit = threading.Event()
+        self._thread: threading.Thread | None = None
+        self.sent = SentCommands()
+        """To be told what goes out."""
+        self.latest: tuple[VelocityCommand, float] | None = None
+        """Newest command, stamped with the beginning of its computation, and the stamp of the pose
+        behind it [s]."""
+        self.held: tuple[float, float] | None = None
+        """Mean command on the wire since the controller was asked before, for a controller that
+        asks; None where that is not known."""
+        self._asked = -math.inf
+        self.errors = 0
+        """How often the controller raised."""
+        self.last_error = ""
+        self.skipped = 0
+        """Periods that went by while the controller was still busy."""
+        self.pose_age = Histogram()
+        self.step_time = Histogram()
+
+    def step(self, now: float) -> None:
+        """Ask the controller once; what it raises is counted and told, and leaves the last command to grow old."""
+        try:
+            state = self._poses()
+            if state is None or not _usable(state, now):
+                return
+            self.pose_age.add(now - state.stamp)
+            # a period that was left out has not been planned for
+            self.held = (
+                self.sent.mean(self._asked, now)
+                if 0.5 * self.period < now - self._asked < 1.5 * self.period
+                else None
+            )
+            self._asked = now
+            command = self._controller(
+                self.sent.carry(state, now + self._latency, self._latency, self._predict)
+            )
+            self.step_time.add(self._clock() - now)
+            # the age of an output counts from the beginning of the computation: that is how old its
+            # grounds are
+            self.latest = replace(command, stamp=min(command.stamp, now)), state.stamp
+        except Exception as error:  # whatever a controller raises, the gate must go on
+            self.errors += 1
+            self.last_error = f"{type(error).__name__}: {error}"
+
+    def start(self) -> None:
+        """Begin to ask, in a daemon thread."""
+        self._thread = threading.Thread(target=self._run, name="bridge-planner", daemon=True)
+        self._thread.start()
+
+    def stop(self, timeout: float = 0.5) -> bool:
+        """Ask no more; False where the controller still hangs after `timeout` [s]."""
+        self._quit.set()
+        if self._thread is not None:
+            self._thread.join(timeout)
+        return self._thread is None or not self._thread.is_alive()
+
+    def _run(self) -> None:
+        deadlines = Deadlines(self.period, self._clock())
+        while not self._quit.wait(max(0.0, deadlines.next - self._clock())):
+            self.step(self._clock())
+            deadlines.advance(self._clock())
+            self.skipped = deadlines.skipped
+
+
+def _usable(state: State, now: float) -> bool:
+    """Whether a pose is finite and young enough to be carried on to now."""
+    return now - state.stamp <= OLDEST_POSE and all(
+        map(math.isfinite, (state.x, state.y, state.theta, state.v, state.omega, state.stamp))
+    )

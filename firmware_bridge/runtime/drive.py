@@ -1,0 +1,171 @@
+"""What `kmpc-bridge run` and `record` do with a session, and what they tell afterwards."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import Any, TextIO
+
+from firmware_bridge.messages import ConfigError, State, VelocityCommand
+from firmware_bridge.recording.excitation import Excitation
+from firmware_bridge.robot_file import Robot
+from firmware_bridge.runtime.navigator import Navigator
+from firmware_bridge.runtime.session import STOPS, Session
+from firmware_bridge.runtime.timing import table
+from firmware_bridge.safety.gate_table import GateState
+
+DONE, NOT_DONE, INTERRUPTED = 0, 1, 130
+SIGNALS = frozenset(s.name for s in STOPS)
+Pose = tuple[float, float, float]
+
+
+def run(
+    robot: Robot,
+    navigator: Navigator,
+    period: float,
+    origin: Pose,
+    output: str | None,
+    out: TextIO | None,
+    note: str = "",
+) -> tuple[dict[str, Any], int]:
+    """Drive to the goal; gives the report and the exit status.
+
+    Parameters
+    ----------
+    robot : Robot
+        What to drive.
+    navigator : Navigator
+        Plans and knows when it has arrived.
+    period : float
+        Of the controller [s].
+    origin : tuple
+        Pose of the vehicle's own frame [m, m, rad], where the robot file has none.
+    output : str, optional
+        Record to files of this name.
+    out : text stream, optional
+        For people; nothing is written where not given.
+    note : str
+        Said on standard error once the board has answered, before it drives.
+    """
+    with Session(
+        robot,
+        navigator,
+        period,
+        origin=origin,
+        output=None if output is None else Path(output),
+        out=out,
+    ) as session:
+        if note:
+            sys.stderr.write(f"kmpc-bridge: {note}\n")
+        navigator.is_driving, navigator.held = (
+            lambda: session.gate.state is GateState.ACTIVE,
+            lambda: session.planner.held,
+        )
+        session.drive(navigator.finished)
+        report = {"outcome": "", **navigator.report(), **session.report()}
+        interrupted = session.loop.stop_reason in SIGNALS
+        arrived = navigator.arrived_after is not None
+        report["outcome"] = (
+            "arrived"
+            if arrived
+            else f"stopped by {session.loop.stop_reason}"
+            if interrupted
+            else "time is up"
+        )
+        if out is not None:
+            tell(report, session, out)
+    return report, DONE if arrived else INTERRUPTED if interrupted else NOT_DONE
+
+
+def record(
+    robot: Robot,
+    output: str,
+    seconds: float,
+    *,
+    period: float,
+    excitation: tuple[float, int] | None,
+    out: TextIO | None,
+) -> tuple[dict[str, Any], int]:
+    """Record a drive to learn from; gives the report and the exit status.
+
+    Parameters
+    ----------
+    robot : Robot
+        What to drive, or to listen to.
+    output : str
+        Name of the files.
+    seconds : float
+        For how long, from the first moment in which it counts [s].
+    period : float
+        Of the rows, and of the random driving [s].
+    excitation : tuple, optional
+        How long a random command is held [s] and the seed; None: somebody drives by hand.
+    out : text stream, optional
+        For people.
+    """
+    controller = (
+        Excitation(_fence(robot), robot.gate.limits, excitation[0], seed=excitation[1])
+        if excitation
+        else _nothing
+    )
+    with Session(
+        robot, controller, period, output=Path(output), by_hand=excitation is None, out=out
+    ) as session:
+        began: list[float] = []
+
+        def finished() -> bool:
+            if not began and (excitation is None or session.gate.state is GateState.ACTIVE):
+                began.append(time.monotonic())
+            return bool(began) and time.monotonic() - began[0] > seconds
+
+        session.drive(finished)
+        report = {"outcome": "recorded", **session.report()}
+        interrupted = session.loop.stop_reason in SIGNALS
+        problems = session.problems()
+    # counted after the session has closed its files
+    report["rows"] = session.rows
+    if out is not None:
+        out.write(f"{session.rows} rows every {period:g} s in {', '.join(report['files'])}\n")
+        out.write("".join(f"{p}\n" for p in problems))
+    if not session.rows or problems:
+        return report, NOT_DONE
+    return report, INTERRUPTED if interrupted and not session.rows else DONE
+
+
+def tell(report: dict[str, Any], session: Session, out: TextIO) -> None:
+    """Summary of a run, for people."""
+
+    def show(value: float | None, unit: str) -> str:
+        return "-" if value is None else f"{value:g} {unit}"
+
+    loop = report["loop"]
+    lines = [
+        "",
+        f"{report['outcome']}: after {show(report['arrived_after_s'], 's')}, position error {show(report['position_error_m'], 'm')}, "
+        f"heading error {show(report['heading_error_rad'], 'rad')}, smallest clearance {show(report['clearance_m'], 'm')}",
+        f"{loop['commands_sent']} commands sent, {loop['commands_refused']} refused by the link, "
+        f"{loop['ticks_skipped']} of {loop['ticks']} gate periods and {loop['controller_periods_skipped']} controller periods skipped",
+        f"plans: {', '.join(f'{name} {count}' for name, count in report['statuses'].items()) or 'none'}",
+        "",
+        table(session.loop.histograms()),
+    ]
+    if loop["last_error"]:
+        lines.append(
+            f"{loop['errors'] + loop['controller_errors']} errors, the last: {loop['last_error']}"
+        )
+    lines += [f"recorded to {', '.join(report['files'])}"] if report["files"] else []
+    out.write("\n".join([*lines, *report["problems"]]) + "\n")
+
+
+def _fence(robot: Robot) -> tuple[float, float, float, float]:
+    if robot.gate.geofence is None:
+        raise ConfigError(
+            f"{robot.where}: safety.geofence: missing: random driving needs [xmin, ymin, xmax, ymax] (--geofence), free of obstacles"
+        )
+    return robot.gate.geofence
+
+
+def _nothing(state: State) -> VelocityCommand:
+    """Want to stand still: the gate is idle while somebody drives by hand, and asks nobody."""
+    return VelocityCommand(0.0, 0.0, state.stamp)

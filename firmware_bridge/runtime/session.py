@@ -1,0 +1,255 @@
+"""One drive from connecting to giving the robot back: link, gate, loop, emergency stop, logs, signals, view."""
+
+from __future__ import annotations
+
+import gc
+import signal
+import sys
+import time
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from types import FrameType, TracebackType
+from typing import Any, Self, TextIO
+
+from firmware_bridge.drivers import Driver
+from firmware_bridge.link import Transport, open_transport
+from firmware_bridge.link.log import Chunk, RecordedTransport, raw_log, tlog
+from firmware_bridge.live.terminal import View
+from firmware_bridge.messages import BridgeError, ConfigError, Controller
+from firmware_bridge.recording.recorder import CsvRecorder, DurableFile
+from firmware_bridge.robot_file import Robot, check_period
+from firmware_bridge.runtime.controller_thread import Planner
+from firmware_bridge.runtime.loop import ControlLoop
+from firmware_bridge.safety.estop import EmergencyStop, default_socket
+from firmware_bridge.safety.gate import SafetyGate
+from firmware_bridge.sensors.placed import PlacedDriver
+from firmware_bridge.sensors.pose import PosedDriver
+
+STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
+"""Each brakes and releases: Ctrl-C, the service manager, a lost terminal, and Ctrl-Z, which would
+freeze us with the robot moving."""
+FAREWELL = 0.1
+"""For the last bytes to leave before the link is closed [s]."""
+DRIVER_CLASSES = {
+    "mavlink": "MavlinkDriver",
+    "roboclaw": "RoboClawDriver",
+    "odrive": "ODriveDriver",
+    "vesc": "VescDriver",
+}
+"""By the name of their modules: only the one that is needed is imported."""
+SWITCH = 0.0005
+"""A busy controller thread gives way to the gate after this long [s]; Python's own figure is
+0.005."""
+
+
+class EstopLatched(BridgeError):
+    """The robot must not drive before somebody resets the emergency stop."""
+
+
+def open_driver(robot: Robot, transport: Transport) -> Driver:
+    """Build the driver of a robot file on a link that is not open yet; ConfigError names file and key."""
+    module = import_module(f"firmware_bridge.drivers.{robot.link.driver}")
+    try:
+        driver: Driver = getattr(module, DRIVER_CLASSES[robot.link.driver]).from_options(
+            transport, robot.driver_table()
+        )
+    except ConfigError as error:
+        raise ConfigError(f"{robot.where}: {error}") from None
+    if robot.link.pose is None:
+        return driver
+    return PosedDriver(driver, robot.link.pose, getattr(driver, "feed_pose", None))
+
+
+class Session:
+    """A context in which a robot is driven; leaving it gives the robot back, whatever happened.
+
+    Parameters
+    ----------
+    robot : Robot
+        Checked robot file.
+    controller : callable
+        State to VelocityCommand.
+    period : float
+        Of the controller, and of the rows of the CSV [s].
+    origin : tuple
+        Pose of the vehicle's frame in ours, where the robot file has none.
+    output : Path, optional
+        Record to this name with .csv and .tlog or .raw put behind.
+    by_hand : bool
+        Nothing is sent, the gate stays idle: somebody else drives.
+    out : text stream, optional
+        Where to show what happens.
+
+    Raises
+    ------
+    ConfigError, LinkError, EstopLatched
+        With one line for the user.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        controller: Controller,
+        period: float,
+        *,
+        origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        output: Path | None = None,
+        by_hand: bool = False,
+        out: TextIO | None = None,
+    ) -> None:
+        check_period(period, robot.gate)
+        self.robot, self._by_hand, self._out = robot, by_hand, out
+        self._origin = origin if robot.origin is None else robot.origin
+        self._controller, self._period, self._output = controller, period, output
+        self._csv: CsvRecorder | None = None
+        self._link_log: DurableFile[Chunk] | None = None
+        self._handlers: dict[int, Any] = {}
+        self._connecting = True
+        self.estop = EmergencyStop(default_socket() if robot.socket is None else robot.socket)
+
+    def __enter__(self) -> Self:
+        """Check the emergency stop, open logs and link, wait for the board."""
+        if self.estop.latched:
+            raise EstopLatched(
+                f"the emergency stop is pressed ({self.estop.latch_path}): kmpc-bridge estop --reset"
+            )
+        # what is wrong in the robot file is told before a log is begun
+        open_driver(self.robot, open_transport(self.robot.link.url)).close()
+        transport: Transport = open_transport(self.robot.link.url)
+        try:
+            if self._output is not None:
+                self._csv = CsvRecorder(
+                    self._output.with_name(self._output.name + ".csv"), self._period, self._by_hand
+                )
+                ending, start_log = (
+                    (".tlog", tlog) if self.robot.is_autopilot else (".raw", raw_log)
+                )
+                self._link_log = start_log(self._output.with_name(self._output.name + ending))
+                transport = RecordedTransport(transport, self._link_log.put)
+            inner = open_driver(self.robot, transport)
+            self.driver: Driver = PlacedDriver(inner, self._origin)
+            self._catch_signals()
+            try:
+                self.estop.open()
+                self.driver.connect(self.robot.link.timeout)
+                self._build(
+                    getattr(inner, "take", None)
+                    if self.robot.sections.get("board", {}).get("arm")
+                    else None
+                )
+            except BaseException:
+                self.driver.close()
+                raise
+        except BaseException:
+            self._end()
+            for log in self._logs():
+                log.discard_if_empty()
+            raise
+        return self
+
+    def _build(self, take: Callable[[], None] | None) -> None:
+        control = self.robot.control
+        self.planner = Planner(
+            self._controller, self.driver.state, self._period, control.latency or 0.0
+        )
+        self.gate = SafetyGate(self.robot.gate)
+        self.loop = ControlLoop(
+            self.driver,
+            self.gate,
+            self.planner,
+            command_period=control.command_period,
+            observers=() if self._csv is None else (self._csv,),
+            operator=self.estop,
+            take=take,
+        )
+
+    def drive(self, finished: Callable[[], bool]) -> None:
+        """Drive until `finished`, a signal, or for ever; then brake, hold and release."""
+        view = None
+        if self._out is not None:
+            live = self._out.isatty()
+            view = View(
+                self.loop,
+                f"{self.robot.link.driver} {self.robot.link.url}",
+                self._out,
+                live,
+                self.problems,
+            )
+            view.start()
+        interval = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH)
+        gc.collect()
+        gc.freeze()
+        try:
+            if not self._by_hand:
+                self.gate.enable()
+            self._connecting = False
+            self.loop.run(finished)
+        finally:
+            gc.unfreeze()
+            sys.setswitchinterval(interval)
+            if view is not None:
+                view.stop()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the link and the logs."""
+        try:
+            time.sleep(FAREWELL)
+            self.driver.close()
+        finally:
+            self._end()
+
+    def _end(self) -> None:
+        self.estop.close()
+        if self._csv is not None:
+            self._csv.close()
+        for log in self._logs():
+            log.close()
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+        self._handlers = {}
+
+    @property
+    def rows(self) -> int:
+        """Rows in the CSV so far."""
+        return 0 if self._csv is None else self._csv.rows
+
+    def problems(self) -> list[str]:
+        """What a user must know and no robot must stop for."""
+        return [p for p in (self.estop.problem, *(log.problem for log in self._logs())) if p]
+
+    def report(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return {
+            "driver": self.robot.link.driver,
+            "link": self.robot.link.url,
+            "loop": self.loop.report(),
+            "counters": dict(self.driver.health().counters),
+            "files": [str(log.path) for log in self._logs()],
+            "problems": self.problems(),
+        }
+
+    def _logs(self) -> list[DurableFile[Any]]:
+        return [
+            log
+            for log in (None if self._csv is None else self._csv.file, self._link_log)
+            if log is not None
+        ]
+
+    def _catch_signals(self) -> None:
+        for number in STOPS:
+            self._handlers[number] = signal.signal(number, self._on_stop)
+        self._handlers[signal.SIGUSR1] = signal.signal(
+            signal.SIGUSR1, lambda *_: self.estop.press()
+        )
+
+    def _on_stop(self, number: int, frame: FrameType | None) -> None:
+        if self._connecting:
+            raise KeyboardInterrupt
+        self.loop.request_stop(signal.Signals(number).name)

@@ -1,0 +1,112 @@
+"""Absolute deadlines, and statistics of times that take no memory as they grow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+FLOOR = 1e-6
+"""Shorter times count as this [s]."""
+RATIO = 1.01
+"""Width of a bin: percentiles are right to 1 %."""
+BINS = int(math.log(1e9) / math.log(RATIO)) + 1
+
+
+class Histogram:
+    """Counts of times from 1 us to 1000 s in bins of equal ratio.
+
+    Examples
+    --------
+    >>> times = Histogram()
+    >>> for k in range(1, 101):
+    ...     times.add(k / 1000)
+    >>> round(times.quantile(0.5), 3), times.maximum
+    (0.05, 0.1)
+    """
+
+    def __init__(self) -> None:
+        self._bins = [0] * (BINS + 1)
+        self.count = 0
+        self.total = 0.0
+        self.maximum = 0.0
+
+    def add(self, seconds: float) -> None:
+        """Count one time [s]; what is not finite is left out."""
+        if not math.isfinite(seconds):
+            return
+        index = (
+            0
+            if seconds <= FLOOR
+            else min(BINS, 1 + int(math.log(seconds / FLOOR) / math.log(RATIO)))
+        )
+        self._bins[index] += 1
+        self.count += 1
+        self.total += seconds
+        self.maximum = max(self.maximum, seconds)
+
+    def quantile(self, share: float) -> float:
+        """Time [s] that `share` of all are no longer than; NaN for none."""
+        if not self.count:
+            return math.nan
+        rank, seen = max(1, math.ceil(share * self.count)), 0
+        for index, count in enumerate(self._bins):
+            seen += count
+            if seen >= rank:
+                return min(FLOOR * RATIO ** (index - 0.5) if index else FLOOR, self.maximum)
+        return self.maximum
+
+    def summary(self) -> dict[str, float | int | None]:
+        """Milliseconds, for people and JSON; None where nothing was counted."""
+        if not self.count:
+            return {"count": 0, "mean": None, "p50": None, "p99": None, "p99.9": None, "max": None}
+        quantiles = {
+            name: round(1e3 * self.quantile(q), 4)
+            for name, q in (("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999))
+        }
+        return {
+            "count": self.count,
+            "mean": round(1e3 * self.total / self.count, 4),
+            **quantiles,
+            "max": round(1e3 * self.maximum, 4),
+        }
+
+
+class Deadlines:
+    """Instants `period` apart, counted from the first: no drift, and after a stall no burst.
+
+    Parameters
+    ----------
+    period : float
+        [s]
+    start : float
+        First instant [s].
+    """
+
+    def __init__(self, period: float, start: float) -> None:
+        self.period, self._start, self._index = period, start, 0
+        self.skipped = 0
+        """Instants that went by unused."""
+
+    @property
+    def next(self) -> float:
+        """Instant to wait for [s]."""
+        return self._start + self._index * self.period
+
+    def advance(self, now: float) -> None:
+        """Go on to the first instant after `now`."""
+        following = max(self._index + 1, math.floor((now - self._start) / self.period) + 1)
+        self.skipped += following - self._index - 1
+        self._index = following
+
+
+def table(rows: Mapping[str, Histogram]) -> str:
+    """Render histograms as a table in milliseconds."""
+    lines = [f"{'[ms]':<34}{'count':>9}{'p50':>10}{'p99':>10}{'p99.9':>10}{'max':>10}"]
+    for name, times in rows.items():
+        values = times.summary()
+        shown = "".join(
+            f"{'-' if values[key] is None else format(values[key], '.3f'):>10}"
+            for key in ("p50", "p99", "p99.9", "max")
+        )
+        lines.append(f"{name:<34}{times.count:>9}{shown}")
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""The safety gate, its limits, and the latched emergency stop."""

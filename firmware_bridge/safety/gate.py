@@ -1,0 +1,310 @@
+"""The safety gate: what no command passes without.
+
+A pure state machine on the times it is given: no thread, no clock, no link. Its transitions are the
+table in gate_table.py, from which docs/bridge.md and the tests are drawn too.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+
+from firmware_bridge.messages import ConfigError, LinkStatus, State, VelocityCommand
+from firmware_bridge.safety.gate_table import (
+    BY_STATE,
+    DRIVING,
+    FINAL,
+    REQUESTS,
+    UNHEARD,
+    Action,
+    Event,
+    GateState,
+    Reason,
+)
+from firmware_bridge.safety.limits import Limits
+
+FUTURE = 0.05
+"""A stamp may lie this far ahead of the time of a step [s]: another thread took it. Farther is no
+stamp to trust."""
+MAX_STEP = 0.05
+"""However long the gate was not asked, a command changes by no more than this much time allows
+[s]."""
+RESEND = 0.5
+"""How often the release is sent again until the board has obeyed [s]."""
+
+
+@dataclass(frozen=True)
+class GateSettings:
+    """Limits and patience of a gate.
+
+    Raises
+    ------
+    ConfigError
+        Names the setting that is wrong.
+    """
+
+    limits: Limits = field(default_factory=Limits)
+    watchdog: float = 0.25
+    """Oldest controller output that is sent [s]."""
+    pose_age: float = 0.25
+    """Oldest pose to drive on [s]."""
+    heartbeat_age: float = 0.25
+    """How long the board may be silent [s]."""
+    hold: float = 1.0
+    """Zeros before the release [s]."""
+    settle: float = 0.5
+    """How long all must be good before the robot drives (again) [s]."""
+    geofence: tuple[float, float, float, float] | None = None
+    """xmin, ymin, xmax, ymax [m]: outside the robot stops, and is given back."""
+    pilot: bool = True
+    """Whether somebody else can take the robot: an autopilot's modes. Without, a board that is not
+    ready is a fault."""
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name in ("limits", "geofence", "pilot"):
+                continue
+            if (
+                isinstance(value, bool)
+                or not isinstance(value, int | float)
+                or not 0.0 < value <= 60.0
+            ):
+                raise ConfigError(
+                    f"{item.name}: expected a time from 0 to 60 s, not 0, got {value!r}"
+                )
+        if self.geofence is not None:
+            numbers = [
+                x
+                for x in self.geofence
+                if not isinstance(x, bool) and isinstance(x, int | float) and math.isfinite(x)
+            ]
+            if (
+                len(self.geofence) != 4
+                or len(numbers) != 4
+                or numbers[0] >= numbers[2]
+                or numbers[1] >= numbers[3]
+            ):
+                raise ConfigError(
+                    f"geofence: expected [xmin, ymin, xmax, ymax] in m with xmin < xmax and ymin < ymax, got {self.geofence!r}"
+                )
+
+
+@dataclass(frozen=True)
+class GateOutput:
+    """What to do now."""
+
+    v: float
+    """[m/s]"""
+    omega: float
+    """[rad/s]"""
+    action: Action
+    state: GateState
+    reasons: tuple[Reason, ...]
+    """What is wrong now, whatever the state."""
+
+
+class SafetyGate:
+    """Decides, step by step, what reaches the motors.
+
+    `enable`, `stop`, `estop` and `reset` are remembered and take effect in the next `step`. All in
+    one thread.
+
+    Parameters
+    ----------
+    settings : GateSettings
+        Limits and patience.
+
+    Examples
+    --------
+    >>> gate = SafetyGate()
+    >>> gate.step(0.0, None, None, LinkStatus(False, -math.inf, -math.inf, ready=False)).action.name
+    'NOTHING'
+    """
+
+    def __init__(self, settings: GateSettings | None = None) -> None:
+        self.settings = GateSettings() if settings is None else settings
+        self.state = GateState.IDLE
+        self._requests: set[Event] = set()
+        self._output = (0.0, 0.0)
+        self._final = False
+        self._last: float | None = None
+        self._entered = -math.inf
+        self._clear_since: float | None = None
+        self._released_at: float | None = None
+        self._acknowledged = False
+
+    def enable(self) -> None:
+        """Let the robot drive once all is good; also after a release, a take-over or a reset."""
+        self._requests.add(Event.ENABLE)
+
+    def stop(self) -> None:
+        """Ramp to zero, hold, release."""
+        self._requests.add(Event.STOP)
+
+    def estop(self) -> None:
+        """Zero at once, and nothing else until `reset`."""
+        self._requests.add(Event.ESTOP)
+
+    def reset(self) -> None:
+        """Clear the emergency stop; the robot stays still until `enable`."""
+        self._requests.add(Event.RESET)
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing more is owed to the board: not driving, and a release was obeyed."""
+        return self.state in (GateState.IDLE, GateState.YIELDED) or (
+            self.state in (GateState.RELEASED, GateState.ESTOP) and self._acknowledged
+        )
+
+    def step(
+        self, now: float, command: VelocityCommand | None, state: State | None, status: LinkStatus
+    ) -> GateOutput:
+        """Judge the inputs and give what is to be sent now.
+
+        Parameters
+        ----------
+        now : float
+            `time.monotonic()`, or any clock that the stamps share [s].
+        command : VelocityCommand or None
+            Newest output of the controller.
+        state : State or None
+            Newest pose.
+        status : LinkStatus
+            Newest word on the link.
+        """
+        dt = 0.0 if self._last is None else min(max(now - self._last, 0.0), MAX_STEP)
+        self._last = now
+        reasons = self._judge(now, command, state, status)
+        if reasons:
+            self._clear_since = None
+            self._final = self._final or (self.state in DRIVING and not FINAL.isdisjoint(reasons))
+        elif self._clear_since is None:
+            self._clear_since = now
+        # an emergency stop beats whatever is asked for in the same step
+        events = {Event.ESTOP} if Event.ESTOP in self._requests else set(self._requests)
+        self._requests.clear()
+        if reasons:
+            events.add(Event.FAULT)
+        if self.settings.pilot and Reason.NOT_READY in reasons and UNHEARD.isdisjoint(reasons):
+            events.add(Event.TAKEN)
+        # several transitions may fall into one step: a stop asked of a robot that stands, and that
+        # a pilot has taken
+        while (then := self._next(now, events)) is not None:
+            self._enter(then, now)
+        return self._act(now, dt, command, status, reasons)
+
+    def _judge(
+        self, now: float, command: VelocityCommand | None, state: State | None, status: LinkStatus
+    ) -> tuple[Reason, ...]:
+        """Everything that is wrong."""
+        s, found = self.settings, []
+        if not status.connected:
+            found.append(Reason.LINK)
+        if not _fresh(now, status.heartbeat_stamp, s.heartbeat_age):
+            found.append(Reason.HEARTBEAT)
+        if not status.ready:
+            found.append(Reason.NOT_READY)
+        if status.faults:
+            found.append(Reason.BOARD)
+        if not status.pose_ok:
+            found.append(Reason.ESTIMATE)
+        if state is None or not (
+            _fresh(now, state.stamp, s.pose_age) and _fresh(now, status.pose_stamp, s.pose_age)
+        ):
+            found.append(Reason.POSE)
+        if state is not None:
+            if not all(map(math.isfinite, (state.x, state.y, state.theta, state.v, state.omega))):
+                found.append(Reason.POSE_INVALID)
+            elif s.geofence is not None:
+                x_min, y_min, x_max, y_max = s.geofence
+                if not (x_min <= state.x <= x_max and y_min <= state.y <= y_max):
+                    found.append(Reason.GEOFENCE)
+        if command is None or not _fresh(now, command.stamp, s.watchdog):
+            found.append(Reason.COMMAND)
+        if command is not None and not (math.isfinite(command.v) and math.isfinite(command.omega)):
+            found.append(Reason.COMMAND_INVALID)
+        return tuple(found)
+
+    def _next(self, now: float, events: set[Event]) -> GateState | None:
+        """Where the table leads, or None."""
+        for transition in BY_STATE[self.state]:
+            event = transition.event
+            if event is Event.CLEAR:
+                happened = (
+                    self._clear_since is not None
+                    and now - self._clear_since >= self.settings.settle
+                    and not self._final
+                )
+            elif event is Event.STILL:
+                happened = self._output == (0.0, 0.0)
+            elif event is Event.HELD:
+                happened = now - self._entered >= self.settings.hold
+            else:
+                happened = event in events
+            if happened:
+                if event in REQUESTS:
+                    events.discard(event)
+                self._final = (self._final or event is Event.STOP) and event is not Event.ENABLE
+                return transition.then
+        return None
+
+    def _enter(self, state: GateState, now: float) -> None:
+        self.state, self._entered = state, now
+        self._released_at, self._acknowledged = None, False
+
+    def _act(
+        self,
+        now: float,
+        dt: float,
+        command: VelocityCommand | None,
+        status: LinkStatus,
+        reasons: tuple[Reason, ...],
+    ) -> GateOutput:
+        """Output of the present state."""
+        limits, action, output = self.settings.limits, Action.SEND, (0.0, 0.0)
+        if self.state is GateState.ACTIVE:
+            assert command is not None
+            output = limits.slew(self._output, limits.clip(command.v, command.omega), dt)
+        elif self.state is GateState.STOPPING:
+            output = limits.slew(self._output, (0.0, 0.0), dt)
+        elif self.state is GateState.WAITING:
+            # zeros feed the watchdog of a board that would trip on silence, and take back motors
+            # that were released
+            if (self.settings.pilot and Reason.NOT_READY in reasons) or not UNHEARD.isdisjoint(
+                reasons
+            ):
+                action = Action.NOTHING
+        elif self.state in (GateState.RELEASED, GateState.ESTOP):
+            action = self._release(now, status, reasons)
+        elif self.state is not GateState.HOLDING:
+            action = Action.NOTHING
+        self._output = output
+        return GateOutput(*output, action, self.state, reasons)
+
+    def _release(self, now: float, status: LinkStatus, reasons: tuple[Reason, ...]) -> Action:
+        """Give the robot back until the board has obeyed; a plain motor controller has obeyed when it is heard again."""
+        latched, heard, pilot = (
+            self.state is GateState.ESTOP,
+            UNHEARD.isdisjoint(reasons),
+            self.settings.pilot,
+        )
+        if self._released_at is not None and heard and status.heartbeat_stamp > self._released_at:
+            # a robot that somebody drives on after a plain release is theirs; after an emergency
+            # stop it is nobody's
+            self._acknowledged = (
+                not pilot or not status.ready or (self._acknowledged and not latched)
+            )
+        if self._acknowledged:
+            return Action.NOTHING
+        # released motors coast: without an autopilot's HOLD the robot is braked first
+        brake_first = latched and not pilot and now - self._entered < self.settings.hold
+        if not brake_first and (self._released_at is None or now - self._released_at >= RESEND):
+            self._released_at = now
+            return Action.RELEASE
+        return Action.SEND if latched and (brake_first or pilot or not heard) else Action.NOTHING
+
+
+def _fresh(now: float, stamp: float, limit: float) -> bool:
+    """Whether a stamp is young enough; one from the future is not to be trusted. False for NaN."""
+    return -FUTURE <= now - stamp <= limit

@@ -1,0 +1,99 @@
+"""How fast a robot may drive, and how fast that may change; one scale for both speeds keeps the curve."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from firmware_bridge.messages import ConfigError
+
+ZERO = 1e-9
+"""Speeds below this [m/s, rad/s] are zero."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a command may be; the defaults are slow on purpose.
+
+    Raises
+    ------
+    ConfigError
+        Names the limit that is not a finite number > 0 (`v_reverse`: >= 0).
+    """
+
+    v_max: float = 0.3
+    """Forward [m/s]."""
+    v_reverse: float = 0.3
+    """Backwards [m/s]; 0 for a robot that must not."""
+    omega_max: float = 0.8
+    """Either way [rad/s]."""
+    acceleration: float = 1.0
+    """Away from zero [m/s^2]."""
+    deceleration: float = 1.0
+    """Towards zero [m/s^2]."""
+    angular_acceleration: float = 4.0
+    """Away from zero [rad/s^2]."""
+    angular_deceleration: float = 4.0
+    """Towards zero [rad/s^2]."""
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            least = "a number >= 0" if item.name == "v_reverse" else "a number > 0"
+            if (
+                isinstance(value, bool)
+                or not isinstance(value, int | float)
+                or not math.isfinite(value)
+            ):
+                raise ConfigError(f"{item.name}: expected {least}, got {value!r}")
+            if value < 0 or (value == 0 and item.name != "v_reverse"):
+                raise ConfigError(f"{item.name}: expected {least}, got {value!r}")
+
+    def clip(self, v: float, omega: float) -> tuple[float, float]:
+        """Scale finite speeds [m/s, rad/s] by one factor until both are within bounds."""
+        scale = 1.0
+        if v > self.v_max:
+            scale = self.v_max / v
+        elif v < -self.v_reverse:
+            scale = self.v_reverse / -v
+        if abs(omega) * scale > self.omega_max:
+            scale = self.omega_max / abs(omega)
+        return _within(v * scale, -self.v_reverse, self.v_max), _within(
+            omega * scale, -self.omega_max, self.omega_max
+        )
+
+    def slew(
+        self, start: tuple[float, float], target: tuple[float, float], dt: float
+    ) -> tuple[float, float]:
+        """Go from one command towards another for `dt` [s], straight in the plane of both speeds."""
+        if dt <= 0.0:
+            return start
+        share = min(
+            _share(start[0], target[0], self.acceleration * dt, self.deceleration * dt),
+            _share(
+                start[1], target[1], self.angular_acceleration * dt, self.angular_deceleration * dt
+            ),
+        )
+        if share >= 1.0:
+            return target
+        v, omega = (a + share * (b - a) for a, b in zip(start, target, strict=True))
+        return (0.0 if abs(v) < ZERO else v), (0.0 if abs(omega) < ZERO else omega)
+
+
+def _within(value: float, low: float, high: float) -> float:
+    """Clip what rounding left outside."""
+    return min(max(value, low), high)
+
+
+def _share(start: float, target: float, up: float, down: float) -> float:
+    """Share of the way from `start` to `target` that changes of `up` away from zero and `down` towards it allow."""
+    change = abs(target - start)
+    if change == 0.0:
+        return 1.0
+    if start * target < 0.0:
+        shrinking = abs(start)
+    else:
+        shrinking = max(0.0, abs(start) - abs(target))
+    if shrinking >= down:
+        return down / change
+    return min(1.0, (shrinking + (1.0 - shrinking / down) * up) / change)

@@ -1,0 +1,1 @@
+"""Poses and what else is measured outside the board."""

@@ -1,0 +1,1 @@
+"""Learning while driving: a model that follows a floor which changes."""

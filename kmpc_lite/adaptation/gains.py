@@ -1,0 +1,168 @@
+"""Four gains on a learned model: their estimate from sums, how sure it is, and the noise that they leave.
+
+A step is kept as 20 numbers: the displacement that the model gives (px, py) [m], in the map's
+frame, and the measured one (dx, dy); the turn that the model gives h [rad], the way ahead g [m],
+the measured turn; the weights a of position and b of heading; cos and sin of the heading before;
+v^2 and omega^2; and the first seven once more, for there they are whitened, and here as measured.
+Sums over steps are twelve: a (p.p, p.d, p x d, d.d), b (h h, h g, g g, h turned, g turned, turned
+turned), and how many steps had a weight a, and b.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from kmpc_lite.types import STATES, Array
+
+QUIETEST = 0.4
+"""Least variance of the residuals, as a share of the expected one, that a test believes in: few
+steps may be quiet by chance."""
+FEWEST = 6
+"""Steps with a weight that gains are estimated from: of fewer, which a robot that turns on the spot
+leaves, chance makes anything."""
+PRIOR = (0.3, 0.3, 0.1)
+"""Standard deviations of the velocity's gains, the turn gain and the pull [rad/m] before anything
+is measured: what a drive does not show stays as it was."""
+
+USUAL = (0.3, 0.4)
+"""Speeds at which the noise of poses is compared with that of the floor [m/s, rad/s]."""
+RESTLESS = 0.1
+"""What a floor is taken to do at the least, as a share of a step (standard deviation): so soon is a
+pose forgotten."""
+
+
+class Gains(NamedTuple):
+    """Correction of a model: velocities ahead and to the left, turn rate, and turn per metre, against the learned ones."""
+
+    ahead: float = 1.0
+    """Factor of the learned velocity."""
+    left: float = 0.0
+    """Drift to the left, as a share of the learned velocity."""
+    turn: float = 1.0
+    """Factor of the learned turn rate."""
+    pull: float = 0.0
+    """Turn to the left per metre driven [rad/m]."""
+
+
+class Estimate(NamedTuple):
+    """Gains from a set of steps, and how far they are from those in use."""
+
+    gains: Gains
+    distance: float
+    """Squared, in standard errors over the four gains."""
+
+
+def estimate(sums: Sequence[float], now: Gains, scaled: bool = True) -> Estimate:
+    """Estimate the gains from sums, and their distance to those in use in standard errors, squared.
+
+    The variance of the residuals is measured; or taken from the noise model alone (`scaled` false),
+    so that sets of steps compare.
+    """
+    pp, pd, pl, dd, hh, hg, gg, ht, gt, tt, moves, turns = sums
+    # a prior around the gains in use holds what the drive does not show
+    scale = 1.0
+    if scaled and pp > 0.0:
+        scale = max(QUIETEST, (dd - (pd * pd + pl * pl) / pp) / max(2.0 * moves - 2.0, 1.0))
+    information = pp + scale / PRIOR[0] ** 2
+    ahead, left = (pd - now.ahead * pp) / information, (pl - now.left * pp) / information
+    if moves < FEWEST:
+        ahead = left = 0.0
+    distance = (ahead * ahead + left * left) * information / scale
+    # the turn gain and the pull share their information
+    excess = ht - now.turn * hh - now.pull * hg, gt - now.turn * hg - now.pull * gg
+    scale = 1.0
+    for _ in range(2 if scaled else 1):
+        first, second = hh + scale / PRIOR[1] ** 2, gg + scale / PRIOR[2] ** 2
+        determinant = first * second - hg * hg
+        turn_step = (second * excess[0] - hg * excess[1]) / determinant
+        pull_step = (first * excess[1] - hg * excess[0]) / determinant
+        if turns < FEWEST:
+            turn_step = pull_step = 0.0
+        turn, pull = now.turn + turn_step, now.pull + pull_step
+        if scaled:
+            left_over = (
+                tt
+                - 2.0 * (turn * ht + pull * gt)
+                + turn * turn * hh
+                + 2.0 * turn * pull * hg
+                + pull * pull * gg
+            )
+            scale = max(QUIETEST, left_over / max(turns - 2.0, 1.0))
+    distance += (turn_step * excess[0] + pull_step * excess[1]) / scale
+    return Estimate(Gains(now.ahead + ahead, now.left + left, turn, pull), distance)
+
+
+def whitening(noise: Array, dt: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """How steps between noisy poses become steps whose noise is independent: to each a share of the fading sum of those before is added.
+
+    The innovations of a pose that is measured with noise while the floor moves it at random
+    (steady-state Kalman filter). Without noise of the poses nothing is carried on.
+
+    Parameters
+    ----------
+    noise : ndarray
+        Learned covariance of a step's residuals by the command, (3, 3, 3).
+    dt : float
+        Period [s].
+
+    Returns
+    -------
+    carried, white : tuple of float
+        For position and heading: the share that is carried on, and the variance of what is new as a
+        share of a single step's.
+    """
+    carried, white = [], []
+    for axis, speed in ((0, USUAL[0]), (2, USUAL[1])):
+        # at rest, the noise of two poses makes the residual
+        pose = max(0.5 * float(noise[0, axis, axis]), 1e-12)
+        floor = (
+            float(noise[1, axis, axis]) * USUAL[0] ** 2
+            + float(noise[2, axis, axis]) * USUAL[1] ** 2
+            + (RESTLESS * speed * dt) ** 2
+        )
+        ratio = floor / pose
+        gain = 2.0 / (1.0 + sqrt(1.0 + 4.0 / ratio))
+        carried.append(1.0 - gain)
+        white.append((ratio / gain + 1.0) / (ratio + 2.0))
+    return (carried[0], carried[1]), (white[0], white[1])
+
+
+def residual_covariance(steps: Array, gains: Gains, learned: Array) -> Array:
+    """Covariance of the residuals of the steps since the change, by the command, (3, 3, 3); drawn towards the learned one."""
+    count = steps.shape[1]
+    cosine, sine, v2, omega2 = steps[9:13]
+    ex, ey, turned = residuals(steps[13:], gains)
+    errors = np.stack([cosine * ex + sine * ey, cosine * ey - sine * ex, turned], axis=1)
+    terms = np.stack([v2, omega2], axis=1)
+    expected = np.tensordot(terms, learned[1:], axes=(1, 0)) + learned[0]
+    surplus = errors[:, :, None] * errors[:, None, :] - expected
+    gram = terms.T @ terms
+    gram += np.eye(2) * (0.1 * np.trace(gram) / max(sqrt(count), 1.0) + 1e-12)
+    change = np.linalg.solve(gram, terms.T @ surplus.reshape(count, -1)).reshape(2, STATES, STATES)
+    coefficients = np.concatenate([learned[:1], learned[1:] + change])
+    values, vectors = np.linalg.eigh(coefficients)
+    projected: Array = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
+    return projected
+
+
+def residuals(steps: Array, gains: Gains) -> tuple[Array, Array, Array]:
+    """What gains leave of steps, (n,) each: x [m], y [m], heading [rad]; steps (7 or more, n) as kept."""
+    px, py, dx, dy, h, g, turned = steps[:7]
+    return (
+        dx - gains.ahead * px + gains.left * py,
+        dy - gains.ahead * py - gains.left * px,
+        turned - gains.turn * h - gains.pull * g,
+    )
+
+
+def scores(steps: Array, gains: Gains) -> Array:
+    """How each step pulls at each gain, (4, n)."""
+    px, py, _, _, h, g, _, a, b = steps[:9]
+    ex, ey, turned = residuals(steps, gains)
+    return np.stack(
+        [a * (px * ex + py * ey), a * (px * ey - py * ex), b * h * turned, b * g * turned]
+    )

@@ -1,0 +1,1 @@
+"""The present pose, and what was sent before."""

@@ -1,0 +1,1 @@
+"""The path around obstacles, and the reference along it."""

@@ -1,0 +1,40 @@
+"""What the guidance tells the controller in each step, and the cost that suits it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.types import Array
+
+TRACKING_Q = (5.0, 5.0, 0.5)
+TRACKING_R = (0.1, 0.02)
+"""Weights of a cost that follows a reference: the paper's, for a goal that is far away, cut corners
+and creep at the end."""
+
+
+@dataclass(frozen=True, eq=False)
+class Guidance:
+    """Where to steer."""
+
+    states: Array
+    """(N + 1, 3) reference of the stages; headings next to the robot's."""
+    reachable: bool
+    """Whether there is a way to the goal."""
+    hold: bool
+    """Whether the robot is to stand still: it is at the goal."""
+    path: Array
+    """(K, 2) points of the way from where it was planned to the goal [m]; the place to wait where
+    there is none."""
+    time_left: float
+    """Until the goal is reached [s]; infinite where it cannot be."""
+    refreshed: bool
+    """Whether a new way was found in this step, or that there is none."""
+    switched: bool
+    """Whether the new way goes another way around, so that a plan along the old one is no good
+    start."""
+
+
+def tracking(problem: NavigationProblem) -> NavigationProblem:
+    """Return the problem with weights that suit a reference along a way."""
+    return replace(problem, Q=TRACKING_Q, R=TRACKING_R, Q_terminal=None)

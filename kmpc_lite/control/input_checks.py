@@ -1,0 +1,26 @@
+"""Whether the numbers of one step can be meant: what a broken sensor sends must not reach the solver."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kmpc_lite.types import Array
+
+POSITION_LIMIT = 1e4
+"""A pose, a goal or an obstacle farther out [m] is taken for a broken sensor."""
+
+
+def is_plausible(pose: Array) -> bool:
+    """Whether a pose (3,) is finite and within reach."""
+    # also false for NaN; three numbers are looked at faster one by one than as an array
+    return all(abs(value) <= POSITION_LIMIT for value in pose.tolist())
+
+
+def are_plausible(circles: Array) -> bool:
+    """Whether obstacles (M, 5) are finite and within reach, and their radii not negative."""
+    if not len(circles):
+        return True
+    return bool(
+        np.maximum.reduce(np.abs(circles), axis=None) <= POSITION_LIMIT
+        and np.minimum.reduce(circles[:, 2]) >= 0.0
+    )

@@ -1,0 +1,1 @@
+"""The nonlinear program: QP, solver, SQP passes."""

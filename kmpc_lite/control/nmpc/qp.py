@@ -1,0 +1,272 @@
+"""The sparse QP of one SQP pass: pattern built once, numbers written in place through index maps.
+
+Variables: states X_1 .. X_N, commands U_0 .. U_{N-1}, one slack S_1 .. S_N per stage. The present
+state is data. Rows: dynamics (3 per stage), keep-out half-planes (`slots` per stage), command
+bounds, slack >= 0, and, where the problem limits them, changes of the commands from stage to stage,
+the first from the command sent last.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.model.koopman import Linearization
+from kmpc_lite.types import INPUTS, STATES, Array
+
+OPEN = 1e3
+"""Bound of a half-plane row that is not in use [m]: finite, so that OSQP keeps its factorisation
+pattern."""
+
+KEEPOUT_SCALE, SLACK_SCALE = 4.0, 8.0
+"""Factors of the rows of half-planes and of slack >= 0, whose multipliers are the largest: so they
+settle in fewer iterations of ADMM."""
+
+
+class NavigationQP:
+    """Matrices P, q, A, lower, upper of the QP, in the form that OSQP wants.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Weights, bounds, horizon.
+    history : int
+        Past commands that the model depends on, L.
+    slots : int
+        Half-plane rows per stage.
+    curved : bool
+        Whether `fill_cost` may write other Hessians than the problem's own, which know no curvature
+        of the constraints.
+    """
+
+    def __init__(
+        self, problem: NavigationProblem, history: int, slots: int, curved: bool = False
+    ) -> None:
+        n = problem.horizon
+        self.horizon, self.history, self.slots = n, history, slots
+        self.state_columns = np.arange(STATES * n).reshape(n, STATES)
+        self.input_columns = STATES * n + np.arange(INPUTS * n).reshape(n, INPUTS)
+        self.slack_columns = (STATES + INPUTS) * n + np.arange(n)
+        self.size = (STATES + INPUTS + 1) * n
+        self._limited = np.flatnonzero(np.isfinite(problem.du_max))
+        rows = np.cumsum([0, STATES * n, slots * n, INPUTS * n, n, len(self._limited) * n])
+        self.dynamics_rows = np.arange(rows[0], rows[1]).reshape(n, STATES)
+        self.keepout_rows = np.arange(rows[1], rows[2]).reshape(n, slots)
+        self.input_rows = np.arange(rows[2], rows[3]).reshape(n, INPUTS)
+        self.slack_rows = np.arange(rows[3], rows[4])
+        self.change_rows = np.arange(rows[4], rows[5]).reshape(n, len(self._limited))
+        self.row_count = int(rows[5])
+        self._next_stage = np.empty(self.row_count, dtype=np.intp)
+        for part in (
+            self.dynamics_rows,
+            self.keepout_rows,
+            self.input_rows,
+            self.slack_rows,
+            self.change_rows,
+        ):
+            self._next_stage[part] = np.concatenate([part[1:], part[-1:]])
+        self._build_constraints()
+        self._build_cost(problem, curved)
+        self.lower, self.upper = np.zeros(self.row_count), np.full(self.row_count, np.inf)
+        self.upper[self.dynamics_rows] = 0.0
+        self.lower[self.keepout_rows] = -OPEN
+        u_min, u_max, _, _ = problem.bounds
+        self.lower[self.input_rows], self.upper[self.input_rows] = u_min, u_max
+        # what is written in every pass, without looking rows up
+        self._dynamics_lower, self._dynamics_upper = (
+            bound[: STATES * n].reshape(n, STATES) for bound in (self.lower, self.upper)
+        )
+        self._keepout_lower = self.lower[rows[1] : rows[2]].reshape(n, slots)
+        self._change = problem.dt * problem.du_max[self._limited]
+        self.lower[self.change_rows], self.upper[self.change_rows] = -self._change, self._change
+
+    def _build_constraints(self) -> None:
+        n, blocks = self.horizon, []
+
+        def block(rows: Array, columns: Array, values: Array | float) -> int:
+            """Add entries; return where they begin in the list."""
+            rows, columns, values = np.broadcast_arrays(
+                rows, columns, np.asarray(values, dtype=float)
+            )
+            blocks.append((rows.ravel(), columns.ravel(), values.ravel()))
+            return sum(len(b[0]) for b in blocks[:-1])
+
+        dynamics, states, inputs = self.dynamics_rows, self.state_columns, self.input_columns
+        block(dynamics, states, 1.0)
+        a_start = block(dynamics[1:, :, None], states[:-1, None, :], 0.0)
+        b_starts = [
+            block(dynamics[j:, :, None], inputs[: n - j, None, :], 0.0)
+            for j in range(min(self.history, n - 1) + 1)
+        ]
+        normal_start = block(self.keepout_rows[..., None], states[:, None, :2], 0.0)
+        block(self.keepout_rows, self.slack_columns[:, None], KEEPOUT_SCALE)
+        block(self.input_rows, inputs, 1.0)
+        block(self.slack_rows, self.slack_columns, SLACK_SCALE)
+        block(self.change_rows, inputs[:, self._limited], 1.0)
+        block(self.change_rows[1:], inputs[:-1, self._limited], -1.0)
+
+        row, column, value = (np.concatenate(part) for part in zip(*blocks, strict=True))
+        order = np.lexsort((row, column))
+        place = np.empty(len(order), dtype=np.intp)
+        place[order] = np.arange(len(order))
+        pointers = np.concatenate([[0], np.cumsum(np.bincount(column, minlength=self.size))])
+        self.A = sp.csc_matrix(
+            (value[order], row[order], pointers), shape=(self.row_count, self.size)
+        )
+        # where the numbers of each block stand in A.data
+        self._a_place = place[a_start : a_start + (n - 1) * STATES * STATES]
+        self._b_places = [place[s : s + (n - j) * STATES * INPUTS] for j, s in enumerate(b_starts)]
+        self._normal_place = place[normal_start : normal_start + n * self.slots * 2]
+        self._scaled_normals = np.empty(n * self.slots * 2)
+
+    def _build_cost(self, problem: NavigationProblem, curved: bool) -> None:
+        q, r, q_terminal = problem.weights
+        _, quadratic = problem.slack_weights
+        n = self.horizon
+        self.stage_cost, self.terminal_cost = (
+            np.zeros((n, STATES + INPUTS, STATES + INPUTS)),
+            2 * q_terminal,
+        )
+        self.stage_cost[:, :STATES, :STATES], self.stage_cost[:, STATES:, STATES:] = 2 * q, 2 * r
+        self._slack_cost = np.full(n, 2 * quadratic)
+        # upper triangles: of the stages' blocks, whose first has no state among the variables, and
+        # of the last state's
+        given = np.full((1, STATES), -1)
+        columns = np.concatenate(
+            [np.concatenate([given, self.state_columns[:-1]]), self.input_columns], axis=1
+        )
+        upper = np.triu_indices(STATES + INPUTS)
+        stored = (self.stage_cost[0][upper] != 0.0) | curved
+        self._stage_entries, self._last_entries = (
+            (upper[0][stored], upper[1][stored]),
+            np.triu_indices(STATES),
+        )
+        rows, cols = (
+            np.concatenate(
+                [columns[:, stage].ravel(), self.state_columns[-1][last], self.slack_columns]
+            )
+            for stage, last in zip(self._stage_entries, self._last_entries, strict=True)
+        )
+        order = np.lexsort((rows, cols))
+        # where the entries of P come from, in CSC order
+        self._p_from = order[rows[order] >= 0]
+        pointers = np.concatenate(
+            [[0], np.cumsum(np.bincount(cols[self._p_from], minlength=self.size))]
+        )
+        values = self._cost_entries(self.stage_cost, self.terminal_cost)
+        self.P = sp.csc_matrix((values, rows[self._p_from], pointers), shape=(self.size, self.size))
+        self.q = np.zeros(self.size)
+        self.set_slack_penalty(float(problem.slack_weights[0]))
+        self._pull, self._pull_terminal = -2 * q, -2 * q_terminal
+        self._q_states = self.q[: STATES * n].reshape(n, STATES)
+        self._q_inputs = self.q[STATES * n : (STATES + INPUTS) * n].reshape(n, INPUTS)
+
+    def _cost_entries(self, stages: Array, terminal: Array) -> Array:
+        """Entries of P in CSC order for Hessians (N, 5, 5) and (3, 3)."""
+        i, j = self._stage_entries
+        entries: Array = np.concatenate(
+            [stages[:, i, j].ravel(), terminal[self._last_entries], self._slack_cost]
+        )[self._p_from]
+        return entries
+
+    def fill_cost(self, stages: Array, terminal: Array, x: Array, u: Array) -> None:
+        """Write other Hessians than the cost's own; what they add is zero, with its slope, at the iterate. After `fill`.
+
+        Parameters
+        ----------
+        stages, terminal : ndarray
+            Convex, (N, 5, 5) by state and command, of the first by the command alone, and (3, 3).
+        x, u : ndarray
+            The iterate: (N + 1, 3), (N, 2).
+        """
+        self.P.data[:] = self._cost_entries(stages, terminal)
+        slopes = ((stages - self.stage_cost) @ np.concatenate([x[:-1], u], axis=1)[..., None])[
+            ..., 0
+        ]
+        self._q_states[:-1] -= slopes[1:, :STATES]
+        self._q_states[-1] -= (terminal - self.terminal_cost) @ x[-1]
+        self._q_inputs[:] = -slopes[:, STATES:]
+
+    def set_slack_penalty(self, weight: float) -> None:
+        """Write the linear weight of the slacks [1/m]."""
+        self.slack_penalty = weight
+        self.q[self.slack_columns] = weight
+
+    def set_last_command(self, command: Array) -> None:
+        """Write the command (2,) that the first one may not be far from; needed where the problem limits changes."""
+        last = command[self._limited]
+        self.lower[self.change_rows[0]], self.upper[self.change_rows[0]] = (
+            last - self._change,
+            last + self._change,
+        )
+
+    def fill(
+        self,
+        lin: Linearization,
+        x: Array,
+        u: Array,
+        reference: Array,
+        normals: Array,
+        offsets: Array,
+    ) -> None:
+        """Write one linearisation into the matrices.
+
+        Parameters
+        ----------
+        lin : Linearization
+            Of the model at states `x[:-1]` and commands `u`, N points.
+        x, u : ndarray
+            Where: states (N + 1, 3), the first being the present one, and commands (N, 2).
+        reference : ndarray
+            States (N + 1, 3).
+        normals, offsets : ndarray
+            Half-planes ``normal . p + slack >= offset`` of stages 1 to N: (N, slots, 2) and (N,
+            slots).
+        """
+        data, n = self.A.data, self.horizon
+        data[self._a_place] = -lin.A[1:].ravel()
+        data[self._b_places[0]] = -lin.B.ravel()
+        # x_{k+1} - A_k x_k - sum_j B_kj u_{k-j} = f - A_k x - sum_j B_kj u: what is known moves to
+        # the right
+        right = lin.value - (lin.B @ u[..., None])[..., 0]
+        right[1:] -= (lin.A[1:] @ x[1:-1, :, None])[..., 0]
+        for j in range(1, self.history + 1):
+            by_age = lin.B_past[:, j - 1]
+            if j < n:
+                data[self._b_places[j]] = -by_age[j:].ravel()
+                right[j:] -= (by_age[j:] @ u[: n - j, :, None])[..., 0]
+        self._dynamics_lower[:] = right
+        self._dynamics_upper[:] = right
+        np.multiply(normals.ravel(), KEEPOUT_SCALE, out=self._scaled_normals)
+        data[self._normal_place] = self._scaled_normals
+        np.multiply(offsets, KEEPOUT_SCALE, out=self._keepout_lower)
+        np.maximum(self._keepout_lower, -OPEN, out=self._keepout_lower)
+        np.matmul(reference[1:-1], self._pull, out=self._q_states[:-1])
+        np.matmul(reference[-1], self._pull_terminal, out=self._q_states[-1])
+
+    def pack(self, x: Array, u: Array, slack: Array) -> Array:
+        """One vector of variables from states (N + 1, 3), commands (N, 2) and slacks (N,)."""
+        return np.concatenate([x[1:].ravel(), u.ravel(), slack])
+
+    def unpack(self, variables: Array, x_init: Array) -> tuple[Array, Array, Array]:
+        """States (N + 1, 3), commands (N, 2) and slacks (N,) from one vector of variables."""
+        n = self.horizon
+        x = np.empty((n + 1, STATES))
+        x[0] = x_init
+        x[1:] = variables[: STATES * n].reshape(n, STATES)
+        return (
+            x,
+            variables[STATES * n : (STATES + INPUTS) * n].reshape(n, INPUTS).copy(),
+            variables[(STATES + INPUTS) * n :].copy(),
+        )
+
+    def duals_in_the_open(self) -> Array:
+        """Multipliers (m,) where no obstacle is near: each slack is pressed to zero by its penalty, all else is free."""
+        y = np.zeros(self.row_count)
+        y[self.slack_rows] = -self.slack_penalty / SLACK_SCALE
+        return y
+
+    def shift_duals(self, y: Array) -> Array:
+        """Multipliers one stage on, the last stage kept."""
+        return y[self._next_stage]

@@ -1,0 +1,1 @@
+"""What must not be touched: shapes, maps, distances, half-planes."""

@@ -1,0 +1,171 @@
+"""Occupancy grids: what a map server or a costmap gives, reduced to few rectangles."""
+
+from __future__ import annotations
+
+import os
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kmpc_lite.errors import ProblemError
+from kmpc_lite.types import Array
+
+MOST_CELLS = 100_000_000
+
+
+class OccupancyGrid:
+    """Cells that are occupied or free, like ``nav_msgs/OccupancyGrid``; it must not be changed once it is made.
+
+    Parameters
+    ----------
+    data : array_like
+        (height, width) of -1 (unknown) and 0 (free) to 100 (occupied), or booleans; the first row
+        has the lowest y, and with a flat list of a message: ``np.reshape(message.data,
+        (info.height, info.width))``.
+    resolution : float
+        Side of a cell [m].
+    origin : array_like
+        x, y [m] of the grid's corner at ``data[0, 0]``, and its heading [rad], (2,) or (3,).
+    threshold : float
+        A cell with this value or more is occupied.
+    unknown_is_free : bool
+        Whether the robot may drive where nothing is known.
+
+    Raises
+    ------
+    ProblemError
+        Names what is wrong.
+
+    Examples
+    --------
+    >>> grid = OccupancyGrid([[0, 0, 0], [0, 100, 100]], resolution=0.5, origin=(-1.0, 0.0))
+    >>> grid.rectangles.tolist()
+    [[0.5, 0.5, 1.5, 1.0]]
+    """
+
+    def __init__(
+        self,
+        data: ArrayLike,
+        resolution: float,
+        origin: ArrayLike = (0.0, 0.0, 0.0),
+        threshold: float = 65.0,
+        unknown_is_free: bool = False,
+    ) -> None:
+        try:
+            cells, place = np.asarray(data), np.array(origin, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise ProblemError(
+                f"grid: expected cells (height, width) and an origin x, y, yaw: {error}"
+            ) from error
+        if cells.ndim != 2 or not 0 < cells.size <= MOST_CELLS or cells.dtype.kind not in "biuf":
+            raise ProblemError(
+                f"grid: expected numbers (height, width), got {cells.dtype} of shape {cells.shape}"
+            )
+        if (
+            isinstance(resolution, bool)
+            or not isinstance(resolution, int | float | np.number)
+            or not 0.0 < resolution < np.inf
+        ):
+            raise ProblemError(f"grid: expected a resolution > 0 m, got {resolution!r}")
+        if place.shape not in ((2,), (3,)) or not np.isfinite(place).all():
+            raise ProblemError(f"grid: expected a finite origin x, y, yaw, got {place.tolist()}")
+        if not 0.0 < threshold <= 100.0:
+            raise ProblemError(
+                f"grid: expected a threshold above 0 and up to 100, got {threshold!r}"
+            )
+        if cells.dtype.kind == "b":
+            cells = 100 * cells.astype(np.int8)
+        if not (cells.min() >= -1 and cells.max() <= 100):
+            raise ProblemError(
+                f"grid: expected values from -1 to 100, got {cells.min()} to {cells.max()}"
+            )
+        self.resolution = float(resolution)
+        self.origin = (
+            float(place[0]),
+            float(place[1]),
+            float(place[2]) if len(place) == 3 else 0.0,
+        )
+        self.unknown = cells < 0
+        """(height, width) whether nothing is known."""
+        self.occupied: NDArray[np.bool_] = cells >= threshold
+        """(height, width) what the robot must not touch."""
+        if not unknown_is_free:
+            self.occupied = self.occupied | self.unknown
+        for array in (self.unknown, self.occupied):
+            array.flags.writeable = False
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], unknown_is_free: bool = False) -> OccupancyGrid:
+        """Read the pair of files that ROS's map_server writes: ``map.yaml``, and the PGM image that it names.
+
+        Raises
+        ------
+        ProblemError
+            Names the file, and what is wrong with it.
+        """
+        from kmpc_lite.control.obstacles.map_server import read_map
+
+        cells, resolution, origin = read_map(Path(path))
+        return cls(cells, resolution, origin, unknown_is_free=unknown_is_free)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, OccupancyGrid) and (
+            self is other
+            or (self.resolution, self.origin) == (other.resolution, other.origin)
+            and np.array_equal(self.occupied, other.occupied)
+            and np.array_equal(self.unknown, other.unknown)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.resolution, self.origin, self.occupied.shape))
+
+    def __repr__(self) -> str:
+        height, width = self.occupied.shape
+        return f"OccupancyGrid({height} x {width} cells of {self.resolution:g} m, origin {self.origin})"
+
+    @cached_property
+    def rectangles(self) -> Array:
+        """Rectangles xmin, ymin, xmax, ymax that together are the occupied cells, (B, 4) [m], in the grid's own frame."""
+        rows, columns = _rectangles(self.occupied), _rectangles(self.occupied.T)[:, [1, 0, 3, 2]]
+        fewest = rows if len(rows) <= len(columns) else columns
+        found: Array = self.resolution * fewest
+        return found
+
+    def to_grid(self, points: Array) -> Array:
+        """Points (..., 2) of the map in the grid's own frame [m]."""
+        away: Array = points - self.origin[:2]
+        return away @ self._turn.T if self.origin[2] else away
+
+    def to_map(self, points: Array) -> Array:
+        """Points (..., 2) of the grid's own frame in the map [m]."""
+        there: Array = self.turn(points) + self.origin[:2]
+        return there
+
+    def turn(self, directions: Array) -> Array:
+        """Directions (..., 2) of the grid's own frame in the map."""
+        return directions @ self._turn if self.origin[2] else directions
+
+    @cached_property
+    def _turn(self) -> Array:
+        """Matrix (2, 2) that turns rows of the grid's frame into the map's."""
+        cos, sin = np.cos(self.origin[2]), np.sin(self.origin[2])
+        return np.array([[cos, sin], [-sin, cos]])
+
+
+def _rectangles(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Column, row, and these one past the end, (B, 4), of runs in a row, joined with equal runs of the rows that follow."""
+    height, width = occupied.shape
+    padded = np.zeros((height, width + 2), dtype=np.int8)
+    padded[:, 1:-1] = occupied
+    change = np.diff(padded, axis=1)
+    rows, begins = np.nonzero(change == 1)
+    _, ends = np.nonzero(change == -1)
+    # runs of equal columns stand one after the other; a rectangle goes on while the rows do
+    order = np.lexsort((rows, ends, begins))
+    rows, begins, ends = rows[order], begins[order], ends[order]
+    goes_on = (np.diff(rows) == 1) & (np.diff(begins) == 0) & (np.diff(ends) == 0)
+    first = np.flatnonzero(np.concatenate([[True], ~goes_on])[: len(rows)])
+    last = np.append(first[1:], len(rows)) - 1 if len(first) else first
+    return np.stack([begins[first], rows[first], ends[first], rows[last] + 1], axis=1)

@@ -1,0 +1,77 @@
+"""How far a command may be from the one before it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.types import Array
+
+ROUNDING = 1.0 + 1e-9
+"""A change that is larger than allowed by less than this factor is the largest one allowed."""
+ANY = 1e6
+"""A change that is larger than any speed [m/s, rad/s]."""
+
+
+class RateLimit:
+    """Limits on the change of commands from one period to the next.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        `du_max`, `deceleration`, and the period.
+
+    Attributes
+    ----------
+    active : bool
+        Whether anything is limited.
+    """
+
+    def __init__(self, problem: NavigationProblem) -> None:
+        self.active = problem.limits_changes
+        self._dt, self._change = problem.dt, problem.dt * problem.du_max
+        self._brake = problem.dt * np.maximum(problem.du_max, problem.deceleration)
+        if self.active:
+            steps = np.arange(1, problem.horizon + 1)[:, None]
+            self._reach = steps * self._change
+
+    def limit(self, command: Array, last: Array) -> Array:
+        """Go from the last command (2,) towards a new one (2,) as far as is allowed; speed and turn by one share.
+
+        A speed that shrinks may do so at the problem's deceleration where that is more.
+        """
+        change = command - last
+        room = np.where(
+            change * last < 0.0,
+            np.maximum(self._change, np.minimum(self._brake, np.abs(last))),
+            self._change,
+        )
+        size = np.abs(change)
+        over = size > room * ROUNDING
+        return last + float((room[over] / size[over]).min()) * change if over.any() else command
+
+    def rest(self, pose: Array, last: Array) -> Array:
+        """Pose (3,) at which a robot that is at a pose (3,), and was told the last command (2,), stands if it brakes at `du_max`."""
+        step = np.minimum(self._change, ANY)
+        periods = np.floor(np.abs(last) / step)
+        ahead, turn = (
+            self._dt * periods * (last - 0.5 * np.copysign(step, last) * (periods + 1.0))
+        ).tolist()
+        heading = float(pose[2]) + 0.5 * turn
+        return np.array(
+            [
+                pose[0] + ahead * math.cos(heading),
+                pose[1] + ahead * math.sin(heading),
+                pose[2] + turn,
+            ]
+        )
+
+    def first(self, last: Array) -> tuple[Array, Array]:
+        """Least and largest first command of a plan, (2,) each."""
+        return last - self._change, last + self._change
+
+    def in_reach(self, inputs: Array, last: Array) -> Array:
+        """Commands of a guess (N, 2), none farther from the last command (2,) than it can be by then: zeros become a braking ramp."""
+        return np.clip(inputs, last - self._reach, last + self._reach)

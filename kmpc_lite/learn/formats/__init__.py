@@ -1,0 +1,1 @@
+"""Log formats: one reader a format."""

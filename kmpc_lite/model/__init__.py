@@ -1,0 +1,1 @@
+"""The bilinear Koopman model: its dictionary, its noise, its file."""

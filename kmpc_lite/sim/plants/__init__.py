@@ -1,0 +1,1 @@
+"""Plants: what the controller does not know."""

@@ -1,0 +1,1 @@
+"""Studies: who drives what, under which conditions, how often."""

@@ -1,0 +1,374 @@
+"""The driver as the bridge uses it: threads, real ports, real time."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from mavlink_rig import decode, other, set_point_frame
+
+from firmware_bridge.drivers.mavlink.driver import MavlinkDriver
+from firmware_bridge.drivers.mavlink.options import MavlinkOptions
+from firmware_bridge.emulator.rover.parameters import MOTION_CAPTURE
+from firmware_bridge.emulator.rover.rover import RoverEmulator
+from firmware_bridge.link import OnBytes, open_transport
+from firmware_bridge.messages import ConfigError, LinkError
+
+READY = {"arm_after": 0.2, "uptime": 5.0}
+"""A rover that can be armed at once."""
+
+
+def free_port(kind: int = socket.SOCK_STREAM) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture(params=["tcp", "udp", "pty"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    if request.param == "pty":
+        return f"pty:{tmp_path / 'rover'}"
+    return f"{request.param}:127.0.0.1:{free_port(socket.SOCK_STREAM if request.param == 'tcp' else socket.SOCK_DGRAM)}"
+
+
+@pytest.fixture
+def tcp() -> str:
+    return f"tcp:127.0.0.1:{free_port()}"
+
+
+@pytest.fixture
+def closing() -> Iterator[Callable[..., None]]:
+    """Closes what it is given at the end."""
+    things: list[object] = []
+    yield things.append
+    for thing in reversed(things):
+        thing.close()  # type: ignore[attr-defined]
+
+
+def wait(condition: Callable[[], bool], limit: float = 10.0) -> None:
+    end = time.monotonic() + limit
+    while not condition():
+        assert time.monotonic() < end, f"not within {limit} s"
+        time.sleep(0.005)
+
+
+def drive(driver: MavlinkDriver, v: float, omega: float, seconds: float) -> None:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        driver.send(v, omega)
+        time.sleep(0.02)
+
+
+def test_over_every_link(url: str, closing: Callable[..., None]) -> None:
+    """Found, taken, driven, stopped, given back."""
+    rover = RoverEmulator(**READY)  # type: ignore[arg-type]
+    closing(rover)
+    rover.start(url)
+    driver = MavlinkDriver(open_transport(url), MavlinkOptions(arm=True))
+    closing(driver)
+    driver.connect(5.0)
+    wait(lambda: driver.health().ready)
+    drive(driver, 0.4, 0.3, 1.5)
+    state, pose = driver.state(), rover.pose
+    assert state is not None
+    assert math.hypot(state.x - pose[0], state.y - pose[1]) < 0.05
+    assert pose[0] > 0.2
+    assert pose[2] > 0.2
+    driver.stop()
+    wait(lambda: rover.mode == "HOLD")
+    driver.close()
+    driver.close()
+    wait(lambda: rover.stopped)
+    assert rover.counters["aborts"] == 0
+    assert rover.counters["internal_errors"] == 0
+    assert driver.health().counters["internal_errors"] == 0
+
+
+def test_close_stops_a_rover_that_moves_by_our_word(tcp: str, closing: Callable[..., None]) -> None:
+    rover = RoverEmulator(**READY)  # type: ignore[arg-type]
+    closing(rover)
+    rover.start(tcp)
+    driver = MavlinkDriver(open_transport(tcp), MavlinkOptions(arm=True))
+    closing(driver)
+    driver.connect(5.0)
+    wait(lambda: driver.health().ready)
+    drive(driver, 0.4, 0.0, 0.5)
+    driver.close()
+    assert rover.mode == "HOLD", "close has waited for the confirmation"
+
+
+def test_close_leaves_alone_what_it_did_not_move(tcp: str, closing: Callable[..., None]) -> None:
+    rover = RoverEmulator(**READY)  # type: ignore[arg-type]
+    closing(rover)
+    rover.start(tcp)
+    wait(lambda: rover.pilot_mode(15))
+    rover.pilot_arm()
+    driver = MavlinkDriver(open_transport(tcp))
+    closing(driver)
+    driver.connect(5.0)
+    wait(lambda: driver.health().ready)
+    driver.close()
+    time.sleep(0.1)
+    assert (rover.mode, rover.armed) == ("GUIDED", True)
+
+
+class TestNobodyThere:
+    """Each failure to connect says what a user can do."""
+
+    def fails(
+        self, url: str, closing: Callable[..., None], timeout: float = 0.3, **options: object
+    ) -> str:
+        driver = MavlinkDriver(open_transport(url), MavlinkOptions(**options))  # type: ignore[arg-type]
+        closing(driver)
+        with pytest.raises(LinkError) as caught:
+            driver.connect(timeout)
+        assert "\n" not in str(caught.value)
+        return str(caught.value)
+
+    def test_nothing_listens(self, tcp: str, closing: Callable[..., None]) -> None:
+        assert "nothing listens there" in self.fails(tcp, closing)
+
+    def serve(self, data: bytes, closing: Callable[..., None]) -> str:
+        server = socket.create_server(("127.0.0.1", 0))
+        closing(server)
+
+        def talk() -> None:
+            peer, _ = server.accept()
+            closing(peer)
+            peer.sendall(data)
+
+        threading.Thread(target=talk, daemon=True).start()
+        return f"tcp:127.0.0.1:{server.getsockname()[1]}"
+
+    def test_not_a_byte(self, closing: Callable[..., None]) -> None:
+        assert "no byte: is it powered" in self.fails(self.serve(b"", closing), closing)
+
+    def test_not_mavlink(self, closing: Callable[..., None]) -> None:
+        assert "no frame: is the baud rate right" in self.fails(
+            self.serve(b"hello" * 50, closing), closing
+        )
+
+    def test_another_system(self, tcp: str, closing: Callable[..., None]) -> None:
+        rover = RoverEmulator(**READY)  # type: ignore[arg-type]
+        closing(rover)
+        rover.start(tcp)
+        assert "frames of other systems: is the id right?" in self.fails(
+            tcp, closing, 1.5, system=5
+        )
+
+    def test_another_vehicle(self, closing: Callable[..., None]) -> None:
+        from mavlink_rig import dialect
+
+        copter = other(1).encode(dialect.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3))
+        assert "system 1 is no ArduPilot rover: autopilot 3, type 2" in self.fails(
+            self.serve(copter, closing), closing, 5.0
+        )
+
+    def test_a_vehicle_that_answers_nothing(self, closing: Callable[..., None]) -> None:
+        from mavlink_rig import dialect
+
+        rover = other(1).encode(dialect.MAVLink_heartbeat_message(10, 3, 0, 0, 4, 3))
+        assert "answers no request" in self.fails(self.serve(rover, closing), closing)
+
+    def test_the_wrong_key(self, tcp: str, tmp_path: Path, closing: Callable[..., None]) -> None:
+        key = tmp_path / "key"
+        key.write_bytes(bytes(32))
+        key.chmod(0o600)
+        rover = RoverEmulator(**READY, key=bytes(range(32)))  # type: ignore[arg-type]
+        closing(rover)
+        rover.start(tcp)
+        assert "wrongly signed frames: is the key right?" in self.fails(
+            tcp, closing, 1.5, key_file=str(key)
+        )
+        assert rover.counters["bad_signature"] > 0
+
+
+def test_motion_capture(tcp: str, closing: Callable[..., None]) -> None:
+    """Poses from a thread of their own; the robot is taken later, by hand."""
+    rover = RoverEmulator(**READY, parameters=MOTION_CAPTURE, pose=(1.0, 2.0, 0.5))  # type: ignore[arg-type]
+    closing(rover)
+    rover.start(tcp)
+    driver = MavlinkDriver.from_options(
+        open_transport(tcp), {"board": {"pose": "mocap", "origin": [47.0, 8.0, 400.0]}}
+    )
+    closing(driver)
+    quit_feeding = threading.Event()
+
+    def feed() -> None:
+        while not quit_feeding.wait(0.02):
+            driver.feed_pose(*rover.pose, time.monotonic())
+
+    feeder = threading.Thread(target=feed, daemon=True)
+    feeder.start()
+    try:
+        driver.connect(5.0)
+        wait(lambda: driver.state() is not None)
+        state = driver.state()
+        assert state is not None
+        assert (state.x, state.y, state.theta) == pytest.approx((1.0, 2.0, 0.5), abs=1e-5)
+        assert not driver.health().ready
+        driver.take()
+        wait(lambda: driver.health().ready)
+        assert "Throttle armed" in driver.notes()
+        drive(driver, 0.3, 0.0, 0.5)
+    finally:
+        quit_feeding.set()
+        feeder.join()
+    wait(lambda: time.monotonic() - driver.health().pose_stamp > 0.3)
+    state = driver.state()
+    assert state is not None
+    assert state.stamp > driver.health().pose_stamp + 0.1
+
+
+def test_a_signed_link(tcp: str, tmp_path: Path, closing: Callable[..., None]) -> None:
+    key = tmp_path / "key"
+    key.write_text(bytes(range(32)).hex())
+    key.chmod(0o600)
+    rover = RoverEmulator(**READY, key=bytes(range(32)))  # type: ignore[arg-type]
+    closing(rover)
+    rover.start(tcp)
+    driver = MavlinkDriver.from_options(
+        open_transport(tcp), {"board": {"arm": True, "key_file": str(key)}}
+    )
+    closing(driver)
+    driver.connect(5.0)
+    wait(lambda: driver.health().ready)
+    drive(driver, 0.3, 0.0, 0.5)
+    assert rover.counters["set_points"] > 10
+    assert rover.counters["unsigned"] == 0
+
+
+@pytest.mark.parametrize("table", [{"system": 1}, {"board": {"systems": 1}}, {"board": 5}])
+def test_robot_files_that_are_wrong(table: dict[str, object]) -> None:
+    with pytest.raises(ConfigError, match="system|board"):
+        MavlinkDriver.from_options(open_transport("tcp:127.0.0.1:1"), table)
+
+
+def test_unplugged_and_plugged_in_again(tcp: str, closing: Callable[..., None]) -> None:
+    """The vehicle keeps its mode; telemetry is asked for again by itself."""
+    first = RoverEmulator(**READY)  # type: ignore[arg-type]
+    first.start(tcp)
+    driver = MavlinkDriver(open_transport(tcp), MavlinkOptions(arm=True))
+    closing(driver)
+    driver.connect(5.0)
+    wait(lambda: driver.health().ready)
+    first.close()
+    wait(lambda: not driver.health().connected)
+    driver.send(0.2, 0.0)
+    driver.stop()
+    second = RoverEmulator(**READY)  # type: ignore[arg-type]
+    closing(second)
+    second.start(tcp)
+    wait(lambda: driver.health().connected)
+    unplugged = time.monotonic()
+    wait(lambda: driver.state() is not None and driver.state().stamp > unplugged)  # type: ignore[union-attr]
+    assert driver.health().counters["reconnects"] == 1
+    assert not driver.health().ready
+
+
+def test_no_exception_leaves_the_io_thread_and_none_is_kept_quiet(
+    tcp: str, closing: Callable[..., None]
+) -> None:
+    rover = RoverEmulator(**READY)  # type: ignore[arg-type]
+    closing(rover)
+    rover.start(tcp)
+    driver = MavlinkDriver(open_transport(tcp))
+    closing(driver)
+    driver.connect(5.0)
+
+    def broken(*_: object) -> None:
+        raise RuntimeError("a bug")
+
+    driver._core.pose.on_attitude = broken  # type: ignore[method-assign]
+    wait(lambda: driver.health().counters["internal_errors"] > 3)
+    health = driver.health()
+    assert health.connected
+    assert "internal error: RuntimeError: a bug" in health.faults
+
+
+class Tape:
+    """A transport that keeps what is written, and lets tests put bytes in."""
+
+    connected = True
+    counters: dict[str, int] = {}
+    last_error = ""
+
+    def __init__(self) -> None:
+        self.written: list[bytes] = []
+        self.on_bytes: OnBytes | None = None
+
+    def start(self, on_bytes: OnBytes) -> None:
+        self.on_bytes = on_bytes
+
+    def write(self, data: bytes) -> bool:
+        self.written.append(data)
+        return True
+
+    def close(self) -> None:
+        return
+
+
+def test_set_points_on_the_wire_byte_for_byte(closing: Callable[..., None]) -> None:
+    """One whole frame per write, as an encoder of the test's own makes it."""
+    tape = Tape()
+    driver = MavlinkDriver(tape, clock=lambda: 12.345)
+    driver.send(0.0, 0.0)
+    assert tape.written == [set_point_frame(12345, 0.0, 0.0)]
+    with pytest.raises(ValueError, match="finite"):
+        driver.send(math.nan, 0.0)
+    assert len(tape.written) == 1
+    (message,) = decode(tape.written)
+    assert (
+        message.type_mask,
+        message.coordinate_frame,
+        message.target_system,
+        message.target_component,
+    ) == (0x5C7, 8, 1, 1)  # type: ignore[attr-defined]
+
+
+DRIVE_FOR_EVER = """
+import sys, time
+from firmware_bridge.drivers.mavlink.driver import MavlinkDriver
+from firmware_bridge.drivers.mavlink.options import MavlinkOptions
+from firmware_bridge.link import open_transport
+driver = MavlinkDriver(open_transport(sys.argv[1]), MavlinkOptions(arm=True))
+driver.connect(10.0)
+while not driver.health().ready:
+    time.sleep(0.01)
+while True:
+    driver.send(0.5, 0.0)
+    time.sleep(0.02)
+"""
+
+
+def test_kill_9_the_rover_stops_by_its_own_time_out(tcp: str, closing: Callable[..., None]) -> None:
+    rover = RoverEmulator(**READY)  # type: ignore[arg-type]
+    closing(rover)
+    rover.start(tcp)
+    root = str(Path(__file__).parents[4])
+    child = subprocess.Popen(
+        [sys.executable, "-c", DRIVE_FOR_EVER, tcp],
+        cwd=root,
+        env={**os.environ, "PYTHONPATH": root},
+    )
+    try:
+        wait(lambda: rover.velocity[0] > 0.45, 20.0)
+    finally:
+        child.send_signal(signal.SIGKILL)
+        child.wait()
+    killed, x = time.monotonic(), rover.pose[0]
+    time.sleep(2.5)
+    assert rover.velocity[0] > 0.4, "until the time-out it drives on"
+    wait(lambda: rover.stopped)
+    assert time.monotonic() - killed > 3.0
+    assert rover.pose[0] - x == pytest.approx(1.7, abs=0.3)
+    assert rover.counters["timeouts"] == 1

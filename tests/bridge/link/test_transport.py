@@ -1,0 +1,395 @@
+"""Real descriptors: pseudo-terminals, TCP, UDP; what a user reads when a port cannot be had."""
+
+import errno
+import os
+import select
+import socket
+import threading
+import time
+
+import pytest
+import serial
+
+from firmware_bridge.emulator.server import serve
+from firmware_bridge.link import open_transport
+from firmware_bridge.link.threaded import QUEUE_FRAMES, ThreadedTransport
+from firmware_bridge.link.tty import explain
+from firmware_bridge.messages import ConfigError, LinkError
+
+
+def until(condition, seconds=5.0):
+    """Wait for a condition; False if it does not come."""
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.005)
+    return True
+
+
+def free_port(kind=socket.SOCK_STREAM):
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class End:
+    """A transport and all that it has received."""
+
+    def __init__(self, transport, reply=None):
+        self.transport, self.data = transport, bytearray()
+        self.reply = reply
+
+    def start(self):
+        self.transport.start(self._receive)
+        return self
+
+    def _receive(self, data, stamp):
+        assert threading.current_thread() is not threading.main_thread()
+        assert abs(time.monotonic() - stamp) < 5.0
+        self.data += data
+        if self.reply:
+            self.transport.write(self.reply + data)
+
+
+@pytest.fixture(params=["pty", "tcp", "udp", "loopback"])
+def url(request, tmp_path):
+    return {
+        "pty": f"pty:{tmp_path}/port",
+        "tcp": f"tcp:127.0.0.1:{free_port()}",
+        "udp": f"udp:127.0.0.1:{free_port(socket.SOCK_DGRAM)}",
+        "loopback": f"loopback:{tmp_path.name}",
+    }[request.param]
+
+
+@pytest.fixture
+def opened():
+    """Close whatever a test opened."""
+    transports = []
+
+    def keep(transport, reply=None):
+        transports.append(transport)
+        return End(transport, reply).start()
+
+    yield keep
+    for transport in transports:
+        transport.close()
+
+
+def test_there_and_back(url, opened):
+    board = opened(serve(url), reply=b"re:")
+    bridge = opened(open_transport(url))
+    assert until(lambda: board.transport.connected)
+    assert bridge.transport.connected and bridge.transport.write(b"hello")
+    assert until(lambda: bridge.data == b"re:hello") and board.data == b"hello"
+    assert (
+        bridge.transport.counters["bytes_out"] == 5 and bridge.transport.counters["bytes_in"] == 8
+    )
+
+
+def test_comes_back_after_a_loss_without_old_frames(url, opened):
+    if url.startswith("udp"):
+        pytest.skip("UDP knows no connection")
+    board = opened(serve(url))
+    bridge = opened(open_transport(url))
+    bridge.transport.write(b"first")
+    assert until(lambda: board.data == b"first")
+    board.transport.close()
+    assert until(lambda: not bridge.transport.connected)
+    assert (
+        not bridge.transport.write(b"into the void")
+        and bridge.transport.counters["refused_writes"] == 1
+    )
+    again = opened(serve(url))
+    assert until(lambda: bridge.transport.connected and again.transport.connected)
+    assert bridge.transport.write(b"second") and until(lambda: again.data == b"second")
+    if not url.startswith("loopback"):
+        assert bridge.transport.counters["reconnects"] == 1 and bridge.transport.last_error
+
+
+def test_close_is_idempotent_and_final(url, opened):
+    board, bridge = opened(serve(url)), opened(open_transport(url))
+    bridge.transport.close()
+    bridge.transport.close()
+    assert not bridge.transport.connected and not bridge.transport.write(b"x")
+    with pytest.raises(LinkError, match="started before"):
+        bridge.transport.start(lambda data, stamp: None)
+    board.transport.close()
+
+
+def test_nobody_there(tmp_path):
+    with pytest.raises(
+        LinkError, match="nothing listens there: is the vehicle or emulator running"
+    ):
+        open_transport(f"tcp:127.0.0.1:{free_port()}").start(lambda data, stamp: None)
+    with pytest.raises(LinkError, match="no such port: is the cable in"):
+        open_transport(f"pty:{tmp_path}/none").start(lambda data, stamp: None)
+    with pytest.raises(LinkError, match="not a serial port"):
+        (tmp_path / "file").write_text("x")
+        open_transport(f"serial:{tmp_path}/file").start(lambda data, stamp: None)
+    with pytest.raises(LinkError, match="not a serial port"):
+        open_transport(f"serial:{tmp_path}").start(lambda data, stamp: None)
+
+
+def test_no_permission_names_the_group(monkeypatch, tmp_path):
+    def refuse(path, *args, **kwargs):
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(
+        LinkError, match=r"no permission: run 'sudo usermod -aG \S+ \$USER' and log in again"
+    ):
+        open_transport(f"serial:{tmp_path}/ttyACM0").start(lambda data, stamp: None)
+    assert "dialout" in explain("/dev/none", PermissionError(errno.EACCES, "Permission denied"))
+
+
+def test_port_in_use(tmp_path, opened):
+    opened(serve(f"pty:{tmp_path}/port"))
+    opened(open_transport(f"pty:{tmp_path}/port"))
+    for kind in ("pty", "serial"):
+        with pytest.raises(LinkError, match="in use by another program"):
+            open_transport(f"{kind}:{tmp_path}/port").start(lambda data, stamp: None)
+
+
+def test_second_tcp_client_is_turned_away(opened):
+    url = f"tcp:127.0.0.1:{free_port()}"
+    board, first = opened(serve(url)), opened(open_transport(url))
+    assert until(lambda: board.transport.connected)
+    second = opened(open_transport(url))
+    assert until(lambda: not second.transport.connected)
+    assert first.transport.write(b"mine") and until(lambda: board.data == b"mine")
+    assert board.transport.endpoint.turned_away >= 1
+
+
+def test_second_udp_sender_is_refused(opened):
+    port = free_port(socket.SOCK_DGRAM)
+    board, first = (
+        opened(serve(f"udp:127.0.0.1:{port}"), reply=b"re:"),
+        opened(open_transport(f"udp:127.0.0.1:{port}")),
+    )
+    first.transport.write(b"one")
+    assert until(lambda: first.data == b"re:one")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        stranger.sendto(b"evil", ("127.0.0.1", port))
+        first.transport.write(b"two")
+        assert until(lambda: first.data == b"re:onere:two")
+    assert board.data == b"onetwo"
+
+
+def test_listener_in_use(opened, tmp_path):
+    for url in (
+        f"tcp:127.0.0.1:{free_port()}",
+        f"udp:127.0.0.1:{free_port(socket.SOCK_DGRAM)}",
+        f"pty:{tmp_path}/port",
+    ):
+        opened(serve(url))
+        with pytest.raises(LinkError, match="in use|is there"):
+            serve(url).start(lambda data, stamp: None)
+
+
+def test_pty_takes_over_the_link_of_a_dead_emulator(tmp_path, opened):
+    os.symlink("/dev/pts/99999999", tmp_path / "port")
+    opened(serve(f"pty:{tmp_path}/port"))
+    assert (tmp_path / "port").exists()
+
+
+def test_pty_leaves_a_file_of_the_user_alone(tmp_path):
+    (tmp_path / "notes").write_text("mine")
+    with pytest.raises(LinkError, match="another emulator or file is there"):
+        serve(f"pty:{tmp_path}/notes").start(lambda data, stamp: None)
+    assert (tmp_path / "notes").read_text() == "mine"
+
+
+def test_unplugged_in_the_middle_of_a_frame(tmp_path, opened):
+    url = f"pty:{tmp_path}/port"
+    board, bridge = opened(serve(url)), opened(open_transport(url))
+    board.transport.write(b"half a fr")
+    assert until(lambda: bridge.data == b"half a fr")
+    board.transport.close()
+    assert (
+        until(lambda: not bridge.transport.connected)
+        and "unplugged" in bridge.transport.last_error
+        or "no such port" in bridge.transport.last_error
+    )
+    board = opened(serve(url))
+    assert until(lambda: bridge.transport.connected)
+    board.transport.write(b"whole")
+    assert until(lambda: bridge.data == b"half a frwhole")
+
+
+class StalledPort:
+    """Takes `room` bytes, then nothing until it gets more room."""
+
+    def __init__(self):
+        self.read_end, self.write_end = os.pipe()
+        self.room, self.taken, self.closed = 0, bytearray(), False
+
+    def fileno(self):
+        return self.read_end
+
+    def read(self):
+        return b""
+
+    def write(self, data):
+        count = min(self.room, len(data))
+        self.room -= count
+        self.taken += data[:count]
+        return count
+
+    def close(self):
+        if not self.closed:
+            self.closed = True
+            os.close(self.read_end)
+            os.close(self.write_end)
+
+
+class StalledEndpoint:
+    def __init__(self, port):
+        self.port = port
+
+    def open(self):
+        return self.port
+
+    def fileno(self):
+        return None
+
+    def turn_away(self):
+        raise AssertionError("nobody comes")
+
+    def close(self):
+        pass
+
+
+def test_full_queue_keeps_the_newest_and_never_half_a_frame():
+    port = StalledPort()
+    transport = ThreadedTransport(StalledEndpoint(port))
+    transport.start(lambda data, stamp: None)
+    port.room = 2
+    transport.write(b"first")
+    assert until(lambda: port.taken == b"fi")
+    frames = [b"<%04d>" % i for i in range(3 * QUEUE_FRAMES)]
+    assert all(transport.write(frame) for frame in frames)
+    assert transport.counters["dropped_frames"] == 2 * QUEUE_FRAMES
+    port.room = 10_000
+    transport.write(b"<last>")
+    expected = b"first" + b"".join(frames[2 * QUEUE_FRAMES + 1 :]) + b"<last>"
+    assert until(lambda: len(port.taken) >= len(expected)) and port.taken == expected
+    transport.close()
+    assert port.closed
+
+
+def test_large_frames_arrive_whole_through_a_small_pipe(tmp_path, opened):
+    url = f"pty:{tmp_path}/port"
+    board, bridge = opened(serve(url)), opened(open_transport(url))
+    frame = bytes(range(256)) * 256
+    bridge.transport.write(frame)
+    assert until(lambda: len(board.data) == len(frame)) and board.data == frame
+
+
+def test_a_callback_that_raises_takes_the_link_down_and_not_the_thread(tmp_path, opened):
+    url = f"tcp:127.0.0.1:{free_port()}"
+    board = opened(serve(url))
+    bridge = open_transport(url)
+    heard = []
+
+    def callback(data, stamp):
+        heard.append(data)
+        if len(heard) == 1:
+            raise RuntimeError("bug in a parser")
+
+    bridge.start(callback)
+    assert until(lambda: board.transport.connected)
+    board.transport.write(b"boom")
+    assert until(lambda: bridge.counters["errors"] == 1 and bridge.counters["reconnects"] == 1)
+    assert "bug in a parser" in bridge.last_error
+    assert until(lambda: board.transport.connected and board.transport.write(b"fine")) and until(
+        lambda: heard[-1:] == [b"fine"]
+    )
+    bridge.close()
+
+
+def test_an_idle_link_sleeps(url, opened, monkeypatch):
+    board, bridge = opened(serve(url)), opened(open_transport(url))
+    bridge.transport.write(b"x")
+    assert until(lambda: board.data == b"x")
+    polls, own = [], (board.transport, bridge.transport)
+
+    def poll(self, *args):
+        # links of other tests may still be closing
+        if self in own:
+            polls.append(args)
+        return select.poll().poll(100) or set()
+
+    monkeypatch.setattr(ThreadedTransport, "_poll", poll)
+    time.sleep(0.2)
+    assert polls == []
+
+
+def test_close_does_not_wait_for_a_lost_peer(tmp_path, opened):
+    url = f"pty:{tmp_path}/port"
+    board, bridge = opened(serve(url)), opened(open_transport(url))
+    board.transport.close()
+    assert until(lambda: not bridge.transport.connected)
+    closer = threading.Thread(target=bridge.transport.close)
+    closer.start()
+    closer.join(5.0)
+    assert not closer.is_alive()
+
+
+def test_pyserial_talks_to_the_emulated_port(tmp_path, opened):
+    board = opened(serve(f"pty:{tmp_path}/port"), reply=b"re:")
+    with serial.Serial(str(tmp_path / "port"), 115200, timeout=5.0, exclusive=True) as client:
+        client.write(b"\x00\xff\r\n\x03\x11")
+        assert client.read(9) == b"re:\x00\xff\r\n\x03\x11"
+        with pytest.raises(LinkError, match="in use"):
+            open_transport(f"pty:{tmp_path}/port").start(lambda data, stamp: None)
+    assert board.data == b"\x00\xff\r\n\x03\x11"
+
+
+def test_what_was_sent_before_the_bridge_came_is_not_read(tmp_path, opened):
+    url = f"pty:{tmp_path}/port"
+    board = opened(serve(url))
+    board.transport.write(b"old telemetry")
+    assert until(lambda: board.transport.counters["bytes_out"] == 13)
+    bridge = opened(open_transport(url))
+    board.transport.write(b"new")
+    assert until(lambda: bridge.data == b"new")
+
+
+@pytest.mark.parametrize(
+    ("url", "message"),
+    [
+        ("can:vcan0", "expected serial:, pty:, tcp:, udp:, loopback:"),
+        ("", "expected serial:"),
+        ("/dev/ttyACM0", "expected serial:"),
+        ("tcp:localhost", "expected tcp:HOST:PORT"),
+        ("tcp:localhost:http", "port from 0 to 65535"),
+        ("udp:localhost:70000", "port from 0 to 65535"),
+        ("serial:", "expected serial:PATH"),
+        ("serial:/dev/ttyACM0?baud=fast", "baud: expected a number"),
+        ("serial:/dev/ttyACM0?baud=115201", "baud: expected one of 9600"),
+        ("serial:/dev/ttyACM0?speed=9600", "unknown option 'speed'"),
+        ("serial:/dev/ttyACM0?baud", "name=value"),
+        ("tcp:localhost:1?x=1", "unknown option 'x'; tcp: takes none"),
+        ("udp:localhost:1?listen=2", "listen: expected a number from 0 to 1"),
+        ("loopback:", "expected loopback:NAME"),
+        ("loopback:a?drop=nan", "drop: expected a number"),
+        ("loopback:a?drop=2", "drop: expected 0 to 1"),
+    ],
+)
+def test_bad_urls(url, message):
+    with pytest.raises(ConfigError) as caught:
+        open_transport(url)
+    assert message in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_serving_a_serial_port_is_refused():
+    with pytest.raises(ConfigError, match="an emulator serves pty:"):
+        serve("serial:/dev/ttyACM0")
+
+
+def test_default_host_is_loopback(opened):
+    port = free_port()
+    board = opened(serve(f"tcp::{port}"))
+    assert board.transport.endpoint._socket.getsockname() == ("127.0.0.1", port)
+    assert opened(open_transport(f"tcp::{port}")).transport.connected

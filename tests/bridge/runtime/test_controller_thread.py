@@ -1,0 +1,52 @@
+"""What the planner tells the controller of the past period: the mean of what was on the wire."""
+
+from __future__ import annotations
+
+import pytest
+
+from firmware_bridge.messages import State, VelocityCommand
+from firmware_bridge.runtime.controller_thread import Planner, SentCommands
+
+
+def ramp(until: float, tick: float = 0.02) -> SentCommands:
+    """Commands of a gate that lets the speed grow by 1 m/s^2 and the turn by 2 rad/s^2."""
+    sent = SentCommands()
+    for k in range(round(until / tick)):
+        sent.add(k * tick, k * tick, 2.0 * k * tick)
+    return sent
+
+
+def test_the_mean_is_weighed_by_time() -> None:
+    sent = SentCommands()
+    sent.add(0.0, 1.0, 0.0)
+    sent.add(0.25, 3.0, 1.0)
+    assert sent.mean(0.0, 1.0) == pytest.approx((2.5, 0.75))
+    assert sent.mean(0.25, 1.0) == pytest.approx((3.0, 1.0))
+    assert sent.mean(0.1, 0.2) == pytest.approx((1.0, 0.0))
+    v, omega = ramp(1.0).mean(0.5, 0.6)  # type: ignore[misc]
+    assert (v, omega) == pytest.approx((0.54, 1.08))
+
+
+def test_before_the_first_command_nothing_is_known() -> None:
+    assert SentCommands().mean(0.0, 1.0) is None
+    assert ramp(1.0).mean(-0.1, 0.5) is None
+
+
+def test_the_planner_tells_it_from_the_second_period_on_and_not_after_a_gap() -> None:
+    now, held = 0.0, []
+    planner = Planner(
+        lambda state: command(), lambda: State(0.0, 0.0, 0.0, 0.0, 0.0, now), 0.1, clock=lambda: now
+    )
+
+    def command() -> VelocityCommand:
+        held.append(planner.held)
+        return VelocityCommand(0.5, 0.0, now)
+
+    for k in range(8):
+        if k != 5:  # a period is left out
+            planner.step(now)
+        for _ in range(5):
+            planner.sent.add(now, 0.1 * k, -0.1 * k)
+            now += 0.02
+    assert held[0] is None and held[5] is None
+    assert held[3] == pytest.approx((0.2, -0.2)) and held[6] == pytest.approx((0.6, -0.6))

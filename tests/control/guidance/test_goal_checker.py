@@ -1,0 +1,197 @@
+"""Standing still at the goal, and getting there from anywhere nearby with any heading."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from guided import GuidedController
+
+import kmpc_lite as kl
+from kmpc_lite.control.guidance.goal_checker import (
+    QUIET,
+    QUIET_TOLERANCES,
+    GoalChecker,
+    goal_tolerances,
+)
+from kmpc_lite.model.koopman import NoiseModel
+from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
+
+ENTER, LEAVE, PUSHED = QUIET_TOLERANCES.enter, QUIET_TOLERANCES.leave, QUIET_TOLERANCES.pushed
+
+
+def test_the_robot_stands_once_inside_and_stays_until_it_is_out() -> None:
+    parking = GoalChecker()
+    assert not parking.hold(np.array([ENTER[0] + 0.001, 0.0, 0.0]))
+    assert not parking.hold(np.array([0.0, 0.0, ENTER[1] + 0.001]))
+    assert parking.hold(np.array([ENTER[0] - 0.001, 0.0, 0.0]))
+    # between the two thresholds it depends on where it comes from
+    between = np.array([0.5 * (ENTER[0] + LEAVE[0]), 0.0, 0.5 * (ENTER[1] + LEAVE[1])])
+    assert all(parking.hold(between) for _ in range(100))
+    outside = np.array([1.2 * LEAVE[0], 0.0, 0.0])
+    assert not all(parking.hold(outside) for _ in range(100))
+    assert not parking.hold(between)
+
+
+def test_a_robot_that_cannot_stop_inside_does_not_hold_yet() -> None:
+    parking = GoalChecker()
+    assert not parking.hold(np.zeros(3), np.array([ENTER[0] + 0.001, 0.0, 0.0]))
+    assert not parking.hold(np.zeros(3), np.array([0.0, 0.0, -ENTER[1] - 0.001]))
+    assert parking.hold(np.zeros(3), np.array([ENTER[0] - 0.001, 0.0, 0.0]))
+
+
+def test_one_pose_far_off_ends_it_at_once() -> None:
+    for push in ([PUSHED[0] + 0.01, 0.0, 0.0], [0.0, 0.0, -PUSHED[1] - 0.01]):
+        parking = GoalChecker()
+        assert parking.hold(np.zeros(3))
+        assert not parking.hold(np.array(push))
+
+
+def test_noise_of_the_pose_does_not_end_it() -> None:
+    random, parking = np.random.default_rng(0), GoalChecker()
+    parking.hold(np.zeros(3))
+    assert all(parking.hold(random.normal(size=3) * (0.005, 0.005, 0.02)) for _ in range(1000))
+
+
+def noisy(metres: float, radians: float) -> kl.KoopmanModel:
+    """Nominal robot that has learned of such noise in its poses; a residual has that of two."""
+    at_rest = 2.0 * np.diag([metres**2, metres**2, radians**2])
+    return replace(
+        kl.nominal_unicycle(0.1),
+        noise_model=NoiseModel(np.stack([at_rest, 0.01 * np.eye(3), 0.01 * np.eye(3)])),
+    )
+
+
+def test_quiet_poses_leave_the_zone_as_it_is(nominal: kl.KoopmanModel) -> None:
+    assert (
+        goal_tolerances(nominal)
+        is goal_tolerances(noisy(0.005, 0.02))
+        is goal_tolerances(noisy(0.99 * QUIET[0], 0.99 * QUIET[1]))
+        is QUIET_TOLERANCES
+    )
+    at_the_limit = goal_tolerances(noisy(1.001 * QUIET[0], 1.001 * QUIET[1]))
+    assert at_the_limit.keep == pytest.approx(
+        QUIET_TOLERANCES.keep, abs=1e-4
+    ) and at_the_limit.enter == pytest.approx(ENTER, abs=1e-4)
+
+
+def test_noise_widens_the_zone_so_far_that_it_does_not_end_a_hold() -> None:
+    random, parking = np.random.default_rng(0), GoalChecker()
+    errors = random.normal(size=(1000, 3)) * (0.02, 0.02, 0.08)
+    parking.hold(np.zeros(3))
+    assert not all(parking.hold(error) for error in errors)
+    parking.reset()
+    parking.zone = goal_tolerances(noisy(0.02, 0.08))
+    assert parking.hold(np.zeros(3)) and all(parking.hold(error) for error in errors)
+    # what is far for that noise still ends it
+    assert not parking.hold(np.array([0.15, 0.0, 0.0]))
+
+
+def test_reset_forgets() -> None:
+    parking = GoalChecker()
+    parking.hold(np.zeros(3))
+    parking.reset()
+    assert not parking.hold(np.array([LEAVE[0] - 1e-3, 0.0, 0.0]))
+
+
+def park(
+    model: kl.KoopmanModel,
+    seed: int,
+    slip: float,
+    noise: float = 0.0,
+    periods: int = 250,
+    du_max: tuple[float, float] | None = None,
+) -> tuple[np.ndarray, np.ndarray, list[bool]]:
+    """Poses (T + 1, 3) less the goal's, commands (T, 2), and whether it held: from within 0.6 m, any headings."""
+    random = np.random.default_rng(seed)
+    bearing, distance = random.uniform(-np.pi, np.pi), 0.6 * np.sqrt(random.uniform())
+    x = np.array(
+        [distance * np.cos(bearing), distance * np.sin(bearing), random.uniform(-np.pi, np.pi)]
+    )
+    goal = np.array([0.0, 0.0, random.uniform(-np.pi, np.pi)])
+    problem = kl.NavigationProblem() if du_max is None else kl.NavigationProblem(du_max=du_max)
+    controller, plant = GuidedController(model, problem), kl.DifferentialDrive(slip, seed)
+    states, commands = [x], []
+    for _ in range(periods):
+        plan = controller.step(x + noise * random.normal(size=3) * (0.005, 0.005, 0.02), goal)
+        x = plant.step(x, plan.command, 0.1)
+        states.append(x)
+        commands.append(plan.command)
+    error = np.array(states) - goal
+    error[:, 2] = (error[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    return error, np.array(commands), controller.holding
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_any_start_any_heading_ends_at_rest_in_the_pose(
+    learned: kl.KoopmanModel, seed: int
+) -> None:
+    error, commands, holding = park(learned, seed, slip=0.05)
+    assert np.hypot(*error[-1, :2]) <= 0.02 and abs(error[-1, 2]) <= 0.05
+    # at rest for good: no dithering
+    first = holding.index(True)
+    assert first < 150 and all(holding[first:]) and not commands[first:].any()
+
+
+@pytest.mark.parametrize("du_max", [(1.0, 4.0), (0.5, 2.0)])
+@pytest.mark.parametrize("seed", range(3))
+def test_with_limited_changes_it_parks_too(
+    learned: kl.KoopmanModel, seed: int, du_max: tuple[float, float]
+) -> None:
+    error, commands, holding = park(learned, seed, slip=0.05, du_max=du_max)
+    assert np.hypot(*error[-1, :2]) <= 0.02 and abs(error[-1, 2]) <= 0.05
+    first = holding.index(True)
+    # the command may take some periods to zero, and then stays there
+    assert first < 150 and all(holding[first:]) and not commands[first + 5 :].any()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("slip", [0.0, 0.1, 0.2])
+def test_parking_at_every_slip(slip: float) -> None:
+    model = kl.fit(
+        kl.generate_dataset(kl.DifferentialDrive(slip, seed=1), episodes=100, steps=100, seed=2)
+    )
+    for seed in range(40):
+        error, commands, holding = park(model, 100 + seed, slip)
+        assert np.hypot(*error[-1, :2]) <= 0.02 and abs(error[-1, 2]) <= 0.05
+        assert holding[-1] and not commands[holding.index(True) :].any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_noisy_pose_ends_there_too(learned: kl.KoopmanModel, seed: int) -> None:
+    error, commands, holding = park(learned, 50 + seed, slip=0.05, noise=1.0)
+    assert np.hypot(*error[-1, :2]) <= 0.02 and abs(error[-1, 2]) <= 0.06
+    assert np.mean(holding[-50:]) > 0.9
+
+
+def test_a_robot_that_is_pushed_drives_back(learned: kl.KoopmanModel) -> None:
+    controller, goal, x = (
+        GuidedController(learned, kl.NavigationProblem()),
+        np.zeros(3),
+        np.zeros(3),
+    )
+    plant = kl.DifferentialDrive()
+    assert not controller.step(x, goal).command.any()
+    x = np.array([0.1, 0.15, 0.5])
+    for _ in range(150):
+        x = plant.step(x, controller.step(x, goal).command, 0.1)
+    assert np.hypot(*x[:2]) <= 0.02 and abs(x[2]) <= 0.05
+
+
+def test_very_noisy_poses_end_at_rest_too() -> None:
+    noise = np.array([0.02, 0.02, 0.08])
+    log = drive_log(LaggingDrive(slip=0.05, seed=3), 60, 100, seed=4, pose_noise=noise)
+    model, held, ends = kl.fit(log, kl.HermiteTrigDictionary(order=0)), [], []
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        controller, plant = (
+            GuidedController(model, kl.NavigationProblem()),
+            kl.DifferentialDrive(0.05, seed),
+        )
+        x, goal = random.uniform(-1.0, 1.0, 3), np.zeros(3)
+        for _ in range(250):
+            x = plant.step(x, controller.step(x + random.normal(size=3) * noise, goal).command, 0.1)
+        held.append(np.mean(controller.holding[150:]))
+        ends.append(np.hypot(*x[:2]))
+    assert np.mean(held) > 0.9 and max(ends) < 0.06

@@ -1,0 +1,373 @@
+"""Every way in which OSQP is known to answer wrongly, and agreement with other solvers where it answers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import qpsolvers
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import sparse
+
+import kmpc_lite as kl
+from kmpc_lite.control.nmpc import sqp as sqp_module
+from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace, QPSolution, QPStatus
+
+EXACT: dict[str, Any] = {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 50_000}
+
+
+class Box:
+    """min |x - target|^2 / 2 within a box that A scales: everything about it can be computed by hand."""
+
+    def __init__(self, n: int = 3, **options: Any) -> None:
+        self.n = n
+        self.data: dict[str, np.ndarray] = {
+            "q": np.zeros(n),
+            "lower": -np.ones(n),
+            "upper": np.ones(n),
+            "Ax": np.ones(n),
+            "x": np.zeros(n),
+            "y": np.zeros(n),
+        }
+        identity = sparse.csc_matrix(np.eye(n))
+        self.workspace = OSQPWorkspace(
+            identity,
+            self.data["q"],
+            identity,
+            self.data["lower"],
+            self.data["upper"],
+            **{**EXACT, **options},
+        )
+
+    def solve(self, **changes: np.ndarray) -> QPSolution:
+        return self.workspace.solve(**{**self.data, **changes})
+
+    def assert_well(self) -> None:
+        """The workspace still solves its plain problem, with nothing left over from an earlier one."""
+        answer = self.solve(q=-0.5 * np.arange(self.n))
+        assert answer.status is QPStatus.SOLVED
+        np.testing.assert_allclose(answer.x, np.clip(0.5 * np.arange(self.n), -1, 1), atol=1e-6)
+
+
+def assert_failed(answer: QPSolution) -> None:
+    """No iterate, and nothing that could be taken for one."""
+    assert answer.status is QPStatus.FAILED
+    assert answer.reason
+    assert not answer.x.any() and not answer.y.any()
+
+
+def test_infeasible_problem_fails_rather_than_returning_garbage() -> None:
+    box = Box()
+    assert_failed(box.solve(Ax=np.zeros(3), lower=np.full(3, 0.5)))  # 0 x >= 0.5
+    box.assert_well()
+
+
+def test_unbounded_problem_fails() -> None:
+    zero, row = sparse.csc_matrix((2, 2)), sparse.csc_matrix(np.eye(2))
+    workspace = OSQPWorkspace(
+        zero, np.array([-1.0, 0.0]), row, np.zeros(2), np.full(2, np.inf), **EXACT
+    )
+    assert_failed(
+        workspace.solve(
+            np.array([-1.0, 0.0]),
+            np.zeros(2),
+            np.full(2, np.inf),
+            np.ones(2),
+            np.zeros(2),
+            np.zeros(2),
+        )
+    )
+
+
+def test_crossed_bounds_are_refused_and_old_data_is_not_used_instead(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    box = Box()
+    assert box.solve().status is QPStatus.SOLVED
+    assert_failed(box.solve(q=np.full(3, 0.5), lower=np.array([-1.0, 2.0, -1.0])))
+    box.assert_well()
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("bound", [np.inf, 1e30, 1e50, 1e300])
+def test_bounds_that_nothing_can_meet_are_refused_without_a_word_on_stderr(
+    bound: float, capfd: pytest.CaptureFixture[str]
+) -> None:
+    box = Box()
+    assert_failed(box.solve(lower=np.array([-1.0, bound, -1.0]), upper=np.array([1.0, bound, 1.0])))
+    assert_failed(
+        box.solve(lower=np.array([-1.0, -bound, -1.0]), upper=np.array([1.0, -bound, 1.0]))
+    )
+    box.assert_well()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_open_bounds_may_be_infinite_or_huge() -> None:
+    box = Box()
+    for bound in (np.inf, 1e30, 1e300):
+        answer = box.solve(
+            q=np.array([-7.0, 7.0, 0.0]), lower=np.full(3, -bound), upper=np.full(3, bound)
+        )
+        assert answer.status is QPStatus.SOLVED
+        np.testing.assert_allclose(answer.x, [7.0, -7.0, 0.0], atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["q", "lower", "upper", "Ax"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_data_that_is_not_finite_fails_and_leaves_no_trace(name: str, value: float) -> None:
+    box = Box()
+    bad = box.data[name].copy()
+    bad[1] = value
+    answer = box.solve(**{name: bad})
+    if (name, value) in (("lower", -np.inf), ("upper", np.inf)):
+        assert answer.status is QPStatus.SOLVED  # an open bound is data like any other
+    else:
+        assert_failed(answer)
+    box.assert_well()
+
+
+def test_opposite_infinities_do_not_cancel() -> None:
+    box = Box()
+    assert_failed(box.solve(q=np.array([np.inf, -np.inf, 0.0])))
+
+
+@pytest.mark.parametrize("name", ["x", "y"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_warm_start_that_is_not_finite_is_replaced(name: str, value: float) -> None:
+    box = Box()
+    bad = np.array([0.0, value, 0.0])
+    answer = box.solve(q=np.array([-0.5, 0.25, -3.0]), **{name: bad})
+    assert answer.status is QPStatus.SOLVED
+    np.testing.assert_allclose(answer.x, [0.5, -0.25, 1.0], atol=1e-6)
+    assert np.isnan(bad[1]) or np.isinf(bad[1])  # the caller's array is left alone
+
+
+@pytest.mark.parametrize("name", ["q", "lower", "upper", "Ax", "x", "y"])
+@pytest.mark.parametrize("shape", [(2,), (4,), (0,), (3, 1), (1, 3)])
+def test_arrays_of_another_shape_are_refused(name: str, shape: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match="expected shape"):
+        Box().solve(**{name: np.zeros(shape)})
+
+
+def test_setup_refuses_wrong_shapes() -> None:
+    identity = sparse.csc_matrix(np.eye(3))
+    with pytest.raises(ValueError, match="q"):
+        OSQPWorkspace(identity, np.zeros(2), identity, np.zeros(3), np.zeros(3))
+    with pytest.raises(ValueError, match="lower"):
+        OSQPWorkspace(identity, np.zeros(3), identity, np.zeros(2), np.zeros(3))
+    with pytest.raises(ValueError, match="upper"):
+        OSQPWorkspace(identity, np.zeros(3), identity, np.zeros(3), np.zeros((3, 1)))
+
+
+def test_strided_and_reversed_views_and_other_types_are_read_rightly() -> None:
+    q, upper = np.array([-5.0, 0.25, -0.125]), np.array([1.0, 2.0, 3.0])
+    wide = np.full((3, 2), 99.0)
+    wide[:, 0] = q
+    expected = [1.0, -0.25, 0.125]
+    for views in (
+        {"q": wide[:, 0], "upper": upper},
+        {"q": q[::-1].copy()[::-1], "upper": upper[::-1].copy()[::-1]},
+        {"q": q.astype(np.float32), "upper": upper.astype(np.float32)},
+        {"q": q, "upper": upper.astype(int), "Ax": np.ones(3, dtype=int)},
+        {"q": q, "upper": upper, "x": np.zeros((3, 2))[:, 1], "y": np.zeros(3, dtype=np.float32)},
+    ):
+        answer = Box().solve(**views)
+        assert answer.status is QPStatus.SOLVED
+        np.testing.assert_allclose(answer.x, expected, atol=1e-6)
+
+
+def test_iteration_limit_returns_an_iterate_that_is_told_as_early() -> None:
+    box = Box(eps_abs=1e-14, eps_rel=1e-14, max_iter=2, check_termination=1)
+    answer = box.solve(q=np.array([-5.0, 0.25, -0.125]))
+    assert answer.status is QPStatus.STOPPED_EARLY
+    assert answer.iterations == 2
+    assert "iterations" in answer.reason
+    assert np.isfinite(answer.x).all()
+
+
+def test_time_limit_stops_a_solve_and_can_be_lifted() -> None:
+    random = np.random.default_rng(0)
+    n = 60
+    root, a = random.normal(size=(n, n)), random.normal(size=(n, n))
+    dense = sparse.csc_matrix(np.triu(root @ root.T + np.eye(n)))
+    q, lower, upper, zeros = random.normal(size=n), -0.1 * np.ones(n), 0.1 * np.ones(n), np.zeros(n)
+    workspace = OSQPWorkspace(dense, q, sparse.csc_matrix(a), lower, upper, **EXACT)
+    entries = a.ravel(order="F")
+    workspace.limit_time(1e-9)
+    hurried = workspace.solve(q, lower, upper, entries, zeros, zeros)
+    assert hurried.status is QPStatus.STOPPED_EARLY
+    assert "time" in hurried.reason
+    assert np.isfinite(hurried.x).all()
+    workspace.limit_time(1e9)
+    assert workspace.solve(q, lower, upper, entries, zeros, zeros).status is QPStatus.SOLVED
+
+
+def test_new_matrix_is_used_and_the_warm_start_survives_it() -> None:
+    box = Box(check_termination=1)
+    q = np.array([-5.0, 0.25, -0.125])
+    scale = np.array(
+        [2.0, 1.0, 50.0]
+    )  # other scales: OSQP scales the problem anew, not its iterates
+    cold = box.solve(q=q, Ax=scale)
+    np.testing.assert_allclose(cold.x, [0.5, -0.25, 0.02], atol=1e-6)
+    box.solve()
+    warm = box.solve(q=q, Ax=scale, x=cold.x, y=cold.y)
+    np.testing.assert_allclose(warm.x, cold.x, atol=1e-6)
+    assert warm.iterations <= 2 < cold.iterations
+
+
+def test_a_solve_depends_on_its_arguments_only() -> None:
+    first, second = Box(), Box()
+    q = np.array([-5.0, 0.25, -0.125])
+    second.solve(q=-q, Ax=np.array([3.0, 1.0, 2.0]))
+    np.testing.assert_allclose(first.solve(q=q).x, second.solve(q=q).x, atol=1e-7)
+
+
+def test_solutions_are_copies_and_arguments_are_left_alone() -> None:
+    box = Box()
+    box.data["q"] = np.array([-0.5, 0.0, 0.5])
+    before = {name: array.copy() for name, array in box.data.items()}
+    answer = box.solve()
+    x, y = answer.x.copy(), answer.y.copy()
+    box.solve(q=np.array([0.5, 0.5, -3.0]), x=answer.x, y=answer.y)
+    np.testing.assert_array_equal(answer.x, x)
+    np.testing.assert_array_equal(answer.y, y)
+    for name, array in box.data.items():
+        np.testing.assert_array_equal(array, before[name])
+
+
+def test_multipliers_have_osqps_sign() -> None:
+    # P x + q + A' y = 0: positive at an upper bound, negative at a lower one
+    answer = Box().solve(q=np.array([-5.0, 5.0, -0.5]))
+    np.testing.assert_allclose(answer.y, [4.0, -4.0, 0.0], atol=1e-6)
+    assert answer.primal_residual < 1e-6 and answer.dual_residual < 1e-6
+
+
+def agrees_with(
+    solver: str,
+    p: np.ndarray,
+    q: np.ndarray,
+    a: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    x: np.ndarray,
+) -> None:
+    """Another solver's optimum has the same cost, and the same point where the cost is strictly convex."""
+    equal = lower == upper
+    rows = [(a[~equal & np.isfinite(upper)], upper[~equal & np.isfinite(upper)])]
+    rows += [(-a[~equal & np.isfinite(lower)], -lower[~equal & np.isfinite(lower)])]
+    g, h = np.vstack([r[0] for r in rows]), np.concatenate([r[1] for r in rows])
+    other = qpsolvers.solve_qp(
+        sparse.csc_matrix(p),
+        q,
+        sparse.csc_matrix(g),
+        h,
+        sparse.csc_matrix(a[equal]) if equal.any() else None,
+        lower[equal] if equal.any() else None,
+        solver=solver,
+        **({"eps_abs": 1e-9} if solver == "proxqp" else {}),  # whose default is 1e-3
+    )
+    assert other is not None
+
+    def cost(v: np.ndarray) -> float:
+        return float(0.5 * v @ p @ v + q @ v)
+
+    assert cost(x) == pytest.approx(cost(other), rel=1e-5, abs=1e-5)
+    np.testing.assert_allclose(a @ x, np.clip(a @ x, lower, upper), atol=1e-5)
+    if np.linalg.eigvalsh(p).min() > 1e-3:
+        np.testing.assert_allclose(x, other, atol=1e-4)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_agrees_with_clarabel_on_random_problems(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    n, m = int(random.integers(1, 12)), int(random.integers(1, 15))
+    root = random.normal(size=(n, n))
+    p, a = root @ root.T + 0.05 * np.eye(n), random.normal(size=(m, n))
+    middle = a @ random.normal(size=n)  # some point is feasible
+    lower, upper = middle - random.exponential(size=m), middle + random.exponential(size=m)
+    equal = random.random(m) < 0.2
+    equal[n // 2 :] = False
+    lower[equal] = upper[equal] = middle[equal]
+    lower[random.random(m) < 0.2] = -np.inf
+    lower[equal] = middle[equal]
+    q = random.normal(size=n)
+    # set up with other numbers first: the second solve is an update, as in the controller
+    workspace = OSQPWorkspace(
+        sparse.csc_matrix(np.triu(p)),
+        np.zeros(n),
+        sparse.csc_matrix(np.ones((m, n))),
+        np.zeros(m),
+        np.ones(m),
+        **EXACT,
+    )
+    answer = workspace.solve(
+        q, lower, upper, np.asfortranarray(a).ravel(order="F"), np.zeros(n), np.zeros(m)
+    )
+    assert answer.status is QPStatus.SOLVED
+    agrees_with("clarabel", p, q, a, lower, upper, answer.x)
+
+
+def recorded_qps(
+    monkeypatch: pytest.MonkeyPatch, model: kl.KoopmanModel
+) -> list[tuple[sparse.csc_matrix, dict[str, np.ndarray]]]:
+    """The QPs that a controller meets on a drive past obstacles."""
+    recorded: list[tuple[sparse.csc_matrix, dict[str, np.ndarray]]] = []
+    names = ("q", "lower", "upper", "Ax", "x", "y")
+
+    class Recorder(OSQPWorkspace):
+        def __init__(
+            self,
+            P: sparse.csc_matrix,
+            q: np.ndarray,
+            A: sparse.csc_matrix,
+            *rest: Any,
+            **options: Any,
+        ) -> None:
+            self.matrices = P, A
+            super().__init__(P, q, A, *rest, **options)
+
+        def solve(self, *arguments: np.ndarray) -> QPSolution:
+            data = {name: np.array(value) for name, value in zip(names, arguments, strict=True)}
+            p, a = self.matrices
+            recorded.append(
+                (p, {**data, "A": sparse.csc_matrix((data["Ax"], a.indices, a.indptr), a.shape)})
+            )
+            return super().solve(*arguments)
+
+    monkeypatch.setattr(sqp_module, "OSQPWorkspace", Recorder)
+    controller = kl.Controller(model)
+    x = np.array([0.0, 0.0, 0.0])
+    for k in range(25):
+        obstacles = [
+            kl.Circle(0.5, 0.5, 0.15),
+            kl.Circle(1.2, 0.9, 0.2, -0.1, 0.0),
+            kl.Circle(0.2, 1.2, 0.1),
+        ]
+        plan = controller.step(x, (1.5, 1.5, 0.0) if k < 15 else (-2.0, 0.5, 3.0), obstacles)
+        x = model.predict(x, plan.command, np.zeros((model.history, 2)) if model.history else None)
+    return recorded
+
+
+@pytest.mark.parametrize("name", ["nominal", "learned_edmdc", "lagging"])
+@pytest.mark.parametrize("solver", ["clarabel", "daqp", "piqp", "proxqp"])
+def test_agrees_with_other_solvers_on_the_controllers_problems(
+    solver: str, name: str, models: dict[str, kl.KoopmanModel], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if solver not in qpsolvers.available_solvers:
+        pytest.skip(f"{solver} is not installed")
+    recorded = recorded_qps(monkeypatch, models[name])
+    assert len(recorded) >= 25
+    p, first = recorded[0]
+    a = first["A"]
+    workspace = OSQPWorkspace(p, first["q"], a, first["lower"], first["upper"], **EXACT)
+    full_p = (p + sparse.triu(p, 1).T).toarray()
+    for _, data in recorded[::4]:
+        answer = workspace.solve(*(data[name] for name in ("q", "lower", "upper", "Ax", "x", "y")))
+        assert answer.status is QPStatus.SOLVED
+        agrees_with(
+            solver, full_p, data["q"], data["A"].toarray(), data["lower"], data["upper"], answer.x
+        )

@@ -1,0 +1,260 @@
+"""The sparse QP against the same QP written down naively, stage by stage, from its definition."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import sparse
+
+from kmpc_lite import NavigationProblem
+from kmpc_lite.control.nmpc.qp import KEEPOUT_SCALE, SLACK_SCALE, NavigationQP
+from kmpc_lite.model.koopman import Linearization
+
+Q = np.array([[2.0, 0.3, 0.1], [0.3, 5.0, 0.0], [0.1, 0.0, 0.2]])
+R = np.array([[0.5, 0.02], [0.02, 0.1]])
+Q_TERMINAL = np.array([[7.0, 1.0, 0.0], [1.0, 8.0, -0.5], [0.0, -0.5, 3.0]])
+SHAPES = [(1, 0, 1), (2, 0, 3), (5, 0, 2), (20, 0, 6), (1, 3, 1), (3, 1, 2), (4, 6, 2), (12, 3, 4)]
+"""Horizons, input histories (longer than the horizon too) and slots."""
+
+
+class Numbers(NamedTuple):
+    """Everything that one fill takes."""
+
+    lin: Linearization
+    x: np.ndarray
+    u: np.ndarray
+    reference: np.ndarray
+    normals: np.ndarray
+    offsets: np.ndarray
+
+
+def make_problem(horizon: int) -> NavigationProblem:
+    return NavigationProblem(
+        horizon=horizon,
+        Q=Q,
+        R=R,
+        Q_terminal=Q_TERMINAL,
+        u_min=(-0.3, -1.0),
+        u_max=(0.7, 0.9),
+        slack_weights=(3.0, 40.0),
+    )
+
+
+def draw(random: np.random.Generator, horizon: int, history: int, slots: int) -> Numbers:
+    n, size = horizon, random.normal
+    lin = Linearization(
+        size(size=(n, 3)), size(size=(n, 3, 3)), size(size=(n, 3, 2)), size(size=(n, history, 3, 2))
+    )
+    return Numbers(
+        lin,
+        size(size=(n + 1, 3)),
+        size(size=(n, 2)),
+        size(size=(n + 1, 3)),
+        size(size=(n, slots, 2)),
+        size(size=(n, slots)),
+    )
+
+
+def objective(
+    problem: NavigationProblem, numbers: Numbers, x: np.ndarray, u: np.ndarray, slack: np.ndarray
+) -> float:
+    """The definition: a sum over stages, the present state's share included."""
+    total, n = 0.0, problem.horizon
+    for k in range(n):
+        error = x[k] - numbers.reference[k]
+        total += error @ Q @ error + u[k] @ R @ u[k] + 3.0 * slack[k] + 40.0 * slack[k] ** 2
+    error = x[n] - numbers.reference[n]
+    return float(total + error @ Q_TERMINAL @ error)
+
+
+def dynamics_gaps(numbers: Numbers, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """What each stage's next state lacks to obey the linearised model, (N, 3)."""
+    gaps = []
+    for k in range(len(u)):
+        following = (
+            numbers.lin.value[k]
+            + numbers.lin.A[k] @ (x[k] - numbers.x[k])
+            + numbers.lin.B[k] @ (u[k] - numbers.u[k])
+        )
+        for age in range(1, numbers.lin.B_past.shape[1] + 1):
+            if k - age >= 0:  # what was sent before the plan began is known
+                following = following + numbers.lin.B_past[k, age - 1] @ (
+                    u[k - age] - numbers.u[k - age]
+                )
+        gaps.append(x[k + 1] - following)
+    return np.array(gaps)
+
+
+def keepout_gaps(numbers: Numbers, x: np.ndarray, slack: np.ndarray) -> np.ndarray:
+    """``normal . p + slack - offset`` of each stage and slot, (N, slots); at least zero where kept."""
+    n, slots = numbers.offsets.shape
+    gaps = np.empty((n, slots))
+    for k in range(n):
+        for i in range(slots):
+            gaps[k, i] = numbers.normals[k, i] @ x[k + 1, :2] + slack[k] - numbers.offsets[k, i]
+    return gaps
+
+
+def filled(
+    shape: tuple[int, int, int], random: np.random.Generator
+) -> tuple[NavigationProblem, NavigationQP, Numbers]:
+    horizon, history, slots = shape
+    problem = make_problem(horizon)
+    qp = NavigationQP(problem, history, slots)
+    qp.fill(*draw(random, *shape))  # leftovers of an earlier fill must not matter
+    numbers = draw(random, *shape)
+    qp.fill(*numbers)
+    return problem, qp, numbers
+
+
+def random_point(
+    random: np.random.Generator, numbers: Numbers
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Any states that begin at the present one, commands and slacks."""
+    n = len(numbers.u)
+    x = np.vstack([numbers.x[:1], random.normal(size=(n, 3))])
+    return x, random.normal(size=(n, 2)), random.normal(size=n)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_filled_qp_is_the_naive_qp(shape: tuple[int, int, int], seed: int) -> None:
+    random = np.random.default_rng(seed)
+    problem, qp, numbers = filled(shape, random)
+    full_p = (qp.P + sparse.triu(qp.P, 1).T).toarray()
+    a = qp.A.toarray()
+    values, definitions = [], []
+    for _ in range(4):
+        x, u, slack = random_point(random, numbers)
+        v = qp.pack(x, u, slack)
+        values.append(0.5 * v @ full_p @ v + qp.q @ v)
+        definitions.append(objective(problem, numbers, x, u, slack))
+        rows = a @ v
+        np.testing.assert_allclose(
+            rows[qp.dynamics_rows] - qp.lower[qp.dynamics_rows],
+            dynamics_gaps(numbers, x, u),
+            atol=1e-9,
+        )
+        np.testing.assert_array_equal(qp.lower[qp.dynamics_rows], qp.upper[qp.dynamics_rows])
+        expected = KEEPOUT_SCALE * keepout_gaps(numbers, x, slack)
+        np.testing.assert_allclose(
+            rows[qp.keepout_rows] - qp.lower[qp.keepout_rows], expected, atol=1e-9
+        )
+        assert np.isposinf(qp.upper[qp.keepout_rows]).all()
+        np.testing.assert_allclose(
+            rows[qp.input_rows] - qp.lower[qp.input_rows], u - (-0.3, -1.0), atol=1e-12
+        )
+        np.testing.assert_allclose(
+            qp.upper[qp.input_rows] - rows[qp.input_rows], (0.7, 0.9) - u, atol=1e-12
+        )
+        np.testing.assert_allclose(
+            rows[qp.slack_rows] - qp.lower[qp.slack_rows], SLACK_SCALE * slack, atol=1e-12
+        )
+        assert np.isposinf(qp.upper[qp.slack_rows]).all()
+    # the objectives may differ by what no variable changes
+    np.testing.assert_allclose(np.diff(values), np.diff(definitions), rtol=1e-9, atol=1e-8)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_rows_and_columns_are_each_used_once(shape: tuple[int, int, int]) -> None:
+    qp = NavigationQP(make_problem(shape[0]), shape[1], shape[2])
+    rows = np.concatenate(
+        [part.ravel() for part in (qp.dynamics_rows, qp.keepout_rows, qp.input_rows, qp.slack_rows)]
+    )
+    columns = np.concatenate(
+        [part.ravel() for part in (qp.state_columns, qp.input_columns, qp.slack_columns)]
+    )
+    assert sorted(rows) == list(range(qp.row_count))
+    assert sorted(columns) == list(range(qp.size))
+    assert qp.A.shape == (qp.row_count, qp.size)
+    assert qp.P.shape == (qp.size, qp.size)
+    assert qp.q.shape == (qp.size,)
+    assert qp.lower.shape == qp.upper.shape == (qp.row_count,)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_pattern_is_kept_and_filled_in_place(shape: tuple[int, int, int]) -> None:
+    random = np.random.default_rng(0)
+    _, qp, numbers = filled(shape, random)
+    data, indices, pointers = qp.A.data, qp.A.indices.copy(), qp.A.indptr.copy()
+    generic = set(zip(*qp.A.nonzero(), strict=True))
+    zeros = Numbers(
+        Linearization(*(np.zeros_like(part) for part in numbers.lin)),
+        *(np.zeros_like(part) for part in numbers[1:]),
+    )
+    qp.fill(*zeros)
+    assert qp.A.data is data
+    np.testing.assert_array_equal(qp.A.indices, indices)
+    np.testing.assert_array_equal(qp.A.indptr, pointers)
+    assert len(data) == len(
+        generic
+    )  # every stored entry was nonzero once: no room wasted, no entry stored twice
+    assert np.count_nonzero(data) < len(data)  # and now there are explicit zeros
+    assert qp.A.has_sorted_indices
+    assert sparse.isspmatrix_csc(qp.A) and sparse.isspmatrix_csc(qp.P)
+    assert sparse.tril(qp.P, -1).nnz == 0
+
+
+def test_half_planes_that_are_not_in_use_are_finite_and_never_bind() -> None:
+    qp = NavigationQP(make_problem(4), 0, 3)
+    numbers = draw(np.random.default_rng(1), 4, 0, 3)
+    unused = numbers._replace(normals=np.zeros((4, 3, 2)), offsets=np.full((4, 3), -np.inf))
+    qp.fill(*unused)
+    assert np.isfinite(qp.lower[qp.keepout_rows]).all()
+    assert (qp.lower[qp.keepout_rows] <= -100.0).all()
+    assert not qp.A.toarray()[qp.keepout_rows.ravel()][:, : qp.slack_columns[0]].any()
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_pack_and_unpack_are_inverse(shape: tuple[int, int, int]) -> None:
+    random = np.random.default_rng(2)
+    _, qp, numbers = filled(shape, random)
+    point = random_point(random, numbers)
+    v = qp.pack(*point)
+    assert len(np.unique(v)) == qp.size
+    for back, there in zip(qp.unpack(v, numbers.x[0]), point, strict=True):
+        np.testing.assert_allclose(back, there, atol=1e-12)
+        assert not np.shares_memory(back, v)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_multipliers_move_one_stage_on(shape: tuple[int, int, int]) -> None:
+    qp = NavigationQP(make_problem(shape[0]), shape[1], shape[2])
+    y = np.random.default_rng(3).normal(size=qp.row_count)
+    before = y.copy()
+    shifted = qp.shift_duals(y)
+    np.testing.assert_array_equal(y, before)
+    for rows in (qp.dynamics_rows, qp.keepout_rows, qp.input_rows, qp.slack_rows):
+        np.testing.assert_array_equal(shifted[rows][:-1], y[rows][1:])
+        np.testing.assert_array_equal(shifted[rows][-1], y[rows][-1])
+
+
+@pytest.mark.parametrize("du_max", [(1.0, 4.0), (np.inf, 2.0), (0.5, np.inf)])
+def test_changes_of_commands_are_rows_where_they_are_limited(du_max: tuple[float, float]) -> None:
+    free, problem = NavigationQP(make_problem(5), 1, 2), replace(make_problem(5), du_max=du_max)
+    qp, random = NavigationQP(problem, 1, 2), np.random.default_rng(3)
+    last, u = random.normal(size=2), random.normal(size=(5, 2))
+    qp.set_last_command(last)
+    values = qp.A @ qp.pack(np.zeros((6, 3)), u, np.zeros(5))
+    columns = [j for j in range(2) if np.isfinite(du_max[j])]
+    for k in range(5):
+        before = u[k - 1] if k else last
+        for row, j in zip(qp.change_rows[k], columns, strict=True):
+            # how much room the row leaves on either side is what the change leaves
+            np.testing.assert_allclose(
+                qp.upper[row] - values[row], problem.dt * du_max[j] - (u[k, j] - before[j])
+            )
+            np.testing.assert_allclose(
+                values[row] - qp.lower[row], problem.dt * du_max[j] + (u[k, j] - before[j])
+            )
+    # nothing else has changed, and without limits there is no such row
+    assert free.change_rows.size == 0 and qp.row_count == free.row_count + qp.change_rows.size
+    assert (qp.A[: free.row_count] != free.A).nnz == 0
+    shifted = qp.shift_duals(np.arange(qp.row_count, dtype=float))
+    np.testing.assert_array_equal(shifted[qp.change_rows[:-1]], qp.change_rows[1:])

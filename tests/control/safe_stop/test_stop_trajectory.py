@@ -1,0 +1,152 @@
+"""The way to a stop that every plan must have: clear by the model, with lag and without."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.control.margins.tightening import Tightening
+from kmpc_lite.control.nmpc.sqp import Trajectory
+from kmpc_lite.control.safe_stop.backup import Backup
+from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectories, StopTrajectory
+
+PROBLEM = kl.NavigationProblem()
+STEP = np.array([0.1, 0.4])
+NO_SOLIDS = np.zeros(2), np.empty(0), np.empty((0, 2))
+
+
+def lagging() -> kl.KoopmanModel:
+    """A robot whose wheels do what was asked of them four periods ago."""
+    trig = kl.nominal_unicycle(0.1)
+    delayed = kl.InputHistoryDictionary(trig.dictionary, lags=(0, 1, 2, 3, 4))
+    h = np.zeros((3, 10, trig.dictionary.size))
+    h[:, 8:] = trig.H.reshape(3, 2, -1)
+    return kl.KoopmanModel(
+        delayed, 0.1, trig.A, np.zeros((3, 10)), h.reshape(3, -1), np.eye(3), continuous=True
+    )
+
+
+def straight(
+    model: kl.KoopmanModel, past: np.ndarray, v: float = 0.6, omega: float = 0.0
+) -> Trajectory:
+    inputs = np.tile((v, omega), (20, 1))
+    return Trajectory(model.rollout(np.zeros(3), inputs, past), inputs, np.zeros(1))
+
+
+def found(
+    model: kl.KoopmanModel, circles: list[list[float]], past_speed: float = 0.0, **plan: float
+) -> tuple[StopTrajectory | None, Trajectory]:
+    past = np.tile((past_speed, 0.0), (model.history, 1))
+    trajectory = straight(model, past, **plan)
+    rows = np.array([[*c, *[0.0] * (5 - len(c))] for c in circles]).reshape(-1, 5)
+    tails = StopTrajectories(PROBLEM, Tightening(model, PROBLEM))
+    return tails.find(model, trajectory, rows, None, NO_SOLIDS, past), trajectory
+
+
+def test_far_from_everything_the_ramp_is_the_tail() -> None:
+    assert found(kl.nominal_unicycle(0.1), [[3.0, 0.0, 0.2]])[0] == StopTrajectory()
+    assert found(kl.nominal_unicycle(0.1), [])[0] == StopTrajectory()
+
+
+@pytest.mark.parametrize("omega", [-0.7, 0.0, 0.7])
+@pytest.mark.parametrize("v", [-0.6, 0.6])
+def test_without_lag_the_ramp_is_driven_exactly_where_it_is_clear(v: float, omega: float) -> None:
+    model, random = kl.nominal_unicycle(0.1), np.random.default_rng(3)
+    seen = set()
+    for _ in range(200):
+        angle, distance = random.uniform(-np.pi, np.pi), random.uniform(0.45, 0.9)
+        circle = [
+            distance * np.cos(angle),
+            distance * np.sin(angle),
+            0.2,
+            *random.uniform(-0.2, 0.2, 2),
+        ]
+        tail, plan = found(model, [circle], v=v, omega=omega)
+        assert tail is not None and tail.further == 0
+        commands = tail.commands(plan.inputs, STEP)
+        if not tail.at_once:
+            states = model.rollout(plan.states[0], commands)
+            moments = 0.1 * np.arange(len(states))[:, None]
+            gap = np.hypot(*(states[:, :2] - circle[:2] - moments * np.array(circle[3:])).T) - 0.35
+            assert gap.min() > 0.0
+        seen.add(tail.at_once)
+        assert not commands[-1].any()
+    assert seen == {False, True}
+
+
+def test_a_robot_that_lags_has_a_clear_tail_or_none_at_all() -> None:
+    model, random = lagging(), np.random.default_rng(5)
+    outcomes = {"clear": 0, "slowed": 0, "none": 0}
+    for _ in range(150):
+        angle, distance = random.uniform(-1.0, 1.0), random.uniform(0.4, 1.2)
+        circle = [distance * np.cos(angle), distance * np.sin(angle), 0.2]
+        past_speed = random.uniform(0.0, 0.6)
+        tail, plan = found(model, [circle], past_speed)
+        if tail is None:
+            outcomes["none"] += 1
+            # not even zero from now on would have kept clear of it by the margin
+            states = model.rollout(
+                np.zeros(3), np.zeros((6, 2)), np.tile((past_speed, 0.0), (4, 1))
+            )
+            assert (np.hypot(*(states[:, :2] - circle[:2]).T) - 0.35).min() < 0.03
+            continue
+        outcomes["slowed" if tail.slowed else "clear"] += 1
+        commands = np.vstack([tail.commands(plan.inputs, STEP), np.zeros((4, 2))])
+        states = model.rollout(np.zeros(3), commands, np.tile((past_speed, 0.0), (4, 1)))
+        assert (np.hypot(*(states[:, :2] - circle[:2]).T) - 0.35).min() >= 0.0
+        np.testing.assert_allclose(states[-1], states[-2], atol=1e-9)
+    assert min(outcomes.values()) >= 5, outcomes
+
+
+def test_a_standing_robot_that_lags_may_always_stand_and_may_leave_what_it_touches() -> None:
+    model = lagging()
+    for gap in (-0.05, 0.0, 0.002):
+        circles = [[-0.35 - gap, 0.0, 0.2]]
+        away, plan = found(model, circles)
+        assert away is not None and plan.inputs[0, 0] > 0.1
+        towards, plan = found(model, circles, v=-0.6)
+        assert towards is None or abs(plan.inputs[0, 0]) <= 0.15
+        still, _ = found(model, circles, v=0.0)
+        assert still is not None and not still.further
+
+
+def test_without_margins_no_plan_is_refused() -> None:
+    model = kl.nominal_unicycle(0.1)
+    plan = straight(model, np.zeros((0, 2)))
+    assert (
+        StopTrajectories(PROBLEM, None).find(
+            model, plan, np.array([[0.1, 0.0, 0.3, 0.0, 0.0]]), None, NO_SOLIDS, np.zeros((0, 2))
+        )
+        == StopTrajectory()
+    )
+    assert (plan.inputs == (0.6, 0.0)).all()
+
+
+def test_a_plan_without_a_tail_is_not_driven_but_the_tail_before_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    controller = kl.Controller(kl.nominal_unicycle(0.1))
+    x, circles = np.zeros(3), [kl.Circle(5.0, 5.0, 0.2)]
+    for _ in range(5):
+        plan = controller.step(x, (1.5, 0.0, 0.0), circles)
+        x = controller.model.predict(x, plan.command)
+    monkeypatch.setattr(StopTrajectories, "find", lambda *_: None)
+    last = plan.command
+    for _ in range(8):
+        plan = controller.step(x, (1.5, 0.0, 0.0), circles)
+        assert plan.status in (kl.PlanStatus.FALLBACK, kl.PlanStatus.STOPPED)
+        assert plan.reason == "no way to a stop is clear"
+        assert abs(plan.command[0]) < abs(last[0]) or not plan.command.any()
+        last = plan.command
+    assert not last.any()
+
+
+def test_what_is_replayed_is_what_was_found() -> None:
+    fallback, model = Backup(PROBLEM), kl.nominal_unicycle(0.1)
+    plan = straight(model, np.zeros((0, 2)))
+    tail = StopTrajectory(further=3)
+    fallback.accept(plan, tail)
+    rest = fallback.replay()
+    assert rest is not None
+    np.testing.assert_array_equal(rest, tail.commands(plan.inputs, STEP)[1:])

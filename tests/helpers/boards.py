@@ -1,0 +1,95 @@
+"""The three serial boards, each with its driver, its emulator and a robot file, for tests that all must pass."""
+
+import math
+import time
+
+from firmware_bridge.drivers.odrive import ODriveDriver
+from firmware_bridge.drivers.roboclaw import RoboClawDriver
+from firmware_bridge.drivers.vesc import VescDriver
+from firmware_bridge.emulator.odrive import ODriveEmulator
+from firmware_bridge.emulator.roboclaw import RoboClawEmulator
+from firmware_bridge.emulator.vesc import VescEmulator
+from firmware_bridge.link import open_transport
+
+GEOMETRY = {
+    "wheel_radius": 0.0425,
+    "track": 0.27,
+    "max_wheel_speed": 0.9,
+    "gear_ratio": 20.0,
+    "invert_right": True,
+}
+TABLES = {
+    "roboclaw": {"geometry": GEOMETRY, "board": {"counts_per_turn": 1440, "watchdog": 0.3}},
+    "odrive": {"geometry": GEOMETRY, "board": {"watchdog": 0.3, "command_timeout": 0.25}},
+    "vesc": {"geometry": GEOMETRY, "board": {"can_id": 5, "pole_pairs": 7, "brake_current": 8.0}},
+}
+DRIVERS = {"roboclaw": RoboClawDriver, "odrive": ODriveDriver, "vesc": VescDriver}
+EMULATORS = {"roboclaw": RoboClawEmulator, "odrive": ODriveEmulator, "vesc": VescEmulator}
+WATCHDOG = {"roboclaw": 0.3, "odrive": 0.3, "vesc": 1.0}
+"""How long each board drives on alone [s]."""
+
+
+def until(condition, seconds=5.0):
+    """Wait for a condition; False if it does not come."""
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.005)
+    return True
+
+
+def with_board(name, **options):
+    """Give the robot file of a board with other options."""
+    return {**TABLES[name], "board": {**TABLES[name]["board"], **options}}
+
+
+def distance(driver, emulator):
+    """Metres and radians between odometry and truth."""
+    state, (x, y, theta) = driver.state(), emulator.pose
+    return math.hypot(state.x - x, state.y - y), abs(math.remainder(state.theta - theta, math.tau))
+
+
+class Spy:
+    """A transport that keeps what the driver writes."""
+
+    def __init__(self, transport):
+        self._transport, self.frames = transport, []
+
+    def write(self, data):
+        self.frames.append(data)
+        return self._transport.write(data)
+
+    def __getattr__(self, name):
+        return getattr(self._transport, name)
+
+
+class Rig:
+    """A driver and an emulator on one link."""
+
+    def __init__(self, name, url, table=None, **floor):
+        self.name, self.url = name, url
+        table = table or TABLES[name]
+        self.emulator = EMULATORS[name].from_options(table, **floor)
+        self.emulator.start(url)
+        self.wire = Spy(open_transport(url))
+        self.driver = DRIVERS[name].from_options(self.wire, table)
+
+    def connect(self):
+        self.driver.connect(3.0)
+        return self
+
+    def drive(self, v, omega, seconds, period=0.02):
+        """Command for a while, as the loop does."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.driver.send(v, omega)
+            time.sleep(period)
+
+    @property
+    def counters(self):
+        return self.driver.health().counters
+
+    def close(self):
+        self.driver.close()
+        self.emulator.close()

@@ -1,0 +1,114 @@
+"""Forced failures: the short version of ``kmpc study faults``, and that the study sees what must not be."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor, Future
+from typing import Any
+
+import numpy as np
+import pytest
+
+from kmpc_lite.control.plan import PlanStatus
+from kmpc_lite.control.safe_stop.backup import Backup
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.sim.maps.families import random_map
+from kmpc_lite.studies.faults import (
+    KINDS,
+    STATUSES,
+    Counts,
+    FaultyLoop,
+    drive_faults,
+    faults_study,
+    format_faults,
+)
+from kmpc_lite.studies.table1 import train
+from kmpc_lite.types import Array
+
+
+class Here(Executor):
+    """Does the work at once."""
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+@pytest.fixture(scope="module")
+def slippery() -> KoopmanModel:
+    return train(0.2, "integral", 100, 100)
+
+
+def test_a_thousand_steps_with_forced_failures_end_in_no_collision_and_every_stop_within_its_tail() -> (
+    None
+):
+    rows = faults_study(
+        Here(),
+        maps=1,
+        slips=(0.2,),
+        families=("moving",),
+        first_seed=0,
+        training={"episodes": 100, "steps": 100},
+    )
+    assert [row.kind for row in rows] == list(KINDS)
+    assert sum(row.failed_steps for row in rows) >= 1000
+    for row in rows:
+        assert row.collisions == row.late_stops == row.blind_steps == 0, row
+        assert row.steps > row.failed_steps > 20, row
+    failing = {row.kind: row.fallback + row.stopped for row in rows}
+    for kind in (
+        "primal infeasible",
+        "dual infeasible",
+        "non-convex",
+        "unsolved",
+        "update refused",
+        "pose NaN",
+        "pose lost for long",
+    ):
+        assert failing[kind] > 0, kind
+    # what can still be driven is driven
+    for row in rows:
+        if row.kind in (
+            "solved inaccurate",
+            "max iter",
+            "time limit",
+            "clock jumps",
+            "warm start NaN",
+            "warm start huge",
+        ):
+            assert row.arrived == row.drives, row
+
+
+@pytest.mark.parametrize("kind", STATUSES)
+def test_the_injected_status_reaches_the_controller(kind: str, slippery: KoopmanModel) -> None:
+    scenario = random_map("dense", 1, 0.2)
+    loop = FaultyLoop(slippery, scenario, kind, Counts(kind, 0.2))
+    x = np.array(scenario.start)
+    reasons = {loop.step(x, scenario.goal, scenario.obstacles_at(0.0)).reason for _ in range(40)}
+    assert any(f"{kind} (injected)" in reason for reason in reasons), reasons
+
+
+def test_the_study_sees_a_robot_that_does_not_stop(
+    monkeypatch: pytest.MonkeyPatch, slippery: KoopmanModel
+) -> None:
+    def drive_on(self: Backup) -> Array:
+        return np.tile(self._command, (2, 1))
+
+    monkeypatch.setattr(Backup, "replay", drive_on)
+    monkeypatch.setattr("kmpc_lite.control.controller.Controller._clearance", lambda *_: np.inf)
+    scenarios = [random_map("dense", seed, 0.2) for seed in range(3)]
+    blind = drive_faults("pose lost for long", 0.2, slippery, scenarios)
+    assert blind.bad and blind.collisions and blind.late_stops
+    assert drive_faults("pose NaN", 0.2, slippery, scenarios).late_stops
+
+
+def test_a_failing_controller_never_recovers_and_is_told_so(
+    monkeypatch: pytest.MonkeyPatch, slippery: KoopmanModel
+) -> None:
+    monkeypatch.setattr("kmpc_lite.control.safe_stop.stop_trajectory.Tails.find", lambda *_: None)
+    counts = Counts("pose NaN", 0.2)
+    loop = FaultyLoop(slippery, random_map("dense", 1, 0.2), "pose NaN", counts)
+    for _ in range(120):
+        assert loop.step((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)).status is PlanStatus.STOPPED
+    assert counts.late_recoveries > 0 and counts.bad
+    assert "late plan" in format_faults([counts])
