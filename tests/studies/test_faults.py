@@ -105,7 +105,9 @@ def test_the_study_sees_a_robot_that_does_not_stop(
 def test_a_failing_controller_never_recovers_and_is_told_so(
     monkeypatch: pytest.MonkeyPatch, slippery: KoopmanModel
 ) -> None:
-    monkeypatch.setattr("kmpc_lite.control.safe_stop.stop_trajectory.StopTrajectories.find", lambda *_: None)
+    monkeypatch.setattr(
+        "kmpc_lite.control.safe_stop.stop_trajectory.StopTrajectories.find", lambda *_: None
+    )
     counts = Counts("pose NaN", 0.2)
     loop = FaultyLoop(slippery, random_map("dense", 1, 0.2), "pose NaN", counts)
     for _ in range(120):

@@ -1,0 +1,241 @@
+"""Angles, rotations, arcs and distances to circles: once for the whole package.
+
+Every function takes scalars as well as arrays. A Python float goes through `math`, which is many
+times faster for one number than NumPy. Lengths are in m, angles in rad, times in s.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import overload
+
+import numpy as np
+
+from kmpc_lite.types import Array
+
+Pose = tuple[float, float, float]
+"""A pose (x [m], y [m], theta [rad]) in plain floats."""
+
+
+@overload
+def wrap(angle: float) -> float: ...
+@overload
+def wrap(angle: Array) -> Array: ...
+def wrap(angle: float | Array) -> float | Array:
+    """Bring angles into [-pi, pi) by whole turns.
+
+    Parameters
+    ----------
+    angle : float or Array
+        Any angle, or angles of any shape [rad].
+
+    Returns
+    -------
+    float or Array
+        The same angles, in [-pi, pi) [rad]; NaN where they are not finite.
+
+    Examples
+    --------
+    >>> wrap(7.0) == 7.0 - 2.0 * math.pi, wrap(math.pi) == -math.pi
+    (True, True)
+    """
+    wrapped = (angle + math.pi) % math.tau - math.pi
+    # just below -pi, the remainder rounds up to a whole turn
+    if isinstance(wrapped, float):
+        return -math.pi if wrapped >= math.pi else wrapped
+    wrapped[wrapped >= math.pi] = -math.pi
+    return wrapped
+
+
+@overload
+def nearest_turn(angle: float) -> float: ...
+@overload
+def nearest_turn(angle: Array) -> Array: ...
+def nearest_turn(angle: float | Array) -> float | Array:
+    """Whole turns nearest to an angle: 2 pi round(angle / 2 pi).
+
+    A heading that counts its turns is brought near zero by subtracting them, and back by adding
+    them; what is computed between does not change with the number of turns.
+
+    Parameters
+    ----------
+    angle : float or Array
+        Any finite angle, or angles of any shape [rad].
+
+    Returns
+    -------
+    float or Array
+        Multiples of 2 pi [rad].
+
+    Examples
+    --------
+    >>> nearest_turn(7.0) == 2.0 * math.pi, nearest_turn(-3.0)
+    (True, 0.0)
+    """
+    if isinstance(angle, float | int):
+        return math.tau * round(angle / math.tau)
+    return math.tau * np.round(angle / math.tau)
+
+
+@overload
+def heading_near(angle: float, reference: float) -> float: ...
+@overload
+def heading_near(angle: Array, reference: float | Array) -> Array: ...
+def heading_near(angle: float | Array, reference: float | Array) -> float | Array:
+    """Name an angle by the number within half a turn of a reference: a robot turns the short way.
+
+    Parameters
+    ----------
+    angle : float or Array
+        The angles to name [rad].
+    reference : float or Array
+        Where from, of a shape that broadcasts with `angle` [rad].
+
+    Returns
+    -------
+    float or Array
+        The angles plus whole turns, in [reference - pi, reference + pi) [rad].
+
+    Examples
+    --------
+    >>> round(heading_near(-3.0, 3.0), 3)
+    3.283
+    """
+    return reference + wrap(angle - reference)
+
+
+@overload
+def rotate(x: float, y: float, heading: float) -> tuple[float, float]: ...
+@overload
+def rotate(x: Array, y: Array, heading: float | Array) -> tuple[Array, Array]: ...
+@overload
+def rotate(x: float, y: float, heading: Array) -> tuple[Array, Array]: ...
+def rotate(
+    x: float | Array, y: float | Array, heading: float | Array
+) -> tuple[float | Array, float | Array]:
+    """Turn vectors counter-clockwise; of a robot's own axes, into the world's.
+
+    Parameters
+    ----------
+    x, y : float or Array
+        Components of the vectors [any unit].
+    heading : float or Array
+        Angle by which they turn [rad]; shapes broadcast.
+
+    Returns
+    -------
+    tuple of float or of Array
+        Components of the turned vectors.
+
+    Examples
+    --------
+    >>> [round(value, 9) for value in rotate(1.0, 0.0, math.pi / 2.0)]
+    [0.0, 1.0]
+    """
+    cos, sin = (
+        (math.cos(heading), math.sin(heading))
+        if isinstance(heading, float)
+        else (np.cos(heading), np.sin(heading))
+    )
+    return cos * x - sin * y, sin * x + cos * y
+
+
+@overload
+def exact_arc(pose: Pose, v: float, omega: float, t: float, left: float = 0.0) -> Pose: ...
+@overload
+def exact_arc(
+    pose: Array, v: float | Array, omega: float | Array, t: float | Array, left: float | Array = 0.0
+) -> Array: ...
+def exact_arc(
+    pose: Pose | Array,
+    v: float | Array,
+    omega: float | Array,
+    t: float | Array,
+    left: float | Array = 0.0,
+) -> Pose | Array:
+    """Move poses at speeds that are constant in the robot's frame: exactly, on arcs.
+
+    The chord of an arc lies half of the turn off the first heading, and is sinc(turn / 2) times
+    as long as the arc.
+
+    Parameters
+    ----------
+    pose : tuple of float, or Array
+        Where the arcs begin: (x, y, theta), or an array (..., 3) [m, m, rad].
+    v, omega : float or Array
+        Forward speed [m/s] and turn rate [rad/s], of shapes that broadcast with pose[..., 0].
+    t : float or Array
+        Time on the arc [s]; shapes broadcast.
+    left : float or Array
+        Speed to the left [m/s], of a robot that slips sideways.
+
+    Returns
+    -------
+    tuple of float, or Array
+        Poses at the end, as `pose` was given: (x, y, theta), or (..., 3) of all shapes broadcast.
+
+    Examples
+    --------
+    >>> [round(value, 3) for value in exact_arc((0.0, 0.0, 0.0), 1.0, math.pi, 0.5)]
+    [0.318, 0.318, 1.571]
+    """
+    if isinstance(pose, tuple):
+        turn = float(omega * t)
+        half = 0.5 * turn
+        chord = float(t) * (math.sin(half) / half if half else 1.0)
+        along, across = rotate(chord * float(v), chord * float(left), pose[2] + half)
+        return pose[0] + along, pose[1] + across, pose[2] + turn
+    turns = np.asarray(omega * t)
+    chords = t * np.sinc(turns / math.tau)
+    forward, sideways = rotate(chords * v, chords * left, pose[..., 2] + 0.5 * turns)
+    ends = np.broadcast_arrays(
+        pose[..., 0] + forward, pose[..., 1] + sideways, pose[..., 2] + turns
+    )
+    return np.stack(ends, axis=-1)
+
+
+def circle_distances(points: Array, circles: Array) -> Array:
+    """Distances from points to the edges of circles; negative inside.
+
+    Parameters
+    ----------
+    points : Array
+        Points (..., 2) or poses (..., 3) [m]; the heading does not matter.
+    circles : Array
+        Circles (n, 3) or longer rows that begin with x, y, radius [m].
+
+    Returns
+    -------
+    Array
+        Distances (..., n) [m].
+
+    Examples
+    --------
+    >>> circle_distances(np.array([3.0, 4.0]), np.array([[0.0, 0.0, 1.0], [3.0, 4.0, 0.5]]))
+    array([ 4. , -0.5])
+    """
+    x, y = points[..., 0, None], points[..., 1, None]
+    distances: Array = np.hypot(x - circles[:, 0], y - circles[:, 1]) - circles[:, 2]
+    return distances
+
+
+def distances(points: Array, others: Array) -> Array:
+    """Distances between the positions of points or poses, one by one.
+
+    Parameters
+    ----------
+    points, others : Array
+        Points (..., 2) or poses (..., 3) [m], of shapes that broadcast but for the last axis.
+
+    Returns
+    -------
+    Array
+        Distances (...) [m].
+
+    Examples
+    --------
+    >>> float(distances(np.array([3.0, 4.0, 1.0]), np.zeros(2)))
+    5.0
+    """
+    apart: Array = np.hypot(points[..., 0] - others[..., 0], points[..., 1] - others[..., 1])
+    return apart
