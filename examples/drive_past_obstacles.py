@@ -24,7 +24,8 @@ def main() -> None:
     run = drive(controller, scenario, dt=model.dt)
 
     print(
-        f"{run.outcome.value} after {run.duration:.1f} s, {100 * run.position_error:.1f} cm from the goal"
+        f"{run.outcome.value} after {run.duration:.1f} s, {100 * run.position_error:.1f} cm from "
+        "the goal"
     )
     print(f"smallest distance to an obstacle: {100 * run.clearance:.1f} cm")
     for picture in write_pictures("figures", run):

@@ -21,7 +21,8 @@ def main() -> None:
     print(f"learned from {train}\nchecked on   {held}\n")
 
     print(
-        f"root mean square error, {SECONDS_AHEAD:g} s ahead      longitudinal [mm]  lateral [mm]  heading [mrad]"
+        f"root mean square error, {SECONDS_AHEAD:g} s ahead      longitudinal [mm]  lateral [mm]  "
+        "heading [mrad]"
     )
     for method in ("edmdc", "integral"):
         model = kl.fit(train, kl.UnicycleDictionary(), method=method)

@@ -107,7 +107,8 @@ class Robot:
         if self.is_autopilot and self.link.pose is not None:
             if board.get("pose", "mocap") != "mocap":
                 raise ConfigError(
-                    f'board.pose: {board["pose"]!r} contradicts link.pose: expected "mocap", or leave it out'
+                    f'board.pose: {board["pose"]!r} contradicts link.pose: expected "mocap", '
+                    "or leave it out"
                 )
             board = {**board, "pose": "mocap"}
         return {"board": board, "geometry": geometry}
@@ -136,7 +137,8 @@ def load_robot(
     for name in (*table, *(overrides or {})):
         if name not in SECTIONS:
             raise ConfigError(
-                f"{where}: unknown section [{name}]; expected {', '.join(f'[{s}]' for s in SECTIONS)}"
+                f"{where}: unknown section [{name}]; expected "
+                f"{', '.join(f'[{s}]' for s in SECTIONS)}"
             )
         content = table.get(name, {})
         if not isinstance(content, Mapping):

@@ -68,7 +68,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_blocks_are_found_with_their_marks() -> None:
-    text = f"# a\n```python\nx = 1\n```\n\n{LONG}\n\n```sh\n$ kmpc study table1   # all night\nkmpc fit a.csv \\\n  -o b.npz\nls\n```\n"
+    text = (
+        f"# a\n```python\nx = 1\n```\n\n{LONG}\n\n```sh\n$ kmpc study table1   # all "
+        "night\nkmpc fit a.csv \\\n  -o b.npz\nls\n```\n"
+    )
     (python,) = blocks(text, "python")
     (shell,) = blocks(text, "sh")
     assert (python.text, python.line, python.long) == ("x = 1\n", 2, False)
@@ -156,7 +159,10 @@ def test_examples_run_and_end_in_a_number_or_a_picture(example: Path, tmp_path: 
 
 def test_the_comparison_without_casadi_says_so_and_ends_well(tmp_path: Path) -> None:
     example = str(ROOT / "examples" / "compare_with_ipopt.py")
-    code = f"import sys, runpy; sys.modules['casadi'] = None; runpy.run_path({example!r}, run_name='__main__')"
+    code = (
+        f"import sys, runpy; sys.modules['casadi'] = None; runpy.run_path({example!r}, "
+        "run_name='__main__')"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code],
         cwd=tmp_path,

@@ -54,7 +54,8 @@ def test_every_error_is_a_kmpc_error_and_a_builtin(name: str) -> None:
 def test_the_version_is_that_of_the_installed_package() -> None:
     assert (
         run(
-            "import kmpc_lite, importlib.metadata as m; print(kmpc_lite.__version__ == m.version('kmpc-lite'))"
+            "import kmpc_lite, importlib.metadata as m; print(kmpc_lite.__version__ == "
+            "m.version('kmpc-lite'))"
         )
         == "True\n"
     )
@@ -62,7 +63,8 @@ def test_the_version_is_that_of_the_installed_package() -> None:
 
 def test_importing_brings_nothing_but_what_the_loop_needs() -> None:
     loaded = run(
-        f"import sys; {NEEDED}; before = set(sys.modules); import kmpc_lite; print(*sorted(set(sys.modules) - before))"
+        f"import sys; {NEEDED}; before = set(sys.modules); import kmpc_lite; "
+        "print(*sorted(set(sys.modules) - before))"
     ).split()
     others = {name.split(".")[0] for name in loaded} - set(sys.stdlib_module_names) - {"kmpc_lite"}
     assert others <= {"numpy"}, f"importing kmpc_lite imports {sorted(others)} too"
@@ -101,5 +103,6 @@ def test_importing_costs_little_more_than_what_is_needed() -> None:
 
     needed, ours = seconds(NEEDED), seconds("import kmpc_lite")
     assert ours <= 1.4 * needed, (
-        f"{ours:.3f} s is {ours / needed:.2f} times the {needed:.3f} s of numpy, scipy.sparse and osqp"
+        f"{ours:.3f} s is {ours / needed:.2f} times the {needed:.3f} s of numpy, "
+        "scipy.sparse and osqp"
     )

@@ -110,11 +110,13 @@ class ODriveOptions:
         check(self)
         if self.first_axis == self.second_axis:
             raise ConfigError(
-                f"second_axis: expected another axis than first_axis, got {self.second_axis} for both"
+                "second_axis: expected another axis than first_axis, "
+                f"got {self.second_axis} for both"
             )
         if self.command_timeout >= self.watchdog:
             raise ConfigError(
-                f"command_timeout: expected less than the watchdog of {self.watchdog:g} s, got {self.command_timeout:g}"
+                f"command_timeout: expected less than the watchdog of {self.watchdog:g} s, "
+                f"got {self.command_timeout:g}"
             )
 
 
@@ -189,7 +191,10 @@ class ODriveDriver(PolledDriver):
             if any(self._axis_errors) or time.monotonic() > end:
                 raise LinkError(
                     "; ".join(self._errors)
-                    or "the axes do not enter closed-loop control: are motor and encoder calibrated?"
+                    or (
+                        "the axes do not enter closed-loop control: "
+                        "are motor and encoder calibrated?"
+                    )
                 )
         self._armed = True
 

@@ -396,5 +396,11 @@ class PolledDriver:
         if counters["bytes_in"] == 0:
             return f"{self.board}: no answer within {timeout:g} s: {self.hint}"
         if counters["frames"] == 0:
-            return f"{self.board}: {counters['bytes_in']} bytes came and none made sense: wrong baud rate or protocol? {self.hint}"
-        return f"{self.board}: answers come, but too few within {timeout:g} s: {counters['timeouts']} are missing: {self.hint}"
+            return (
+                f"{self.board}: {counters['bytes_in']} bytes came and none made sense: "
+                f"wrong baud rate or protocol? {self.hint}"
+            )
+        return (
+            f"{self.board}: answers come, but too few within {timeout:g} s: "
+            f"{counters['timeouts']} are missing: {self.hint}"
+        )

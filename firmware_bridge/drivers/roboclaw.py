@@ -136,7 +136,8 @@ class RoboClawDriver(PolledDriver):
         )
         if geometry.max_wheel_speed * per_metre >= 2**31:
             raise ConfigError(
-                f"board.counts_per_turn: {options.counts_per_turn:g} makes speeds past the board's 32 bits"
+                f"board.counts_per_turn: {options.counts_per_turn:g} makes speeds past the "
+                "board's 32 bits"
             )
         self._counts_per_turn, self._address = options.counts_per_turn, options.address
         self._watchdog = math.ceil(round(options.watchdog * 10.0, 6))
@@ -147,7 +148,10 @@ class RoboClawDriver(PolledDriver):
         )
         self._replies = RoboClawReplies()
         self._status_bytes = 4
-        self.hint = f"is it powered, wired TX to RX, in packet serial mode at address {options.address:#x} and at this baud rate?"
+        self.hint = (
+            "is it powered, wired TX to RX, in packet serial mode at address "
+            f"{options.address:#x} and at this baud rate?"
+        )
 
     @classmethod
     def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> RoboClawDriver:

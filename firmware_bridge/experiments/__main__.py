@@ -19,7 +19,10 @@ def main(arguments: list[str] | None = None) -> int:
     """Run a command line and return its exit status."""
     parser = argparse.ArgumentParser(
         prog="python -m firmware_bridge.experiments",
-        description="The paper's experiments on the digital twin of a ROSbot 2: data and models are made at the first call.",
+        description=(
+            "The paper's experiments on the digital twin of a ROSbot 2: "
+            "data and models are made at the first call."
+        ),
         epilog="example:\n  python -m firmware_bridge.experiments a --folder twin",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -80,12 +83,13 @@ def main(arguments: list[str] | None = None) -> int:
                 )
                 return 0
             say(
-                "| model | along [m] | across [m] | heading [rad] | nominal: along, across, heading | heading to nominal |\n|"
-                + "---|" * 6
+                "| model | along [m] | across [m] | heading [rad] | nominal: along, across, "
+                "heading | heading to nominal |\n|" + "---|" * 6
             )
             for name, m, u in rows:
                 say(
-                    f"| {name} | {m[0]:.4f} | {m[1]:.4f} | {m[2]:.4f} | {u[0]:.4f}, {u[1]:.4f}, {u[2]:.4f} | 1/{u[2] / m[2]:.1f} |"
+                    f"| {name} | {m[0]:.4f} | {m[1]:.4f} | {m[2]:.4f} | {u[0]:.4f}, {u[1]:.4f}, "
+                    f"{u[2]:.4f} | 1/{u[2] / m[2]:.1f} |"
                 )
             return 0
         from firmware_bridge.experiments.report import picture, table

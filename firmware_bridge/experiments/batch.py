@@ -129,7 +129,8 @@ class BatchDrive:
                 path.append(self.twin.pose)
             elif now - start > STILL:
                 raise RuntimeError(
-                    f"the gate lets nothing pass: {self.loop.statistics.reasons}, {self.planner.last_error}"
+                    f"the gate lets nothing pass: {self.loop.statistics.reasons}, "
+                    f"{self.planner.last_error}"
                 )
             ticks += 1
             self.clock.now = start + ticks * TICK

@@ -59,7 +59,10 @@ def _row(label: str, maps: str, trials: Sequence[Trial]) -> str:
     gap = 1e3 * min(t.run.clearance for t in trials)
     surprises = np.concatenate([t.surprises() for t in trials])
     off = f"{1e3 * np.sqrt(np.mean(surprises**2)):.0f}" if len(surprises) else "-"
-    return f"| {label} | {maps} | {len(trials)} | {contacts} | {len(reached)} | {times} | {errors} | {gap:.0f} | {off} |"
+    return (
+        f"| {label} | {maps} | {len(trials)} | {contacts} | {len(reached)} | {times} | "
+        f"{errors} | {gap:.0f} | {off} |"
+    )
 
 
 def picture(file: Path, trials: Sequence[Trial]) -> None:

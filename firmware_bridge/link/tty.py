@@ -43,7 +43,10 @@ def explain(path: str, error: OSError) -> str:
         seen = sorted(
             glob.glob("/dev/serial/by-id/*") + glob.glob("/dev/ttyACM*") + glob.glob("/dev/ttyUSB*")
         )
-        return f"{path}: no such port: is the cable in and the board powered? ports here: {', '.join(seen) or 'none'}"
+        return (
+            f"{path}: no such port: is the cable in and the board powered? ports here: "
+            f"{', '.join(seen) or 'none'}"
+        )
     if error.errno in (errno.EACCES, errno.EPERM):
         try:
             group = grp.getgrgid(os.stat(path).st_gid).gr_name
@@ -51,7 +54,10 @@ def explain(path: str, error: OSError) -> str:
             group = "dialout"
         return f"{path}: no permission: run 'sudo usermod -aG {group} $USER' and log in again"
     if error.errno in (errno.EBUSY, errno.EWOULDBLOCK):
-        return f"{path}: in use by another program: stop the other bridge, ground station or ModemManager"
+        return (
+            f"{path}: in use by another program: stop the other bridge, "
+            "ground station or ModemManager"
+        )
     if error.errno in (errno.ENOTTY, errno.EISDIR, errno.EINVAL):
         return f"{path}: not a serial port"
     return f"{path}: {error.strerror or error}"

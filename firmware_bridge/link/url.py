@@ -48,7 +48,8 @@ class LinkUrl:
         for name in self.options:
             if name not in names:
                 raise ConfigError(
-                    f"link {self.text!r}: unknown option {name!r}; {self.kind}: takes {', '.join(names) or 'none'}"
+                    f"link {self.text!r}: unknown option {name!r}; {self.kind}: "
+                    f"takes {', '.join(names) or 'none'}"
                 )
 
     def number(self, name: str, default: float, low: float, high: float) -> float:
@@ -62,7 +63,8 @@ class LinkUrl:
             value = float("nan")
         if not low <= value <= high:
             raise ConfigError(
-                f"link {self.text!r}: {name}: expected a number from {low:g} to {high:g}, got {text!r}"
+                f"link {self.text!r}: {name}: expected a number from {low:g} to {high:g}, "
+                f"got {text!r}"
             )
         return value
 

@@ -101,13 +101,15 @@ def render(title: str, shot: Snapshot, loop: ControlLoop) -> list[str]:
     limits, planner = loop.gate.settings.limits, loop.planner
     colour = GREEN if not output.reasons else RED
     lines = [
-        f"{BOLD}kmpc-bridge{PLAIN}  {title}   {colour}{output.state.name}{PLAIN}  {output.state.value}"
+        f"{BOLD}kmpc-bridge{PLAIN}  {title}   {colour}{output.state.name}{PLAIN}  "
+        f"{output.state.value}"
     ]
     if state is None:
         lines.append("pose        none yet")
     else:
         lines.append(
-            f"pose        x {state.x:8.3f} m   y {state.y:8.3f} m   theta {state.theta:7.3f} rad   age {_ms(shot.now - state.stamp)}"
+            f"pose        x {state.x:8.3f} m   y {state.y:8.3f} m   theta {state.theta:7.3f} rad  "
+            f" age {_ms(shot.now - state.stamp)}"
         )
     top = max(limits.v_max, limits.v_reverse)
     v_bar, omega_bar = _bar(output.v / top), _bar(output.omega / limits.omega_max)
@@ -124,7 +126,8 @@ def render(title: str, shot: Snapshot, loop: ControlLoop) -> list[str]:
         if name.startswith(("bad", "drop", "refused", "reconn"))
     )
     lines.append(
-        f"link        {'up' if status.connected else 'DOWN'}, heard {_ms(shot.now - status.heartbeat_stamp)} ago, {mode}, {bad} bad or lost"
+        f"link        {'up' if status.connected else 'DOWN'}, "
+        f"heard {_ms(shot.now - status.heartbeat_stamp)} ago, {mode}, {bad} bad or lost"
     )
     wrong = [*(r.value for r in output.reasons), *status.faults]
     lines.append(f"wrong       {RED}{'; '.join(wrong)}{PLAIN}" if wrong else "wrong       nothing")
@@ -138,7 +141,10 @@ def _ms(seconds: float) -> str:
 def _times(times: Histogram) -> str:
     if not times.count:
         return "no step yet"
-    return f"{1e3 * times.quantile(0.5):.2f} ms median, {1e3 * times.quantile(0.99):.2f} p99, {1e3 * times.maximum:.2f} max"
+    return (
+        f"{1e3 * times.quantile(0.5):.2f} ms median, {1e3 * times.quantile(0.99):.2f} p99, "
+        f"{1e3 * times.maximum:.2f} max"
+    )
 
 
 def _bar(share: float) -> str:

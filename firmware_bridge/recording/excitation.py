@@ -55,8 +55,10 @@ class Excitation:
         width, height = fence[2] - fence[0], fence[3] - fence[1]
         if min(width, height) < 4.0 * margin:
             raise ConfigError(
-                f"geofence: {width:g} m x {height:g} m is too small to drive in at random at {fastest:g} m/s: "
-                f"expected at least {4.0 * margin:.2f} m each way, or a lower limits.v_max and v_reverse"
+                f"geofence: {width:g} m x {height:g} m is too small to drive in at random at "
+                f"{fastest:g} m/s: "
+                f"expected at least {4.0 * margin:.2f} m each way, "
+                "or a lower limits.v_max and v_reverse"
             )
         self._middle = ((fence[0] + fence[2]) / 2.0, (fence[1] + fence[3]) / 2.0)
         self._half = (width / 2.0 - margin, height / 2.0 - margin)

@@ -163,7 +163,10 @@ class DurableFile(Generic[T]):
             self._fail(error)
 
     def _fail(self, error: OSError) -> None:
-        self.problem = f"{self.path}: {error.strerror or error}: logging has ended after {self.size} bytes; the robot drives on"
+        self.problem = (
+            f"{self.path}: {error.strerror or error}: logging has ended after {self.size} "
+            "bytes; the robot drives on"
+        )
 
 
 class RowSampler:

@@ -67,7 +67,8 @@ def replay(
         report["bytes_out"] = sum(len(c.data) for c in chunks if not c.incoming)
         if csv is not None:
             raise ConfigError(
-                f"{log}: --csv needs a tlog; a raw log holds questions and answers, its CSV was recorded beside it"
+                f"{log}: --csv needs a tlog; a raw log holds questions and answers, "
+                "its CSV was recorded beside it"
             )
     if link is not None:
         report["served"] = serve_log(chunks, link, speed)

@@ -142,11 +142,15 @@ def tell(report: dict[str, Any], session: Session, out: TextIO) -> None:
     loop = report["loop"]
     lines = [
         "",
-        f"{report['outcome']}: after {show(report['arrived_after_s'], 's')}, position error {show(report['position_error_m'], 'm')}, "
-        f"heading error {show(report['heading_error_rad'], 'rad')}, smallest clearance {show(report['clearance_m'], 'm')}",
+        f"{report['outcome']}: after {show(report['arrived_after_s'], 's')}, "
+        f"position error {show(report['position_error_m'], 'm')}, "
+        f"heading error {show(report['heading_error_rad'], 'rad')}, "
+        f"smallest clearance {show(report['clearance_m'], 'm')}",
         f"{loop['commands_sent']} commands sent, {loop['commands_refused']} refused by the link, "
-        f"{loop['ticks_skipped']} of {loop['ticks']} gate periods and {loop['controller_periods_skipped']} controller periods skipped",
-        f"plans: {', '.join(f'{name} {count}' for name, count in report['statuses'].items()) or 'none'}",
+        f"{loop['ticks_skipped']} of {loop['ticks']} gate periods and "
+        f"{loop['controller_periods_skipped']} controller periods skipped",
+        "plans: "
+        f"{', '.join(f'{name} {count}' for name, count in report['statuses'].items()) or 'none'}",
         "",
         table(session.loop.histograms()),
     ]
@@ -161,7 +165,8 @@ def tell(report: dict[str, Any], session: Session, out: TextIO) -> None:
 def _fence(robot: Robot) -> tuple[float, float, float, float]:
     if robot.gate.geofence is None:
         raise ConfigError(
-            f"{robot.where}: safety.geofence: missing: random driving needs [xmin, ymin, xmax, ymax] (--geofence), free of obstacles"
+            f"{robot.where}: safety.geofence: missing: random driving needs [xmin, ymin, xmax, "
+            "ymax] (--geofence), free of obstacles"
         )
     return robot.gate.geofence
 

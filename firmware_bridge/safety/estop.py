@@ -37,7 +37,8 @@ def default_socket() -> Path:
     found = private.lstat()
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
         raise ConfigError(
-            f"{private}: expected a folder of your own with mode 0700: remove it, or give --socket PATH"
+            f"{private}: expected a folder of your own with mode 0700: remove it, "
+            "or give --socket PATH"
         )
     return private / "kmpc-bridge.sock"
 
@@ -186,7 +187,10 @@ class EmergencyStop:
             set_latch(self.path, self._latched)
             self.problem = ""
         except OSError as error:
-            self.problem = f"{self.latch_path}: cannot keep the emergency stop on disk: {error.strerror or error}"
+            self.problem = (
+                f"{self.latch_path}: cannot keep the emergency stop on disk: "
+                f"{error.strerror or error}"
+            )
 
 
 def latch_file(socket_path: Path) -> Path:

@@ -86,7 +86,8 @@ class GateSettings:
                 or numbers[1] >= numbers[3]
             ):
                 raise ConfigError(
-                    f"geofence: expected [xmin, ymin, xmax, ymax] in m with xmin < xmax and ymin < ymax, got {self.geofence!r}"
+                    "geofence: expected [xmin, ymin, xmax, ymax] in m with xmin < xmax and ymin "
+                    f"< ymax, got {self.geofence!r}"
                 )
 
 

@@ -10,7 +10,10 @@ class GateState(Enum):
     """What the gate is doing."""
 
     IDLE = "not enabled: nothing is sent"
-    WAITING = "enabled: waits until the board is ready and all inputs are good; zeros to a board that is ready"
+    WAITING = (
+        "enabled: waits until the board is ready and all inputs are good; "
+        "zeros to a board that is ready"
+    )
     ACTIVE = "commands pass, within limits"
     STOPPING = "a ramp to zero"
     HOLDING = "zeros"

@@ -203,7 +203,8 @@ class OnlineAdaptation:
         )
         if before.shape != (STATES,) or command.shape != (INPUTS,) or after.shape != (STATES,):
             raise ValueError(
-                f"expected x ({STATES},), u ({INPUTS},), x_next ({STATES},), got {before.shape}, {command.shape}, {after.shape}"
+                f"expected x ({STATES},), u ({INPUTS},), x_next ({STATES},), got {before.shape}, "
+                f"{command.shape}, {after.shape}"
             )
         past = (
             None if history is None or not self.base.history else np.asarray(history, dtype=float)

@@ -85,10 +85,12 @@ def fit_costs(
 def format_fit_costs(costs: list[FitCost]) -> str:
     """Render a line per method."""
     lines = [
-        f"fitting {costs[0].samples:,} samples; a bare Gram product of as many rows of {COLUMNS} takes {costs[0].bare_seconds:.3f} s"
+        f"fitting {costs[0].samples:,} samples; a bare Gram product of as many rows of {COLUMNS} "
+        f"takes {costs[0].bare_seconds:.3f} s"
     ]
     lines += [
-        f"  {c.method:<9} {c.seconds:7.3f} s, {c.ratio:5.1f} times that, {c.growth:5.1f} MB beyond the data"
+        f"  {c.method:<9} {c.seconds:7.3f} s, {c.ratio:5.1f} times that, "
+        f"{c.growth:5.1f} MB beyond the data"
         for c in costs
     ]
     return "\n".join(lines)

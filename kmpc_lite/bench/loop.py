@@ -83,12 +83,14 @@ class LoopResult:
                 + "".join(f"{d[name][k]:9.3f}" for k in ("p50", "p99", "p99.9", "max"))
             )
         lines.append(
-            f"commands that came after their period: {100 * d['share_of_commands_after_their_period']:.4f} %; {self.statuses}"
+            "commands that came after their period: "
+            f"{100 * d['share_of_commands_after_their_period']:.4f} %; {self.statuses}"
         )
         if self.budget is not None:
             over, p999 = d["share_of_steps_over_budget"], d["steps"]["p99.9"] / d["budget_ms"]
             lines.append(
-                f"budget of {d['budget_ms']:g} ms: {100 * over:.3f} % of the steps took longer, p99.9 is {p999:.2f} of it"
+                f"budget of {d['budget_ms']:g} ms: {100 * over:.3f} % of the steps took longer, "
+                f"p99.9 is {p999:.2f} of it"
             )
         return "\n".join(lines)
 

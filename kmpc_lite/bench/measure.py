@@ -283,7 +283,10 @@ def import_times(repeats: int = 5) -> dict[str, float]:
 
 def format_measurements(results: Sequence[Measurement]) -> str:
     """Render a table; ratios are of the medians, and of p99, to the first row's."""
-    head = f"{'':<18}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9} [ms]{'p50':>7}{'p99':>7} x first{'cost':>9}{'violation':>11}{'defect':>9} [mm]"
+    head = (
+        f"{'':<18}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9} [ms]{'p50':>7}{'p99':>7} x "
+        f"first{'cost':>9}{'violation':>11}{'defect':>9} [mm]"
+    )
     lines = [head + f"{'unsolved':>10}"]
     first = results[0].as_dict()["ms"]
     for result in results:
@@ -291,7 +294,8 @@ def format_measurements(results: Sequence[Measurement]) -> str:
         t = d["ms"]
         lines.append(
             f"{d['name']:<18}{t['p50']:9.3f}{t['p99']:9.3f}{t['p99.9']:9.3f}{t['max']:9.3f}     "
-            f"{t['p50'] / first['p50']:7.1f}{t['p99'] / first['p99']:7.1f}        {d['cost_median']:9.2f}"
+            f"{t['p50'] / first['p50']:7.1f}{t['p99'] / first['p99']:7.1f}        "
+            f"{d['cost_median']:9.2f}"
             f"{d['violation_mm']['p99']:11.2f}{d['defect_mm']['p99']:9.2f}     {d['unsolved']:>10}"
         )
     lines.append("")
@@ -299,6 +303,7 @@ def format_measurements(results: Sequence[Measurement]) -> str:
         d = result.as_dict()
         phases = ", ".join(f"{name} {value:.3f}" for name, value in d["phases_ms"].items())
         lines.append(
-            f"{d['name']:<18} median by phase [ms]: {phases}; cold start {d['cold_ms']['p50']:.2f}; memory +{d['memory_mb']:.0f} MB"
+            f"{d['name']:<18} median by phase [ms]: {phases}; "
+            f"cold start {d['cold_ms']['p50']:.2f}; memory +{d['memory_mb']:.0f} MB"
         )
     return "\n".join(lines)

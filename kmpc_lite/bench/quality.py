@@ -38,10 +38,14 @@ class Comparison:
 
 
 VERDICTS = {
-    "as good": f"cost within {100 * EQUAL:g} % of IPOPT's or better, violation at most {1e3 * OBEYED:g} mm",
+    "as good": (
+        f"cost within {100 * EQUAL:g} % of IPOPT's or better, violation at most {1e3 * OBEYED:g} mm"
+    ),
     "another minimum": "both converged, but to plans that go another way",
     "IPOPT failed": "IPOPT says that it did not converge, or its plan enters an obstacle",
-    "starts inside": "the state itself lies in an obstacle or outside the area, so that no plan is feasible",
+    "starts inside": (
+        "the state itself lies in an obstacle or outside the area, so that no plan is feasible"
+    ),
     "not converged": "ours used all its passes",
     "violated": "ours enters an obstacle although IPOPT's plan does not",
     "worse": "none of these, and yet worse",
@@ -121,7 +125,8 @@ def format_comparison(rows: Sequence[Comparison]) -> str:
     """Render the counts of the verdicts, and the quantiles of the excess where both plans are feasible."""
     count = len(rows)
     lines = [
-        f"{count} states, each planned from a standing robot, ours to convergence against CasADi + IPOPT"
+        f"{count} states, each planned from a standing robot, "
+        "ours to convergence against CasADi + IPOPT"
     ]
     for verdict, meaning in VERDICTS.items():
         number = sum(row.verdict == verdict for row in rows)
@@ -135,12 +140,15 @@ def format_comparison(rows: Sequence[Comparison]) -> str:
         )
         good = sum(row.verdict == "as good" for row in judged)
         lines.append(
-            f"as good on {good} of the {len(judged)} states on which IPOPT has a feasible plan: {100 * good / len(judged):.1f} %"
+            f"as good on {good} of the {len(judged)} states on which IPOPT has a feasible plan: "
+            f"{100 * good / len(judged):.1f} %"
         )
         lines.append(
-            f"excess of the cost: median {np.median(excess):.1e}, p99 {np.quantile(excess, 0.99):.1e}, max {excess.max():.1e}"
+            f"excess of the cost: median {np.median(excess):.1e}, "
+            f"p99 {np.quantile(excess, 0.99):.1e}, max {excess.max():.1e}"
         )
         lines.append(
-            f"violation: p99 {1e3 * np.quantile(inside, 0.99):.3f} mm, max {1e3 * inside.max():.3f} mm"
+            f"violation: p99 {1e3 * np.quantile(inside, 0.99):.3f} mm, "
+            f"max {1e3 * inside.max():.3f} mm"
         )
     return "\n".join(lines)

@@ -271,11 +271,13 @@ def format_settings(rows: Sequence[dict[str, Any]], solvers: Sequence[dict[str, 
         )
     lines += [
         "",
-        f"{'cold solves':<22}{'form':<12}{'p50':>8}{'p99':>8} [ms]  error of the first command p50, p99; failed",
+        f"{'cold solves':<22}{'form':<12}{'p50':>8}{'p99':>8} [ms]  error of the first command "
+        "p50, p99; failed",
     ]
     for r in solvers:
         t, e = r["ms"], r["error"]
         lines.append(
-            f"{r['name']:<22}{r['form']:<12}{t['p50']:8.3f}{t['p99']:8.3f}       {e['p50']:.1e}, {e['p99']:.1e}; {r['failed']}"
+            f"{r['name']:<22}{r['form']:<12}{t['p50']:8.3f}{t['p99']:8.3f}       {e['p50']:.1e}, "
+            f"{e['p99']:.1e}; {r['failed']}"
         )
     return "\n".join(lines)

@@ -167,13 +167,15 @@ class HermiteTrigDictionary(Dictionary):
             and harmonics == int(harmonics)
         ):
             raise ModelError(
-                f"HermiteTrigDictionary: order and harmonics must be integers >= 0, got {order}, {harmonics}"
+                f"HermiteTrigDictionary: order and harmonics must be integers >= 0, got {order}, "
+                f"{harmonics}"
             )
         self.order, self.harmonics = int(order), int(harmonics)
         size = comb(self.order + 3, 3) * (2 * self.harmonics + 1)
         if size > MAX_SIZE:
             raise ModelError(
-                f"HermiteTrigDictionary: order {order} and harmonics {harmonics} give {size:,} coordinates, at most {MAX_SIZE:,}"
+                f"HermiteTrigDictionary: order {order} and harmonics {harmonics} give {size:,} "
+                f"coordinates, at most {MAX_SIZE:,}"
             )
         self._multiples = np.arange(1, self.harmonics + 1)
         degrees = [d for d in product(range(self.order + 1), repeat=3) if sum(d) <= self.order]
@@ -299,7 +301,8 @@ class InputHistoryDictionary(Dictionary):
             or not all(0 <= j <= MAX_LAG and j == int(j) for j in ages)
         ):
             raise ModelError(
-                f"InputHistoryDictionary: lags must be different integers from 0 to {MAX_LAG}, got {lags}"
+                f"InputHistoryDictionary: lags must be different integers from 0 to {MAX_LAG}, "
+                f"got {lags}"
             )
         if base.history:
             raise ModelError(
@@ -394,5 +397,6 @@ def dictionary_from_config(config: dict[str, Any]) -> Dictionary:
             raise
         raise ModelError(f"dictionary {config}: {error}") from error
     raise ModelError(
-        f"unknown dictionary kind {config.get('kind')!r}; expected unicycle, hermite_trig or input_history"
+        f"unknown dictionary kind {config.get('kind')!r}; expected unicycle, "
+        "hermite_trig or input_history"
     )

@@ -130,7 +130,8 @@ class KoopmanModel:
             matrix = real_array(getattr(self, name), f"model matrix {name}", ModelError)
             if matrix.shape != expected:
                 raise ModelError(
-                    f"model matrix {name}: expected shape {expected} for {nz} lifted coordinates, got {matrix.shape}"
+                    f"model matrix {name}: expected shape {expected} for {nz} lifted coordinates, "
+                    f"got {matrix.shape}"
                 )
             if not np.isfinite(matrix).all():
                 raise ModelError(f"model matrix {name} holds NaN or infinity")
@@ -340,7 +341,8 @@ class KoopmanModel:
         """
         if not self.continuous or self.history:
             raise ModelError(
-                f"model dt {self.dt} s cannot become {dt} s: only an integral fit without input history can change its period; "
+                f"model dt {self.dt} s cannot become {dt} s: only an integral fit without input "
+                "history can change its period; "
                 "fit the log again with the new dt"
             )
         return replace(self, dt=dt, noise_model=None)
@@ -387,7 +389,8 @@ class KoopmanModel:
         states, commands = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
         if states.shape[-1:] != (STATES,) or commands.shape[-1:] != (INPUTS,):
             raise ValueError(
-                f"expected states (..., {STATES}) and commands (..., {INPUTS}), got {states.shape} and {commands.shape}"
+                f"expected states (..., {STATES}) and commands (..., {INPUTS}), "
+                f"got {states.shape} and {commands.shape}"
             )
         past = None
         if history is not None and self.history:

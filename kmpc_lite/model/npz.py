@@ -57,7 +57,8 @@ def load_model(path: str | os.PathLike[str], dictionary: Dictionary | None = Non
         raise ModelError(f"{path}: not a kmpc_lite model, or damaged: {error}") from error
     if "header" not in arrays:
         raise ModelError(
-            f"{path}: an npz file, but not a kmpc_lite model (it has {', '.join(names[:10]) or 'nothing'})"
+            f"{path}: an npz file, but not a kmpc_lite model (it has "
+            f"{', '.join(names[:10]) or 'nothing'})"
         )
     try:
         header = json.loads(str(arrays.pop("header")))
@@ -67,7 +68,8 @@ def load_model(path: str | os.PathLike[str], dictionary: Dictionary | None = Non
         raise ModelError(f"{path}: not a kmpc_lite model")
     if header.get("version") != VERSION:
         raise ModelError(
-            f"{path}: model format version {header.get('version')}, this kmpc_lite reads version {VERSION}: update kmpc_lite"
+            f"{path}: model format version {header.get('version')}, "
+            f"this kmpc_lite reads version {VERSION}: update kmpc_lite"
         )
     try:
         noise = arrays.pop("noise")

@@ -80,7 +80,8 @@ def install(folder: Path | None = None) -> Path:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             raise KmpcError(
-                f"pip could not install {WHEEL}: {(done.stderr.strip().splitlines() or ['no output'])[-1]}"
+                f"pip could not install {WHEEL}: "
+                f"{(done.stderr.strip().splitlines() or ['no output'])[-1]}"
             )
         shutil.rmtree(target, ignore_errors=True)
         target.mkdir()

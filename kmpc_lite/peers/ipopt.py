@@ -72,7 +72,8 @@ class IpoptController:
         self.model, self.problem = model, NavigationProblem() if problem is None else problem
         if solver == "fatrop" and self.problem.limits_changes:
             raise ProblemError(
-                "fatrop takes no limits on the change of commands, which tie stages together: du_max must be infinite"
+                "fatrop takes no limits on the change of commands, which tie stages together: "
+                "du_max must be infinite"
             )
         self._rates = RateLimit(self.problem)
         self._casadi, self._plugin, self._options = casadi, solver, options or {}

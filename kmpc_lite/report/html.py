@@ -117,7 +117,10 @@ def write_report(
 def _image(name: str, svg: bytes, more: str) -> str:
     """Picture as an element; inside an image its ids cannot meet those of the others."""
     alt, caption = CAPTIONS[name]
-    image = f'<img alt="{escape(alt)}" src="data:image/svg+xml;base64,{b64encode(svg).decode("ascii")}">'
+    image = (
+        f'<img alt="{escape(alt)}" '
+        f'src="data:image/svg+xml;base64,{b64encode(svg).decode("ascii")}">'
+    )
     return (
         f'<figure class="{name}">{image}<figcaption>{escape(caption + more)}</figcaption></figure>'
     )
@@ -164,7 +167,10 @@ def _tiles(run: Run) -> Iterable[str]:
         ),
     )
     for name, value, note in numbers:
-        content = f'<span class="name">{name}</span><strong>{_text(value)}</strong><span class="note">{_text(note)}</span>'
+        content = (
+            f'<span class="name">{name}</span><strong>{_text(value)}</strong><span '
+            f'class="note">{_text(note)}</span>'
+        )
         yield f'<div class="tile">{content}</div>'
 
 
@@ -183,7 +189,8 @@ def _status_rows(run: Run) -> Iterable[tuple[str, str]]:
         if count:
             yield (
                 status,
-                f"{count} of {len(run.statuses)} steps ({100 * count / len(run.statuses):.3g} %): {words}",
+                f"{count} of {len(run.statuses)} steps ({100 * count / len(run.statuses):.3g} %): "
+                f"{words}",
             )
 
 
@@ -196,7 +203,8 @@ def _time_rows(run: Run) -> Iterable[tuple[str, str]]:
     yield "All within (max)", milliseconds(float(times.max()))
     yield (
         "Slowest step",
-        f"at {slowest * run.dt:.4g} s; {STATUS_WORDS.get(run.statuses[slowest], run.statuses[slowest])}",
+        f"at {slowest * run.dt:.4g} s; "
+        f"{STATUS_WORDS.get(run.statuses[slowest], run.statuses[slowest])}",
     )
     yield "Period, the budget", milliseconds(run.dt)
     yield "Steps over budget", str(late) if late else "none"
@@ -235,7 +243,8 @@ def _model_rows(model: KoopmanModel) -> Iterable[tuple[str, str]]:
     yield "Method", f"{info.get('method', 'not told')} ({form})"
     yield (
         "Dictionary",
-        f"{type(model.dictionary).__name__}, {model.dictionary.size} lifted coordinates, {model.history} past commands",
+        f"{type(model.dictionary).__name__}, {model.dictionary.size} lifted coordinates, "
+        f"{model.history} past commands",
     )
     yield "Period", milliseconds(model.dt)
     if "samples" in info:
@@ -254,7 +263,8 @@ def _model_rows(model: KoopmanModel) -> Iterable[tuple[str, str]]:
             forward, left, heading = 1e3 * np.sqrt(np.diag(model.noise(command)))
             yield (
                 f"Noise {name}",
-                f"{forward:.3g} mm forward, {left:.3g} mm sideways, {heading:.3g} mrad per step (standard deviation)",
+                f"{forward:.3g} mm forward, {left:.3g} mm sideways, "
+                f"{heading:.3g} mrad per step (standard deviation)",
             )
 
 
@@ -273,12 +283,18 @@ def _errors_table(report: FitReport) -> str:
         + "</tr>"
         for when, who, errors in rows
     )
-    head = "<tr><th>ahead</th><th></th><th>along [mm]</th><th>across [mm]</th><th>heading [mrad]</th></tr>"
+    head = (
+        "<tr><th>ahead</th><th></th><th>along [mm]</th><th>across [mm]</th><th>heading "
+        "[mrad]</th></tr>"
+    )
     note = (
         f"Root mean square over {report.starts} starts in driving that the fit has not seen. "
         f"The paper's RMSE of one step: {report.rmse_percent:.2f} %."
     )
-    return f'<div class="scroll"><table class="numbers">\n{head}\n{cells}\n</table></div>\n<p class="small">{escape(note)}</p>'
+    return (
+        f'<div class="scroll"><table class="numbers">\n{head}\n{cells}\n</table></div>\n<p '
+        f'class="small">{escape(note)}</p>'
+    )
 
 
 def _made_rows(run: Run, command: str | None) -> Iterable[tuple[str, str]]:

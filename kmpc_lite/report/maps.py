@@ -103,14 +103,16 @@ def overlay_picture(runs: Sequence[Run], labels: Sequence[str]) -> Figure:
     """
     if not runs or len(runs) != len(labels):
         raise KmpcError(
-            f"overlay: expected at least one run and a label for each, got {len(runs)} runs and {len(labels)} labels"
+            "overlay: expected at least one run and a label for each, "
+            f"got {len(runs)} runs and {len(labels)} labels"
         )
     scenario = runs[0].scenario
     for i, run in enumerate(runs):
         substeps(run)
         if _map_of(run.scenario) != _map_of(scenario):
             raise KmpcError(
-                f"overlay: run {i} ({run.scenario.name}) has another map than the first ({scenario.name})"
+                f"overlay: run {i} ({run.scenario.name}) has another map than the first "
+                f"({scenario.name})"
             )
     names = list(dict.fromkeys(labels))
     outcomes = [run.outcome for run in runs]

@@ -39,7 +39,8 @@ def scenario_rows(run: Run) -> Iterable[tuple[str, str]]:
         grid = f", {scenario.grid!r}" if scenario.grid is not None else ""
         yield (
             "Solids",
-            f"polygons {len(scenario.polygons)}, walls {len(scenario.walls)}{grid}; in the file below",
+            f"polygons {len(scenario.polygons)}, walls {len(scenario.walls)}{grid}; "
+            "in the file below",
         )
     yield "Margin asked for", length(scenario.margin)
     yield "Period and horizon", f"{milliseconds(run.dt)}, {run.plans.shape[1] - 1} stages"
@@ -51,7 +52,10 @@ def robot_rows(run: Run) -> Iterable[tuple[str, str]]:
     plant = str(run.info.get("plant", SCENARIOS_OWN))
     kinds = {
         SCENARIOS_OWN: "simulated, with the slip, lag and floor below",
-        LEARNED: "simulated: behaves as the model does, lag and noise included; the scenario's slip, lag and floors do not act",
+        LEARNED: (
+            "simulated: behaves as the model does, lag and noise included; "
+            "the scenario's slip, lag and floors do not act"
+        ),
     }
     yield "Robot", kinds.get(plant, f"{plant}; the scenario's [plant] does not act")
     yield "Radius", length(scenario.radius)

@@ -72,7 +72,10 @@ def outcome_sentence(run: Run) -> str:
     scenario = run.scenario
     if run.outcome is Outcome.COLLISION:
         where = f"{length(run.position_error)} from the goal"
-        return f"The robot touched an obstacle {run.duration:.4g} s after its start, {where}, and went {length(-run.clearance)} into it."
+        return (
+            f"The robot touched an obstacle {run.duration:.4g} s after its start, {where}, "
+            f"and went {length(-run.clearance)} into it."
+        )
     count = scenario.obstacle_count
     past = f" It kept at least {length(run.clearance)} from {_obstacles(count)}." if count else ""
     short = f"{length(run.position_error)} and {angle(run.heading_error)}"
@@ -80,7 +83,10 @@ def outcome_sentence(run: Run) -> str:
         return (
             f"The robot reached its goal in {run.duration:.4g} s and stands {short} from it.{past}"
         )
-    return f"The robot did not reach its goal within {run.duration:.4g} s: it is still {short} from it.{past}"
+    return (
+        f"The robot did not reach its goal within {run.duration:.4g} s: "
+        f"it is still {short} from it.{past}"
+    )
 
 
 def _obstacles(count: int) -> str:
@@ -99,11 +105,13 @@ def substeps(run: Run) -> int:
     steps = len(run.inputs)
     if steps == 0 or (len(run.path) - 1) % steps or len(run.path) <= steps:
         raise KmpcError(
-            f"run: expected at least one step and whole sub-samples, got {steps} steps and a path of {len(run.path)} poses"
+            "run: expected at least one step and whole sub-samples, "
+            f"got {steps} steps and a path of {len(run.path)} poses"
         )
     if not (np.isfinite(run.path).all() and np.isfinite(run.inputs).all()):
         raise KmpcError(
-            "run: the path or the commands hold NaN or infinity; there is nothing that could be drawn to scale"
+            "run: the path or the commands hold NaN or infinity; "
+            "there is nothing that could be drawn to scale"
         )
     return (len(run.path) - 1) // steps
 

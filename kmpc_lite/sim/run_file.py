@@ -56,7 +56,8 @@ def load_run(path: Path) -> Run:
         header = json.loads(str(arrays.pop("header")))
         if header["format"] != FORMAT or header["version"] != VERSION:
             raise ScenarioError(
-                f"{path}: expected {FORMAT} version {VERSION}, got {header['format']} version {header['version']}"
+                f"{path}: expected {FORMAT} version {VERSION}, "
+                f"got {header['format']} version {header['version']}"
             )
         scenario = Scenario.from_table(
             tomllib.loads(str(header["scenario"])), header["name"], str(path)

@@ -42,7 +42,8 @@ class MapsStudy:
 STUDIES: Mapping[str, MapsStudy] = {
     "maps": MapsStudy("random maps by families and slips", ("K-NMPC, IPOPT", OURS)),
     "lag": MapsStudy(
-        "a robot whose motors lag, driven with a model learned from its log, with exact, noisy and old poses",
+        "a robot whose motors lag, driven with a model learned from its log, with exact, "
+        "noisy and old poses",
         conditions=(LAGGING, NOISY_LAGGING, OLD_LAGGING),
         slips=(0.0, 0.1),
     ),
@@ -50,7 +51,8 @@ STUDIES: Mapping[str, MapsStudy] = {
         "noisy poses, and old ones", conditions=(NOISY, OLD), slips=(0.0, 0.05, 0.1, 0.2)
     ),
     "turning": MapsStudy(
-        "robots that turn about a point centimetres from the one tracked, driven with a model learned from their logs",
+        "robots that turn about a point centimetres from the one tracked, "
+        "driven with a model learned from their logs",
         conditions=TURNING,
         slips=(0.1,),
     ),
@@ -83,11 +85,13 @@ def choose(study: MapsStudy, words: Sequence[str] | None) -> list[ControllerSpec
     chosen = [c for c in CONTROLLERS if any(word.lower() in c.label.lower() for word in words)]
     if not chosen:
         raise ProblemError(
-            f"--controllers {' '.join(words)}: nobody is left; labels are {'; '.join(c.label for c in CONTROLLERS)}"
+            f"--controllers {' '.join(words)}: nobody is left; "
+            f"labels are {'; '.join(c.label for c in CONTROLLERS)}"
         )
     if study.conditions != (PLAIN,) and any(c.fit != "integral" for c in chosen):
         refused = "; ".join(c.label for c in chosen if c.fit != "integral")
         raise ProblemError(
-            f"--controllers {refused}: only controllers with an integral fit are driven in this study"
+            f"--controllers {refused}: only controllers with an integral fit are driven in this "
+            "study"
         )
     return chosen

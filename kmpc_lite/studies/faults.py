@@ -328,7 +328,8 @@ def format_faults(rows: Sequence[Counts]) -> str:
     total = {c: sum(getattr(row, c) for row in rows) for c in columns.values()}
     lines.append(f"{'all':36}" + "".join(f"{total[c]:11d}" for c in columns.values()))
     lines.append(
-        "late stop: steps still driven after the tail's end; late plan: none within 1 s of sane inputs; "
+        "late stop: steps still driven after the tail's end; late plan: "
+        "none within 1 s of sane inputs; "
         "blind: commands other than zero after 3 s without a pose"
     )
     return "\n".join(lines)

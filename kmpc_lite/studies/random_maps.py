@@ -279,7 +279,8 @@ def write_failures(
         )
         switch = " --no-adaptation" if "no adaptation" in record["controller"] else ""
         path.write_text(
-            f"# {record['controller']}: {what}; kmpc simulate --scenario {path.name} --model {learned.name}{switch}\n{scenario.to_toml()}",
+            f"# {record['controller']}: {what}; kmpc simulate --scenario {path.name} --model "
+            f"{learned.name}{switch}\n{scenario.to_toml()}",
             encoding="utf-8",
         )
         paths.append(path)

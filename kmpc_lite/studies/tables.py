@@ -166,14 +166,18 @@ def format_maps(rows: Sequence[Row]) -> str:
     under = f"{'condition':<{max(conditions, 9)}}  " if conditions else ""
     ratios = any(row.error_ratio for row in rows)
     lines = [
-        f"{'controller':<{max(widest, 10)}}  {under}{'maps':<9}{'lambda':>7}{'drives':>8}  {'collisions':<22}{'within 5 cm':<23}"
+        f"{'controller':<{max(widest, 10)}}  {under}{'maps':<9}{'lambda':>7}{'drives':>8}  "
+        f"{'collisions':<22}{'within 5 cm':<23}"
         f"{'and 0.15 rad':<23}{'s to 5 cm':>10}{'s to pose':>10}{'least gap':>11}"
         + ("  error to a fresh fit's (median, 95 %)" if ratios else "")
     ]
     for row in rows:
         gap = "-" if row.clearance_m is None else f"{1e3 * row.clearance_m:.0f} mm"
         slip = "all" if row.slip is None else f"{row.slip:g}"
-        collisions = f"{row.collisions} [{100 * wilson(row.collisions, row.drives)[0]:.1f}, {100 * wilson(row.collisions, row.drives)[1]:.1f}] %"
+        collisions = (
+            f"{row.collisions} [{100 * wilson(row.collisions, row.drives)[0]:.1f}, "
+            f"{100 * wilson(row.collisions, row.drives)[1]:.1f}] %"
+        )
         condition = f"{row.condition or '-':<{max(conditions, 9)}}  " if conditions else ""
         errors = (
             ""
@@ -181,7 +185,8 @@ def format_maps(rows: Sequence[Row]) -> str:
             else f"  {row.error_ratio[0]:.2f}, {row.error_ratio[1]:.2f}"
         )
         lines.append(
-            f"{row.controller:<{max(widest, 10)}}  {condition}{row.family:<9}{slip:>7}{row.drives:>8}  {collisions:<22}"
+            f"{row.controller:<{max(widest, 10)}}  "
+            f"{condition}{row.family:<9}{slip:>7}{row.drives:>8}  {collisions:<22}"
             f"{share(row.at_position, row.drives):<23}{share(row.at_pose, row.drives):<23}"
             f"{seconds(row.position_s):>10}{seconds(row.pose_s):>10}{gap:>11}{errors}"
         )

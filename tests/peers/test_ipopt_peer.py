@@ -179,7 +179,10 @@ def test_without_casadi_the_error_says_what_to_install(monkeypatch: pytest.Monke
 
 
 def test_the_core_never_imports_a_peer_or_a_picture() -> None:
-    code = "import sys, kmpc_lite; print([m for m in ('casadi', 'matplotlib', 'qpsolvers', 'pymavlink', 'mujoco') if m in sys.modules])"
+    code = (
+        "import sys, kmpc_lite; print([m for m in ('casadi', 'matplotlib', 'qpsolvers', "
+        "'pymavlink', 'mujoco') if m in sys.modules])"
+    )
     assert (
         subprocess.run(
             [sys.executable, "-c", code], capture_output=True, text=True, check=True

@@ -122,7 +122,10 @@ class MavlinkCore:
         self.heard = now
         if kind == "HEARTBEAT":
             if (message.autopilot, message.type in ROVER_TYPES) != (ARDUPILOT, True):
-                self.wrong_vehicle = f"system {self.options.system} is no ArduPilot rover: autopilot {message.autopilot}, type {message.type}"
+                self.wrong_vehicle = (
+                    f"system {self.options.system} is no ArduPilot rover: "
+                    f"autopilot {message.autopilot}, type {message.type}"
+                )
                 return
             self.wrong_vehicle, self.identified = "", True
             self.authority.on_heartbeat(message.custom_mode, bool(message.base_mode & ARMED), now)

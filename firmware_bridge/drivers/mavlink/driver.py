@@ -109,7 +109,8 @@ class MavlinkDriver:
                 raise LinkError(self._nobody(timeout))
             if not core.streams.answered:
                 raise LinkError(
-                    f"mavlink: system {core.options.system} is heard, but answers no request within {timeout:g} s: one-way link, or signing"
+                    f"mavlink: system {core.options.system} is heard, "
+                    f"but answers no request within {timeout:g} s: one-way link, or signing"
                 )
             if core.options.arm:
                 core.take(self._clock())
@@ -195,16 +196,16 @@ class MavlinkDriver:
             f"mavlink: no heartbeat of system {self._core.options.system} within {timeout:g} s: "
         )
         if counters["unsigned"] or counters["bad_signature"]:
-            return (
-                start
-                + f"{counters['unsigned']} unsigned and {counters['bad_signature']} wrongly signed frames: is the key right?"
+            return start + (
+                f"{counters['unsigned']} unsigned and {counters['bad_signature']} wrongly "
+                "signed frames: is the key right?"
             )
         if counters["others"]:
             return start + f"{counters['others']} frames of other systems: is the id right?"
         if transport.get("bytes_in", 0):
-            return (
-                start
-                + f"{transport['bytes_in']} bytes, but no frame: is the baud rate right, is it MAVLink?"
+            return start + (
+                f"{transport['bytes_in']} bytes, but no frame: is the baud rate right, "
+                "is it MAVLink?"
             )
         return start + "no byte: is it powered, are the lines crossed?"
 

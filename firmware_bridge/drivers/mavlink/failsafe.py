@@ -69,7 +69,10 @@ class GcsFailsafe:
                 ": no answer" if self._tries >= TRIES else " yet"
             )
         if self._values[ENABLE][0] == 0.0:
-            return f"GCS failsafe: off ({ENABLE} 0): if this computer dies, only the 3 s set-point time-out stops the rover"
+            return (
+                f"GCS failsafe: off ({ENABLE} 0): if this computer dies, "
+                "only the 3 s set-point time-out stops the rover"
+            )
         watched = round(self._values[WATCHED][0])
         if watched != self._own_system:
             return (

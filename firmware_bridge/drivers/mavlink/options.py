@@ -80,7 +80,8 @@ class MavlinkOptions:
                 or abs(numbers[2]) > 1e4
             ):
                 raise ConfigError(
-                    f"origin: expected [latitude, longitude, altitude] in degrees and m, got {self.origin!r}"
+                    "origin: expected [latitude, longitude, altitude] in degrees and m, "
+                    f"got {self.origin!r}"
                 )
         if self.key_file is not None and not isinstance(self.key_file, str):
             raise ConfigError(f"key_file: expected a path, got {self.key_file!r}")
@@ -137,7 +138,8 @@ class MavlinkOptions:
             key = b""
         if len(key) != KEY_BYTES:
             raise ConfigError(
-                f"key_file: {path}: expected 32 bytes or 64 hexadecimal digits, got {len(raw)} bytes"
+                f"key_file: {path}: expected 32 bytes or 64 hexadecimal digits, "
+                f"got {len(raw)} bytes"
             )
         return key
 

@@ -195,7 +195,8 @@ class Autopilot:
             self.counters["ignored_set_points"] += 1
             self.say(
                 INFO,
-                "Ignoring SET_POSITION_TARGET_LOCAL_NED; set ACC_IGNORE in mask, positions are not emulated",
+                "Ignoring SET_POSITION_TARGET_LOCAL_NED; set ACC_IGNORE in mask, "
+                "positions are not emulated",
             )
             return
         limit, theta, body = (

@@ -65,7 +65,8 @@ class Parameters:
         for name, value in (changed or {}).items():
             if name not in self._values or not self.set(name, value):
                 raise ValueError(
-                    f"parameter {name}: expected one of {', '.join(self.names)} with a value in its range, got {value!r}"
+                    f"parameter {name}: expected one of {', '.join(self.names)} with a value in "
+                    f"its range, got {value!r}"
                 )
 
     def __getitem__(self, name: str) -> float:

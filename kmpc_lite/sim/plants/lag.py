@@ -99,7 +99,8 @@ class LaggingDrive:
         state, command = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
         if state.shape[-1:] != (STATES,) or command.shape[-1:] != (INPUTS,):
             raise ValueError(
-                f"expected states (..., {STATES}) and commands (..., {INPUTS}), got {state.shape} and {command.shape}"
+                f"expected states (..., {STATES}) and commands (..., {INPUTS}), "
+                f"got {state.shape} and {command.shape}"
             )
         floor = self.floor
         ratios = (

@@ -64,7 +64,8 @@ class DifferentialDrive:
         state, command = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
         if state.shape[-1:] != (STATES,) or command.shape[-1:] != (INPUTS,):
             raise ValueError(
-                f"expected states (..., 3) and commands (..., 2), got {state.shape} and {command.shape}"
+                "expected states (..., 3) and commands (..., 2), "
+                f"got {state.shape} and {command.shape}"
             )
         lead = np.broadcast_shapes(
             state.shape[:-1], command.shape[:-1]
@@ -125,7 +126,8 @@ def generate_dataset(
     """
     if episodes < 1 or steps < 1:
         raise DataError(
-            f"generate_dataset: expected at least one episode of at least one step, got {episodes} of {steps}"
+            "generate_dataset: expected at least one episode of at least one step, "
+            f"got {episodes} of {steps}"
         )
     dt = check_time("dt", dt)
     random = np.random.default_rng(seed)

@@ -146,32 +146,37 @@ class Scenario:
         x_min, y_min, x_max, y_max = self.bounds
         if x_min >= x_max or y_min >= y_max:
             raise ScenarioError(
-                f"{self.name}: [map] bounds: expected xmin < xmax and ymin < ymax, got {list(self.bounds)}"
+                f"{self.name}: [map] bounds: expected xmin < xmax and ymin < ymax, "
+                f"got {list(self.bounds)}"
             )
         for key in ("start", "goal"):
             x, y, _ = getattr(self, key)
             if not (x_min <= x <= x_max and y_min <= y <= y_max):
                 raise ScenarioError(
-                    f"{self.name}: [robot] {key}: ({x:g}, {y:g}) lies outside the bounds {list(self.bounds)}"
+                    f"{self.name}: [robot] {key}: ({x:g}, {y:g}) lies outside the bounds "
+                    f"{list(self.bounds)}"
                 )
             for i, circle in enumerate(self.circles):
                 distance = float(np.hypot(x - circle.x, y - circle.y))
                 moving = circle.vx != 0.0 or circle.vy != 0.0
                 if distance < circle.radius + self.radius and not (moving and key == "goal"):
                     raise ScenarioError(
-                        f"{self.name}: [robot] {key}: ({x:g}, {y:g}) is {distance:g} m from the centre of circle {i}, "
+                        f"{self.name}: [robot] {key}: ({x:g}, {y:g}) is {distance:g} m from the "
+                        f"centre of circle {i}, "
                         f"but the radii add up to {circle.radius + self.radius:g} m"
                     )
             if self.solids is not None:
                 gap = float(self.solids.whole.least(np.array([[x, y]]))[0])
                 if gap < self.radius:
                     raise ScenarioError(
-                        f"{self.name}: [robot] {key}: ({x:g}, {y:g}) is {gap:g} m from a polygon, wall or grid cell, "
+                        f"{self.name}: [robot] {key}: ({x:g}, {y:g}) is {gap:g} m from a polygon, "
+                        "wall or grid cell, "
                         f"but the robot's radius is {self.radius:g} m"
                     )
         if any(b.time <= a.time for a, b in zip(self.floors, self.floors[1:], strict=False)):
             raise ScenarioError(
-                f"{self.name}: [plant] floors: expected rising times, got {[f.time for f in self.floors]}"
+                f"{self.name}: [plant] floors: expected rising times, "
+                f"got {[f.time for f in self.floors]}"
             )
 
     @classmethod
@@ -188,7 +193,8 @@ class Scenario:
             path = Path(str(resources.files("kmpc_lite.sim") / "scenarios" / f"{path.name}.toml"))
             if not path.exists():
                 raise ScenarioError(
-                    f"no scenario named {str(source)!r}; expected a .toml file or one of {', '.join(bundled())}"
+                    f"no scenario named {str(source)!r}; expected a .toml file or one of "
+                    f"{', '.join(bundled())}"
                 )
         try:
             table = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -209,14 +215,16 @@ class Scenario:
         for section, content in table.items():
             if section not in KEYS:
                 raise ScenarioError(
-                    f"{where}: unknown section [{section}]; expected {', '.join(f'[{s}]' for s in KEYS)}"
+                    f"{where}: unknown section [{section}]; expected "
+                    f"{', '.join(f'[{s}]' for s in KEYS)}"
                 )
             if not isinstance(content, Mapping):
                 raise ScenarioError(f"{where}: [{section}] must be a section, got {content!r}")
             for key in content:
                 if key not in KEYS[section]:
                     raise ScenarioError(
-                        f"{where}: [{section}] {key}: unknown key; expected {', '.join(KEYS[section])}"
+                        f"{where}: [{section}] {key}: unknown key; "
+                        f"expected {', '.join(KEYS[section])}"
                     )
         values: dict[str, Any] = {}
         for section, defaults in KEYS.items():
@@ -342,13 +350,15 @@ def _value(where: str, key: str, value: Any) -> Any:
     if key == "circles":
         if not isinstance(value, list):
             raise ScenarioError(
-                f"{where}: expected a list of [x, y, radius] or [x, y, radius, vx, vy], got {value!r}"
+                f"{where}: expected a list of [x, y, radius] or [x, y, radius, vx, vy], "
+                f"got {value!r}"
             )
         circles = []
         for i, row in enumerate(value):
             if not isinstance(row, list) or len(row) not in (3, 5):
                 raise ScenarioError(
-                    f"{where}: circle {i}: expected [x, y, radius] or [x, y, radius, vx, vy], got {row!r}"
+                    f"{where}: circle {i}: expected [x, y, radius] or [x, y, radius, vx, vy], "
+                    f"got {row!r}"
                 )
             try:
                 circles.append(Circle(*(_number(f"{where}: circle {i}", v) for v in row)))

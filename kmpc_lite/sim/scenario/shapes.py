@@ -54,7 +54,8 @@ def read_grid(where: str, value: Any) -> OccupancyGrid | None:
         return _make(where, OccupancyGrid.load, Path(value))
     if not isinstance(value, Mapping) or not {"resolution", "rows"} <= set(value) <= set(GRID_KEYS):
         raise ScenarioError(
-            f"{where}: expected the path of a map.yaml, or a table of {', '.join(GRID_KEYS)}, got {value!r:.60}"
+            f"{where}: expected the path of a map.yaml, or a table of {', '.join(GRID_KEYS)}, "
+            f"got {value!r:.60}"
         )
     rows = value["rows"]
     if (
@@ -65,7 +66,8 @@ def read_grid(where: str, value: Any) -> OccupancyGrid | None:
         raise ScenarioError(f"{where}: rows: expected strings of one length")
     if strange := set("".join(rows)) - set(CELLS):
         raise ScenarioError(
-            f"{where}: rows: expected {FREE} (free), {OCCUPIED} (occupied) and {UNKNOWN} (unknown), got {min(strange)!r}"
+            f"{where}: rows: expected {FREE} (free), {OCCUPIED} (occupied) and {UNKNOWN} "
+            f"(unknown), got {min(strange)!r}"
         )
     cells = np.array([[CELLS[c] for c in row] for row in reversed(rows)], dtype=np.int8)
     free = value.get("unknown_is_free", False)

@@ -117,12 +117,14 @@ def write_mjcf(
         for i, name in enumerate(WHEELS)
     ]
     marks = [
-        f'\n    <geom class="mark" type="cylinder" pos="{x} {y} 0.0005" size="{r} 0.0005" rgba="0.45 0.65 0.9 0.6"/>'
+        f'\n    <geom class="mark" type="cylinder" pos="{x} {y} 0.0005" size="{r} 0.0005" '
+        'rgba="0.45 0.65 0.9 0.6"/>'
         for x, y, r in patches
     ]
     if goal is not None:
         marks.append(
-            f'\n    <geom class="mark" type="cylinder" pos="{goal[0]} {goal[1]} 0.001" size="0.08 0.001" rgba="0.85 0.1 0.1 1"/>'
+            f'\n    <geom class="mark" type="cylinder" pos="{goal[0]} {goal[1]} 0.001" size="0.08 '
+            '0.001" rgba="0.85 0.1 0.1 1"/>'
         )
     return _ROOM.format(
         timestep=TIMESTEP,
@@ -137,7 +139,8 @@ def write_mjcf(
         up=0.60 * size,
         marks="".join(marks),
         obstacles="".join(
-            f'\n    <geom class="obstacle" name="obstacle{i}" pos="{c.x} {c.y} {HEIGHT / 2}" size="{max(c.radius, 1e-3)} {HEIGHT / 2}"/>'
+            f'\n    <geom class="obstacle" name="obstacle{i}" pos="{c.x} {c.y} {HEIGHT / 2}" '
+            f'size="{max(c.radius, 1e-3)} {HEIGHT / 2}"/>'
             for i, c in enumerate(circles)
         ),
         wheels="".join(
@@ -145,11 +148,13 @@ def write_mjcf(
             for name, x, y in places
         ),
         pairs="".join(
-            f'\n    <pair name="{name}" geom1="{name}" geom2="floor" condim="4" friction="0.7 0.7 0.007 0 0"/>'
+            f'\n    <pair name="{name}" geom1="{name}" geom2="floor" condim="4" friction="0.7 0.7 '
+            '0.007 0 0"/>'
             for name in WHEELS
         ),
         motors="".join(
-            f'\n    <velocity name="{name}" joint="{name}" kv="{GAIN}" forcerange="-{TORQUE} {TORQUE}"/>'
+            f'\n    <velocity name="{name}" joint="{name}" kv="{GAIN}" forcerange="-{TORQUE} '
+            f'{TORQUE}"/>'
             for name in WHEELS
         ),
     )

@@ -217,7 +217,8 @@ class Twin:
         state, command = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
         if state.shape != (STATES,) or command.shape != (INPUTS,):
             raise ValueError(
-                f"expected one state ({STATES},) and one command ({INPUTS},), got {state.shape} and {command.shape}"
+                f"expected one state ({STATES},) and one command ({INPUTS},), "
+                f"got {state.shape} and {command.shape}"
             )
         if not np.allclose(state, self._last, rtol=0.0, atol=1e-9):
             self.place(*state.tolist())

@@ -110,7 +110,10 @@ def test_a_second_bridge_is_refused_and_a_dead_ones_socket_is_taken_over(stop, t
         EmergencyStop(stop.path).open()
     assert ask(stop.path, "status")["ok"]
     dead = tmp_path / "dead.sock"
-    code = f"import os, socket; s = socket.socket(socket.AF_UNIX); s.bind({str(dead)!r}); s.listen(); os._exit(0)"
+    code = (
+        f"import os, socket; s = socket.socket(socket.AF_UNIX); s.bind({str(dead)!r}); "
+        "s.listen(); os._exit(0)"
+    )
     subprocess.run([sys.executable, "-c", code], check=True)
     assert dead.exists()
     heir = EmergencyStop(dead)

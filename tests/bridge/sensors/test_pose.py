@@ -326,10 +326,16 @@ def test_a_whole_run_by_motion_capture(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
-    course = "[map]\nbounds = [-2.0, -2.0, 2.0, 2.0]\ncircles = [[0.4, 0.45, 0.1]]\n[robot]\nradius = 0.15\n"
+    course = (
+        "[map]\nbounds = [-2.0, -2.0, 2.0, 2.0]\ncircles = [[0.4, 0.45, "
+        "0.1]]\n[robot]\nradius = 0.15\n"
+    )
     course += "start = [0.0, 0.0, 0.0]\ngoal = [0.7, 0.15, 0.0]\n[run]\nmargin = 0.05\n"
     (tmp_path / "course.toml").write_text(course)
-    robot_file = "[geometry]\nwheel_radius = 0.0425\ntrack = 0.27\nmax_wheel_speed = 0.9\n[board]\ncounts_per_turn = 1440.0\n"
+    robot_file = (
+        "[geometry]\nwheel_radius = 0.0425\ntrack = 0.27\nmax_wheel_speed = "
+        "0.9\n[board]\ncounts_per_turn = 1440.0\n"
+    )
     pose = f"udp:127.0.0.1:{free_port()}"
     (tmp_path / "robot.toml").write_text(
         f'[link]\nurl = "pty:link"\ndriver = "roboclaw"\npose = "{pose}"\n{robot_file}'

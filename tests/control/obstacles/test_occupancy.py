@@ -16,7 +16,10 @@ from kmpc_lite.control.obstacles.solids import FEW, Solids
 
 AREA = np.array([-3.0, -3.0, 3.0, 3.0])
 NO_CIRCLES = np.empty((0, 5))
-YAML = "image: map.pgm\nresolution: 0.05\norigin: [-1.0, -2.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+YAML = (
+    "image: map.pgm\nresolution: 0.05\norigin: [-1.0, -2.0, 0.0]\nnegate: 0\noccupied_thresh: "
+    "0.65\nfree_thresh: 0.196\n"
+)
 
 
 @pytest.mark.parametrize(
