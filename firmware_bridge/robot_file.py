@@ -20,9 +20,9 @@ from firmware_bridge.safety.gate import GateSettings
 from firmware_bridge.safety.limits import Limits
 from firmware_bridge.sensors.pose import check_pose_url
 
-DRIVERS = ("mavlink", "roboclaw", "odrive", "vesc")
+DRIVERS = ("mavlink", "roboclaw", "odrive", "vesc", "roboteq", "sabertooth", "arduino")
 SECTIONS = ("link", "board", "geometry", "limits", "safety", "frame", "control")
-NOMINAL_LATENCY = {"mavlink": 0.2, "roboclaw": 0.0, "odrive": 0.0, "vesc": 0.0}
+NOMINAL_LATENCY = {name: 0.2 if name == "mavlink" else 0.0 for name in DRIVERS}
 """Taken for a model without input history where nobody says better [s].  An autopilot's own speed
 loop lags: on the emulated rover the nominal unicycle grazes obstacles with 0.1 s or less, but not
 with 0.2 or 0.3 s. With a motor controller's 0.05 s the clearance is the same for 0, 0.05 and 0.1 s.
@@ -111,6 +111,11 @@ class Robot:
                     "or leave it out"
                 )
             board = {**board, "pose": "mocap"}
+        if self.link.driver == "sabertooth" and self.link.pose is None:
+            raise ConfigError(
+                "link.pose: missing: a Sabertooth has no encoders; give --pose udp:HOST:PORT, "
+                "where motion capture sends"
+            )
         return {"board": board, "geometry": geometry}
 
 

@@ -8,6 +8,9 @@ from pathlib import Path
 
 from firmware_bridge.robot_file import DRIVERS
 
+MEASURED = tuple(name for name in DRIVERS if name != "sabertooth")
+"""Drivers whose latency can be measured: a Sabertooth says nothing."""
+
 DRIVE_TIME = 120.0
 """How long a run may take unless told [s]: low speeds take longer than a scenario's own limit."""
 
@@ -205,7 +208,11 @@ def build_parser(
         "--seconds", type=_positive, default=10.0, help="for each row of the table [s] (default 10)"
     )
     sub.add_argument(
-        "--drivers", nargs="+", choices=DRIVERS, default=list(DRIVERS), help="which (default all)"
+        "--drivers",
+        nargs="+",
+        choices=MEASURED,
+        default=list(MEASURED),
+        help="which (default all)",
     )
     sub.add_argument(
         "--rates",

@@ -17,7 +17,14 @@ if TYPE_CHECKING:
     from firmware_bridge.emulator.board import BoardEmulator
     from kmpc_lite.sim.twin import Twin
 
-BOARDS = {"roboclaw": "RoboClawEmulator", "odrive": "ODriveEmulator", "vesc": "VescEmulator"}
+BOARDS = {
+    "roboclaw": "RoboClawEmulator",
+    "odrive": "ODriveEmulator",
+    "vesc": "VescEmulator",
+    "roboteq": "RoboteqEmulator",
+    "sabertooth": "SabertoothEmulator",
+    "arduino": "ArduinoEmulator",
+}
 """By the name of their modules: only the one that is needed is imported."""
 SHOWN = 0.5
 """Between pictures of the pose [s]."""

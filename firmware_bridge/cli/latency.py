@@ -23,6 +23,8 @@ BOARDS: dict[str, dict[str, Any]] = {
     "roboclaw": {"counts_per_turn": 1440.0},
     "odrive": {},
     "vesc": {"can_id": 1, "pole_pairs": 7},
+    "roboteq": {"counts_per_turn": 1440.0},
+    "arduino": {"counts_per_turn": 1440.0},
 }
 COLUMNS = (
     "pose age when planning",

@@ -36,6 +36,9 @@ DRIVER_CLASSES = {
     "roboclaw": "RoboClawDriver",
     "odrive": "ODriveDriver",
     "vesc": "VescDriver",
+    "roboteq": "RoboteqDriver",
+    "sabertooth": "SabertoothDriver",
+    "arduino": "ArduinoDriver",
 }
 """By the name of their modules: only the one that is needed is imported."""
 SWITCH = 0.0005

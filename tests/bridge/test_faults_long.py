@@ -369,6 +369,8 @@ BOARDS = {
     "roboclaw": {"counts_per_turn": 4000.0, "watchdog": 0.3},
     "odrive": {},
     "vesc": {"can_id": 1, "pole_pairs": 7},
+    "roboteq": {"counts_per_turn": 4000.0},
+    "arduino": {"counts_per_turn": 4000.0},
 }
 
 
@@ -395,6 +397,13 @@ class SerialEar:
             told = {} if speeds is None else {0: speeds[0] / 4000.0, 1: speeds[1] / 4000.0}
         elif self.board == "odrive":
             told = odrive_speeds(chunk.data)
+        elif self.board == "roboteq":
+            words = [word.split() for word in chunk.data.split(b"\r") if word.startswith(b"!S")]
+            told = {int(channel) - 1: int(rpm) / 60.0 for _, channel, rpm in words}
+        elif self.board == "arduino":
+            words = chunk.data.split(b"*")[0].split()
+            driven = words[:1] == [b"V"]
+            told = {i: int(words[2 + i]) / 4000.0 for i in (0, 1)} if driven else {}
         else:
             told = {
                 int(second): erpm / 60.0 / 7.0 for second, erpm in vesc_erpm(chunk.data).items()

@@ -16,11 +16,11 @@ import pytest
 
 import kmpc_lite as kl
 from firmware_bridge.cli.emulate import build_emulator
-from firmware_bridge.cli.latency import robot_text, table
+from firmware_bridge.cli.latency import BOARDS, robot_text, table
 from firmware_bridge.cli.main import _course, main
 from firmware_bridge.link import open_transport
 from firmware_bridge.messages import LinkError
-from firmware_bridge.robot_file import DRIVERS, load_robot
+from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.session import open_driver
 from firmware_bridge.safety.estop import ask, latch_file
 from kmpc_lite.cli.commands import make_dictionary
@@ -543,7 +543,7 @@ def test_what_argparse_refuses_is_exit_status_2_too(command, capsys):
     assert caught.value.code == 2 and "Traceback" not in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", BOARDS)
 def test_the_robots_of_the_latency_table_can_be_built(desk, driver):
     Path("robot.toml").write_text(robot_text(driver, desk, 0.02))
     robot = load_robot("robot.toml")

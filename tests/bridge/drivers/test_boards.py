@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 from boards import DRIVERS, EMULATORS, TABLES, WATCHDOG, Rig, distance, until, with_board
 
+from firmware_bridge.drivers.arduino import line
 from firmware_bridge.link import Faults, open_transport
 from firmware_bridge.link.framing import odrive_line, roboclaw_packet, vesc_packet
 from firmware_bridge.link.loopback import named_wire
@@ -288,6 +289,8 @@ def test_replies_that_nobody_asked_for_are_told(name, tmp_path):
         "roboclaw": bytes(10),
         "odrive": odrive_line("1.0 2.0", True),
         "vesc": vesc_packet(b"\x04"),
+        "roboteq": b"C=1:2\r",
+        "arduino": line("S 77 1 2 3 4 5 0"),
     }[name]
     for _ in range(20):
         rig.emulator.say(answer)
@@ -359,6 +362,12 @@ def rim_speeds(name, frame):
             for line in frame.splitlines()
             if line.startswith(b"v ")
         ]
+    if name == "roboteq":
+        words = [word for word in frame.split(b"\r") if word.startswith(b"!S ")]
+        return [int(word.split()[2]) / 60.0 / per_metre for word in words]
+    if name == "arduino":
+        words = frame.split(b"*")[0].split()[2:4] if frame.startswith(b"V") else []
+        return [int(word) / 1440 / per_metre for word in words]
     found, at = [], 0
     while at < len(frame):
         payload = frame[at + 2 : at + 2 + frame[at + 1]]
@@ -396,13 +405,20 @@ def test_noise_makes_no_exception_at_either_end(name):
     board = EMULATORS[name].from_options(TABLES[name], clock=lambda: now[0])
     driver = DRIVERS[name].from_options(open_transport("loopback:unused"), TABLES[name])
     rng = random.Random(8)
-    alphabet = b"vfruwsc 01.-einaf*\n\r" if name == "odrive" else bytes(range(256))
+    alphabets = {
+        "odrive": b"vfruwsc 01.-einaf*\n\r",
+        "roboteq": b"!?^~SGCFMRWDECHO 012-=:+\r",
+        "arduino": b"HVPRS 0123456789-*ABCDEF\n",
+    }
+    alphabet = alphabets.get(name, bytes(range(256)))
     for _ in range(3000):
         noise = bytes(rng.choices(alphabet, k=rng.randint(1, 100)))
         if name == "vesc":
             noise = vesc_packet(
                 bytes((rng.choice((0, 4, 6, 7, 8, 30, 34, 50)), *noise))
             )  # whole frames of nonsense
+        elif name == "arduino":
+            noise += b"\n" + line(noise.decode().replace("*", " ").replace("\n", " "))
         elif name == "roboclaw":
             noise += roboclaw_packet(0x80, rng.choice((14, 34, 35, 36, 37, 40)), noise[:12])
         now[0] += 0.02

@@ -1,0 +1,149 @@
+/* The line protocol of docs/setup_arduino.md: bytes in, answers out, and the watchdog.
+ *
+ * Plain C99 without the Arduino library, so that it compiles with gcc and is tested there. Whoever includes it gives
+ * it bytes and the time, and finds in `struct kmpc_wheels` what the motors are to do.
+ */
+#ifndef KMPC_WHEELS_H
+#define KMPC_WHEELS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#define KMPC_VERSION 1
+#define KMPC_LONGEST_LINE 48          /* bytes of a request, without its line feed */
+#define KMPC_LONGEST_REPLY 96         /* bytes of an answer, with line feed and zero */
+#define KMPC_LONGEST_WATCHDOG 60000L  /* ms */
+
+enum { KMPC_DRIVEN = 1, KMPC_WATCHDOG = 2, KMPC_STOPPED = 4, KMPC_ENCODER = 8, KMPC_FAULT = 16 };
+
+struct kmpc_wheels {
+  /* what the motors are to do: read them */
+  int32_t target[2]; /* counts/s of the first and second channel; 0 unless driven */
+  bool driven;       /* false: let the motors go */
+  /* what the motors do: write them */
+  int32_t count[2]; /* encoder counts, wrapping */
+  int32_t speed[2]; /* counts/s */
+  uint8_t faults;   /* KMPC_STOPPED, KMPC_ENCODER, KMPC_FAULT; any of them lets the motors go */
+  /* of the protocol */
+  bool expired;
+  uint32_t heard, watchdog; /* ms */
+  char line[KMPC_LONGEST_LINE];
+  uint8_t length;
+  bool dropping;
+};
+
+static inline uint16_t kmpc_crc(const char *text, int length) {
+  uint16_t crc = 0; /* CRC-16/XMODEM */
+  for (int i = 0; i < length; i++) {
+    crc ^= (uint16_t)((uint16_t)(uint8_t)text[i] << 8);
+    for (int bit = 0; bit < 8; bit++) {
+      crc = (uint16_t)((crc & 0x8000u) ? (uint16_t)(crc << 1) ^ 0x1021u : (uint16_t)(crc << 1));
+    }
+  }
+  return crc;
+}
+
+/* One whole number behind one blank, within int32; false where there is none. */
+static inline bool kmpc_number(const char **at, const char *end, int32_t *value) {
+  const char *p = *at;
+  if (p == end || *p++ != ' ') return false;
+  bool negative = p != end && *p == '-';
+  if (negative) p++;
+  int64_t sum = 0;
+  int digits = 0;
+  for (; p != end && *p >= '0' && *p <= '9'; p++, digits++) {
+    if (digits == 10) return false;
+    sum = 10 * sum + (*p - '0');
+  }
+  if (negative) sum = -sum;
+  if (digits == 0 || sum < INT32_MIN || sum > INT32_MAX) return false;
+  *value = (int32_t)sum;
+  *at = p;
+  return true;
+}
+
+/* Call it often: lets the motors go when no command has come for as long as the last one allowed. */
+static inline void kmpc_check(struct kmpc_wheels *w, uint32_t now) {
+  if (w->driven && now - w->heard > w->watchdog) {
+    w->driven = false;
+    w->expired = true;
+  }
+  if (w->faults || !w->driven) {
+    w->driven = w->driven && !w->faults;
+    w->target[0] = w->target[1] = 0;
+  }
+}
+
+static inline int kmpc_finish(char *reply, int length) {
+  return length + snprintf(reply + length, KMPC_LONGEST_REPLY - (size_t)length, "*%04X\n",
+                           (unsigned)kmpc_crc(reply, length));
+}
+
+/* Obey one line; length of the answer in `reply`, 0 for a line that is none. */
+static inline int kmpc_obey(struct kmpc_wheels *w, uint32_t now, char *reply) {
+  int body = w->length - 5;
+  if (body < 3 || w->line[body] != '*') return 0;
+  uint16_t check = 0;
+  for (int i = 1; i <= 4; i++) {
+    char c = w->line[body + i];
+    bool digit = c >= '0' && c <= '9', letter = c >= 'A' && c <= 'F';
+    if (!digit && !letter) return 0;
+    check = (uint16_t)(check << 4 | (digit ? c - '0' : c - 'A' + 10));
+  }
+  if (check != kmpc_crc(w->line, body)) return 0;
+  const char *at = w->line + 1, *end = w->line + body;
+  int32_t number[4];
+  int count = 0;
+  while (at != end) {
+    if (count == 4 || !kmpc_number(&at, end, &number[count++])) return 0;
+  }
+  if (count == 0 || number[0] < 0 || number[0] > 255) return 0;
+  switch (w->line[0]) {
+    case 'H':
+      if (count != 1) return 0;
+      return kmpc_finish(reply, snprintf(reply, KMPC_LONGEST_REPLY, "H %d %d", (int)number[0],
+                                         KMPC_VERSION));
+    case 'V':
+      if (count != 4 || number[3] <= 0 || number[3] > KMPC_LONGEST_WATCHDOG) return 0;
+      w->target[0] = number[1];
+      w->target[1] = number[2];
+      w->watchdog = (uint32_t)number[3];
+      w->heard = now;
+      w->driven = true;
+      w->expired = false;
+      break;
+    case 'R':
+      if (count != 1) return 0;
+      w->driven = false;
+      break;
+    case 'P':
+      if (count != 1) return 0;
+      break;
+    default:
+      return 0;
+  }
+  kmpc_check(w, now);
+  int flags = w->faults | (w->driven ? KMPC_DRIVEN : 0) | (w->expired ? KMPC_WATCHDOG : 0);
+  return kmpc_finish(reply, snprintf(reply, KMPC_LONGEST_REPLY, "S %d %lu %ld %ld %ld %ld %d",
+                                     (int)number[0], (unsigned long)now, (long)w->count[0],
+                                     (long)w->count[1], (long)w->speed[0], (long)w->speed[1], flags));
+}
+
+/* Take one byte at `now` [ms]; length of the answer in `reply` (KMPC_LONGEST_REPLY bytes), mostly 0. */
+static inline int kmpc_feed(struct kmpc_wheels *w, char byte, uint32_t now, char *reply) {
+  if (byte == '\n' || byte == '\r') {
+    int length = w->length && !w->dropping ? kmpc_obey(w, now, reply) : 0;
+    w->length = 0;
+    w->dropping = false;
+    return length;
+  }
+  if (w->length < KMPC_LONGEST_LINE && !w->dropping) {
+    w->line[w->length++] = byte;
+  } else {
+    w->dropping = true;
+  }
+  return 0;
+}
+
+#endif

@@ -1,0 +1,80 @@
+/* Two motors with quadrature encoders on an ESP32 or an Arduino with enough interrupts (Mega, Due, Teensy):
+ * the board's end of `driver = "arduino"`. Set-up, protocol and wiring: docs/setup_arduino.md
+ *
+ * Change the numbers of this block for your robot, nothing else.
+ */
+#include "kmpc_wheels.h"
+
+static const long BAUD = 115200;
+static const int FORWARD[2] = {25, 27}, BACKWARD[2] = {26, 14}; /* inputs of the H-bridge, with PWM */
+static const int ENCODER_A[2] = {32, 34}, ENCODER_B[2] = {33, 35};
+static const int STOP_PIN = -1;              /* a switch to ground that stops the motors; -1 for none */
+static const float TOP_SPEED = 6000.0f;      /* counts/s of a motor at full power */
+static const float P_GAIN = 0.5f, I_GAIN = 4.0f; /* of the speed loop, in shares of full power */
+static const unsigned long PERIOD = 10;      /* of the speed loop [ms] */
+
+static struct kmpc_wheels wheels;
+static volatile int32_t counts[2];
+static float integral[2];
+static int32_t last_count[2];
+static unsigned long last_loop;
+
+/* Both edges of A, with the level of B: two counts a pulse; counts_per_turn = 2 * pulses per turn. */
+static void edge(int i) {
+  counts[i] += digitalRead(ENCODER_A[i]) == digitalRead(ENCODER_B[i]) ? -1 : 1;
+}
+static void edge_first() { edge(0); }
+static void edge_second() { edge(1); }
+
+static void power(int i, float share) {
+  int level = (int)(255.0f * constrain(share, -1.0f, 1.0f));
+  analogWrite(FORWARD[i], level > 0 ? level : 0);
+  analogWrite(BACKWARD[i], level < 0 ? -level : 0);
+}
+
+void setup() {
+  for (int i = 0; i < 2; i++) {
+    pinMode(FORWARD[i], OUTPUT);
+    pinMode(BACKWARD[i], OUTPUT);
+    power(i, 0.0f);
+    pinMode(ENCODER_A[i], INPUT_PULLUP);
+    pinMode(ENCODER_B[i], INPUT_PULLUP);
+  }
+  attachInterrupt(digitalPinToInterrupt(ENCODER_A[0]), edge_first, CHANGE);
+  attachInterrupt(digitalPinToInterrupt(ENCODER_A[1]), edge_second, CHANGE);
+  if (STOP_PIN >= 0) pinMode(STOP_PIN, INPUT_PULLUP);
+  Serial.begin(BAUD);
+}
+
+static void speed_loop(float seconds) {
+  for (int i = 0; i < 2; i++) {
+    noInterrupts();
+    wheels.count[i] = counts[i];
+    interrupts();
+    wheels.speed[i] = (int32_t)((float)(wheels.count[i] - last_count[i]) / seconds);
+    last_count[i] = wheels.count[i];
+    if (!wheels.driven || wheels.target[i] == 0) {
+      integral[i] = 0.0f;
+      power(i, 0.0f); /* both inputs low: most H-bridges coast or brake; see yours */
+      continue;
+    }
+    float error = (float)(wheels.target[i] - wheels.speed[i]) / TOP_SPEED;
+    integral[i] = constrain(integral[i] + I_GAIN * error * seconds, -1.0f, 1.0f);
+    power(i, (float)wheels.target[i] / TOP_SPEED + P_GAIN * error + integral[i]);
+  }
+}
+
+void loop() {
+  char reply[KMPC_LONGEST_REPLY];
+  unsigned long now = millis();
+  while (Serial.available() > 0) {
+    int length = kmpc_feed(&wheels, (char)Serial.read(), now, reply);
+    if (length > 0) Serial.write((const uint8_t *)reply, (size_t)length);
+  }
+  wheels.faults = STOP_PIN >= 0 && digitalRead(STOP_PIN) == LOW ? KMPC_STOPPED : 0;
+  kmpc_check(&wheels, now);
+  if (now - last_loop >= PERIOD) {
+    speed_loop((float)(now - last_loop) / 1000.0f);
+    last_loop = now;
+  }
+}

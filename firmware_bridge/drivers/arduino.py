@@ -1,0 +1,169 @@
+"""An ESP32 or Arduino with our line protocol: docs/setup_arduino.md says what travels."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from firmware_bridge.drivers.polled import PolledDriver
+from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.link import Transport
+from firmware_bridge.link.framing import Lines, crc16
+from firmware_bridge.messages import ConfigError, LinkError
+from firmware_bridge.options import bounded, check, from_table
+
+VERSION = 1
+DRIVEN, WATCHDOG, STOPPED, ENCODER, FAULT = 1, 2, 4, 8, 16
+"""Flags of a state: motors driven, watchdog expired, stop input, encoder fault, other fault."""
+ERRORS = {
+    STOPPED: "stop input pressed",
+    ENCODER: "encoder fault",
+    FAULT: "the sketch reports a fault",
+}
+SEQUENCES = 256
+INT32 = 2**31
+LINE = re.compile(rb"([HS]) (\d{1,3})((?: -?\d{1,10})*)\*([0-9A-F]{4})")
+
+
+def line(text: str) -> bytes:
+    r"""Build a line: text, `*`, CRC-16/XMODEM of the text as four hexadecimal digits, line feed.
+
+    Examples
+    --------
+    >>> line("P 7")
+    b'P 7*1E9C\n'
+    """
+    body = text.encode("ascii")
+    return body + b"*%04X\n" % crc16(body)
+
+
+@dataclass(frozen=True)
+class ArduinoOptions:
+    """The ``[board]`` section of a robot file."""
+
+    counts_per_turn: float = bounded(1.0, 1e7)
+    """Encoder counts per motor turn, as the sketch counts them."""
+    watchdog: float = bounded(0.1, 10.0, "s", 0.3)
+    """The board stops the motors when it hears no command for so long [s]; told with each command.
+    """
+    command_timeout: float = bounded(0.05, 10.0, "s", 0.25)
+    """The driver sends zero when the last command is older [s]."""
+    poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)
+    reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check(self)
+        if self.command_timeout >= self.watchdog:
+            raise ConfigError(
+                f"command_timeout: expected less than the watchdog of {self.watchdog:g} s, "
+                f"got {self.command_timeout:g}"
+            )
+
+
+class ArduinoDriver(PolledDriver):
+    """Two motors on a microcontroller.
+
+    `V` commands speeds, `P` asks for the state, `R` lets go, `H` asks who is there. `V`, `P` and
+    `R` are all answered by a state with the number of the request, so that a late answer is never
+    taken for another. The watchdog's time is part of every command: a board that was reset has
+    nothing to lose.
+    """
+
+    board = "Arduino"
+
+    def __init__(
+        self, transport: Transport, geometry: WheelGeometry, options: ArduinoOptions
+    ) -> None:
+        odometry = WheelOdometry(geometry, options.counts_per_turn, wraps=True)
+        super().__init__(
+            transport,
+            geometry,
+            odometry,
+            options.poll_hz,
+            options.reply_timeout,
+            options.command_timeout,
+        )
+        per_metre = (
+            options.counts_per_turn * geometry.gear_ratio / (math.tau * geometry.wheel_radius)
+        )
+        if geometry.max_wheel_speed * per_metre >= INT32:
+            raise ConfigError(
+                f"board.counts_per_turn: {options.counts_per_turn:g} makes speeds past 32 bits"
+            )
+        self._counts_per_turn = options.counts_per_turn
+        self._watchdog = round(options.watchdog * 1000.0)
+        self._lines = Lines()
+        self._bad_lines = self._sequence = 0
+        self._uptime = -1
+        self.hint = "is it powered, wired TX to RX, with the sketch loaded, at this baud rate?"
+
+    @classmethod
+    def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> ArduinoDriver:
+        """Build it from a robot file's sections; ConfigError names a wrong key."""
+        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
+        return cls(transport, geometry, from_table(ArduinoOptions, table.get("board", {}), "board"))
+
+    def _configure(self) -> None:
+        self._transport.write(b"\n")  # ends whatever half a line the board has
+        (version, *_), _ = self._request("H", "", 1)
+        if version != VERSION:
+            raise LinkError(
+                f"the sketch speaks version {version} of the protocol, expected {VERSION}"
+            )
+        self._uptime = -1
+        self._drive(0.0, 0.0)
+
+    def _poll(self, cycle: int) -> None:
+        self._take(*self._request("P", "", 6))
+
+    def _drive(self, first: float, second: float) -> None:
+        speeds = (round(first * self._counts_per_turn), round(second * self._counts_per_turn))
+        self._request("V", f" {speeds[0]} {speeds[1]} {self._watchdog}", 6)
+
+    def _release(self) -> None:
+        self._request("R", "", 6)
+
+    def _take(self, values: list[int], stamp: float) -> None:
+        """Take a state: uptime [ms], counters, speeds [counts/s], flags."""
+        uptime, first, second, speed1, speed2, flags = values
+        before, self._uptime = self._uptime, uptime
+        if (
+            uptime < before and before - uptime < INT32
+        ):  # else the 32 bits of milliseconds have wrapped
+            self._restarted()
+            return
+        self._errors = tuple(word for bit, word in ERRORS.items() if flags & bit)
+        self._warnings = ("watchdog expired",) if flags & WATCHDOG else ()
+        self._estimate_ok = not flags & ENCODER
+        scale = self._counts_per_turn
+        self._moved((first, second), (speed1 / scale, speed2 / scale), stamp)
+
+    def _request(self, kind: str, arguments: str, count: int) -> tuple[list[int], float]:
+        """Ask, and give the numbers of the answer, of which there must be so many."""
+        self._sequence = (self._sequence + 1) % SEQUENCES
+        key = ("H" if kind == "H" else "S", self._sequence)
+        reply, stamp = self._exchange.ask(line(f"{kind} {self._sequence}{arguments}"), key)
+        values = [int(word) for word in reply.split()]
+        if len(values) < count:
+            raise self._exchange.refuse(f"{kind}: expected {count} numbers, got {len(values)}")
+        return values, stamp
+
+    def _begin(self, key: Hashable) -> None:
+        self._lines.reset()
+
+    def _feed(self, data: bytes, stamp: float) -> None:
+        with self._changed:
+            lines = self._lines.feed(data)
+        for text in lines:
+            match = LINE.fullmatch(text)
+            if match is None or int(match[4], 16) != crc16(text[:-5]):
+                self._bad_lines += 1
+            else:
+                self._exchange.deliver((match[1].decode("ascii"), int(match[2])), match[3], stamp)
+
+    def _damaged(self) -> int:
+        return self._lines.bad + self._bad_lines

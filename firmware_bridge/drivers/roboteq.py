@@ -1,0 +1,213 @@
+"""Roboteq over its serial commands (Advanced Digital Motor Controllers User Manual, Roboteq)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from firmware_bridge.drivers.polled import PolledDriver
+from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.link import Transport
+from firmware_bridge.link.framing import Lines
+from firmware_bridge.messages import ConfigError, LinkError
+from firmware_bridge.options import bounded, check, from_table
+
+FAULTS = (
+    "overheat",
+    "over-voltage",
+    "under-voltage",
+    "short circuit",
+    "emergency stop",
+    "motor or sensor set-up fault",
+    "MOSFET failure",
+    "default configuration loaded at start-up",
+)
+"""Bits of `?FF`."""
+LOOP_ERROR, SAFETY_STOP = 0x04, 0x08
+MOTOR_FLAGS = (
+    "amps limit",
+    "motor stalled",
+    "loop error",
+    "safety stop",
+    "forward limit",
+    "reverse limit",
+    "amps trigger",
+)
+"""Bits of `?FM`, a number a channel."""
+CLOSED_LOOP_SPEED = (1, 6)
+"""Values of MMOD in which `!S` sets a speed."""
+REPLY = re.compile(rb"([A-Z]{1,5})=(-?\d{1,10}(?::-?\d{1,10})*)")
+ACCEPTED, REFUSED = b"+", b"-"
+BOTH = "both accepted"
+REFUSALS = 5
+"""So many refused commands, with none accepted between them, are told."""
+RPM = 60.0
+
+
+@dataclass(frozen=True)
+class RoboteqOptions:
+    """The ``[board]`` section of a robot file."""
+
+    counts_per_turn: float = bounded(1.0, 1e7)
+    """Encoder counts per motor turn: four times the encoder's pulses (`EPPR`)."""
+    watchdog: float = bounded(0.1, 10.0, "s", 0.5)
+    """The board stops the motors when it hears no command for so long (`RWD`) [s]."""
+    command_timeout: float = bounded(0.05, 10.0, "s", 0.25)
+    """The driver sends zero when the last command is older [s]."""
+    poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)
+    reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check(self)
+        if self.command_timeout >= self.watchdog:
+            raise ConfigError(
+                f"command_timeout: expected less than the watchdog of {self.watchdog:g} s, "
+                f"got {self.command_timeout:g}"
+            )
+
+
+class RoboteqDriver(PolledDriver):
+    """Two motors in closed-loop speed mode.
+
+    Speeds by `!S`, counters by `?C`, speeds by `?S`, faults by `?FF` and `?FM`. Only commands feed
+    the board's watchdog, and the first command after it has tripped lets *both* motors go on at
+    their old speed: both are therefore always commanded in one frame.
+    """
+
+    board = "Roboteq"
+
+    def __init__(
+        self, transport: Transport, geometry: WheelGeometry, options: RoboteqOptions
+    ) -> None:
+        odometry = WheelOdometry(geometry, options.counts_per_turn, wraps=True)
+        super().__init__(
+            transport,
+            geometry,
+            odometry,
+            options.poll_hz,
+            options.reply_timeout,
+            options.command_timeout,
+        )
+        self._counts_per_turn = options.counts_per_turn
+        self._watchdog = round(options.watchdog * 1000.0)
+        self._lines = Lines()
+        self._bad_lines = self._accepted = self._refusals = 0
+        self.hint = "is it powered, wired TX to RX, with serial commands enabled at this baud rate?"
+
+    @classmethod
+    def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> RoboteqDriver:
+        """Build it from a robot file's sections; ConfigError names a wrong key."""
+        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
+        return cls(transport, geometry, from_table(RoboteqOptions, table.get("board", {}), "board"))
+
+    def _configure(self) -> None:
+        """Stop the echo and the motors, set the watchdog, and see that `!S` means a speed."""
+        self._transport.write(b"^ECHOF 1\r")
+        self._settle()
+        modes = self._numbers("~MMOD", "MMOD")[0]
+        if not all(mode in CLOSED_LOOP_SPEED for mode in modes):
+            raise LinkError(
+                f"the motors are in mode {' and '.join(f'{mode:.0f}' for mode in modes)}, "
+                "expected closed-loop speed: ^MMOD 1 1 and ^MMOD 2 1"
+            )
+        self._drive(0.0, 0.0)
+        self._transport.write(b"^RWD %d\r" % self._watchdog)
+        self._settle()
+        if not self._watchdog_is_set():
+            raise LinkError(f"the board did not take a watchdog of {self._watchdog} ms")
+
+    def _poll(self, cycle: int) -> None:
+        counts, stamp = self._pair("?C", "C")
+        speeds, _ = self._pair("?S", "S")
+        self._moved(counts, (speeds[0] / RPM, speeds[1] / RPM), stamp)
+        if cycle % 5 == 0:
+            self._read_faults()
+        if cycle % 25 == 12 and not self._watchdog_is_set():
+            self._restarted()
+
+    def _read_faults(self) -> None:
+        faults = int(self._numbers("?FF", "FF")[0][0])
+        flags = [int(flag) for flag in self._numbers("?FM", "FM")[0]]
+        errors = _words(FAULTS, faults)
+        warnings: list[str] = []
+        for motor, flag in enumerate(flags, start=1):
+            for bit, word in _bits(MOTOR_FLAGS, flag):
+                (errors if bit & LOOP_ERROR else warnings).append(f"motor {motor}: {word}")
+        self._errors, self._warnings = tuple(errors), tuple(warnings)
+        self._estimate_ok = not any(flag & LOOP_ERROR for flag in flags)
+
+    def _barrier(self) -> None:
+        self._numbers("~RWD", "RWD")
+
+    def _watchdog_is_set(self) -> bool:
+        return self._numbers("~RWD", "RWD")[0] == [self._watchdog]
+
+    def _drive(self, first: float, second: float) -> None:
+        frame = b"!S 1 %d\r!S 2 %d\r" % (round(first * RPM), round(second * RPM))
+        self._exchange.ask(frame, BOTH)
+
+    def _release(self) -> None:
+        self._exchange.ask(b"!MS 1\r!MS 2\r", BOTH)
+
+    def _pair(self, question: str, name: str) -> tuple[tuple[float, float], float]:
+        values, stamp = self._numbers(question, name)
+        if len(values) != 2:
+            raise self._exchange.refuse(f"{name}: expected 2 channels, got {len(values)}")
+        return (values[0], values[1]), stamp
+
+    def _numbers(self, question: str, name: str) -> tuple[list[float], float]:
+        reply, stamp = self._ask(question.encode("ascii") + b"\r", name)
+        return [float(word) for word in reply.split(b":")], stamp
+
+    def _begin(self, key: Hashable) -> None:
+        self._lines.reset()
+        self._accepted = 0
+
+    def _feed(self, data: bytes, stamp: float) -> None:
+        with self._changed:
+            lines = self._lines.feed(data)
+        for line in lines:
+            self._take(line, stamp)
+
+    def _take(self, line: bytes, stamp: float) -> None:
+        match = REPLY.fullmatch(line)
+        if match is not None:
+            self._exchange.deliver(match[1].decode("ascii"), match[2], stamp)
+        elif line in (ACCEPTED, REFUSED):
+            self._answered(line == ACCEPTED, stamp)
+        elif line[:1] not in b"^!~?":  # an echo of ours, before it is switched off, is none
+            self._bad_lines += 1
+
+    def _answered(self, accepted: bool, stamp: float) -> None:
+        """Count the answers to the two commands of a frame."""
+        if self._exchange.expected != BOTH:
+            return
+        self._accepted += accepted
+        if not accepted:  # a damaged line is refused too, and repeated: only many in a row are told
+            self._refusals += 1
+            if self._refusals >= REFUSALS:
+                self._trouble = ("the board refuses commands",)
+        elif self._accepted == 2:
+            if self._refusals >= REFUSALS:
+                self._trouble = ()
+            self._refusals = 0
+            self._exchange.deliver(BOTH, b"", stamp)
+
+    def _damaged(self) -> int:
+        return self._lines.bad + self._bad_lines
+
+
+def _bits(words: tuple[str, ...], flags: int) -> list[tuple[int, str]]:
+    """Bits that stand, with their words."""
+    return [
+        (1 << bit, words[bit] if bit < len(words) else f"bit {bit}")
+        for bit in range(max(0, flags).bit_length())
+        if flags >> bit & 1
+    ]
+
+
+def _words(words: tuple[str, ...], flags: int) -> list[str]:
+    return [word for _, word in _bits(words, flags)]
