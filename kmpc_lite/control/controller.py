@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from time import perf_counter
 from typing import TYPE_CHECKING, Literal
 
@@ -20,9 +19,8 @@ from kmpc_lite.control.margins.tightening import LATE_RISK, RISK, Tightening
 from kmpc_lite.control.nmpc.osqp_workspace import QPStatus
 from kmpc_lite.control.nmpc.sqp import COLD_PASSES, NEW_WAY_PASSES, SQP, SQPResult, Task, Trajectory
 from kmpc_lite.control.nmpc.warm_start import warm_start
-from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.control.obstacles.scene import Obstacles, Scene
-from kmpc_lite.control.plan import Plan, PlanStatus
+from kmpc_lite.control.plan import Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.safe_stop.backup import Backup
@@ -486,18 +484,14 @@ class Controller:
         reason: str,
     ) -> Plan:
         timing["total"] = self._clock() - start
-        # asked for later, when the caller may have moved its obstacles in place
-        clearance = partial(self._clearance, states, circles.copy(), self._solids)
-        return Plan(inputs[0].copy(), states, inputs, status, clearance, passes, timing, reason)
+        # copied, for the caller may move its obstacles in place
+        around = PlannedAround(
+            circles.copy(), self._solids, self.problem.robot_radius, self.problem.dt
+        )
+        return Plan(inputs[0].copy(), states, inputs, status, passes, timing, reason, around=around)
 
     def _clearance(self, states: Array, circles: Array, solids: Solids | None) -> float:
         """Smallest distance between the edges of robot and obstacles along a plan [m]."""
-        least = np.inf
-        if len(circles):
-            distances, _ = circle_distances(
-                circles, states[:, :2], self.problem.dt * np.arange(len(states))
-            )
-            least = float(distances.min())
-        if solids is not None:
-            least = min(least, float(solids.whole.least(states[:, :2]).min()))
-        return least - self.problem.robot_radius
+        return PlannedAround(circles, solids, self.problem.robot_radius, self.problem.dt).clearance(
+            states
+        )

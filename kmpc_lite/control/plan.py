@@ -1,13 +1,19 @@
-"""What the controller answers."""
+"""What the controller answers: plain data, which copies and pickles."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.obstacles.solids import Solids
 
 
 class PlanStatus(Enum):
@@ -18,9 +24,57 @@ class PlanStatus(Enum):
     FEASIBLE = "feasible"
     """The solver was stopped early; what it had passed the checks."""
     FALLBACK = "fallback"
-    """No usable solution: the rest of the last good plan is driven."""
+    """No usable solution: the stop trajectory of the last good plan is driven."""
     STOPPED = "stopped"
     """No usable plan: the robot brakes, and then stands."""
+
+
+class GoalProgress(Enum):
+    """What the robot is doing about its goal."""
+
+    DRIVING = "driving"
+    """On its path, or making room for something that moves."""
+    HOLDING = "holding"
+    """Parked at the goal, as closely as it can be."""
+    UNREACHABLE = "unreachable"
+    """No path leads to the goal; the robot waits at a safe place. `Plan.reason` says why."""
+    WAITING = "waiting"
+    """Standing, though a path is there or is being looked for. `Plan.reason` says for what."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedAround:
+    """The obstacles that a plan was made for."""
+
+    circles: Array
+    """(M, 5) rows x, y, radius [m], vx, vy [m/s], at the plan's beginning."""
+    solids: Solids | None
+    """Polygons, walls and grids, in units of `unit`."""
+    radius: float
+    """Of the robot [m]."""
+    dt: float
+    """Period of the plan [s]."""
+    unit: float = 1.0
+    """Metres of one unit in which the solids are told."""
+
+    def clearance(self, states: Array) -> float:
+        """Smallest distance between the edges of robot and obstacles along states (K, 3) [m]."""
+        # here, for a plan is imported before obstacles are
+        from kmpc_lite.control.obstacles.circles import circle_distances
+
+        least = np.inf
+        if len(self.circles):
+            times = self.dt * np.arange(len(states))
+            distances, _ = circle_distances(self.circles, states[:, :2], times)
+            least = float(distances.min())
+        if self.solids is not None:
+            distances = self.solids.whole.least(states[:, :2] / self.unit)
+            least = min(least, self.unit * float(distances.min()))
+        return least - self.radius
+
+
+NOTHING_AROUND = PlannedAround(np.empty((0, 5)), None, 0.0, 1.0)
+"""No obstacles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,21 +89,26 @@ class Plan:
     """(N, 2) planned commands; the first is `command`."""
     status: PlanStatus
     """How the plan came about."""
-    measure_clearance: Callable[[], float] = field(repr=False)
-    """Works out `clearance`: only for those who ask, a step does not wait for it."""
     iterations: int
     """SQP passes."""
     timing: Mapping[str, float]
     """Seconds by phase, and ``total``."""
     reason: str = ""
-    """Why the status is not SOLVED, in words."""
+    """Why the status is not SOLVED, or the progress not DRIVING or HOLDING, in words."""
     reachable: bool = True
-    """Whether there is a way to the goal, as far as guidance can tell; where there is none the
+    """Whether there is a path to the goal, as far as guidance can tell; where there is none the
     robot waits at a safe place."""
     holding: bool = False
     """Whether the robot has parked at its goal and stands there."""
+    progress: GoalProgress = GoalProgress.DRIVING
+    """What the robot is doing about its goal."""
+    around: PlannedAround = field(default_factory=lambda: NOTHING_AROUND, repr=False)
+    """The obstacles that it was made for."""
 
     @cached_property
     def clearance(self) -> float:
-        """Smallest distance from the robot's edge to an obstacle's along `states` [m]; infinite without obstacles."""
-        return self.measure_clearance()
+        """Smallest distance from the robot's edge to an obstacle's along `states` [m].
+
+        Infinite without obstacles. Worked out when it is asked for: a step does not wait for it.
+        """
+        return self.around.clearance(self.states)

@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.obstacles.circles import Circle, circle_distances, circles_to_array
-from kmpc_lite.control.plan import Plan, PlanStatus
+from kmpc_lite.control.obstacles.circles import Circle, circles_to_array
+from kmpc_lite.control.plan import Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import KmpcError, ProblemError
 from kmpc_lite.model.koopman import KoopmanModel
@@ -282,17 +282,13 @@ class AcadosController:
         end = perf_counter()
         u_min, u_max, _, _ = self.problem.bounds
         command = np.clip(np.where(np.isfinite(inputs[0]), inputs[0], 0.0), u_min, u_max)
-        clearance = np.inf
-        if len(circles) and usable:
-            distances, _ = circle_distances(circles, states[:, :2], dt * np.arange(n + 1))
-            clearance = float(distances.min()) - self.problem.robot_radius
+        seen = circles if usable else circles[:0]
         good = status in (0, 2) and usable
         return Plan(
             command,
             states,
             inputs,
             PlanStatus.SOLVED if good else PlanStatus.FALLBACK,
-            lambda: clearance,
             1,
             # setting and reading through Python is not acados' own time: it is told apart
             {
@@ -302,6 +298,7 @@ class AcadosController:
                 "total": end - start,
             },
             "" if good else f"acados status {status}",
+            around=PlannedAround(seen.copy(), None, self.problem.robot_radius, dt),
         )
 
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.obstacles.circles import Circle, circle_distances, circles_to_array
-from kmpc_lite.control.plan import Plan, PlanStatus
+from kmpc_lite.control.obstacles.circles import Circle, circles_to_array
+from kmpc_lite.control.plan import Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.errors import KmpcError, ProblemError
@@ -194,19 +194,14 @@ class IpoptController:
         usable = bool(np.isfinite(solution).all())
         self._states = np.vstack([states[1:], states[-1:]]) if usable else None
         self._inputs = np.vstack([inputs[1:], inputs[-1:]]) if usable else np.zeros((n, INPUTS))
-        clearance = np.inf
-        if len(circles) and usable:
-            distances, _ = circle_distances(
-                circles, states[:, :2], self.problem.dt * np.arange(n + 1)
-            )
-            clearance = float(distances.min()) - self.problem.robot_radius
+        seen = circles if usable else circles[:0]
         return Plan(
             command,
             states,
             inputs,
             PlanStatus.SOLVED if statistics["success"] else PlanStatus.FALLBACK,
-            lambda: clearance,
             int(statistics.get("iter_count", 0)),
             {"total": elapsed},
             "" if statistics["success"] else str(statistics["return_status"]),
+            around=PlannedAround(seen.copy(), None, self.problem.robot_radius, self.problem.dt),
         )

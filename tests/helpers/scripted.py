@@ -28,7 +28,6 @@ class Scripted:
             states,
             inputs,
             kl.PlanStatus.SOLVED,
-            lambda: np.inf,
             1,
             {"total": self.seconds},
         )

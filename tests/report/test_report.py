@@ -52,7 +52,6 @@ class Straight:
             MODEL.rollout(x, inputs),
             inputs,
             kl.PlanStatus.FEASIBLE,
-            lambda: 0.0,
             1,
             {"total": 2e-3},
         )

@@ -1,0 +1,130 @@
+"""What a controller asks of a model, and a model in the robot's own units.
+
+A dictionary cannot be rewritten for other units (Hermite polynomials are not homogeneous), so the
+model is asked in its own units, and what it answers is converted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kmpc_lite.model.koopman import KoopmanModel, Linearization, NoiseModel
+from kmpc_lite.scale import Scale
+from kmpc_lite.types import Array
+
+
+class MotionModel(Protocol):
+    """Predicts a robot's poses from its commands; `KoopmanModel` and `ScaledModel` do."""
+
+    @property
+    def dt(self) -> float:
+        """Period."""
+        ...
+
+    @property
+    def history(self) -> int:
+        """How many past commands it needs, L."""
+        ...
+
+    @property
+    def noise_model(self) -> NoiseModel | None:
+        """Covariance of what it cannot explain."""
+        ...
+
+    @property
+    def info(self) -> Mapping[str, Any]:
+        """What its fit remembered."""
+        ...
+
+    def predict(self, x: ArrayLike, u: ArrayLike, history: ArrayLike | None = None) -> Array:
+        """Poses (..., 3) one period ahead of poses (..., 3) under commands (..., 2)."""
+        ...
+
+    def rollout(self, x0: ArrayLike, inputs: ArrayLike, history: ArrayLike | None = None) -> Array:
+        """Poses (..., T + 1, 3) from a pose (..., 3) under commands (..., T, 2)."""
+        ...
+
+    def linearize(
+        self, x: ArrayLike, u: ArrayLike, history: ArrayLike | None = None
+    ) -> Linearization:
+        """Predictions and Jacobians at many points at once."""
+        ...
+
+    def noise(self, u: ArrayLike) -> Array:
+        """Covariances (..., 3, 3) of the one-step residual for commands (..., 2)."""
+        ...
+
+
+class ScaledModel:
+    """A model that is asked, and answers, in the robot's own units.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        In metres and seconds.
+    scale : Scale
+        The units.
+    """
+
+    def __init__(self, model: KoopmanModel, scale: Scale) -> None:
+        self.model, self.scale = model, scale
+        self.dt, self.history, self.info = model.dt / scale.time, model.history, model.info
+        self._state, self._command = scale.state, scale.command
+        self._by_state = scale.state / scale.state[:, None]
+        self._by_command = scale.command / scale.state[:, None]
+        self.noise_model: NoiseModel | None = None
+        if model.noise_model is not None:
+            powers = np.array((1.0, *scale.command**2))
+            between = scale.state * scale.state[:, None]
+            coefficients = model.noise_model.coefficients * powers[:, None, None] / between
+            self.noise_model = replace(model.noise_model, coefficients=coefficients)
+
+    def predict(self, x: ArrayLike, u: ArrayLike, history: ArrayLike | None = None) -> Array:
+        """As `KoopmanModel.predict`, in units."""
+        states = np.asarray(x, dtype=float) * self._state
+        out: Array = self.model.predict(states, self._commands(u), self._past(history))
+        out /= self._state
+        return out
+
+    def rollout(self, x0: ArrayLike, inputs: ArrayLike, history: ArrayLike | None = None) -> Array:
+        """As `KoopmanModel.rollout`, in units."""
+        states = np.asarray(x0, dtype=float) * self._state
+        out: Array = self.model.rollout(states, self._commands(inputs), self._past(history))
+        out /= self._state
+        return out
+
+    def linearize(
+        self, x: ArrayLike, u: ArrayLike, history: ArrayLike | None = None
+    ) -> Linearization:
+        """As `KoopmanModel.linearize`, in units."""
+        states = np.asarray(x, dtype=float) * self._state
+        lin = self.model.linearize(states, self._commands(u), self._past(history))
+        return Linearization(
+            lin.value / self._state,
+            lin.A * self._by_state,
+            lin.B * self._by_command,
+            lin.B_past * self._by_command,
+        )
+
+    def noise(self, u: ArrayLike) -> Array:
+        """As `KoopmanModel.noise`, in units."""
+        between = self._state * self._state[:, None]
+        out: Array = self.model.noise(self._commands(u)) / between
+        return out
+
+    def _commands(self, u: ArrayLike) -> Array:
+        out: Array = np.asarray(u, dtype=float) * self._command
+        return out
+
+    def _past(self, history: ArrayLike | None) -> Array | None:
+        return None if history is None else self._commands(history)
+
+
+def in_units(model: KoopmanModel, scale: Scale) -> MotionModel:
+    """Give the model as it is where the units are metres and seconds, else a `ScaledModel`."""
+    return model if scale.is_one else ScaledModel(model, scale)

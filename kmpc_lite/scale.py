@@ -1,0 +1,78 @@
+"""Units of the robot: what makes the same drive, scaled, the same numbers.
+
+Lengths are divided by L = radius / 0.15 m, speeds by V = fastest / 0.6 m/s, times by T = L / V, so
+that every robot looks to the controller like the paper's: 0.15 m and 0.6 m/s. Conversion happens
+once, at the border. For powers of two it is exact, so the drive is equal to the last bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from kmpc_lite.types import Array
+
+UNIT_RADIUS = 0.15
+"""Radius of the robot that is its own unit [m]: the paper's."""
+UNIT_SPEED = 0.6
+"""Its fastest speed [m/s]."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How long, and how fast, one unit of a robot is.
+
+    Parameters
+    ----------
+    length : float
+        L: metres of one unit of length.
+    speed : float
+        V: metres per second of one unit of speed.
+
+    Examples
+    --------
+    >>> husky = Scale.of_robot(radius=0.5, fastest=1.0)
+    >>> round(husky.time, 2)
+    2.0
+    """
+
+    length: float = 1.0
+    speed: float = 1.0
+
+    @classmethod
+    def of_robot(cls, radius: float, fastest: float) -> Scale:
+        """Scale of a robot with a radius [m] and a fastest speed [m/s]; zero counts as the unit."""
+        length = radius / UNIT_RADIUS if radius > 0.0 else 1.0
+        return cls(length, fastest / UNIT_SPEED if fastest > 0.0 else length)
+
+    @property
+    def time(self) -> float:
+        """T: seconds of one unit of time."""
+        return self.length / self.speed
+
+    @property
+    def is_one(self) -> bool:
+        """Whether the robot's units are metres and seconds."""
+        return self.length == 1.0 and self.speed == 1.0
+
+    @cached_property
+    def state(self) -> Array:
+        """Factors (3,) from a pose in units to one in [m, m, rad]."""
+        return np.array((self.length, self.length, 1.0))
+
+    @cached_property
+    def command(self) -> Array:
+        """Factors (2,) from a command in units to one in [m/s, rad/s]."""
+        return np.array((self.speed, 1.0 / self.time))
+
+    @cached_property
+    def acceleration(self) -> Array:
+        """Factors (2,) from a change of command in units to one in [m/s^2, rad/s^2]."""
+        return self.command / self.time
+
+    @cached_property
+    def circle(self) -> Array:
+        """Factors (5,) from a circle's row in units to x, y, radius [m], vx, vy [m/s]."""
+        return np.array((self.length, self.length, self.length, self.speed, self.speed))
