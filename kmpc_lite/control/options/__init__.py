@@ -1,0 +1,19 @@
+"""Every number of the controller that someone may want to change, by room, with unit and reason.
+
+Lengths are in robot radii [radii], times in seconds, speeds in shares of the fastest, so that the
+same options suit a large robot and a small one. Metres stand only where an accuracy is meant.
+"""
+
+from kmpc_lite.control.options.margins import MarginOptions
+from kmpc_lite.control.options.solver import OSQPOptions, SolverOptions
+from kmpc_lite.control.options.stop import StopOptions
+from kmpc_lite.control.options.units import fastest, unit_length
+
+__all__ = [
+    "MarginOptions",
+    "OSQPOptions",
+    "SolverOptions",
+    "StopOptions",
+    "fastest",
+    "unit_length",
+]
