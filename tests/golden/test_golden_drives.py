@@ -1,0 +1,69 @@
+"""What the controller answers is what it answered when the golden drives were recorded."""
+
+from __future__ import annotations
+
+import numpy as np
+import osqp
+import pytest
+import scipy
+from golden_file import CODES, STATUSES, Drive, first_difference, load
+from golden_session import replay
+
+import kmpc_lite as kl
+
+CHUNKS = 40
+"""Tests that the drives are spread over."""
+
+
+@pytest.fixture(scope="module")
+def recorded() -> tuple[list[kl.KoopmanModel], list[Drive]]:
+    models, drives, about = load()
+    here = {"numpy": np.__version__, "scipy": scipy.__version__, "osqp": osqp.__version__}
+    other = [
+        f"{name} {about[name]}, here {version}"
+        for name, version in here.items()
+        if minor(about[name]) != minor(version)
+    ]
+    if other:
+        pytest.skip(
+            f"recorded with {'; '.join(other)}: other versions round otherwise; "
+            "tests/golden/replay.py shows by how much"
+        )
+    return models, drives
+
+
+def minor(version: str) -> list[str]:
+    return version.split(".")[:2]
+
+
+@pytest.mark.parametrize("chunk", range(CHUNKS))
+def test_answers_are_those_recorded(
+    recorded: tuple[list[kl.KoopmanModel], list[Drive]], chunk: int
+) -> None:
+    models, drives = recorded
+    wrong = []
+    for drive in drives[chunk::CHUNKS]:
+        difference = first_difference(drive, *replay(drive, models))
+        if difference is not None:
+            name = f"drive {drive.number} ({drive.setup['kind']})"
+            wrong.append(f"{name}, step {difference[0]}: {difference[1]}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_the_drives_come_to_every_status(
+    recorded: tuple[list[kl.KoopmanModel], list[Drive]],
+) -> None:
+    codes = np.concatenate([drive.codes for drive in recorded[1]])
+    assert set(codes[:, CODES.index("status")]) == set(range(len(STATUSES)))
+    for name in ("holding", "reachable"):
+        assert set(codes[:, CODES.index(name)]) == {0, 1}
+
+
+def test_a_change_of_a_millionth_is_seen(
+    recorded: tuple[list[kl.KoopmanModel], list[Drive]],
+) -> None:
+    models, drives = recorded
+    values, codes = replay(drives[0], models)
+    values[5, 1] += 1e-6
+    found = first_difference(drives[0], values, codes)
+    assert found is not None and found[0] == 5
