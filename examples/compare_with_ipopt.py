@@ -1,4 +1,4 @@
-"""The same problem by our SQP and by CasADi + IPOPT: what each plan costs, and how long a step takes.
+"""Compare our SQP with CasADi and IPOPT on one problem: cost of each plan, time of each step.
 
 Both drive the exact robot past four obstacles and start from their own last plan, as on a robot.
 The cost is that of the first plan, solved to convergence by both; the times are medians over the

@@ -1,4 +1,4 @@
-"""Learn a robot from its log, in two ways, and see how well each predicts driving that it has not seen.
+"""Learn a robot from its log in two ways, and compare how each predicts drives it has not seen.
 
 Records a few minutes of random driving on a floor that slips (use
 `kmpc_lite.Dataset.load("run.csv")` for a log of your own), fits the paper's one-step model

@@ -1,4 +1,6 @@
-"""Two frames: ours is ENU (x east, y north, theta counter-clockwise from east), autopilots use NED (yaw clockwise from north).
+"""Two frames: ours is ENU, autopilots use NED.
+
+ENU has x east, y north and theta counter-clockwise from east; NED has yaw clockwise from north.
 
 Body axes follow: ours points left (FLU), theirs right (FRD), so a turn rate changes its sign and
 forward speed does not.
@@ -44,7 +46,9 @@ def enu_to_ned(x: float, y: float, theta: float) -> tuple[float, float, float]:
 
 
 def forward_speed(v_north: float, v_east: float, yaw: float) -> float:
-    """Return the speed along the nose, negative in reverse [m/s], of a NED velocity at a NED yaw [rad].
+    """Return the speed along the nose [m/s] of a NED velocity at a NED yaw [rad].
+
+    It is negative in reverse.
 
     Examples
     --------

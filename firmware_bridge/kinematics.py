@@ -47,7 +47,9 @@ class WheelGeometry:
         check(self)
 
     def wheels(self, v: float, omega: float) -> tuple[float, float]:
-        """Wheel speeds (left, right) [rad/s] of v [m/s] and omega [rad/s], within the limit at the same curvature.
+        """Wheel speeds (left, right) [rad/s] for v [m/s] and omega [rad/s].
+
+        Beyond the limit both are scaled, so that the curvature stays.
 
         Raises
         ------
@@ -71,7 +73,7 @@ class WheelGeometry:
         ) / self.track
 
     def to_channels(self, left: float, right: float) -> tuple[float, float]:
-        """Motor turns per second of the board's first and second channel, of wheel speeds [rad/s]."""
+        """Motor turns per second of the board's two channels, from wheel speeds [rad/s]."""
         factor = self.gear_ratio / math.tau
         left, right = (
             factor * (-left if self.invert_left else left),
@@ -80,7 +82,7 @@ class WheelGeometry:
         return (right, left) if self.swap else (left, right)
 
     def from_channels(self, first: float, second: float) -> tuple[float, float]:
-        """Wheel speeds or angles (left, right) [rad(/s)] of motor turns (per second) of both channels."""
+        """Wheels (left, right) [rad or rad/s] from motor turns (per second) of both channels."""
         left, right = (second, first) if self.swap else (first, second)
         factor = math.tau / self.gear_ratio
         return factor * (-left if self.invert_left else left), factor * (
@@ -125,7 +127,7 @@ class WheelOdometry:
         self._last = self._doubted = None
 
     def update(self, first: float, second: float, stamp: float) -> bool:
-        """Move by what the counters say; False, without a move, where no wheel can have turned so far.
+        """Move by what the counters say; False, without a move, for steps that no wheel can take.
 
         A damaged reply makes such a jump, and the next counters go on from those before it. A board
         that was switched off and on makes one too, and the next counters go on from there.
@@ -153,7 +155,7 @@ class WheelOdometry:
     def _turned(
         self, before: tuple[float, float, float], now: tuple[float, float, float]
     ) -> tuple[float, float] | None:
-        """How far the wheels (left, right) turned [rad], None where no wheel can have turned so far."""
+        """How far the wheels (left, right) turned [rad]; None where no wheel can have."""
         steps = (now[0] - before[0], now[1] - before[1])
         if self._wraps:
             steps = (wrapped(steps[0]), wrapped(steps[1]))

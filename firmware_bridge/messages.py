@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 
 class BridgeError(Exception):
-    """Base of every error that the bridge raises on purpose; its text is one line a user can act on."""
+    """Base of every error that the bridge raises on purpose; one line that a user can act on."""
 
 
 class LinkError(BridgeError, OSError):
@@ -15,7 +15,7 @@ class LinkError(BridgeError, OSError):
 
 
 class ConfigError(BridgeError, ValueError):
-    """A robot file, a link URL or an option is wrong: names the key, what was expected and what came."""
+    """A robot file, a link URL or an option is wrong: key, what was expected, what came."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class VelocityCommand:
 
 @dataclass(frozen=True)
 class LinkStatus:
-    """What a driver knows of the other end. Stamps are `time.monotonic()`, minus infinity for never."""
+    """What a driver knows of the other end; stamps are `time.monotonic()`, -inf for never."""
 
     connected: bool
     """Whether the transport is open."""

@@ -1,4 +1,4 @@
-"""Options as frozen dataclasses that check themselves and can be read from a table of a robot file."""
+"""Options as frozen dataclasses that check themselves, read from tables of a robot file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def bounded(low: float, high: float, unit: str = "", default: Any = MISSING) -> 
 
 
 def check(options: Any) -> None:
-    """Check the ranges of a dataclass; ConfigError names the field, what was expected and what came."""
+    """Check a dataclass's ranges; ConfigError names the field, the expected and the given value."""
     for entry in fields(options):
         value = getattr(options, entry.name)
         if "low" not in entry.metadata or value is None:

@@ -1,4 +1,4 @@
-"""What comes in from outside and goes out: arrays checked, archives distrusted, files written whole or not at all."""
+"""Data at the border: arrays checked, archives distrusted, files written whole or not at all."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ somewhere."""
 
 
 def real_array(value: ArrayLike, what: str, error: type[KmpcError]) -> NDArray[np.float64]:
-    """Convert to a contiguous float array; `error`, naming `what`, for text, complex numbers and ragged lists."""
+    """Convert to a contiguous float array; raises `error`, naming `what`, for anything else."""
     try:
         raw = np.asarray(value)
         if raw.dtype.kind not in "fiubO":
@@ -79,7 +79,9 @@ def read_npz(
 
 @contextmanager
 def write_whole(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
-    """Open a file for writing that takes its name only when the block has ended well; links are followed.
+    """Open a file for writing that takes its name only when the block has ended well.
+
+    Symbolic links are followed.
 
     Raises
     ------

@@ -60,7 +60,7 @@ def prepare_process(cpu: int | None = None, priority: int | None = 50) -> list[s
 
 
 class Histogram:
-    """Distribution of times in logarithmic bins of 1.2 %: percentiles of any number of samples in fixed memory.
+    """Distribution of times in logarithmic bins of 1.2 %: any number of samples in fixed memory.
 
     Examples
     --------
@@ -88,7 +88,7 @@ class Histogram:
         self.largest = max(self.largest, seconds)
 
     def percentile(self, percent: float) -> float:
-        """Time [s] that `percent` of the samples do not exceed, within 1.2 %; NaN without samples."""
+        """Time [s] that `percent` of the samples do not exceed, to 1.2 %; NaN without samples."""
         if not self.count:
             return float("nan")
         if percent >= 100:

@@ -1,4 +1,7 @@
-"""One profile for the property tests: the same examples in every run; HYPOTHESIS_PROFILE=random looks for new ones."""
+"""One profile for the property tests.
+
+The same examples in every run; HYPOTHESIS_PROFILE=random looks for new ones.
+"""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ class Driver(Protocol):
     """
 
     def connect(self, timeout: float) -> None:
-        """Open the link, wait for the other end, set its watchdog. Raises LinkError after `timeout` [s]."""
+        """Open the link, wait for the board, set its watchdog; LinkError after `timeout` [s]."""
         ...
 
     def state(self) -> State | None:
@@ -23,11 +23,14 @@ class Driver(Protocol):
         ...
 
     def send(self, v: float, omega: float) -> None:
-        """Command forward speed [m/s] and turn rate [rad/s]; non-finite values raise ValueError before any byte."""
+        """Command forward speed [m/s] and turn rate [rad/s].
+
+        Non-finite values raise ValueError before any byte is written.
+        """
         ...
 
     def stop(self) -> None:
-        """Zero speed now, then give the robot back: HOLD mode, released motors, whatever the board has."""
+        """Command zero speed, then give the robot back: HOLD mode or released motors."""
         ...
 
     def health(self) -> LinkStatus:

@@ -1,4 +1,4 @@
-"""Questions and answers on a serial line: one question under way at a time, and only its own answer counts."""
+"""Questions and answers on a serial line: one question at a time, and only its answer counts."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Exchange:
         )
 
     def ask(self, frame: bytes, key: Hashable) -> tuple[bytes, float]:
-        """Send a question and wait for its reply; returns the reply and when it was true, as well as is known [s]."""
+        """Send a question and wait; returns its reply and the best estimate of its moment [s]."""
         with self.changed:
             self._begin(key)
             self.expected, self._reply = key, None
@@ -85,7 +85,7 @@ class Exchange:
         return NoReply(why)
 
     def strangers(self, now: float) -> bool:
-        """Whether so many replies come that nobody asked for that another program must be asking."""
+        """Whether another program must be asking: many replies come that nobody here asked for."""
         return len(self._strangers) == STRANGERS and now - self._strangers[0] < STRANGERS_WITHIN
 
     def wait(self, done: Callable[[], bool], seconds: float) -> None:

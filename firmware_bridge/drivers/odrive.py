@@ -121,7 +121,9 @@ class ODriveOptions:
 
 
 class ODriveDriver(PolledDriver):
-    """Two axes of one ODrive: `v` commands, `f` feedback, `r` and `w` for errors, state and watchdog.
+    """Two axes of one ODrive over its ASCII protocol.
+
+    `v` commands, `f` gives feedback, `r` and `w` read and write errors, state and watchdog.
 
     Replies carry no name. Requests for two numbers and for one number alternate, and the link keeps
     their order, so a reply that comes too late has the wrong shape for the request that waits, and
@@ -157,7 +159,10 @@ class ODriveDriver(PolledDriver):
 
     @classmethod
     def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> ODriveDriver:
-        """Build it from the ``[geometry]`` and ``[board]`` sections of a robot file; ConfigError names a wrong key."""
+        """Build it from ``[geometry]`` and ``[board]`` of a robot file.
+
+        ConfigError names a wrong key.
+        """
         geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
         return cls(transport, geometry, from_table(ODriveOptions, table.get("board", {}), "board"))
 
@@ -209,7 +214,7 @@ class ODriveDriver(PolledDriver):
         raise NoReply
 
     def _clear(self) -> None:
-        """Clear an expired watchdog, as a process that died leaves behind; other errors only if told to."""
+        """Clear the expired watchdog that a dead process leaves; other errors only if told to."""
         self._read_errors()
         others = [errors & ~self._register.watchdog for errors in self._axis_errors]
         if any(others) and not self._options.clear_errors:

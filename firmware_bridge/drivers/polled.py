@@ -1,4 +1,7 @@
-"""What the serial motor controllers have in common: one thread that asks, odometry, health, and a last guard on old commands."""
+"""What the serial motor controllers share: a thread that asks, odometry, health, a last guard.
+
+The guard replaces a command that has become old by zero.
+"""
 
 from __future__ import annotations
 
@@ -95,7 +98,7 @@ class PolledDriver:
     # What a board adds
 
     def _configure(self) -> None:
-        """Find the board, stop it, set its watchdog and read it back; raises NoReply or LinkError."""
+        """Find the board, stop it, set and check its watchdog; raises NoReply or LinkError."""
         raise NotImplementedError
 
     def _poll(self, cycle: int) -> None:
@@ -113,7 +116,7 @@ class PolledDriver:
         """Take the motors, at zero speed; raises NoReply, or LinkError where the board refuses."""
 
     def _barrier(self) -> None:
-        """Ask something that `_poll` never asks first: what is late comes before its reply, and is thrown away."""
+        """Ask what `_poll` never asks first: late replies come before it and are thrown away."""
 
     def _feed(self, data: bytes, stamp: float) -> None:
         """Take bytes off the link; calls `_exchange.deliver` for each frame."""
@@ -239,7 +242,7 @@ class PolledDriver:
                     self._exchange.wait(lambda: False, 0.05)
                     continue
                 self._notice_loss()
-                self._guard()  # before all else: a zero goes out even where no reply ever comes back
+                self._guard()  # before all else: a zero goes out even if no reply ever comes back
                 self._set_up()
                 now = time.monotonic()
                 if now >= deadline:
@@ -272,7 +275,7 @@ class PolledDriver:
         self._drive(0.0, 0.0)
 
     def _round(self, cycle: int) -> None:
-        """Ask once, repeat a zero that may have been lost, and take back motors that the board let go."""
+        """Ask once, repeat a zero that may be lost, and take back motors that the board let go."""
         if self._late:
             self._barrier()
             self._late = False
@@ -291,7 +294,7 @@ class PolledDriver:
             self._trouble = ()
 
     def _notice_loss(self) -> None:
-        """See whether the board must be set up again: the link was lost, or it has not answered for long."""
+        """See whether the board must be set up again: link lost, or long without an answer."""
         links = self._transport.counters["reconnects"]
         if links != self._links or time.monotonic() - self._exchange.heard > SILENCE:
             self._configured, self._links = False, links
@@ -325,11 +328,15 @@ class PolledDriver:
                 if self._released:
                     self._release()
             except NoReply:
-                self._pending = True  # perhaps it was not heard: the board's watchdog is fed by questions, so say it again
+                # perhaps it was not heard: questions feed the board's watchdog, so say it again
+                self._pending = True
                 raise
 
     def _guard(self) -> None:
-        """Replace a command that has become old by zero: asking alone keeps some boards' watchdogs fed."""
+        """Replace a command that has become old by zero.
+
+        Asking alone keeps some boards' watchdogs fed.
+        """
         with self._changed:
             if (
                 self._command != (0.0, 0.0)
@@ -340,13 +347,16 @@ class PolledDriver:
         self._send_pending()
 
     def _ask(self, frame: bytes, key: Hashable) -> tuple[bytes, float]:
-        """Ask a question; a command that came meanwhile goes next. Returns the reply and its stamp [s]."""
+        """Ask a question, after a command that came meanwhile; returns reply and stamp [s]."""
         reply = self._exchange.ask(frame, key)
         self._send_pending()
         return reply
 
     def _restarted(self) -> None:
-        """Note that the board was switched off and on: its counters begin anew, and nobody knows how far it rolled."""
+        """Note that the board was switched off and on.
+
+        Its counters begin anew, and nobody knows how far the robot rolled.
+        """
         with self._changed:
             self._odometry.rebase()
             self._counters["board_restarts"] += 1

@@ -115,7 +115,11 @@ def status_words(status: int, size: int) -> tuple[tuple[str, ...], tuple[str, ..
 
 
 class RoboClawDriver(PolledDriver):
-    """Two motors on one RoboClaw: speeds by 37 or 40, counters by 78, speeds by 79, status by 90, time-out by 14 and 15."""
+    """Two motors on one RoboClaw.
+
+    Commands 37 or 40 set speeds, 78 reads counters, 79 speeds, 90 status, 14 and 15 set and
+    read the time-out.
+    """
 
     board = "RoboClaw"
 
@@ -155,7 +159,10 @@ class RoboClawDriver(PolledDriver):
 
     @classmethod
     def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> RoboClawDriver:
-        """Build it from the ``[geometry]`` and ``[board]`` sections of a robot file; ConfigError names a wrong key."""
+        """Build it from ``[geometry]`` and ``[board]`` of a robot file.
+
+        ConfigError names a wrong key.
+        """
         geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
         return cls(
             transport, geometry, from_table(RoboClawOptions, table.get("board", {}), "board")

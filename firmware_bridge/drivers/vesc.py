@@ -1,4 +1,4 @@
-"""Two VESCs over one UART: the first directly, the second through its CAN bus (bldc firmware, commands.c)."""
+"""Two VESCs over one UART: one directly, the other through its CAN bus (bldc's commands.c)."""
 
 from __future__ import annotations
 
@@ -132,7 +132,10 @@ class VescDriver(PolledDriver):
 
     @classmethod
     def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> VescDriver:
-        """Build it from the ``[geometry]`` and ``[board]`` sections of a robot file; ConfigError names a wrong key."""
+        """Build it from ``[geometry]`` and ``[board]`` of a robot file.
+
+        ConfigError names a wrong key.
+        """
         geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
         return cls(transport, geometry, from_table(VescOptions, table.get("board", {}), "board"))
 

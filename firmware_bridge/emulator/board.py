@@ -1,4 +1,4 @@
-"""What the emulated motor controllers have in common: link, clock, body, and things that go wrong."""
+"""What the emulated motor controllers share: link, clock, body, and things that go wrong."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MOTOR_LAG = 0.05
 
 
 class Scene(TypedDict, total=False):
-    """What a board finds around it, the same for all: the parameters of `BoardEmulator` behind the geometry."""
+    """What a board finds around it: the parameters of `BoardEmulator` behind the geometry."""
 
     slip: float
     turn_gain: float
@@ -154,7 +154,7 @@ class BoardEmulator:
             self._transport.write(data)
 
     def reboot(self) -> None:
-        """Switch off and on: settings that were not saved, counters and set-points are gone, and the boot text comes."""
+        """Switch off and on: the board boots with saved settings, zero counters, no set-points."""
         with self._lock:
             self._advance()
             self._body.command, self._body.driven = [0.0, 0.0], [False, False]

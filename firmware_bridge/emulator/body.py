@@ -1,4 +1,4 @@
-"""The robot under an emulated board: motors with lag, wheels, floor; in fixed steps of the given clock."""
+"""The robot under an emulated board: lagging motors, wheels, floor, in steps of a given clock."""
 
 from __future__ import annotations
 

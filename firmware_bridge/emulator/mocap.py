@@ -1,4 +1,4 @@
-"""An emulated motion-capture system: the true pose at a rate, with noise, late, and now and then not at all."""
+"""An emulated motion-capture system: true poses at a rate, noisy, late, and sometimes missing."""
 
 from __future__ import annotations
 
@@ -83,7 +83,9 @@ class Mocap:
 
 
 class MocapSender:
-    """Sends what a `Mocap` sees, a datagram each: ``stamp x y theta``, as `firmware_bridge.sensors.pose` reads it.
+    """Sends what a `Mocap` sees, a datagram each.
+
+    A datagram is ``stamp x y theta``, as `firmware_bridge.sensors.pose` reads it.
 
     Parameters
     ----------

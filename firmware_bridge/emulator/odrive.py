@@ -1,4 +1,7 @@
-"""An ODrive with two axes: ASCII lines, checksums, axis watchdogs that disarm with an error, an estimate that may be invalid."""
+"""An ODrive with two axes: ASCII lines, checksums, and axis watchdogs that disarm.
+
+The estimate of an axis may be invalid.
+"""
 
 from __future__ import annotations
 

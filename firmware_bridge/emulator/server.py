@@ -1,4 +1,4 @@
-"""The far end of a link: a pseudo-terminal that it makes, a TCP listener for one client, a UDP port, a loopback end."""
+"""The far end of a link: a pseudo-terminal, a TCP or UDP port, or the end of a loopback."""
 
 from __future__ import annotations
 
@@ -136,7 +136,10 @@ class TcpListener(Endpoint):
 
 
 def line_speed(transport: Transport) -> int | None:
-    """Bits per second that the bridge has set on a pseudo-terminal; None for other links, and for speeds that no port here has."""
+    """Bits per second that the bridge has set on a pseudo-terminal.
+
+    None for other links, and for speeds that no port here has.
+    """
     endpoint = transport.endpoint if isinstance(transport, ThreadedTransport) else None
     if not isinstance(endpoint, PtyEndpoint) or endpoint.port is None:
         return None

@@ -1,4 +1,7 @@
-"""Two VESCs, the second behind the CAN bus of the first: frames, values, faults, and a time-out after which each coasts."""
+"""Two VESCs, the second behind the first's CAN bus: frames, values, faults, time-outs.
+
+After the time-out each coasts.
+"""
 
 from __future__ import annotations
 

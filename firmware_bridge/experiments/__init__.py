@@ -1,4 +1,6 @@
-"""The paper's two robot experiments on the digital twin, through real bytes and the safety gate, faster than real time.
+"""The paper's two robot experiments on the digital twin, faster than real time.
+
+They go through real bytes and the safety gate.
 
 ``python -m firmware_bridge.experiments --help``
 """

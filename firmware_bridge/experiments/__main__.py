@@ -1,4 +1,4 @@
-"""python -m firmware_bridge.experiments: the paper's experiments on the digital twin, one command each."""
+"""python -m firmware_bridge.experiments: the paper's experiments on the twin, one command each."""
 
 from __future__ import annotations
 

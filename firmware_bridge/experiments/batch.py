@@ -1,4 +1,4 @@
-"""A robot, its board, its pose, the gate and the loop on one clock: all that `kmpc-bridge` runs, as fast as the machine can."""
+"""A robot, its board, its pose, the gate and the loop on one clock that runs as fast as it can."""
 
 from __future__ import annotations
 
@@ -112,7 +112,10 @@ class BatchDrive:
         return self.gate.state is GateState.ACTIVE
 
     def run(self, finished: Callable[[], bool]) -> np.ndarray:
-        """Drive until `finished`; gives the true poses at every tick since the gate let the first command pass, (n, 3)."""
+        """Drive until `finished`; gives the true poses (n, 3) at the gate's ticks.
+
+        The first is that of the first command that the gate lets pass.
+        """
         self.driver.connect(1.0)
         self.gate.enable()
         start, ticks, path, began = self.clock.now, 0, [], False

@@ -1,4 +1,7 @@
-"""Data as the paper collects them: four sign scenarios at 10 Hz, and normally distributed commands at 1 Hz, through the link."""
+"""Data as the paper collects them, through the link.
+
+Four sign scenarios at 10 Hz, and normally distributed commands at 1 Hz.
+"""
 
 from __future__ import annotations
 

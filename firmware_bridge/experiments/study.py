@@ -1,4 +1,4 @@
-"""Experiments (a) to (d): what is driven, with which models, on which maps; all fixed before anything was driven."""
+"""Experiments (a) to (d): commands, models and maps, all fixed before anything was driven."""
 
 from __future__ import annotations
 
@@ -73,7 +73,10 @@ EXPERIMENTS = {
 
 
 def learn(folder: Path, name: str, bar: Progress, robot: int = 0) -> kl.KoopmanModel:
-    """Load a model from the folder; where it is not there, record its set through the link and run ``kmpc fit`` on it."""
+    """Load a model from the folder; where it is missing, record its data and fit it.
+
+    The data go through the link, the fit is ``kmpc fit``.
+    """
     from kmpc_lite.cli.main import main
 
     file = folder / f"{name}.npz"
@@ -99,7 +102,10 @@ def learn(folder: Path, name: str, bar: Progress, robot: int = 0) -> kl.KoopmanM
 def prediction_errors(
     folder: Path, bar: Progress, robot: int = 0
 ) -> list[tuple[str, tuple[float, ...], tuple[float, ...]]]:
-    """Held-out errors after 1 s of each model of the paper's sets, beside the nominal unicycle's: along, across [m], heading [rad]."""
+    """Held-out errors after 1 s of each model of the paper's sets, beside the nominal unicycle's.
+
+    Errors are along, across [m] and of heading [rad].
+    """
     rows = []
     for name in ("fast", "fast_paper", "slow", "slow_paper"):
         learn(folder, name, bar, robot)

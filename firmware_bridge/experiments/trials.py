@@ -72,7 +72,10 @@ class Trial:
     """True distance to the goal after all has come to rest [m]."""
 
     def surprises(self) -> np.ndarray:
-        """How far each planned heading was off one period later, while moving [rad]; after a change of the floor, from `LEARNING` on."""
+        """How far each planned heading was off one period later, while moving [rad].
+
+        After a change of the floor only what comes from `LEARNING` on counts.
+        """
         run = self.run
         first = (
             round((run.scenario.ground_changes[-1][0] + LEARNING) / run.dt)
@@ -104,7 +107,10 @@ class Trial:
 
 
 def carry_with(model: kl.KoopmanModel) -> Predict:
-    """Bring an old pose forward with the learned model instead of a unicycle's arc; models with history predict with what is held."""
+    """Bring an old pose forward with the learned model instead of a unicycle's arc.
+
+    Models with input history predict with the command that is held.
+    """
     finest = model.with_dt(TICK) if not model.history and model.continuous else None
     if finest is None:
         return unicycle_arc
@@ -201,7 +207,7 @@ def _as_run(
     plans: list[Any],
     clearance: float,
 ) -> Run:
-    """Put a drive into the form that pictures are made of: whole periods, the last one filled up by standing still."""
+    """Put a drive into the form that pictures take: whole periods; the last ends at rest."""
     every = round(dt / TICK)
     periods = max(1, -(-(len(path) - 1) // every))
     filled = np.concatenate([path, np.repeat(path[-1:], periods * every + 1 - len(path), axis=0)])

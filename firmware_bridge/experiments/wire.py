@@ -1,4 +1,4 @@
-"""A RoboClaw robot on a clock that is turned by hand: the frames of `RoboClawDriver`, without its thread.
+"""A RoboClaw robot on a clock turned by hand: the frames of `RoboClawDriver`, no thread.
 
 The driver waits for replies in a thread of its own and on real time. Here each frame is handed to
 the emulated board at once, so that an hour of driving takes minutes; a test holds the frames of
@@ -44,7 +44,10 @@ class ManualClock:
 
 @dataclass(frozen=True)
 class Network:
-    """What lies between controller and board: commands arrive late, by a time that is drawn anew every `period`."""
+    """What lies between controller and board: commands arrive late.
+
+    The delay is drawn anew every `period`.
+    """
 
     shortest: float = 0.0
     """[s]"""

@@ -1,4 +1,6 @@
-"""Bytes <-> frames of the serial motor controllers: pure functions, and decoders that hold a bounded buffer.
+"""Bytes <-> frames of the serial motor controllers.
+
+Pure functions, and decoders that hold a bounded buffer.
 
 RoboClaw and VESC frames carry CRC-16/XMODEM (poly 0x1021, start 0); ODrive lines carry an optional
 XOR.
@@ -52,7 +54,7 @@ def roboclaw_reply(address: int, command: int, payload: bytes) -> bytes:
 
 
 class RoboClawReplies:
-    """Finds the answer to the one request that is under way: answers carry no header of their own."""
+    """Finds the answer to the request under way: answers carry no header of their own."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
@@ -62,7 +64,7 @@ class RoboClawReplies:
         """Bytes skipped as part of no answer."""
 
     def expect(self, address: int, command: int, *sizes: int) -> None:
-        """Wait for the answer to this command, of one of these payload sizes; 0 is the bare 0xFF."""
+        """Wait for this command's answer, of one of these payload sizes; 0 is the bare 0xFF."""
         self.bad += len(self._buffer)
         self._buffer.clear()
         self._head, self._sizes = bytes((address, command)), sizes
@@ -270,7 +272,10 @@ def odrive_text(line: bytes, checksum: bool) -> str | None:
 
 
 class Lines:
-    """Lines out of bytes; CR, LF or both end a line, longer ones than 256 bytes are dropped up to their end."""
+    """Cuts bytes into lines that end in CR, LF or both.
+
+    A line of more than 256 bytes is dropped up to its end.
+    """
 
     def __init__(self) -> None:
         self._buffer = bytearray()

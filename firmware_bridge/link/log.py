@@ -174,7 +174,7 @@ def play(
     clock: Callable[[], float],
     sleep: Callable[[float], None],
 ) -> Iterator[Chunk]:
-    """Give chunks at `speed` times the recorded pace; a pause of the log of more than 5 s is cut to that."""
+    """Give chunks at `speed` times the recorded pace; pauses of the log are cut to 5 s."""
     due, last = clock(), None
     for chunk in chunks:
         due += 0.0 if last is None else min(max(0.0, chunk.time - last), LONGEST_PAUSE) / speed

@@ -1,4 +1,7 @@
-"""A wire inside the process, with faults: drop, duplicate, corrupt, reorder, delay, split, cut; the same for the same seed."""
+"""A wire inside the process, with faults that a seed repeats.
+
+It drops, duplicates, corrupts, reorders, delays, splits and cuts.
+"""
 
 from __future__ import annotations
 
@@ -151,7 +154,8 @@ class LoopbackEnd:
             assert self._on_bytes is not None
             try:
                 self._on_bytes(data, now)
-            except Exception as error:  # as in the threaded transport: counted, told, and the link goes down for a moment
+            # as in the threaded transport: counted, told, and the link goes down for a moment
+            except Exception as error:
                 self._counters["errors"] += 1
                 self._last_error = f"{type(error).__name__}: {error}"
                 self._wire.cut(0.05)
@@ -313,7 +317,7 @@ _WIRES_LOCK = threading.Lock()
 
 
 def named_wire(name: str, faults: Faults | None = None, seed: int = 0) -> LoopbackWire:
-    """Find the wire of this name in the process, made at first use; `faults` are set where given."""
+    """Find or make the wire of this name in the process; `faults` are set where given."""
     with _WIRES_LOCK:
         wire = _WIRES.get(name)
         if wire is None:

@@ -94,7 +94,9 @@ class UdpPort:
         try:
             data, sender = self._socket.recvfrom(READ_BYTES)
         except (BlockingIOError, ConnectionRefusedError):
-            return b""  # refused: a datagram sent before found nobody; it is lost, and silence is the upper layers' matter
+            # refused: a datagram sent before found nobody; it is lost, and silence is a matter of
+            # the upper layers
+            return b""
         if self._connected:
             return data
         now = time.monotonic()

@@ -1,4 +1,4 @@
-"""The I/O thread: it alone touches the port, keeps the newest frames, and opens the port again when it is lost."""
+"""The I/O thread: it alone touches the port, keeps the newest frames, and reopens a lost port."""
 
 from __future__ import annotations
 

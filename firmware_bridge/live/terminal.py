@@ -1,4 +1,4 @@
-"""What a terminal shows while the robot drives; in a thread of its own, since a terminal may block."""
+"""What a terminal shows while the robot drives; its own thread, since a terminal may block."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ RED, GREEN, BOLD, PLAIN = "\x1b[31m", "\x1b[32m", "\x1b[1m", "\x1b[0m"
 
 
 class View:
-    """Draws the newest state of a loop five times a second on a terminal; elsewhere it only tells changes of state.
+    """Draws the newest state of a loop five times a second on a terminal.
+
+    Where there is no terminal it tells changes of state only.
 
     Parameters
     ----------

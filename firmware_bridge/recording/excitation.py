@@ -1,4 +1,4 @@
-"""Random driving to learn from: the paper's four sign scenarios, kept inside a fence by turning back in time."""
+"""Random driving to learn from: the paper's four sign scenarios, turned back before a fence."""
 
 from __future__ import annotations
 

@@ -170,7 +170,7 @@ class DurableFile(Generic[T]):
 
 
 class RowSampler:
-    """Puts a drive on an even grid: the pose at each row's time, and the mean command until the next.
+    """Puts a drive on an even grid: the pose at each row, and the mean command until the next.
 
     Rows begin when a plan's command begins, so that with the controller's period a row holds one
     command. Wherever the drive is interrupted the time jumps by three periods or more, which ends
@@ -235,7 +235,7 @@ class RowSampler:
         return rows
 
     def _pose(self, time: float) -> tuple[float, float, float] | None:
-        """Interpolate the pose at a time [s]; None across a gap, and before the first pose or after the last."""
+        """Interpolate the pose at a time [s]; None across gaps and outside of what was recorded."""
         after = None
         for before in reversed(self._poses):
             if before.stamp > time:
@@ -257,7 +257,7 @@ class RowSampler:
         return None
 
     def _command(self, start: float, end: float) -> tuple[float, float] | None:
-        """Mean of what was held from `start` to `end` [s]; None where it is not known for all of that time."""
+        """Mean command from `start` to `end` [s]; None where it is not known all that time."""
         held = (
             [(s.stamp, s.v, s.omega) for s in self._poses if _finite(s)]
             if self.by_hand
@@ -325,7 +325,7 @@ def csv_row(row: Iterable[float]) -> bytes:
 
 
 def torn_bytes(path: Path, mend: bool = False) -> int:
-    """Bytes behind the last whole row of a CSV that a power cut tore; with `mend` they are cut off."""
+    """Bytes behind the last whole row of a torn CSV; with `mend` they are cut off."""
     with open(path, "rb+" if mend else "rb") as file:
         size = file.seek(0, os.SEEK_END)
         tail = min(size, 4096)

@@ -1,4 +1,4 @@
-"""What a recorded link log holds: a summary, a CSV to learn from, or a board to listen to once more."""
+"""What a recorded link log holds: a summary, a CSV to learn from, or a board to hear again."""
 
 from __future__ import annotations
 
@@ -76,7 +76,9 @@ def replay(
 
 
 def inspect_csv(path: Path, mend: bool) -> dict[str, Any]:
-    """Look at a recorded CSV, and cut off what a power cut tore where `mend` says so; gives what was found, for JSON.
+    """Look at a recorded CSV; gives what was found, for JSON.
+
+    With `mend`, what a power cut tore at its end is cut off.
 
     Raises
     ------

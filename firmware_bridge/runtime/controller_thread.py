@@ -54,7 +54,9 @@ class SentCommands:
     def carry(
         self, state: State, until: float, latency: float = 0.0, predict: Predict = unicycle_arc
     ) -> State:
-        """Predict a state on to `until` [s] with the commands that act from its stamp on: those sent `latency` [s] before.
+        """Predict a state on to `until` [s] with the commands that act from its stamp on.
+
+        These were sent `latency` [s] before.
 
         Before the first command that is remembered, the state's own speeds hold.
         """
@@ -70,7 +72,7 @@ class SentCommands:
         return predict(state, v, omega, until - state.stamp) if until > state.stamp else state
 
     def mean(self, begin: float, end: float) -> tuple[float, float] | None:
-        """Mean command on the wire between two moments [s]; None where there was none at the first of them."""
+        """Mean command on the wire between two moments [s]; None if none was sent before."""
         v = omega = 0.0
         until = end
         for sent, next_v, next_omega in reversed(tuple(self._commands)):
@@ -139,7 +141,10 @@ class Planner:
         self.step_time = Histogram()
 
     def step(self, now: float) -> None:
-        """Ask the controller once; what it raises is counted and told, and leaves the last command to grow old."""
+        """Ask the controller once.
+
+        What it raises is counted and told, and the last command is left to grow old.
+        """
         try:
             state = self._poses()
             if state is None or not _usable(state, now):

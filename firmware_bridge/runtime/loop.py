@@ -160,7 +160,7 @@ class ControlLoop:
         self._last_pose: float | None = None
 
     def request_stop(self, why: str) -> None:
-        """Brake, hold, release and end; asked a second time, zero and release at once. Safe in a signal handler."""
+        """Brake, hold, release and end; asked again, zero and release at once. Signal-safe."""
         if self.stop_reason:
             self._abort = True
         else:
@@ -295,7 +295,7 @@ class ControlLoop:
         return True
 
     def _due(self, now: float, latest: object) -> bool:
-        """Whether to send while driving: when a period has passed; where plans are as rare as commands, with each plan."""
+        """Whether to send while driving: once a period, or with each plan where plans are rare."""
         elapsed = now - self._last_sent
         if (
             self._command_period > 1.5 * self._tick

@@ -1,4 +1,4 @@
-"""From a planner of poses to the bridge's controller, with a watch on the goal and the obstacles."""
+"""From a planner of poses to the bridge's controller, watching goal and obstacles."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class Navigator:
         return self.arrived_after is not None or self.elapsed(self._clock()) > self._seconds
 
     def errors(self) -> tuple[float, float]:
-        """Distance to the goal [m] and heading error [rad] of the last pose; infinite before the first."""
+        """Distance to the goal [m] and heading error [rad] of the last pose; infinite without."""
         if self._last is None:
             return math.inf, math.inf
         x, y, theta = self._task.goal

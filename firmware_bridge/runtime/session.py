@@ -1,4 +1,4 @@
-"""One drive from connecting to giving the robot back: link, gate, loop, emergency stop, logs, signals, view."""
+"""One drive, from connecting to giving back: link, gate, loop, emergency stop, logs, signals."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class EstopLatched(BridgeError):
 
 
 def open_driver(robot: Robot, transport: Transport) -> Driver:
-    """Build the driver of a robot file on a link that is not open yet; ConfigError names file and key."""
+    """Build a robot file's driver on a link not yet open; ConfigError names file and key."""
     module = import_module(f"firmware_bridge.drivers.{robot.link.driver}")
     try:
         driver: Driver = getattr(module, DRIVER_CLASSES[robot.link.driver]).from_options(

@@ -1,4 +1,7 @@
-"""The latched emergency stop: a local socket, a signal, and a file that outlives the process until somebody resets it."""
+"""The latched emergency stop: a local socket, a signal, and a file that outlives the process.
+
+It stays until somebody resets it.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,10 @@ LONGEST_PATH = 107
 
 
 def default_socket() -> Path:
-    """Where this user's bridge listens: $RUNTIME_DIRECTORY (systemd), $XDG_RUNTIME_DIR, or a private folder for temporary files."""
+    """Where this user's bridge listens.
+
+    In $RUNTIME_DIRECTORY (systemd), $XDG_RUNTIME_DIR, or a private folder for temporary files.
+    """
     for name in ("RUNTIME_DIRECTORY", "XDG_RUNTIME_DIR"):
         folder = os.environ.get(name, "").partition(":")[0]
         if folder and os.path.isdir(folder):
@@ -44,7 +50,7 @@ def default_socket() -> Path:
 
 
 class EmergencyStop:
-    """Takes requests for the gate from a socket and from signals, and remembers a stop until it is reset.
+    """Takes stop requests from a socket and from signals, and keeps a stop until it is reset.
 
     Parameters
     ----------

@@ -284,7 +284,10 @@ class SafetyGate:
         return GateOutput(*output, action, self.state, reasons)
 
     def _release(self, now: float, status: LinkStatus, reasons: tuple[Reason, ...]) -> Action:
-        """Give the robot back until the board has obeyed; a plain motor controller has obeyed when it is heard again."""
+        """Give the robot back until the board has obeyed.
+
+        A plain motor controller has obeyed when it is heard again.
+        """
         latched, heard, pilot = (
             self.state is GateState.ESTOP,
             UNHEARD.isdisjoint(reasons),

@@ -1,4 +1,4 @@
-"""States, events and transitions of the safety gate: one table that the gate, the docs and the tests share."""
+"""States, events and transitions of the safety gate: one table for gate, docs and tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast a robot may drive, and how fast that may change; one scale for both speeds keeps the curve."""
+"""Limits on speed and on its change; one scale for both speeds keeps the curve."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Limits:
     def slew(
         self, start: tuple[float, float], target: tuple[float, float], dt: float
     ) -> tuple[float, float]:
-        """Go from one command towards another for `dt` [s], straight in the plane of both speeds."""
+        """Go from one command towards another for `dt` [s], straight in the plane of speeds."""
         if dt <= 0.0:
             return start
         share = min(
@@ -86,7 +86,10 @@ def _within(value: float, low: float, high: float) -> float:
 
 
 def _share(start: float, target: float, up: float, down: float) -> float:
-    """Share of the way from `start` to `target` that changes of `up` away from zero and `down` towards it allow."""
+    """Share of the change from `start` to `target` that the limits allow.
+
+    They are `up` away from zero and `down` towards it.
+    """
     change = abs(target - start)
     if change == 0.0:
         return 1.0

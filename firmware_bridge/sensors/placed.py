@@ -10,7 +10,7 @@ from firmware_bridge.messages import LinkStatus, State
 
 
 class PlacedDriver:
-    """Moves every pose of a driver into the frame in which the vehicle's own frame lies at `origin`.
+    """Moves a driver's poses into the frame in which the vehicle's own lies at `origin`.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ COUNTERS = (
 
 
 class SourcePose(NamedTuple):
-    """Where the robot is: x east, y north [m], theta counter-clockwise from east [rad], at a time [s]."""
+    """Pose of the robot: x east, y north [m], theta counter-clockwise from east [rad], time [s]."""
 
     x: float
     y: float
@@ -57,7 +57,7 @@ class SourcePose(NamedTuple):
 
 
 def parse_pose(data: bytes) -> SourcePose | None:
-    """Read ``stamp x y theta``, divided by blanks or commas, or a JSON object with these keys; None for anything else.
+    """Read ``stamp x y theta``, divided by blanks or commas, or a JSON object; None for all else.
 
     Examples
     --------
@@ -106,7 +106,7 @@ class PoseFilter:
         self._doubted_since = 0.0
 
     def take(self, data: bytes, now: float) -> SourcePose | None:
-        """Take a datagram that came at `now` [s]; gives the pose if it is to be believed. Never raises."""
+        """Take a datagram that came at `now` [s]; gives its pose if credible. Never raises."""
         said = parse_pose(data)
         if said is None:
             self.counters["malformed"] += 1
@@ -173,7 +173,9 @@ def check_pose_url(url: str) -> LinkUrl:
 
 
 class PosedDriver:
-    """A driver whose pose comes from a source of its own: an autopilot is fed with it, else it replaces the odometry.
+    """A driver whose pose comes from another source.
+
+    An autopilot is fed with that pose; otherwise it replaces the odometry.
 
     Parameters
     ----------
@@ -218,7 +220,7 @@ class PosedDriver:
         )
 
     def health(self) -> LinkStatus:
-        """What is known of the board, with the age of the source's pose: an autopilot's echo may be newer."""
+        """Status of the board with the age of the source's pose; an echo of it may be newer."""
         status, pose = self.inner.health(), self._filter.latest
         counters = {f"source_{name}": count for name, count in self._filter.counters.items()}
         others = {"source_others": self._endpoint.refused}

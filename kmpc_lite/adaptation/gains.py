@@ -1,4 +1,4 @@
-"""Four gains on a learned model: their estimate from sums, how sure it is, and the noise that they leave.
+"""Four gains that correct a learned model: their estimate, its certainty, and the noise left.
 
 A step is kept as 20 numbers: the displacement that the model gives (px, py) [m], in the map's
 frame, and the measured one (dx, dy); the turn that the model gives h [rad], the way ahead g [m],
@@ -36,7 +36,10 @@ pose forgotten."""
 
 
 class Gains(NamedTuple):
-    """Correction of a model: velocities ahead and to the left, turn rate, and turn per metre, against the learned ones."""
+    """Correction of a learned model by four gains.
+
+    They scale velocity ahead, velocity to the left, turn rate, and turn per metre.
+    """
 
     ahead: float = 1.0
     """Factor of the learned velocity."""
@@ -97,7 +100,9 @@ def estimate(sums: Sequence[float], now: Gains, scaled: bool = True) -> Estimate
 
 
 def whitening(noise: Array, dt: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """How steps between noisy poses become steps whose noise is independent: to each a share of the fading sum of those before is added.
+    """Weights that make the noise of steps between noisy poses independent.
+
+    To each step a share of the fading sum of those before is added.
 
     The innovations of a pose that is measured with noise while the floor moves it at random
     (steady-state Kalman filter). Without noise of the poses nothing is carried on.
@@ -132,7 +137,10 @@ def whitening(noise: Array, dt: float) -> tuple[tuple[float, float], tuple[float
 
 
 def residual_covariance(steps: Array, gains: Gains, learned: Array) -> Array:
-    """Covariance of the residuals of the steps since the change, by the command, (3, 3, 3); drawn towards the learned one."""
+    """Covariance of the residuals since the change, by the command: (3, 3, 3).
+
+    It is drawn towards the learned covariance.
+    """
     count = steps.shape[1]
     cosine, sine, v2, omega2 = steps[9:13]
     ex, ey, turned = residuals(steps[13:], gains)
@@ -150,7 +158,7 @@ def residual_covariance(steps: Array, gains: Gains, learned: Array) -> Array:
 
 
 def residuals(steps: Array, gains: Gains) -> tuple[Array, Array, Array]:
-    """What gains leave of steps, (n,) each: x [m], y [m], heading [rad]; steps (7 or more, n) as kept."""
+    """What gains leave of steps (7 or more, n): x [m], y [m] and heading [rad], (n,) each."""
     px, py, dx, dy, h, g, turned = steps[:7]
     return (
         dx - gains.ahead * px + gains.left * py,

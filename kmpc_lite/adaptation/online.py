@@ -1,4 +1,6 @@
-"""Learning while driving: a learned model follows a floor that changes (the paper's "real-time learning").
+"""Learning while driving: the model follows a floor that changes.
+
+The paper calls this "real-time learning".
 
 What changes under a robot changes few numbers: how far it comes per command, how it drifts
 sideways, how much of a turn happens, and whether it pulls to one side. So four gains on the learned
@@ -266,7 +268,7 @@ class OnlineAdaptation:
         return kept
 
     def _confirmed(self, gains: Gains, count: int) -> bool:
-        """Whether the newest steps contradict the gains in use by more than their own scatter around new ones."""
+        """Whether the newest steps contradict the gains by more than their own scatter."""
         steps = self._raw[self._kept(count)].T
         pulls = scores(steps, self.gains).sum(axis=1)
         own = scores(steps, gains)
@@ -277,7 +279,10 @@ class OnlineAdaptation:
     def _sums(
         self, before: Array, command: Array, after: Array, past: Array | None
     ) -> list[float] | None:
-        """What one step adds to the normal equations, or None where it tells nothing; the raw step is kept for the noise."""
+        """What one step adds to the normal equations; None where the step tells nothing.
+
+        The raw step is kept for the estimate of the noise.
+        """
         x0, y0, h0 = before.tolist()
         x1, y1, h1 = after.tolist()
         v, omega = command.tolist()
@@ -422,7 +427,10 @@ class OnlineAdaptation:
         self._heading_noise = [float(c[2, 2]) for c in coefficients]
 
     def _reweigh(self, coefficients: Array) -> None:
-        """Weigh the steps since the change by what is now known of their noise, else its tails would look like changes."""
+        """Weigh the steps since the change by what is now known of their noise.
+
+        With other weights the tails of the noise would look like changes of the floor.
+        """
         self._set_noise(coefficients)
         count = min(self._since, self._memory)
         kept = self._kept(count)

@@ -28,7 +28,7 @@ class Contender:
 
 
 def plain(model: KoopmanModel, problem: NavigationProblem, obstacles: int = 0) -> Controller:
-    """Make ours in the paper's formulation: the goal as the reference, no margins, one pass a step."""
+    """Make ours in the paper's formulation: goal as reference, no margins, one pass a step."""
     return Controller(model, problem, guidance=False, tightening=None)
 
 

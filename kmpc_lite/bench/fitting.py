@@ -1,4 +1,4 @@
-"""What a fit costs: against the bare Gram product of as many rows in the same run, and in memory."""
+"""What a fit costs: memory, and time against the bare Gram product of as many rows."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class FitCost:
 
 
 def memory_growth(data: Dataset, method: Method) -> float:
-    """Most memory that is held at once while fitting, beyond the data [MB]: NumPy tells its arrays to tracemalloc."""
+    """Most memory held at once while fitting, beyond the data [MB], as tracemalloc counts it."""
     tracemalloc.start()
     try:
         fit(data, method=method)

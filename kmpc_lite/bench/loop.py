@@ -1,4 +1,4 @@
-"""The control loop at a fixed rate for minutes, the other cores busy: who is late, and by how much."""
+"""The control loop at a fixed rate for minutes on a busy machine: how late its steps are."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def run_loop(
     budget: float | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> LoopResult:
-    """Drive from goal to goal on random maps in real time, one step a period, the other cores saturated.
+    """Drive from goal to goal on random maps in real time, the other cores saturated.
 
     Parameters
     ----------

@@ -86,7 +86,7 @@ class Measurement:
 
 
 def learned_model(dt: float = 0.1) -> KoopmanModel:
-    """Model that all contenders use: an integral fit on a slipping floor, integrated by the midpoint rule by all."""
+    """Model of all contenders: an integral fit on a slipping floor, with midpoint steps."""
     data = generate_dataset(DifferentialDrive(SLIP, seed=1), episodes=100, steps=500, dt=dt, seed=2)
     return replace(fit(data), integrator="midpoint")
 
@@ -122,7 +122,7 @@ def record(
     seed: int,
     build: Build = plain,
 ) -> list[Drive]:
-    """Drive random maps with one of our controllers and keep the states, for all contenders to plan from."""
+    """Drive random maps with one of our controllers, for states that all plan from."""
     recorded = []
     for i in range(drives):
         random = np.random.default_rng(seed + i)
@@ -204,7 +204,7 @@ def _run(
 
 
 def violation(states: Array, circles: Array, problem: NavigationProblem) -> float:
-    """How deep a plan (N + 1, 3) enters an obstacle or leaves the area after its first state [m]."""
+    """How deep a plan (N + 1, 3) enters an obstacle or leaves the area after its start [m]."""
     _, _, x_min, x_max = problem.bounds
     positions = states[1:, :2]
     deepest = max(0.0, float((x_min[:2] - positions).max()), float((positions - x_max[:2]).max()))
@@ -220,7 +220,11 @@ def scaling(
     drives: int,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict[str, Any]]:
-    """Median and p99 of a full step by horizon, with 4 obstacles, and by obstacles, with N = 20; takes turns drive by drive."""
+    """Median and p99 of a full step, by horizon and by number of obstacles.
+
+    Horizons are measured with 4 obstacles, obstacles with N = 20; settings take turns drive by
+    drive.
+    """
     cases = [(n, 4) for n in (10, 20, 50, 100, 200)] + [(20, m) for m in (1, 16, 64)]
     problems = [
         NavigationProblem(horizon=n, x_min=(-8.0, -8.0, -np.inf), x_max=(8.0, 8.0, np.inf))
@@ -265,7 +269,7 @@ def format_scaling(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def import_times(repeats: int = 5) -> dict[str, float]:
-    """Median time of importing this package, and of importing what it stands on, in fresh interpreters [s]."""
+    """Median time to import this package, and what it stands on, in fresh interpreters [s]."""
     code = "import time; t = time.perf_counter(); import {}; print(time.perf_counter() - t)"
     what = {"kmpc_lite": "kmpc_lite", "numpy, scipy.sparse, osqp": "numpy, scipy.sparse, osqp"}
     times: dict[str, list[float]] = {name: [] for name in what}

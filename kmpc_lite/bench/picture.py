@@ -12,7 +12,10 @@ from kmpc_lite.report.style import LINES, legend_below, new_figure, render, styl
 
 
 def write_bench_picture(path: Path, results: Sequence[Measurement]) -> None:
-    """Write the tails of the distributions as a PNG, both axes logarithmic: the tail is what misses a deadline."""
+    """Draw the tails of the distributions into a PNG: it is the tail that misses deadlines.
+
+    Both axes are logarithmic.
+    """
     with style():
         figure = new_figure(3.6)
         axes = figure.add_subplot()

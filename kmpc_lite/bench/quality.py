@@ -1,4 +1,4 @@
-"""What the passes converge to, against IPOPT from the same start: standing still at each recorded state."""
+"""What the passes converge to, against IPOPT; both plan from rest at each recorded state."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def as_dicts(rows: Sequence[Comparison]) -> list[dict[str, Any]]:
 
 
 def format_comparison(rows: Sequence[Comparison]) -> str:
-    """Render the counts of the verdicts, and the quantiles of the excess where both plans are feasible."""
+    """Render the counts of the verdicts, and how much more ours costs where both are feasible."""
     count = len(rows)
     lines = [
         f"{count} states, each planned from a standing robot, "

@@ -173,7 +173,9 @@ def record_qps(
 def solver_study(
     qps: Sequence[tuple[Any, ...]], problem: NavigationProblem
 ) -> list[dict[str, Any]]:
-    """Cold solves of recorded QPs by every solver that qpsolvers finds here, sparse, and condensed to the commands for dense ones.
+    """Solve recorded QPs cold with every solver that qpsolvers finds installed.
+
+    Sparse solvers get the QP as it is, dense ones get it condensed to the commands.
 
     OSQP's row is our workspace with no warm start. The error is the largest difference of the first
     command to OSQP's at a tolerance of 1e-9.
@@ -258,7 +260,8 @@ def solver_study(
 def format_settings(rows: Sequence[dict[str, Any]], solvers: Sequence[dict[str, Any]]) -> str:
     """Render both studies as tables."""
     lines = [
-        f"{'':<22}{'OSQP iterations':>20}{'solve [ms]':>22}{'excess objective [%]':>26}{'violation [mm]':>18}"
+        f"{'':<22}{'OSQP iterations':>20}{'solve [ms]':>22}"
+        f"{'excess objective [%]':>26}{'violation [mm]':>18}"
     ]
     lines.append(
         f"{'':<22}{'p50':>7}{'p90':>6}{'p99':>7}{'p50':>8}{'p90':>7}{'p99':>7}{'p50':>10}{'p90':>8}{'p99':>8}{'p90':>9}{'p99':>9}"
@@ -267,7 +270,8 @@ def format_settings(rows: Sequence[dict[str, Any]], solvers: Sequence[dict[str, 
         i, s, e, v = r["iterations"], r["solve"], r["excess"], r["violation"]
         lines.append(
             f"{r['name']:<22}{i['p50']:7.0f}{i['p90']:6.0f}{i['p99']:7.0f}{s['p50']:8.3f}{s['p90']:7.3f}{s['p99']:7.3f}"
-            f"{100 * e['p50']:10.3f}{100 * e['p90']:8.2f}{100 * e['p99']:8.2f}{v['p90']:9.1f}{v['p99']:9.1f}"
+            f"{100 * e['p50']:10.3f}{100 * e['p90']:8.2f}{100 * e['p99']:8.2f}"
+            f"{v['p90']:9.1f}{v['p99']:9.1f}"
         )
     lines += [
         "",

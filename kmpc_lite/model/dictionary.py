@@ -46,7 +46,7 @@ class Dictionary(Protocol):
         ...
 
     def expand(self, x: Array) -> Array:
-        """Give `lift` and `jacobian` side by side, (..., nz, 1 + 3): what a linearisation needs, in one array."""
+        """Give `lift` and `jacobian` side by side in one array (..., nz, 1 + 3)."""
         return np.concatenate([self.lift(x)[..., None], self.jacobian(x)], axis=-1)
 
     @property
@@ -65,7 +65,7 @@ class Dictionary(Protocol):
         return INPUTS
 
     def inputs(self, u: Array, history: Array | None = None) -> Array:
-        """Give the inputs of the bilinear model (..., nw) for commands (..., 2) and past commands (..., L, 2).
+        """Give the bilinear inputs (..., nw) of commands (..., 2) and past ones (..., L, 2).
 
         `history` is in order of time: its last row is the command before `u`.
         """

@@ -27,7 +27,10 @@ _DIAGONAL = np.arange(STATES)
 
 
 class Linearization(NamedTuple):
-    """First-order expansion of the model at n points, ``x+ = value + A dx + B du + sum_j B_past[j] dpast[j]``."""
+    """First-order expansion of the model at n points.
+
+    ``x+ = value + A dx + B du + sum_j B_past[j] dpast[j]``.
+    """
 
     value: Array
     """Predicted states, (..., 3)."""
@@ -198,7 +201,7 @@ class KoopmanModel:
         return self.advance(x, self.dictionary.inputs(u, past))
 
     def advance(self, x: Array, w: Array) -> Array:
-        """Next states (..., 3) for bilinear inputs (..., nw); any NumPy dtype, symbolic objects too."""
+        """Next states (..., 3) for bilinear inputs (..., nw) of any dtype, symbols included."""
         matrix, offset = self._input_terms(w)
 
         def f(state: Array) -> Array:
@@ -215,7 +218,10 @@ class KoopmanModel:
         return total
 
     def _input_terms(self, w: Array) -> tuple[Array, Array | None]:
-        """What the inputs make of the model: ``M(w) phi(x) + offset``; no offset where B is zero."""
+        """Matrix and offset that inputs make of the model: ``M(w) phi(x) + offset``.
+
+        There is no offset where B is zero.
+        """
         matrix = (w @ self._H_by_input).reshape(*w.shape[:-1], *self._A.shape) + self._A
         return matrix, w @ self._B.T if self._has_B else None
 
@@ -323,7 +329,7 @@ class KoopmanModel:
         return total
 
     def noise(self, u: ArrayLike) -> Array:
-        """Covariance of the one-step residual in the robot's frame, (..., 3, 3), for commands (..., 2).
+        """Covariance (..., 3, 3) of the one-step residual in the robot's frame, by command.
 
         Order: forward [m], left [m], heading [rad]. Zeros where the model has no noise model.
         """
@@ -335,7 +341,9 @@ class KoopmanModel:
         return self.noise_model.covariance(commands)
 
     def with_dt(self, dt: float) -> KoopmanModel:
-        """Return the same model for another sampling period [s]; only a continuous one without history has one.
+        """Return the same model for another sampling period [s].
+
+        Only a continuous model without input history has one.
 
         The noise model is left out: it was measured per period.
         """
@@ -413,7 +421,9 @@ class KoopmanModel:
 
 
 def nominal_unicycle(dt: float) -> KoopmanModel:
-    """Give the robot that obeys its commands exactly, as a model: ``x' = v cos, y' = v sin, theta' = omega``.
+    """Give the robot that obeys its commands exactly, as a model.
+
+    It moves by ``x' = v cos, y' = v sin, theta' = omega``.
 
     The unicycle's generator lies in the paper's dictionary, so no learning is needed.
 

@@ -96,7 +96,7 @@ def split_noise(noise: NoiseModel | None) -> tuple[Array, Array]:
 def window_deviations(
     model: KoopmanModel, x: Array, u: Array, x_next: Array, history: Array | None
 ) -> tuple[Array, Array]:
-    """Deviations of measured drives from plans under feedback, and the covariances that the model expects of them.
+    """Deviations of measured drives from plans under feedback, and their expected covariances.
 
     Parameters
     ----------

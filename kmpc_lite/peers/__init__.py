@@ -1,1 +1,1 @@
-"""Controllers of others, solving the same problem through the same `step`; each needs the extra ``peers``."""
+"""Controllers of others that solve the same problem through the same `step` (extra ``peers``)."""

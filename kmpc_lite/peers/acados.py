@@ -90,7 +90,10 @@ def install(folder: Path | None = None) -> Path:
 
 
 def _prepare(folder: Path) -> Path:
-    """Lay out what acados' templates expect, set its environment, load its libraries; return the root of the layout."""
+    """Lay out what acados' templates expect and load its libraries; returns the layout's root.
+
+    The environment variables that acados reads are set, too.
+    """
     package = folder / "acados"
     root = folder / "root"
     links = {

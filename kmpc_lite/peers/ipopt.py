@@ -19,7 +19,7 @@ from kmpc_lite.types import INPUTS, STATES, Array
 
 
 def symbolic_step(model: KoopmanModel) -> Any:
-    """Build the model's prediction as a CasADi function (x (3,), u (2,)) -> (3,): the model's own code on symbols."""
+    """Build the prediction as a CasADi function (x (3,), u (2,)) -> (3,): our code on symbols."""
     import casadi
 
     x, u = casadi.SX.sym("x", STATES), casadi.SX.sym("u", INPUTS)
@@ -29,7 +29,7 @@ def symbolic_step(model: KoopmanModel) -> Any:
 
 
 class IpoptController:
-    """Nonlinear MPC with hard constraints, by multiple shooting in CasADi, solved by IPOPT every step.
+    """Nonlinear MPC with hard constraints: multiple shooting in CasADi, solved by IPOPT.
 
     As in the paper: states and commands are the variables, obstacles are constraints on the
     distance of the centres, nothing is soft, the last solution, shifted, is the start. When IPOPT
@@ -89,7 +89,10 @@ class IpoptController:
         self._last = np.zeros(INPUTS)
 
     def _build(self, count: int) -> None:
-        """Set up the nonlinear programme for a number of obstacles, stage by stage, as structure-exploiting solvers want it."""
+        """Set up the nonlinear programme for a number of obstacles.
+
+        It is ordered stage by stage, as solvers that use this structure want it.
+        """
         ca, problem, n = self._casadi, self.problem, self.problem.horizon
         q, r, q_terminal = (ca.DM(weight) for weight in problem.weights)
         u_min, u_max, x_min, x_max = problem.bounds

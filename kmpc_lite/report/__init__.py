@@ -1,4 +1,7 @@
-"""Pictures and the HTML report of a run. Needs matplotlib (``pip install 'kmpc-lite[plot]'``), but only when something is drawn."""
+"""Pictures and the HTML report of a run.
+
+Matplotlib (``pip install 'kmpc-lite[plot]'``) is needed only when something is drawn.
+"""
 
 from kmpc_lite.report.html import write_report
 from kmpc_lite.report.maps import map_picture, overlay_picture

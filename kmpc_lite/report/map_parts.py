@@ -20,7 +20,7 @@ TALLEST = 7.0
 
 
 def map_axes(view: Array) -> tuple[Figure, Any]:
-    """Figure and axes that show `view`, [[xmin, ymin], [xmax, ymax]] [m], 1 m as long in x as in y."""
+    """Figure and axes for `view`, [[xmin, ymin], [xmax, ymax]] [m], to equal scales."""
     width, height = view[1] - view[0]
     figure = new_figure(float(np.clip((WIDTH - 0.9) * height / width, 1.2, TALLEST)) + 1.05)
     axes = figure.subplots()
@@ -36,7 +36,10 @@ def map_axes(view: Array) -> tuple[Figure, Any]:
 
 
 def draw_scenario(axes: Any, scenario: Scenario, times: Array, labels: Labels) -> list[Any]:
-    """Draw area, obstacles and goal; moving obstacles at the start and at `times` [s]. Returns their legend entries."""
+    """Draw area, obstacles and goal; returns their legend entries.
+
+    Moving obstacles are drawn at the start and at `times` [s].
+    """
     from matplotlib.lines import Line2D
     from matplotlib.patches import Rectangle
 
@@ -131,7 +134,10 @@ def goal_front(scenario: Scenario) -> Array:
 
 
 def _draw_moving(axes: Any, circle: Circle, times: Array, labels: Labels) -> None:
-    """Fill the circle where it starts, outline it at `times` where these are apart, and draw its way with an arrow."""
+    """Draw a moving circle: filled at its start, outlined at `times`, its track with an arrow.
+
+    Times at which outlines would overlap are left out.
+    """
     centre, velocity = np.array(circle[:2]), np.array(circle[3:])
     speed = float(np.hypot(*velocity))
     disc(
@@ -287,7 +293,7 @@ class Labels:
             self._discs.append((where + half * np.array([x, 0.0]), float(half[1])))
 
     def _room(self, spot: Array, half: Array, enough: float) -> float:
-        """Distance [m] from a box of half sizes (2,) around a spot to the nearest thing, at most `enough`."""
+        """Distance [m] from a box of half sizes (2,) to the nearest thing, at most `enough`."""
         box = spot + half * np.array([[x, y] for x in (-1, -0.5, 0, 0.5, 1) for y in (-1, 0, 1)])
         if (box < self._view[0]).any() or (box > self._view[1]).any():
             return -np.inf

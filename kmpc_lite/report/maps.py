@@ -28,7 +28,10 @@ PLAN: dict[str, Any] = {"color": ORANGE, "linewidth": 1.4, "linestyle": (0, (4, 
 
 
 def map_picture(run: Run) -> Figure:
-    """Draw the map to scale: area, obstacles, path with footprints, some plans, goal, and where a collision happened."""
+    """Draw the map to scale: area, obstacles, goal, the robot's path and where it collided.
+
+    The path is drawn with footprints and some of the plans.
+    """
     every = substeps(run)
     collided = run.outcome is Outcome.COLLISION
     with style():
@@ -178,7 +181,10 @@ def _map_of(scenario: Scenario) -> tuple[object, ...]:
 
 
 def _view(scenario: Scenario, runs: Sequence[Run]) -> Array:
-    """Give what the map shows, [[xmin, ymin], [xmax, ymax]] [m]: all that was driven, obstacles and area where they are near."""
+    """Rectangle of the map to show, [[xmin, ymin], [xmax, ymax]] [m].
+
+    It holds all that was driven, and obstacles and area where they are near.
+    """
     ends = np.array([scenario.start[:2], scenario.goal[:2], goal_front(scenario)])
     points = np.concatenate([*(run.path[:, :2] for run in runs), ends])
     low, high = points.min(axis=0) - scenario.radius, points.max(axis=0) + scenario.radius
@@ -205,7 +211,7 @@ def _view(scenario: Scenario, runs: Sequence[Run]) -> Array:
 
 
 def _moments(run: Run, view: Array) -> list[int]:
-    """Choose periods at round times at which the robot is drawn: few, and not on top of each other."""
+    """Choose the periods at which the robot is drawn: few, at round times, apart on the map."""
     apart = max(2.2 * run.scenario.radius, 0.06 * float((view[1] - view[0]).max()))
     taken = [run.states[0, :2], run.states[-1, :2], np.array(run.scenario.goal[:2])]
     best: list[int] = []
@@ -275,7 +281,7 @@ def _robot_handles() -> list[Any]:
 
 
 def _series_handles(names: list[str], labels: list[str], counts: list[int]) -> list[Any]:
-    """Legend entries of the runs' labels, and of the ends that occur (reached, collided, out of time)."""
+    """Legend entries: the runs' labels, and how runs ended (reached, collided, out of time)."""
     from matplotlib.lines import Line2D
 
     entries = []

@@ -92,7 +92,9 @@ def commands_picture(
 
 
 def limits(run: Run, u_min: ArrayLike | None, u_max: ArrayLike | None) -> tuple[Any, Any]:
-    """Command limits (2,) each, or None: those given, else what the run keeps as ``info["u_min"]`` and ``info["u_max"]``.
+    """Command limits (2,) each, or None.
+
+    Those given come first, else what the run keeps as ``info["u_min"]`` and ``info["u_max"]``.
 
     Raises
     ------
@@ -143,7 +145,7 @@ def _status_bands(panel: Any, run: Run) -> list[Any]:
 
 
 def errors_picture(run: Run) -> Figure:
-    """Draw distance to the goal, heading error and clearance over time, with what counts as arrived."""
+    """Draw distance to the goal, heading error and clearance over time, with their limits."""
     scenario = run.scenario
     times, gaps = path_times(run), path_clearances(run)
     distance = np.hypot(*(run.path[:, :2] - scenario.goal[:2]).T)
@@ -293,7 +295,7 @@ def _share_of(ratio: float) -> str:
 
 
 def fit_picture(report: FitReport) -> Figure:
-    """Draw the held-out errors of the model and of the nominal unicycle, one step and `report.horizon` ahead."""
+    """Draw held-out errors of model and nominal unicycle, after one step and the horizon."""
     rows = (
         ("one step", "model", report.one_step),
         ("one step", "nominal", report.nominal_one_step),
@@ -382,7 +384,10 @@ def write_pictures(
     u_min: ArrayLike | None = None,
     u_max: ArrayLike | None = None,
 ) -> list[Path]:
-    """Write ``map.png``, ``commands.png``, ``errors.png``, ``timing.png`` and, with a fit report, ``fit.png``.
+    """Write the pictures of a run as PNG files.
+
+    These are ``map.png``, ``commands.png``, ``errors.png``, ``timing.png`` and, with a fit
+    report, ``fit.png``.
 
     Parameters
     ----------

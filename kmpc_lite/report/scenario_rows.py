@@ -1,4 +1,4 @@
-"""What was driven, as rows of a name and a value: the map, and the robot with what was done to it."""
+"""What was driven, as rows of a name and a value: the map, the robot, and its disturbances."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How every picture looks, and how it becomes bytes: the same ones for the same input, whatever the user's matplotlibrc says."""
+"""How pictures look and become bytes: the same ones everywhere, whatever matplotlibrc says."""
 
 from __future__ import annotations
 
@@ -86,7 +86,10 @@ def style() -> Iterator[None]:
 
 
 def new_figure(height: float) -> Figure:
-    """Make an empty figure, `WIDTH` by `height` [in] without a legend, that lays itself out; inside `style` only."""
+    """Make an empty figure that lays itself out; to be called inside `style`.
+
+    It is `WIDTH` by `height` [in], the legend not counted.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine

@@ -123,5 +123,8 @@ def path_times(run: Run) -> Array:
 
 
 def path_clearances(run: Run) -> Array:
-    """Distances (T S + 1,) between the edges of robot and nearest obstacle along the path [m]; infinite without obstacles."""
+    """Clearance (T S + 1,) between robot and nearest obstacle along the path [m].
+
+    It is infinite without obstacles.
+    """
     return obstacle_gaps(run.scenario, run.path[:, :2], path_times(run))

@@ -40,7 +40,7 @@ class Plant(Protocol):
 
 
 class LearnedPlant:
-    """A plant that behaves as a learned model does, with noise of the covariance that the model learned.
+    """A plant that behaves as a learned model predicts, with the noise that the model learned.
 
     For a robot of which there is only a log. It remembers its own past commands. Only the part of
     the covariance that grows with the speeds moves it: what is left at rest is the noise of the
@@ -251,7 +251,7 @@ def drive(
 
 
 def scenario_plant(scenario: Scenario) -> Plant:
-    """Build the robot of a scenario: one that slips, and one that lags too where the scenario says so, or where its floor changes."""
+    """Build the robot of a scenario: one that lags where motors lag or the floor changes."""
     if scenario.lag or scenario.dead_time or scenario.floors:
         return LaggingDrive(
             scenario.lag,
@@ -276,7 +276,10 @@ def _at(path: Sequence[Array], place: float) -> Array:
 
 
 def obstacle_gaps(scenario: Scenario, positions: Array, times: Array) -> Array:
-    """Distances (n,) between the edges of a robot at positions (n, 2) [m] and the obstacle nearest to it then, at times (n,) [s]."""
+    """Distances (n,) from a robot at positions (n, 2) [m] to its nearest obstacle.
+
+    Obstacles stand where they are at times (n,) [s]; distances [m] are those between edges.
+    """
     gaps = np.full(len(positions), np.inf)
     if scenario.circles:
         gaps = circle_distances(scenario.circles_at(0.0), positions, times)[0].min(axis=1)

@@ -1,4 +1,4 @@
-"""The studies over random maps by their names: what is driven under which conditions, and by whom."""
+"""The studies over random maps by name: conditions, and the controllers that drive under them."""
 
 from __future__ import annotations
 

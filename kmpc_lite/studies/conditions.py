@@ -1,4 +1,4 @@
-"""What a study puts robots through beside slip: motors that lag, poses that are noisy and old, floors that change."""
+"""Conditions of a study beside slip: lag of the motors, noise and age of poses, changing floors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LOG_EPISODES, LOG_STEPS = 100, 400
 
 @dataclass(frozen=True)
 class Condition:
-    """A kind of robot, pose and floor; it is driven with a model learned from a log of the same robot."""
+    """A kind of robot, pose and floor; its model is learned from a log of the same robot."""
 
     name: str = ""
     """In tables and files; empty for the paper's robot, which only slips."""
@@ -66,7 +66,9 @@ class Condition:
         return replace(self, name="", pose_age=0.0, floors=())
 
     def learn(self, slip: float, method: Method, episodes: int, steps: int) -> KoopmanModel:
-        """Learn as the paper does where the robot only slips and its poses are exact, else from a log of the robot as it is.
+        """Learn as the paper does where the robot only slips, else from a log of the robot.
+
+        Noisy or old poses call for a log, too.
 
         Half of such a log is for the fit, half for the margins' quantiles, as ``kmpc fit`` does
         with a real one.
@@ -89,7 +91,10 @@ class Condition:
         return with_quantiles(model, held) if method == "integral" else model
 
     def dictionary(self) -> Dictionary:
-        """What a user would choose: no place is special, and commands are looked back on as long as they act."""
+        """Dictionary that a user would choose: no place is special, past commands are known.
+
+        Commands are looked back on as long as they act.
+        """
         trig = HermiteTrigDictionary(order=0)
         if not (self.lag or self.dead_time):
             return trig

@@ -1,4 +1,6 @@
-"""``kmpc study faults``: closed loops in which the solver, the clock, the warm start or the pose fails again and again.
+"""``kmpc study faults``: closed loops with forced failures.
+
+The solver, the clock, the warm start or the pose fails again and again.
 
 Each drive has one kind of failure, in bursts of random length between stretches of sane steps.
 Counted are collisions (at four sub-samples), whether the commands came to a stop within the tail
@@ -67,7 +69,10 @@ BUDGET = 0.05
 
 
 class BrokenSolver:
-    """OSQP's compiled half with a switch: while `fault` names a status it ends with that, and refuses data for ``update refused``."""
+    """OSQP's compiled half with a switch.
+
+    While `fault` names a status, solves end with it; ``update refused`` refuses data.
+    """
 
     def __init__(self, solver: Any, random: np.random.Generator) -> None:
         self._solver, self._random = solver, random
@@ -77,7 +82,10 @@ class BrokenSolver:
         return getattr(self._solver, name)
 
     def update_data_vec(self, **data: Any) -> int:
-        """Take new vectors, or refuse them as OSQP does for crossing bounds: an error code, and everything stays."""
+        """Take new vectors, or refuse them as OSQP refuses bounds that cross.
+
+        It then returns an error code, and everything stays as it was.
+        """
         return 1 if self.fault == "update refused" else int(self._solver.update_data_vec(**data))
 
     @property
@@ -91,7 +99,10 @@ class BrokenSolver:
 
     @property
     def solution(self) -> Any:
-        """OSQP's solution; of a solve that was cut short, some way off; of a failed one, what OSQP leaves there."""
+        """OSQP's solution, moved away from the optimum where the solve was cut short.
+
+        After a failed solve it is what OSQP leaves there.
+        """
         found = self._solver.solution
         if self.fault not in STATUSES or int(STATUSES[self.fault]) == SOLVED:
             return found
@@ -180,7 +191,7 @@ class FaultyLoop:
         return self._time
 
     def _next_burst(self) -> None:
-        """Draw when the next failure begins and how many steps it lasts: short and long ones alike."""
+        """Draw when the next failure begins and how many steps it lasts: short and long ones."""
         self._begin = self._step + int(self._random.integers(4, 20))
         longest = {"pose lost for long": (20, 60), "pose frozen": (1, 6)}.get(self.kind, (1, 16))
         self._end = self._begin + int(self._random.integers(*longest))

@@ -1,4 +1,4 @@
-"""How well a controller's model knows a floor that has changed under it, beside a model that was learned there."""
+"""How well a controller's model knows a changed floor, beside a model that was learned there."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ FASTEST = (0.6, 0.785)
 
 
 class FloorWatch:
-    """A controller's `step`, with a note of its model after `TIME` of motion on the last floor, or at the end of the drive.
+    """A controller's `step` that keeps its model after `TIME` of motion on the last floor.
+
+    A drive that ends earlier keeps the model of its end.
 
     Parameters
     ----------
@@ -60,7 +62,10 @@ class FloorWatch:
         return plan
 
     def error_ratio(self) -> float | None:
-        """Largest share of the fresh fit's errors (along, across, heading, after 1 s) that the model's are; None where there is none."""
+        """Largest ratio of the model's errors to a fresh fit's; None where there is no model.
+
+        Errors are those along, across and of heading after 1 s.
+        """
         if self.model is None or not self.motion:
             return None
         drives, fresh = _truth(self._floor)

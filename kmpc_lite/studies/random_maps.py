@@ -1,4 +1,7 @@
-"""``kmpc study maps`` and its sisters: random maps x conditions x slips x seeds x controllers, on any `concurrent.futures.Executor`.
+"""``kmpc study maps`` and its sisters: drives over random maps on any executor.
+
+A study drives maps x conditions x slips x seeds x controllers, on any
+`concurrent.futures.Executor`.
 
 Every drive is one line of a JSON file; a study that was interrupted goes on where it ended. What
 failed is written as a scenario file that replays it, beside the model that was driven.
@@ -246,7 +249,7 @@ def maps_study(
 
 
 def check_folder(folder: str | Path) -> None:
-    """Raise OSError where a folder cannot be made or written to: that is to be known before hours of driving."""
+    """Raise OSError where a folder cannot be made or written to, before hours of driving."""
     place = Path(folder).absolute()
     while not place.exists():
         place = place.parent
@@ -259,7 +262,10 @@ def check_folder(folder: str | Path) -> None:
 def write_failures(
     drives: Iterable[tuple[Record, Condition, KoopmanModel]], folder: str | Path
 ) -> list[Path]:
-    """Write a scenario file for every drive, and the model that was driven; the first line of each file says how to drive it again."""
+    """Write a scenario file for every drive, and the model that was driven.
+
+    The first line of each file says how to drive it again.
+    """
     target = Path(folder)
     paths = []
     for record, condition, model in drives:

@@ -140,7 +140,7 @@ class Cell:
 
 
 def train(slip: float, method: Method, episodes: int, steps: int) -> KoopmanModel:
-    """Learn as the paper does, at one slip; the margins' quantiles come from drives of their own."""
+    """Learn as the paper does, at one slip; quantiles for margins come from drives of their own."""
     plant = DifferentialDrive(slip, seed=TRAINING_SEED)
     model = fit(generate_dataset(plant, episodes, steps, DT, seed=TRAINING_SEED + 1), method=method)
     if method == "edmdc":
@@ -191,7 +191,9 @@ def table1(
     training: dict[str, int] = TRAINING,
     progress: Progress = lambda done, total: None,
 ) -> list[Cell]:
-    """Run the paper's table 1 on a map: train and drive at each slip, then train at 0.1 and drive at 0.15 and 0.2.
+    """Run the paper's table 1 on a map.
+
+    Train and drive at each slip, then train at 0.1 and drive at 0.15 and 0.2.
 
     Parameters
     ----------

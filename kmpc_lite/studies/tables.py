@@ -16,7 +16,7 @@ CONFIDENCE = 1.959964
 
 
 def drive_key(record: Mapping[str, Any]) -> Key:
-    """What makes a drive one and the same: controller, condition, family, slip of the training, slip, seed."""
+    """Identity of a drive: controller, condition, family, slip of the training, slip, seed."""
     trained = None if record["trained_at"] is None else float(record["trained_at"])
     return (
         record["controller"],

@@ -38,7 +38,10 @@ def model_of(slip, turn_gain=1.0):
 
 
 def go(adaptation, plant, steps, seed, noise=(0.0, 0.0, 0.0), commands=None, hold=8):
-    """Drive about with commands held for `hold` periods, within the area that was learned; the models given."""
+    """Drive about with commands held for `hold` periods, within the area that was learned.
+
+    The models given.
+    """
     random = np.random.default_rng(seed)
     u = (
         np.repeat(random.uniform(-1, 1, (steps // hold + 1, 2)) * U_MAX, hold, axis=0)
@@ -137,7 +140,10 @@ def test_a_good_model_is_left_alone_under_pose_noise():
 
 @pytest.mark.parametrize("slip", [0.0, 0.05, 0.1])
 def test_long_turns_on_the_spot_are_no_reason_to_relearn_driving(slip):
-    """Commands held for 3 s, poses noisier than the log's: in some windows hardly a step tells how far the robot comes."""
+    """Commands held for 3 s, poses noisier than the log's.
+
+    In some windows hardly a step tells how far the robot comes.
+    """
     adaptation = OnlineAdaptation(model_of(slip))
     assert not go(
         adaptation, DifferentialDrive(slip, seed=0), 4000, 0, noise=(0.005, 0.005, 0.02), hold=30
@@ -178,7 +184,10 @@ def noisy_model(slip=0.0):
 
 
 def test_noise_of_poses_that_the_log_had_is_seen_through():
-    """A turn of 16 mrad less per step, among 28 mrad of noise: five seconds are enough where it is known how poses err."""
+    """A turn of 16 mrad less per step, among 28 mrad of noise.
+
+    Five seconds are enough where it is known how poses err.
+    """
     model, fresh = noisy_model(), errors(learned(0.2, 0.6, seed=9), 0.2, 0.6)
     ratios = []
     for seed in range(8):

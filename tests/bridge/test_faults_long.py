@@ -1,4 +1,5 @@
-"""Random faults of link, board and controller: what the wire may carry meanwhile, and what must come back after.
+"""Random faults of link, board and controller: what the wire may carry meanwhile, and what must
+come back after.
 
 The whole of driver core, gate, loop and emulated rover runs on a clock turned by hand; only the
 drivers' threads are left out. What the bridge writes and what reaches it is judged by decoders of
@@ -426,7 +427,10 @@ class SerialEar:
 @pytest.mark.long
 @pytest.mark.parametrize("board", BOARDS)
 def test_serial_boards_in_real_time(board):
-    """The same for the motor controllers, whose drivers have threads of their own: what must hold does not depend on speed."""
+    """The same for the motor controllers, whose drivers have threads of their own.
+
+    What must hold does not depend on speed.
+    """
     robot = load_robot(
         None,
         {

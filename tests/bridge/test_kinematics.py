@@ -1,4 +1,4 @@
-"""Wheel speeds keep the curvature, counters wrap, arcs are exact, and options name what is wrong."""
+"""Wheel speeds keep the curvature, counters wrap, arcs are exact, options say what is wrong."""
 
 import math
 

@@ -105,7 +105,10 @@ def test_motion_capture_has_a_rate_a_delay_noise_and_drop_outs():
 
 
 def test_the_twin_is_driven_past_an_obstacle_through_a_pty(tmp_path, monkeypatch, capsys):
-    """The short drive of every test run: real bytes over a pseudo-terminal, the gate, the controller, and physics at the other end."""
+    """The short drive of every test run.
+
+    Real bytes over a pseudo-terminal, the gate, the controller, and physics at the other end.
+    """
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)

@@ -1,4 +1,7 @@
-"""The experiments' clockwork: the same bytes as the driver's, data that learn, drives that end as they should."""
+"""The experiments' clockwork.
+
+The same bytes as the driver's, data that learn, drives that end as they should.
+"""
 
 import json
 import os

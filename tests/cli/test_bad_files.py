@@ -1,4 +1,7 @@
-"""Whatever is wrong inside a log, a scenario or a model file: kmpc says it in one line, ends with status 2, and writes nothing."""
+"""Whatever is wrong inside a log, a scenario or a model file.
+
+Kmpc says it in one line, ends with status 2, and writes nothing.
+"""
 
 from __future__ import annotations
 
@@ -188,7 +191,8 @@ def test_an_uneven_log_is_resampled_by_the_command_and_refused_by_the_api(
     )
     with pytest.raises(
         kl.DataError,
-        match=r"line 9, column t: uneven sampling, a step of 0.14 s where the median is 0.1 s; give dt=",
+        match=r"line 9, column t: uneven sampling, a step of 0.14 s where the median is 0.1 s; "
+        r"give dt=",
     ):
         kl.Dataset.load("run.csv")
     assert cli.main(["fit", "run.csv", "-o", "robot.npz"]) == 0

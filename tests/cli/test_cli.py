@@ -1,4 +1,6 @@
-"""kmpc from the outside: what it prints, what it writes, and one line with status 2 for whatever is wrong."""
+"""kmpc from the outside: what it prints, what it writes, and one line with status 2 for whatever is
+wrong.
+"""
 
 from __future__ import annotations
 
@@ -103,7 +105,8 @@ def test_fit_tells_how_much_room_the_margins_take(
     for log in (made / "drive.csv", here / "noisy.csv"):
         assert cli.main(["fit", str(log), "-o", "robot.npz"]) == 0
         told = re.search(
-            r"^margins: calibrated on \d+ held-out windows; up to (\d+) cm from obstacles at 0.6 m/s$",
+            r"^margins: calibrated on \d+ held-out windows; "
+            r"up to (\d+) cm from obstacles at 0.6 m/s$",
             capsys.readouterr().out,
             re.M,
         )

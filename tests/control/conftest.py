@@ -36,7 +36,9 @@ def learned_edmdc(slipping_data: kl.Dataset) -> kl.KoopmanModel:
 
 @pytest.fixture(scope="session")
 def lagging(nominal: kl.KoopmanModel) -> kl.KoopmanModel:
-    """A robot whose motors follow over three periods, and a model with an input history of two commands that knows."""
+    """A robot whose motors follow over three periods, and a model with an input history of two
+    commands that knows.
+    """
     random, episodes = np.random.default_rng(5), []
     for _ in range(30):
         sent = random.uniform(-0.8, 0.8, (60, 2))

@@ -1,4 +1,7 @@
-"""The controller corrects its model while driving: where the floor contradicts it, and nowhere else."""
+"""The controller corrects its model while driving.
+
+Where the floor contradicts it, and nowhere else.
+"""
 
 from __future__ import annotations
 
@@ -149,7 +152,10 @@ def test_a_floor_that_changes_is_driven_with_a_model_of_it(
 
 
 def test_standing_still_changes_nothing(knowing: dict[float, kl.KoopmanModel]) -> None:
-    """Not a bit of the model, for 100,000 noisy poses; the commands are those of a robot that holds."""
+    """Not a bit of the model, for 100,000 noisy poses.
+
+    The commands are those of a robot that holds.
+    """
     controller = kl.Controller(knowing[0.05])
     adaptation = controller.adaptation
     assert adaptation is not None
@@ -182,7 +188,9 @@ def test_a_good_model_is_never_made_worse(
     jumps: list[tuple[int, float, float]],
     seed: int,
 ) -> None:
-    """A constant floor, noisy poses, and poses that jump (for good, as a localisation does) do not touch the model."""
+    """A constant floor, noisy poses, and poses that jump (for good, as a localisation does) do
+    not touch the model.
+    """
     scenario = random_map("open", seed, slip)
     controller = kl.Controller(knowing[slip], scenario.problem())
     random, plant = np.random.default_rng(seed), kl.DifferentialDrive(slip, seed=seed)
@@ -201,7 +209,10 @@ def test_a_good_model_is_never_made_worse(
 
 
 def test_a_robot_that_is_held_is_no_slow_floor(knowing: dict[float, kl.KoopmanModel]) -> None:
-    """Commands go out, but brakes are on, or a pilot has the wheels: nothing is learned from that, and the drive after it is as new."""
+    """Commands go out, but brakes are on, or a pilot has the wheels.
+
+    Nothing is learned from that, and the drive after it is as new.
+    """
     controller = kl.Controller(knowing[0.05])
     adaptation, x = controller.adaptation, np.zeros(3)
     assert adaptation is not None

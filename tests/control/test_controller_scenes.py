@@ -1,4 +1,6 @@
-"""Scenes that a robot meets: obstacles at odd places, goals out of reach, a pose that is not where it should be."""
+"""Scenes that a robot meets: obstacles at odd places, goals out of reach, a pose that is not where
+it should be.
+"""
 
 from __future__ import annotations
 
@@ -349,7 +351,10 @@ def test_callers_arrays_are_left_alone_and_results_are_the_callers_own() -> None
 
 
 def test_a_rejected_plan_is_no_reason_to_stand_for_ever() -> None:
-    """At the paper's 1 Hz on hardware, with some slip; the robot stands 0.4 m from the nearest obstacle."""
+    """At the paper's 1 Hz on hardware, with some slip.
+
+    The robot stands 0.4 m from the nearest obstacle.
+    """
     circles = [
         kl.Circle(0.75, -0.2, 0.15),
         kl.Circle(0.8, 0.6, 0.15),

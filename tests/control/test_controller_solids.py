@@ -58,7 +58,10 @@ def test_a_wall_of_circles_and_the_wall_itself_are_driven_around_alike(
 def test_a_map_with_ragged_walls_is_driven(
     learned: kl.KoopmanModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As a lidar leaves them: hundreds of rectangles. Also where the corners that matter are never all found."""
+    """As a lidar leaves them: hundreds of rectangles.
+
+    Also where the corners that matter are never all found.
+    """
     random, grid = np.random.default_rng(0), np.zeros((120, 120), dtype=bool)
     for column in range(120):
         if not 80 <= column < 94:

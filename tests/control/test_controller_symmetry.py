@@ -1,4 +1,7 @@
-"""What must not change a command: turns of 2 pi, where the origin lies, which side is called left, what was driven before."""
+"""What must not change a command.
+
+Turns of 2 pi, where the origin lies, which side is called left, what was driven before.
+"""
 
 from __future__ import annotations
 
@@ -283,7 +286,9 @@ def test_it_keeps_the_history_of_its_commands_itself(lagging: kl.KoopmanModel) -
 def test_a_dead_time_that_the_model_knows_is_no_reason_to_overshoot(
     nominal: kl.KoopmanModel,
 ) -> None:
-    """A robot that obeys two periods late, driven by a model that knows, and by one that does not."""
+    """A robot that obeys two periods late, driven by a model that knows, and by one that does
+    not.
+    """
     rng, data, delay = np.random.default_rng(0), [], 2
     for _ in range(30):
         inputs = rng.uniform(-0.6, 0.6, (60, 2))

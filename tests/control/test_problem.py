@@ -1,4 +1,7 @@
-"""A problem that contradicts itself is refused by the name of the field; a good one is what the paper says."""
+"""A problem that contradicts itself is refused by the name of the field.
+
+A good one is what the paper says.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Limits on the change of commands: whatever comes, no command is farther from the one before it than allowed."""
+"""Limits on the change of commands.
+
+Whatever comes, no command is farther from the one before it than allowed.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,10 @@ moments = st.tuples(
 
 
 def assert_allowed(before: np.ndarray, command: np.ndarray, problem: kl.NavigationProblem) -> None:
-    """The definition, speed by speed: `du_max`, or `deceleration` towards zero where that is more."""
+    """The definition, speed by speed.
+
+    `du_max`, or `deceleration` towards zero where that is more.
+    """
     for a, b, change, brake in zip(
         before, command, DT * problem.du_max, DT * np.asarray(problem.deceleration), strict=True
     ):

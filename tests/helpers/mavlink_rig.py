@@ -1,4 +1,6 @@
-"""The driver's core and the emulated rover on one clock that only tests turn, with a wire that tests can spoil."""
+"""The driver's core and the emulated rover on one clock that only tests turn, with a wire that
+tests can spoil.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Helpers of the bridge's tests: a clock that is turned by hand, a robot behind a driver that can fail."""
+"""Helpers of the bridge's tests.
+
+A clock that is turned by hand, a robot behind a driver that can fail.
+"""
 
 import math
 
@@ -22,7 +25,9 @@ class Clock:
 
 
 class FakeDriver:
-    """A robot that does exactly what it is told, `latency` late, and tells its pose `delay` late."""
+    """A robot that does exactly what it is told, `latency` late, and tells its pose `delay`
+    late.
+    """
 
     def __init__(self, clock: Clock, delay: float = 0.0, latency: float = 0.0) -> None:
         self.clock, self.delay, self.latency = clock, delay, latency

@@ -1,4 +1,6 @@
-"""Decoders of what is on the wire, written from the protocols' pages and sharing no code with the drivers."""
+"""Decoders of what is on the wire, written from the protocols' pages and sharing no code with the
+drivers.
+"""
 
 import struct
 
@@ -96,7 +98,9 @@ def position(payload: bytes) -> tuple[float, float]:
 
 
 def set_point(payload: bytes) -> tuple[float, float, int, int]:
-    """Forward speed [m/s], turn rate counter-clockwise [rad/s], type mask and frame of SET_POSITION_TARGET_LOCAL_NED."""
+    """Forward speed [m/s], turn rate counter-clockwise [rad/s], type mask and frame of
+    SET_POSITION_TARGET_LOCAL_NED.
+    """
     _, *values, mask, _, _, frame = struct.unpack("<I11fHBBB", payload)
     vx, vy, yaw_rate = values[3], values[4], values[10]
     assert vy == 0.0
@@ -110,7 +114,10 @@ def armed_in_guided(payload: bytes) -> bool:
 
 
 def roboclaw_speeds(frame: bytes) -> tuple[int, int] | None:
-    """Quadrature pulses per second of M1 and M2 of command 37; None for other commands; the CRC must be right."""
+    """Quadrature pulses per second of M1 and M2 of command 37.
+
+    None for other commands; the CRC must be right.
+    """
     if frame[1] != 37:
         return None
     assert xmodem(frame[:-2]) == int.from_bytes(frame[-2:], "big") and len(frame) == 12

@@ -1,4 +1,6 @@
-"""Fitting from a stream: chunks fitted apart are one fit, and memory and work do not depend on how it is cut."""
+"""Fitting from a stream: chunks fitted apart are one fit, and memory and work do not depend on how
+it is cut.
+"""
 
 from __future__ import annotations
 

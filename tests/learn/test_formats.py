@@ -1,4 +1,6 @@
-"""Logs from outside: what is wrong is said with file, line and column, and nothing else is raised or printed."""
+"""Logs from outside: what is wrong is said with file, line and column, and nothing else is raised
+or printed.
+"""
 
 from __future__ import annotations
 

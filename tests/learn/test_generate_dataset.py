@@ -1,4 +1,7 @@
-"""Training drives of the paper's robot: uniform, reproducible, with the slip of eq. 13 drawn anew every period."""
+"""Training drives of the paper's robot: uniform, reproducible, with the slip of eq.
+
+13 drawn anew every period.
+"""
 
 from __future__ import annotations
 

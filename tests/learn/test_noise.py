@@ -19,7 +19,9 @@ BY_TURN = np.array([[1.0, 0.2, 0.4], [0.2, 3.0, 0.8], [0.4, 0.8, 8.0]]) * 1e-4
 def noisy_drives(
     rest: np.ndarray, by_speed: np.ndarray, by_turn: np.ndarray, steps: int, seed: int = 0
 ) -> kl.Dataset:
-    """Single steps of a nominal robot from anywhere, each end moved by noise in the frame of its start."""
+    """Single steps of a nominal robot from anywhere, each end moved by noise in the frame of
+    its start.
+    """
     random = np.random.default_rng(seed)
     x, u = random.uniform(-3.0, 3.0, (steps, 3)), random.uniform(-1.0, 1.0, (steps, 2))
     roots = [np.linalg.cholesky(s + 1e-18 * np.eye(3)) for s in (rest, by_speed, by_turn)]

@@ -1,4 +1,7 @@
-"""Both fits against what they must be: the paper's pseudoinverse, and the system that made the data."""
+"""Both fits against what they must be.
+
+The paper's pseudoinverse, and the system that made the data.
+"""
 
 from __future__ import annotations
 
@@ -140,7 +143,9 @@ def simulate(
     episodes: int = 30,
     seconds: float = 4.0,
 ) -> kl.Dataset:
-    """Drive a continuous bilinear system with held commands, finely integrated, all episodes at once."""
+    """Drive a continuous bilinear system with held commands, finely integrated, all episodes at
+    once.
+    """
     random = np.random.default_rng(3)
     steps, fine = int(seconds / dt), 20
     states = np.empty((episodes, steps + 1, 3))

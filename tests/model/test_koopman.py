@@ -1,4 +1,7 @@
-"""The bilinear model: prediction, rollout and linearisation agree; wrong shapes and matrices are refused."""
+"""The bilinear model: prediction, rollout and linearisation agree.
+
+Wrong shapes and matrices are refused.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +62,9 @@ def points(
 def by_the_book(
     model: kl.KoopmanModel, x: np.ndarray, u: np.ndarray, past: np.ndarray
 ) -> np.ndarray:
-    """The paper's eq. 12 with the Kronecker product written out, and textbook Runge-Kutta or midpoint for the generator."""
+    """The paper's eq. 12 with the Kronecker product written out, and textbook Runge-Kutta or
+    midpoint for the generator.
+    """
     w = model.dictionary.inputs(u, past)
 
     def f(state: np.ndarray) -> np.ndarray:

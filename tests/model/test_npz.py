@@ -1,4 +1,6 @@
-"""Model files: what is saved comes back bit for bit, and no damaged or foreign file gets past `load`."""
+"""Model files: what is saved comes back bit for bit, and no damaged or foreign file gets past
+`load`.
+"""
 
 from __future__ import annotations
 

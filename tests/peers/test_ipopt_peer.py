@@ -1,4 +1,7 @@
-"""The CasADi peer solves the same problem: the same predictions, constraints kept, the same promises of `step`."""
+"""The CasADi peer solves the same problem.
+
+The same predictions, constraints kept, the same promises of `step`.
+"""
 
 from __future__ import annotations
 

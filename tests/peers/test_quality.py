@@ -1,4 +1,7 @@
-"""Ours, converged, against IPOPT: the same minimum, and words for states where there is none to compare."""
+"""Ours, converged, against IPOPT.
+
+The same minimum, and words for states where there is none to compare.
+"""
 
 from __future__ import annotations
 

@@ -108,7 +108,10 @@ def runs():
 
 
 class Page(HTMLParser):
-    """Reads a page as a browser would: text, tags with attributes, and whether every tag is closed."""
+    """Reads a page as a browser would.
+
+    Text, tags with attributes, and whether every tag is closed.
+    """
 
     VOID = frozenset({"meta", "img", "br", "link", "hr", "input"})
 

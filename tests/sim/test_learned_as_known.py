@@ -1,4 +1,6 @@
-"""A robot that does not slip, driven by what was learned from its log, goes where the known model drives it."""
+"""A robot that does not slip, driven by what was learned from its log, goes where the known model
+drives it.
+"""
 
 from __future__ import annotations
 

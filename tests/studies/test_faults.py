@@ -1,4 +1,6 @@
-"""Forced failures: the short version of ``kmpc study faults``, and that the study sees what must not be."""
+"""Forced failures: the short version of ``kmpc study faults``, and that the study sees what must
+not be.
+"""
 
 from __future__ import annotations
 
@@ -39,9 +41,7 @@ def slippery() -> KoopmanModel:
     return train(0.2, "integral", 100, 100)
 
 
-def test_a_thousand_steps_with_forced_failures_end_in_no_collision_and_every_stop_within_its_tail() -> (
-    None
-):
+def test_a_thousand_steps_with_forced_failures_never_collide_and_stop_within_the_tail() -> None:
     rows = faults_study(
         Here(),
         maps=1,

@@ -1,4 +1,7 @@
-"""The study over random maps: complete, resumable, honest about failures, and its numbers those of the drives."""
+"""The study over random maps.
+
+Complete, resumable, honest about failures, and its numbers those of the drives.
+"""
 
 from __future__ import annotations
 

@@ -30,7 +30,10 @@ class Clock:
 def controller(
     clock: Clock, budget: float | None, qp_seconds: float, **options: Any
 ) -> tuple[kl.Controller, list[float]]:
-    """Controller whose QPs take `qp_seconds`, or as long as they may; and the limits that they were given."""
+    """Controller whose QPs take `qp_seconds`, or as long as they may.
+
+    And the limits that they were given.
+    """
     made = kl.Controller(kl.nominal_unicycle(0.1), time_budget=budget, clock=clock, **options)
     workspace, limits = made._sqp.workspace, []
     solve = workspace.solve

@@ -9,7 +9,9 @@ import kmpc_lite as kl
 
 
 def endure(steps: int) -> float:
-    """Growth of the process [MB] over drives from goal to goal, with dropped poses and changing maps."""
+    """Growth of the process [MB] over drives from goal to goal, with dropped poses and changing
+    maps.
+    """
     random = np.random.default_rng(5)
     controller, plant = kl.Controller(kl.nominal_unicycle(0.1)), kl.DifferentialDrive(0.05, seed=1)
     x, goal, circles = np.zeros(3), np.array([1.5, 1.5, 0.0]), np.array([[0.6, 0.6, 0.15]])

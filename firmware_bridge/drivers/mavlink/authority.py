@@ -1,4 +1,7 @@
-"""Who has the robot: we take it only when asked, give it back until that is confirmed, and never take it from a pilot."""
+"""Who has the robot: the bridge takes it when asked, never from a pilot, and gives it back.
+
+Giving back is repeated until it is confirmed.
+"""
 
 from __future__ import annotations
 
@@ -75,7 +78,7 @@ class Authority:
 
     @property
     def obeys(self) -> bool:
-        """Whether by its last word the vehicle obeys set-points: armed, GUIDED, and not still being taken."""
+        """Whether the vehicle said that it obeys set-points: armed, GUIDED, and taken."""
         return self.armed and self.mode == GUIDED and self.aim is not Aim.TAKE
 
     def fresh(self, now: float) -> bool:

@@ -29,7 +29,7 @@ class RoundTrip:
 
 
 class VehicleClock:
-    """Offset between the vehicle's clock and `time.monotonic()`, from the shortest of the last round trips."""
+    """Offset of the vehicle's clock from `time.monotonic()`, by the shortest recent round trips."""
 
     def __init__(self) -> None:
         self._asked: deque[int] = deque(maxlen=PENDING)
@@ -73,7 +73,10 @@ class VehicleClock:
         return True
 
     def stamp(self, boot_ms: int, arrival: float) -> float:
-        """Our time of a vehicle's `time_boot_ms`: never later than the arrival, which is the answer before the first round trip [s]."""
+        """Our time [s] of a vehicle's `time_boot_ms`, never later than its arrival.
+
+        Before the first round trip it is the arrival itself.
+        """
         boot = boot_ms / 1000.0
         last, self._last_boot = self._last_boot, boot
         if last is not None and REBOOT < last - boot < WRAP / 2.0:

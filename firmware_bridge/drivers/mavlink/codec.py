@@ -1,4 +1,7 @@
-"""Bytes <-> MAVLink messages: resynchronises at the next good frame, tolerates versions 1 and 2 mixed, signs and checks signatures.
+"""Bytes <-> MAVLink messages.
+
+The codec finds the next good frame after noise, takes versions 1 and 2 mixed, signs, and checks
+signatures.
 
 The dialect's own `parse_char` takes the length of a corrupt frame at its word and loses all frames
 inside it (7 after one bad byte, measured), and its buffer grows for ever on a stream that never
@@ -70,7 +73,7 @@ class MavlinkCodec:
         return frame
 
     def feed(self, data: bytes, now: float) -> list[Any]:
-        """Take bytes as they came and give the messages that are now whole, in order; never raises."""
+        """Take bytes as they came and give the messages now whole, in order; never raises."""
         self._buffer += data
         messages, start = [], 0
         while (start := self._next_marker(start)) < len(self._buffer):
@@ -95,7 +98,7 @@ class MavlinkCodec:
         return messages
 
     def _next_marker(self, start: int) -> int:
-        """Index of the next possible start of a frame; the length of the buffer if there is none."""
+        """Index of the next possible start of a frame; the buffer's length if there is none."""
         match = MARKER.search(self._buffer, start)
         found = len(self._buffer) if match is None else match.start()
         self.counters["skipped_bytes"] += found - start
@@ -122,7 +125,10 @@ class MavlinkCodec:
         return header + int(buffer[start + 1]) + CRC_BYTES + (SIGNATURE_BYTES if flags else 0)
 
     def _decode(self, frame: bytearray) -> Any:
-        """Message of a frame; `_REFUSED` for a whole one that does not count; None for bytes that are no frame."""
+        """Message of a frame, or None for bytes that are no frame.
+
+        A whole frame that does not count gives `_REFUSED`.
+        """
         second = frame[0] == dialect.PROTOCOL_MARKER_V2
         signed = second and bool(frame[2])
         body = frame[: len(frame) - SIGNATURE_BYTES] if signed else frame
@@ -139,7 +145,11 @@ class MavlinkCodec:
             return _REFUSED
 
     def _check_signature(self, frame: bytearray, system: int, component: int) -> bool:
-        """Verify; a forged frame must not move the stream's clock, or the true frames after it would look old."""
+        """Verify a frame's signature.
+
+        A forged frame must not move the stream's clock: the true frames after it would look
+        old.
+        """
         stamps, stream = (
             self._mav.signing.stream_timestamps,
             (frame[-SIGNATURE_BYTES], system, component),

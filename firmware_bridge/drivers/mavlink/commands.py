@@ -1,4 +1,4 @@
-"""Commands that are sent until they are acknowledged, and the telemetry that is asked for with them."""
+"""Commands sent until they are acknowledged, and the telemetry that is requested with them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,9 @@ class _Request:
 
 
 class CommandDesk:
-    """One request per command at a time, so that an acknowledgement, which names only the command, names the request.
+    """Sends one request per command at a time, until it is acknowledged.
+
+    An acknowledgement names only the command; so it names the request, too.
 
     Parameters
     ----------
@@ -107,7 +109,7 @@ class Stream:
 
 @dataclass
 class StreamRequests:
-    """Asks for telemetry one kind after the other, takes less where more is denied, and asks again when it stops coming."""
+    """Requests telemetry kind by kind: less where it is denied, again where it stops."""
 
     desk: CommandDesk
     streams: tuple[Stream, ...]
@@ -159,7 +161,9 @@ class StreamRequests:
 
 
 def rates_from(rate: float) -> tuple[float, ...]:
-    """Rates to try, from `rate` down [Hz]: ArduPilot gives at most 0.8 of its loop rate, 40 of 50 Hz.
+    """Rates to try, from `rate` down [Hz].
+
+    ArduPilot gives at most 0.8 of its loop rate: 40 of 50 Hz.
 
     Examples
     --------

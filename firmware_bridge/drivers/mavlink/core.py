@@ -183,7 +183,10 @@ class MavlinkCore:
             self._send(self._build.set_point(0.0, 0.0, now))
 
     def set_point(self, v: float, omega: float, now: float) -> None:
-        """Command a velocity; zeros always go out, others only to a vehicle that is ours and not being given back."""
+        """Command a velocity: zeros always go out, others only to a vehicle that is ours.
+
+        A vehicle that is being given back is not ours any more.
+        """
         message = self._build.set_point(v, omega, now)
         moving = v != 0.0 or omega != 0.0
         if moving and not (
@@ -199,7 +202,7 @@ class MavlinkCore:
         self.authority.take(now)
 
     def stop(self, now: float) -> None:
-        """Zeros, then HOLD, both until HOLD is acknowledged and shown; a pilot's mode is left alone."""
+        """Send zeros, then HOLD, until HOLD is confirmed; a pilot's mode is left alone."""
         self._moved = False
         self._send(self._build.set_point(0.0, 0.0, now))
         self.authority.release(now)
@@ -215,7 +218,11 @@ class MavlinkCore:
         return self._moved and self.authority.mode != HOLD
 
     def feed_pose(self, x: float, y: float, theta: float, stamp: float, now: float) -> None:
-        """Pass a pose from outside on; one that is not finite, from the future or older than the last is refused and counted."""
+        """Pass a pose from outside on to the vehicle.
+
+        One that is not finite, from the future or older than the last is refused and
+        counted.
+        """
         if (
             not all(map(math.isfinite, (x, y, theta, stamp)))
             or stamp > now + 0.05

@@ -80,7 +80,9 @@ class MavlinkDriver:
         return cls(transport, MavlinkOptions.from_table(table.get("board", {})))
 
     def connect(self, timeout: float) -> None:
-        """Open the link, find the vehicle, ask for telemetry, see to its failsafe; with `arm`, begin to take it.
+        """Open the link, find the vehicle, request telemetry, see to its failsafe.
+
+        With `arm`, begin to take the vehicle.
 
         Taking goes on after the return: arming may be refused for 45 s after boot. `health().ready`
         tells when it is done.
@@ -134,12 +136,15 @@ class MavlinkDriver:
             self._core.take(self._clock())
 
     def stop(self) -> None:
-        """Zero speed now, then HOLD, repeated until the vehicle confirms it; a mode that a pilot chose is left alone."""
+        """Command zero speed, then HOLD until it is confirmed; a pilot's mode is left alone."""
         with self._changed:
             self._core.stop(self._clock())
 
     def feed_pose(self, x: float, y: float, theta: float, stamp: float) -> None:
-        """Pass on a pose from motion capture: ENU [m, m, rad] at `time.monotonic()` [s]. Bad ones are refused and counted."""
+        """Pass on a pose from motion capture: ENU [m, m, rad] at `time.monotonic()` [s].
+
+        Bad poses are refused and counted.
+        """
         with self._changed:
             self._core.feed_pose(x, y, theta, stamp, self._clock())
 
@@ -166,12 +171,15 @@ class MavlinkDriver:
         )
 
     def notes(self) -> tuple[str, ...]:
-        """What a user may want to know and no robot must stop for: failsafe set-up, last words of the vehicle."""
+        """Remarks that stop no robot: set-up of the failsafe, last words of the vehicle."""
         with self._changed:
             return (self._core.failsafe.note, *(text for _, text in self._core.texts))
 
     def close(self) -> None:
-        """Stop a vehicle that moves by our word, wait up to a second until it confirms HOLD, close the link; idempotent."""
+        """Stop a vehicle that moves by our word and close the link; idempotent.
+
+        It waits up to a second until the vehicle confirms HOLD.
+        """
         with self._changed:
             if self._closing:
                 return
@@ -210,7 +218,7 @@ class MavlinkDriver:
         return start + "no byte: is it powered, are the lines crossed?"
 
     def _on_bytes(self, data: bytes, stamp: float) -> None:
-        """Take what arrived (I/O thread); whatever goes wrong is counted and told, and leaves the thread alone."""
+        """Take what arrived (I/O thread); errors are counted and told, and the thread goes on."""
         with self._changed:
             try:
                 self._core.receive(data, stamp)

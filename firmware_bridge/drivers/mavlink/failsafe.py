@@ -1,4 +1,7 @@
-"""The vehicle's own watchdog on us: ArduPilot's GCS failsafe, off as delivered, which counts the heartbeats of one system id only."""
+"""ArduPilot's GCS failsafe, the vehicle's own watchdog on the bridge.
+
+It is off as delivered, and counts the heartbeats of one system id only.
+"""
 
 from __future__ import annotations
 

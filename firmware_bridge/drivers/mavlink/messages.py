@@ -40,7 +40,7 @@ class MessageBuilder:
         )
 
     def set_point(self, v: float, omega: float, now: float) -> Any:
-        """Speed along the nose [m/s] and turn rate, counter-clockwise [rad/s]; ValueError unless both are finite.
+        """Speed along the nose [m/s] and turn rate, counter-clockwise [rad/s], both finite.
 
         A NaN speed makes ArduPilot abort, so this is the last place where one is stopped.
         """

@@ -1,4 +1,4 @@
-"""What a MAVLink driver must be told, and where it is told it: the [board] table of a robot file."""
+"""Options of the MAVLink driver, as the [board] table of a robot file gives them."""
 
 from __future__ import annotations
 

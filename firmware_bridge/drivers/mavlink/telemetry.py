@@ -20,7 +20,7 @@ FARTHEST, FASTEST = 1e5, 100.0
 
 
 class PoseTracker:
-    """Pairs positions with attitudes, refuses what is not finite or out of range, and judges the EKF by its flags."""
+    """Pairs positions with attitudes, refuses impossible ones, and judges the EKF by its flags."""
 
     def __init__(self) -> None:
         self.state: State | None = None

@@ -1,4 +1,4 @@
-"""What the emulated autopilot decides: modes, arming, set-points and their time-out, fail-safes. Knows no bytes."""
+"""What the emulated autopilot decides: modes, arming, set-points, fail-safes. Knows no bytes."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ class Autopilot:
     def set_point(
         self, frame: int, mask: int, velocity: tuple[float, float], yaw: float, yaw_rate: float
     ) -> None:
-        """Take SET_POSITION_TARGET_LOCAL_NED: velocity in m/s, yaw in rad, yaw rate in rad/s clockwise (all NED)."""
+        """Take SET_POSITION_TARGET_LOCAL_NED: m/s, rad, and rad/s clockwise (all NED)."""
         if (
             self.mode != GUIDED
             or self.estimator.origin is None

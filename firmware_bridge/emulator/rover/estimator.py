@@ -1,4 +1,4 @@
-"""What the emulated autopilot believes of its pose: from its GPS, or from motion capture that may fall silent."""
+"""The emulated autopilot's pose: from GPS, or from motion capture that may fall silent."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Estimator:
             self._fed, self.pose = uptime, (x, y, theta)
 
     def step(self, physics: RoverPhysics, uptime: float, dt: float) -> None:
-        """Follow the rover: exactly with GPS, from the last fed pose by its own motion with motion capture."""
+        """Follow the rover: exactly with GPS, else by its own motion since the last fed pose."""
         self._uptime = uptime
         if not self._parameters.motion_capture:
             self.pose = physics.pose
@@ -66,7 +66,7 @@ class Estimator:
 
     @property
     def position_ok(self) -> bool:
-        """Whether there is a horizontal position: LOCAL_POSITION_NED is sent, GUIDED may be entered."""
+        """Whether a position is known: LOCAL_POSITION_NED goes out, GUIDED may be entered."""
         if self.broken or self.origin is None or self._uptime < self._settled:
             return False
         return not self._parameters.motion_capture or (

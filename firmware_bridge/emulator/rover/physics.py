@@ -1,4 +1,7 @@
-"""How the emulated rover moves: the lags of a real ArduPilot rover before the wheels, `kmpc_lite`'s robot on the floor after them."""
+"""How the emulated rover moves.
+
+The lags of a real ArduPilot rover act before the wheels, `kmpc_lite`'s robot moves on the floor.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the emulated rover does with each message: commands and their acknowledgements, parameters, time, missions."""
+"""How the emulated rover answers messages: commands, parameters, time, missions."""
 
 from __future__ import annotations
 
@@ -230,7 +230,7 @@ class Protocol:
         self._send(kind(message.get_srcSystem(), message.get_srcComponent(), value, mission_type))
 
     def _refuse_file_transfer(self, m: Any) -> None:
-        """Answer NAK, unknown command: the sequence number goes on, the asked opcode is repeated."""
+        """Answer NAK, unknown command, with the next sequence number and the asked opcode."""
         asked = bytes(m.payload)
         sequence = (int.from_bytes(asked[:2], "little") + 1) % 2**16
         header = (

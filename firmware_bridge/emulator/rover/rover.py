@@ -1,4 +1,7 @@
-"""An ArduPilot-like rover at the other end of a MAVLink link: real bytes, the measured behaviour of Rover 4.6.3, physics of `kmpc_lite`."""
+"""An ArduPilot-like rover at the other end of a MAVLink link.
+
+Real bytes, the measured behaviour of Rover 4.6.3, physics of `kmpc_lite`.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ LONGEST_CATCH_UP = 1.0
 
 
 class RoverEmulator:
-    """The emulated rover; `start` serves it on a link, or `step` drives it by hand on a clock of one's own.
+    """The emulated rover: `start` serves it on a link, `step` drives it by hand on any clock.
 
     Messages are taken and sent in the main loop of 50 Hz, as the real one does: hence its round
     trip of about 10 ms.
@@ -103,7 +106,7 @@ class RoverEmulator:
         self.reboots += 1
 
     def start(self, url: str) -> None:
-        """Serve the rover on a link (pty:, tcp:, udp:) until `close`; LinkError if the link cannot be had."""
+        """Serve the rover on a link (pty:, tcp:, udp:) until `close`; LinkError if that fails."""
         transport = serve(url)
         self.connect(transport.write)
         transport.start(self.receive)
@@ -166,7 +169,10 @@ class RoverEmulator:
 
     @property
     def counters(self) -> dict[str, int]:
-        """What came and what was made of it; `aborts` counts the set-points that make the real one abort."""
+        """Counts of what came and what was made of it.
+
+        `aborts` counts the set-points that make the real autopilot abort.
+        """
         with self._lock:
             more = {
                 "ignored": self._protocol.ignored,

@@ -1,4 +1,4 @@
-"""What the emulated rover tells, and how often: one builder per message, intervals as a ground station asks for them."""
+"""What the emulated rover sends, and how often: one builder a message, intervals as requested."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class Telemetry:
             self._due[message] = self._pilot.uptime
 
     def set_group(self, group: int, rate: float) -> None:
-        """Obey REQUEST_DATA_STREAM: a group of messages at a rate [Hz], 0 stops it; group 0 is all."""
+        """Obey REQUEST_DATA_STREAM: messages of a group at a rate [Hz]; 0 stops, group 0 is all."""
         ids = (
             {i for ids in GROUPS.values() for i in ids}
             if group == 0

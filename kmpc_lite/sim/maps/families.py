@@ -1,4 +1,6 @@
-"""Families of random maps, each with a passage from start to goal that is checked independently of the guidance.
+"""Families of random maps.
+
+Each map has a passage from start to goal, which is checked independently of the guidance.
 
 A map's passage is decided on a fine grid: the robot's centre can move from start to goal and stay
 everywhere at least `passage` farther from every obstacle than the radii add up to. A robot that
@@ -51,7 +53,7 @@ def has_passage(
     cell: float = CELL,
     solids: Sequence[Solid] = (),
 ) -> bool:
-    """Whether a point can move from start to goal, `clearance` away from the edges of all circles and solids, within bounds.
+    """Whether a point can move from start to goal with `clearance` to all obstacles and bounds.
 
     Decided on a grid of square cells whose centres are neighbours along the axes, with half a cell
     to spare, so that the lines between the centres keep the clearance too. Never true without a
@@ -103,7 +105,10 @@ def has_passage(
 def _take_away(
     free: NDArray[np.bool_], x: Array, y: Array, solids: Sequence[Solid], keep: float
 ) -> None:
-    """Clear the cells of `free` (X, Y) whose centres are nearer than `keep` to a solid, one convex piece after the other."""
+    """Clear the cells of `free` (X, Y) whose centres are nearer than `keep` to a solid.
+
+    Convex pieces are taken one after the other.
+    """
     prepared = Solids(solids)
     parts = [
         Nearby(prepared.outlines.take(np.array([i])), []) for i in range(len(prepared.outlines))

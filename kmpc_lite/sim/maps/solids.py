@@ -33,7 +33,10 @@ def draw_polygons(random: Random) -> Layout:
 
 
 def draw_walls(random: Random) -> Layout:
-    """Four to seven straight walls of up to 10 cm, every other one joined to the middle of another at an angle."""
+    """Four to seven straight walls; every other one begins at an angle in the middle of another.
+
+    They are up to 10 cm thick.
+    """
     walls: list[Wall] = []
     for i in range(int(random.integers(4, 8))):
         middle = random.uniform(-1.4, 1.4, 2)
@@ -47,7 +50,10 @@ def draw_walls(random: Random) -> Layout:
 
 
 def draw_rooms(random: Random) -> Layout:
-    """A house of three or four rooms with furniture, turned by any angle, as a grid along the axes of the map or of the house."""
+    """A house of three or four rooms with furniture, turned by any angle, as a grid.
+
+    The grid lies along the axes of the map or of the house.
+    """
     turn = random.uniform(-np.pi, np.pi)
     split, cross = random.uniform(-0.5, 0.5, 2)
     half = 0.5 * ROOM

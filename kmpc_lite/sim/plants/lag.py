@@ -1,4 +1,4 @@
-"""Plants with motors that lag, links with dead time, poses that are noisy and old, and floors that change while driving."""
+"""Simulated robots whose motors lag and whose poses are noisy and old, on floors that change."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FINEST = 0.02
 
 
 class LaggingDrive:
-    """Two-wheeled robot whose motors follow their commands late: dead time, then a first-order lag; with slip.
+    """Two-wheeled robot that slips and follows its commands late: dead time, then first-order lag.
 
     ``dv/dt = (v_cmd(t - dead_time) - v) / lag``, the same for the turn rate; the slip of
     `DifferentialDrive` acts on the speeds that the motors have reached. It remembers its speeds and
@@ -78,7 +78,7 @@ class LaggingDrive:
         self.reset()
 
     def reset(self) -> None:
-        """Stand still, with no command on its way, on the first floor; the slip goes on at random."""
+        """Stand still on the first floor with no command on its way; the slip goes on at random."""
         self.time = 0.0
         self.speeds: Array = np.zeros(INPUTS)
         self._sent: deque[tuple[float, Array]] = deque()
@@ -121,7 +121,10 @@ class LaggingDrive:
         return path
 
     def _until(self, state: Array, end: float, ratios: Array, turn_gain: float) -> Array:
-        """Move on to a time; in steps that end where a command arrives, and are short while motors follow."""
+        """Move the robot on to a time [s].
+
+        Steps end where a command arrives, and are short while motors follow.
+        """
         while end - self.time > 1e-9:
             while self._sent and self._sent[0][0] <= self.time + 1e-9:
                 self._held = self._sent.popleft()[1]
@@ -142,7 +145,10 @@ class LaggingDrive:
 
 
 def _move(state: Array, speeds: Array, ratios: Array, h: float, turning_point: Array) -> Array:
-    """Exact arc of a slipping robot at held speeds (paper, eq. 13): states (..., 3), speeds (..., 2), ratios (3, ...)."""
+    """Move slipping robots exactly along arcs at held speeds (paper, eq. 13).
+
+    States are (..., 3), speeds (..., 2), ratios (3, ...).
+    """
     alpha, beta, gamma = ratios
     v, omega = speeds[..., 0], (1.0 + gamma) * speeds[..., 1]
     # chord of an arc: length by sin(a)/a, direction by half the turn
@@ -175,7 +181,7 @@ def drive_log(
     hold: int = 5,
     pose_noise: ArrayLike = (0.0, 0.0, 0.0),
 ) -> Dataset:
-    """Record drives at random, as a log would show them: from rest, commands held for a while, noisy poses.
+    """Record random drives as a log shows them: from rest, held commands, noisy poses.
 
     Parameters
     ----------

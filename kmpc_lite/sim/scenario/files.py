@@ -272,7 +272,7 @@ class Scenario:
         return "\n".join(lines)
 
     def problem(self, base: NavigationProblem | None = None) -> NavigationProblem:
-        """Navigation problem of this map and robot, the rest as in `base` (the paper's where not given)."""
+        """Navigation problem of this map and robot, the rest as in `base` or the paper."""
         x_min, y_min, x_max, y_max = self.bounds
         base = base or NavigationProblem()
         try:
@@ -298,7 +298,10 @@ class Scenario:
         return len(self.circles) + (0 if self.solids is None else len(self.solids.solids))
 
     def obstacles_at(self, time: float) -> Any:
-        """All that `Controller.step` is told at a time [s]: circles alone as an array, with solids as a list."""
+        """Obstacles as `Controller.step` takes them at a time [s].
+
+        Circles alone are an array; with solids they are a list.
+        """
         circles = self.circles_at(time)
         return circles if self.solids is None else [*circles, *self.solids.solids]
 

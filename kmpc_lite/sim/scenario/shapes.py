@@ -90,7 +90,10 @@ def grid_to_toml(grid: OccupancyGrid) -> str:
     drawn[grid.unknown] = UNKNOWN
     rows = ",\n  ".join(f'"{"".join(row)}"' for row in drawn[::-1])
     free = str(unknown_is_free).lower()
-    return f"{{resolution = {grid.resolution!r}, origin = {list(grid.origin)}, unknown_is_free = {free}, rows = [\n  {rows},\n]}}"
+    return (
+        f"{{resolution = {grid.resolution!r}, origin = {list(grid.origin)}, "
+        f"unknown_is_free = {free}, rows = [\n  {rows},\n]}}"
+    )
 
 
 def _make(where: str, kind: Callable[..., Made], *values: Any, **options: Any) -> Made:

@@ -1,4 +1,4 @@
-"""A Husarion ROSbot 2 in MuJoCo: four driven wheels that must slide to turn. Needs the extra ``twin``."""
+"""A Husarion ROSbot 2 in MuJoCo, whose four driven wheels slide to turn (extra ``twin``)."""
 
 from kmpc_lite.sim.twin.floors import FLOORS, Floor, Ground, Patch
 from kmpc_lite.sim.twin.plant import Twin, TwinMissing

@@ -1,4 +1,4 @@
-"""Camera frames of the twin, and a run as an animated GIF; needs an off-screen renderer (EGL or OSMesa)."""
+"""Camera frames of the twin, and a run as an animated GIF; rendering off-screen (EGL or OSMesa)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The robot and its room as MJCF, MuJoCo's model format; written anew from the maker's published figures.
+"""The robot and its room as MJCF, MuJoCo's model format, written from the maker's figures.
 
 Sources, all of github.com/husarion/rosbot_ros: ``rosbot_description/urdf/rosbot/body.urdf.xacro``
 (body: 1.728 kg, inertia, box 0.197 x 0.150 x 0.080 m), ``wheel.urdf.xacro`` (wheels: 0.074 kg,
@@ -35,50 +35,64 @@ their own."""
 
 _WHEEL = """
       <body name="{name}" pos="{x} {y} 0">
-        <joint name="{name}" type="hinge" axis="0 1 0" damping="0.001" frictionloss="0.002" armature="{rotor}"/>
+        <joint name="{name}" type="hinge" axis="0 1 0" damping="0.001" frictionloss="0.002"
+               armature="{rotor}"/>
         <inertial pos="0 0 0" mass="0.074" diaginertia="0.000041 0.000067 0.000041"/>
         <geom name="{name}" class="wheel" type="ellipsoid" size="{r} 0.018 {r}"/>
-        <geom type="cylinder" size="{hub} 0.0175" euler="90 0 0" contype="0" conaffinity="0" group="1" rgba="0.55 0.55 0.58 1" mass="0"/>
+        <geom type="cylinder" size="{hub} 0.0175" euler="90 0 0" contype="0" conaffinity="0"
+              group="1" rgba="0.55 0.55 0.58 1" mass="0"/>
       </body>"""
 
 _ROOM = """<mujoco model="rosbot2">
   <compiler angle="degree" inertiafromgeom="auto"/>
   <!-- implicitfast and an elliptic cone: sliding wheels neither chatter nor creep -->
-  <option timestep="{timestep}" integrator="implicitfast" cone="elliptic" impratio="50" iterations="20" tolerance="1e-8"/>
+  <option timestep="{timestep}" integrator="implicitfast" cone="elliptic" impratio="50"
+          iterations="20" tolerance="1e-8"/>
   <visual>
     <global offwidth="960" offheight="720"/>
     <headlight ambient="0.35 0.35 0.35" diffuse="0.35 0.35 0.35" specular="0 0 0"/>
   </visual>
   <asset>
-    <texture name="tiles" type="2d" builtin="checker" rgb1="0.80 0.80 0.78" rgb2="0.70 0.71 0.70" width="128" height="128"/>
+    <texture name="tiles" type="2d" builtin="checker" rgb1="0.80 0.80 0.78" rgb2="0.70 0.71 0.70"
+             width="128" height="128"/>
     <material name="tiles" texture="tiles" texrepeat="8 8"/>
-    <texture name="sky" type="skybox" builtin="gradient" rgb1="0.95 0.97 1" rgb2="0.75 0.82 0.9" width="64" height="64"/>
+    <texture name="sky" type="skybox" builtin="gradient" rgb1="0.95 0.97 1" rgb2="0.75 0.82 0.9"
+             width="64" height="64"/>
   </asset>
   <default>
-    <!-- a tyre that is round across too touches in one point: one contact a wheel, as rubber under load carries in its middle -->
-    <default class="wheel"><geom contype="{robot}" conaffinity="{obstacle}" rgba="0.1 0.1 0.1 1" mass="0"/></default>
+    <!-- a tyre that is round across too touches in one point: one contact a wheel,
+         as rubber under load carries in its middle -->
+    <default class="wheel"><geom contype="{robot}" conaffinity="{obstacle}" rgba="0.1 0.1 0.1 1"
+             mass="0"/></default>
     <default class="obstacle">
-      <geom type="cylinder" contype="{obstacle}" conaffinity="{robot}" rgba="0.2 0.22 0.25 1" friction="0.4 0.005 0.0001"/>
+      <geom type="cylinder" contype="{obstacle}" conaffinity="{robot}" rgba="0.2 0.22 0.25 1"
+            friction="0.4 0.005 0.0001"/>
     </default>
     <default class="mark"><geom contype="0" conaffinity="0" group="1"/></default>
   </default>
   <worldbody>
-    <light pos="0 0 5" dir="0.3 0.4 -1" directional="true" diffuse="0.3 0.3 0.3" specular="0 0 0" castshadow="false"/>
-    <geom name="floor" type="plane" size="{half} {half} 0.1" material="tiles" contype="0" conaffinity="0"/>
+    <light pos="0 0 5" dir="0.3 0.4 -1" directional="true" diffuse="0.3 0.3 0.3" specular="0 0 0"
+           castshadow="false"/>
+    <geom name="floor" type="plane" size="{half} {half} 0.1" material="tiles" contype="0"
+          conaffinity="0"/>
     <camera name="above" pos="{cx} {cy} {above}" fovy="45"/>
-    <camera name="aside" pos="{cx} {aside} {up}" xyaxes="1 0 0 0 0.65 0.76" fovy="45"/>{marks}{obstacles}
+    <camera name="aside" pos="{cx} {aside} {up}" xyaxes="1 0 0 0 0.65 0.76"
+            fovy="45"/>{marks}{obstacles}
     <body name="robot" pos="0 0 {r}">
       <freejoint name="robot"/>
       <inertial pos="0 0 0.02" mass="1.728" diaginertia="0.004162 0.00651 0.008828"/>
-      <geom name="body" type="box" size="0.0985 0.075 0.04" pos="0 0 0.02" contype="{robot}" conaffinity="{obstacle}" mass="0"
+      <geom name="body" type="box" size="0.0985 0.075 0.04" pos="0 0 0.02" contype="{robot}"
+            conaffinity="{obstacle}" mass="0"
             rgba="0.12 0.12 0.13 1"/>
-      <geom name="cover" class="mark" type="box" size="0.097 0.074 0.003" pos="0 0 0.062" mass="0" rgba="0.85 0.2 0.15 1"/>
+      <geom name="cover" class="mark" type="box" size="0.097 0.074 0.003" pos="0 0 0.062" mass="0"
+            rgba="0.85 0.2 0.15 1"/>
       <body name="lidar" pos="0.02 0 0.085">
         <geom class="mark" type="cylinder" size="0.035 0.02" mass="0.19" rgba="0.05 0.05 0.05 1"/>
       </body>
       <body name="camera" pos="-0.03 0 0.18">
         <geom class="mark" type="box" size="0.02 0.08 0.02" mass="0.30" rgba="0.3 0.3 0.33 1"/>
-        <geom class="mark" type="box" size="0.008 0.008 0.05" pos="-0.01 0 -0.06" mass="0" rgba="0.3 0.3 0.33 1"/>
+        <geom class="mark" type="box" size="0.008 0.008 0.05" pos="-0.01 0 -0.06" mass="0"
+              rgba="0.3 0.3 0.33 1"/>
       </body>{wheels}
     </body>
   </worldbody>
@@ -123,8 +137,8 @@ def write_mjcf(
     ]
     if goal is not None:
         marks.append(
-            f'\n    <geom class="mark" type="cylinder" pos="{goal[0]} {goal[1]} 0.001" size="0.08 '
-            '0.001" rgba="0.85 0.1 0.1 1"/>'
+            f'\n    <geom class="mark" type="cylinder" pos="{goal[0]} {goal[1]} 0.001" '
+            'size="0.08 0.001" rgba="0.85 0.1 0.1 1"/>'
         )
     return _ROOM.format(
         timestep=TIMESTEP,
@@ -148,13 +162,13 @@ def write_mjcf(
             for name, x, y in places
         ),
         pairs="".join(
-            f'\n    <pair name="{name}" geom1="{name}" geom2="floor" condim="4" friction="0.7 0.7 '
-            '0.007 0 0"/>'
+            f'\n    <pair name="{name}" geom1="{name}" geom2="floor" condim="4" '
+            'friction="0.7 0.7 0.007 0 0"/>'
             for name in WHEELS
         ),
         motors="".join(
-            f'\n    <velocity name="{name}" joint="{name}" kv="{GAIN}" forcerange="-{TORQUE} '
-            f'{TORQUE}"/>'
+            f'\n    <velocity name="{name}" joint="{name}" kv="{GAIN}" '
+            f'forcerange="-{TORQUE} {TORQUE}"/>'
             for name in WHEELS
         ),
     )

@@ -37,7 +37,10 @@ class TwinMissing(KmpcError):
 
 
 def load_mujoco() -> Any:
-    """Import MuJoCo, or say how to get it; where there is no display, with the off-screen renderer that the machine has."""
+    """Import MuJoCo, or say how to install it.
+
+    Where there is no display, it renders with the off-screen library that the machine has.
+    """
     if "mujoco" not in sys.modules and "DISPLAY" not in os.environ:
         # MuJoCo reads this once, when it is imported
         found = next((name for name in ("EGL", "OSMesa") if find_library(name)), None)
@@ -158,7 +161,7 @@ class Twin:
         self._last = self.pose
 
     def show(self, pose: tuple[float, float, float], rolled: float) -> None:
-        """Put the robot at a pose for a picture, its wheels turned on by so much [rad]; nothing moves by it."""
+        """Put the robot at a pose for a picture, its wheels turned by so much [rad]."""
         x, y, theta = pose
         self.data.qpos[:3] = x, y, WHEEL_RADIUS
         self.data.qpos[3:7] = math.cos(theta / 2), 0.0, 0.0, math.sin(theta / 2)
@@ -188,7 +191,7 @@ class Twin:
         return speeds
 
     def command(self, v: float, omega: float) -> None:
-        """Ask for v [m/s] and omega [rad/s], as a robot without slip would need them of its wheels."""
+        """Ask the wheels for v [m/s] and omega [rad/s], as if they did not slip."""
         self.command_sides(
             (v - omega * TRACK / 2.0) / WHEEL_RADIUS, (v + omega * TRACK / 2.0) / WHEEL_RADIUS
         )

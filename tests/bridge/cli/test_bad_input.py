@@ -1,4 +1,7 @@
-"""Bad input that each protocol meets: false starts, wrong CRCs, answers out of range, wall clocks that are set."""
+"""Bad input that each protocol meets.
+
+False starts, wrong CRCs, answers out of range, wall clocks that are set.
+"""
 
 import ast
 from pathlib import Path
@@ -127,7 +130,10 @@ def test_replies_with_a_wrong_crc_are_counted_and_believed_by_nobody(rig, monkey
 
 
 def test_no_wall_clock_decides_anything():
-    """A clock that somebody sets, or NTP, can then do nothing: it is read once, for logs and for the stamps of signatures."""
+    """A clock that somebody sets, or NTP, can then do nothing.
+
+    It is read once, for logs and for the stamps of signatures.
+    """
     allowed = {"link/log.py": 1, "drivers/mavlink/driver.py": 1, "emulator/rover/rover.py": 1}
     root, found = Path(firmware_bridge.__file__).parent, {}
     for path in root.rglob("*.py"):

@@ -1,4 +1,7 @@
-"""kmpc-bridge demo, shortened: the phases follow each other through files, and a signal ends them."""
+"""kmpc-bridge demo, shortened.
+
+The phases follow each other through files, and a signal ends them.
+"""
 
 import json
 import os

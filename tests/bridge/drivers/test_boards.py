@@ -203,7 +203,10 @@ def test_unplugged_while_driving_and_plugged_in_again(rig):
 
 
 def test_a_mute_board_is_told_to_stop_all_the_same(rig):
-    """The wire from the board is broken, the one to it is not: zeros must go out, and nothing else."""
+    """The wire from the board is broken, the one to it is not.
+
+    Zeros must go out, and nothing else.
+    """
     rig.connect()
     rig.drive(0.3, 0.0, 0.1)
     rig.emulator.mute = True
@@ -317,7 +320,10 @@ def test_a_board_that_restarts_is_set_up_again(rig):
 
 
 def test_wire_shows_only_speeds_within_the_limit_under_faults(name):
-    """Drop, duplicate, corrupt, reorder, split, cut: what the driver writes is decoded here by other means."""
+    """Drop, duplicate, corrupt, reorder, split, cut.
+
+    What the driver writes is decoded here by other means.
+    """
     wire = named_wire(f"storm-{name}", Faults(), seed=7)
     rig = Rig(name, f"loopback:storm-{name}").connect()
     storm = Faults(
@@ -348,7 +354,9 @@ def test_wire_shows_only_speeds_within_the_limit_under_faults(name):
 
 
 def rim_speeds(name, frame):
-    """Rim speeds [m/s] in a frame of the driver, by decoders that share nothing with the bridge's."""
+    """Rim speeds [m/s] in a frame of the driver, by decoders that share nothing with the
+    bridge's.
+    """
     per_metre = 20.0 / (2 * math.pi * 0.0425)
     if name == "roboclaw":
         return (

@@ -85,7 +85,8 @@ def test_checksums_are_answered_with_checksums(board):
 
 def test_watchdog_disarms_with_an_error_and_only_v_and_u_feed_it(board, clock):
     board.handle(
-        b"w axis0.config.watchdog_timeout 0.5\nw axis0.config.enable_watchdog 1\nw axis0.requested_state 8\nv 0 1 0\n"
+        b"w axis0.config.watchdog_timeout 0.5\nw axis0.config.enable_watchdog 1\n"
+        b"w axis0.requested_state 8\nv 0 1 0\n"
     )
     for feed in (b"v 0 1 0\n", b"u 0\n") * 3:
         clock.now += 0.45
@@ -289,7 +290,10 @@ def test_without_checksums(tmp_path):
 
 
 def test_a_reply_that_comes_late_is_not_taken_for_the_next(rig, monkeypatch):
-    """Replies of `f` and `r` have different shapes and alternate: a left position can never pass for a right one."""
+    """Replies of `f` and `r` have different shapes and alternate.
+
+    A left position can never pass for a right one.
+    """
     rig.connect()
     rig.drive(0.0, 2.0, 0.3)
     late = []

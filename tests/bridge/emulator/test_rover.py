@@ -1,4 +1,7 @@
-"""The emulated rover as its ground station meets it: one message in, what comes out, on a clock of the tests' own."""
+"""The emulated rover as its ground station meets it.
+
+One message in, what comes out, on a clock of the tests' own.
+"""
 
 from __future__ import annotations
 
@@ -126,7 +129,9 @@ class TestSetPoints:
         ("mask", "frame"), [(0x5C7, 12), (0x5C7, 0), (0x407, 8), (0x1C7, 8), (0xDFF, 8), (0x5C4, 8)]
     )
     def test_frames_and_masks_that_are_ignored(self, mask: int, frame: int) -> None:
-        """Other frames, accelerations in use, yaw and yaw rate at once, nothing at all, a position."""
+        """Other frames, accelerations in use, yaw and yaw rate at once, nothing at all, a
+        position.
+        """
         ground = Ground()
         ground.guided()
         assert ground.drive(0.5, 0.3, 1.0, mask=mask, frame=frame) == (0.0, 0.0)
@@ -551,7 +556,10 @@ class TestMotionCapture:
 
 
 def test_a_million_bytes_of_frames_with_random_content() -> None:
-    """Right CRC, random payloads of every kind, some junk between: the rover answers or ignores, and goes on."""
+    """Right CRC, random payloads of every kind, some junk between.
+
+    The rover answers or ignores, and goes on.
+    """
     noise, ground = random.Random(5), Ground()
     ground.guided()
     kinds = [kind for kind in dialect.mavlink_map.values() if kind.unpacker.size]

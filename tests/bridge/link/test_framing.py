@@ -1,4 +1,6 @@
-"""Vectors from the manuals, CRCs against another implementation, and a million bytes of noise for each decoder."""
+"""Vectors from the manuals, CRCs against another implementation, and a million bytes of noise for
+each decoder.
+"""
 
 import random
 import struct

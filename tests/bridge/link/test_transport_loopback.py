@@ -1,4 +1,6 @@
-"""The loopback with faults: each fault alone, the same for the same seed, and an honest account of them."""
+"""The loopback with faults: each fault alone, the same for the same seed, and an honest account of
+them.
+"""
 
 import threading
 

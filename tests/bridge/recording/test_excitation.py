@@ -1,4 +1,6 @@
-"""Random driving stays inside its fence, whatever the robot's lag, and shows all four sign scenarios."""
+"""Random driving stays inside its fence, whatever the robot's lag, and shows all four sign
+scenarios.
+"""
 
 import math
 from collections import Counter
@@ -14,7 +16,9 @@ FENCE = (-1.0, -2.0, 3.0, 2.0)
 
 
 def drive(controller, limits, seconds, lag, delay, gain, period=0.1, dt=0.02):
-    """A robot with first-order lag in both speeds, poses `delay` late, limits on acceleration, and too much speed."""
+    """A robot with first-order lag in both speeds, poses `delay` late, limits on acceleration,
+    and too much speed.
+    """
     state, past, out, command, wanted = (
         State(1.0, 0.0, 0.3, 0.0, 0.0, 0.0),
         [],

@@ -1,4 +1,4 @@
-"""Poses from outside: what is believed, what is refused and counted, and robots that drive by them."""
+"""Poses from outside: what is believed, what is refused, and robots that drive by them."""
 
 import json
 import math
@@ -31,7 +31,9 @@ def line(stamp, x=0.0, y=0.0, theta=0.0) -> bytes:
 
 
 def fed(source=None, count=50, start=100.0, ahead=7000.0):
-    """A filter that has heard a robot at rest for `count` periods, from a clock `ahead` of ours; and the time now."""
+    """A filter that has heard a robot at rest for `count` periods, from a clock `ahead` of
+    ours; and the time now.
+    """
     source = PoseFilter() if source is None else source
     for k in range(count):
         now = start + k * PERIOD

@@ -86,7 +86,10 @@ def test_the_origin_places_and_turns_a_grid() -> None:
 
 
 def write(folder: Path, yaml: str = YAML, image: bytes | None = None) -> Path:
-    """Write map.yaml and map.pgm; at the default the upper left pixel is black, the lower right unknown, the rest white."""
+    """Write map.yaml and map.pgm.
+
+    At the default the upper left pixel is black, the lower right unknown, the rest white.
+    """
     pixels = bytes([0, 254, 254, 254, 254, 205])
     (folder / "map.pgm").write_bytes(
         b"P5\n# CREATOR: map_saver\n3 2\n255\n" + pixels if image is None else image
@@ -154,7 +157,9 @@ def test_a_missing_map_is_named() -> None:
 
 
 def slanted(door: int | None = 30) -> kl.OccupancyGrid:
-    """A wall across 6 m x 6 m that is slanted, so that it is made of many rectangles, with a door of 0.6 m, or none."""
+    """A wall across 6 m x 6 m that is slanted, so that it is made of many rectangles, with a
+    door of 0.6 m, or none.
+    """
     cells = np.zeros((120, 120), dtype=bool)
     for column in range(120):
         if door is None or not door <= column < door + 12:

@@ -1,4 +1,6 @@
-"""Polygons, walls and grids: what is refused, distances against dense samples, normals, and what a step sees of them."""
+"""Polygons, walls and grids: what is refused, distances against dense samples, normals, and what a
+step sees of them.
+"""
 
 from __future__ import annotations
 
@@ -138,7 +140,10 @@ def test_distances_are_those_of_dense_samples(seed: int) -> None:
 @settings(max_examples=20)
 @given(seed=st.integers(0, 10_000))
 def test_each_half_plane_holds_its_whole_solid_back(seed: int) -> None:
-    """What makes a step safe to linearise: outside of the nearest point's half-plane there is nothing of a convex solid."""
+    """What makes a step safe to linearise.
+
+    Outside of the nearest point's half-plane there is nothing of a convex solid.
+    """
     random = np.random.default_rng(seed)
     points = random.uniform(-2.5, 2.5, (10, 2))
     for solid in some(random)[:-1]:
@@ -188,7 +193,10 @@ def test_the_way_out_of_a_polygon_is_through_its_nearest_side() -> None:
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10_000))
 def test_what_a_grid_leaves_out_lies_behind_what_it_names(seed: int) -> None:
-    """The nearest rectangle is always named; with room for more, all others' nearest points lie behind a half-plane that is named."""
+    """The nearest rectangle is always named.
+
+    With room for more, all others' nearest points lie behind a half-plane that is named.
+    """
     random = np.random.default_rng(seed)
     boxes = Solids([grid(random)]).boxes[0]
     points = random.uniform(-2.0, 2.0, (10, 2))

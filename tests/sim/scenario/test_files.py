@@ -1,4 +1,6 @@
-"""Scenario files: what is wrong is told by file, section and key, and what is right survives being written."""
+"""Scenario files: what is wrong is told by file, section and key, and what is right survives being
+written.
+"""
 
 from __future__ import annotations
 

@@ -28,7 +28,12 @@ def scenario(content: str, where: str = "text") -> Scenario:
 def test_shapes_are_read_and_survive_being_written() -> None:
     text = """polygons = [[[0, 0], [1, 0], [0, 1]]]
 walls = [[-1, 1, 1, 1.5], [1, -1, 1, 0, 0.1]]
-grid = {resolution = 0.5, origin = [-1.5, 0.0, 0.1], unknown_is_free = true, rows = ["#.?", "..."]}"""
+[map.grid]
+resolution = 0.5
+origin = [-1.5, 0.0, 0.1]
+unknown_is_free = true
+rows = ["#.?", "..."]
+"""
     first = scenario(text)
     again = Scenario.from_table(tomllib.loads(first.to_toml()), "field", "text")
     for read in (first, again):

@@ -1,4 +1,7 @@
-"""The digital twin is a robot: it slides to turn, stops, is the same twice, and feels what it touches."""
+"""The digital twin is a robot.
+
+It slides to turn, stops, is the same twice, and feels what it touches.
+"""
 
 import numpy as np
 import pytest

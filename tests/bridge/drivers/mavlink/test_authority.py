@@ -248,7 +248,9 @@ def test_without_heartbeats_the_mode_is_not_believed_for_long() -> None:
 
 
 def only_heartbeats(keep) -> object:
-    """A filter of frames: of the HEARTBEATs those whose number since now `keep` takes, and everything else."""
+    """A filter of frames: of the HEARTBEATs those whose number since now `keep` takes, and
+    everything else.
+    """
     count = 0
 
     def pass_on(frame: bytes) -> list[bytes]:

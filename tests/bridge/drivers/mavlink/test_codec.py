@@ -1,4 +1,6 @@
-"""Bytes to messages: what no byte stream may do to us, and agreement with encoders that are not ours."""
+"""Bytes to messages: what no byte stream may do to us, and agreement with encoders that are not
+ours.
+"""
 
 from __future__ import annotations
 

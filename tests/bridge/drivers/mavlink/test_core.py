@@ -12,7 +12,9 @@ from firmware_bridge.emulator.rover.parameters import MOTION_CAPTURE
 
 
 def error(rig: Rig) -> tuple[float, float]:
-    """Distance and angle between the driver's state and the truth at its stamp, for a rover that is not accelerating."""
+    """Distance and angle between the driver's state and the truth at its stamp, for a rover
+    that is not accelerating.
+    """
     state = rig.core.state
     assert state is not None
     x, y, theta = rig.rover.pose

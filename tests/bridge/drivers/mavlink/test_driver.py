@@ -37,7 +37,8 @@ def free_port(kind: int = socket.SOCK_STREAM) -> int:
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     if request.param == "pty":
         return f"pty:{tmp_path / 'rover'}"
-    return f"{request.param}:127.0.0.1:{free_port(socket.SOCK_STREAM if request.param == 'tcp' else socket.SOCK_DGRAM)}"
+    kind = socket.SOCK_STREAM if request.param == "tcp" else socket.SOCK_DGRAM
+    return f"{request.param}:127.0.0.1:{free_port(kind)}"
 
 
 @pytest.fixture

@@ -1,4 +1,7 @@
-"""A wire that drops, doubles, spoils, swaps, splits and cuts: nothing wrong gets through, and all is well once it is mended."""
+"""A wire that drops, doubles, spoils, swaps, splits and cuts.
+
+Nothing wrong gets through, and all is well once it is mended.
+"""
 
 from __future__ import annotations
 
