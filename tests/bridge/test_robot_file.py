@@ -111,7 +111,8 @@ def test_the_command_line_lies_over_the_file_and_may_do_without_it(tmp_path):
         ('[link]\nurl = "tcp::1"', "link.driver: missing: give --driver NAME"),
         (
             '[link]\nurl = "tcp::1"\ndriver = "servo"',
-            "link.driver: expected mavlink, roboclaw, odrive, vesc, roboteq, sabertooth, arduino, got",
+            "link.driver: expected mavlink, roboclaw, odrive, vesc, roboteq, sabertooth, arduino, "
+            "got",
         ),
         (LINK + "baud = 9600", "link.baud: unknown key"),
         (LINK + "timeout = 0", "link.timeout: expected 0.1 to 300 s, got 0"),

@@ -1,4 +1,4 @@
-"""The serial boards with encoders: driver, emulator and robot file, for tests that all must pass."""
+"""Serial boards with encoders: driver, emulator, robot file, for tests that all must pass."""
 
 import math
 import time
