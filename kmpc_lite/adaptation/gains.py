@@ -1,4 +1,4 @@
-"""Four gains that correct a learned model: their estimate, its certainty, and the noise left.
+"""Four gains on a learned model: their estimate, how sure it is, and the noise that they leave.
 
 A step is kept as 20 numbers: the displacement that the model gives (px, py) [m], in the map's
 frame, and the measured one (dx, dy); the turn that the model gives h [rad], the way ahead g [m],
@@ -16,7 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES, Array
+
+ONE = Scale()
 
 QUIETEST = 0.4
 """Least variance of the residuals, as a share of the expected one, that a test believes in: few
@@ -25,21 +28,19 @@ FEWEST = 6
 """Steps with a weight that gains are estimated from: of fewer, which a robot that turns on the spot
 leaves, chance makes anything."""
 PRIOR = (0.3, 0.3, 0.1)
-"""Standard deviations of the velocity's gains, the turn gain and the pull [rad/m] before anything
-is measured: what a drive does not show stays as it was."""
+"""Standard deviations of the velocity's gains, the turn gain and the pull [rad per unit of length]
+before anything is measured: what a drive does not show stays as it was."""
 
 USUAL = (0.3, 0.4)
-"""Speeds at which the noise of poses is compared with that of the floor [m/s, rad/s]."""
+"""Speeds at which the noise of poses is compared with that of the floor, in the robot's units:
+0.3 m/s and 0.4 rad/s of a robot of 0.15 m and 0.6 m/s."""
 RESTLESS = 0.1
 """What a floor is taken to do at the least, as a share of a step (standard deviation): so soon is a
 pose forgotten."""
 
 
 class Gains(NamedTuple):
-    """Correction of a learned model by four gains.
-
-    They scale velocity ahead, velocity to the left, turn rate, and turn per metre.
-    """
+    """Correction of a learned model: of velocities, of the turn rate, and turn per metre."""
 
     ahead: float = 1.0
     """Factor of the learned velocity."""
@@ -59,12 +60,15 @@ class Estimate(NamedTuple):
     """Squared, in standard errors over the four gains."""
 
 
-def estimate(sums: Sequence[float], now: Gains, scaled: bool = True) -> Estimate:
+def estimate(
+    sums: Sequence[float], now: Gains, scaled: bool = True, length: float = 1.0
+) -> Estimate:
     """Estimate the gains from sums, and their distance to those in use in standard errors, squared.
 
     The variance of the residuals is measured; or taken from the noise model alone (`scaled` false),
-    so that sets of steps compare.
+    so that sets of steps compare. `length` is the robot's unit of length [m].
     """
+    pull_information = (length / PRIOR[2]) ** 2
     pp, pd, pl, dd, hh, hg, gg, ht, gt, tt, moves, turns = sums
     # a prior around the gains in use holds what the drive does not show
     scale = 1.0
@@ -79,7 +83,7 @@ def estimate(sums: Sequence[float], now: Gains, scaled: bool = True) -> Estimate
     excess = ht - now.turn * hh - now.pull * hg, gt - now.turn * hg - now.pull * gg
     scale = 1.0
     for _ in range(2 if scaled else 1):
-        first, second = hh + scale / PRIOR[1] ** 2, gg + scale / PRIOR[2] ** 2
+        first, second = hh + scale / PRIOR[1] ** 2, gg + scale * pull_information
         determinant = first * second - hg * hg
         turn_step = (second * excess[0] - hg * excess[1]) / determinant
         pull_step = (first * excess[1] - hg * excess[0]) / determinant
@@ -99,8 +103,10 @@ def estimate(sums: Sequence[float], now: Gains, scaled: bool = True) -> Estimate
     return Estimate(Gains(now.ahead + ahead, now.left + left, turn, pull), distance)
 
 
-def whitening(noise: Array, dt: float) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Weights that make the noise of steps between noisy poses independent.
+def whitening(
+    noise: Array, dt: float, scale: Scale = ONE
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Make the noise of steps between noisy poses independent.
 
     To each step a share of the fading sum of those before is added.
 
@@ -113,6 +119,8 @@ def whitening(noise: Array, dt: float) -> tuple[tuple[float, float], tuple[float
         Learned covariance of a step's residuals by the command, (3, 3, 3).
     dt : float
         Period [s].
+    scale : Scale
+        The robot's units.
 
     Returns
     -------
@@ -121,12 +129,13 @@ def whitening(noise: Array, dt: float) -> tuple[tuple[float, float], tuple[float
         share of a single step's.
     """
     carried, white = [], []
-    for axis, speed in ((0, USUAL[0]), (2, USUAL[1])):
+    usual = (USUAL[0] * scale.speed, USUAL[1] / scale.time)
+    for axis, speed in ((0, usual[0]), (2, usual[1])):
         # at rest, the noise of two poses makes the residual
-        pose = max(0.5 * float(noise[0, axis, axis]), 1e-12)
+        pose = max(0.5 * float(noise[0, axis, axis]), 1e-12 * float(scale.state[axis]) ** 2)
         floor = (
-            float(noise[1, axis, axis]) * USUAL[0] ** 2
-            + float(noise[2, axis, axis]) * USUAL[1] ** 2
+            float(noise[1, axis, axis]) * usual[0] ** 2
+            + float(noise[2, axis, axis]) * usual[1] ** 2
             + (RESTLESS * speed * dt) ** 2
         )
         ratio = floor / pose
@@ -137,9 +146,9 @@ def whitening(noise: Array, dt: float) -> tuple[tuple[float, float], tuple[float
 
 
 def residual_covariance(steps: Array, gains: Gains, learned: Array) -> Array:
-    """Covariance of the residuals since the change, by the command: (3, 3, 3).
+    """Covariance of the residuals of the steps since the change, (3, 3, 3) by the command.
 
-    It is drawn towards the learned covariance.
+    It is drawn towards the learned one.
     """
     count = steps.shape[1]
     cosine, sine, v2, omega2 = steps[9:13]
@@ -158,7 +167,7 @@ def residual_covariance(steps: Array, gains: Gains, learned: Array) -> Array:
 
 
 def residuals(steps: Array, gains: Gains) -> tuple[Array, Array, Array]:
-    """What gains leave of steps (7 or more, n): x [m], y [m] and heading [rad], (n,) each."""
+    """What gains leave of steps (7 or more, n): x [m], y [m], heading [rad], (n,) each."""
     px, py, dx, dy, h, g, turned = steps[:7]
     return (
         dx - gains.ahead * px + gains.left * py,
@@ -174,3 +183,48 @@ def scores(steps: Array, gains: Gains) -> Array:
     return np.stack(
         [a * (px * ex + py * ey), a * (px * ey - py * ex), b * h * turned, b * g * turned]
     )
+
+
+def reweighed_sums(
+    steps: Array, noise: Array, floors: Array, white: Array, even: float
+) -> tuple[Array, tuple[float, float]]:
+    """Sums of steps whose weights are worked out anew from what is now known of their noise.
+
+    Parameters
+    ----------
+    steps : ndarray
+        (n, 20) as kept; their weights are overwritten.
+    noise : ndarray
+        (2, 3) variances of position and turn by 1, v^2, omega^2.
+    floors, white : ndarray
+        (2,) least variances, and what whitening leaves of them, of position and turn.
+    even : float
+        Share of the usual variance that every step has on top of its own.
+
+    Returns
+    -------
+    sums, usual
+        (n, 12), and the mean variance of position and of turns.
+    """
+    px, py, dx, dy, h, g, turned, a, b, _, _, v2, omega2 = steps[:, :13].T
+    own = noise @ np.stack([np.ones(len(steps)), v2, omega2]) + floors[:, None]
+    usual = own.mean(axis=1)
+    weights = 1.0 / (own + even * usual[:, None]) / white[:, None]
+    a, b = np.where(a > 0.0, weights[0], 0.0), np.where(b > 0.0, weights[1], 0.0)
+    steps[:, 7], steps[:, 8] = a, b
+    position = (px * px + py * py, px * dx + py * dy, px * dy - py * dx, dx * dx + dy * dy)
+    heading = (h * h, h * g, g * g, h * turned, g * turned, turned * turned)
+    columns = [*(a * term for term in position), *(b * term for term in heading)]
+    return np.stack([*columns, a > 0.0, b > 0.0], axis=1), (float(usual[0]), float(usual[1]))
+
+
+def contradiction(steps: Array, now: Gains, new: Gains) -> float:
+    """How much steps contradict the gains in use, by their own scatter around new ones.
+
+    Squared, in standard errors over the gains that enough of the steps tell something of.
+    """
+    pulls = scores(steps, now).sum(axis=1)
+    own = scores(steps, new)
+    scatter = (own**2).sum(axis=1)
+    enough = np.count_nonzero(own, axis=1) >= FEWEST
+    return float((pulls**2 / np.maximum(scatter, 1e-12))[enough].sum())

@@ -1,3 +1,4 @@
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +15,11 @@ from kmpc_lite import (
 )
 from kmpc_lite.adaptation.gains import RESTLESS, USUAL, whitening
 from kmpc_lite.adaptation.online import Gains, OnlineAdaptation
-from kmpc_lite.errors import ModelError
+from kmpc_lite.adaptation.options import AdaptationOptions
+from kmpc_lite.errors import ModelError, ProblemError
 from kmpc_lite.learn.evaluation import evaluate
 from kmpc_lite.model.dictionary import HermiteTrigDictionary
+from kmpc_lite.scale import Scale
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 
 DT, U_MAX = 0.1, (0.6, 0.785)
@@ -228,13 +231,17 @@ def test_standing_still_changes_nothing():
     adaptation = OnlineAdaptation(model_of(0.05))
     random = np.random.default_rng(0)
     go(adaptation, DifferentialDrive(0.05, seed=1), 200, 0)
-    sums, slow, used = adaptation._recent.copy(), adaptation._slow.copy(), adaptation.counts.used
+    sums, slow, used = (
+        adaptation.state.recent.copy(),
+        adaptation.state.slow.copy(),
+        adaptation.counts.used,
+    )
     poses = np.array([0.3, 0.2, 0.1]) + random.normal(size=(100_001, 3)) * (0.005, 0.005, 0.02)
     still = np.zeros(2)
     assert not any(adaptation.update(a, still, b) for a, b in zip(poses, poses[1:], strict=False))
     assert adaptation.counts.still == 100_000 and adaptation.counts.used == used
-    np.testing.assert_array_equal(adaptation._recent, sums)
-    np.testing.assert_array_equal(adaptation._slow, slow)
+    np.testing.assert_array_equal(adaptation.state.recent, sums)
+    np.testing.assert_array_equal(adaptation.state.slow, slow)
 
 
 def test_a_straight_line_does_not_unlearn_turning():
@@ -340,7 +347,7 @@ def test_a_heading_that_has_turned_full_circles_is_still_the_same_heading():
         turned.update(x + (0, 0, 6 * np.pi), u, after + (0, 0, 6 * np.pi))
         x = after
     assert adaptation.counts == turned.counts
-    np.testing.assert_allclose(adaptation._slow, turned._slow, rtol=1e-6)
+    np.testing.assert_allclose(adaptation.state.slow, turned.state.slow, rtol=1e-6)
 
 
 def test_the_result_is_a_model_that_can_be_saved(tmp_path):
@@ -397,11 +404,74 @@ def test_bad_arguments():
     data = generate_dataset(DifferentialDrive(0.05), episodes=10, steps=50, dt=DT)
     with pytest.raises(ModelError, match="needs a continuous model"):
         OnlineAdaptation(fit(data, method="edmdc"))
-    with pytest.raises(ModelError, match="window < memory"):
-        OnlineAdaptation(nominal_unicycle(DT), window=50, memory=50)
+    with pytest.raises(ProblemError, match="window < memory"):
+        OnlineAdaptation(nominal_unicycle(DT), AdaptationOptions(window=5.0, memory=5.0))
     adaptation = OnlineAdaptation(nominal_unicycle(DT))
     with pytest.raises(ValueError, match="expected x"):
         adaptation.update((0.0, 0.0), (0.0, 0.0), (0.0, 0.0, 0.0))
     slow = OnlineAdaptation(fit(data, InputHistoryDictionary(UnicycleDictionary(), lags=(0, 1))))
     with pytest.raises(ValueError, match="history"):
         slow.update(np.zeros(3), np.zeros(2), np.zeros(3), np.zeros((3, 2)))
+
+
+class Mirrored(DifferentialDrive):
+    """A robot that turns the other way round: the log of another robot, or a sign in its wiring."""
+
+    def step(self, x, u, dt):
+        return super().step(x, (u[0], -u[1]), dt)
+
+
+def test_a_mirrored_robot_is_told_within_seconds():
+    adaptation = OnlineAdaptation(model_of(0.05))
+    go(adaptation, Mirrored(0.05, seed=3), 80, 1)
+    assert "turns -" in adaptation.wrong_model
+    assert adaptation.model is adaptation.base
+    adaptation.reset()
+    assert not adaptation.wrong_model
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.05, 0.2])
+def test_no_floor_is_taken_for_another_robot(slip):
+    for seed in range(4):
+        adaptation = OnlineAdaptation(model_of(0.05))
+        plant = DifferentialDrive(slip, seed=seed, turn_gain=0.5)
+        go(adaptation, plant, 600, seed, noise=(0.005, 0.005, 0.02))
+        assert not adaptation.wrong_model and adaptation.counts.models
+
+
+def test_an_adapted_model_that_predicts_worse_gives_way_to_the_learned_one():
+    adaptation = OnlineAdaptation(model_of(0.05))
+    state = adaptation.state
+    state.gains = Gains(turn=0.6)  # of a floor that is gone, and too little to raise an alarm
+    adaptation.options = replace(adaptation.options, window_alarm=1e9, memory_alarm=1e9)
+    go(adaptation, DifferentialDrive(0.05, seed=3), 200, 1)
+    assert adaptation.gains == Gains() and adaptation.model is adaptation.base
+
+
+def test_its_state_copies_and_pickles_to_the_last_bit():
+    adaptation = OnlineAdaptation(model_of(0.05))
+    plant = DifferentialDrive(0.2, seed=3, turn_gain=0.7)
+    go(adaptation, plant, 45, 1)
+    other = pickle.loads(pickle.dumps(adaptation))
+    for each in (adaptation, other):
+        go(each, DifferentialDrive(0.2, seed=4, turn_gain=0.7), 200, 2)
+    assert adaptation.gains == other.gains and adaptation.counts == other.counts
+    np.testing.assert_array_equal(adaptation.state.raw, other.state.raw)
+
+
+def test_the_same_robot_scaled_learns_the_same_gains():
+    scale = Scale(4.0, 2.0)
+    one, large = (
+        OnlineAdaptation(nominal_unicycle(DT)),
+        OnlineAdaptation(nominal_unicycle(DT * scale.time), scale=scale),
+    )
+    random, x, plant = np.random.default_rng(0), np.zeros(3), DifferentialDrive(turn_gain=0.7)
+    for _ in range(100):
+        u = random.uniform(-1, 1, 2) * U_MAX
+        after = plant.step(x, u, DT) + random.normal(size=3) * 0.002
+        first = one.update(x, u, after)
+        second = large.update(x * scale.state, u * scale.command, after * scale.state)
+        assert (first is None) == (second is None)
+        x = after
+    assert one.counts == large.counts and one.counts.models > 0
+    assert one.gains[:3] == large.gains[:3] and 4.0 * large.gains.pull == one.gains.pull

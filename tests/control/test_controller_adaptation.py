@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 import kmpc_lite as kl
 from kmpc_lite.adaptation.online import OnlineAdaptation
+from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.control.margins.tightening import LATE_RISK, LONGEST_HEADWAY, RISK
 from kmpc_lite.sim import Scenario, drive
 from kmpc_lite.sim.maps.families import random_map
@@ -46,7 +47,7 @@ def test_it_runs_where_there_are_margins_and_the_model_can_be_adapted(
         assert kl.Controller(model, adaptation=False).adaptation is None
         assert kl.Controller(model, tightening=None).adaptation is None
         assert kl.Controller(model, tightening=None, adaptation=True).adaptation is not None
-        own = OnlineAdaptation(model, window=30)
+        own = OnlineAdaptation(model, AdaptationOptions(window=3.0))
         assert kl.Controller(model, adaptation=own).adaptation is own
     assert kl.Controller(learned_edmdc).adaptation is None
     with pytest.raises(kl.ModelError, match="continuous"):

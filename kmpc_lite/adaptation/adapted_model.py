@@ -1,0 +1,58 @@
+"""A learned model under gains: what becomes of its matrices, and which gains a floor can cause."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import hypot
+
+import numpy as np
+
+from kmpc_lite.adaptation.gains import Gains
+from kmpc_lite.adaptation.options import AdaptationOptions
+from kmpc_lite.model.koopman import KoopmanModel, NoiseModel
+from kmpc_lite.scale import UNIT_RADIUS
+from kmpc_lite.types import Array
+
+
+def adapted_model(
+    base: KoopmanModel, gains: Gains, responses: Array, noise: NoiseModel, told: dict[str, int]
+) -> KoopmanModel:
+    """Apply gains to a learned model.
+
+    Parameters
+    ----------
+    base : KoopmanModel
+        The learned one.
+    gains : Gains
+        Of the velocity ahead and to the left, of the turn rate, and the pull.
+    responses : ndarray
+        (nw,) how much each bilinear input drives the robot ahead.
+    noise : NoiseModel
+        Of the residuals that the gains leave.
+    told : dict
+        What is kept in the model's `info` beside the gains.
+    """
+    mix = np.array(
+        [[gains.ahead, -gains.left, 0.0], [gains.left, gains.ahead, 0.0], [0.0, 0.0, gains.turn]]
+    )
+    b = mix @ base.B
+    b[2] += gains.pull * responses
+    info = {**base.info, "adaptation": {**gains._asdict(), **told}}
+    return replace(base, A=mix @ base.A, H=mix @ base.H, B=b, noise_model=noise, info=info)
+
+
+def refuse(gains: Gains, options: AdaptationOptions, length: float) -> str:
+    """Say why gains are none that a floor could cause; empty where they are.
+
+    `length` is the robot's unit of length [m].
+    """
+    speed = hypot(gains.ahead, gains.left)
+    if not (gains.ahead > 0.0 and options.least_gain < speed < options.largest_gain):
+        return f"it comes {gains.ahead:.2g} times as far ahead as the model says"
+    if not abs(gains.left) < options.largest_drift * speed:
+        return f"it drifts sideways by {gains.left:.2g} of its speed"
+    if not options.least_gain < gains.turn < options.largest_gain:
+        return f"it turns {gains.turn:.2g} times as far as the model says"
+    if not abs(gains.pull) * UNIT_RADIUS * length < options.largest_pull:
+        return f"it pulls to one side by {gains.pull:.2g} rad/m"
+    return ""
