@@ -145,7 +145,7 @@ def whitening(
     return (carried[0], carried[1]), (white[0], white[1])
 
 
-def residual_covariance(steps: Array, gains: Gains, learned: Array) -> Array:
+def residual_covariance(steps: Array, gains: Gains, learned: Array, scale: Scale = ONE) -> Array:
     """Covariance of the residuals of the steps since the change, (3, 3, 3) by the command.
 
     It is drawn towards the learned one.
@@ -157,12 +157,18 @@ def residual_covariance(steps: Array, gains: Gains, learned: Array) -> Array:
     terms = np.stack([v2, omega2], axis=1)
     expected = np.tensordot(terms, learned[1:], axes=(1, 0)) + learned[0]
     surplus = errors[:, :, None] * errors[:, None, :] - expected
+    powers = scale.command**2
+    terms /= powers
     gram = terms.T @ terms
     gram += np.eye(2) * (0.1 * np.trace(gram) / max(sqrt(count), 1.0) + 1e-12)
     change = np.linalg.solve(gram, terms.T @ surplus.reshape(count, -1)).reshape(2, STATES, STATES)
+    change /= powers[:, None, None]
     coefficients = np.concatenate([learned[:1], learned[1:] + change])
-    values, vectors = np.linalg.eigh(coefficients)
+    # in the robot's units, for metres and radians have no common measure
+    between = scale.state * scale.state[:, None]
+    values, vectors = np.linalg.eigh(coefficients / between)
     projected: Array = (vectors * np.maximum(values, 0.0)[:, None, :]) @ vectors.transpose(0, 2, 1)
+    projected *= between
     return projected
 
 

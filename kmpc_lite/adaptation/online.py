@@ -266,7 +266,7 @@ class OnlineAdaptation:
         state.counts.models += 1
         count = min(state.since, self._memory)
         coefficients = residual_covariance(
-            state.raw[self._kept(count)].T, gains, self._learned_noise
+            state.raw[self._kept(count)].T, gains, self._learned_noise, self.scale
         )
         if state.since >= self._window:
             self._reweigh(coefficients)
