@@ -5,9 +5,11 @@ BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export PYTHONDONTWRITEBYTECODE := 1
+# mkdocs-material's advertisement for its successor
+export NO_MKDOCS_2_WARNING := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long check format study clean
+.PHONY: help demo test test-long check docs format study clean
 
 help:  ## show what can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -24,19 +26,29 @@ $(VENV)/demo: $(VENV)/python pyproject.toml
 
 $(VENV)/dev: $(VENV)/python pyproject.toml
 	@echo "installing kmpc_lite with all that its tests need ..."
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot,bridge,peers,twin,clients,dev]'
-	@touch $@ $(VENV)/demo
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot,bridge,peers,twin,clients,docs,dev]'
+	@touch $@ $(VENV)/demo $(VENV)/docs
+
+$(VENV)/docs: $(VENV)/python pyproject.toml
+	@echo "installing kmpc_lite with what builds its documentation ..."
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs,bridge]'
+	@touch $@
 
 demo: $(VENV)/demo  ## learn from a drive of the emulated rover, drive it past four obstacles, end in a report: out/report.html; LOG=run.csv learns from your robot's log instead
 	@$(BIN)/$(if $(LOG),kmpc demo --log $(LOG),kmpc-bridge demo) --output out
 
-check: $(VENV)/dev  ## style, types and import rules
+check: $(VENV)/dev  ## style, types, import rules and the documentation's build
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/mkdocs build --strict --quiet
 
-test: check  ## check, then doctests, README, examples and all tests but the long ones
+docs: $(VENV)/docs  ## the documentation as a site, a warning being an error: out/site/index.html
+	@$(BIN)/mkdocs build --strict --quiet
+	@echo "wrote out/site/index.html"
+
+test: check  ## check, then doctests, README, documentation, examples and all tests but the long ones
 	$(BIN)/python -m pytest -n auto -m "not long" --cov --cov-report=term:skip-covered $(ARGS)
 
 test-long: $(VENV)/dev  ## the tests that take minutes

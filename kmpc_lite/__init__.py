@@ -21,7 +21,7 @@ from kmpc_lite.model.dictionary import (
 from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
 from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "Accumulator",

@@ -1,70 +1,51 @@
-"""What the README and the examples say is run, as it stands there."""
+"""What README, pages and examples say is run, as it stands there; where they lead exists."""
 
 from __future__ import annotations
 
 import importlib
 import os
 import re
-import shlex
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
+from pages import (
+    DOCS,
+    LONG,
+    PAGES,
+    ROOT,
+    all_commands,
+    anchors,
+    blocks,
+    command_lines,
+    links,
+    name_of,
+    prose,
+    read,
+    table_rows,
+)
 
 import kmpc_lite as kl
 from firmware_bridge.cli.arguments import build_parser
 from kmpc_lite.sim import Scenario
 
-ROOT = Path(__file__).resolve().parent.parent
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+README = ROOT / "README.md"
+RESULTS = [page for page in sorted((DOCS / "results").glob("*.md")) if page.name != "index.md"]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-LONG = "<!-- long -->"
 PROGRAMS = {"kmpc": "kmpc_lite.cli.main", "kmpc-bridge": "firmware_bridge.cli.main"}
+PATH = re.compile(r"`((?:kmpc_lite|firmware_bridge|tests|examples|docs)/[\w/.-]*)`")
+"""Files and folders that a page names; those with NAME in capitals are to be made by the reader."""
+WITH_PROGRAMS = [page for page in PAGES if blocks(read(page), "python", "sh")]
 
 
-class Block(NamedTuple):
-    """A fenced block of the README."""
-
-    language: str
-    text: str
-    line: int
-    long: bool
-    """Marked as too long to run: only looked at."""
-
-
-def blocks(text: str, language: str) -> list[Block]:
-    """Fenced blocks of a language, in order."""
-    found = []
-    for match in re.finditer(r"^```(\w+)[^\n]*\n(.*?)^```\s*$", text, re.MULTILINE | re.DOTALL):
-        if match[1] == language:
-            marked = text[: match.start()].rstrip().endswith(LONG)
-            found.append(Block(match[1], match[2], text.count("\n", 0, match.start()) + 1, marked))
-    return found
-
-
-def command_lines(block: Block) -> list[list[str]]:
-    """Words of every command of the project's own in a block of shell."""
-    joined = block.text.replace("\\\n", " ")
-    lines = [shlex.split(line.removeprefix("$ "), comments=True) for line in joined.splitlines()]
-    return [words for words in lines if words and words[0] in PROGRAMS]
-
-
-PYTHON, SHELL, SCENARIOS = blocks(README, "python"), blocks(README, "sh"), blocks(README, "toml")
-COMMANDS = [(words, block) for block in SHELL for words in command_lines(block)]
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the README is worked through, with the log that it speaks of."""
-    folder = tmp_path_factory.mktemp("readme")
-    plant = kl.DifferentialDrive(0.05, seed=1)
-    kl.generate_dataset(plant, episodes=20, steps=60, dt=0.1, seed=1, u_max=(0.6, 0.8)).save(
-        folder / "run.csv"
-    )
-    return folder
+def parse(words: list[str]) -> Any:
+    """Parse a command line; argparse exits with status 2, and the test fails, where it is none."""
+    program = importlib.import_module(PROGRAMS[words[0]])
+    parser = program._parser() if words[0] == "kmpc" else build_parser(program.COMMANDS)
+    return parser.parse_args(words[1:])
 
 
 def test_blocks_are_found_with_their_marks() -> None:
@@ -76,65 +57,137 @@ def test_blocks_are_found_with_their_marks() -> None:
     (shell,) = blocks(text, "sh")
     assert (python.text, python.line, python.long) == ("x = 1\n", 2, False)
     assert shell.long
-    assert command_lines(shell) == [
+    assert command_lines(shell.text) == [
         ["kmpc", "study", "table1"],
         ["kmpc", "fit", "a.csv", "-o", "b.npz"],
     ]
 
 
-def test_the_readme_has_programs_and_commands() -> None:
-    assert PYTHON and COMMANDS
+def test_the_readme_is_short() -> None:
+    text = read(README)
+    assert len(text.splitlines()) <= 150
+    assert len(text.split()) <= 1200
+    (program,) = blocks(text, "python")
+    assert len([line for line in program.text.splitlines() if line.strip()]) <= 15
+    assert not program.long
 
 
-def test_the_readmes_programs_run_in_order(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(folder)
-    namespace: dict[str, Any] = {"__name__": "__readme__"}
-    for block in PYTHON:
-        # as many lines before it as in the README, so that a traceback points there
-        exec(compile("\n" * block.line + block.text, str(ROOT / "README.md"), "exec"), namespace)
-
-
-@pytest.mark.parametrize(
-    ("words", "block"), COMMANDS, ids=[" ".join(words)[:60] for words, _ in COMMANDS]
-)
-def test_the_readmes_commands_run(
-    words: list[str],
-    block: Block,
-    folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+@pytest.mark.parametrize("page", WITH_PROGRAMS, ids=name_of)
+def test_the_programs_and_commands_of_a_page_run_in_order(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(folder)
-    program = importlib.import_module(PROGRAMS[words[0]])
-    # argparse exits with status 2, and the test fails, where the README has a command line that is
-    # none
-    parser = program._parser() if words[0] == "kmpc" else build_parser(program.COMMANDS)
-    assert parser.parse_args(words[1:])
-    if block.long:
-        return
-    monkeypatch.setattr(sys, "argv", words)
-    assert program.main(words[1:]) == 0, capsys.readouterr().err
+    monkeypatch.chdir(tmp_path)
+    namespace: dict[str, Any] = {"__name__": "__page__"}
+    for block in blocks(read(page), "python", "sh"):
+        if block.language == "python":
+            # as many lines before it as in the page, so that a traceback points there
+            code = compile("\n" * block.line + block.text, str(page), "exec")
+            if not block.long:
+                exec(code, namespace)
+            continue
+        for words in command_lines(block.text):
+            if not block.long:
+                monkeypatch.setattr(sys, "argv", words)
+                status = importlib.import_module(PROGRAMS[words[0]]).main(words[1:])
+                assert status == 0, capsys.readouterr().err
 
 
-@pytest.mark.parametrize("block", SCENARIOS, ids=[f"line {b.line}" for b in SCENARIOS])
-def test_the_readmes_tables_are_scenarios(block: Block) -> None:
-    table = tomllib.loads(block.text)
-    if "map" in table:
-        assert Scenario.from_table(table, "README", f"README.md, line {block.line}").problem()
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_the_commands_of_a_page_parse(page: Path) -> None:
+    for words in all_commands(read(page)):
+        assert parse(words), words
 
 
-def test_the_readme_lists_the_public_names() -> None:
-    section = re.search(r"^## Public names\n(.*?)(?=^## |\Z)", README, re.MULTILINE | re.DOTALL)
-    assert section is not None
-    listed = {name for name in re.findall(r"`([^`]+)`", section[1]) if name != "kmpc_lite"}
-    assert listed == set(kl.__all__)
-    assert all(hasattr(kl, name) for name in kl.__all__)
+def test_there_are_commands_to_check() -> None:
+    assert sum(len(all_commands(read(page))) for page in PAGES) >= 40
+    assert len(WITH_PROGRAMS) >= 8
 
 
-def test_the_files_that_the_readme_shows_exist() -> None:
-    for target in re.findall(r"\]\(([^)#]+)\)", README):
-        if "://" not in target:
-            assert (ROOT / target).exists(), target
+def test_the_scenario_tables_of_the_pages_are_scenarios() -> None:
+    checked = 0
+    for page in PAGES:
+        for block in blocks(read(page), "toml"):
+            table = tomllib.loads(block.text)
+            if "map" in table:
+                where = f"{name_of(page)}, line {block.line}"
+                assert Scenario.from_table(table, name_of(page), where).problem()
+                checked += 1
+    assert checked
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_the_links_of_a_page_lead_somewhere(page: Path) -> None:
+    for target in links(read(page)):
+        path, _, anchor = target.partition("#")
+        file = page if not path else (page.parent / path).resolve()
+        assert file.exists(), f"{name_of(page)}: {target} does not exist"
+        if anchor:
+            assert anchor in anchors(read(file)), f"{name_of(page)}: no heading for {target}"
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if p.name != "CHANGELOG.md"], ids=name_of)
+def test_the_files_that_a_page_names_exist(page: Path) -> None:
+    for path in PATH.findall(prose(read(page))):
+        known = (ROOT / path).exists() or "NAME" in path
+        assert known, f"{name_of(page)} names {path}, which is not there"
+
+
+def test_every_page_is_in_the_sites_navigation() -> None:
+    navigation = read(ROOT / "mkdocs.yml").partition("\nnav:")[2]
+    missing = [
+        str(page.relative_to(DOCS))
+        for page in DOCS.rglob("*.md")
+        if f": {page.relative_to(DOCS)}\n" not in navigation
+    ]
+    assert not missing, f"add a line under `nav` in mkdocs.yml for each of {missing}"
+
+
+def test_the_api_reference_documents_the_public_names_and_no_others() -> None:
+    documented = re.findall(r"^::: kmpc_lite\.(\w+)$", read(DOCS / "reference" / "api.md"), re.M)
+    assert sorted(documented) == sorted(kl.__all__)
+
+
+@pytest.mark.parametrize("page", RESULTS, ids=name_of)
+def test_a_command_stands_above_every_table_of_the_results(page: Path) -> None:
+    text = read(page)
+    assert "Measured with version" in text
+    for section in re.split(r"^## ", text, flags=re.MULTILINE):
+        if "\n|---" in section:
+            above = section[: section.index("\n|---")]
+            assert "```sh" in above, (
+                f"{name_of(page)}: no command above the table of {section[:40]!r}"
+            )
+
+
+def test_the_readmes_highlights_stand_in_the_results_with_their_command() -> None:
+    rows = [row for row in table_rows(read(README)) if "docs/results/" in row]
+    assert len(rows) == 5
+    for row in rows:
+        (page,) = re.findall(r"\((docs/results/\w+\.md)\)", row)
+        text, command = read(ROOT / page), row.rstrip("| ").split("| `")[-1].rstrip("`")
+        assert command in text, f"{page} has no {command}"
+        figures = re.findall(r"\*\*([^*]+)\*\*", row)
+        assert figures
+        for figure in figures:
+            assert re.search(rf"(?<![\d.,]){re.escape(figure)}(?![\d.,]*\d)", text), (
+                f"{page} has no {figure}"
+            )
+
+
+def test_what_the_readme_says_of_the_package_is_what_the_package_says() -> None:
+    project = tomllib.loads(read(ROOT / "pyproject.toml"))["project"]
+    assert f"License: {project['license']}." in read(README)
+    assert f"Python: {project['requires-python'].removeprefix('>=')} or newer" in read(README)
+    needed = {re.split(r"[<>=]", name)[0] for name in project["dependencies"]}
+    sentence = re.search(r"Needs ([^.]*)\.", read(README))
+    assert sentence and set(re.split(r", | and ", sentence[1])) == needed
+    assert project["version"] == kl.__version__
+    assert f"\nversion: {kl.__version__}\n" in read(ROOT / "CITATION.cff")
+    assert f"\n## [{kl.__version__}]" in read(ROOT / "CHANGELOG.md")
+
+
+def test_the_film_of_the_readme_is_small() -> None:
+    assert (DOCS / "drive.gif").stat().st_size < 1e6
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=[e.stem for e in EXAMPLES])

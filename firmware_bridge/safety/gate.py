@@ -1,7 +1,7 @@
 """The safety gate: what no command passes without.
 
 A pure state machine on the times it is given: no thread, no clock, no link. Its transitions are the
-table in gate_table.py, from which docs/bridge.md and the tests are drawn too.
+table in gate_table.py, from which docs/howto/bridge.md and the tests are drawn too.
 """
 
 from __future__ import annotations

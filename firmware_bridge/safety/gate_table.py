@@ -105,7 +105,7 @@ DRIVING = frozenset({GateState.ACTIVE, GateState.STOPPING, GateState.HOLDING})
 
 
 def diagram() -> str:
-    """Render the table as a Mermaid state diagram, for docs/bridge.md."""
+    """Render the table as a Mermaid state diagram, for docs/howto/bridge.md."""
     lines = ["stateDiagram-v2", "    [*] --> IDLE"]
     for transition in TRANSITIONS:
         if transition.event is not Event.ESTOP:
@@ -117,7 +117,7 @@ def diagram() -> str:
 
 
 def legend() -> str:
-    """Render states, events and reasons as Markdown tables, for docs/bridge.md."""
+    """Render states, events and reasons as Markdown tables, for docs/howto/bridge.md."""
     blocks = []
     for title, members in (("State", GateState), ("Event", Event), ("Reason", Reason)):
         rows = [

@@ -1,0 +1,87 @@
+"""What the site prints from the code: help texts of commands, and the purpose of each file.
+
+mkdocs calls `on_page_markdown` for every page. A page asks with a comment of its own line:
+``<!-- help: kmpc -->`` or ``<!-- files: kmpc_lite -->``.
+"""
+
+from __future__ import annotations
+
+import ast
+import logging
+import os
+import re
+import subprocess
+import sys
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+PROGRAMS = {"kmpc": "kmpc_lite.cli.main", "kmpc-bridge": "firmware_bridge.cli.main"}
+MARK = re.compile(r"^<!-- (help|files): ([\w-]+) -->$", re.MULTILINE)
+log = logging.getLogger("mkdocs.hooks.site")
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Replace the marks of a page."""
+    return MARK.sub(
+        lambda mark: {"help": help_texts, "files": file_table}[mark[1]](mark[2]), markdown
+    )
+
+
+@lru_cache
+def help_of(program: str, *command: str) -> str:
+    """Run ``program command --help`` and give what it prints.
+
+    A failure is a warning, which ends a strict build.
+    """
+    code = (
+        f"import sys; from {PROGRAMS[program]} import main; sys.argv[0] = {program!r}; "
+        f"main({[*command, '--help']!r})"
+    )
+    environment = {**os.environ, "COLUMNS": "100", "NO_COLOR": "1", "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False
+    )
+    if done.returncode != 0:
+        log.warning("%s --help fails: %s", " ".join([program, *command]), done.stderr[-300:])
+    return done.stdout.rstrip()
+
+
+def commands_of(program: str) -> list[str]:
+    """Names of the commands that a program's help lists."""
+    return re.findall(r"^    (\w[\w-]*)(?:\s|$)", help_of(program), re.MULTILINE)
+
+
+def help_texts(program: str) -> str:
+    """Give the help of every command of a program, a section each."""
+    sections = [f"## {program}\n\n```text\n{help_of(program)}\n```"]
+    for name in commands_of(program):
+        sections.append(f"### {program} {name}\n\n```text\n{help_of(program, name)}\n```")
+    return "\n\n".join(sections)
+
+
+def file_table(package: str) -> str:
+    """Give a table for each folder of a package: its files and the first line of each docstring."""
+    parts = []
+    for folder in sorted({file.parent for file in (ROOT / package).rglob("*.py")}):
+        name = folder.relative_to(ROOT)
+        rows = [
+            f"## `{name}/`\n",
+            summary(folder / "__init__.py"),
+            "",
+            "| File | Purpose |",
+            "|---|---|",
+        ]
+        files = [file for file in sorted(folder.glob("*.py")) if not file.name.startswith("__")]
+        rows += [f"| `{file.name}` | {summary(file)} |" for file in files]
+        parts.append("\n".join(rows if files else rows[:2]))
+    return "\n\n".join(parts)
+
+
+def summary(file: Path) -> str:
+    """Give the first line of a file's docstring."""
+    docstring = (
+        ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) if file.exists() else ""
+    )
+    return (docstring or "").split("\n")[0].replace("|", "\\|").replace("``", "`")
