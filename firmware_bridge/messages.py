@@ -71,6 +71,8 @@ class LinkStatus:
     """Standing errors in words: over-temperature, encoder lost, ..."""
     counters: Mapping[str, int] = field(default_factory=dict)
     """bytes, frames, bad CRCs, resynchronisations, refused messages, reconnects, ..."""
+    frame_doubt: str = ""
+    """Why the board's frame may lie elsewhere than it did, in words; empty where nothing says so."""
 
 
 Controller = Callable[[State], VelocityCommand]

@@ -194,6 +194,13 @@ def build_parser(
         help="let the robot drive (again)",
     )
     what.add_argument(
+        "--confirm-frame",
+        dest="word",
+        action="store_const",
+        const="confirm",
+        help="after a restart of the autopilot: you have seen that the robot is shown where it is",
+    )
+    what.add_argument(
         "--status", dest="word", action="store_const", const="status", help="what the gate is doing"
     )
     sub.add_argument("--socket", metavar="PATH", help="of the bridge, where not the default")

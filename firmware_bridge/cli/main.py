@@ -366,6 +366,8 @@ def _estop(options: argparse.Namespace) -> int:
     else:
         pressed = "pressed" if answer["latched"] else "not pressed"
         _say(f"emergency stop {pressed}, gate {answer['gate']}")
+        for why in answer.get("why", ()):
+            _say(f"  {why}")
     done = answer["ok"] and (options.word != "stop" or answer["confirmed"])
     return 0 if done or (options.word == "reset" and not answer["latched"]) else 1
 

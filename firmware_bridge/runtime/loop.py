@@ -14,7 +14,7 @@ from firmware_bridge.messages import LinkStatus, State
 from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.timing import Deadlines, Histogram
 from firmware_bridge.safety.gate import GateOutput, SafetyGate
-from firmware_bridge.safety.gate_table import Action, GateState
+from firmware_bridge.safety.gate_table import Action, GateState, Reason
 
 TICK = 0.02
 """Period of the gate [s]: what is lost is noticed this much after its time, and stops are sent this
@@ -45,11 +45,11 @@ class Operator(Protocol):
     """Where people's requests come from: see estop.py."""
 
     def take(self) -> set[str]:
-        """Give the requests since the last call: any of stop, reset, enable."""
+        """Give the requests since the last call: any of stop, reset, enable, confirm."""
         ...
 
-    def tell(self, state: GateState) -> None:
-        """Learn what the gate is doing."""
+    def tell(self, state: GateState, why: tuple[str, ...], barred: str) -> None:
+        """Learn what the gate is doing, what is wrong, and why `enable` would be refused."""
         ...
 
 
@@ -118,6 +118,8 @@ class ControlLoop:
     take : callable, optional
         Asks the board for control again, where the operator enables the robot after it was given
         back or taken.
+    confirm : callable, optional
+        Tells the driver that the board's frame was looked at.
     clock, sleep : callable
         For tests.
     """
@@ -133,6 +135,7 @@ class ControlLoop:
         observers: tuple[Observer, ...] = (),
         operator: Operator | None = None,
         take: Callable[[], None] | None = None,
+        confirm: Callable[[], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
@@ -143,7 +146,7 @@ class ControlLoop:
             observers,
             operator,
         )
-        self._take, self._clock, self._sleep = take, clock, sleep
+        self._take, self._confirm, self._clock, self._sleep = take, confirm, clock, sleep
         self.statistics = Statistics()
         self.changes: deque[Change] = deque(maxlen=1000)
         """The gate's last changes of state."""
@@ -169,7 +172,7 @@ class ControlLoop:
     def tick(self, now: float) -> GateOutput:
         """Do one period's work; never raises."""
         state, status = self._read()
-        self._take_requests()
+        self._take_requests(status)
         latest, before = self.planner.latest, self.gate.state
         output = self.gate.step(now, None if latest is None else latest[0], state, status)
         counts = self.statistics
@@ -257,11 +260,17 @@ class ControlLoop:
             self._note(error)
             return None, DEAD
 
-    def _take_requests(self) -> None:
+    def _take_requests(self, status: LinkStatus) -> None:
         if self._operator is None:
             return
-        self._operator.tell(self.gate.state)
+        self._operator.tell(self.gate.state, self.why(), _barred(status))
         for request in self._operator.take():
+            if request == "confirm":
+                if self._confirm is not None:
+                    self._guarded(self._confirm)
+                continue
+            if request == "enable" and status.frame_doubt:
+                continue
             if (
                 request == "enable"
                 and self._take is not None
@@ -271,6 +280,14 @@ class ControlLoop:
             {"stop": self.gate.estop, "reset": self.gate.reset, "enable": self.gate.enable}[
                 request
             ]()
+
+    def why(self) -> tuple[str, ...]:
+        """What keeps the robot from driving, in words: the gate's reasons, then the board's own."""
+        shot = self.snapshot
+        if shot is None:
+            return ()
+        reasons = (reason.value for reason in shot.output.reasons if reason is not Reason.BOARD)
+        return (*reasons, *shot.status.faults, *filter(None, (shot.status.frame_doubt,)))
 
     def _do(self, now: float, output: GateOutput, latest: object) -> bool:
         """Carry out what the gate decided; whether v and omega went out."""
@@ -353,3 +370,13 @@ class ControlLoop:
             "gate and driver, work": counts.work,
             "command spacing, off by": counts.spacing_error,
         }
+
+
+def _barred(status: LinkStatus) -> str:
+    """Why the robot may not be enabled, empty where it may."""
+    if not status.frame_doubt:
+        return ""
+    return (
+        f"{status.frame_doubt}: its frame may lie elsewhere; look where the robot is shown, then "
+        "kmpc estop --confirm-frame"
+    )

@@ -137,10 +137,10 @@ class Session:
             try:
                 self.estop.open()
                 self.driver.connect(self.robot.link.timeout)
+                arm = bool(self.robot.sections.get("board", {}).get("arm"))
                 self._build(
-                    getattr(inner, "take", None)
-                    if self.robot.sections.get("board", {}).get("arm")
-                    else None
+                    getattr(inner, "take", None) if arm else None,
+                    getattr(inner, "confirm_frame", None),
                 )
             except BaseException:
                 self.driver.close()
@@ -152,7 +152,7 @@ class Session:
             raise
         return self
 
-    def _build(self, take: Callable[[], None] | None) -> None:
+    def _build(self, take: Callable[[], None] | None, confirm: Callable[[], None] | None) -> None:
         control = self.robot.control
         self.planner = Planner(
             self._controller, self.driver.state, self._period, control.latency or 0.0
@@ -166,6 +166,7 @@ class Session:
             observers=() if self._csv is None else (self._csv,),
             operator=self.estop,
             take=take,
+            confirm=confirm,
         )
 
     def drive(self, finished: Callable[[], bool]) -> None:

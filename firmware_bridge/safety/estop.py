@@ -21,7 +21,7 @@ from typing import Any
 from firmware_bridge.messages import ConfigError, LinkError
 from firmware_bridge.safety.gate_table import GateState
 
-WORDS = ("stop", "reset", "enable", "status")
+WORDS = ("stop", "reset", "enable", "confirm", "status")
 POLL = 0.1
 """How often the latch file is brought up to date [s]; a request on the socket is served at once."""
 CLIENT_PATIENCE = 0.2
@@ -70,6 +70,8 @@ class EmergencyStop:
         # a deque needs no lock, so a signal handler may append in the middle of `take`
         self._requests: deque[str] = deque()
         self._gate = GateState.IDLE
+        self._why: tuple[str, ...] = ()
+        self._barred = ""
         self._confirmed = threading.Event()
         self._quit = threading.Event()
         self._socket: socket.socket | None = None
@@ -92,9 +94,12 @@ class EmergencyStop:
             taken.add(self._requests.popleft())
         return taken
 
-    def tell(self, state: GateState) -> None:
-        """Learn what the gate is doing, for `status`."""
-        self._gate = state
+    def tell(self, state: GateState, why: tuple[str, ...] = (), barred: str = "") -> None:
+        """Learn what the gate is doing and what is wrong, for `status`.
+
+        `barred` tells why `enable` is refused, empty where it is not.
+        """
+        self._gate, self._why, self._barred = state, why, barred
         if state is GateState.ESTOP:
             self._confirmed.set()
         else:
@@ -172,14 +177,17 @@ class EmergencyStop:
             elif word == "reset":
                 self._latched = False
                 self._requests.append(word)
-            elif word == "enable":
+            elif word == "confirm" or (word == "enable" and not self._barred):
                 self._requests.append(word)
+            elif word == "enable":
+                known = False
             self._keep_latch()
             reply = {
                 "ok": known,
                 "latched": self._latched,
                 "gate": self._gate.name,
                 "confirmed": self._confirmed.is_set(),
+                "why": [self._barred] if word == "enable" and self._barred else list(self._why),
             }
             client.sendall(json.dumps(reply).encode() + b"\n")
         except OSError:  # whatever it had to say was done above; it will not hear the answer

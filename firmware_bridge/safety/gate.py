@@ -221,6 +221,8 @@ class SafetyGate:
                 x_min, y_min, x_max, y_max = s.geofence
                 if not (x_min <= state.x <= x_max and y_min <= state.y <= y_max):
                     found.append(Reason.GEOFENCE)
+        if status.frame_doubt:
+            found.append(Reason.FRAME)
         if command is None or not _fresh(now, command.stamp, s.watchdog):
             found.append(Reason.COMMAND)
         if command is not None and not (math.isfinite(command.v) and math.isfinite(command.omega)):

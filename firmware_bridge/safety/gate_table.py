@@ -58,12 +58,13 @@ class Reason(Enum):
     ESTIMATE = "board distrusts its own pose estimate"
     POSE = "no pose, or too old"
     POSE_INVALID = "pose not finite"
+    FRAME = "the board's frame may lie elsewhere than it did: look, then confirm it"
     GEOFENCE = "outside the geofence"
     COMMAND = "no controller output, or too old"
     COMMAND_INVALID = "controller output not finite"
 
 
-FINAL = frozenset({Reason.GEOFENCE})
+FINAL = frozenset({Reason.GEOFENCE, Reason.FRAME})
 """What does not go away by itself: such a stop ends in a release."""
 UNHEARD = frozenset({Reason.LINK, Reason.HEARTBEAT})
 """While one of these holds, what the board is doing is not known."""

@@ -107,7 +107,7 @@ class Desk:
         taken, self.requests = self.requests, set()
         return taken
 
-    def tell(self, state) -> None:
+    def tell(self, state, why, barred) -> None:
         pass
 
 

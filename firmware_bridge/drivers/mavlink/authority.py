@@ -34,6 +34,13 @@ MODES = {
 }
 """Custom modes of ArduPilot Rover."""
 HOLD, GUIDED = 4, 15
+PILOT = 0.5
+"""A failsafe's word and the HOLD that it chooses come within this time [s]: who chooses HOLD
+without a word is a pilot."""
+NOT_GREETED = "the vehicle has accepted nothing from us yet"
+OVERRULED = (
+    "the autopilot's failsafe chose HOLD before anything was driven: waiting until it clears"
+)
 CUSTOM_MODE_ENABLED = 1
 """Flag of DO_SET_MODE."""
 HEARTBEAT_LOST = 2.5
@@ -69,7 +76,10 @@ class Authority:
         asked."""
         self.yielded = 0
         """How often somebody else changed mode or arming while we had the robot."""
-        self._guided_seen = False
+        self.overruled = 0
+        """How often the autopilot's own failsafe chose HOLD before anything was driven."""
+        self._asked = self._guided_seen = self._untouched = False
+        self._failsafe = self._lost = -float("inf")
 
     @property
     def mode_name(self) -> str:
@@ -86,15 +96,28 @@ class Authority:
         return now - self.heard < HEARTBEAT_LOST
 
     def take(self, now: float) -> None:
-        """Ask for GUIDED and arming."""
-        self.aim, self.refusal, self._guided_seen = Aim.TAKE, "", False
-        self._desk.request(SET_MODE, CUSTOM_MODE_ENABLED, GUIDED, now=now, patient=True)
+        """Ask for GUIDED and arming, as soon as the vehicle accepts what we say."""
+        self.aim, self.refusal = Aim.TAKE, NOT_GREETED
+        self._asked, self._guided_seen, self._untouched = False, False, True
+        self._lost = -float("inf")
+        self._desk.cancel(SET_MODE)
+        self._desk.cancel(ARM)
+
+    def drove(self) -> None:
+        """Note that the robot was told to move: from now on who chooses HOLD means it."""
+        self._untouched = False
+
+    def on_failsafe(self, now: float) -> None:
+        """Note that the autopilot tells of a failsafe of its own."""
+        self._failsafe = now
+        if self.aim is Aim.WATCH and self._untouched and now - self._lost < PILOT:
+            self._take_again()
 
     def release(self, now: float) -> None:
         """Ask for HOLD, if the robot is ours or about to be."""
         if self.aim is Aim.RELEASE:
             return
-        taking = self.aim is Aim.TAKE
+        taking, self._untouched = self.aim is Aim.TAKE, False
         self._desk.cancel(ARM)
         self._desk.cancel(SET_MODE)
         if taking or self.mode == GUIDED:
@@ -102,29 +125,37 @@ class Authority:
             self._guided_seen = not taking or self._guided_seen
             self._desk.request(SET_MODE, CUSTOM_MODE_ENABLED, HOLD, now=now, patient=True)
 
-    def on_heartbeat(self, mode: int, armed: bool, now: float) -> None:
+    def on_heartbeat(self, mode: int, armed: bool, now: float, greeted: bool = True) -> None:
         """Take what the vehicle says of itself."""
-        if (
-            self.mode == GUIDED
-            and self.armed
-            and not (mode == GUIDED and armed)
-            and self.aim is Aim.WATCH
-        ):
-            self.yielded += 1
+        ours = self.mode == GUIDED and self.armed and self.aim is Aim.WATCH
         self.mode, self.armed, self.heard = mode, armed, now
+        if ours and not (mode == GUIDED and armed):
+            self.yielded += 1
+            self._lost = now
+            if self._untouched and mode == HOLD and now - self._failsafe < PILOT:
+                self._take_again()
         if armed and mode == GUIDED:
             self.refusal = ""
-        self.tick(now)
+        self.tick(now, greeted)
 
-    def tick(self, now: float) -> None:
-        """Take the next step towards the aim."""
+    def tick(self, now: float, greeted: bool = True) -> None:
+        """Take the next step towards the aim; `greeted`: whether the vehicle accepts what we say."""
         if self.aim is Aim.TAKE:
-            self._take(now)
+            if not self._asked:
+                self._begin(now, greeted)
+            else:
+                self._take(now)
         elif self.aim is Aim.RELEASE:
             agreed = self._desk.result(SET_MODE) == ACCEPTED and self.mode == HOLD
             # a pilot who leaves GUIDED while we ask for HOLD keeps the mode of his choice
             if agreed or (self._guided_seen and self.mode not in (GUIDED, HOLD)):
                 self._finish()
+
+    def _begin(self, now: float, greeted: bool) -> None:
+        """Ask for GUIDED once the vehicle has heard us and no failsafe would take it back."""
+        if greeted and now - self._failsafe >= PILOT:
+            self._asked, self.refusal = True, ""
+            self._desk.request(SET_MODE, CUSTOM_MODE_ENABLED, GUIDED, now=now, patient=True)
 
     def _take(self, now: float) -> None:
         mode, arm = self._desk.result(SET_MODE), self._desk.result(ARM)
@@ -134,9 +165,7 @@ class Authority:
             )
             self._finish()
         elif self._guided_seen and self.mode != GUIDED:
-            self.yielded += 1
-            self.refusal = f"mode changed to {self.mode_name} by somebody else while we armed"
-            self._finish()
+            self._taken_back(now)
         elif mode == ACCEPTED and self.mode == GUIDED and not self._guided_seen:
             self._guided_seen, self.refusal = True, ""
             self._desk.cancel(SET_MODE)
@@ -147,6 +176,25 @@ class Authority:
             self.refusal = "GUIDED is refused for now"
         elif arm is not None and arm != ACCEPTED:
             self.refusal = "arming is refused for now"
+
+    def _taken_back(self, now: float) -> None:
+        """GUIDED was left while we armed: by the autopilot's failsafe, or by a pilot."""
+        if self._lost == -float("inf"):
+            self._lost = now
+        if self.mode == HOLD and now - self._failsafe < PILOT:
+            self._take_again()
+        elif self.mode != HOLD or now - self._lost >= PILOT:
+            self.yielded += 1
+            self.refusal = f"mode changed to {self.mode_name} by somebody else while we armed"
+            self._finish()
+
+    def _take_again(self) -> None:
+        """The failsafe waited for a heartbeat of ours: once it has cleared, ask anew."""
+        self.overruled += 1
+        self._asked = self._guided_seen = False
+        self.aim, self.refusal, self._lost = Aim.TAKE, OVERRULED, -float("inf")
+        self._desk.cancel(SET_MODE)
+        self._desk.cancel(ARM)
 
     def _finish(self) -> None:
         self.aim = Aim.WATCH

@@ -35,6 +35,8 @@ class VehicleClock:
         self._asked: deque[int] = deque(maxlen=PENDING)
         self._trips: deque[RoundTrip] = deque(maxlen=WINDOW)
         self._last_boot: float | None = None
+        self.resets = 0
+        """How often it began anew: the autopilot was restarted."""
         self.jumps = 0
         """How often the vehicle's clock was set or began anew."""
 
@@ -68,6 +70,7 @@ class VehicleClock:
             best is not None
             and abs(trip.offset - best.offset) > (trip.duration + best.duration) / 2.0 + 0.01
         ):
+            self.resets += abs(trip.offset - best.offset) > REBOOT
             self._restart()
         self._trips.append(trip)
         return True
@@ -80,6 +83,7 @@ class VehicleClock:
         boot = boot_ms / 1000.0
         last, self._last_boot = self._last_boot, boot
         if last is not None and REBOOT < last - boot < WRAP / 2.0:
+            self.resets += 1
             self._restart()
         best = self.best
         if best is None:

@@ -29,7 +29,20 @@ STALLED = 0.2
 SIGNING_EPOCH = 1420070400
 """Signature time stamps count 10 us from 2015-01-01 UTC; this is that day in Unix time [s]."""
 
-COUNTERS = ("frames_in", "frames_out", "bad_data", "skipped_bytes", "unsigned", "bad_signature")
+COUNTERS = (
+    "frames_in",
+    "frames_out",
+    "bad_data",
+    "skipped_bytes",
+    "signed",
+    "unsigned",
+    "bad_signature",
+)
+
+
+def signing_time(wall_time: float) -> int:
+    """Time stamp of a signature at a Unix time [10 us since 2015]; 0 where that clock is not set."""
+    return max(0, int((wall_time - SIGNING_EPOCH) * 1e5))
 
 
 class MavlinkCodec:
@@ -41,26 +54,41 @@ class MavlinkCodec:
         What our frames say they come from.
     key : bytes or None
         32 bytes: sign what is sent, refuse and count what comes unsigned or wrongly signed.
+    accept_unsigned : bool
+        With a key: count what comes unsigned or wrongly signed, and take it all the same, as
+        ArduPilot does on its first port.
     wall_time : float
         Unix time to start signature time stamps at [s]; signing is the one place where the protocol
         asks for it.
     """
 
     def __init__(
-        self, system: int, component: int, key: bytes | None = None, wall_time: float = 0.0
+        self,
+        system: int,
+        component: int,
+        key: bytes | None = None,
+        wall_time: float = 0.0,
+        *,
+        accept_unsigned: bool = False,
     ) -> None:
         self._mav: Any = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
         self._buffer = bytearray()
         self._waiting_since = math.inf
         self.counters = dict.fromkeys(COUNTERS, 0)
+        self._check, self._mav.check_signature = self._mav.check_signature, self._check_signature
+        if accept_unsigned:
+            self._mav.signing.allow_unsigned_callback = lambda mav, message: True
         if key is not None:
-            signing = self._mav.signing
-            signing.secret_key, signing.sign_outgoing = key, True
-            signing.timestamp = max(0, int((wall_time - SIGNING_EPOCH) * 1e5))
-            self._check, self._mav.check_signature = (
-                self._mav.check_signature,
-                self._check_signature,
-            )
+            self.sign(key, signing_time(wall_time))
+
+    def sign(self, key: bytes, timestamp: int) -> None:
+        """Sign from now on, and want what comes signed; time stamps start at this one [10 us]."""
+        signing = self._mav.signing
+        signing.secret_key, signing.sign_outgoing, signing.timestamp = key, True, timestamp
+
+    def sign_no_more(self) -> None:
+        """Send unsigned, and take whatever comes."""
+        self._mav.signing.secret_key, self._mav.signing.sign_outgoing = None, False
 
     def encode(self, message: Any, version: int = 2) -> bytes:
         """Frame a message; ValueError for a value that its field cannot hold."""
@@ -136,6 +164,7 @@ class MavlinkCodec:
         crc = dialect.x25crc(bytes(body[1:-CRC_BYTES]) + bytes((kind.crc_extra,))).crc
         if crc != int.from_bytes(body[-CRC_BYTES:], "little"):
             return None
+        self.counters["signed"] += signed
         try:
             return self._mav.decode(frame)
         except dialect.MAVError:

@@ -1,13 +1,13 @@
-"""Commands sent until they are acknowledged, and the telemetry that is requested with them."""
+"""Commands that are sent until they are acknowledged."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS = range(6)
 """MAV_RESULT; an ArduPilot that cannot arm yet answers FAILED."""
-SET_MODE, ARM, REQUEST_MESSAGE, SET_MESSAGE_INTERVAL = 176, 400, 512, 511
+SET_MODE, ARM, PREARM_CHECKS, REQUEST_MESSAGE, SET_MESSAGE_INTERVAL = 176, 400, 401, 512, 511
 """MAV_CMD"""
 SILENCE = 0.3
 """An acknowledgement that has not come after this long is lost: the command is sent again [s]."""
@@ -30,9 +30,7 @@ class _Request:
 
 
 class CommandDesk:
-    """Sends one request per command at a time, until it is acknowledged.
-
-    An acknowledgement names only the command; so it names the request, too.
+    """One request per command at a time, so that an acknowledgement, which names only the command, names the request.
 
     Parameters
     ----------
@@ -82,92 +80,3 @@ class CommandDesk:
         again = request.patient and result in (ACCEPTED, TEMPORARILY_REJECTED, FAILED)
         request.due = now + REFUSED if again else float("inf")
         return True
-
-
-@dataclass
-class Stream:
-    """One kind of telemetry."""
-
-    message: int
-    """Its message id."""
-    name: str
-    rates: tuple[float, ...]
-    """Rates to ask for, the next where one is refused [Hz]."""
-    needed: bool = True
-    level: int = 0
-    seen: float = -float("inf")
-    asked: float = -float("inf")
-    answered: bool = False
-    refused: bool = False
-    """Whether the vehicle gives it at no rate."""
-
-    @property
-    def rate(self) -> float:
-        """Rate that is asked for [Hz]."""
-        return self.rates[self.level]
-
-
-@dataclass
-class StreamRequests:
-    """Requests telemetry kind by kind: less where it is denied, again where it stops."""
-
-    desk: CommandDesk
-    streams: tuple[Stream, ...]
-    patience: float = 1.5
-    """How long a stream may be silent, after it was asked for or last seen [s]."""
-    _current: Stream | None = field(default=None, init=False)
-
-    def saw(self, message: int, now: float) -> None:
-        """Note that a message of this id came."""
-        for stream in self.streams:
-            if stream.message == message:
-                stream.seen = now
-
-    @property
-    def answered(self) -> bool:
-        """Whether the vehicle has answered every request at least once."""
-        return all(stream.answered for stream in self.streams)
-
-    def refused(self) -> tuple[str, ...]:
-        """Names of what is needed and not given."""
-        return tuple(stream.name for stream in self.streams if stream.needed and stream.refused)
-
-    def tick(self, now: float) -> None:
-        """Take the answer to the last request; ask the next that is silent."""
-        if self._current is not None:
-            result = self.desk.result(SET_MESSAGE_INTERVAL)
-            if result is None:
-                return
-            self._settle(self._current, result)
-            self.desk.cancel(SET_MESSAGE_INTERVAL)
-            self._current = None
-        silent = [
-            s for s in self.streams if now - max(s.seen, s.asked) > self.patience or not s.answered
-        ]
-        if silent:
-            stream = self._current = min(silent, key=lambda s: s.asked)
-            stream.asked = now
-            self.desk.request(
-                SET_MESSAGE_INTERVAL, stream.message, round(1e6 / stream.rate), now=now
-            )
-
-    def _settle(self, stream: Stream, result: int) -> None:
-        if result == ACCEPTED:
-            stream.answered, stream.refused = True, False
-        elif stream.level + 1 < len(stream.rates):
-            stream.level += 1
-        else:
-            stream.answered = stream.refused = True
-
-
-def rates_from(rate: float) -> tuple[float, ...]:
-    """Rates to try, from `rate` down [Hz].
-
-    ArduPilot gives at most 0.8 of its loop rate: 40 of 50 Hz.
-
-    Examples
-    --------
-    >>> rates_from(50.0)
-    (50.0, 40.0, 25.0, 20.0, 10.0, 5.0)
-    """
-    return (rate, *(lower for lower in (40.0, 25.0, 20.0, 10.0, 5.0) if lower < rate))

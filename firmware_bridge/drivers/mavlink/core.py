@@ -3,37 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 from firmware_bridge.drivers.mavlink.authority import HOLD, Aim, Authority
 from firmware_bridge.drivers.mavlink.clock import VehicleClock
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
-from firmware_bridge.drivers.mavlink.commands import CommandDesk, Stream, StreamRequests, rates_from
+from firmware_bridge.drivers.mavlink.commands import PREARM_CHECKS, CommandDesk
 from firmware_bridge.drivers.mavlink.failsafe import GcsFailsafe
+from firmware_bridge.drivers.mavlink.frame_watch import FrameWatch
+from firmware_bridge.drivers.mavlink.greeting import Greeting
 from firmware_bridge.drivers.mavlink.messages import MessageBuilder
 from firmware_bridge.drivers.mavlink.options import MOCAP, MavlinkOptions
+from firmware_bridge.drivers.mavlink.others import OtherStations
+from firmware_bridge.drivers.mavlink.streams import Stream, StreamRequests, rates_from
 from firmware_bridge.drivers.mavlink.telemetry import PoseTracker
+from firmware_bridge.drivers.mavlink.words import Words, tells_failsafe
 from firmware_bridge.messages import LinkStatus, State
 
 ARDUPILOT, ROVER_TYPES = 3, (10, 11)
 """MAV_AUTOPILOT, and MAV_TYPE of a ground rover and a surface boat."""
 ARMED = 128
 """Flag of HEARTBEAT.base_mode."""
-SET_POINT_MESSAGES = frozenset(
-    ("SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT", "SET_ATTITUDE_TARGET")
-)
-OTHER_MASTER = 1.0
-"""How long another's set-point makes a fault [s]."""
-HEARTBEAT_PERIOD, TIMESYNC_PERIOD, ZERO_PERIOD, ORIGIN_PERIOD = 1.0, 1.0, 0.1, 2.0
+CRITICAL = 5
+"""HEARTBEAT.system_status while a failsafe of the autopilot acts."""
+TIMESYNC_PERIOD, ZERO_PERIOD, ORIGIN_PERIOD = 1.0, 0.1, 2.0
 TIMESYNC_FIRST = 0.1
 """Between requests until enough were answered [s]."""
 VISION_PERIOD = 0.02
 """Motion capture may be faster than this: the rest is left out, a serial link has no room for it
 [s]."""
-EKF_RATE, HEARTBEAT_RATE = 20.0, 5.0
-TEXTS = 20
+EKF_RATE, HEARTBEAT_RATE, ORIGIN_RATE = 20.0, 5.0, 1.0
 
 
 class MavlinkCore:
@@ -74,6 +74,7 @@ class MavlinkCore:
                 attitude,
                 self._ekf,
                 Stream(0, "HEARTBEAT", (HEARTBEAT_RATE,), needed=False),
+                Stream(49, "GPS_GLOBAL_ORIGIN", (ORIGIN_RATE,), needed=False),
             ),
         )
         self.failsafe = GcsFailsafe(
@@ -83,14 +84,23 @@ class MavlinkCore:
             options.failsafe,
         )
         self.heard, self.wrong_vehicle, self.identified = -math.inf, "", False
-        self.texts: deque[tuple[int, str]] = deque(maxlen=TEXTS)
-        self._prearm, self._moved, self._has_origin = "", False, False
+        self.words, self.greeting, self.frame = Words(), Greeting(), FrameWatch()
+        self.others = OtherStations(options.system)
+        self._moved, self._has_origin = False, False
         self._source_stamp, self._vision_sent = -math.inf, -math.inf
-        self._master, self._master_stamp = 0, -math.inf
+        self._handlers: dict[str, Callable[[Any, float], None]] = {
+            "HEARTBEAT": self._on_heartbeat,
+            "LOCAL_POSITION_NED": self._on_position,
+            "ATTITUDE": self._on_attitude,
+            "EKF_STATUS_REPORT": lambda m, now: self.pose.on_ekf(m.flags, now),
+            "COMMAND_ACK": self._on_ack,
+            "TIMESYNC": self._on_timesync,
+            "PARAM_VALUE": self._on_param,
+            "STATUSTEXT": self._on_text,
+            "GPS_GLOBAL_ORIGIN": self._on_origin,
+        }
         self._due = dict.fromkeys(("heartbeat", "timesync", "zero", "origin"), -math.inf)
         names = (
-            "others",
-            "other_masters",
             "unmatched_acks",
             "unmatched_timesync",
             "held_back",
@@ -108,61 +118,74 @@ class MavlinkCore:
             ):
                 self._on_message(message, now)
             else:
-                self._counters["others"] += 1
-                if message.get_type() in SET_POINT_MESSAGES and message.target_system in (
-                    0,
-                    self.options.system,
-                ):
-                    self._counters["other_masters"] += 1
-                    self._master, self._master_stamp = header.srcSystem, now
+                self.others.saw(message, now)
 
     def _on_message(self, message: Any, now: float) -> None:
         """Take one message of our vehicle."""
-        kind = message.get_type()
         self.heard = now
-        if kind == "HEARTBEAT":
-            if (message.autopilot, message.type in ROVER_TYPES) != (ARDUPILOT, True):
-                self.wrong_vehicle = (
-                    f"system {self.options.system} is no ArduPilot rover: "
-                    f"autopilot {message.autopilot}, type {message.type}"
-                )
-                return
-            self.wrong_vehicle, self.identified = "", True
-            self.authority.on_heartbeat(message.custom_mode, bool(message.base_mode & ARMED), now)
-        elif kind == "LOCAL_POSITION_NED":
-            self.pose.on_position(message, self.clock.stamp(message.time_boot_ms, now))
-        elif kind == "ATTITUDE":
-            self.pose.on_attitude(message, self.clock.stamp(message.time_boot_ms, now))
-        elif kind == "EKF_STATUS_REPORT":
-            self.pose.on_ekf(message.flags, now)
-        elif kind == "COMMAND_ACK":
-            system, component = self.options.us
-            ours = message.target_system in (0, system) and message.target_component in (
-                0,
-                component,
-            )
-            if not (ours and self.desk.on_ack(message.command, message.result, now)):
-                self._counters["unmatched_acks"] += 1
-            self.authority.tick(now)
-        elif kind == "TIMESYNC":
-            if message.tc1 == 0:
-                self._send(self._build.timesync(int(now * 1e9), message.ts1))
-            elif not self.clock.answer(message.tc1, message.ts1, now):
-                self._counters["unmatched_timesync"] += 1
-        elif kind == "PARAM_VALUE":
-            self.failsafe.on_param(message.param_id, message.param_value, message.param_type, now)
-        elif kind == "STATUSTEXT":
-            self.texts.append((message.severity, message.text))
-            if message.text.startswith(("PreArm:", "Arm:")):
-                self._prearm = message.text
-        elif kind == "GPS_GLOBAL_ORIGIN":
-            self._has_origin = True
+        handler = self._handlers.get(message.get_type())
+        if handler is not None:
+            handler(message, now)
         self.streams.saw(message.get_msgId(), now)
+
+    def _on_heartbeat(self, message: Any, now: float) -> None:
+        if (message.autopilot, message.type in ROVER_TYPES) != (ARDUPILOT, True):
+            self.wrong_vehicle = (
+                f"system {self.options.system} is no ArduPilot rover: "
+                f"autopilot {message.autopilot}, type {message.type}"
+            )
+            return
+        self.wrong_vehicle, self.identified = "", True
+        armed = bool(message.base_mode & ARMED)
+        if armed:
+            self.words.on_armed()
+        if message.system_status == CRITICAL:
+            self.authority.on_failsafe(now)
+        self.authority.on_heartbeat(message.custom_mode, armed, now, self.greeting.done(now))
+
+    def _on_position(self, message: Any, now: float) -> None:
+        self.pose.on_position(message, self.clock.stamp(message.time_boot_ms, now))
+        self.frame.on_clock(self.clock.resets)
+
+    def _on_attitude(self, message: Any, now: float) -> None:
+        self.pose.on_attitude(message, self.clock.stamp(message.time_boot_ms, now))
+        self.frame.on_clock(self.clock.resets)
+
+    def _on_ack(self, message: Any, now: float) -> None:
+        system, component = self.options.us
+        ours = message.target_system in (0, system) and message.target_component in (0, component)
+        if ours and self.desk.on_ack(message.command, message.result, now):
+            self.greeting.on_answer(now)
+        else:
+            self._counters["unmatched_acks"] += 1
+        self.authority.tick(now, self.greeting.done(now))
+
+    def _on_timesync(self, message: Any, now: float) -> None:
+        if message.tc1 == 0:
+            self._send(self._build.timesync(int(now * 1e9), message.ts1))
+        elif self.clock.answer(message.tc1, message.ts1, now):
+            self.greeting.on_answer(now)
+            self.frame.on_clock(self.clock.resets)
+        else:
+            self._counters["unmatched_timesync"] += 1
+
+    def _on_param(self, message: Any, now: float) -> None:
+        self.failsafe.on_param(message.param_id, message.param_value, message.param_type, now)
+
+    def _on_text(self, message: Any, now: float) -> None:
+        if tells_failsafe(self.words.on_text(message, now)):
+            self.authority.on_failsafe(now)
+
+    def _on_origin(self, message: Any, now: float) -> None:
+        self._has_origin = True
+        self.frame.on_origin(message.latitude, message.longitude)
 
     def tick(self, now: float) -> None:
         """Send what is due; to be called 20 times a second."""
-        if self._is_due("heartbeat", now, HEARTBEAT_PERIOD):
+        if self._is_due("heartbeat", now, self.greeting.period(now)):
             self._send(self._build.heartbeat())
+            self.greeting.on_heartbeat_sent(now)
+        self.words.tick(now)
         if not self.identified or self.wrong_vehicle:
             return
         if self._is_due("timesync", now, TIMESYNC_PERIOD if self.clock.settled else TIMESYNC_FIRST):
@@ -178,7 +201,7 @@ class MavlinkCore:
             if self._is_due("origin", now, ORIGIN_PERIOD):
                 self._send(self._build.origin(*self.options.origin))
         self.desk.tick(now)
-        self.authority.tick(now)
+        self.authority.tick(now, self.greeting.done(now))
         if self.authority.aim is Aim.RELEASE and self._is_due("zero", now, ZERO_PERIOD):
             self._send(self._build.set_point(0.0, 0.0, now))
 
@@ -194,12 +217,22 @@ class MavlinkCore:
         ):
             self._counters["held_back"] += 1
             return
-        self._moved = self._moved or moving
+        if moving:
+            self._moved = True
+            self.authority.drove()
         self._send(message)
 
     def take(self, now: float) -> None:
         """Begin to ask for GUIDED and arming."""
         self.authority.take(now)
+
+    def confirm_frame(self) -> None:
+        """Believe the vehicle's frame again, after a restart: somebody has looked."""
+        self.frame.confirm()
+
+    def ask_prearm(self, now: float) -> None:
+        """Ask the autopilot to say what keeps it from arming."""
+        self.desk.request(PREARM_CHECKS, now=now)
 
     def stop(self, now: float) -> None:
         """Send zeros, then HOLD, until HOLD is confirmed; a pilot's mode is left alone."""
@@ -252,13 +285,8 @@ class MavlinkCore:
         if self.wrong_vehicle:
             faults.append(self.wrong_vehicle)
         if authority.refusal:
-            faults.append(
-                f"{authority.refusal}: {self._prearm}"
-                if self._prearm and "arming" in authority.refusal
-                else authority.refusal
-            )
-        if now - self._master_stamp < OTHER_MASTER:
-            faults.append(f"another master: system {self._master} sends set-points to the vehicle")
+            faults.append(": ".join((authority.refusal, *self._why_not_armed(now))))
+        faults += self.others.faults(now)
         fresh = authority.fresh(now)
         ready = authority.obeys and fresh and not self.wrong_vehicle
         # a vehicle that sends poses but no HEARTBEAT is not heard: it may obey us still, so it is
@@ -274,7 +302,25 @@ class MavlinkCore:
             authority.mode_name,
             tuple(faults),
             self.counters,
+            self.frame.doubt,
         )
+
+    def notes(self, now: float) -> tuple[str, ...]:
+        """What a user may want to know and no robot must stop for."""
+        return (
+            self.failsafe.note,
+            *self.others.notes(now, self.failsafe.watched),
+            *self.streams.notes(now),
+            *(text for _, text in self.words.texts),
+        )
+
+    def refusals(self, now: float) -> tuple[str, ...]:
+        """Why the autopilot would not arm, in its own words."""
+        return self.words.refusals(now)
+
+    def _why_not_armed(self, now: float) -> tuple[str, ...]:
+        said = self.words.refusals(now) if "arm" in self.authority.refusal else ()
+        return ("; ".join(said),) if said else ()
 
     @property
     def counters(self) -> dict[str, int]:
@@ -284,8 +330,11 @@ class MavlinkCore:
             "unpaired_positions": self.pose.unpaired,
             "clock_jumps": self.clock.jumps,
             "yielded": self.authority.yielded,
+            "overruled": self.authority.overruled,
+            "streams_lowered": self.streams.lowered,
+            "frame_doubts": self.frame.doubts,
         }
-        return {**self._codec.counters, **self._counters, **more}
+        return {**self._codec.counters, **self._counters, **self.others.counters, **more}
 
     def _send(self, message: Any) -> None:
         self._write(self._codec.encode(message))

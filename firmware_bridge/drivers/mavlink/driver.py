@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 from firmware_bridge.drivers.mavlink.core import MavlinkCore
@@ -110,10 +110,7 @@ class MavlinkDriver:
             if not core.identified:
                 raise LinkError(self._nobody(timeout))
             if not core.streams.answered:
-                raise LinkError(
-                    f"mavlink: system {core.options.system} is heard, "
-                    f"but answers no request within {timeout:g} s: one-way link, or signing"
-                )
+                raise LinkError(self._one_way(timeout))
             if core.options.arm:
                 core.take(self._clock())
 
@@ -162,18 +159,27 @@ class MavlinkDriver:
         )
         if self._internal_error:
             faults = (*faults, self._internal_error)
-        names = ("heartbeat_stamp", "pose_stamp", "ready", "pose_ok", "armed", "mode")
-        return LinkStatus(
-            status.connected,
-            **{name: getattr(status, name) for name in names},
-            faults=faults,
-            counters=counters,
-        )
+        return replace(status, faults=faults, counters=counters)
 
     def notes(self) -> tuple[str, ...]:
         """Remarks that stop no robot: set-up of the failsafe, last words of the vehicle."""
         with self._changed:
-            return (self._core.failsafe.note, *(text for _, text in self._core.texts))
+            return self._core.notes(self._clock())
+
+    def refusals(self) -> tuple[str, ...]:
+        """Why the autopilot would not arm, in its own words, as far as it has said."""
+        with self._changed:
+            return self._core.refusals(self._clock())
+
+    def ask_prearm(self) -> None:
+        """Ask the autopilot to say what keeps it from arming: `refusals` then tells."""
+        with self._changed:
+            self._core.ask_prearm(self._clock())
+
+    def confirm_frame(self) -> None:
+        """Believe the vehicle's frame again, after a restart: somebody has looked."""
+        with self._changed:
+            self._core.confirm_frame()
 
     def close(self) -> None:
         """Stop a vehicle that moves by our word and close the link; idempotent.
@@ -203,10 +209,15 @@ class MavlinkDriver:
         start = (
             f"mavlink: no heartbeat of system {self._core.options.system} within {timeout:g} s: "
         )
-        if counters["unsigned"] or counters["bad_signature"]:
+        if counters["bad_signature"]:
             return start + (
-                f"{counters['unsigned']} unsigned and {counters['bad_signature']} wrongly "
-                "signed frames: is the key right?"
+                f"{counters['bad_signature']} wrongly signed frames: is board.key_file the "
+                "vehicle's key?"
+            )
+        if counters["unsigned"]:
+            return start + (
+                f"{counters['unsigned']} unsigned frames: the vehicle has no key; send it ours "
+                "(kmpc signing setup), or leave board.key_file out"
             )
         if counters["others"]:
             return start + f"{counters['others']} frames of other systems: is the id right?"
@@ -216,6 +227,18 @@ class MavlinkDriver:
                 "is it MAVLink?"
             )
         return start + "no byte: is it powered, are the lines crossed?"
+
+    def _one_way(self, timeout: float) -> str:
+        core = self._core
+        start = f"mavlink: system {core.options.system} is heard, but answers no request within "
+        if core.options.key_file is None and core.counters["signed"]:
+            return start + (
+                f"{timeout:g} s: it signs its frames, and refuses ours, which are not signed: "
+                "give board.key_file"
+            )
+        if core.options.key_file is not None:
+            return start + f"{timeout:g} s: one-way link, or it has another key"
+        return start + f"{timeout:g} s: one-way link, or signing"
 
     def _on_bytes(self, data: bytes, stamp: float) -> None:
         """Take what arrived (I/O thread); errors are counted and told, and the thread goes on."""

@@ -59,6 +59,11 @@ class GcsFailsafe:
             self._write(ENABLE, 1.0, enable[1])
 
     @property
+    def watched(self) -> int | None:
+        """System id whose heartbeats it counts, None where that is not known."""
+        return round(self._values[WATCHED][0]) if WATCHED in self._values else None
+
+    @property
     def settled(self) -> bool:
         """Whether nothing is left to ask."""
         known = len(self._values) == 2

@@ -31,6 +31,8 @@ POS_IGNORE, VEL_IGNORE, ACC_IGNORE, YAW_IGNORE, YAW_RATE_IGNORE = 0x003, 0x018, 
 EMERGENCY, CRITICAL, WARNING, INFO = 0, 2, 4, 6
 """MAV_SEVERITY"""
 PREARM_PERIOD = 30.0
+FAILSAFE_PERIOD = 0.1
+"""Between looks at the failsafes [s]."""
 EKF_BAD = 1.0
 """The EKF fail-safe acts when the position has been bad for this long [s]."""
 
@@ -94,7 +96,9 @@ class Autopilot:
         self._gcs_heard: float | None = None
         self._gcs_silent_since: float | None = None
         self._position_seen = 0.0
-        self._prearm_said = -math.inf
+        self._prearm_said = self._failsafes_checked = -math.inf
+        self.arming_failure = ""
+        """Set by a test: something that keeps it from arming."""
 
     def say(self, severity: int, text: str) -> None:
         """Queue a STATUSTEXT."""
@@ -126,7 +130,16 @@ class Autopilot:
             )
         if self.mode in NEED_POSITION and not self.estimator.position_ok:
             return "Need Position Estimate"
-        return ""
+        return self.arming_failure
+
+    def tell_prearm(self) -> bool:
+        """Say why arming would be refused; False while armed, when nobody looks."""
+        if self.armed:
+            return False
+        if why := self.prearm_failure:
+            self._prearm_said = self.uptime
+            self.say(CRITICAL, f"PreArm: {why}")
+        return True
 
     def arm(self, force: bool) -> bool:
         """Arm; False where that is refused."""
@@ -218,7 +231,9 @@ class Autopilot:
     def step(self, uptime: float, dt: float) -> None:
         """One turn of the main loop."""
         self.uptime = uptime
-        self._check_failsafes()
+        if uptime - self._failsafes_checked >= FAILSAFE_PERIOD - 1e-6:
+            self._failsafes_checked = uptime
+            self._check_failsafes()
         if (
             not self.armed
             and (why := self.prearm_failure)
@@ -288,7 +303,8 @@ class Autopilot:
             self.uptime - self._position_seen >= EKF_BAD and self.parameters["FS_EKF_ACTION"] != 0.0
         )
         failsafe = "GCS Failsafe" if gcs else "EKF failsafe" if ekf else ""
-        if failsafe and self.mode != HOLD:
+        # one that has acted does not act again before it has cleared
+        if failsafe and self.mode != HOLD and not self.failsafe:
             self.counters["failsafes"] += 1
             self.failsafe = failsafe
             self.say(WARNING, failsafe)

@@ -8,8 +8,14 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from firmware_bridge.drivers.mavlink.commands import ACCEPTED, DENIED, FAILED, UNSUPPORTED
-from firmware_bridge.emulator.rover.autopilot import Autopilot
+from firmware_bridge.drivers.mavlink.commands import (
+    ACCEPTED,
+    DENIED,
+    FAILED,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
+)
+from firmware_bridge.emulator.rover.autopilot import WARNING, Autopilot
 from firmware_bridge.emulator.rover.telemetry import Telemetry
 from firmware_bridge.frames import ned_to_enu
 
@@ -34,12 +40,20 @@ class Protocol:
         Takes a message to put on the wire.
     system : int
         The vehicle's id.
+    set_up_signing : callable
+        Takes a signing key and a time stamp [10 us].
     """
 
     def __init__(
-        self, autopilot: Autopilot, telemetry: Telemetry, send: Callable[[Any], None], system: int
+        self,
+        autopilot: Autopilot,
+        telemetry: Telemetry,
+        send: Callable[[Any], None],
+        system: int,
+        set_up_signing: Callable[[bytes, int], None],
     ) -> None:
         self._pilot, self._telemetry, self._send, self._system = autopilot, telemetry, send, system
+        self._set_up_signing = set_up_signing
         self.ignored = 0
         """Messages of kinds that are not emulated."""
         self.reboot = False
@@ -75,6 +89,7 @@ class Protocol:
             "MISSION_COUNT": lambda m: self._to_sender(
                 m, dialect.MAVLink_mission_ack_message, MISSION_UNSUPPORTED, m.mission_type
             ),
+            "SETUP_SIGNING": self._signing,
             "FILE_TRANSFER_PROTOCOL": self._refuse_file_transfer,
         }
 
@@ -145,6 +160,8 @@ class Protocol:
             return ACCEPTED if known else FAILED
         elif command == dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES:
             return ACCEPTED
+        elif command == dialect.MAV_CMD_RUN_PREARM_CHECKS:
+            return ACCEPTED if pilot.tell_prearm() else TEMPORARILY_REJECTED
         elif command == dialect.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN and p[0] == 1.0:
             self.reboot = not pilot.armed
             return FAILED if pilot.armed else ACCEPTED
@@ -186,6 +203,13 @@ class Protocol:
         if estimator.origin is None:
             estimator.origin = (m.latitude * 1e-7, m.longitude * 1e-7, m.altitude * 1e-3)
             self._send(self._telemetry.build(49))
+
+    def _signing(self, m: Any) -> None:
+        """As the real one: not while armed, and without a word where it works."""
+        if self._pilot.armed:
+            self._pilot.say(WARNING, "ERROR: Won't setup signing when armed")
+        else:
+            self._set_up_signing(bytes(m.secret_key), m.initial_timestamp)
 
     def _timesync(self, m: Any) -> None:
         if m.tc1 == 0:

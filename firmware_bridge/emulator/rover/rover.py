@@ -25,6 +25,8 @@ from firmware_bridge.link import Transport
 
 log = logging.getLogger(__name__)
 
+CHUNK = 50
+"""Bytes of one STATUSTEXT."""
 LONGEST_CATCH_UP = 1.0
 """After a stall longer than this the rover has lost that time [s]."""
 
@@ -53,6 +55,12 @@ class RoverEmulator:
         Its MAVLink id.
     key : bytes or None
         Signing key, 32 bytes.
+    signature_ahead : float
+        How far its signature clock runs ahead of wall time [s]: the real one adds a minute to the
+        time that it has stored.
+    accept_unsigned : bool
+        With a key: whether what is unsigned, or wrongly signed, is obeyed all the same, as on the
+        real one's SERIAL0.
     physics : RoverPhysics, optional
         Another rover; slip, turn gain and seed are then its own.
 
@@ -78,6 +86,8 @@ class RoverEmulator:
         uptime: float = 0.0,
         system: int = 1,
         key: bytes | None = None,
+        signature_ahead: float = 60.0,
+        accept_unsigned: bool = False,
         physics: RoverPhysics | None = None,
     ) -> None:
         self.parameters = Parameters(parameters)
@@ -85,7 +95,14 @@ class RoverEmulator:
         self._physics.place(*pose)
         self._clock, self._arm_after, self._system = clock, arm_after, system
         self._lock = threading.RLock()
-        self._codec = MavlinkCodec(system, 1, key=key, wall_time=time.time())
+        self._codec = MavlinkCodec(
+            system,
+            1,
+            key=key,
+            wall_time=time.time() + signature_ahead,
+            accept_unsigned=accept_unsigned,
+        )
+        self._signature_ahead = signature_ahead
         self._inbox: list[tuple[bytes, float]] = []
         self._write: Callable[[bytes], object] = lambda frame: None
         self._transport: Transport | None = None
@@ -93,6 +110,7 @@ class RoverEmulator:
         self._closing = threading.Event()
         self.internal_errors = 0
         self.reboots = -1
+        self._texts = 0
         self._boot(uptime)
 
     def _boot(self, uptime: float) -> None:
@@ -100,7 +118,9 @@ class RoverEmulator:
         self.autopilot = Autopilot(self.parameters, self._physics, estimator, self._arm_after)
         self.autopilot.uptime = uptime
         self._telemetry = Telemetry(self.autopilot)
-        self._protocol = Protocol(self.autopilot, self._telemetry, self._send, self._system)
+        self._protocol = Protocol(
+            self.autopilot, self._telemetry, self._send, self._system, self._set_up_signing
+        )
         self._booted = self._clock() - uptime
         self._next = uptime
         self.reboots += 1
@@ -241,7 +261,24 @@ class RoverEmulator:
             self._send(message)
         while self.autopilot.texts:
             severity, text = self.autopilot.texts.popleft()
-            self._send(dialect.MAVLink_statustext_message(severity, text.encode()[:50]))
+            self._say(severity, text.encode())
+
+    def _say(self, severity: int, text: bytes) -> None:
+        """Send a text, a long one in chunks with a number; one of whole chunks ends in an empty one."""
+        if len(text) <= CHUNK:
+            self._send(dialect.MAVLink_statustext_message(severity, text))
+            return
+        self._texts = self._texts % 65535 + 1
+        for chunk in range(len(text) // CHUNK + 1):
+            part = text[CHUNK * chunk : CHUNK * (chunk + 1)]
+            self._send(dialect.MAVLink_statustext_message(severity, part, self._texts, chunk))
+
+    def _set_up_signing(self, key: bytes, timestamp: int) -> None:
+        """Take a key, and a minute on the time stamp; a key and a time of zeros end signing."""
+        if timestamp == 0 and not any(key):
+            self._codec.sign_no_more()
+        else:
+            self._codec.sign(key, timestamp + round(self._signature_ahead * 1e5))
 
     def _send(self, message: Any) -> None:
         self._write(self._codec.encode(message))

@@ -56,6 +56,7 @@ def test_the_answer_tells_whether_the_gate_has_obeyed(stop):
         "latched": True,
         "gate": "IDLE",
         "confirmed": False,
+        "why": [],
     }
 
 

@@ -32,6 +32,7 @@ class World:
             (0.3, 0.4),
         )
         self.ready, self.x, self.pose_ok, self.connected = True, 0.0, True, True
+        self.frame_doubt = ""
         self.faults: tuple[str, ...] = ()
         self.silent: set[str] = set()
         self.stamps = dict.fromkeys(("command", "pose", "source", "heartbeat"), self.now)
@@ -48,6 +49,7 @@ class World:
             self.ready,
             self.pose_ok,
             faults=self.faults,
+            frame_doubt=self.frame_doubt,
         )
         state = State(self.x, 0.0, 0.0, 0.0, 0.0, self.stamps["pose"])
         self.outputs.append(
@@ -201,6 +203,7 @@ SPOIL = {
     Reason.ESTIMATE: lambda w: setattr(w, "pose_ok", False),
     Reason.POSE: lambda w: w.silent.add("pose"),
     Reason.POSE_INVALID: lambda w: setattr(w, "x", math.nan),
+    Reason.FRAME: lambda w: setattr(w, "frame_doubt", "restarted"),
     Reason.GEOFENCE: lambda w: setattr(w, "x", 5.01),
     Reason.COMMAND: lambda w: w.silent.add("command"),
     Reason.COMMAND_INVALID: lambda w: setattr(w, "command", (math.nan, 0.0)),

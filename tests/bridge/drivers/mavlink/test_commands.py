@@ -13,10 +13,8 @@ from firmware_bridge.drivers.mavlink.commands import (
     SET_MESSAGE_INTERVAL,
     SET_MODE,
     CommandDesk,
-    Stream,
-    StreamRequests,
-    rates_from,
 )
+from firmware_bridge.drivers.mavlink.streams import Stream, StreamRequests, rates_from
 
 
 class Wire:
@@ -115,6 +113,7 @@ def test_a_stream_that_stops_is_asked_for_again() -> None:
         now += 0.05
         requests.tick(now)
         wire.desk.on_ack(SET_MESSAGE_INTERVAL, ACCEPTED, now)
+        requests.saw(30, now - 0.025)
         requests.saw(30, now)
     asked = [parameters[0] for _, parameters, _ in wire.sent]
     assert asked.count(30) == 1

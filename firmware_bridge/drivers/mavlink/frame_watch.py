@@ -1,0 +1,46 @@
+"""Whether the vehicle's local frame still lies where it lay when we began.
+
+After a restart the autopilot makes its origin anew, wherever it then stands; another station may
+set
+it, too. Poses look as good as before, but the map is shifted: nothing may move until somebody has
+looked.
+"""
+
+from __future__ import annotations
+
+FARTHEST = 10
+"""An origin that moves by more than this is another one [1e-7 degrees]: 0.1 m."""
+
+
+class FrameWatch:
+    """Doubts the frame after a restart, a jump of the clock or of the origin, until confirmed."""
+
+    def __init__(self) -> None:
+        self.doubt = ""
+        """Why the frame may have moved, empty where nothing says so."""
+        self.doubts = 0
+        """How often it was doubted."""
+        self._resets = 0
+        self._origin: tuple[int, int] | None = None
+
+    def on_clock(self, resets: int) -> None:
+        """Take how often the vehicle's clock has begun anew."""
+        if resets != self._resets:
+            self._resets = resets
+            self._doubt("the autopilot was restarted, or its clock jumped")
+
+    def on_origin(self, latitude: int, longitude: int) -> None:
+        """Take where the vehicle says its origin is [1e-7 degrees]."""
+        before, self._origin = self._origin, (latitude, longitude)
+        if (
+            before is not None
+            and max(abs(a - b) for a, b in zip(before, self._origin, strict=True)) > FARTHEST
+        ):
+            self._doubt("the autopilot's origin has moved")
+
+    def confirm(self) -> None:
+        """Believe the frame again: somebody has looked."""
+        self.doubt = ""
+
+    def _doubt(self, why: str) -> None:
+        self.doubt, self.doubts = why, self.doubts + 1

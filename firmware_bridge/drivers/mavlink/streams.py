@@ -1,0 +1,172 @@
+"""The telemetry that is asked for, how often it comes, and asking again where somebody lowers it.
+
+A ground station that asks for its own stream rates (MAVProxy does so every 15 s) lowers ours, where
+both talk over one port.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from firmware_bridge.drivers.mavlink.commands import (
+    ACCEPTED,
+    SET_MESSAGE_INTERVAL,
+    CommandDesk,
+)
+
+LATE_PERIODS, LATE = 3.0, 0.03
+"""A stream is late after so many of its periods, and so much for the way [s]."""
+ENOUGH = 0.75
+"""Less than this share of the rate that was asked for is too little."""
+WINDOW = 1.0
+"""Rates are counted over this time [s]."""
+AGAIN, RAREST = 0.3, 5.0
+"""A stream that is too slow is asked for again after this long, and twice as long each time that
+it does not help [s]."""
+TOLD = 10.0
+"""How long it is told that a stream was lowered [s]."""
+ALIVE = 3.0
+"""A stream that was seen within this time comes, though perhaps too slowly [s]."""
+
+
+@dataclass
+class Stream:
+    """One kind of telemetry."""
+
+    message: int
+    """Its message id."""
+    name: str
+    rates: tuple[float, ...]
+    """Rates to ask for, the next where one is refused [Hz]."""
+    needed: bool = True
+    level: int = 0
+    seen: float = -float("inf")
+    asked: float = -float("inf")
+    answered: bool = False
+    refused: bool = False
+    """Whether the vehicle gives it at no rate."""
+    lowered: float = -float("inf")
+    """When it was last found to come too slowly [s]."""
+    _again: float = AGAIN
+    _since: float = float("inf")
+    _times: deque[float] = field(default_factory=lambda: deque(maxlen=512))
+
+    @property
+    def rate(self) -> float:
+        """Rate that is asked for [Hz]."""
+        return self.rates[self.level]
+
+    def saw(self, now: float) -> None:
+        """Note that one came."""
+        self.seen = now
+        self._times.append(now)
+        if self._since == float("inf"):
+            self._since = now
+
+    def measured(self, now: float) -> float:
+        """How often it comes [Hz]."""
+        while self._times and self._times[0] < now - WINDOW:
+            self._times.popleft()
+        return len(self._times) / WINDOW
+
+    def too_slow(self, now: float) -> bool:
+        """Whether it comes, or came until now, less often than was asked for."""
+        if self.refused or not self.answered or now - self.seen > ALIVE:
+            return False
+        late = now - self.seen > LATE_PERIODS / self.rate + LATE
+        counted = now - max(self._since, self.asked) > 1.5 * WINDOW
+        return late or (counted and self.measured(now) < ENOUGH * self.rate)
+
+    def ask_again(self, now: float) -> bool:
+        """Whether to ask again now; each time that it does not help it is asked more rarely."""
+        if not self.too_slow(now):
+            if now - self.asked > 2.0 * WINDOW:
+                self._again = AGAIN
+            return False
+        if now - self.asked < self._again:
+            return False
+        self._again = min(2.0 * self._again, RAREST)
+        self.lowered = now
+        return True
+
+
+@dataclass
+class StreamRequests:
+    """Asks for one kind after the other, takes less where more is denied, and asks again."""
+
+    desk: CommandDesk
+    streams: tuple[Stream, ...]
+    patience: float = 1.5
+    """How long a stream may be silent, after it was asked for or last seen [s]."""
+    lowered: int = 0
+    """How often a stream was found to come more rarely than asked for."""
+    _current: Stream | None = field(default=None, init=False)
+
+    def saw(self, message: int, now: float) -> None:
+        """Note that a message of this id came."""
+        for stream in self.streams:
+            if stream.message == message:
+                stream.saw(now)
+
+    @property
+    def answered(self) -> bool:
+        """Whether the vehicle has answered every request at least once."""
+        return all(stream.answered for stream in self.streams)
+
+    def refused(self) -> tuple[str, ...]:
+        """Names of what is needed and not given."""
+        return tuple(stream.name for stream in self.streams if stream.needed and stream.refused)
+
+    def notes(self, now: float) -> tuple[str, ...]:
+        """Which streams are lowered, in words a user can act on."""
+        return tuple(
+            f"{stream.name} comes at {stream.measured(now):.0f} Hz, {stream.rate:.0f} Hz was asked "
+            "for: another station lowers it (MAVProxy: --streamrate -1), or the link is too slow"
+            for stream in self.streams
+            if stream.needed and now - stream.lowered < TOLD
+        )
+
+    def tick(self, now: float) -> None:
+        """Take the answer to the last request; ask the next that is silent or too slow."""
+        if self._current is not None:
+            result = self.desk.result(SET_MESSAGE_INTERVAL)
+            if result is None:
+                return
+            self._settle(self._current, result)
+            self.desk.cancel(SET_MESSAGE_INTERVAL)
+            self._current = None
+        slow = [stream for stream in self.streams if stream.ask_again(now)]
+        self.lowered += len(slow)
+        due = [
+            stream
+            for stream in self.streams
+            if stream in slow
+            or not stream.answered
+            or now - max(stream.seen, stream.asked) > self.patience
+        ]
+        if due:
+            stream = self._current = min(due, key=lambda s: s.asked)
+            stream.asked = now
+            self.desk.request(
+                SET_MESSAGE_INTERVAL, stream.message, round(1e6 / stream.rate), now=now
+            )
+
+    def _settle(self, stream: Stream, result: int) -> None:
+        if result == ACCEPTED:
+            stream.answered, stream.refused = True, False
+        elif stream.level + 1 < len(stream.rates):
+            stream.level += 1
+        else:
+            stream.answered = stream.refused = True
+
+
+def rates_from(rate: float) -> tuple[float, ...]:
+    """Rates to try, from `rate` down [Hz]: ArduPilot gives at most 0.8 of its loop rate.
+
+    Examples
+    --------
+    >>> rates_from(50.0)
+    (50.0, 40.0, 25.0, 20.0, 10.0, 5.0)
+    """
+    return (rate, *(lower for lower in (40.0, 25.0, 20.0, 10.0, 5.0) if lower < rate))

@@ -1,0 +1,99 @@
+"""What the autopilot says in plain text: whole texts out of chunks, and why it does not arm."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+CHUNK = 50
+"""Characters of one STATUSTEXT; longer texts come in several."""
+PATIENCE = 1.0
+"""A text whose other chunks have not come after this long is told as far as it is known [s]."""
+KEPT = 20
+FRESH = 35.0
+"""ArduPilot repeats why it does not arm every 30 s: older words have been dealt with [s]."""
+AT_ONCE = 1.5
+"""ArduPilot says all that keeps it from arming within this time [s]."""
+REFUSALS = ("PreArm:", "Arm:")
+GAP = " ... "
+
+
+@dataclass
+class _Partial:
+    """A text of which chunks have come."""
+
+    severity: int
+    since: float
+    chunks: dict[int, str] = field(default_factory=dict)
+
+    @property
+    def whole(self) -> bool:
+        """Whether all chunks are there: the last one is shorter than a chunk."""
+        last = max(self.chunks)
+        return len(self.chunks) == last + 1 and len(self.chunks[last]) < CHUNK
+
+    @property
+    def text(self) -> str:
+        """What is known of it."""
+        known = (self.chunks.get(i, GAP) for i in range(max(self.chunks) + 1))
+        return "".join(known).strip()
+
+
+class Words:
+    """Remembers the last texts of the vehicle."""
+
+    def __init__(self) -> None:
+        self.texts: deque[tuple[int, str]] = deque(maxlen=KEPT)
+        """Severity and text, the newest last."""
+        self._partial: dict[int, _Partial] = {}
+        self._refusals: dict[str, tuple[str, float]] = {}
+
+    def on_text(self, message: Any, now: float) -> str:
+        """Take a STATUSTEXT; gives the text that is now whole, else an empty one."""
+        self.tick(now)
+        if not message.id:
+            return self._keep(message.severity, message.text, now)
+        entry = self._partial.setdefault(message.id, _Partial(message.severity, now))
+        entry.chunks[message.chunk_seq] = message.text
+        if not entry.whole:
+            return ""
+        del self._partial[message.id]
+        return self._keep(entry.severity, entry.text, now)
+
+    def tick(self, now: float) -> None:
+        """Tell texts as far as they are known whose other chunks do not come."""
+        for key, entry in list(self._partial.items()):
+            if now - entry.since > PATIENCE:
+                del self._partial[key]
+                self._keep(entry.severity, entry.text, now)
+
+    def on_armed(self) -> None:
+        """Forget why it did not arm."""
+        self._refusals.clear()
+
+    def refusals(self, now: float) -> tuple[str, ...]:
+        """Why it does not arm, in its own words, each once: what it said last, all at a time."""
+        newest = max((stamp for _, stamp in self._refusals.values()), default=now)
+        since = max(now - FRESH, newest - AT_ONCE)
+        return tuple(text for text, stamp in self._refusals.values() if stamp >= since)
+
+    def _keep(self, severity: int, text: str, now: float) -> str:
+        self.texts.append((severity, text))
+        if text.startswith(REFUSALS):
+            words = text.partition(":")[2].strip()
+            self._refusals.pop(words, None)  # PreArm and Arm may say the same
+            self._refusals[words] = text, now
+        return text
+
+
+def tells_failsafe(text: str) -> bool:
+    """Whether a text says that a failsafe acts.
+
+    Examples
+    --------
+    >>> tells_failsafe("GCS Failsafe"), tells_failsafe("GCS Failsafe Cleared")
+    (True, False)
+    """
+    lower = text.lower()
+    return "failsafe" in lower and "clear" not in lower
