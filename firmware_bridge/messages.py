@@ -72,7 +72,7 @@ class LinkStatus:
     counters: Mapping[str, int] = field(default_factory=dict)
     """bytes, frames, bad CRCs, resynchronisations, refused messages, reconnects, ..."""
     frame_doubt: str = ""
-    """Why the board's frame may lie elsewhere than it did, in words; empty where nothing says so."""
+    """Why the board's frame may lie elsewhere than it did, in words; else empty."""
 
 
 Controller = Callable[[State], VelocityCommand]

@@ -139,7 +139,7 @@ class Authority:
         self.tick(now, greeted)
 
     def tick(self, now: float, greeted: bool = True) -> None:
-        """Take the next step towards the aim; `greeted`: whether the vehicle accepts what we say."""
+        """Take the next step towards the aim; `greeted`: the vehicle accepts what we say."""
         if self.aim is Aim.TAKE:
             if not self._asked:
                 self._begin(now, greeted)

@@ -41,7 +41,7 @@ COUNTERS = (
 
 
 def signing_time(wall_time: float) -> int:
-    """Time stamp of a signature at a Unix time [10 us since 2015]; 0 where that clock is not set."""
+    """Time stamp of a signature [10 us since 2015] at a Unix time [s]; never below 0."""
     return max(0, int((wall_time - SIGNING_EPOCH) * 1e5))
 
 

@@ -30,7 +30,9 @@ class _Request:
 
 
 class CommandDesk:
-    """One request per command at a time, so that an acknowledgement, which names only the command, names the request.
+    """Sends one request per command at a time, until it is acknowledged.
+
+    An acknowledgement names only the command; so it names the request, too.
 
     Parameters
     ----------

@@ -14,9 +14,10 @@ from firmware_bridge.drivers.mavlink.failsafe import GcsFailsafe
 from firmware_bridge.drivers.mavlink.frame_watch import FrameWatch
 from firmware_bridge.drivers.mavlink.greeting import Greeting
 from firmware_bridge.drivers.mavlink.messages import MessageBuilder
+from firmware_bridge.drivers.mavlink.mocap_feed import MocapFeed
 from firmware_bridge.drivers.mavlink.options import MOCAP, MavlinkOptions
 from firmware_bridge.drivers.mavlink.others import OtherStations
-from firmware_bridge.drivers.mavlink.streams import Stream, StreamRequests, rates_from
+from firmware_bridge.drivers.mavlink.streams import EKF_STATUS, StreamRequests, wanted_streams
 from firmware_bridge.drivers.mavlink.telemetry import PoseTracker
 from firmware_bridge.drivers.mavlink.words import Words, tells_failsafe
 from firmware_bridge.messages import LinkStatus, State
@@ -30,10 +31,6 @@ CRITICAL = 5
 TIMESYNC_PERIOD, ZERO_PERIOD, ORIGIN_PERIOD = 1.0, 0.1, 2.0
 TIMESYNC_FIRST = 0.1
 """Between requests until enough were answered [s]."""
-VISION_PERIOD = 0.02
-"""Motion capture may be faster than this: the rest is left out, a serial link has no room for it
-[s]."""
-EKF_RATE, HEARTBEAT_RATE, ORIGIN_RATE = 20.0, 5.0, 1.0
 
 
 class MavlinkCore:
@@ -64,19 +61,7 @@ class MavlinkCore:
             )
         )
         self.authority = Authority(self.desk)
-        rates = rates_from(options.rate)
-        self._ekf = Stream(193, "EKF_STATUS_REPORT", rates_from(min(options.rate, EKF_RATE)))
-        position, attitude = Stream(32, "LOCAL_POSITION_NED", rates), Stream(30, "ATTITUDE", rates)
-        self.streams = StreamRequests(
-            self.desk,
-            (
-                position,
-                attitude,
-                self._ekf,
-                Stream(0, "HEARTBEAT", (HEARTBEAT_RATE,), needed=False),
-                Stream(49, "GPS_GLOBAL_ORIGIN", (ORIGIN_RATE,), needed=False),
-            ),
-        )
+        self.streams = StreamRequests(self.desk, wanted_streams(options.rate))
         self.failsafe = GcsFailsafe(
             lambda name: self._send(self._build.parameter_read(name)),
             lambda name, value, kind: self._send(self._build.parameter_set(name, value, kind)),
@@ -86,8 +71,8 @@ class MavlinkCore:
         self.heard, self.wrong_vehicle, self.identified = -math.inf, "", False
         self.words, self.greeting, self.frame = Words(), Greeting(), FrameWatch()
         self.others = OtherStations(options.system)
-        self._moved, self._has_origin = False, False
-        self._source_stamp, self._vision_sent = -math.inf, -math.inf
+        self.mocap = MocapFeed(options, self._build, self._send)
+        self._moved = False
         self._handlers: dict[str, Callable[[Any, float], None]] = {
             "HEARTBEAT": self._on_heartbeat,
             "LOCAL_POSITION_NED": self._on_position,
@@ -104,7 +89,6 @@ class MavlinkCore:
             "unmatched_acks",
             "unmatched_timesync",
             "held_back",
-            "refused_poses",
         )
         self._counters = dict.fromkeys(names, 0)
 
@@ -177,7 +161,7 @@ class MavlinkCore:
             self.authority.on_failsafe(now)
 
     def _on_origin(self, message: Any, now: float) -> None:
-        self._has_origin = True
+        self.mocap.has_origin = True
         self.frame.on_origin(message.latitude, message.longitude)
 
     def tick(self, now: float) -> None:
@@ -192,14 +176,9 @@ class MavlinkCore:
             self._send(self._build.timesync(0, self.clock.ask(now)))
         self.streams.tick(now)
         self.failsafe.tick(now)
-        if (
-            self.options.pose == MOCAP
-            and self.options.origin is not None
-            and not self._has_origin
-            and self.pose.state is None
-        ):
+        if self.mocap.wants_origin and self.pose.state is None:
             if self._is_due("origin", now, ORIGIN_PERIOD):
-                self._send(self._build.origin(*self.options.origin))
+                self.mocap.send_origin()
         self.desk.tick(now)
         self.authority.tick(now, self.greeting.done(now))
         if self.authority.aim is Aim.RELEASE and self._is_due("zero", now, ZERO_PERIOD):
@@ -251,22 +230,8 @@ class MavlinkCore:
         return self._moved and self.authority.mode != HOLD
 
     def feed_pose(self, x: float, y: float, theta: float, stamp: float, now: float) -> None:
-        """Pass a pose from outside on to the vehicle.
-
-        One that is not finite, from the future or older than the last is refused and
-        counted.
-        """
-        if (
-            not all(map(math.isfinite, (x, y, theta, stamp)))
-            or stamp > now + 0.05
-            or stamp <= self._source_stamp
-        ):
-            self._counters["refused_poses"] += 1
-            return
-        self._source_stamp = stamp
-        if stamp - self._vision_sent >= VISION_PERIOD * 0.9:
-            self._vision_sent = stamp
-            self._send(self._build.vision(x, y, theta, stamp))
+        """Pass a pose from outside on; bad ones are refused and counted."""
+        self.mocap.feed(x, y, theta, stamp, now)
 
     @property
     def state(self) -> State | None:
@@ -275,12 +240,12 @@ class MavlinkCore:
 
     def status(self, now: float, connected: bool) -> LinkStatus:
         """What is known of the vehicle."""
-        distrust, authority = self.pose.faults(now, self._ekf.rate), self.authority
+        distrust, authority = self.pose.faults(now, self.streams.rate(EKF_STATUS)), self.authority
         pose_stamp = self.pose.oldest_part
         if self.options.pose == MOCAP:
             # the EKF's output looks valid for 7 s after its source has stopped: the source's own
             # stamp tells
-            pose_stamp = min(pose_stamp, self._source_stamp)
+            pose_stamp = min(pose_stamp, self.mocap.stamp)
         faults = [*distrust, *(f"the vehicle refuses {name}" for name in self.streams.refused())]
         if self.wrong_vehicle:
             faults.append(self.wrong_vehicle)
@@ -332,6 +297,7 @@ class MavlinkCore:
             "yielded": self.authority.yielded,
             "overruled": self.authority.overruled,
             "streams_lowered": self.streams.lowered,
+            "refused_poses": self.mocap.refused,
             "frame_doubts": self.frame.doubts,
         }
         return {**self._codec.counters, **self._counters, **self.others.counters, **more}

@@ -15,6 +15,9 @@ from firmware_bridge.drivers.mavlink.commands import (
     CommandDesk,
 )
 
+EKF_STATUS = 193
+EKF_RATE, HEARTBEAT_RATE, ORIGIN_RATE = 20.0, 5.0, 1.0
+"""Rates to ask for at the most [Hz]."""
 LATE_PERIODS, LATE = 3.0, 0.03
 """A stream is late after so many of its periods, and so much for the way [s]."""
 ENOUGH = 0.75
@@ -109,6 +112,10 @@ class StreamRequests:
             if stream.message == message:
                 stream.saw(now)
 
+    def rate(self, message: int) -> float:
+        """Rate that is asked for of a message id [Hz]."""
+        return next(stream.rate for stream in self.streams if stream.message == message)
+
     @property
     def answered(self) -> bool:
         """Whether the vehicle has answered every request at least once."""
@@ -159,6 +166,18 @@ class StreamRequests:
             stream.level += 1
         else:
             stream.answered = stream.refused = True
+
+
+def wanted_streams(rate: float) -> tuple[Stream, ...]:
+    """Telemetry that a drive needs, poses `rate` times a second [Hz]."""
+    rates = rates_from(rate)
+    return (
+        Stream(32, "LOCAL_POSITION_NED", rates),
+        Stream(30, "ATTITUDE", rates),
+        Stream(EKF_STATUS, "EKF_STATUS_REPORT", rates_from(min(rate, EKF_RATE))),
+        Stream(0, "HEARTBEAT", (HEARTBEAT_RATE,), needed=False),
+        Stream(49, "GPS_GLOBAL_ORIGIN", (ORIGIN_RATE,), needed=False),
+    )
 
 
 def rates_from(rate: float) -> tuple[float, ...]:

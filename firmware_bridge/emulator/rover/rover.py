@@ -264,7 +264,7 @@ class RoverEmulator:
             self._say(severity, text.encode())
 
     def _say(self, severity: int, text: bytes) -> None:
-        """Send a text, a long one in chunks with a number; one of whole chunks ends in an empty one."""
+        """Send a text; a long one in numbered chunks, the last of them short or empty."""
         if len(text) <= CHUNK:
             self._send(dialect.MAVLink_statustext_message(severity, text))
             return

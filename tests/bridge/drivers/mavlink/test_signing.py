@@ -1,4 +1,4 @@
-"""Signed links as the real firmware has them: clocks that disagree, first frames that are refused."""
+"""Signed links as on the firmware: clocks that disagree, first frames that are refused."""
 
 from __future__ import annotations
 
