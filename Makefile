@@ -35,7 +35,7 @@ $(VENV)/docs: $(VENV)/python pyproject.toml
 	@touch $@
 
 demo: $(VENV)/demo  ## learn from a drive of the emulated rover, drive it past four obstacles, end in a report: out/report.html; LOG=run.csv learns from your robot's log instead
-	@$(BIN)/$(if $(LOG),kmpc demo --log $(LOG),kmpc-bridge demo) --output out
+	@$(BIN)/kmpc demo $(if $(LOG),--log $(LOG)) --output out
 
 check: $(VENV)/dev  ## style, types, import rules and the documentation's build
 	$(BIN)/ruff check .

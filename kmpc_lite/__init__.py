@@ -1,55 +1,27 @@
-"""Learn a bilinear Koopman model of a wheeled robot and drive it, in real time on a small board."""
+"""Learn a bilinear Koopman model of a wheeled robot and drive it, in real time on a small board.
 
-from kmpc_lite.control import (
-    Circle,
-    Controller,
-    NavigationProblem,
-    OccupancyGrid,
-    Plan,
-    PlanStatus,
-    Polygon,
-    Wall,
-)
-from kmpc_lite.errors import DataError, KmpcError, ModelError, ProblemError, ScenarioError
-from kmpc_lite.learn import Accumulator, Dataset, Episode, FitReport, evaluate, fit, with_quantiles
-from kmpc_lite.model.dictionary import (
-    Dictionary,
-    HermiteTrigDictionary,
-    InputHistoryDictionary,
-    UnicycleDictionary,
-)
-from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
-from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
+The public names stand in `kmpc_lite.api`, which is imported when the first of them is asked for:
+`kmpc --help` need not wait for NumPy.
+"""
+
+import importlib
+import typing
 
 __version__ = "0.2.0"
 
-__all__ = [
-    "Accumulator",
-    "Circle",
-    "Controller",
-    "DataError",
-    "Dataset",
-    "Dictionary",
-    "DifferentialDrive",
-    "Episode",
-    "FitReport",
-    "HermiteTrigDictionary",
-    "InputHistoryDictionary",
-    "KmpcError",
-    "KoopmanModel",
-    "ModelError",
-    "NavigationProblem",
-    "OccupancyGrid",
-    "Plan",
-    "PlanStatus",
-    "Polygon",
-    "ProblemError",
-    "ScenarioError",
-    "UnicycleDictionary",
-    "Wall",
-    "evaluate",
-    "fit",
-    "generate_dataset",
-    "nominal_unicycle",
-    "with_quantiles",
-]
+if typing.TYPE_CHECKING:
+    from kmpc_lite.api import *  # noqa: F403
+    from kmpc_lite.api import __all__ as __all__
+else:
+
+    def __getattr__(name: str) -> typing.Any:
+        """Import a public name."""
+        private = name.startswith("_") and name != "__all__"
+        api = None if private else importlib.import_module("kmpc_lite.api")
+        if api is None or name not in ("__all__", *api.__all__):
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = globals()[name] = getattr(api, name)
+        return value
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *importlib.import_module("kmpc_lite.api").__all__})

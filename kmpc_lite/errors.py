@@ -3,6 +3,9 @@
 Each error is also the builtin it specialises, so ``except ValueError`` keeps working.
 """
 
+import difflib
+from collections.abc import Iterable
+
 
 class KmpcError(Exception):
     """Base of every error this package raises on purpose."""
@@ -22,3 +25,15 @@ class ProblemError(KmpcError, ValueError):
 
 class ScenarioError(KmpcError, ValueError):
     """A scenario file is wrong: names the file and the key."""
+
+
+def did_you_mean(word: str, names: Iterable[str]) -> str:
+    """Name what is spelled nearly like `word`, to be put behind a message; or nothing.
+
+    >>> did_you_mean("four_circle_1", ["four_circles_1", "mehrez"])
+    "; did you mean 'four_circles_1'?"
+    >>> did_you_mean("moon", ["four_circles_1", "mehrez"])
+    ''
+    """
+    near = difflib.get_close_matches(word, list(names), n=1, cutoff=0.7)
+    return f"; did you mean {near[0]!r}?" if near else ""

@@ -23,6 +23,7 @@ def run(code: str) -> str:
 def test_all_is_what_can_be_imported() -> None:
     assert sorted(set(kl.__all__)) == sorted(kl.__all__)
     assert all(hasattr(kl, name) for name in kl.__all__)
+    assert set(kl.__all__) <= set(dir(kl))
     own = {
         name
         for name, value in vars(kl).items()
@@ -63,12 +64,12 @@ def test_the_version_is_that_of_the_installed_package() -> None:
 
 def test_importing_brings_nothing_but_what_the_loop_needs() -> None:
     loaded = run(
-        f"import sys; {NEEDED}; before = set(sys.modules); import kmpc_lite; "
+        f"import sys; {NEEDED}; before = set(sys.modules); import kmpc_lite.api; "
         "print(*sorted(set(sys.modules) - before))"
     ).split()
     others = {name.split(".")[0] for name in loaded} - set(sys.stdlib_module_names) - {"kmpc_lite"}
     assert others <= {"numpy"}, f"importing kmpc_lite imports {sorted(others)} too"
-    parts = set(run("import sys, kmpc_lite; print(*sys.modules)").split())
+    parts = set(run("import sys, kmpc_lite.api; print(*sys.modules)").split())
     for heavy in (
         "matplotlib",
         "casadi",
@@ -101,7 +102,7 @@ def test_importing_costs_little_more_than_what_is_needed() -> None:
         )
         return min(float(run(timed)) for _ in range(10))
 
-    needed, ours = seconds(NEEDED), seconds("import kmpc_lite")
+    needed, ours = seconds(NEEDED), seconds("import kmpc_lite.api")
     assert ours <= 1.4 * needed, (
         f"{ours:.3f} s is {ours / needed:.2f} times the {needed:.3f} s of numpy, "
         "scipy.sparse and osqp"

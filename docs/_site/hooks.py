@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAMS = {"kmpc": "kmpc_lite.cli.main", "kmpc-bridge": "firmware_bridge.cli.main"}
+PROGRAMS = {"kmpc": "firmware_bridge.cli.main"}
+"""The bridge's entry knows all commands, however the package was installed."""
 MARK = re.compile(r"^<!-- (help|files): ([\w-]+) -->$", re.MULTILINE)
 log = logging.getLogger("mkdocs.hooks.site")
 
@@ -48,16 +49,18 @@ def help_of(program: str, *command: str) -> str:
     return done.stdout.rstrip()
 
 
-def commands_of(program: str) -> list[str]:
-    """Names of the commands that a program's help lists."""
-    return re.findall(r"^    (\w[\w-]*)(?:\s|$)", help_of(program), re.MULTILINE)
+def commands_of(program: str, *command: str) -> list[str]:
+    """Names of the commands that the help of a program, or of a group of commands, lists."""
+    return re.findall(r"^    (\w[\w-]*)(?:\s|$)", help_of(program, *command), re.MULTILINE)
 
 
 def help_texts(program: str) -> str:
     """Give the help of every command of a program, a section each."""
     sections = [f"## {program}\n\n```text\n{help_of(program)}\n```"]
     for name in commands_of(program):
-        sections.append(f"### {program} {name}\n\n```text\n{help_of(program, name)}\n```")
+        for command in ((name,), *((name, below) for below in commands_of(program, name))):
+            title = " ".join([program, *command])
+            sections.append(f"### {title}\n\n```text\n{help_of(program, *command)}\n```")
     return "\n\n".join(sections)
 
 

@@ -1,1 +1,17 @@
-"""The commands of the bridge."""
+"""The commands of the bridge: they become commands of `kmpc` through entry points."""
+
+COMMANDS = {
+    name: f"firmware_bridge.cli.{name}:COMMAND"
+    for name in (
+        "demo",
+        "check",
+        "run",
+        "record",
+        "replay",
+        "emulate",
+        "estop",
+        "latency",
+        "experiments",
+    )
+}
+"""As the entry points `kmpc.commands` of pyproject.toml; `demo` replaces that of kmpc_lite."""

@@ -1,31 +1,41 @@
-"""`kmpc-bridge check`: who answers, and what is missing before the robot can drive, in words a user can act on."""
+"""`kmpc check`: who answers, and what is missing before it can drive, in words to act on."""
 
 from __future__ import annotations
 
+import argparse
+import json
 import math
+import sys
 import time
 from dataclasses import dataclass
 
+from firmware_bridge.cli.options import add_robot_options, read_robot
 from firmware_bridge.drivers import Driver
 from firmware_bridge.link import open_transport
-from firmware_bridge.messages import LinkError, State, VelocityCommand
+from firmware_bridge.messages import BridgeError, LinkError, State, VelocityCommand
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.session import open_driver
 from firmware_bridge.runtime.timing import Histogram
 from firmware_bridge.safety.estop import EmergencyStop, ask, default_socket
 from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.gate_table import Reason
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.numbers import positive
+from kmpc_lite.cli.output import paint
 
 POLL = 0.005
 ADVICE = {
     Reason.LINK: "plug the cable in, or start the vehicle's end of the link",
-    Reason.HEARTBEAT: "is the board powered, and is the telemetry frequent enough? safety.heartbeat_age is the limit",
-    Reason.NOT_READY: "arm it and choose GUIDED (run --arm does both); a motor controller is taken when the bridge runs",
+    Reason.HEARTBEAT: "is the board powered, and is the telemetry frequent enough? "
+    "safety.heartbeat_age is the limit",
+    Reason.NOT_READY: "arm it and choose GUIDED (run --arm does both); "
+    "a motor controller is taken when the bridge runs",
     Reason.BOARD: "see the fault above",
     Reason.ESTIMATE: "wait for the position estimate, check GPS, motion capture or encoders",
     Reason.POSE: "poses must come at least every safety.pose_age seconds",
     Reason.POSE_INVALID: "the board sends poses that are not numbers: check its sensors",
-    Reason.GEOFENCE: "the robot stands outside safety.geofence: carry or drive it inside, or check the frame",
+    Reason.GEOFENCE: "the robot stands outside safety.geofence: "
+    "carry or drive it inside, or check the frame",
 }
 
 
@@ -35,6 +45,31 @@ class Finding:
 
     ok: bool
     text: str
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    add_robot_options(parser)
+    parser.add_argument(
+        "--seconds",
+        type=positive,
+        default=2.0,
+        help="how long to watch the telemetry [s] (default: 2)",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print what was found; status 1 where something is missing."""
+    findings = check(read_robot(options), options.seconds)
+    fine = all(finding.ok for finding in findings)
+    if options.json:
+        found = [{"ok": finding.ok, "text": finding.text} for finding in findings]
+        print(json.dumps({"ok": fine, "findings": found}))
+        return 0 if fine else 1
+    for finding in findings:
+        mark = ("ok     ", "green") if finding.ok else ("MISSING", "red")
+        print(f"{paint(*mark, sys.stdout)}  {finding.text}")
+    return 0 if fine else 1
 
 
 def check(robot: Robot, seconds: float) -> list[Finding]:
@@ -72,7 +107,7 @@ def _estop(robot: Robot) -> list[Finding]:
         ask(path, "status")
     except LinkError:
         if EmergencyStop(path).latched:
-            return [Finding(False, "the emergency stop is pressed: kmpc-bridge estop --reset")]
+            return [Finding(False, "the emergency stop is pressed: kmpc estop --reset")]
         return [Finding(True, f"emergency stop: not pressed, at {path}")]
     return [
         Finding(
@@ -97,9 +132,11 @@ def _telemetry(driver: Driver, robot: Robot, seconds: float) -> list[Finding]:
     if state is None:
         found.append(Finding(False, f"no pose within {seconds:g} s"))
     else:
-        text = f"pose: x {state.x:.3f} m, y {state.y:.3f} m, theta {state.theta:.3f} rad; {ages.count / seconds:.0f} Hz, "
-        text += f"{1e3 * ages.quantile(0.5):.0f} ms old when it comes (at most {1e3 * ages.maximum:.0f}), "
-        text += f"gaps up to {1e3 * gaps.maximum:.0f} ms"
+        text = (
+            f"pose: x {state.x:.3f} m, y {state.y:.3f} m, theta {state.theta:.3f} rad; "
+            f"{ages.count / seconds:.0f} Hz, {1e3 * ages.quantile(0.5):.0f} ms old when it comes "
+            f"(at most {1e3 * ages.maximum:.0f}), gaps up to {1e3 * gaps.maximum:.0f} ms"
+        )
         found.append(Finding(gaps.count > 0 and gaps.maximum <= robot.gate.pose_age, text))
     status = driver.health()
     found.append(
@@ -127,3 +164,12 @@ def _judgement(driver: Driver, robot: Robot) -> list[Finding]:
         detail = f" ({fresh:.2f} s)" if reason is Reason.HEARTBEAT else ""
         found.append(Finding(False, f"{reason.value}{detail}: {ADVICE.get(reason, 'see above')}"))
     return found
+
+
+COMMAND = Command(
+    text="Say who answers, and what is missing before it can drive. Nothing moves.",
+    examples=("kmpc check robot.toml", "kmpc check --driver mavlink --link udp:127.0.0.1:14550"),
+    add_options=add_options,
+    run=run,
+    errors=(BridgeError,),
+)

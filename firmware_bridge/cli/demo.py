@@ -1,22 +1,35 @@
-"""The main job through the link: record a drive of the emulated rover, learn from it, drive it past obstacles, show that."""
+"""`kmpc demo` through the link: record the emulated rover, learn, drive it past obstacles, show.
+
+With a log of one's own, or without pymavlink, the demo of kmpc_lite runs instead.
+"""
 
 from __future__ import annotations
 
+import argparse
+import json
 import tempfile
 from collections.abc import Callable
+from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
-from typing import Any, TextIO
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 import kmpc_lite as kl
+from firmware_bridge.cli.course import course
 from firmware_bridge.cli.latency import SCENARIO, emulator, robot_text
 from firmware_bridge.messages import BridgeError
-from firmware_bridge.robot_file import Robot, load_robot
-from firmware_bridge.runtime.drive import DONE, INTERRUPTED, NOT_DONE, SIGNALS, record, run
+from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.loop import TICK
-from kmpc_lite.cli.commands import calibrated, describe, load_and_split, make_dictionary, with_info
-from kmpc_lite.sim import Outcome, Run, Scenario
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.demo import COMMAND as SIMULATED
+from kmpc_lite.cli.extras import is_installed, need, pip_line
+from kmpc_lite.cli.fit import calibrated, load_and_split, make_dictionary, with_info
+from kmpc_lite.cli.numbers import positive
+from kmpc_lite.cli.output import command_line
+from kmpc_lite.cli.simulate import describe
+
+if TYPE_CHECKING:
+    from kmpc_lite.sim import Run, Scenario
 
 PERIOD = 0.1
 """Of controller and rows [s]."""
@@ -56,7 +69,9 @@ class Steps:
             self.rows.append((pose, plan))
 
     def as_run(self, scenario: Scenario, report: dict[str, Any], info: dict[str, Any]) -> Run:
-        """Make a run of the steps until the goal was reached, or all: poses are those that came through the link.
+        """Make a run of the steps until the goal was reached, or of all.
+
+        Poses are those that came through the link.
 
         Parameters
         ----------
@@ -72,6 +87,10 @@ class Steps:
         BridgeError
             Where the robot never drove.
         """
+        import numpy as np
+
+        from kmpc_lite.sim import Outcome, Run
+
         if len(self.rows) < 2:
             raise BridgeError("the rover did not drive: no command passed the gate")
         arrived = report["arrived_after_s"]
@@ -106,12 +125,46 @@ class Steps:
         )
 
 
-Prepare = Callable[[Robot, float, float, Steps], Any]
-"""Robot, settling time and time limit [s], and who watches the steps -> what `run` needs."""
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    SIMULATED.add_options(parser)
+    add = parser.add_argument
+    add(
+        "--robot",
+        choices=("rover", "simulated"),
+        help="rover: an emulated ArduPilot rover behind a pseudo-terminal, as a real one would be "
+        "(default, where pymavlink is installed); simulated: without a link",
+    )
+    add(
+        "--seconds",
+        type=positive,
+        default=50.0,
+        help="of random driving of the rover to learn from [s] (default: 50)",
+    )
+    add("--seed", type=int, default=0, help="of the rover's driving and slip (default: 0)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Record, learn, drive, report; status 1 where the goal was not reached."""
+    if options.log and options.robot == "rover":
+        raise BridgeError("--log: the rover records a log of its own; leave --robot rover out")
+    if options.log or options.robot == "simulated":
+        return SIMULATED.run(options)
+    if options.robot is None and not is_installed("pymavlink"):
+        if not options.json:
+            print(f"without the emulated rover, which needs {pip_line('pymavlink')}")
+        return SIMULATED.run(options)
+    need("the emulated rover", "pymavlink")
+    need("the report of a demo", "matplotlib")
+    say = (lambda text: None) if options.json else partial(print, flush=True)
+    report, status = demo(options.output, options.seconds, options.seed, say)
+    if options.json:
+        print(json.dumps(report))
+    return status
 
 
 def demo(
-    folder: Path, seconds: float, seed: int, prepare: Prepare, out: TextIO | None, command: str
+    folder: Path, seconds: float, seed: int, say: Callable[[str], None]
 ) -> tuple[dict[str, Any], int]:
     """Record, learn, drive, report; gives the report and the exit status.
 
@@ -123,87 +176,41 @@ def demo(
         Of random driving to learn from [s].
     seed : int
         Of the random driving and of the rover's slip.
-    prepare : callable
-        Puts a controller before the robot; see `Prepare`.
-    out : text stream, optional
-        For people: a line per phase.
-    command : str
-        Command line, for the report.
+    say : callable
+        Is told a line per phase.
 
     Raises
     ------
     BridgeError, KmpcError
         With one line for the user.
     """
+    from firmware_bridge.runtime.drive import DONE, INTERRUPTED, NOT_DONE, SIGNALS
     from kmpc_lite.report import write_report
-
-    def say(text: str) -> None:
-        if out is not None:
-            out.write(text + "\n")
-            out.flush()
+    from kmpc_lite.sim import Outcome, Scenario
 
     folder.mkdir(parents=True, exist_ok=True)
     for name in OWN_FILES:
         (folder / name).unlink(missing_ok=True)
     scenario = Scenario.load(SCENARIO)
     with tempfile.TemporaryDirectory(prefix="kmpc-bridge-") as name:
-        link, file = Path(name) / "mavlink", Path(name) / "rover.toml"
+        file = Path(name) / "rover.toml"
         file.write_text(robot_text("mavlink", Path(name), PERIOD))
-        say(
-            f"1  recording {seconds:g} s of random driving of an emulated ArduPilot rover over a pseudo-terminal: {folder / 'drive.csv'}"
-        )
-        with emulator(file, link, "--seed", str(seed)):
-            # the emulated floor is empty: the whole map is free for random driving
-            robot = load_robot(file, {"control": COMMANDS, "safety": {"geofence": scenario.bounds}})
-            recorded, status = record(
-                robot,
-                str(folder / "drive"),
-                seconds,
-                period=PERIOD,
-                excitation=(HOLD, seed),
-                out=None,
-            )
+        rover = partial(emulator, file, Path(name) / "mavlink", "--seed", str(seed))
+        recorded, status = _record(file, rover, scenario, folder, seconds, seed, say)
         if recorded["loop"]["stop_reason"] in SIGNALS:
             return {"outcome": "stopped", **recorded}, INTERRUPTED
         if status != DONE:
-            raise BridgeError(
-                f"{folder / 'drive.csv'}: nothing was recorded: {'; '.join(recorded['problems']) or 'the rover did not drive'}"
-            )
-        say(f"   {recorded['rows']} rows every {PERIOD:g} s")
-
-        train, held = load_and_split([folder / "drive.csv"], None, None, 0.5, 0)
-        model = kl.fit(train, make_dictionary("trig", LAGS, False))
-        errors = kl.evaluate(model, held, 1.0)
-        model, calibration = calibrated(model, held)
-        model = with_info(model, {"held_out": errors.as_dict(), "log": [str(folder / "drive.csv")]})
-        model.save(folder / "robot.npz")
-        say(f"2  learned {folder / 'robot.npz'} from {train}")
-        say("   " + f"{errors}\n{calibration}".replace("\n", "\n   "))
-
-        say(f"3  driving {scenario.name} with it, over a pseudo-terminal again")
-        steps = Steps()
-        control = {**COMMANDS, "model": str(folder / "robot.npz"), "scenario": SCENARIO}
-        drive = prepare(load_robot(file, {"control": control}), SETTLE, PATIENCE, steps)
-        steps.is_driving = lambda: drive.navigator.is_driving()
-        with emulator(file, link, "--seed", str(seed)):
-            report, status = run(
-                drive.robot, drive.navigator, drive.period, drive.origin, str(folder / "run"), None
-            )
-    if status == INTERRUPTED:
-        return report, INTERRUPTED
-    limits = drive.robot.gate.limits
-    info = {
-        "plant": "emulated ArduPilot rover over a pty; poses as its EKF tells them",
-        "model": model.info["method"],
-        "u_min": [-limits.v_reverse, -limits.omega_max],
-        "u_max": [limits.v_max, limits.omega_max],
-        "commands_sent": report["loop"]["commands_sent"],
-    }
-    driven = steps.as_run(scenario, report, info)
+            why = "; ".join(recorded["problems"]) or "the rover did not drive"
+            raise BridgeError(f"{folder / 'drive.csv'}: nothing was recorded: {why}")
+        model, errors = _learn(folder, say)
+        driven, report, status = _drive(file, rover, scenario, folder, say)
+    if driven is None:
+        return report, status
+    driven.info["model"] = model.info["method"]
     driven.save(folder / "run.npz")
     say(f"   {describe(driven)}")
     page = folder / "report.html"
-    write_report(page, driven, model=model, fit_report=errors, command=command)
+    write_report(page, driven, model=model, fit_report=errors, command=command_line())
     say(f"4  open {page.resolve()}")
     result = {
         "report": str(page),
@@ -213,3 +220,92 @@ def demo(
         **driven.summary(),
     }
     return result, DONE if driven.outcome is Outcome.REACHED else NOT_DONE
+
+
+Rover = Callable[[], AbstractContextManager[None]]
+
+
+def _record(
+    file: Path,
+    rover: Rover,
+    scenario: Scenario,
+    folder: Path,
+    seconds: float,
+    seed: int,
+    say: Callable[[str], None],
+) -> tuple[dict[str, Any], int]:
+    """Drive the rover at random and record that."""
+    from firmware_bridge.runtime.drive import record
+
+    say(
+        f"1  recording {seconds:g} s of random driving of an emulated ArduPilot rover over a "
+        f"pseudo-terminal: {folder / 'drive.csv'}"
+    )
+    # the emulated floor is empty: the whole map is free for random driving
+    robot = load_robot(file, {"control": COMMANDS, "safety": {"geofence": scenario.bounds}})
+    with rover():
+        report, status = record(
+            robot,
+            str(folder / "drive"),
+            seconds,
+            period=PERIOD,
+            excitation=(HOLD, seed),
+            out=None,
+        )
+    say(f"   {report['rows']} rows every {PERIOD:g} s")
+    return report, status
+
+
+def _learn(folder: Path, say: Callable[[str], None]) -> tuple[kl.KoopmanModel, kl.FitReport]:
+    """Learn from what was recorded."""
+    log = folder / "drive.csv"
+    train, held = load_and_split([log], None, None, 0.5, 0)
+    model = kl.fit(train, make_dictionary("trig", LAGS, False))
+    errors = kl.evaluate(model, held, 1.0)
+    model, calibration = calibrated(model, held)
+    model = with_info(model, {"held_out": errors.as_dict(), "log": [str(log)]})
+    model.save(folder / "robot.npz")
+    say(f"2  learned {folder / 'robot.npz'} from {train}")
+    say("   " + f"{errors}\n{calibration}".replace("\n", "\n   "))
+    return model, errors
+
+
+def _drive(
+    file: Path, rover: Rover, scenario: Scenario, folder: Path, say: Callable[[str], None]
+) -> tuple[Run | None, dict[str, Any], int]:
+    """Drive the scenario with what was learned; no run where a signal came."""
+    from firmware_bridge.runtime.drive import INTERRUPTED
+    from firmware_bridge.runtime.drive import run as drive
+
+    say(f"3  driving {scenario.name} with it, over a pseudo-terminal again")
+    steps = Steps()
+    control = {**COMMANDS, "model": str(folder / "robot.npz"), "scenario": SCENARIO}
+    job = course(load_robot(file, {"control": control}), SETTLE, PATIENCE, steps)
+    steps.is_driving = lambda: job.navigator.is_driving()
+    with rover():
+        report, status = drive(
+            job.robot, job.navigator, job.period, job.origin, str(folder / "run"), None
+        )
+    if status == INTERRUPTED:
+        return None, report, INTERRUPTED
+    limits = job.robot.gate.limits
+    info = {
+        "plant": "emulated ArduPilot rover over a pty; poses as its EKF tells them",
+        "u_min": [-limits.v_reverse, -limits.omega_max],
+        "u_max": [limits.v_max, limits.omega_max],
+        "commands_sent": report["loop"]["commands_sent"],
+    }
+    return steps.as_run(scenario, report, info), report, status
+
+
+COMMAND = Command(
+    text="Learn from a drive, check the model, drive past four obstacles, and show it.",
+    examples=(
+        "kmpc demo                      # an emulated ArduPilot rover, about two minutes",
+        "kmpc demo --robot simulated    # without a link, a few seconds",
+        "kmpc demo --log run.csv        # learn from your robot's log instead",
+    ),
+    add_options=add_options,
+    run=run,
+    errors=(BridgeError,),
+)

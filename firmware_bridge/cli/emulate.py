@@ -1,20 +1,27 @@
-"""Serve an emulated robot on a link until somebody ends it."""
+"""`kmpc emulate`: serve an emulated robot on a link until somebody ends it."""
 
 from __future__ import annotations
 
+import argparse
+import json
 import signal
 import threading
 import time
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
+from firmware_bridge.cli.options import need_driver, people
 from firmware_bridge.emulator.mocap import MocapSender
 from firmware_bridge.link.url import LinkUrl
-from firmware_bridge.messages import ConfigError
-from firmware_bridge.robot_file import Robot
+from firmware_bridge.messages import BridgeError, ConfigError
+from firmware_bridge.robot_file import Robot, load_robot
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.numbers import positive
 
 if TYPE_CHECKING:
     from firmware_bridge.emulator.board import BoardEmulator
+    from kmpc_lite.sim import Scenario
     from kmpc_lite.sim.twin import Twin
 
 BOARDS = {
@@ -52,6 +59,84 @@ class Emulator(Protocol):
         ...
 
 
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    add = parser.add_argument
+    add("robot", help="mavlink, or a robot file")
+    add(
+        "--link",
+        metavar="URL",
+        help="pty:PATH, tcp:HOST:PORT or udp:HOST:PORT; the robot file's where not given",
+    )
+    add("--scenario", help="start where this one starts, on its floor")
+    add(
+        "--start",
+        nargs=3,
+        type=float,
+        metavar=("X", "Y", "THETA"),
+        help="where it stands [m, m, rad]",
+    )
+    add(
+        "--physics",
+        choices=("slip", "mujoco"),
+        default="slip",
+        help="slip: a robot that slips at random (default); mujoco: the digital twin of a "
+        "ROSbot 2, among the scenario's obstacles",
+    )
+    add("--slip", type=float, help="mean slip ratio of the floor")
+    add("--turn-gain", type=float, help="share of a turn that happens")
+    add("--seed", type=int, default=0, help="of the slip (default: 0)")
+    add("--pose", metavar="URL", help="also be its motion capture: send poses to udp:HOST:PORT")
+    add(
+        "--arm-after",
+        type=float,
+        default=2.0,
+        help="arming is refused so long after boot [s] (default: 2)",
+    )
+    add("--seconds", type=positive, help="end after so long [s]")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Emulate a robot until Ctrl-C, or for so long."""
+    autopilot = options.robot == "mavlink"
+    driver = "mavlink" if autopilot else None
+    robot = load_robot(
+        None if autopilot else options.robot,
+        {"link": {"url": options.link, "driver": driver, "pose": options.pose}},
+    )
+    need_driver(robot)
+    if options.physics == "mujoco":
+        need("--physics mujoco", "mujoco")
+    emulator = _emulator(options, robot)
+    report = emulate(
+        emulator, robot.link.url, options.seconds, people(options), options.pose, options.seed
+    )
+    if options.json:
+        print(json.dumps(report))
+    return 0
+
+
+def _emulator(options: argparse.Namespace, robot: Robot) -> Emulator:
+    """Build what the options of a command line ask for."""
+    scenario: Scenario | None = None
+    start, slip, turn_gain = (0.0, 0.0, 0.0), 0.0, 1.0
+    if options.scenario is not None:
+        from kmpc_lite.sim import Scenario
+
+        scenario = Scenario.load(options.scenario)
+        start, slip, turn_gain = scenario.start, scenario.slip, scenario.turn_gain
+    if options.start is not None:
+        start = tuple(options.start)
+    slip = slip if options.slip is None else options.slip
+    turn_gain = turn_gain if options.turn_gain is None else options.turn_gain
+    twin = None
+    if options.physics == "mujoco":
+        from kmpc_lite.sim.twin import Twin
+
+        twin = Twin(seed=options.seed) if scenario is None else Twin.of(scenario, options.seed)
+    return build_emulator(robot, start, slip, turn_gain, options.seed, options.arm_after, twin)
+
+
 def build_emulator(
     robot: Robot,
     start: tuple[float, float, float],
@@ -61,7 +146,7 @@ def build_emulator(
     arm_after: float,
     twin: Twin | None = None,
 ) -> Emulator:
-    """Build the board of a robot file with a robot under it that stands at `start`: one that slips, or a digital twin."""
+    """Build the board of a robot file, and a robot under it: one that slips, or a digital twin."""
     floor: dict[str, Any] = {"slip": slip, "turn_gain": turn_gain, "seed": seed}
     if robot.is_autopilot:
         from firmware_bridge.emulator.rover.parameters import MOTION_CAPTURE
@@ -102,7 +187,9 @@ def emulate(
     pose: str | None = None,
     seed: int = 0,
 ) -> dict[str, Any]:
-    """Serve until SIGINT, SIGTERM, or for so long [s]; tells the last pose. With `pose`, motion capture sends there, noise of `seed`.
+    """Serve until SIGINT, SIGTERM, or for so long [s]; tells the last pose.
+
+    With `pose`, motion capture sends there, with the noise of `seed`.
 
     Raises
     ------
@@ -129,9 +216,9 @@ def emulate(
             done.wait(SHOWN if until is None else min(SHOWN, max(0.0, until - time.monotonic())))
             if out is not None and out.isatty():
                 x, y, theta = emulator.pose
-                out.write(
-                    f"\r\x1b[2Kx {x:8.3f} m   y {y:8.3f} m   theta {theta:7.3f} rad   {'stands' if emulator.stopped else 'moves'}"
-                )
+                moves = "stands" if emulator.stopped else "moves"
+                place = f"x {x:8.3f} m   y {y:8.3f} m   theta {theta:7.3f} rad"
+                out.write(f"\r\x1b[2K{place}   {moves}")
                 out.flush()
         return {
             "link": url,
@@ -144,3 +231,15 @@ def emulate(
         emulator.close()
         for number, handler in handlers.items():
             signal.signal(number, handler)
+
+
+COMMAND = Command(
+    text="Pretend to be a robot: an ArduPilot rover, or the motor controller of a robot file.",
+    examples=(
+        "kmpc emulate mavlink --link tcp:127.0.0.1:5760",
+        "kmpc emulate robot.toml --link pty:/tmp/robot --scenario four_circles_1",
+    ),
+    add_options=add_options,
+    run=run,
+    errors=(BridgeError,),
+)

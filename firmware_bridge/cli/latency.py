@@ -1,20 +1,32 @@
-"""Latency and jitter of every driver: each drives an emulated board, in a process of its own, over a pseudo-terminal."""
+"""`kmpc latency`: latency and jitter of every driver.
+
+Each drives an emulated board, in a process of its own, over a pseudo-terminal.
+"""
 
 from __future__ import annotations
 
+import argparse
+import json
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
 
-from firmware_bridge.messages import LinkError
-from firmware_bridge.robot_file import Robot, load_robot
+from firmware_bridge.cli.course import course
+from firmware_bridge.messages import BridgeError, LinkError
+from firmware_bridge.robot_file import DRIVERS, Robot, load_robot
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.numbers import positive
 
 SCENARIO = "four_circles_1"
+MEASURED = tuple(name for name in DRIVERS if name != "sabertooth")
+"""Drivers whose latency can be measured: a Sabertooth says nothing."""
 START_TIME = 20.0
 """How long an emulator may take to start [s]."""
 GEOMETRY = {"wheel_radius": 0.0425, "track": 0.27, "max_wheel_speed": 0.9}
@@ -34,6 +46,51 @@ COLUMNS = (
     "gate period, late by",
 )
 SHOWN = ("p50", "p99", "p99.9", "max")
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    add = parser.add_argument
+    add(
+        "--seconds",
+        type=positive,
+        default=10.0,
+        help="for each row of the table [s] (default: 10)",
+    )
+    add(
+        "--drivers",
+        nargs="+",
+        choices=MEASURED,
+        metavar="DRIVER",
+        default=list(MEASURED),
+        help=f"which (default: all): {', '.join(MEASURED)}",
+    )
+    add(
+        "--rates",
+        nargs="+",
+        type=positive,
+        metavar="HZ",
+        default=[10.0, 50.0],
+        help="of plans and commands [Hz] (default: 10 50)",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Measure and print the table."""
+    if "mavlink" in options.drivers:
+        need("the driver mavlink", "pymavlink")
+    seconds: float = options.seconds
+
+    def drive(robot: Robot) -> dict[str, Any]:
+        from firmware_bridge.runtime.drive import run as drive_robot
+
+        there = replace(robot, control=replace(robot.control, scenario=SCENARIO))
+        job = course(there, seconds, seconds)
+        return drive_robot(job.robot, job.navigator, job.period, job.origin, None, None)[0]
+
+    rows = measure(options.drivers, options.rates, drive, None if options.json else sys.stderr)
+    print(json.dumps(rows) if options.json else table(rows))
+    return 0
 
 
 def robot_text(driver: str, folder: Path, period: float) -> str:
@@ -59,7 +116,7 @@ def robot_text(driver: str, folder: Path, period: float) -> str:
 
 @contextmanager
 def emulator(file: Path, link: Path, *options: str) -> Iterator[None]:
-    """Emulate the board of a robot file in another process, with more options of `kmpc-bridge emulate`."""
+    """Emulate the board of a robot file in another process, with more options of `kmpc emulate`."""
     command = [
         sys.executable,
         "-m",
@@ -158,3 +215,12 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
             )
         lines.append(line)
     return "\n".join(lines)
+
+
+COMMAND = Command(
+    text="Measure latency and jitter of every driver on emulated boards, over pseudo-terminals.",
+    examples=("kmpc latency --seconds 10", "kmpc latency --drivers roboclaw vesc --rates 50"),
+    add_options=add_options,
+    run=run,
+    errors=(BridgeError,),
+)

@@ -137,7 +137,7 @@ def read_link_log(path: Path) -> Iterator[Chunk]:
         return _read_raw(content)
     if len(content) > TLOG_STAMP.size and content[TLOG_STAMP.size] in (V1, V2):
         return _read_tlog(content, path)
-    raise ConfigError(f"{path}: neither a tlog nor a raw log of kmpc-bridge")
+    raise ConfigError(f"{path}: neither a tlog nor a raw log of kmpc")
 
 
 def _read_raw(content: bytes) -> Iterator[Chunk]:

@@ -103,8 +103,7 @@ def render(title: str, shot: Snapshot, loop: ControlLoop) -> list[str]:
     limits, planner = loop.gate.settings.limits, loop.planner
     colour = GREEN if not output.reasons else RED
     lines = [
-        f"{BOLD}kmpc-bridge{PLAIN}  {title}   {colour}{output.state.name}{PLAIN}  "
-        f"{output.state.value}"
+        f"{BOLD}kmpc{PLAIN}  {title}   {colour}{output.state.name}{PLAIN}  {output.state.value}"
     ]
     if state is None:
         lines.append("pose        none yet")

@@ -1,4 +1,4 @@
-"""What `kmpc-bridge run` and `record` do with a session, and what they tell afterwards."""
+"""What `kmpc run` and `record` do with a session, and what they tell afterwards."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def run(
         out=out,
     ) as session:
         if note:
-            sys.stderr.write(f"kmpc-bridge: {note}\n")
+            sys.stderr.write(f"kmpc: {note}\n")
         navigator.is_driving, navigator.held = (
             lambda: session.gate.state is GateState.ACTIVE,
             lambda: session.planner.held,

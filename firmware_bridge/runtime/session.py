@@ -115,8 +115,7 @@ class Session:
         """Check the emergency stop, open logs and link, wait for the board."""
         if self.estop.latched:
             raise EstopLatched(
-                f"the emergency stop is pressed ({self.estop.latch_path}): "
-                "kmpc-bridge estop --reset"
+                f"the emergency stop is pressed ({self.estop.latch_path}): kmpc estop --reset"
             )
         # what is wrong in the robot file is told before a log is begun
         open_driver(self.robot, open_transport(self.robot.link.url)).close()

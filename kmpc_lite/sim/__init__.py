@@ -3,10 +3,9 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
-
 if TYPE_CHECKING:
     from kmpc_lite.sim.closed_loop import LearnedPlant, Outcome, Run, drive
+    from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
     from kmpc_lite.sim.scenario.files import Scenario
 
 __all__ = [
@@ -20,11 +19,13 @@ __all__ = [
 ]
 
 LATER = {
+    "DifferentialDrive": "plants.robots",
     "LearnedPlant": "closed_loop",
     "Outcome": "closed_loop",
     "Run": "closed_loop",
     "Scenario": "scenario.files",
     "drive": "closed_loop",
+    "generate_dataset": "plants.robots",
 }
 
 

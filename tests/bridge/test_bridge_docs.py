@@ -3,11 +3,11 @@
 import re
 from pathlib import Path
 
-from firmware_bridge.cli.arguments import build_parser
-from firmware_bridge.cli.main import COMMANDS
+from firmware_bridge.cli import COMMANDS
 from firmware_bridge.robot_file import SECTIONS, ControlOptions, LinkOptions
 from firmware_bridge.safety.gate import GateSettings
 from firmware_bridge.safety.gate_table import diagram, legend
+from kmpc_lite.cli.command import build_parser, known_commands
 
 DOCS = Path(__file__).parents[2] / "docs"
 BRIDGE = (DOCS / "howto" / "bridge.md").read_text()
@@ -47,4 +47,5 @@ def test_the_commands_of_the_docs_parse():
     ]
     assert len(commands) >= 8
     for command in commands:
-        build_parser(COMMANDS).parse_args(command.split()[1:])
+        words = command.split()[1:]
+        assert build_parser(known_commands(COMMANDS), words).parse_args(words)

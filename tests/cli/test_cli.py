@@ -24,7 +24,9 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.cli import main as cli
-from kmpc_lite.cli import measuring
+from kmpc_lite.cli.command import build_parser, known_commands
+from kmpc_lite.cli.progress import Progress
+from kmpc_lite.cli.workers import worker_pool
 from kmpc_lite.sim import Run, Scenario
 from kmpc_lite.studies import table1 as study
 
@@ -345,7 +347,7 @@ def test_report_as_pictures(made: Path, here: Path, capsys: pytest.CaptureFixtur
 
 @NEEDS_PICTURES
 def test_demo_does_the_main_job(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["demo", "--json"]) == 0
+    assert cli.main(["demo", "--robot", "simulated", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["outcome"] == "reached" and told["clearance_m"] > 0
     assert set(files(here)) == {
@@ -450,7 +452,7 @@ def test_the_examples_of_the_help_can_be_parsed(
     assert lines
     for line in lines:
         words = re.split(r"\s+[#>]\s", line)[0].split()
-        assert cli._parser().parse_args(words).run
+        assert build_parser(known_commands(), words).parse_args(words).run
 
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
@@ -577,7 +579,7 @@ def test_progress_is_drawn_on_a_terminal_only(
 ) -> None:
     for terminal, quiet, drawn in ((False, False, False), (True, False, True), (True, True, False)):
         monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
-        bar = measuring.Progress("work", quiet=quiet)
+        bar = Progress("work", quiet=quiet)
         for done in range(4):
             bar(done, 3)
         out, err = capsys.readouterr()
@@ -672,7 +674,7 @@ def test_control_c_ends_it_at_once_without_a_traceback(tmp_path: Path) -> None:
 
 
 def test_an_interrupted_study_ends_its_workers_at_once() -> None:
-    with pytest.raises(KeyboardInterrupt), measuring.worker_pool(1) as pool:
+    with pytest.raises(KeyboardInterrupt), worker_pool(1) as pool:
         pool.submit(time.sleep, 0).result()
         workers = multiprocessing.active_children()
         sleeping = pool.submit(time.sleep, 600)

@@ -12,7 +12,6 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -23,7 +22,8 @@ from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
 from kmpc_lite.control.obstacles.scene import Solid
 from kmpc_lite.control.obstacles.shapes import Polygon, Wall
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.errors import ProblemError, ScenarioError
+from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
+from kmpc_lite.sim.scenario.bundled import bundled, bundled_file
 from kmpc_lite.sim.scenario.shapes import grid_to_toml, read_grid, read_polygons, read_walls
 from kmpc_lite.types import Array
 
@@ -190,12 +190,12 @@ class Scenario:
         """
         path = Path(source)
         if not path.suffix and not path.exists():
-            path = Path(str(resources.files("kmpc_lite.sim") / "scenarios" / f"{path.name}.toml"))
-            if not path.exists():
-                raise ScenarioError(
-                    f"no scenario named {str(source)!r}; expected a .toml file or one of "
-                    f"{', '.join(bundled())}"
-                )
+            if path.name not in bundled():
+                names = ", ".join(bundled())
+                expected = f"; expected a .toml file or one of {names}"
+                hint = did_you_mean(path.name, bundled()) or expected
+                raise ScenarioError(f"no scenario named {str(source)!r}{hint}")
+            path = bundled_file(path.name)
         try:
             table = tomllib.loads(path.read_text(encoding="utf-8"))
         except OSError as error:
@@ -215,15 +215,16 @@ class Scenario:
         for section, content in table.items():
             if section not in KEYS:
                 raise ScenarioError(
-                    f"{where}: unknown section [{section}]; expected "
-                    f"{', '.join(f'[{s}]' for s in KEYS)}"
+                    f"{where}: unknown section [{section}]{did_you_mean(section, KEYS)}; "
+                    f"expected {', '.join(f'[{s}]' for s in KEYS)}"
                 )
             if not isinstance(content, Mapping):
                 raise ScenarioError(f"{where}: [{section}] must be a section, got {content!r}")
             for key in content:
                 if key not in KEYS[section]:
+                    hint = did_you_mean(key, KEYS[section])
                     raise ScenarioError(
-                        f"{where}: [{section}] {key}: unknown key; "
+                        f"{where}: [{section}] {key}: unknown key{hint}; "
                         f"expected {', '.join(KEYS[section])}"
                     )
         values: dict[str, Any] = {}
@@ -324,15 +325,6 @@ def _prepared(
     from kmpc_lite.control.obstacles.solids import Solids
 
     return Solids(found)
-
-
-def bundled() -> list[str]:
-    """Names of the scenarios that come with the package."""
-    return sorted(
-        Path(str(f)).stem
-        for f in (resources.files("kmpc_lite.sim") / "scenarios").iterdir()
-        if str(f).endswith(".toml")
-    )
 
 
 def _number(where: str, value: Any) -> float:

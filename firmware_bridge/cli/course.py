@@ -1,0 +1,124 @@
+"""A robot file made a drive: kmpc_lite's controller and scenario as the bridge wants them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from firmware_bridge.messages import ConfigError
+from firmware_bridge.robot_file import NOMINAL_LATENCY, Robot
+
+UNKNOWN = (math.nan, math.nan)
+"""The command of a period in which nobody knows what was on the wire."""
+FENCE_ROOM = 0.25
+"""Without a geofence of its own a robot may leave the scenario's area by so much [m]."""
+LOOK_AHEAD = 2.0
+"""Time that the controller plans ahead, however short its period [s]."""
+
+
+class Course(NamedTuple):
+    """All that a run needs."""
+
+    name: str
+    robot: Robot
+    navigator: Any
+    period: float
+    origin: tuple[float, float, float]
+    note: str
+    """What a user should know before it drives."""
+
+
+def course(
+    robot: Robot, settle: float, seconds: float, watch: Callable[[Any, Any], None] | None = None
+) -> Course:
+    """Put a controller and a map before a robot.
+
+    Parameters
+    ----------
+    robot : Robot
+        Whose `control` names the scenario and the model.
+    settle : float
+        How long the goal must be held [s].
+    seconds : float
+        Give up after so long [s].
+    watch : callable, optional
+        Is told each pose and plan.
+
+    Raises
+    ------
+    ConfigError
+        For a scenario or a model that cannot be used.
+    """
+    import kmpc_lite as kl
+    from firmware_bridge.runtime.navigator import Navigator, Task
+    from kmpc_lite.sim import Scenario
+
+    if robot.control.scenario is None:
+        raise ConfigError(f"{robot.where}: control.scenario: missing: give --scenario NAME")
+    try:
+        scenario = Scenario.load(robot.control.scenario)
+        controller = build_controller(robot, scenario)
+    except kl.KmpcError as error:
+        raise ConfigError(str(error)) from error
+    if robot.gate.geofence is None:
+        x_min, y_min, x_max, y_max = scenario.bounds
+        fence = (x_min - FENCE_ROOM, y_min - FENCE_ROOM, x_max + FENCE_ROOM, y_max + FENCE_ROOM)
+        robot = replace(robot, gate=replace(robot.gate, geofence=fence))
+
+    def step(pose: tuple[float, float, float], circles: Any) -> tuple[float, float, str]:
+        obstacles = circles if scenario.solids is None else [*circles, *scenario.solids.solids]
+        plan = controller.step(pose, scenario.goal, obstacles, sent=navigator.held() or UNKNOWN)
+        if watch is not None:
+            watch(pose, plan)
+        return float(plan.command[0]), float(plan.command[1]), plan.status.name
+
+    robot, note = _with_latency(robot, controller.model.history)
+    task = Task(
+        scenario.goal,
+        scenario.tolerance,
+        scenario.heading_tolerance,
+        scenario.radius,
+        scenario.circles_at,
+    )
+    origin = (
+        (0.0, 0.0, 0.0) if robot.is_autopilot or robot.link.pose is not None else scenario.start
+    )
+    period = robot.control.period or controller.problem.dt
+    navigator = Navigator(step, task, settle, seconds)
+    return Course(scenario.name, robot, navigator, period, origin, note)
+
+
+def _with_latency(robot: Robot, history: int) -> tuple[Robot, str]:
+    """Choose a latency where none is given, for a model with so many commands of history.
+
+    The text says so, where it matters.
+    """
+    if robot.control.latency is not None:
+        return robot, ""
+    latency = 0.0 if history else NOMINAL_LATENCY[robot.link.driver]
+    note = (
+        f"control.latency: not given, and the model knows no lag: {latency:g} s is taken for "
+        f"{robot.link.driver} (or kmpc fit --lags)"
+    )
+    return replace(robot, control=replace(robot.control, latency=latency)), note if latency else ""
+
+
+def build_controller(robot: Robot, scenario: Any) -> Any:
+    """kmpc_lite's controller for this map, within the robot's limits."""
+    import kmpc_lite as kl
+
+    model, period, limits = robot.control.model, robot.control.period, robot.gate.limits
+    learned = kl.nominal_unicycle(period or 0.1) if model is None else kl.KoopmanModel.load(model)
+    if period is not None and abs(period - learned.dt) > 1e-9:
+        learned = learned.with_dt(period)
+    base = kl.NavigationProblem(
+        dt=learned.dt,
+        horizon=min(100, max(20, round(LOOK_AHEAD / learned.dt))),
+        u_min=(-limits.v_reverse, -limits.omega_max),
+        u_max=(limits.v_max, limits.omega_max),
+        deceleration=(limits.deceleration, limits.angular_deceleration),
+    )
+    adaptation = None if model is not None and robot.control.adaptation else False
+    return kl.Controller(learned, scenario.problem(base), adaptation=adaptation)

@@ -1,0 +1,151 @@
+"""Options that several commands share: which robot, what it may do, how it is driven."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tomllib
+from typing import Any, TextIO
+
+from firmware_bridge.messages import ConfigError
+from firmware_bridge.robot_file import DRIVERS, Robot, load_robot
+from kmpc_lite.cli.extras import need
+
+
+def add_robot_options(parser: argparse.ArgumentParser) -> None:
+    """Add where the robot is and what it may do; each option replaces a key of the robot file."""
+    add = parser.add_argument
+    add("robot", nargs="?", help="robot file (TOML); the options below replace its keys")
+    add("--driver", choices=DRIVERS, help="link.driver")
+    add(
+        "--link",
+        metavar="URL",
+        help="link.url: serial:PATH?baud=..., pty:PATH, tcp:HOST:PORT, udp:HOST:PORT",
+    )
+    add(
+        "--pose",
+        metavar="URL",
+        help="link.pose: udp:HOST:PORT where motion capture sends `stamp x y theta` (ENU, m, rad)",
+    )
+    add("--timeout", type=float, help="link.timeout: how long the board may take to answer [s]")
+    add("--v-max", type=float, help="limits.v_max and v_reverse [m/s]; slow where not given")
+    add("--omega-max", type=float, help="limits.omega_max [rad/s]")
+    add(
+        "--geofence",
+        nargs=4,
+        type=float,
+        metavar=("XMIN", "YMIN", "XMAX", "YMAX"),
+        help="safety.geofence [m]",
+    )
+    add("--socket", metavar="PATH", help="safety.socket: of the emergency stop")
+    add(
+        "--set",
+        action="append",
+        default=[],
+        metavar="SECTION.KEY=VALUE",
+        help="any other key, in TOML: board.rate=50",
+    )
+
+
+def add_drive_options(parser: argparse.ArgumentParser) -> None:
+    """Add how the robot is driven."""
+    add = parser.add_argument
+    add(
+        "--arm",
+        action="store_true",
+        help="arm an autopilot and choose GUIDED; else the pilot does both",
+    )
+    add("--period", type=float, help="control.period [s]; the model's where not given")
+    add(
+        "--command-period",
+        type=float,
+        help="control.command_period: of commands on the wire [s] (default 0.02)",
+    )
+    add(
+        "--realtime",
+        action="store_true",
+        help="ask for real-time priority, and say what was not permitted",
+    )
+    add(
+        "--latency",
+        type=float,
+        help="control.latency: from the wire to the wheels [s] "
+        "(default 0; 0.2 of an autopilot with a model without lags)",
+    )
+
+
+def read_robot(options: argparse.Namespace) -> Robot:
+    """Read the robot file under the options of a command line.
+
+    Raises
+    ------
+    ConfigError
+        Names the option, or file, section and key.
+    MissingExtra
+        Where the robot's driver needs an extra that is not installed.
+    """
+    given = vars(options)
+    overrides: dict[str, dict[str, Any]] = {
+        "link": {
+            "url": given.get("link"),
+            "driver": given.get("driver"),
+            "timeout": given.get("timeout"),
+            "pose": given.get("pose"),
+        },
+        "board": {"arm": True if given.get("arm") else None},
+        "limits": {
+            "v_max": given.get("v_max"),
+            "v_reverse": given.get("v_max"),
+            "omega_max": given.get("omega_max"),
+        },
+        "safety": {"geofence": given.get("geofence"), "socket": given.get("socket")},
+        "control": {
+            name: given.get(name)
+            for name in ("period", "command_period", "latency", "model", "scenario")
+        },
+    }
+    for item in given.get("set", []):
+        section, key, value = _assignment(item)
+        overrides.setdefault(section, {})[key] = value
+    robot = load_robot(given.get("robot"), overrides)
+    if given.get("arm") and not robot.is_autopilot:
+        raise ConfigError(
+            f"--arm: only an autopilot is armed; {robot.link.driver} drives as soon as the bridge "
+            "runs"
+        )
+    need_driver(robot)
+    return robot
+
+
+def need_driver(robot: Robot) -> None:
+    """Refuse a robot whose driver, or whose emulator, needs an extra that is not installed."""
+    if robot.is_autopilot:
+        need(f"{robot.where}: the driver mavlink", "pymavlink")
+
+
+def _assignment(item: str) -> tuple[str, str, Any]:
+    """Section, key and value of SECTION.KEY=VALUE."""
+    name, equals, value = item.partition("=")
+    section, dot, key = name.strip().partition(".")
+    try:
+        if not (equals and dot):
+            raise ValueError
+        return section, key, tomllib.loads(f"value = {value}")["value"]
+    except ValueError:
+        raise ConfigError(
+            f"--set {item}: expected SECTION.KEY=VALUE with a TOML value "
+            '(text in quotes: board.role="gcs")'
+        ) from None
+
+
+def prepare(options: argparse.Namespace) -> None:
+    """Make the process fit for a control loop, where asked."""
+    from kmpc_lite.realtime import prepare_process
+
+    for line in prepare_process() if options.realtime else ():
+        sys.stderr.write(f"{line}\n")
+
+
+def people(options: argparse.Namespace) -> TextIO | None:
+    """Where to show people what happens."""
+    return None if options.json else sys.stdout

@@ -1,0 +1,83 @@
+"""`kmpc record`: record a drive to learn from, by hand or at random inside a fence."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+from firmware_bridge.cli.options import (
+    add_drive_options,
+    add_robot_options,
+    people,
+    prepare,
+    read_robot,
+)
+from firmware_bridge.messages import BridgeError, ConfigError
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.numbers import positive
+
+PERIOD = 0.1
+"""Of the rows where the robot file has none [s]."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    add_robot_options(parser)
+    add_drive_options(parser)
+    add = parser.add_argument
+    add(
+        "--output",
+        required=True,
+        metavar="NAME",
+        help="record to NAME.csv and NAME.tlog or NAME.raw",
+    )
+    how = parser.add_mutually_exclusive_group(required=True)
+    how.add_argument(
+        "--by-hand", action="store_true", help="somebody else drives; nothing is sent to the robot"
+    )
+    how.add_argument(
+        "--excite",
+        action="store_true",
+        help="drive at random in the four sign scenarios, inside the geofence",
+    )
+    add("--seconds", type=positive, default=300.0, help="for how long [s] (default: 300)")
+    add(
+        "--hold",
+        type=positive,
+        default=0.5,
+        help="how long a random command is held [s] (default: 0.5)",
+    )
+    add("--seed", type=int, default=0, help="of the random commands (default: 0)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Record until the time is up, or a signal comes."""
+    from firmware_bridge.runtime.drive import record
+
+    robot = read_robot(options)
+    if options.by_hand and robot.sections.get("board", {}).get("arm"):
+        raise ConfigError("--by-hand: the pilot arms and drives; leave board.arm and --arm out")
+    prepare(options)
+    report, status = record(
+        robot,
+        options.output,
+        options.seconds,
+        period=robot.control.period or PERIOD,
+        excitation=None if options.by_hand else (options.hold, options.seed),
+        out=people(options),
+    )
+    if options.json:
+        print(json.dumps(report))
+    return status
+
+
+COMMAND = Command(
+    text="Record a drive to learn from: by hand, or at random inside a fence.",
+    examples=(
+        "kmpc record robot.toml --by-hand --output drive",
+        "kmpc record robot.toml --excite --geofence -2 -2 2 2 --seconds 300 --output drive",
+    ),
+    add_options=add_options,
+    run=run,
+    errors=(BridgeError,),
+)

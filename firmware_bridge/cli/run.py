@@ -1,0 +1,75 @@
+"""`kmpc run`: drive a scenario with a learned model."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+from firmware_bridge.cli.course import course
+from firmware_bridge.cli.options import (
+    add_drive_options,
+    add_robot_options,
+    people,
+    prepare,
+    read_robot,
+)
+from firmware_bridge.messages import BridgeError
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.numbers import positive
+
+DRIVE_TIME = 120.0
+"""How long a run may take unless told [s]: low speeds take longer than a scenario's own limit."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    add_robot_options(parser)
+    add_drive_options(parser)
+    add = parser.add_argument
+    add("--model", help="learned model (kmpc fit); the nominal unicycle where not given")
+    add("--scenario", help="scenario file, or the name of one that comes with kmpc_lite")
+    add(
+        "--seconds",
+        type=positive,
+        default=DRIVE_TIME,
+        help=f"give up after so long [s] (default: {DRIVE_TIME:g})",
+    )
+    add(
+        "--settle",
+        type=positive,
+        default=1.0,
+        help="how long the goal must be held [s] (default: 1)",
+    )
+    add("--record", metavar="NAME", help="record to NAME.csv and NAME.tlog or NAME.raw")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Drive to the goal; status 1 where the robot does not arrive."""
+    from firmware_bridge.runtime.drive import run as drive
+
+    job = course(read_robot(options), options.settle, options.seconds)
+    prepare(options)
+    report, status = drive(
+        job.robot,
+        job.navigator,
+        job.period,
+        job.origin,
+        options.record,
+        people(options),
+        job.note,
+    )
+    if options.json:
+        print(json.dumps({"scenario": job.name, **report}))
+    return status
+
+
+COMMAND = Command(
+    text="Drive a robot through a scenario with a learned model.",
+    examples=(
+        "kmpc run robot.toml --model robot.npz --scenario map.toml --arm",
+        "kmpc run --driver mavlink --link tcp:127.0.0.1:5760 --scenario four_circles_1 --arm",
+    ),
+    add_options=add_options,
+    run=run,
+    errors=(BridgeError,),
+)

@@ -1,0 +1,53 @@
+"""The public names of kmpc_lite: `kmpc_lite.X` imports this file when the first X is asked for."""
+
+from kmpc_lite.control import (
+    Circle,
+    Controller,
+    NavigationProblem,
+    OccupancyGrid,
+    Plan,
+    PlanStatus,
+    Polygon,
+    Wall,
+)
+from kmpc_lite.errors import DataError, KmpcError, ModelError, ProblemError, ScenarioError
+from kmpc_lite.learn import Accumulator, Dataset, Episode, FitReport, evaluate, fit, with_quantiles
+from kmpc_lite.model.dictionary import (
+    Dictionary,
+    HermiteTrigDictionary,
+    InputHistoryDictionary,
+    UnicycleDictionary,
+)
+from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
+from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
+
+__all__ = [
+    "Accumulator",
+    "Circle",
+    "Controller",
+    "DataError",
+    "Dataset",
+    "Dictionary",
+    "DifferentialDrive",
+    "Episode",
+    "FitReport",
+    "HermiteTrigDictionary",
+    "InputHistoryDictionary",
+    "KmpcError",
+    "KoopmanModel",
+    "ModelError",
+    "NavigationProblem",
+    "OccupancyGrid",
+    "Plan",
+    "PlanStatus",
+    "Polygon",
+    "ProblemError",
+    "ScenarioError",
+    "UnicycleDictionary",
+    "Wall",
+    "evaluate",
+    "fit",
+    "generate_dataset",
+    "nominal_unicycle",
+    "with_quantiles",
+]

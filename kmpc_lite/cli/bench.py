@@ -1,0 +1,253 @@
+"""`kmpc bench`: step times on this machine, beside whichever peers are installed."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import kmpc_lite as kl
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.numbers import count, positive
+from kmpc_lite.cli.progress import Progress
+
+STEPS = 60
+"""States of a recorded drive."""
+QUALITY_STEPS = 50
+"""States of a recorded drive that IPOPT solves until it converges."""
+OBSTACLES = 4
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    add = parser.add_argument
+    add(
+        "--drives",
+        type=count,
+        default=20,
+        help=f"recorded drives of {STEPS} states (default: 20)",
+    )
+    add("--tuning", action="store_true", help="the tuning seeds instead of the reporting ones")
+    add(
+        "--only",
+        nargs="+",
+        metavar="WORD",
+        help="contenders whose names contain one of these words",
+    )
+    add("--picture", type=Path, help="picture of the distributions to write (.png)")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument(
+        "--scaling",
+        dest="job",
+        action="store_const",
+        const=_scaling,
+        help="how the time grows with horizon and obstacles, ours only",
+    )
+    what.add_argument(
+        "--settings",
+        dest="job",
+        action="store_const",
+        const=_settings,
+        help="the study behind the solver's settings, and other QP solvers, on tuning drives",
+    )
+    what.add_argument(
+        "--quality",
+        dest="job",
+        action="store_const",
+        const=_quality,
+        help=f"what the passes converge to, against IPOPT, {QUALITY_STEPS} states of each drive",
+    )
+    what.add_argument(
+        "--fit",
+        dest="job",
+        action="store_const",
+        const=_fit,
+        help="time and memory of fitting 1,000,000 samples, against a bare Gram product",
+    )
+    what.add_argument(
+        "--install-acados",
+        dest="job",
+        action="store_const",
+        const=_install_acados,
+        help="fetch the acados peer (x86-64 Linux wheel, about 20 MB) and stop",
+    )
+    what.add_argument(
+        "--loop",
+        type=positive,
+        metavar="HZ",
+        help="run the control loop at this rate with the other cores busy",
+    )
+    add("--seconds", type=positive, default=600.0, help="how long, with --loop (default: 600)")
+    add("--no-load", action="store_true", help="with --loop: leave the other cores alone")
+    add(
+        "--budget",
+        type=positive,
+        metavar="S",
+        help="with --loop: the controller's time_budget [s]",
+    )
+    parser.set_defaults(job=_compare)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Measure what was asked for."""
+    if options.picture:
+        need("--picture", "matplotlib")
+    job: Callable[[argparse.Namespace], tuple[Any, str]] = _loop if options.loop else options.job
+    told, text = job(options)
+    print(json.dumps(told) if options.json else text)
+    return 0
+
+
+def _compare(options: argparse.Namespace) -> tuple[Any, str]:
+    """Step times of all contenders, on the same states."""
+    from kmpc_lite import bench
+    from kmpc_lite.bench.measure import import_times, learned_model
+
+    model, problem = learned_model(), kl.NavigationProblem()
+    bar = Progress("bench", quiet=options.json)
+    tables = []
+    left_out: dict[str, str] = {}
+    for title, everyone, driver in (
+        (
+            "the paper's problem, on the states of a plain controller's drives",
+            bench.contenders(),
+            bench.plain,
+        ),
+        (
+            "guidance and margins on, on the states of its own drives; "
+            "IPOPT solves the paper's problem there",
+            bench.full_contenders(),
+            bench.full,
+        ),
+    ):
+        words = [word.lower() for word in options.only or [""]]
+        chosen = [c for c in everyone if any(word in c.name.lower() for word in words)]
+        left_out |= {c.name: c.skipped for c in chosen if c.skipped}
+        taking_part = [c for c in chosen if not c.skipped]
+        if taking_part:
+            drives = _record(options, model, problem, build=driver)
+            tables.append((title, bench.measure(taking_part, model, problem, drives, progress=bar)))
+    if not tables:
+        names = ", ".join(c.name for c in [*bench.contenders(), *bench.full_contenders()])
+        raise kl.ProblemError(f"--only {' '.join(options.only)}: nobody is left; names are {names}")
+    imports = import_times()
+    if options.picture:
+        from kmpc_lite.bench.picture import write_bench_picture
+
+        own = [row for _, table in tables[1:] for row in table[:1]]
+        write_bench_picture(options.picture, [*tables[0][1], *own])
+    told = {
+        "tables": {title: [row.as_dict() for row in table] for title, table in tables},
+        "left_out": left_out,
+        "import_s": imports,
+    }
+    lines = [f"{title}\n{bench.format_measurements(table)}\n" for title, table in tables]
+    lines += [f"left out: {name}: {reason}" for name, reason in left_out.items()]
+    seconds = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in imports.items())
+    return told, "\n".join([*lines, f"import: {seconds}"])
+
+
+def _scaling(options: argparse.Namespace) -> tuple[Any, str]:
+    from kmpc_lite.bench.measure import format_scaling, learned_model, scaling
+
+    bar = Progress("scaling", quiet=options.json)
+    rows = scaling(learned_model(), _seed(options), options.drives, progress=bar)
+    return rows, format_scaling(rows)
+
+
+def _quality(options: argparse.Namespace) -> tuple[Any, str]:
+    from kmpc_lite.bench.measure import learned_model
+    from kmpc_lite.bench.quality import as_dicts, compare, format_comparison
+
+    model, problem = learned_model(), kl.NavigationProblem()
+    bar = Progress("quality", quiet=options.json)
+    drives = _record(options, model, problem, steps=QUALITY_STEPS)
+    compared = compare(model, problem, drives, progress=bar)
+    return as_dicts(compared), format_comparison(compared)
+
+
+def _settings(options: argparse.Namespace) -> tuple[Any, str]:
+    from kmpc_lite.bench.measure import learned_model
+    from kmpc_lite.bench.settings import (
+        format_settings,
+        record_qps,
+        settings_study,
+        solver_study,
+    )
+
+    model, problem = learned_model(), kl.NavigationProblem()
+    options.tuning = True
+    drives = _record(options, model, problem)
+    bar = Progress("settings", quiet=options.json)
+    rows = settings_study(model, problem, drives, progress=bar)
+    solvers = solver_study(record_qps(model, problem, drives)[::6], problem)
+    return {"settings": rows, "solvers": solvers}, format_settings(rows, solvers)
+
+
+def _fit(options: argparse.Namespace) -> tuple[Any, str]:
+    from kmpc_lite.bench.fitting import fit_costs, format_fit_costs
+
+    costs = fit_costs(progress=Progress("fit", quiet=options.json))
+    return [cost.as_dict() for cost in costs], format_fit_costs(costs)
+
+
+def _loop(options: argparse.Namespace) -> tuple[Any, str]:
+    from kmpc_lite.bench.loop import run_loop
+    from kmpc_lite.bench.measure import learned_model
+
+    result = run_loop(
+        learned_model(),
+        kl.NavigationProblem(),
+        options.loop,
+        options.seconds,
+        _seed(options),
+        not options.no_load,
+        options.budget,
+        Progress("real-time loop", quiet=options.json),
+    )
+    return result.as_dict(), str(result)
+
+
+def _install_acados(options: argparse.Namespace) -> tuple[Any, str]:
+    from kmpc_lite.peers.acados import install
+
+    folder = install()
+    return {"acados": str(folder)}, f"acados is in {folder}"
+
+
+def _seed(options: argparse.Namespace) -> int:
+    """First seed of the recorded drives."""
+    from kmpc_lite.bench.measure import REPORTING_SEED, TUNING_SEED
+
+    return TUNING_SEED if options.tuning else REPORTING_SEED
+
+
+def _record(
+    options: argparse.Namespace,
+    model: kl.KoopmanModel,
+    problem: kl.NavigationProblem,
+    steps: int = STEPS,
+    **driver: Any,
+) -> Any:
+    """Record as many drives as were asked for."""
+    from kmpc_lite.bench.measure import record
+
+    return record(model, problem, options.drives, steps, OBSTACLES, _seed(options), **driver)
+
+
+COMMAND = Command(
+    text="Time a step on this machine, beside whichever peers are installed, on the same states.",
+    examples=(
+        "kmpc bench",
+        "kmpc bench --drives 40 --picture bench.png",
+        "kmpc bench --scaling",
+        "kmpc bench --loop 100 --seconds 600",
+        "kmpc bench --quality",
+        "kmpc bench --fit",
+    ),
+    add_options=add_options,
+    run=run,
+)

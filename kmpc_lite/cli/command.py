@@ -1,0 +1,158 @@
+"""What a command of `kmpc` is: its help, its options, what it does; or a group of commands.
+
+A file of this folder holds one `COMMAND`, its options and its body together, and imports NumPy and
+everything else that is heavy only in the body. Other packages add commands through the entry points
+`kmpc.commands`, each ``name = "module:COMMAND"``; one of them may replace a command of ours.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module, metadata
+from typing import Any, NoReturn
+
+from kmpc_lite import __version__
+from kmpc_lite.errors import KmpcError, did_you_mean
+
+ENTRY_POINTS = "kmpc.commands"
+OWN = {
+    "demo": "kmpc_lite.cli.demo:COMMAND",
+    "fit": "kmpc_lite.cli.fit:COMMAND",
+    "simulate": "kmpc_lite.cli.simulate:COMMAND",
+    "report": "kmpc_lite.cli.report:COMMAND",
+    "study": "kmpc_lite.cli.study:COMMAND",
+    "bench": "kmpc_lite.cli.bench:COMMAND",
+}
+"""Commands of this package, in the order in which the help shows them."""
+LAST = {"completion": "kmpc_lite.cli.completion:COMMAND"}
+"""Shown after those of other packages."""
+
+
+def no_options(parser: argparse.ArgumentParser) -> None:
+    """Add nothing."""
+
+
+def _nothing(options: argparse.Namespace) -> int:
+    raise AssertionError("a group of commands does nothing itself")
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command, or a group of them."""
+
+    text: str
+    """What it does, in one sentence."""
+    examples: tuple[str, ...]
+    """Command lines; the first word is ``kmpc``."""
+    add_options: Callable[[argparse.ArgumentParser], None] = no_options
+    """Adds the command's options to its parser; ``--json`` is there already."""
+    run: Callable[[argparse.Namespace], int] = _nothing
+    """Does it, and returns the exit status."""
+    errors: tuple[type[Exception], ...] = ()
+    """Told in one line with exit status 2, like `KmpcError`."""
+    commands: Mapping[str, Command] = field(default_factory=dict)
+    """Not empty: a group, whose commands these are."""
+
+
+class UsageError(KmpcError):
+    """A command line that cannot be understood."""
+
+    def __init__(self, prog: str, text: str) -> None:
+        super().__init__(text)
+        self.prog = prog
+        """Whose help explains it: ``kmpc fit``."""
+
+
+class Parser(argparse.ArgumentParser):
+    """Raises what is wrong with a command line, and names what may have been meant."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise UsageError."""
+        raise UsageError(self.prog, f"{message} (see {self.prog} --help)")
+
+    def parse_known_args(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> tuple[argparse.Namespace, list[str]]:
+        """Refuse here what nobody knows, so that the command's own options can be suggested."""
+        known, rest = super().parse_known_args(args, namespace)
+        if rest:
+            own = [name for action in self._actions for name in action.option_strings]
+            word = rest[0].partition("=")[0]
+            hint = did_you_mean(word, own) if word.startswith("-") else ""
+            self.error(f"unrecognized arguments: {' '.join(rest)}{hint}")
+        return known, rest
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is None or value in action.choices:
+            return
+        names = [str(choice) for choice in action.choices]
+        hint = did_you_mean(str(value), names) or f"; choose from {', '.join(names)}"
+        if isinstance(action, argparse._SubParsersAction):
+            self.error(f"no {action.metavar} named {str(value)!r}{hint}")
+        raise argparse.ArgumentError(action, f"invalid choice: {value!r}{hint}")
+
+
+def known_commands(more: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Names of all commands that are installed, and where they stand as ``module:name``.
+
+    Parameters
+    ----------
+    more : mapping, optional
+        Commands of a package whose entry points need not be installed.
+    """
+    found = {point.name: point.value for point in metadata.entry_points(group=ENTRY_POINTS)}
+    return {**OWN, **found, **(more or {}), **LAST}
+
+
+def load(where: str) -> Command:
+    """Import a command that stands at ``module:name``."""
+    module, _, name = where.partition(":")
+    command: Command = getattr(import_module(module), name)
+    return command
+
+
+def build_parser(commands: Mapping[str, str], words: Iterable[str] | None = None) -> Parser:
+    """Build the parser of `kmpc`.
+
+    Parameters
+    ----------
+    commands : mapping
+        As `known_commands` gives them.
+    words : iterable of str, optional
+        Command line that is going to be parsed: only the command it names is imported. All of them
+        are where it names none, or where no command line is given.
+    """
+    parser = Parser(
+        prog="kmpc",
+        description="Learn a robot from its log and drive it past obstacles to a pose.",
+        epilog="Start with `kmpc demo`. Each command has a --help with examples of its own.",
+    )
+    parser.add_argument("--version", action="version", version=f"kmpc_lite {__version__}")
+    named = next((word for word in words or () if not word.startswith("-")), None)
+    chosen = list(commands) if named is None or named not in commands else [named]
+    _add_commands(parser, {name: load(commands[name]) for name in chosen})
+    return parser
+
+
+def _add_commands(parser: argparse.ArgumentParser, commands: Mapping[str, Command]) -> None:
+    """Put commands under a parser, and theirs under them."""
+    what = "command" if parser.prog == "kmpc" else parser.prog.split()[-1]
+    below = parser.add_subparsers(required=True, metavar=what, parser_class=Parser)
+    for name, command in commands.items():
+        sub = below.add_parser(
+            name,
+            help=command.text,
+            description=command.text,
+            epilog="example:\n" + "\n".join(f"  {line}" for line in command.examples),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        if command.commands:
+            _add_commands(sub, command.commands)
+            continue
+        sub.set_defaults(run=command.run, errors=command.errors)
+        sub.add_argument(
+            "--json", action="store_true", help="print one JSON object for machines, errors too"
+        )
+        command.add_options(sub)

@@ -1,0 +1,206 @@
+"""`kmpc fit`: learn a model from logs, check it on what it has not seen, write it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import kmpc_lite as kl
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.files import keep_inputs
+
+SHORTEST_PERIOD = 0.1
+"""Period of models [s] where neither the user nor a slower log says otherwise: the paper's."""
+DICTIONARIES = {
+    "unicycle": "the paper's [1, x, y, theta, cos, sin]",
+    "trig": "[1, cos, sin]: the same wherever the robot is; the choice for a real log",
+    "hermite1": "Hermite polynomials of degree 1 times [1, cos, sin]",
+    "hermite2": "Hermite polynomials of degree 2 times [1, cos, sin]",
+}
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    add = parser.add_argument
+    add(
+        "log",
+        type=Path,
+        nargs="+",
+        help=".csv or .npz with t,x,y,theta,v,omega in s, m, rad, m/s, rad/s",
+    )
+    add("-o", "--output", type=Path, required=True, help="model file to write (.npz)")
+    add(
+        "--method",
+        choices=("integral", "edmdc"),
+        default="integral",
+        help="integral (weak form, default) or the paper's edmdc",
+    )
+    add(
+        "--dictionary",
+        choices=tuple(DICTIONARIES),
+        default="trig",
+        help="; ".join(f"{name}: {text}" for name, text in DICTIONARIES.items()),
+    )
+    add(
+        "--lags",
+        type=int,
+        nargs="+",
+        help="ages of the commands that act, in periods: motor lag and dead time (0 = no lag)",
+    )
+    add(
+        "--product",
+        action="store_true",
+        help="with --lags: let v*omega act too, the side slip of skid-steer robots",
+    )
+    add(
+        "--dt",
+        type=float,
+        help=f"the model's period [s] (default: {SHORTEST_PERIOD}, or the log's own if longer)",
+    )
+    add(
+        "--gap",
+        type=float,
+        help="a longer time between rows [s] ends an episode (default: 2.5 periods)",
+    )
+    add(
+        "--holdout",
+        type=float,
+        default=0.5,
+        help="share of the episodes kept for the check (default: 0.5)",
+    )
+    add(
+        "--horizon",
+        type=float,
+        default=1.0,
+        help="how far ahead the check looks [s] (default: 1)",
+    )
+    add("--seed", type=int, default=0, help="of the split (default: 0)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Fit the logs, print the held-out errors, write the model."""
+    keep_inputs(options.output, *options.log)
+    train, held = load_and_split(
+        options.log, options.dt, options.gap, options.holdout, options.seed
+    )
+    dictionary = make_dictionary(options.dictionary, options.lags, options.product)
+    model = kl.fit(train, dictionary, method=options.method)
+    report = kl.evaluate(model, held, options.horizon)
+    model, calibration = calibrated(model, held)
+    model = with_info(model, {"held_out": report.as_dict(), "log": [str(f) for f in options.log]})
+    model.save(options.output)
+    info = model.info
+    if options.json:
+        told = {
+            "model": str(options.output),
+            "train": repr(train),
+            "held_out": report.as_dict(),
+            "margins": calibration.removeprefix("margins: "),
+        }
+        keys = ("method", "samples", "rank", "features", "condition")
+        print(json.dumps({**told, **{key: info[key] for key in keys}}))
+        return 0
+    print(f"train  {train}\nheld   {held}")
+    rank = f"rank {info['rank']} of {info['features']}"
+    print(f"fit    {info['method']}, {rank}, condition {info['condition']:.3g}")
+    print(f"{report}\n{calibration}\nwrote  {options.output}")
+    return 0
+
+
+def load_and_split(
+    logs: list[Path], dt: float | None, gap: float | None, holdout: float, seed: int
+) -> tuple[kl.Dataset, kl.Dataset]:
+    """Read logs at one period; split their episodes into those to learn from and those to check on.
+
+    Parameters
+    ----------
+    logs : list of Path
+        Files of one robot.
+    dt : float, optional
+        Period [s]; `SHORTEST_PERIOD`, or the first log's own if longer, where not given.
+    gap : float, optional
+        A longer time between rows ends an episode [s].
+    holdout : float
+        Share of the episodes that is kept for the check.
+    seed : int
+        Of the split.
+
+    Raises
+    ------
+    DataError
+        Where the logs are too short to split, or one is given twice.
+    """
+    from kmpc_lite.learn.formats.tables import read_period
+
+    if not 0.0 < holdout < 1.0:
+        raise kl.DataError(f"--holdout: expected a share between 0 and 1, got {holdout}")
+    if seed < 0:
+        raise kl.DataError(f"--seed: expected a whole number >= 0, got {seed}")
+    seen: set[Path] = set()
+    for log in logs:
+        if log.resolve() in seen:
+            raise kl.DataError(
+                f"{log}: given twice: what is learned from would be checked against itself"
+            )
+        seen.add(log.resolve())
+    if dt is None:
+        dt = max(SHORTEST_PERIOD, read_period(logs[0]))
+    data = kl.Dataset([e for log in logs for e in kl.Dataset.load(log, dt=dt, gap=gap).episodes])
+    if len(data) < 10:
+        data = data.windows(max(5.0, 50 * dt))
+    if len(data) < 2:
+        where = ", ".join(map(str, logs))
+        raise kl.DataError(
+            f"{where}: {data.steps * dt:g} s of driving are too few to learn from a part "
+            "and check the other"
+        )
+    return data.split(1.0 - holdout, seed=seed)
+
+
+def make_dictionary(name: str, lags: list[int] | None, product: bool) -> kl.Dictionary:
+    """Build a dictionary by its name on the command line."""
+    base: kl.Dictionary
+    match name:
+        case "unicycle":
+            base = kl.UnicycleDictionary()
+        case "trig":
+            base = kl.HermiteTrigDictionary(order=0)
+        case _:
+            base = kl.HermiteTrigDictionary(order=int(name.removeprefix("hermite")))
+    if product and not lags:
+        raise kl.ModelError("--product goes with --lags, for example --lags 0 --product")
+    return kl.InputHistoryDictionary(base, tuple(lags), product) if lags else base
+
+
+def calibrated(model: kl.KoopmanModel, held: kl.Dataset) -> tuple[kl.KoopmanModel, str]:
+    """Calibrate a model's margins on held-out drives, where those suffice; and tell in a line."""
+    from kmpc_lite.control.margins.tightening import LATE_RISK, RISK, Tightening
+
+    try:
+        model = kl.with_quantiles(model, held)
+        how = f"calibrated on {model.info['noise_quantiles']['windows']} held-out windows"
+    except kl.DataError as error:
+        how = f"not calibrated, cautious ones will be used ({error})"
+    problem = kl.NavigationProblem(dt=model.dt)
+    widest = Tightening(model, problem, risk=LATE_RISK if model.history else RISK).widest
+    speed = problem.bounds[1][0]
+    return model, f"margins: {how}; up to {100 * widest:.0f} cm from obstacles at {speed:g} m/s"
+
+
+def with_info(model: kl.KoopmanModel, more: dict[str, Any]) -> kl.KoopmanModel:
+    """Return the model with more in its info."""
+    return replace(model, info={**model.info, **more})
+
+
+COMMAND = Command(
+    text="Learn a model from a log and check it on parts of the log that it has not seen.",
+    examples=(
+        "kmpc fit run.csv -o robot.npz",
+        "kmpc fit run.csv -o robot.npz --dictionary trig --lags 0 1 2 --product",
+    ),
+    add_options=add_options,
+    run=run,
+)

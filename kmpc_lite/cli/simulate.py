@@ -1,0 +1,191 @@
+"""`kmpc simulate`: drive a model through a scenario in simulation."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import kmpc_lite as kl
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.files import keep_inputs
+from kmpc_lite.cli.fit import SHORTEST_PERIOD
+from kmpc_lite.cli.output import command_line
+from kmpc_lite.sim.scenario.bundled import bundled
+
+if TYPE_CHECKING:
+    from kmpc_lite.sim import Run, Scenario
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    add = parser.add_argument
+    add("--model", type=Path, help="model that kmpc fit wrote (default: the nominal unicycle)")
+    add(
+        "--scenario",
+        default="four_circles_1",
+        help=f"a .toml file, or one of {', '.join(bundled())}",
+    )
+    add(
+        "--plant",
+        choices=("slip", "learned"),
+        default="slip",
+        help="slip: the scenario's slipping robot; learned: one that behaves as the model does, "
+        "noise and lag included",
+    )
+    add("--slip", type=float, help="mean slip ratio instead of the scenario's")
+    add(
+        "--margin",
+        type=float,
+        help="distance to keep beyond the radii [m] instead of the scenario's",
+    )
+    add("--seed", type=int, help="instead of the scenario's")
+    add(
+        "--timeout",
+        type=float,
+        help="longest drive [s] instead of the scenario's: robots that turn slowly need more",
+    )
+    add(
+        "--horizon",
+        type=int,
+        default=20,
+        help="stages that the controller looks ahead (default: 20)",
+    )
+    add(
+        "--no-adaptation",
+        action="store_true",
+        help="leave the model as it was learned while driving",
+    )
+    add(
+        "--iterations",
+        type=int,
+        default=1,
+        help="SQP passes per step: 1 is real time, more converge (default: 1)",
+    )
+    add("-o", "--output", type=Path, help="run file to write (.npz)")
+    add("--report", type=Path, help="report to write (.html)")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Drive one scenario; status 1 where the robot does not arrive."""
+    if options.report:
+        need("--report", "matplotlib")
+    from kmpc_lite.sim import Outcome
+
+    for output in (options.output, options.report):
+        keep_inputs(output, options.model, Path(options.scenario))
+    if options.plant == "learned" and options.slip is not None:
+        raise kl.ProblemError("--slip goes with --plant slip: a learned robot slips as its log did")
+    scenario = _scenario(options)
+    model = (
+        kl.KoopmanModel.load(options.model)
+        if options.model
+        else kl.nominal_unicycle(SHORTEST_PERIOD)
+    )
+    adaptation = False if options.no_adaptation else None
+    drive = simulate(
+        model, scenario, options.plant, options.horizon, options.iterations, adaptation
+    )
+    drive.info["command"] = command_line()
+    if options.output:
+        drive.save(options.output)
+    if options.report:
+        from kmpc_lite.report import write_report
+
+        write_report(options.report, drive, model=model, command=command_line())
+    if options.json:
+        print(json.dumps(drive.summary()))
+    else:
+        print(describe(drive) + hint(drive, model))
+        for name in filter(None, (options.output, options.report)):
+            print(f"wrote  {name}")
+    return 0 if drive.outcome is Outcome.REACHED else 1
+
+
+def _scenario(options: argparse.Namespace) -> Scenario:
+    """Scenario with the command line's values, checked as a file would be."""
+    from kmpc_lite.sim import Scenario
+
+    scenario = Scenario.load(options.scenario)
+    table = tomllib.loads(scenario.to_toml())
+    for section, key in (("plant", "slip"), ("run", "margin"), ("run", "seed"), ("run", "timeout")):
+        if (value := getattr(options, key)) is not None:
+            table[section][key] = value
+    return Scenario.from_table(table, scenario.name, "command line")
+
+
+def simulate(
+    model: kl.KoopmanModel,
+    scenario: Scenario,
+    plant: str,
+    horizon: int,
+    iterations: int,
+    adaptation: bool | None = None,
+) -> Run:
+    """Drive one scenario with our controller at the model's period."""
+    from kmpc_lite.sim import LearnedPlant, drive
+
+    problem = scenario.problem(kl.NavigationProblem(horizon=horizon, dt=model.dt))
+    controller = kl.Controller(
+        model, problem, sqp_iterations=iterations, adaptation=adaptation, pose_age=scenario.pose_age
+    )
+    robot = LearnedPlant(model, scenario.seed) if plant == "learned" else None
+    u_min, u_max, _, _ = problem.bounds
+    info: dict[str, Any] = {
+        "plant": plant,
+        "model": model.info.get("method", ""),
+        "u_min": u_min.tolist(),
+        "u_max": u_max.tolist(),
+    }
+    return drive(controller, scenario, robot, dt=model.dt, info=info)
+
+
+def describe(run: Run) -> str:
+    """Put a run into a few lines."""
+    told = run.summary()
+    clearance = (
+        "no obstacles"
+        if told["clearance_m"] is None
+        else f"smallest clearance {100 * told['clearance_m']:.1f} cm"
+    )
+    times = told["step_ms"]
+    statuses = ", ".join(f"{count} {name}" for name, count in told["statuses"].items())
+    return (
+        f"{run.outcome.value} after {run.duration:.2f} s, {clearance}, "
+        f"{100 * run.position_error:.1f} cm and {run.heading_error:.2f} rad from the goal\n"
+        f"   step p50 {times['p50']:.2f} ms, p99 {times['p99']:.2f} ms, max {times['max']:.2f} ms; "
+        f"{statuses}"
+    )
+
+
+def hint(run: Run, model: kl.KoopmanModel) -> str:
+    """Tell why a drive may have failed where model and robot disagree on lag; or nothing."""
+    from kmpc_lite.sim import Outcome
+
+    lags = bool(run.scenario.lag or run.scenario.dead_time)
+    if run.outcome is Outcome.REACHED or run.info["plant"] != "slip" or lags == bool(model.history):
+        return ""
+    if lags:
+        return (
+            "\nhint   this robot obeys late, its model knows no lag: "
+            "learn it from a log of the robot with kmpc fit --lags 0 1 2"
+        )
+    return (
+        f"\nhint   the model looks back on {model.history} past commands, this robot obeys at "
+        "once: --plant learned drives one that lags as the log did; or give [plant] of the "
+        "scenario its lag and dead_time"
+    )
+
+
+COMMAND = Command(
+    text="Drive a model through a scenario in simulation.",
+    examples=(
+        "kmpc simulate --model robot.npz --scenario four_circles_1 --report drive.html",
+        "kmpc simulate --scenario mehrez          # the exact unicycle as the model",
+    ),
+    add_options=add_options,
+    run=run,
+)

@@ -1,0 +1,17 @@
+"""`kmpc study`: one command a study."""
+
+from __future__ import annotations
+
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.study import faults, maps, table1
+
+COMMAND = Command(
+    text="Reproduce the paper's table 1 beside ours, drive random maps, or force failures.\n"
+    "Each study has a --help of its own.",
+    examples=(
+        "kmpc study table1 --trials 100 --json > table1.json",
+        "kmpc study maps --families dense trap moving --slips 0.1",
+        "kmpc study lag --records lag.jsonl --failures failures",
+    ),
+    commands={"table1": table1.COMMAND, **maps.COMMANDS, "faults": faults.COMMAND},
+)

@@ -1,0 +1,48 @@
+"""`kmpc study table1`: the paper's table 1, its controllers beside ours."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+import kmpc_lite as kl
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.numbers import count
+from kmpc_lite.cli.progress import Progress
+from kmpc_lite.cli.workers import add_workers, worker_pool
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    add = parser.add_argument
+    add("--trials", type=count, default=5, help="runs per cell (default: 5, as in the paper)")
+    add(
+        "--scenario",
+        default="four_circles_1",
+        help="map (default: four_circles_1); its slip and seed are replaced",
+    )
+    add_workers(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Drive all cells and print the table."""
+    from kmpc_lite.sim import Scenario
+    from kmpc_lite.studies.table1 import DT, TABLE_1_CONTROLLERS, format_table1, table1
+
+    scenario = Scenario.load(options.scenario)
+    for row in TABLE_1_CONTROLLERS:
+        # what is missing is told now, not after minutes of training
+        row.build(kl.nominal_unicycle(DT), scenario)
+    bar = Progress("table 1", quiet=options.json)
+    with worker_pool(options.workers) as executor:
+        cells = table1(scenario, executor, options.trials, progress=bar)
+    print(json.dumps([c.as_dict() for c in cells]) if options.json else format_table1(cells))
+    return 0
+
+
+COMMAND = Command(
+    text="The paper's table 1 beside ours. The rows of IPOPT need the extra peers.",
+    examples=("kmpc study table1", "kmpc study table1 --trials 100 --json > table1.json"),
+    add_options=add_options,
+    run=run,
+)
