@@ -13,13 +13,14 @@ from numpy.typing import ArrayLike
 from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.control.estimation.command_history import CommandHistory
 from kmpc_lite.control.estimation.pose_age import advance_pose
-from kmpc_lite.control.guidance.goal_reference import GoalReference
+from kmpc_lite.control.guidance.goal_reference import GoalReference, GoalReferenceState
 from kmpc_lite.control.input_checks import POSITION_LIMIT, are_plausible, is_plausible
 from kmpc_lite.control.margins.tightening import LATE_RISK, RISK, Tightening
 from kmpc_lite.control.nmpc.osqp_workspace import QPStatus
 from kmpc_lite.control.nmpc.sqp import COLD_PASSES, NEW_WAY_PASSES, SQP, SQPResult, Task, Trajectory
 from kmpc_lite.control.nmpc.warm_start import warm_start
 from kmpc_lite.control.obstacles.scene import Obstacles, Scene
+from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.plan import Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
@@ -31,7 +32,9 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
 if TYPE_CHECKING:
+    from kmpc_lite.control.guidance.capabilities import Capabilities
     from kmpc_lite.control.guidance.guide import Guide
+    from kmpc_lite.control.guidance.state import GuideState
     from kmpc_lite.control.obstacles.solids import Nearby, Solids
 
 OLDEST_POSE = 2.0
@@ -60,7 +63,7 @@ class Controller:
         Learned by `fit`, or `nominal_unicycle`; its dt must be the problem's.
     problem : NavigationProblem, optional
         The paper's where not given.
-    guidance : bool
+    guidance : bool or GuidanceOptions
         Whether to steer along a way around the obstacles, park and hold at the goal, with weights
         that suit a reference. Without it the goal itself is the reference, as in the paper, and the
         problem's weights are used.
@@ -110,7 +113,7 @@ class Controller:
         model: KoopmanModel,
         problem: NavigationProblem | None = None,
         *,
-        guidance: bool = True,
+        guidance: bool | GuidanceOptions = True,
         tightening: Literal["learned"] | None = "learned",
         risk: float | None = None,
         adaptation: bool | OnlineAdaptation | None = None,
@@ -159,14 +162,15 @@ class Controller:
             risk = LATE_RISK if model.history else RISK
         self._tightening = Tightening(self.model, self.problem, risk=risk) if tightening else None
         self._guide: Guide | None = None
+        self._capabilities: Capabilities | None = None
+        self._guidance_options = GuidanceOptions() if isinstance(guidance, bool) else guidance
         solved = self.problem
         if guidance:
             # here, for its graph search costs as much to import as all the rest
             from kmpc_lite.control.guidance.guide import Guide
             from kmpc_lite.control.guidance.reference import tracking
 
-            self._guide = Guide(self.problem, clock=clock)
-            self._guide.learn(self.model, self._tightening)
+            self._guide = Guide(self.problem, self._guidance_options, clock=clock)
             solved = tracking(self.problem)
         self._sqp = SQP(
             self.model, solved, sqp_iterations, tolerance, obstacle_slots, self._tightening, clock
@@ -188,16 +192,19 @@ class Controller:
         self._surroundings = Scene()
         self._solids: Solids | None = None
         self._nearby: Nearby | None = None
+        self._learn_capabilities(adapted=False)
         self.reset()
 
     def reset(self) -> None:
         """Forget the last plan, the commands sent, the side from which the goal's heading is approached, and what was learned driving."""
         self._last: Trajectory | None = None
         self._past.reset()
-        self._goal.reset()
+        self._goal_state = GoalReferenceState()
         self._fallback.reset()
         if self._guide is not None:
-            self._guide.reset()
+            from kmpc_lite.control.guidance.state import GuideState
+
+            self._guide_state: GuideState = GuideState()
         if self._tightening is not None:
             self._tightening.reset()
         if self.adaptation is not None and self.adaptation.counts.models:
@@ -205,8 +212,30 @@ class Controller:
         if self.adaptation is not None:
             self.adaptation.reset()
 
-    def update_model(self, model: KoopmanModel) -> None:
+    def _learn_capabilities(self, adapted: bool) -> None:
+        """Ask the model what the robot can do; of one that was adapted while driving, only its speeds count."""
+        if self._guide is None:
+            return
+        from kmpc_lite.control.guidance.capabilities import capabilities, drivable_speeds
+
+        if adapted and self._capabilities is not None:
+            speeds = drivable_speeds(self.model, self.problem, self._guidance_options)
+            self._capabilities = self._capabilities.with_speeds(speeds, self._guidance_options)
+        else:
+            self._capabilities = capabilities(
+                self.model, self.problem, self._tightening, self._guidance_options
+            )
+
+    def update_model(self, model: KoopmanModel, adapted: bool = False) -> None:
         """Take over another model of the same robot between two steps: what `adaptation` gives while driving.
+
+        Parameters
+        ----------
+        model : KoopmanModel
+            With the same period, and as long an input history.
+        adapted : bool
+            Whether it is the one before with gains learned while driving: these tell of the robot's
+            speeds, and nothing of its turning centre or the noise of its pose.
 
         Raises
         ------
@@ -224,8 +253,7 @@ class Controller:
         self.model = self._sqp.model = replace(model, integrator="midpoint")
         if self._tightening is not None:
             self._tightening.update(self.model)
-        if self._guide is not None:
-            self._guide.learn(self.model, self._tightening)
+        self._learn_capabilities(adapted)
 
     def step(
         self,
@@ -305,14 +333,27 @@ class Controller:
         until = np.inf if self._time_budget is None else start + GUIDE_SHARE * self._time_budget
         guidance = (
             None
-            if self._guide is None
-            else self._guide.reference(here, target, circles, self._solids, rest, until)
+            if self._guide is None or self._capabilities is None
+            else self._guide.reference(
+                self._guide_state,
+                self._capabilities,
+                here,
+                target,
+                circles,
+                self._solids,
+                rest,
+                until,
+            )
         )
         if guidance is not None and guidance.hold:
             return self._hold(here, pose, circles, start)
-        if self._guide is not None and self._tightening is not None:
-            self._tightening.passage = self._guide.clearance
-        reference = self._goal.reference(here, target) if guidance is None else guidance.states
+        if guidance is not None and self._tightening is not None:
+            self._tightening.passage = guidance.path_clearance
+        reference = (
+            self._goal.reference(self._goal_state, here, target)
+            if guidance is None
+            else guidance.states
+        )
         guided = self._clock()
         guess, passes = warm_start(self._sqp, self._last, here), 1
         if guess is None or (guidance is not None and guidance.switched):
@@ -380,7 +421,7 @@ class Controller:
             before, command, past = self._past.driven
             model = adaptation.update(before, command, pose, past)
             if model is not None:
-                self.update_model(model)
+                self.update_model(model, adapted=True)
         self._past.seen = pose.copy()
 
     def _hold(self, here: Array, pose: Array, circles: Array, start: float) -> Plan:

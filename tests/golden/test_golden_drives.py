@@ -13,6 +13,12 @@ import kmpc_lite as kl
 
 CHUNKS = 40
 """Tests that the drives are spread over."""
+CHANGED = {
+    1: "a map that is equal to the one before, but made anew, is no reason for a new path",
+    223: "options of the guidance are in radii, and this robot's radius is 0.2 m",
+    228: "options of the guidance are in radii, and this robot's radius is 0.1 m",
+}
+"""Drives that a later commit changed on purpose, and why."""
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +49,8 @@ def test_answers_are_those_recorded(
     models, drives = recorded
     wrong = []
     for drive in drives[chunk::CHUNKS]:
+        if drive.number in CHANGED:
+            continue
         difference = first_difference(drive, *replay(drive, models))
         if difference is not None:
             name = f"drive {drive.number} ({drive.setup['kind']})"
