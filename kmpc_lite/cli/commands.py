@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import kmpc_lite as kl
-from kmpc_lite.control.margins.tightening import LATE_RISK, RISK, Tightening
+from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.learn.formats.tables import read_period
 from kmpc_lite.sim import LearnedPlant, Outcome, Run, Scenario, drive
 
@@ -190,7 +191,7 @@ def calibrated(model: kl.KoopmanModel, held: kl.Dataset) -> tuple[kl.KoopmanMode
     except kl.DataError as error:
         how = f"not calibrated, cautious ones will be used ({error})"
     problem = kl.NavigationProblem(dt=model.dt)
-    widest = Tightening(model, problem, risk=LATE_RISK if model.history else RISK).widest
+    widest = Margins(model, problem).tightening.widest(DriftState())
     return (
         model,
         f"margins: {how}; up to {100 * widest:.0f} cm from obstacles at {problem.bounds[1][0]:g} m/s",

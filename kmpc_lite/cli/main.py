@@ -307,7 +307,12 @@ def _parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--settings",
         action="store_true",
-        help="the study behind the solver's settings, and other QP solvers, on tuning drives",
+        help="the study behind the solver's settings, on tuning drives",
+    )
+    p.add_argument(
+        "--solvers",
+        action="store_true",
+        help="every QP solver that qpsolvers finds here, beside OSQP, on the same states",
     )
     p.add_argument(
         "--loop",

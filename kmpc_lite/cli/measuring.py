@@ -80,21 +80,21 @@ def run_bench(options: argparse.Namespace) -> int:
         print(json.dumps(as_dicts(compared)) if options.json else format_comparison(compared))
         return 0
     if options.settings:
-        from kmpc_lite.bench.settings import (
-            format_settings,
-            record_qps,
-            settings_study,
-            solver_study,
-        )
+        from kmpc_lite.bench.settings import format_settings, settings_study
 
         drives = record(model, problem, options.drives, steps=60, obstacles=4, seed=TUNING_SEED)
         rows = settings_study(model, problem, drives, progress=bar)
-        solvers = solver_study(record_qps(model, problem, drives)[::6], problem)
-        print(
-            json.dumps({"settings": rows, "solvers": solvers})
-            if options.json
-            else format_settings(rows, solvers)
-        )
+        print(json.dumps({"settings": rows}) if options.json else format_settings(rows))
+        return 0
+    if options.solvers:
+        from kmpc_lite.bench.solvers import solver_contenders
+
+        drives = record(model, problem, options.drives, steps=60, obstacles=4, seed=seed)
+        results = bench.measure(solver_contenders(), model, problem, drives, progress=bar)
+        if options.json:
+            print(json.dumps([result.as_dict() for result in results]))
+        else:
+            print(bench.format_measurements(results))
         return 0
     tables = []
     left_out: dict[str, str] = {}
