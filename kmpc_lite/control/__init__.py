@@ -4,12 +4,16 @@ from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.obstacles.circles import Circle
 from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
 from kmpc_lite.control.obstacles.shapes import Polygon, Wall
-from kmpc_lite.control.plan import Plan, PlanStatus
+from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
+from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 
 __all__ = [
     "Circle",
     "Controller",
+    "ControllerOptions",
+    "GoalProgress",
+    "GuidanceOptions",
     "NavigationProblem",
     "OccupancyGrid",
     "Plan",

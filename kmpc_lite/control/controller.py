@@ -5,53 +5,42 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.control.estimation.command_history import CommandHistory
-from kmpc_lite.control.estimation.pose_age import advance_pose
-from kmpc_lite.control.guidance.goal_reference import GoalReference, GoalReferenceState
-from kmpc_lite.control.input_checks import POSITION_LIMIT, are_plausible, is_plausible
-from kmpc_lite.control.margins.tightening import LATE_RISK, RISK, Tightening
-from kmpc_lite.control.nmpc.osqp_workspace import QPStatus
-from kmpc_lite.control.nmpc.sqp import COLD_PASSES, NEW_WAY_PASSES, SQP, SQPResult, Task, Trajectory
-from kmpc_lite.control.nmpc.warm_start import warm_start
-from kmpc_lite.control.obstacles.scene import Obstacles, Scene
-from kmpc_lite.control.options import GuidanceOptions
-from kmpc_lite.control.plan import Plan, PlannedAround, PlanStatus
+from kmpc_lite.control.estimation.estimator import adapt
+from kmpc_lite.control.guidance.goal_reference import GoalReferenceState
+from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER
+from kmpc_lite.control.nmpc.sqp import SQP, SQPState
+from kmpc_lite.control.observation import Admission, Observation
+from kmpc_lite.control.obstacles.scene import Obstacles, SceneState
+from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
+from kmpc_lite.control.pipeline import Knowledge, Pipeline
+from kmpc_lite.control.plan import Plan
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.control.safe_stop.backup import Backup
-from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectories, StopTrajectory
-from kmpc_lite.errors import ProblemError
-from kmpc_lite.files import SAME_DT
+from kmpc_lite.control.safe_stop.backup import BackupState
+from kmpc_lite.control.settings import (
+    check_replacement,
+    check_settings,
+    choose_adaptation,
+    choose_options,
+)
+from kmpc_lite.control.state import ControllerState
+from kmpc_lite.control.step_clock import StepClock
+from kmpc_lite.control.units import scaled_problem
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.types import INPUTS, STATES, Array
+from kmpc_lite.model.motion import in_units
 
 if TYPE_CHECKING:
     from kmpc_lite.control.guidance.capabilities import Capabilities
     from kmpc_lite.control.guidance.guide import Guide
     from kmpc_lite.control.guidance.state import GuideState
-    from kmpc_lite.control.obstacles.solids import Nearby, Solids
-
-OLDEST_POSE = 2.0
-"""Of an older pose [s] nothing follows for the present one."""
-DEFECT = 0.05
-"""How far the model may contradict a plan over one period [m, rad] before its commands are rolled
-out anew."""
-TOUCH = 0.02
-"""How deep such a rolled-out plan may cut into an obstacle [m] and still be driven, the rest being
-left to the next pass."""
-IN_REACH = 0.3
-"""Solids count as far as this beyond the reach of the fastest plan [m]: margins, and a pose that is
-not where it was thought."""
-GUIDE_SHARE = 1 / 3
-"""Share of a time budget after which a search for a way is left to the next step."""
-AFTER_SOLVE = 5e-5
-"""Time that a step takes after its plan is verified [s]."""
+    from kmpc_lite.model.motion import MotionModel
 
 
 class Controller:
@@ -64,20 +53,18 @@ class Controller:
     problem : NavigationProblem, optional
         The paper's where not given.
     guidance : bool or GuidanceOptions
-        Whether to steer along a way around the obstacles, park and hold at the goal, with weights
-        that suit a reference. Without it the goal itself is the reference, as in the paper, and the
-        problem's weights are used.
+        Whether, and how, to steer along a path around the obstacles, park and hold at the goal.
+        Without it the goal itself is the reference, as in the paper. The problem's weights count
+        in both modes; where they are not given, each mode has defaults of its own.
     tightening : {"learned", None}
         Whether to keep margins from obstacles beyond the radii for what the model does not know:
         from its noise model, and for the chord between samples. None is the paper.
     risk : float, optional
-        Probability that the margins are made for; `tightening.RISK` where not given, `LATE_RISK`
-        for a model with input history.
+        Probability that the margins are made for; `MarginOptions.risk` where not given.
     adaptation : bool or OnlineAdaptation, optional
-        Whether to correct the model while driving where the floor contradicts it: from the measured
-        poses and the commands given. Where not given, it runs where there are learned margins and
-        the model is continuous. `adaptation.model` is the model now, to be saved. One with options
-        of its own must have been made for `model`.
+        Whether to correct the model while driving where the floor contradicts it. Where not given,
+        it runs where there are learned margins and the model is continuous. `adaptation.model` is
+        the model now, to be saved. One of your own must have been made for `model`.
     pose_age : float
         How old the pose is on arrival [s]; it is brought forward with the commands given meanwhile.
     sqp_iterations : int
@@ -88,16 +75,25 @@ class Controller:
     time_budget : float, optional
         Longest that a step may take [s]. Passes that would not end in time are not begun, and the
         QP solver is stopped; what it has by then is used if it passes the checks (FEASIBLE).
+    solver : str
+        ``"osqp"``, the fast path, or any QP solver that qpsolvers knows and finds installed.
+    options : ControllerOptions, optional
+        Everything else that can be tuned.
     clock : callable
         Gives the time for budget and timing [s].
     obstacle_slots : int
         How many obstacles and sides of the area each stage of the plan can be held away from: the
         nearest ones.
 
+    Attributes
+    ----------
+    state : ControllerState
+        All that outlives a step. A copy of it, assigned later, takes the drive back to then.
+
     Raises
     ------
     ProblemError
-        For options that contradict each other.
+        For arguments that contradict each other.
 
     Examples
     --------
@@ -122,138 +118,51 @@ class Controller:
         tolerance: float = 1e-5,
         obstacle_slots: int = 5,
         time_budget: float | None = None,
+        solver: str = DEFAULT_SOLVER,
+        options: ControllerOptions | None = None,
         clock: Callable[[], float] = perf_counter,
     ) -> None:
-        if not isinstance(model, KoopmanModel):
-            raise ProblemError(
-                f"model: expected a KoopmanModel, got {type(model).__name__}; KoopmanModel.load(path) reads a file"
-            )
-        if adaptation is None:
-            adaptation = tightening is not None and model.continuous
-        self.adaptation = OnlineAdaptation(model) if adaptation is True else adaptation or None
-        if self.adaptation is not None and self.adaptation.base is not model:
-            raise ProblemError("adaptation: it was made for another model than the controller's")
-        # half the time of rk4, and far below what slip does; prediction, verification and fallback
-        # share it
-        self.model = replace(model, integrator="midpoint")
-        self.problem = NavigationProblem() if problem is None else problem
-        if abs(model.dt - self.problem.dt) > SAME_DT * self.problem.dt:
-            raise ProblemError(
-                f"the model's dt is {model.dt:g} s, the problem's {self.problem.dt:g} s; fit the log at the problem's dt, "
-                f"or use NavigationProblem(dt={model.dt:g}) or model.with_dt({self.problem.dt:g})"
-            )
-        for name, value in (("sqp_iterations", sqp_iterations), ("obstacle_slots", obstacle_slots)):
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-                raise ProblemError(f"{name}: expected a whole number >= 1, got {value!r}")
-        if not (np.isfinite(tolerance) and tolerance > 0):
-            raise ProblemError(f"tolerance: expected a number > 0, got {tolerance!r}")
-        if not 0.0 <= pose_age <= OLDEST_POSE:
-            raise ProblemError(
-                f"pose_age: expected a time from 0 to {OLDEST_POSE:g} s, got {pose_age!r}"
-            )
-        self._pose_age = float(pose_age)
-        self._past = CommandHistory(self.problem, model.history, self._pose_age)
-        if time_budget is not None and not (np.isfinite(time_budget) and time_budget > 0):
-            raise ProblemError(f"time_budget: expected a time > 0 s, got {time_budget!r}")
-        self._time_budget, self._clock, self._after_solve = time_budget, clock, AFTER_SOLVE
-        if tightening not in (None, "learned"):
-            raise ProblemError(f"tightening: expected 'learned' or None, got {tightening!r}")
-        if risk is None:
-            risk = LATE_RISK if model.history else RISK
-        self._tightening = Tightening(self.model, self.problem, risk=risk) if tightening else None
-        self._guide: Guide | None = None
-        self._capabilities: Capabilities | None = None
-        self._guidance_options = GuidanceOptions() if isinstance(guidance, bool) else guidance
-        solved = self.problem
-        if guidance:
-            # here, for its graph search costs as much to import as all the rest
-            from kmpc_lite.control.guidance.guide import Guide
-            from kmpc_lite.control.guidance.reference import tracking
-
-            self._guide = Guide(self.problem, self._guidance_options, clock=clock)
-            solved = tracking(self.problem)
+        self.problem = problem = NavigationProblem() if problem is None else problem
+        self.options = options = choose_options(options, guidance, risk)
+        settings: dict[str, Any] = {
+            "pose_age": pose_age,
+            "sqp_iterations": sqp_iterations,
+            "tolerance": tolerance,
+            "obstacle_slots": obstacle_slots,
+            "time_budget": time_budget,
+            "solver": solver,
+        }
+        check_settings(model, problem, tightening, guidance, settings, options.step.oldest_pose)
+        self._settings = {
+            **settings,
+            "guidance": bool(guidance),
+            "tightening": tightening,
+            "options": options,
+            "clock": clock,
+        }
+        self.scale = scale = problem.scale
+        self.adaptation = choose_adaptation(model, adaptation, tightening is not None, scale)
+        self._units = units = scaled_problem(problem, scale).with_default_weights(bool(guidance))
+        self._clock, self._time_budget = clock, time_budget
+        self._pose_age, self._tightens = float(pose_age) / scale.time, tightening is not None
+        self._guide = _make_guide(units, options, clock) if guidance else None
         self._sqp = SQP(
-            self.model, solved, sqp_iterations, tolerance, obstacle_slots, self._tightening, clock
+            units,
+            model.history,
+            iterations=sqp_iterations,
+            tolerance=tolerance,
+            slots=obstacle_slots,
+            options=options.solver,
+            solver=solver,
+            clock=clock,
         )
-        self._goal = GoalReference(self.problem)
-        self._fallback, self._tails = (
-            Backup(self.problem),
-            StopTrajectories(self.problem, self._tightening),
+        self._pipeline = Pipeline(
+            problem, units, scale, options, self._sqp, self._guide, self._pose_age
         )
-        self._rates = RateLimit(self.problem)
-        u_min, u_max, _, _ = self.problem.bounds
-        fastest = max(float(u_max[0]), -float(u_min[0]))
-        self._reach = (
-            self.problem.horizon * self.problem.dt * fastest
-            + self.problem.robot_radius
-            + self.problem.margin
-            + IN_REACH
-        )
-        self._surroundings = Scene()
-        self._solids: Solids | None = None
-        self._nearby: Nearby | None = None
-        self._learn_capabilities(adapted=False)
+        self._admission = Admission(scale, self._pipeline.scene)
+        self._learned = model
+        self._base_capabilities: tuple[KoopmanModel, Capabilities] | None = None
         self.reset()
-
-    def reset(self) -> None:
-        """Forget the last plan, the commands sent, the side from which the goal's heading is approached, and what was learned driving."""
-        self._last: Trajectory | None = None
-        self._past.reset()
-        self._goal_state = GoalReferenceState()
-        self._fallback.reset()
-        if self._guide is not None:
-            from kmpc_lite.control.guidance.state import GuideState
-
-            self._guide_state: GuideState = GuideState()
-        if self._tightening is not None:
-            self._tightening.reset()
-        if self.adaptation is not None and self.adaptation.counts.models:
-            self.update_model(self.adaptation.base)
-        if self.adaptation is not None:
-            self.adaptation.reset()
-
-    def _learn_capabilities(self, adapted: bool) -> None:
-        """Ask the model what the robot can do; of one that was adapted while driving, only its speeds count."""
-        if self._guide is None:
-            return
-        from kmpc_lite.control.guidance.capabilities import capabilities, drivable_speeds
-
-        if adapted and self._capabilities is not None:
-            speeds = drivable_speeds(self.model, self.problem, self._guidance_options)
-            self._capabilities = self._capabilities.with_speeds(speeds, self._guidance_options)
-        else:
-            self._capabilities = capabilities(
-                self.model, self.problem, self._tightening, self._guidance_options
-            )
-
-    def update_model(self, model: KoopmanModel, adapted: bool = False) -> None:
-        """Take over another model of the same robot between two steps: what `adaptation` gives while driving.
-
-        Parameters
-        ----------
-        model : KoopmanModel
-            With the same period, and as long an input history.
-        adapted : bool
-            Whether it is the one before with gains learned while driving: these tell of the robot's
-            speeds, and nothing of its turning centre or the noise of its pose.
-
-        Raises
-        ------
-        ProblemError
-            For another period, or another length of input history.
-        """
-        if (
-            abs(model.dt - self.problem.dt) > SAME_DT * self.problem.dt
-            or model.history != self.model.history
-        ):
-            raise ProblemError(
-                f"expected a model with dt {self.problem.dt:g} s and {self.model.history} past commands, "
-                f"got {model.dt:g} s and {model.history}"
-            )
-        self.model = self._sqp.model = replace(model, integrator="midpoint")
-        if self._tightening is not None:
-            self._tightening.update(self.model)
-        self._learn_capabilities(adapted)
 
     def step(
         self,
@@ -289,250 +198,153 @@ class Controller:
         ValueError
             For wrong shapes, and for nothing else.
         """
-        start = self._clock()
-        pose, target = np.asarray(x, dtype=float), np.asarray(goal, dtype=float)
-        if pose.shape != (STATES,) or target.shape != (STATES,):
-            raise ValueError(
-                f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}"
-            )
-        circles, self._solids = self._surroundings.sort(obstacles)
-        if sent is not None:
-            self._past.correct(np.asarray(sent, dtype=float), self.model)
-        if self._pose_age:
-            pose = advance_pose(self.model, pose, self._past.given, self._pose_age)
-        if self.adaptation is not None:
-            self._adapt(pose, self.adaptation)
-        if not are_plausible(circles):
-            return self._without_solution(
-                pose, circles[:0], start, {}, 0, f"obstacle not usable: {circles.ravel()[:5]}"
-            )
-        for name, values in (("pose", pose), ("goal", target)):
-            if not is_plausible(values):
-                return self._without_solution(
-                    pose, circles, start, {}, 0, f"{name} not usable: {values}"
-                )
-        if self._solids is not None:
-            if self._solids.extent > POSITION_LIMIT:
-                far, self._solids = self._solids.extent, None
-                return self._without_solution(
-                    pose, circles, start, {}, 0, f"obstacle not usable: reaches out to {far:g} m"
-                )
-            self._nearby = self._solids.near(pose[:2], self._reach)
-        else:
-            self._nearby = None
-        self._sqp.keep_out.solids = self._nearby
-        turns = 2 * np.pi * round(float(pose[2]) / (2 * np.pi))
-        here, target = pose.copy(), target.copy()
-        here[2] -= turns
-        target[2] -= 2 * np.pi * round(float(target[2]) / (2 * np.pi))
-        if self._tightening is not None and self._past.planned is not None:
-            # how wrong the model was about the past period widens the margins at once
-            before, acted, expected, _ = self._past.planned
-            self._tightening.observe(here - expected, float(before[2]), acted)
-        rest = self._rates.rest(here, self._past.command) if self._rates.active else None
-        until = np.inf if self._time_budget is None else start + GUIDE_SHARE * self._time_budget
-        guidance = (
-            None
-            if self._guide is None or self._capabilities is None
-            else self._guide.reference(
-                self._guide_state,
-                self._capabilities,
-                here,
-                target,
-                circles,
-                self._solids,
-                rest,
-                until,
-            )
-        )
+        clock = StepClock(self._clock, self._time_budget)
+        phases, state = self._pipeline, self._state
+        seen = self._admission.admit(state.scene, x, goal, obstacles, sent)
+        phases.bring_forward(state, seen, self._known)
+        refusal = self._learn(seen) or seen.refusal
+        if refusal:
+            return phases.stop(state, seen, self._known, refusal, clock)
+        phases.estimate(state, seen, self._known)
+        guidance = phases.guide(state, seen, self._known, clock)
         if guidance is not None and guidance.hold:
-            return self._hold(here, pose, circles, start)
-        if guidance is not None and self._tightening is not None:
-            self._tightening.passage = guidance.path_clearance
-        reference = (
-            self._goal.reference(self._goal_state, here, target)
-            if guidance is None
-            else guidance.states
+            return phases.hold(state, seen, clock)
+        result = phases.solve(state, seen, guidance, self._known, clock)
+        verified = phases.verify(state, seen, result, self._known, clock)
+        if verified.trajectory is None or verified.stop is None:
+            return phases.stop(state, seen, self._known, verified.reason, clock, result.passes)
+        return phases.command(state, seen, guidance, verified, result.passes, clock)
+
+    @property
+    def model(self) -> KoopmanModel:
+        """The model in use."""
+        return self._state.model
+
+    @property
+    def state(self) -> ControllerState:
+        """All that outlives a step; a copy of it, assigned later, takes the drive back to then."""
+        return self._state
+
+    @state.setter
+    def state(self, state: ControllerState) -> None:
+        self._state = state
+        if self.adaptation is not None and state.adaptation is not None:
+            self.adaptation.state, self.adaptation.model = state.adaptation, state.model
+        self._know(state.base_model, state.model)
+
+    def reset(self) -> None:
+        """Forget the last plan, the commands sent, the path, and what was learned while driving."""
+        if self.adaptation is not None:
+            self.adaptation.reset()
+        self._state = ControllerState(
+            base_model=self._learned,
+            model=self._learned,
+            history=CommandHistory.start(self._units, self._learned.history, self._pose_age),
+            scene=SceneState(),
+            goal=GoalReferenceState(),
+            guide=None if self._guide is None else _guide_state(),
+            drift=DriftState(),
+            sqp=SQPState(),
+            backup=BackupState(),
+            adaptation=None if self.adaptation is None else self.adaptation.state,
         )
-        guided = self._clock()
-        guess, passes = warm_start(self._sqp, self._last, here), 1
-        if guess is None or (guidance is not None and guidance.switched):
-            # a plan along the old way is no good start for the new one
-            fresh = guess is None
-            guess, passes = (
-                (self._sqp.at_rest(here), COLD_PASSES)
-                if fresh
-                else (self._sqp.along(reference, here), NEW_WAY_PASSES)
-            )
-        deadline = (
-            np.inf if self._time_budget is None else start + self._time_budget - self._after_solve
+        self._know(self._learned, self._learned)
+
+    def update_model(self, model: KoopmanModel) -> None:
+        """Take over another model of the same robot between two steps.
+
+        Raises
+        ------
+        ProblemError
+            For another period, or another length of input history.
+        """
+        check_replacement(model, self.model, self.problem)
+        self._learned = self._state.base_model = model
+        self._take_over(model)
+
+    def _take_over(self, model: KoopmanModel) -> None:
+        """Drive with another model from now on."""
+        before = self._known.margins
+        self._state.model = model
+        self._know(self._state.base_model, model)
+        if before is not None and self._known.margins is not None:
+            self._known.margins.drift_detector.carry_over(self._state.drift, before.drift_detector)
+
+    def _learn(self, seen: Observation) -> str:
+        """Show the past period to the adaptation; why the model cannot be used, if so."""
+        if self.adaptation is None:
+            return ""
+        model = adapt(self.adaptation, self._state.history, seen.pose, self.scale)
+        if model is not None:
+            self._take_over(model)
+        return self.adaptation.wrong_model
+
+    def _know(self, base: KoopmanModel, model: KoopmanModel) -> None:
+        """Work out all that follows from the learned model and the one in use."""
+        units, options = self._units, self.options
+        motion, adapted = self._motion(model), model is not base
+        margins = (
+            Margins(motion, units, options.margins, adapted=adapted) if self._tightens else None
         )
-        shifted = self._clock()
-        task = Task(reference, circles, self._past.commands, self._past.command, deadline)
-        result = self._sqp.solve(guess, task, passes)
-        solved = self._clock()
-        usable, self._last, reason = self._verify(result, circles)
-        expected = result.next_state
-        tail = None
-        if usable and self._last is not None:
-            ahead = self._sqp.keep_out.solids_ahead
-            tail = self._tails.find(
-                self.model,
-                self._last,
-                circles,
-                self._nearby,
-                ahead,
-                self._past.commands,
-                self._past.command,
-            )
-            if tail is None:
-                reason = "no way to a stop is clear"
-            elif tail.slowed:
-                expected = self._last.states[1]
-        if usable and self._last is not None and self._limit_change(self._last):
-            expected = self._last.states[1]
-        verified = self._clock()
-        # what is still to come after a solve is learned from the steps before, quickly upwards
-        self._after_solve = max(verified - solved + AFTER_SOLVE, 0.95 * self._after_solve)
-        timing = {
-            "guide": guided - start,
-            "shift": shifted - guided,
-            **result.timing,
-            "verify": verified - solved,
-        }
-        trajectory = self._last
-        if trajectory is None or tail is None:
-            return self._without_solution(pose, circles, start, timing, result.passes, reason)
-        self._fallback.accept(trajectory, tail)
-        self._past.expect(here, trajectory.inputs[0], expected)
-        self._past.remember(trajectory.inputs[0])
-        states = trajectory.states
-        if turns:
-            states = states + (0.0, 0.0, turns)
-        status = PlanStatus.FEASIBLE if reason else PlanStatus.SOLVED
-        plan = self._plan(
-            states, trajectory.inputs, status, circles, start, timing, result.passes, reason
-        )
-        return plan if guidance is None or guidance.reachable else replace(plan, reachable=False)
+        capabilities = None
+        if self._guide is not None:
+            capabilities = self._learned_capabilities(base, margins)
+            if adapted:
+                # what is learned while driving tells of speeds only
+                from kmpc_lite.control.guidance.capabilities import drivable_speeds
 
-    def _adapt(self, pose: Array, adaptation: OnlineAdaptation) -> None:
-        """Show the adaptation the past period, and take over the model that it may give."""
-        if self._past.driven is not None:
-            before, command, past = self._past.driven
-            model = adaptation.update(before, command, pose, past)
-            if model is not None:
-                self.update_model(model, adapted=True)
-        self._past.seen = pose.copy()
+                speeds = drivable_speeds(motion, units, options.guidance)
+                capabilities = capabilities.with_speeds(speeds, options.guidance)
+        self._known = Knowledge(motion, margins, capabilities)
 
-    def _hold(self, here: Array, pose: Array, circles: Array, start: float) -> Plan:
-        """Stand at the goal."""
-        self._last = self._sqp.at_rest(here)
-        self._limit_change(self._last)
-        self._fallback.accept(self._last, StopTrajectory())
-        self._past.remember(self._last.inputs[0])
-        self._past.planned = None
-        states = self._last.states + (pose - here)
-        plan = self._plan(states, self._last.inputs, PlanStatus.SOLVED, circles, start, {}, 0, "")
-        return replace(plan, holding=True)
+    def _learned_capabilities(self, base: KoopmanModel, margins: Margins | None) -> Capabilities:
+        """Capabilities by the learned model, worked out once."""
+        if self._base_capabilities is None or self._base_capabilities[0] is not base:
+            from kmpc_lite.control.guidance.capabilities import capabilities
 
-    def _verify(self, result: SQPResult, circles: Array) -> tuple[bool, Trajectory | None, str]:
-        """Whether a result may be driven, the plan with commands within bounds as far as there is one, and what is wrong."""
-        if result.status is QPStatus.FAILED:
-            return False, None, result.reason
-        found = result.trajectory
-        if not np.isfinite(result.defect):
-            return False, None, "the model's prediction is not finite"
-        if result.defect <= DEFECT:
-            return True, found, result.reason
-        states = self.model.rollout(found.states[0], found.inputs, self._past.commands)
-        clearance = self._clearance(states, circles, self._solids)
-        reason = f"rolled out anew: the model contradicted the plan by {result.defect:.3g}"
-        usable = np.isfinite(states).all() and clearance >= -TOUCH
-        return bool(usable), Trajectory(states, found.inputs, found.duals), reason
+            units, options = self._units, self.options
+            motion = self._motion(base)
+            if margins is not None:
+                margins = Margins(motion, units, options.margins)
+            found = capabilities(motion, units, margins, options.guidance, options.goal)
+            self._base_capabilities = base, found
+        return self._base_capabilities[1]
 
-    def _limit_change(self, plan: Trajectory) -> bool:
-        """Bring the command within reach of the one sent last, and roll the plan out anew; tell whether that was needed."""
-        if not self._rates.active:
-            return False
-        wanted = plan.inputs[0]
-        command = self._rates.limit(wanted, self._past.command)
-        if command is wanted:
-            return False
-        plan.inputs[0] = command
-        plan.states[:] = self.model.rollout(plan.states[0], plan.inputs, self._past.commands)
-        return True
+    def _motion(self, model: KoopmanModel) -> MotionModel:
+        # half the time of rk4, and far below what slip does; all phases share it
+        return in_units(replace(model, integrator="midpoint"), self.scale)
 
-    def _without_solution(
-        self,
-        pose: Array,
-        circles: Array,
-        start: float,
-        timing: dict[str, float],
-        passes: int,
-        reason: str,
-    ) -> Plan:
-        """Drive the rest of the last tail while there is one and it is clear, else brake."""
-        self._past.planned = None
-        rest = self._fallback.replay()
-        n = self.problem.horizon
-        here = pose if is_plausible(pose) else self._fallback.expected
-        lost = False
-        if rest is not None and here is not None:
-            # from where the robot is, if that is known: what has happened since the tail was found
-            # counts too
-            states = self._tails.rollout(self.model, here, rest, self._past.commands)
-            lost = not (self._clearance(states, circles, self._solids) >= 0.0)
-            if not lost and np.isfinite(states).all():
-                if self._rates.active:
-                    rest[0] = self._rates.limit(rest[0], self._past.command)
-                self._fallback.sent(rest[0], states[1])
-                self._past.remember(rest[0])
-                commands = np.zeros((n, INPUTS))
-                commands[: len(rest)] = rest[:n]
-                shown = np.concatenate(
-                    [states[: n + 1], np.repeat(states[-1:], max(n + 1 - len(states), 0), axis=0)]
-                )
-                return self._plan(
-                    shown, commands, PlanStatus.FALLBACK, circles, start, timing, passes, reason
-                )
-        self._last = None
-        # where the ramp ends in an obstacle, a robot without lag can still stand; one with lag has
-        # asked for all that it has
-        command = self._fallback.brake(at_once=lost)
-        if self._rates.active:
-            command = self._rates.limit(command, self._past.command)
-            self._fallback.sent(command, None)
-        self._past.remember(command)
-        inputs = np.zeros((n, INPUTS))
-        inputs[0] = command
-        states = np.tile(np.where(np.isfinite(pose), pose, 0.0), (n + 1, 1))
-        # where the robot is not known, nor is its distance to anything
-        if not np.isfinite(pose).all():
-            circles, self._solids = circles[:0], None
-        return self._plan(
-            states, inputs, PlanStatus.STOPPED, circles, start, timing, passes, reason
-        )
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle as what it was made of, and its state."""
+        own: Any = False if self.adaptation is None else self.adaptation
+        made_of = (self._learned, self.problem, {**self._settings, "adaptation": own})
+        return _restored, (*made_of, self._state)
 
-    def _plan(
-        self,
-        states: Array,
-        inputs: Array,
-        status: PlanStatus,
-        circles: Array,
-        start: float,
-        timing: dict[str, float],
-        passes: int,
-        reason: str,
-    ) -> Plan:
-        timing["total"] = self._clock() - start
-        # copied, for the caller may move its obstacles in place
-        around = PlannedAround(
-            circles.copy(), self._solids, self.problem.robot_radius, self.problem.dt
-        )
-        return Plan(inputs[0].copy(), states, inputs, status, passes, timing, reason, around=around)
 
-    def _clearance(self, states: Array, circles: Array, solids: Solids | None) -> float:
-        """Smallest distance between the edges of robot and obstacles along a plan [m]."""
-        return PlannedAround(circles, solids, self.problem.robot_radius, self.problem.dt).clearance(
-            states
-        )
+def _make_guide(
+    units: NavigationProblem, options: ControllerOptions, clock: Callable[[], float]
+) -> Guide:
+    # here, for its graph search costs as much to import as all the rest
+    from kmpc_lite.control.guidance.guide import Guide
+
+    return Guide(units, options.guidance, options.goal, options.traffic, clock)
+
+
+def _guide_state() -> GuideState:
+    from kmpc_lite.control.guidance.state import GuideState
+
+    return GuideState()
+
+
+def _restored(
+    model: KoopmanModel,
+    problem: NavigationProblem,
+    settings: dict[str, Any],
+    state: ControllerState,
+) -> Controller:
+    """Make a controller anew, without touching the state of its adaptation, and continue a drive."""
+    adaptation = settings["adaptation"]
+    controller = Controller(model, problem, **{**settings, "adaptation": False})
+    controller.adaptation = adaptation or None
+    controller.state = state
+    return controller

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from kmpc_lite.errors import ProblemError
+from kmpc_lite.scale import Scale
 from kmpc_lite.types import INPUTS, STATES, Array
+
+GOAL_Q, GOAL_R = (1.0, 5.0, 0.1), (0.5, 0.05)
+"""The paper's weights, of a goal that may be far away."""
+TRACKING_Q, TRACKING_R = (5.0, 5.0, 0.5), (0.1, 0.02)
+"""Weights of a reference that is always near: with the paper's, plans cut corners and creep at the
+end."""
+UNIT_DECELERATION = np.array((1.0, 4.0))
+"""Of the braking ramp of a robot that is its own unit [m/s^2, rad/s^2]."""
+UNIT_SLACK_WEIGHTS = np.array((100.0, 1000.0))
+"""Its slack weights [1/m, 1/m^2]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +37,11 @@ class NavigationProblem:
         Stages N.
     dt : float
         Period [s].
-    Q, R : array_like
-        Weights of state (3,) and command (2,), or full positive semidefinite matrices.
+    Q, R : array_like, optional
+        Weights of state (3,) and command (2,), or full positive semidefinite matrices. With
+        guidance the state's weigh the distance from the guided reference. Where not given they are
+        the default of the controller's mode: with guidance `TRACKING_Q` and `TRACKING_R`, without
+        it the paper's `GOAL_Q` and `GOAL_R`.
     Q_terminal : array_like, optional
         Weight of the last state; zero where not given, as in the paper.
     u_min, u_max : array_like
@@ -37,14 +52,16 @@ class NavigationProblem:
         [m].
     margin : float
         Distance to obstacles beyond the radii [m]; the paper has none.
-    deceleration : array_like
-        How fast the braking ramp ends a command (2,) [m/s^2, rad/s^2].
+    deceleration : array_like, optional
+        How fast the braking ramp ends a command (2,) [m/s^2, rad/s^2]. Where not given it follows
+        the robot's size and speed: 1 m/s^2 and 4 rad/s^2 at 0.15 m and 0.6 m/s.
     du_max : array_like
         How fast commands may change (2,) [m/s^2, rad/s^2]; infinite where not given, as in the
         paper. Speeds that shrink in an emergency may do so at `deceleration` where that is more.
-    slack_weights : array_like
+    slack_weights : array_like, optional
         Weights (2,) of the linear [1/m] and the quadratic [1/m^2] penalty on entering an obstacle
-        or leaving the area. The penalty is exact while the linear weight exceeds the constraint's
+        or leaving the area. Where not given, 100 and 1000 for a robot of 0.15 m, less for larger
+        ones. The penalty is exact while the linear weight exceeds the constraint's
         multiplier.
 
     Raises
@@ -55,8 +72,8 @@ class NavigationProblem:
 
     horizon: int = 20
     dt: float = 0.1
-    Q: Any = (1.0, 5.0, 0.1)
-    R: Any = (0.5, 0.05)
+    Q: Any = None
+    R: Any = None
     Q_terminal: Any = None
     u_min: Any = (-0.6, -np.pi / 4)
     u_max: Any = (0.6, np.pi / 4)
@@ -64,9 +81,9 @@ class NavigationProblem:
     x_max: Any = (2.0, 2.0, np.inf)
     robot_radius: float = 0.15
     margin: float = 0.0
-    deceleration: Any = (1.0, 4.0)
+    deceleration: Any = None
     du_max: Any = (np.inf, np.inf)
-    slack_weights: Any = (100.0, 1000.0)
+    slack_weights: Any = None
 
     def __post_init__(self) -> None:
         if (
@@ -83,16 +100,9 @@ class NavigationProblem:
         def set_field(name: str, value: Array) -> None:
             object.__setattr__(self, name, value)
 
-        set_field("Q", _weight("Q", self.Q, STATES))
-        set_field("R", _weight("R", self.R, INPUTS))
-        set_field(
-            "Q_terminal",
-            _weight(
-                "Q_terminal",
-                np.zeros(STATES) if self.Q_terminal is None else self.Q_terminal,
-                STATES,
-            ),
-        )
+        for name, length in (("Q", STATES), ("R", INPUTS), ("Q_terminal", STATES)):
+            if (value := getattr(self, name)) is not None:
+                set_field(name, _weight(name, value, length))
         for name, length in (
             ("u_min", INPUTS),
             ("u_max", INPUTS),
@@ -100,6 +110,7 @@ class NavigationProblem:
             ("x_max", STATES),
         ):
             set_field(name, _vector(name, getattr(self, name), length))
+        self._follow_the_robot(set_field)
         for name in ("deceleration", "slack_weights"):
             value = _vector(name, getattr(self, name), 2)
             if not (np.isfinite(value).all() and (value > 0).all()):
@@ -124,6 +135,20 @@ class NavigationProblem:
                 f"x_min, x_max: the heading cannot be bounded; use -inf and inf, got {x_min[2]} and {x_max[2]}"
             )
 
+    def _follow_the_robot(self, set_field: Callable[[str, Array], None]) -> None:
+        """Give what was left out the values that suit the robot's size and speed."""
+        scale = self.scale
+        if self.deceleration is None:
+            set_field("deceleration", UNIT_DECELERATION * scale.acceleration)
+        if self.slack_weights is None:
+            set_field("slack_weights", UNIT_SLACK_WEIGHTS / (scale.length, scale.length**2))
+
+    @property
+    def scale(self) -> Scale:
+        """Units of the robot, from its radius and its fastest speed."""
+        fastest = max(float(self.u_max[0]), -float(self.u_min[0]))
+        return Scale.of_robot(float(self.robot_radius), fastest)
+
     @property
     def bounds(self) -> tuple[Array, Array, Array, Array]:
         """u_min (2,), u_max (2,), x_min (3,), x_max (3,)."""
@@ -131,8 +156,29 @@ class NavigationProblem:
 
     @property
     def weights(self) -> tuple[Array, Array, Array]:
-        """Q (3, 3), R (2, 2), Q_terminal (3, 3)."""
-        return self.Q, self.R, self.Q_terminal
+        """Q (3, 3), R (2, 2), Q_terminal (3, 3): the paper's where not given."""
+        return (
+            np.diag(GOAL_Q) if self.Q is None else self.Q,
+            np.diag(GOAL_R) if self.R is None else self.R,
+            np.zeros((STATES, STATES)) if self.Q_terminal is None else self.Q_terminal,
+        )
+
+    def with_default_weights(self, guidance: bool) -> NavigationProblem:
+        """Return the problem with the weights that are used in a mode, given or not.
+
+        Parameters
+        ----------
+        guidance : bool
+            Whether the weights are those of a guided reference, else of the goal itself.
+        """
+        q, r = (TRACKING_Q, TRACKING_R) if guidance else (GOAL_Q, GOAL_R)
+        terminal = np.zeros(STATES) if self.Q_terminal is None else self.Q_terminal
+        return replace(
+            self,
+            Q=q if self.Q is None else self.Q,
+            R=r if self.R is None else self.R,
+            Q_terminal=terminal,
+        )
 
     @property
     def limits_changes(self) -> bool:

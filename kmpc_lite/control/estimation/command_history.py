@@ -2,82 +2,92 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class DrivenPeriod:
+    """One period as adaptation and the drift detector want to see it."""
+
+    pose: Array
+    """(3,) at its beginning."""
+    command: Array
+    """(2,) that was held during it."""
+    earlier: Array
+    """(L, 2) commands before it, oldest first."""
+    expected: Array | None = None
+    """(3,) pose that a plan expected at its end."""
+
+
+@dataclass(slots=True)
 class CommandHistory:
-    """Commands sent, and the last period as those who learn from it want to see it.
+    """Commands sent, and the last period: data, in the robot's units."""
 
-    Parameters
-    ----------
-    problem : NavigationProblem
-        Period and command bounds.
-    history : int
-        Past commands that the model depends on, L.
-    pose_age : float
-        How old poses are on arrival [s].
-    """
+    command: Array
+    """(2,) the one sent last."""
+    commands: Array
+    """(L, 2) that the model wants to know, oldest first."""
+    given: Array
+    """(K, 2) those since the newest pose was taken, and the L before, oldest first."""
+    measured: Array
+    """(3,) pose that was measured last."""
+    driven: DrivenPeriod | None = None
+    """The past period, from the measured pose; none where nobody knows what was sent."""
+    planned: DrivenPeriod | None = None
+    """The past period, from the pose within one turn, where a plan was driven."""
 
-    def __init__(self, problem: NavigationProblem, history: int, pose_age: float) -> None:
-        self._u_min, self._u_max, _, _ = problem.bounds
-        self._history = history
-        self._periods = int(np.ceil(pose_age / problem.dt)) + history if pose_age else 0
-        self.reset()
+    @classmethod
+    def start(cls, problem: NavigationProblem, history: int, pose_age: float) -> CommandHistory:
+        """History of a robot that stands.
 
-    def reset(self) -> None:
-        """Forget everything; the robot is taken to have stood."""
-        self.command: Array = np.zeros(INPUTS)
-        """(2,) the one sent last."""
-        self.commands = np.zeros((self._history, INPUTS))
-        """(L, 2) that the model wants to know, oldest first."""
-        self.given = np.zeros((self._periods, INPUTS))
-        """Those since the newest pose was taken, and the L before, oldest first."""
-        self.seen: Array = np.zeros(STATES)
-        """(3,) pose that was measured last."""
-        self.driven: tuple[Array, Array, Array] | None = None
-        """Pose, command and the L before it, of the past period; none where nobody knows what was
-        sent."""
-        self.planned: tuple[Array, Array, Array, Array] | None = None
-        """The same of a planned period with, before the last, the pose expected at its end;
-        headings within one turn."""
+        Parameters
+        ----------
+        problem : NavigationProblem
+            Its period.
+        history : int
+            Past commands that the model depends on, L.
+        pose_age : float
+            How old poses are on arrival.
+        """
+        periods = int(np.ceil(pose_age / problem.dt)) + history if pose_age else 0
+        return cls(
+            np.zeros(INPUTS),
+            np.zeros((history, INPUTS)),
+            np.zeros((periods, INPUTS)),
+            np.zeros(STATES),
+        )
 
-    def expect(self, here: Array, command: Array, expected: Array) -> None:
+    def expect(self, pose: Array, command: Array, expected: Array) -> None:
         """Keep what a plan says of the coming period; before `remember`."""
-        self.planned = here, command.copy(), expected, self.commands.copy()
+        self.planned = DrivenPeriod(pose, command.copy(), self.commands.copy(), expected)
 
     def remember(self, command: Array) -> None:
         """Take in the command that is sent now."""
         self.command = command.copy()
-        self.driven = self.seen, self.command, self.commands.copy()
+        self.driven = DrivenPeriod(self.measured, self.command, self.commands.copy())
         for earlier in (self.commands, self.given):
             if len(earlier):
                 earlier[:-1] = earlier[1:]
                 earlier[-1] = command
 
-    def correct(self, command: Array, model: KoopmanModel) -> None:
-        """Put what was really sent, NaN where nobody knows, in the place of the last command.
-
-        Raises
-        ------
-        ValueError
-            For a wrong shape.
-        """
-        if command.shape != (INPUTS,):
-            raise ValueError(f"sent: expected shape ({INPUTS},), got {command.shape}")
+    def correct(self, command: Array, model: MotionModel, problem: NavigationProblem) -> None:
+        """Put what was really sent, NaN where nobody knows, in the place of the last command."""
         if not np.isfinite(command).all():
             self.driven = self.planned = None
             return
-        self.command = np.clip(command, self._u_min, self._u_max)
+        self.command = np.clip(command, problem.u_min, problem.u_max)
         for earlier in (self.commands, self.given):
             if len(earlier):
                 earlier[-1] = command
         if self.driven is not None:
-            before, _, earlier = self.driven
-            self.driven = before, command.copy(), earlier
+            self.driven = DrivenPeriod(self.driven.pose, command.copy(), self.driven.earlier)
         if self.planned is not None:
-            here, _, _, earlier = self.planned
-            self.planned = here, command.copy(), model.predict(here, command, earlier), earlier
+            before = self.planned
+            expected = model.predict(before.pose, command, before.earlier)
+            self.planned = DrivenPeriod(before.pose, command.copy(), before.earlier, expected)

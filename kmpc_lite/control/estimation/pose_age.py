@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import INPUTS, Array
 
 
-def advance_pose(model: KoopmanModel, pose: Array, sent: Array, age: float) -> Array:
+def advance_pose(model: MotionModel, pose: Array, sent: Array, age: float) -> Array:
     """Predict where the robot is now from where it was.
 
     Parameters
     ----------
-    model : KoopmanModel
+    model : MotionModel
         Its period is that of the commands. Dead time and motor lag that it has learned with its
         input history are part of it, not of the pose's age.
     pose : ndarray

@@ -9,13 +9,14 @@ import numpy as np
 
 from kmpc_lite.control.guidance.goal_checker import GoalTolerances, goal_tolerances
 from kmpc_lite.control.guidance.turning_centre import turning_centre
+from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.options import GoalOptions, GuidanceOptions, in_metres, unit_length
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import INPUTS, Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.margins.tightening import Tightening
+    from kmpc_lite.control.margins.margins import Margins
 
 ROUNDING = 1e-6
 """Relative difference of speeds that is rounding; and the speed of a robot that cannot drive, or
@@ -55,9 +56,9 @@ class Capabilities:
 
 
 def capabilities(
-    model: KoopmanModel,
+    model: MotionModel,
     problem: NavigationProblem,
-    tightening: Tightening | None = None,
+    margins: Margins | None = None,
     options: GuidanceOptions | None = None,
     goal_options: GoalOptions | None = None,
 ) -> Capabilities:
@@ -65,11 +66,11 @@ def capabilities(
 
     Parameters
     ----------
-    model : KoopmanModel
+    model : MotionModel
         With an input history it is asked for what it does once a command has been held that long.
     problem : NavigationProblem
         Command bounds, horizon, radius.
-    tightening : Tightening, optional
+    margins : Margins, optional
         Margins that plans keep.
     options : GuidanceOptions, optional
         Lengths in radii.
@@ -80,8 +81,8 @@ def capabilities(
     options = in_metres(options or GuidanceOptions(), unit)
     # a robot without lag is steered back before it needs the clearance
     clearance = (
-        clearance_at_speed(model, problem, tightening, options)
-        if tightening is not None and model.history
+        clearance_at_speed(model, problem, margins, options)
+        if margins is not None and model.history
         else 0.0
     )
     forward, backward, evasive, backward_share = _timing(
@@ -109,7 +110,7 @@ def _timing(speeds: Array, options: GuidanceOptions) -> tuple[Array, Array, Arra
 
 
 def drivable_speeds(
-    model: KoopmanModel, problem: NavigationProblem, options: GuidanceOptions | None = None
+    model: MotionModel, problem: NavigationProblem, options: GuidanceOptions | None = None
 ) -> Array:
     """Speeds that the robot holds at the command bounds, by its model, but not above the bounds.
 
@@ -118,7 +119,7 @@ def drivable_speeds(
 
     Parameters
     ----------
-    model : KoopmanModel
+    model : MotionModel
         With an input history it is asked for what it does once a command has been held that long.
     problem : NavigationProblem
         Command bounds.
@@ -155,20 +156,20 @@ def drivable_speeds(
 
 
 def clearance_at_speed(
-    model: KoopmanModel,
+    model: MotionModel,
     problem: NavigationProblem,
-    tightening: Tightening,
+    margins: Margins,
     options: GuidanceOptions | None = None,
 ) -> float:
     """Clearance [m] that a path must keep so that a plan at full speed along it keeps its margins.
 
     Parameters
     ----------
-    model : KoopmanModel
+    model : MotionModel
         Tells how errors spread along a straight drive.
     problem : NavigationProblem
         Command bounds and horizon.
-    tightening : Tightening
+    margins : Margins
         Asked for the last stage's margin.
     options : GuidanceOptions, optional
         In metres: what is spare, and the most.
@@ -180,9 +181,9 @@ def clearance_at_speed(
     states = np.zeros((problem.horizon + 1, 3))
     across = np.tile((0.0, 1.0), (problem.horizon, 1, 1))
     states[:, 0] = u_max[0] * problem.dt * np.arange(problem.horizon + 1)
-    # headway gives way to narrow passages, so it asks for no clearance
-    passage, tightening.passage = tightening.passage, 0.0
     linearization = model.linearize(states[:-1], commands, history)
-    margin = float(tightening.margins(linearization, states, commands, across)[-1, 0])
-    tightening.passage = passage
-    return min(options.spare_clearance + margin, options.speed_clearance_limit)
+    # headway gives way to narrow passages, so it asks for no clearance
+    found = margins.tightening.margins(
+        DriftState(), linearization, states, commands, across, path_clearance=0.0
+    )
+    return min(options.spare_clearance + float(found[-1, 0]), options.speed_clearance_limit)

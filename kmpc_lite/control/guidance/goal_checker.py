@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kmpc_lite.control.options.goal import GoalOptions
-from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.tube import split_noise
 from kmpc_lite.types import Array
 
@@ -36,12 +36,12 @@ class GoalTolerances:
     """Distance from the path at which a new one is looked for near the goal [m]."""
 
 
-def goal_tolerances(model: KoopmanModel, options: GoalOptions) -> GoalTolerances:
+def goal_tolerances(model: MotionModel, options: GoalOptions) -> GoalTolerances:
     """Widen the tolerances by the noise of the measured pose that the model has learned.
 
     Parameters
     ----------
-    model : KoopmanModel
+    model : MotionModel
         Its noise at rest is that of the measured poses.
     options : GoalOptions
         In metres.

@@ -161,7 +161,7 @@ class MovingObstacles:
             return clearance
         longest = float(self._table.arcs[:, 2].max())
         reach = longest * float(self._speed[0]) + self._inflation
-        near = self._solids.near(pose[:2], reach)
+        near = self._solids.within(pose[:2], reach)
         distances = near.least(positions.reshape(-1, 2)).reshape(len(clearance), -1)
         # what stands still needs no more than its margin; no circle is a reason to drive into it
         allowed = min(self._inflation, float(distances[0, 0])) - self._options.touch

@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
-
-TRACKING_Q = (5.0, 5.0, 0.5)
-TRACKING_R = (0.1, 0.02)
-"""Weights of a cost that follows a reference: the paper's, for a goal that is far away, cut corners
-and creep at the end."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -35,8 +29,3 @@ class Guidance:
     start."""
     path_clearance: float
     """What the path keeps beyond the problem's margin [m]; less where a passage is narrow."""
-
-
-def tracking(problem: NavigationProblem) -> NavigationProblem:
-    """Return the problem with weights that suit a reference along a path."""
-    return replace(problem, Q=TRACKING_Q, R=TRACKING_R, Q_terminal=None)

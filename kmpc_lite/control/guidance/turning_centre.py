@@ -15,7 +15,7 @@ import numpy as np
 from kmpc_lite.control.options import GuidanceOptions, in_metres, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import rotate
-from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import INPUTS, Array
 
 TINY = 1e-12
@@ -23,7 +23,7 @@ TINY = 1e-12
 
 
 def turning_centre(
-    model: KoopmanModel, problem: NavigationProblem, options: GuidanceOptions | None = None
+    model: MotionModel, problem: NavigationProblem, options: GuidanceOptions | None = None
 ) -> Array | None:
     """Place of the turning centre as seen from the tracked pose, by the model.
 
@@ -32,7 +32,7 @@ def turning_centre(
 
     Parameters
     ----------
-    model : KoopmanModel
+    model : MotionModel
         With an input history it is asked for what it does once a command has been held that long.
     problem : NavigationProblem
         Command bounds.
@@ -67,7 +67,7 @@ def turning_centre(
 
 
 def _turns(
-    model: KoopmanModel, problem: NavigationProblem, headings: int
+    model: MotionModel, problem: NavigationProblem, headings: int
 ) -> tuple[Array, Array, Array, Array]:
     """Turns on the spot to both sides, compared at each heading.
 
@@ -92,7 +92,7 @@ def _turns(
     return cos, sin, dx, dy
 
 
-def _variance(model: KoopmanModel, problem: NavigationProblem) -> float:
+def _variance(model: MotionModel, problem: NavigationProblem) -> float:
     """Square of the error [m^2] with which the model's log shows the turning centre.
 
     Each step of the log, driven at half the bounds, tells of the point by how far it turns.
@@ -105,7 +105,7 @@ def _variance(model: KoopmanModel, problem: NavigationProblem) -> float:
     return 0.5 * noise / max(turned * turned * samples, TINY)
 
 
-def _without_gains(model: KoopmanModel, point: Array) -> Array:
+def _without_gains(model: MotionModel, point: Array) -> Array:
     """Take out of a point (2,) the gains that were learned while driving.
 
     They stretch displacements and turns alike, and cannot know where on the robot it turns.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from copy import copy
 from functools import cached_property
 from pathlib import Path
 
@@ -109,6 +110,14 @@ class OccupancyGrid:
 
         cells, resolution, origin = read_map(Path(path))
         return cls(cells, resolution, origin, unknown_is_free=unknown_is_free)
+
+    def scaled(self, unit: float) -> OccupancyGrid:
+        """Return the same in units of a length [m]; the cells are shared."""
+        other = copy(self)
+        other.__dict__.pop("rectangles", None)
+        other.resolution = self.resolution / unit
+        other.origin = (self.origin[0] / unit, self.origin[1] / unit, self.origin[2])
+        return other
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, OccupancyGrid) and (

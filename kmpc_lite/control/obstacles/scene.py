@@ -1,8 +1,9 @@
-"""The obstacles of a step, sorted: circles as rows of an array, solids prepared once for as long as they stay the same."""
+"""The obstacles of a step: circles as rows of an array, solids prepared for as long as they last."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -14,7 +15,7 @@ from kmpc_lite.control.obstacles.shapes import Polygon, Wall
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.obstacles.solids import Solids
+    from kmpc_lite.control.obstacles.solids import Nearby, Solids
 
 SOLID = (Polygon, Wall, OccupancyGrid)
 Solid = Polygon | Wall | OccupancyGrid
@@ -22,14 +23,37 @@ Obstacle = Circle | Solid
 Obstacles = Sequence[Obstacle] | ArrayLike
 
 
+@dataclass(slots=True)
+class SceneState:
+    """The solids that were prepared last."""
+
+    given: tuple[Solid, ...] = ()
+    """As the caller gave them, in metres."""
+    solids: Solids | None = None
+    """The same, prepared, in the robot's units."""
+    looked_from: Array | None = None
+    """(2,) where those that are near were looked up last."""
+
+
 class Scene:
-    """Sorts obstacles, and remembers the solids that it prepared last."""
+    """Sorts obstacles, and looks up those that the robot can come to.
 
-    def __init__(self) -> None:
-        self._known: Solids | None = None
+    Parameters
+    ----------
+    unit : float
+        Metres of one unit of the robot's lengths.
+    reach : float
+        How far from the robot solids count, in units.
+    lookup_distance : float
+        How far the robot drives before they are looked up again, in units.
+    """
 
-    def sort(self, obstacles: Obstacles) -> tuple[Array, Solids | None]:
-        """Circles (M, 5), and solids if there are any.
+    def __init__(self, unit: float, reach: float, lookup_distance: float) -> None:
+        self._unit, self._reach, self._lookup_distance = unit, reach, lookup_distance
+        self._nearby: tuple[Solids, Array, Nearby] | None = None
+
+    def sort(self, state: SceneState, obstacles: Obstacles) -> tuple[Array, Solids | None]:
+        """Circles (M, 5) in metres, and solids in units if there are any.
 
         Raises
         ------
@@ -38,15 +62,35 @@ class Scene:
         """
         if isinstance(obstacles, np.ndarray) or not isinstance(obstacles, Sequence):
             return circles_to_array(cast(ArrayLike, obstacles)), None
-        solids = [o for o in obstacles if isinstance(o, SOLID)]
+        solids = tuple(o for o in obstacles if isinstance(o, SOLID))
         if not solids:
             return circles_to_array(cast(ArrayLike, obstacles)), None
         circles = circles_to_array([o for o in obstacles if not isinstance(o, SOLID)])
-        # sequences compare their items by identity first, which for the same ones is all that it
-        # takes
-        if self._known is None or self._known.solids != tuple(solids):
+        # sequences compare their items by identity first, which is all it takes for the same ones
+        if state.solids is None or state.given != solids:
             # here, since most maps have none
             from kmpc_lite.control.obstacles.solids import Solids
 
-            self._known = Solids(solids)
-        return circles, self._known
+            state.given = solids
+            state.solids = Solids(
+                [o if self._unit == 1.0 else o.scaled(self._unit) for o in solids]
+            )
+            state.looked_from = None
+        return circles, state.solids
+
+    def near(self, state: SceneState, solids: Solids | None, point: Array) -> Nearby | None:
+        """Solids within reach of a point (2,), and perhaps some farther ones.
+
+        They are looked up anew only when the robot has moved on.
+        """
+        if solids is None:
+            return None
+        before = state.looked_from
+        if before is None or not np.abs(point - before).max() <= self._lookup_distance:
+            state.looked_from = before = point.copy()
+        known = self._nearby
+        if known is None or known[0] is not solids or not np.array_equal(known[1], before):
+            # beyond the reach by as much as the robot may drive until the next look
+            within = self._reach + 2.0 * self._lookup_distance
+            self._nearby = known = solids, before, solids.within(before, within)
+        return known[2]

@@ -70,6 +70,10 @@ class Polygon:
             )
         object.__setattr__(self, "vertices", tuple((float(x), float(y)) for x, y in corners))
 
+    def scaled(self, unit: float) -> Polygon:
+        """Return the same in units of a length [m]."""
+        return Polygon(np.array(self.vertices) / unit)
+
 
 @dataclass(frozen=True)
 class Wall:
@@ -115,6 +119,10 @@ class Wall:
             )
         for name, value in zip(names, values, strict=True):
             object.__setattr__(self, name, value)
+
+    def scaled(self, unit: float) -> Wall:
+        """Return the same in units of a length [m]."""
+        return Wall(*(getattr(self, f.name) / unit for f in fields(self)))
 
     @property
     def length(self) -> float:

@@ -24,8 +24,6 @@ BEHIND = 1e-3
 """How far a rectangle's nearest point may stand out of a half-plane and count as behind it [m]."""
 AT = 1e-9
 """Distance at which a direction cannot be told [m]."""
-SLACK = 0.3
-"""How far the robot drives before what is near is looked up again [m]."""
 
 
 def corners_of(solid: Polygon | Wall) -> Array:
@@ -346,7 +344,6 @@ class Solids:
         ]
         self.extent = float(max((np.abs(e).max(initial=0.0) for e in ends), default=0.0))
         """Largest coordinate [m]."""
-        self._middle, self._reach, self._near = np.full(2, np.nan), 0.0, self.whole
 
     @property
     def rectangle_count(self) -> int:
@@ -378,20 +375,11 @@ class Solids:
             corners += list(boxes.grid.to_map(around))
         return Corners(self.outlines, corners, self.boxes)
 
-    def near(self, point: Array, reach: float) -> Nearby:
-        """Solids within `reach` [m] of a point (2,), and perhaps some farther ones; looked up anew only when the robot has moved on."""
-        # also for NaN
-        if not (np.abs(point - self._middle).max() <= SLACK and reach == self._reach):
-            within = reach + 2.0 * SLACK
-            here = point[None]
-            close = (
-                self.outlines.distances(here)[0][0] <= within
-                if len(self.outlines)
-                else np.zeros(0, dtype=bool)
-            )
-            chosen = [(b, b.distances(here)[0] <= within) for b in self.boxes]
-            self._near = Nearby(
-                self.outlines.take(close), [b.take(near) for b, near in chosen if near.any()]
-            )
-            self._middle, self._reach = point.copy(), reach
-        return self._near
+    def within(self, point: Array, distance: float) -> Nearby:
+        """Solids within a distance [m] of a point (2,) that the robot can come to."""
+        here, outlines = point[None], self.outlines
+        close = np.zeros(0, dtype=bool)
+        if len(outlines):
+            close = outlines.distances(here)[0][0] <= distance
+        chosen = [(b, b.distances(here)[0] <= distance) for b in self.boxes]
+        return Nearby(outlines.take(close), [b.take(near) for b, near in chosen if near.any()])

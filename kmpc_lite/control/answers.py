@@ -1,0 +1,64 @@
+"""From what was decided to a `Plan` in metres and seconds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kmpc_lite.control.observation import Observation
+from kmpc_lite.control.plan import GoalProgress, Plan, PlannedAround, PlanStatus
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.step_clock import StepClock
+from kmpc_lite.scale import Scale
+from kmpc_lite.types import Array
+
+
+class Answers:
+    """Makes plans.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        In metres and seconds.
+    scale : Scale
+        The robot's units.
+    """
+
+    def __init__(self, problem: NavigationProblem, scale: Scale) -> None:
+        self._problem, self._scale = problem, scale
+
+    def plan(
+        self,
+        seen: Observation,
+        states: Array,
+        inputs: Array,
+        status: PlanStatus,
+        clock: StepClock,
+        *,
+        passes: int = 0,
+        reason: str = "",
+        reachable: bool = True,
+        progress: GoalProgress = GoalProgress.DRIVING,
+        pose_is_lost: bool = False,
+    ) -> Plan:
+        """Make a plan of states (N + 1, 3) and inputs (N, 2) in the robot's units."""
+        scale, problem = self._scale, self._problem
+        solids = None if pose_is_lost else seen.solids
+        # where the robot is not known, nor is its distance to anything
+        circles = seen.circles[:0] if pose_is_lost else seen.circles
+        around = PlannedAround(
+            circles * scale.circle, solids, problem.robot_radius, problem.dt, scale.length
+        )
+        commands = inputs * scale.command
+        return Plan(
+            command=np.clip(commands[0], problem.u_min, problem.u_max),
+            states=states * scale.state,
+            inputs=commands,
+            status=status,
+            iterations=passes,
+            timing=clock.timing(),
+            reason=reason,
+            reachable=reachable,
+            holding=progress is GoalProgress.HOLDING,
+            progress=progress,
+            around=around,
+        )

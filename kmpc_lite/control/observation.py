@@ -1,0 +1,114 @@
+"""What a step is given, checked and in the robot's units: what a broken sensor sends stops here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kmpc_lite.control.input_checks import POSITION_LIMIT, are_plausible, is_plausible
+from kmpc_lite.control.obstacles.scene import Obstacles, Scene, SceneState
+from kmpc_lite.geometry import nearest_turn
+from kmpc_lite.scale import Scale
+from kmpc_lite.types import INPUTS, STATES, Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.obstacles.solids import Nearby, Solids
+
+
+@dataclass(slots=True)
+class Observation:
+    """Pose, goal and obstacles of a step, in the robot's units."""
+
+    pose: Array
+    """(3,) as measured; brought forward by the estimate where poses are old."""
+    goal: Array
+    """(3,), its heading within one turn."""
+    circles: Array
+    """(M, 5)."""
+    solids: Solids | None
+    """Polygons, walls and grids."""
+    sent: Array | None
+    """(2,) what was really sent in the past period, where the caller says so."""
+    refusal: str = ""
+    """Why the step cannot be planned; empty where it can."""
+    here: Array = field(default_factory=lambda: np.zeros(STATES))
+    """(3,) the pose, its heading within one turn."""
+    turns: float = 0.0
+    """By how much that heading differs [rad]."""
+    nearby: Nearby | None = None
+    """Solids that the robot can come to."""
+
+    @property
+    def pose_is_known(self) -> bool:
+        """Whether the measured pose can be meant."""
+        return is_plausible(self.pose)
+
+    def place(self, scene: Scene, state: SceneState) -> None:
+        """Bring the heading within one turn, and look up what is near."""
+        self.turns = float(nearest_turn(float(self.pose[2])))
+        self.here = self.pose.copy()
+        self.here[2] -= self.turns
+        self.nearby = scene.near(state, self.solids, self.pose[:2])
+
+
+class Admission:
+    """Checks what a step is given, and converts it.
+
+    Parameters
+    ----------
+    scale : Scale
+        The robot's units.
+    scene : Scene
+        Sorts obstacles.
+    """
+
+    def __init__(self, scale: Scale, scene: Scene) -> None:
+        self._scale, self._scene = scale, scene
+
+    def admit(
+        self,
+        state: SceneState,
+        x: ArrayLike,
+        goal: ArrayLike,
+        obstacles: Obstacles,
+        sent: ArrayLike | None,
+    ) -> Observation:
+        """Take in a step's arguments, in metres and seconds.
+
+        Raises
+        ------
+        ValueError
+            For wrong shapes, and for nothing else.
+        """
+        pose, target = np.array(x, dtype=float), np.array(goal, dtype=float)
+        if pose.shape != (STATES,) or target.shape != (STATES,):
+            raise ValueError(
+                f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}"
+            )
+        command = None if sent is None else np.asarray(sent, dtype=float)
+        if command is not None and command.shape != (INPUTS,):
+            raise ValueError(f"sent: expected shape ({INPUTS},), got {command.shape}")
+        circles, solids = self._scene.sort(state, obstacles)
+        scale, refusal = self._scale, ""
+        if not are_plausible(circles):
+            refusal, circles = f"obstacle not usable: {circles.ravel()[:5]}", circles[:0]
+        elif not is_plausible(pose):
+            refusal = f"pose not usable: {pose}"
+        elif not is_plausible(target):
+            refusal = f"goal not usable: {target}"
+        elif solids is not None and not scale.length * solids.extent <= POSITION_LIMIT:
+            far = scale.length * solids.extent
+            refusal, solids = f"obstacle not usable: reaches out to {far:g} m", None
+        else:
+            target[2] -= nearest_turn(float(target[2]))
+        return Observation(
+            pose / scale.state,
+            target / scale.state,
+            circles / scale.circle,
+            solids,
+            None if command is None else command / scale.command,
+            refusal,
+        )

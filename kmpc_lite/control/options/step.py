@@ -1,0 +1,31 @@
+"""Options of the step itself: what is believed of its inputs, and what of a solver's answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from kmpc_lite.control.options.fields import check, radii, seconds, share
+
+
+@dataclass(frozen=True, slots=True)
+class StepOptions:
+    """What a step believes, and how it shares out its time."""
+
+    oldest_pose: float = seconds(2.0)
+    """Largest `pose_age` accepted [s]: of an older pose nothing follows for the present one."""
+    reach_beyond_plan: float = radii(2.0)
+    """Polygons, walls and grids count as far as this beyond the reach of the fastest plan [radii]:
+    for margins, and for a pose that is not where it was thought."""
+    lookup_distance: float = radii(2.0)
+    """How far the robot drives before what is near is looked up again [radii]."""
+    accepted_defect: float = radii(1 / 3)
+    """How far the model may contradict a plan over one period [radii, and 0.15 rad a radius] before
+    its commands are rolled out anew."""
+    accepted_depth: float = radii(2 / 15)
+    """How deep such a rolled-out plan may cut into an obstacle and still be driven [radii]: the
+    next pass mends the rest."""
+    guide_share: float = share(1 / 3)
+    """Share of a time budget after which a search for a path is left to the next step."""
+
+    def __post_init__(self) -> None:
+        check(self)

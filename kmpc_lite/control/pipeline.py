@@ -1,0 +1,329 @@
+"""What a step does, phase by phase: estimate, guide, solve, verify, command.
+
+The pipeline holds the rooms and what follows from model and problem; what is remembered lies in the
+`ControllerState` that every phase gets. All is in the robot's units.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kmpc_lite.control.answers import Answers
+from kmpc_lite.control.estimation.estimator import observe_drift
+from kmpc_lite.control.estimation.pose_age import advance_pose
+from kmpc_lite.control.guidance.goal_reference import GoalReference
+from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.nmpc.sqp import SQP, SQPResult
+from kmpc_lite.control.nmpc.task import Task
+from kmpc_lite.control.nmpc.trajectory import along, at_rest
+from kmpc_lite.control.observation import Observation
+from kmpc_lite.control.obstacles.scene import Scene
+from kmpc_lite.control.options import ControllerOptions, unit_length
+from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.rate_limit import RateLimit
+from kmpc_lite.control.safe_stop.backup import Backup
+from kmpc_lite.control.safe_stop.braking import Braking
+from kmpc_lite.control.safe_stop.stop_trajectory import StopTask, StopTrajectories, StopTrajectory
+from kmpc_lite.control.state import ControllerState
+from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE, StepClock
+from kmpc_lite.control.verification import Verification, Verified
+from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.scale import Scale
+from kmpc_lite.types import INPUTS, Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.guidance.capabilities import Capabilities
+    from kmpc_lite.control.guidance.guide import Guide
+    from kmpc_lite.control.guidance.reference import Guidance
+
+FORGETTING = 0.95
+"""What the longest time after a solve that is remembered keeps of itself per step."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Knowledge:
+    """All that follows from the model in use."""
+
+    model: MotionModel
+    """Predicts, in the robot's units."""
+    margins: Margins | None
+    """None without tightening."""
+    capabilities: Capabilities | None
+    """None without guidance."""
+
+
+class Pipeline:
+    """The phases of a step.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        In metres and seconds, for the answers.
+    units : NavigationProblem
+        The same in the robot's units.
+    scale : Scale
+        The robot's units.
+    options : ControllerOptions
+        What can be tuned.
+    sqp : SQP
+        Solves.
+    guide : Guide or None
+        Finds paths.
+    pose_age : float
+        How old poses are on arrival, in the robot's units of time.
+    """
+
+    def __init__(
+        self,
+        problem: NavigationProblem,
+        units: NavigationProblem,
+        scale: Scale,
+        options: ControllerOptions,
+        sqp: SQP,
+        guide: Guide | None,
+        pose_age: float,
+    ) -> None:
+        step = options.step
+        self._options, self._problem = options, units
+        self._sqp, self._guide, self._pose_age = sqp, guide, pose_age
+        self._goal_reference = GoalReference(units)
+        self._rates = RateLimit(units)
+        self._braking = Braking(units, options.stop)
+        self._stops = StopTrajectories(units, options.stop)
+        self._backup = Backup(units, options.stop)
+        self._verification = Verification(units, step, self._stops)
+        self._answers = Answers(problem, scale)
+        unit = unit_length(units)
+        fastest = max(float(units.u_max[0]), -float(units.u_min[0]))
+        reach = units.horizon * units.dt * fastest + units.robot_radius + units.margin
+        self.scene = Scene(
+            scale.length, reach + step.reach_beyond_plan * unit, step.lookup_distance * unit
+        )
+
+    def estimate(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
+        """Find out where the robot is now, and whether its model was wrong about the past period."""
+        seen.place(self.scene, state.scene)
+        if known.margins is not None:
+            observe_drift(known.margins.drift_detector, state.drift, state.history, seen.here)
+
+    def bring_forward(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
+        """Correct what was sent, and bring an old pose forward over its age."""
+        if seen.sent is not None:
+            state.history.correct(seen.sent, known.model, self._problem)
+        if self._pose_age:
+            seen.pose = advance_pose(known.model, seen.pose, state.history.given, self._pose_age)
+
+    def guide(
+        self, state: ControllerState, seen: Observation, known: Knowledge, clock: StepClock
+    ) -> Guidance | None:
+        """Find the reference along a path; none without guidance."""
+        if self._guide is None or state.guide is None or known.capabilities is None:
+            return None
+        rest = None
+        if self._rates.active:
+            rest = self._braking.pose_at_rest(seen.here, state.history.command)
+        until = clock.after(self._options.step.guide_share)
+        return self._guide.reference(
+            state.guide,
+            known.capabilities,
+            seen.here,
+            seen.goal,
+            seen.circles,
+            seen.solids,
+            rest,
+            until,
+        )
+
+    def solve(
+        self,
+        state: ControllerState,
+        seen: Observation,
+        guidance: Guidance | None,
+        known: Knowledge,
+        clock: StepClock,
+    ) -> SQPResult:
+        """Run the passes of the SQP from the last plan, or from a guess where that is worth nothing."""
+        if guidance is None:
+            reference = self._goal_reference.reference(state.goal, seen.here, seen.goal)
+        else:
+            reference = guidance.states
+        clock.lap("guide")
+        qp, options = self._sqp.qp, self._options.solver
+        guess, passes = self._sqp.warm_start.from_last(state.trajectory, seen.here), 1
+        if guess is None:
+            guess, passes = at_rest(qp, seen.here), options.cold_passes
+        elif guidance is not None and guidance.switched:
+            # a plan along the old path is no good start for the new one
+            guess, passes = along(qp, reference, seen.here), options.new_path_passes
+        deadline = clock.deadline(max(state.after_solve, LEAST_AFTER_SOLVE))
+        clock.lap("shift")
+        margins = known.margins
+        task = Task(
+            known.model,
+            reference,
+            seen.circles,
+            state.history.commands,
+            state.history.command,
+            seen.nearby,
+            None if margins is None else margins.tightening,
+            state.drift,
+            math.inf if guidance is None else guidance.path_clearance,
+            deadline,
+        )
+        result = self._sqp.solve(state.sqp, guess, task, passes)
+        clock.add(result.timing)
+        return result
+
+    def verify(
+        self,
+        state: ControllerState,
+        seen: Observation,
+        result: SQPResult,
+        known: Knowledge,
+        clock: StepClock,
+    ) -> Verified:
+        """Check that the model agrees with the plan, and that the robot can stop after it."""
+        margins = known.margins
+        task = StopTask(
+            known.model,
+            state.history.commands,
+            state.history.command,
+            seen.circles,
+            seen.nearby,
+            result.solids_ahead,
+            None if margins is None else margins.command_check,
+            state.drift,
+        )
+        verified = self._verification.check(result, seen, task)
+        state.trajectory = verified.trajectory
+        took = clock.lap("verify") + LEAST_AFTER_SOLVE
+        # learned from the steps before, quickly upwards
+        state.after_solve = max(took, FORGETTING * state.after_solve)
+        return verified
+
+    def command(
+        self,
+        state: ControllerState,
+        seen: Observation,
+        guidance: Guidance | None,
+        verified: Verified,
+        passes: int,
+        clock: StepClock,
+    ) -> Plan:
+        """Send the first command of a verified plan."""
+        trajectory, stop = verified.trajectory, verified.stop
+        assert trajectory is not None and stop is not None
+        self._backup.accept(state.backup, trajectory.states, trajectory.inputs, stop)
+        state.history.expect(seen.here, trajectory.inputs[0], verified.expected)
+        state.history.remember(trajectory.inputs[0])
+        states = trajectory.states + (0.0, 0.0, seen.turns) if seen.turns else trajectory.states
+        status = PlanStatus.FEASIBLE if verified.reason else PlanStatus.SOLVED
+        reachable = guidance is None or guidance.reachable
+        return self._answers.plan(
+            seen,
+            states,
+            trajectory.inputs,
+            status,
+            clock,
+            passes=passes,
+            reason=verified.reason,
+            reachable=reachable,
+            progress=GoalProgress.DRIVING if reachable else GoalProgress.UNREACHABLE,
+        )
+
+    def hold(self, state: ControllerState, seen: Observation, clock: StepClock) -> Plan:
+        """Stand at the goal."""
+        plan = at_rest(self._sqp.qp, seen.here)
+        if self._rates.active:
+            plan.inputs[0] = self._rates.limit(plan.inputs[0], state.history.command)
+        state.trajectory = plan
+        self._backup.accept(state.backup, plan.states, plan.inputs, StopTrajectory())
+        state.history.remember(plan.inputs[0])
+        state.history.planned = None
+        return self._answers.plan(
+            seen,
+            plan.states + (seen.pose - seen.here),
+            plan.inputs,
+            PlanStatus.SOLVED,
+            clock,
+            progress=GoalProgress.HOLDING,
+        )
+
+    def stop(
+        self,
+        state: ControllerState,
+        seen: Observation,
+        known: Knowledge,
+        reason: str,
+        clock: StepClock,
+        passes: int = 0,
+    ) -> Plan:
+        """Drive the stop trajectory of the last good plan while it is clear, else brake."""
+        state.history.planned = None
+        rest = self._backup.replay(state.backup)
+        here = seen.pose if seen.pose_is_known else state.backup.expected
+        blocked = False
+        if rest is not None and here is not None:
+            # from where the robot is, if that is known: what has happened since counts too
+            states = self._stops.rollout(known.model, here, rest, state.history.commands)
+            blocked = not self._verification.clearance(states, seen) >= 0.0
+            if not blocked and np.isfinite(states).all():
+                return self._replay(state, seen, states, rest, reason, clock, passes)
+        state.trajectory = None
+        # where the ramp ends in an obstacle, a robot without lag can still stand; one with lag has
+        # asked for all that it has
+        command = self._backup.brake(state.backup, at_once=blocked)
+        if self._rates.active:
+            command = self._rates.limit(command, state.history.command)
+            self._backup.sent(state.backup, command, None)
+        state.history.remember(command)
+        inputs = np.zeros((self._problem.horizon, INPUTS))
+        inputs[0] = command
+        pose = np.where(np.isfinite(seen.pose), seen.pose, 0.0)
+        return self._answers.plan(
+            seen,
+            np.tile(pose, (self._problem.horizon + 1, 1)),
+            inputs,
+            PlanStatus.STOPPED,
+            clock,
+            passes=passes,
+            reason=reason,
+            progress=GoalProgress.WAITING,
+            pose_is_lost=not bool(np.isfinite(seen.pose).all()),
+        )
+
+    def _replay(
+        self,
+        state: ControllerState,
+        seen: Observation,
+        states: Array,
+        rest: Array,
+        reason: str,
+        clock: StepClock,
+        passes: int,
+    ) -> Plan:
+        """Send the next command of the stop trajectory (T, 2), which leads along states (K, 3)."""
+        if self._rates.active:
+            rest[0] = self._rates.limit(rest[0], state.history.command)
+        self._backup.sent(state.backup, rest[0], states[1])
+        state.history.remember(rest[0])
+        n = self._problem.horizon
+        commands = np.zeros((n, INPUTS))
+        commands[: len(rest)] = rest[:n]
+        missing = max(n + 1 - len(states), 0)
+        shown = np.concatenate([states[: n + 1], np.repeat(states[-1:], missing, axis=0)])
+        return self._answers.plan(
+            seen,
+            shown,
+            commands,
+            PlanStatus.FALLBACK,
+            clock,
+            passes=passes,
+            reason=reason,
+            progress=GoalProgress.WAITING,
+        )

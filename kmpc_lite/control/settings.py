@@ -1,0 +1,105 @@
+"""What a user may ask of a controller, checked before anything is built."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.adaptation.online import OnlineAdaptation
+from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.errors import ProblemError
+from kmpc_lite.files import SAME_DT
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.scale import Scale
+
+
+def choose_options(
+    options: ControllerOptions | None, guidance: bool | GuidanceOptions, risk: float | None
+) -> ControllerOptions:
+    """Options with what was said in arguments of their own."""
+    chosen = ControllerOptions() if options is None else options
+    if not isinstance(chosen, ControllerOptions):
+        raise ProblemError(f"options: expected ControllerOptions, got {type(chosen).__name__}")
+    if isinstance(guidance, GuidanceOptions):
+        chosen = replace(chosen, guidance=guidance)
+    if risk is not None:
+        if isinstance(risk, bool) or not isinstance(risk, int | float) or not 0.0 < risk < 1.0:
+            raise ProblemError(f"risk: expected a probability between 0 and 1, got {risk!r}")
+        margins = replace(chosen.margins, risk=float(risk), lagging_risk=float(risk))
+        chosen = replace(chosen, margins=margins)
+    return chosen
+
+
+def check_settings(
+    model: Any,
+    problem: NavigationProblem,
+    tightening: Any,
+    guidance: Any,
+    numbers: dict[str, Any],
+    oldest_pose: float,
+) -> None:
+    """Raise ProblemError for arguments of a controller that cannot be meant."""
+    if not isinstance(model, KoopmanModel):
+        raise ProblemError(
+            f"model: expected a KoopmanModel, got {type(model).__name__}; "
+            "KoopmanModel.load(path) reads a file"
+        )
+    check_period(model, problem)
+    for name in ("sqp_iterations", "obstacle_slots"):
+        value = numbers[name]
+        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+            raise ProblemError(f"{name}: expected a whole number >= 1, got {value!r}")
+    tolerance, budget, age = numbers["tolerance"], numbers["time_budget"], numbers["pose_age"]
+    if not (np.isfinite(tolerance) and tolerance > 0):
+        raise ProblemError(f"tolerance: expected a number > 0, got {tolerance!r}")
+    if budget is not None and not (np.isfinite(budget) and budget > 0):
+        raise ProblemError(f"time_budget: expected a time > 0 s, got {budget!r}")
+    if not 0.0 <= age <= oldest_pose:
+        raise ProblemError(f"pose_age: expected a time from 0 to {oldest_pose:g} s, got {age!r}")
+    if tightening not in (None, "learned"):
+        raise ProblemError(f"tightening: expected 'learned' or None, got {tightening!r}")
+    if not isinstance(guidance, bool | GuidanceOptions):
+        raise ProblemError(f"guidance: expected True, False or GuidanceOptions, got {guidance!r}")
+
+
+def check_period(model: KoopmanModel, problem: NavigationProblem) -> None:
+    """Raise ProblemError for a model of another period than the problem's."""
+    if abs(model.dt - problem.dt) > SAME_DT * problem.dt:
+        raise ProblemError(
+            f"the model's dt is {model.dt:g} s, the problem's {problem.dt:g} s; fit the log at the "
+            f"problem's dt, or use NavigationProblem(dt={model.dt:g}) or "
+            f"model.with_dt({problem.dt:g})"
+        )
+
+
+def check_replacement(new: KoopmanModel, old: KoopmanModel, problem: NavigationProblem) -> None:
+    """Raise ProblemError for a model that cannot take another's place while driving."""
+    if abs(new.dt - problem.dt) > SAME_DT * problem.dt or new.history != old.history:
+        raise ProblemError(
+            f"expected a model with dt {problem.dt:g} s and {old.history} past commands, "
+            f"got {new.dt:g} s and {new.history}"
+        )
+
+
+def choose_adaptation(
+    model: KoopmanModel, adaptation: bool | OnlineAdaptation | None, tightens: bool, scale: Scale
+) -> OnlineAdaptation | None:
+    """What learns while driving; by default where there are margins and the model is continuous.
+
+    Raises
+    ------
+    ProblemError
+        For one that was made for another model.
+    """
+    if adaptation is None:
+        adaptation = tightens and model.continuous
+    if adaptation is True:
+        return OnlineAdaptation(model, scale=scale)
+    if not adaptation:
+        return None
+    if adaptation.base is not model:
+        raise ProblemError("adaptation: it was made for another model than the controller's")
+    return adaptation

@@ -1,0 +1,53 @@
+"""Every array that outlives a step, and nothing else does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from kmpc_lite.adaptation.state import AdaptationState
+from kmpc_lite.control.estimation.command_history import CommandHistory
+from kmpc_lite.control.guidance.goal_reference import GoalReferenceState
+from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.nmpc.sqp import SQPState
+from kmpc_lite.control.nmpc.trajectory import Trajectory
+from kmpc_lite.control.obstacles.scene import SceneState
+from kmpc_lite.control.safe_stop.backup import BackupState
+from kmpc_lite.model.koopman import KoopmanModel
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.guidance.state import GuideState
+
+
+@dataclass(slots=True)
+class ControllerState:
+    """What a controller remembers between two steps; it copies, pickles, and restores a drive.
+
+    Lengths and times are in the robot's units (`kmpc_lite.scale`), but for the models' and the
+    adaptation's, which are in metres and seconds.
+    """
+
+    base_model: KoopmanModel
+    """Learned."""
+    model: KoopmanModel
+    """In use: the learned one, or that with gains learned while driving."""
+    history: CommandHistory
+    """Commands sent, and the past period."""
+    scene: SceneState
+    """Polygons, walls and grids that were prepared."""
+    goal: GoalReferenceState
+    """Side to which the robot turns towards its goal, without guidance."""
+    guide: GuideState | None
+    """Path, search and checkers; none without guidance."""
+    drift: DriftState
+    """Of the drift detector."""
+    sqp: SQPState
+    """Of the solver."""
+    backup: BackupState
+    """Stop trajectory of the last good plan."""
+    trajectory: Trajectory | None = None
+    """Last plan: the warm start of the next step."""
+    adaptation: AdaptationState | None = None
+    """Of learning while driving."""
+    after_solve: float = 0.0
+    """How long a step has taken after its QP lately [s]; it matters where there is a budget."""

@@ -1,0 +1,100 @@
+"""Whether what the solver found may be driven: does the model agree, and can the robot stop after it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kmpc_lite.control.nmpc.qp_solvers import QPStatus
+from kmpc_lite.control.nmpc.sqp import SQPResult
+from kmpc_lite.control.nmpc.trajectory import Trajectory
+from kmpc_lite.control.observation import Observation
+from kmpc_lite.control.options import StepOptions, unit_length
+from kmpc_lite.control.plan import PlannedAround
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.rate_limit import RateLimit
+from kmpc_lite.control.safe_stop.stop_trajectory import StopTask, StopTrajectories, StopTrajectory
+from kmpc_lite.types import Array
+
+
+class Verified(NamedTuple):
+    """A solver's answer after its checks."""
+
+    trajectory: Trajectory | None
+    """What the next step starts from; none where there is nothing usable in it."""
+    stop: StopTrajectory | None
+    """What follows the plan if there is no other; none where the plan must not be driven."""
+    expected: Array
+    """(3,) pose at the end of the coming period."""
+    reason: str
+    """What is wrong; empty where nothing is."""
+
+
+class Verification:
+    """Checks what the solver found.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Radius and period.
+    options : StepOptions
+        How much the model may contradict a plan.
+    stops : StopTrajectories
+        Finds stop trajectories.
+    """
+
+    def __init__(
+        self, problem: NavigationProblem, options: StepOptions, stops: StopTrajectories
+    ) -> None:
+        unit = unit_length(problem)
+        self._accepted_defect = options.accepted_defect * unit
+        self._accepted_depth = options.accepted_depth * unit
+        self._radius, self._dt = problem.robot_radius, problem.dt
+        self._stops, self._rates = stops, RateLimit(problem)
+
+    def check(self, result: SQPResult, seen: Observation, task: StopTask) -> Verified:
+        """Find out whether a result may be driven, slowed where that makes it safe."""
+        nothing = result.next_state
+        if result.status is QPStatus.FAILED:
+            return Verified(None, None, nothing, result.reason)
+        if not np.isfinite(result.defect):
+            return Verified(None, None, nothing, "the model's prediction is not finite")
+        found, reason, expected = result.trajectory, result.reason, result.next_state
+        if not result.defect <= self._accepted_defect:
+            # the model contradicts the plan: its commands are good for what the model makes of them
+            states = task.model.rollout(found.states[0], found.inputs, task.past)
+            reason = f"rolled out anew: the model contradicted the plan by {result.defect:.3g}"
+            found = Trajectory(states, found.inputs, found.duals)
+            usable = np.isfinite(states).all() and self.clearance(states, seen) >= (
+                -self._accepted_depth
+            )
+            if not usable:
+                return Verified(found, None, expected, reason)
+        checked = self._stops.find(found.states, found.inputs, task)
+        if checked.slowed:
+            found = Trajectory(checked.states, checked.inputs, found.duals)
+            expected = found.states[1]
+        if checked.stop is None:
+            reason = "no way to a stop is clear"
+        limited = self._within_reach(found, task)
+        if limited is not found:
+            found, expected = limited, limited.states[1]
+        return Verified(found, checked.stop, expected, reason)
+
+    def clearance(self, states: Array, seen: Observation) -> float:
+        """Smallest distance between the edges of robot and obstacles along states (K, 3)."""
+        around = PlannedAround(seen.circles, seen.solids, self._radius, self._dt)
+        return around.clearance(states)
+
+    def _within_reach(self, plan: Trajectory, task: StopTask) -> Trajectory:
+        """Bring the command within reach of the one sent last, and roll the plan out anew."""
+        if not self._rates.active:
+            return plan
+        command = self._rates.limit(plan.inputs[0], task.last)
+        if command is plan.inputs[0] or np.array_equal(command, plan.inputs[0]):
+            return plan
+        inputs = plan.inputs.copy()
+        inputs[0] = command
+        states = task.model.rollout(plan.states[0], inputs, task.past)
+        return Trajectory(states, inputs, plan.duals)
