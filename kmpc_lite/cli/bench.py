@@ -51,7 +51,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         dest="job",
         action="store_const",
         const=_settings,
-        help="the study behind the solver's settings, and other QP solvers, on tuning drives",
+        help="the study behind the solver's settings, on tuning drives",
+    )
+    what.add_argument(
+        "--solvers",
+        dest="job",
+        action="store_const",
+        const=_solvers,
+        help="every QP solver that qpsolvers finds here beside OSQP, on the same states",
     )
     what.add_argument(
         "--quality",
@@ -171,20 +178,26 @@ def _quality(options: argparse.Namespace) -> tuple[Any, str]:
 
 def _settings(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lite.bench.measure import learned_model
-    from kmpc_lite.bench.settings import (
-        format_settings,
-        record_qps,
-        settings_study,
-        solver_study,
-    )
+    from kmpc_lite.bench.settings import format_settings, settings_study
 
     model, problem = learned_model(), kl.NavigationProblem()
     options.tuning = True
     drives = _record(options, model, problem)
     bar = Progress("settings", quiet=options.json)
     rows = settings_study(model, problem, drives, progress=bar)
-    solvers = solver_study(record_qps(model, problem, drives)[::6], problem)
-    return {"settings": rows, "solvers": solvers}, format_settings(rows, solvers)
+    return rows, format_settings(rows)
+
+
+def _solvers(options: argparse.Namespace) -> tuple[Any, str]:
+    from kmpc_lite import bench
+    from kmpc_lite.bench.measure import learned_model
+    from kmpc_lite.bench.solvers import solver_contenders
+
+    model, problem = learned_model(), kl.NavigationProblem()
+    drives = _record(options, model, problem)
+    bar = Progress("solvers", quiet=options.json)
+    results = bench.measure(solver_contenders(), model, problem, drives, progress=bar)
+    return [result.as_dict() for result in results], bench.format_measurements(results)
 
 
 def _fit(options: argparse.Namespace) -> tuple[Any, str]:
@@ -244,6 +257,7 @@ COMMAND = Command(
         "kmpc bench",
         "kmpc bench --drives 40 --picture bench.png",
         "kmpc bench --scaling",
+        "kmpc bench --solvers",
         "kmpc bench --loop 100 --seconds 600",
         "kmpc bench --quality",
         "kmpc bench --fit",

@@ -177,7 +177,8 @@ def make_dictionary(name: str, lags: list[int] | None, product: bool) -> kl.Dict
 
 def calibrated(model: kl.KoopmanModel, held: kl.Dataset) -> tuple[kl.KoopmanModel, str]:
     """Calibrate a model's margins on held-out drives, where those suffice; and tell in a line."""
-    from kmpc_lite.control.margins.tightening import LATE_RISK, RISK, Tightening
+    from kmpc_lite.control.margins.drift_detector import DriftState
+    from kmpc_lite.control.margins.margins import Margins
 
     try:
         model = kl.with_quantiles(model, held)
@@ -185,7 +186,7 @@ def calibrated(model: kl.KoopmanModel, held: kl.Dataset) -> tuple[kl.KoopmanMode
     except kl.DataError as error:
         how = f"not calibrated, cautious ones will be used ({error})"
     problem = kl.NavigationProblem(dt=model.dt)
-    widest = Tightening(model, problem, risk=LATE_RISK if model.history else RISK).widest
+    widest = Margins(model, problem).tightening.widest(DriftState())
     speed = problem.bounds[1][0]
     return model, f"margins: {how}; up to {100 * widest:.0f} cm from obstacles at {speed:g} m/s"
 

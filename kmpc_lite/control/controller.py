@@ -15,16 +15,21 @@ from kmpc_lite.control.estimation.command_history import CommandHistory
 from kmpc_lite.control.estimation.pose_age import advance_pose
 from kmpc_lite.control.guidance.goal_reference import GoalReference
 from kmpc_lite.control.input_checks import POSITION_LIMIT, are_plausible, is_plausible
-from kmpc_lite.control.margins.tightening import LATE_RISK, RISK, Tightening
-from kmpc_lite.control.nmpc.osqp_workspace import QPStatus
-from kmpc_lite.control.nmpc.sqp import COLD_PASSES, NEW_WAY_PASSES, SQP, SQPResult, Task, Trajectory
-from kmpc_lite.control.nmpc.warm_start import warm_start
+from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER
+from kmpc_lite.control.nmpc.qp_solvers import QPStatus
+from kmpc_lite.control.nmpc.sqp import SQP, SQPResult, SQPState
+from kmpc_lite.control.nmpc.task import Task
+from kmpc_lite.control.nmpc.trajectory import Trajectory, along, at_rest
 from kmpc_lite.control.obstacles.scene import Obstacles, Scene
+from kmpc_lite.control.options import MarginOptions, StopOptions
 from kmpc_lite.control.plan import Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.control.safe_stop.backup import Backup
-from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectories, StopTrajectory
+from kmpc_lite.control.safe_stop.backup import Backup, BackupState
+from kmpc_lite.control.safe_stop.braking import Braking
+from kmpc_lite.control.safe_stop.stop_trajectory import StopTask, StopTrajectories, StopTrajectory
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import SAME_DT
 from kmpc_lite.model.koopman import KoopmanModel
@@ -68,8 +73,8 @@ class Controller:
         Whether to keep margins from obstacles beyond the radii for what the model does not know:
         from its noise model, and for the chord between samples. None is the paper.
     risk : float, optional
-        Probability that the margins are made for; `tightening.RISK` where not given, `LATE_RISK`
-        for a model with input history.
+        Probability that the margins are made for, instead of `MarginOptions.risk` and
+        `lagging_risk`.
     adaptation : bool or OnlineAdaptation, optional
         Whether to correct the model while driving where the floor contradicts it: from the measured
         poses and the commands given. Where not given, it runs where there are learned margins and
@@ -85,6 +90,9 @@ class Controller:
     time_budget : float, optional
         Longest that a step may take [s]. Passes that would not end in time are not begun, and the
         QP solver is stopped; what it has by then is used if it passes the checks (FEASIBLE).
+    solver : str
+        Solver of the QPs: ``"osqp"``, the fast path, or any name that qpsolvers knows and has
+        installed (clarabel, daqp, proxqp, piqp, highs, ...).
     clock : callable
         Gives the time for budget and timing [s].
     obstacle_slots : int
@@ -119,6 +127,7 @@ class Controller:
         tolerance: float = 1e-5,
         obstacle_slots: int = 5,
         time_budget: float | None = None,
+        solver: str = DEFAULT_SOLVER,
         clock: Callable[[], float] = perf_counter,
     ) -> None:
         if not isinstance(model, KoopmanModel):
@@ -155,27 +164,34 @@ class Controller:
         self._time_budget, self._clock, self._after_solve = time_budget, clock, AFTER_SOLVE
         if tightening not in (None, "learned"):
             raise ProblemError(f"tightening: expected 'learned' or None, got {tightening!r}")
-        if risk is None:
-            risk = LATE_RISK if model.history else RISK
-        self._tightening = Tightening(self.model, self.problem, risk=risk) if tightening else None
+        margin_options = MarginOptions()
+        if risk is not None:
+            margin_options = replace(margin_options, risk=risk, lagging_risk=risk)
+        self._margin_options = margin_options
+        self._margins = Margins(self.model, self.problem, margin_options) if tightening else None
         self._guide: Guide | None = None
-        solved = self.problem
         if guidance:
             # here, for its graph search costs as much to import as all the rest
             from kmpc_lite.control.guidance.guide import Guide
-            from kmpc_lite.control.guidance.reference import tracking
 
             self._guide = Guide(self.problem, clock=clock)
-            self._guide.learn(self.model, self._tightening)
-            solved = tracking(self.problem)
+            self._guide.learn(self.model, self._margins)
         self._sqp = SQP(
-            self.model, solved, sqp_iterations, tolerance, obstacle_slots, self._tightening, clock
+            self.problem.with_default_weights(guidance),
+            model.history,
+            iterations=sqp_iterations,
+            tolerance=tolerance,
+            slots=obstacle_slots,
+            solver=solver,
+            clock=clock,
         )
+        if time_budget is not None and not self._sqp.workspace.can_be_stopped:
+            raise ProblemError(
+                f"time_budget: {solver} cannot be stopped in time; use solver='osqp', or no budget"
+            )
         self._goal = GoalReference(self.problem)
-        self._fallback, self._tails = (
-            Backup(self.problem),
-            StopTrajectories(self.problem, self._tightening),
-        )
+        self._fallback, self._stops = Backup(self.problem), StopTrajectories(self.problem)
+        self._braking = Braking(self.problem, StopOptions())
         self._rates = RateLimit(self.problem)
         u_min, u_max, _, _ = self.problem.bounds
         fastest = max(float(u_max[0]), -float(u_min[0]))
@@ -188,6 +204,7 @@ class Controller:
         self._surroundings = Scene()
         self._solids: Solids | None = None
         self._nearby: Nearby | None = None
+        self._drift = DriftState()
         self.reset()
 
     def reset(self) -> None:
@@ -195,17 +212,15 @@ class Controller:
         self._last: Trajectory | None = None
         self._past.reset()
         self._goal.reset()
-        self._fallback.reset()
         if self._guide is not None:
             self._guide.reset()
-        if self._tightening is not None:
-            self._tightening.reset()
         if self.adaptation is not None and self.adaptation.counts.models:
             self.update_model(self.adaptation.base)
         if self.adaptation is not None:
             self.adaptation.reset()
+        self._backup, self._drift, self._sqp_state = BackupState(), DriftState(), SQPState()
 
-    def update_model(self, model: KoopmanModel) -> None:
+    def update_model(self, model: KoopmanModel, adapted: bool = False) -> None:
         """Take over another model of the same robot between two steps: what `adaptation` gives while driving.
 
         Raises
@@ -221,11 +236,12 @@ class Controller:
                 f"expected a model with dt {self.problem.dt:g} s and {self.model.history} past commands, "
                 f"got {model.dt:g} s and {model.history}"
             )
-        self.model = self._sqp.model = replace(model, integrator="midpoint")
-        if self._tightening is not None:
-            self._tightening.update(self.model)
+        self.model = replace(model, integrator="midpoint")
+        if (before := self._margins) is not None:
+            self._margins = Margins(self.model, self.problem, self._margin_options, adapted=adapted)
+            self._margins.drift_detector.carry_over(self._drift, before.drift_detector)
         if self._guide is not None:
-            self._guide.learn(self.model, self._tightening)
+            self._guide.learn(self.model, self._margins)
 
     def step(
         self,
@@ -292,16 +308,16 @@ class Controller:
             self._nearby = self._solids.near(pose[:2], self._reach)
         else:
             self._nearby = None
-        self._sqp.keep_out.solids = self._nearby
         turns = 2 * np.pi * round(float(pose[2]) / (2 * np.pi))
         here, target = pose.copy(), target.copy()
         here[2] -= turns
         target[2] -= 2 * np.pi * round(float(target[2]) / (2 * np.pi))
-        if self._tightening is not None and self._past.planned is not None:
+        margins = self._margins
+        if margins is not None and self._past.planned is not None:
             # how wrong the model was about the past period widens the margins at once
             before, acted, expected, _ = self._past.planned
-            self._tightening.observe(here - expected, float(before[2]), acted)
-        rest = self._rates.rest(here, self._past.command) if self._rates.active else None
+            margins.drift_detector.observe(self._drift, here - expected, float(before[2]), acted)
+        rest = self._braking.pose_at_rest(here, self._past.command) if self._rates.active else None
         until = np.inf if self._time_budget is None else start + GUIDE_SHARE * self._time_budget
         guidance = (
             None
@@ -310,43 +326,54 @@ class Controller:
         )
         if guidance is not None and guidance.hold:
             return self._hold(here, pose, circles, start)
-        if self._guide is not None and self._tightening is not None:
-            self._tightening.passage = self._guide.clearance
         reference = self._goal.reference(here, target) if guidance is None else guidance.states
         guided = self._clock()
-        guess, passes = warm_start(self._sqp, self._last, here), 1
-        if guess is None or (guidance is not None and guidance.switched):
-            # a plan along the old way is no good start for the new one
-            fresh = guess is None
-            guess, passes = (
-                (self._sqp.at_rest(here), COLD_PASSES)
-                if fresh
-                else (self._sqp.along(reference, here), NEW_WAY_PASSES)
-            )
+        sqp = self._sqp
+        guess, passes = sqp.warm_start.from_last(self._last, here), 1
+        if guess is None:
+            guess, passes = at_rest(sqp.qp, here), sqp.options.cold_passes
+        elif guidance is not None and guidance.switched:
+            # a plan along the old path is no good start for the new one
+            guess, passes = along(sqp.qp, reference, here), sqp.options.new_path_passes
         deadline = (
             np.inf if self._time_budget is None else start + self._time_budget - self._after_solve
         )
         shifted = self._clock()
-        task = Task(reference, circles, self._past.commands, self._past.command, deadline)
-        result = self._sqp.solve(guess, task, passes)
+        task = Task(
+            self.model,
+            reference,
+            circles,
+            self._past.commands,
+            self._past.command,
+            self._nearby,
+            None if margins is None else margins.tightening,
+            self._drift,
+            np.inf if self._guide is None else self._guide.clearance,
+            deadline,
+        )
+        result = sqp.solve(self._sqp_state, guess, task, passes)
         solved = self._clock()
         usable, self._last, reason = self._verify(result, circles)
         expected = result.next_state
-        tail = None
+        stop = None
         if usable and self._last is not None:
-            ahead = self._sqp.keep_out.solids_ahead
-            tail = self._tails.find(
+            stop_task = StopTask(
                 self.model,
-                self._last,
-                circles,
-                self._nearby,
-                ahead,
                 self._past.commands,
                 self._past.command,
+                circles,
+                self._nearby,
+                result.solids_ahead,
+                None if margins is None else margins.command_check,
+                self._drift,
             )
-            if tail is None:
+            checked = self._stops.find(self._last.states, self._last.inputs, stop_task)
+            stop = checked.stop
+            if checked.slowed:
+                self._last = replace(self._last, states=checked.states, inputs=checked.inputs)
+            if stop is None:
                 reason = "no way to a stop is clear"
-            elif tail.slowed:
+            elif checked.slowed:
                 expected = self._last.states[1]
         if usable and self._last is not None and self._limit_change(self._last):
             expected = self._last.states[1]
@@ -360,9 +387,9 @@ class Controller:
             "verify": verified - solved,
         }
         trajectory = self._last
-        if trajectory is None or tail is None:
+        if trajectory is None or stop is None:
             return self._without_solution(pose, circles, start, timing, result.passes, reason)
-        self._fallback.accept(trajectory, tail)
+        self._fallback.accept(self._backup, trajectory.states, trajectory.inputs, stop)
         self._past.expect(here, trajectory.inputs[0], expected)
         self._past.remember(trajectory.inputs[0])
         states = trajectory.states
@@ -380,14 +407,14 @@ class Controller:
             before, command, past = self._past.driven
             model = adaptation.update(before, command, pose, past)
             if model is not None:
-                self.update_model(model)
+                self.update_model(model, adapted=model is not adaptation.base)
         self._past.seen = pose.copy()
 
     def _hold(self, here: Array, pose: Array, circles: Array, start: float) -> Plan:
         """Stand at the goal."""
-        self._last = self._sqp.at_rest(here)
+        self._last = at_rest(self._sqp.qp, here)
         self._limit_change(self._last)
-        self._fallback.accept(self._last, StopTrajectory())
+        self._fallback.accept(self._backup, self._last.states, self._last.inputs, StopTrajectory())
         self._past.remember(self._last.inputs[0])
         self._past.planned = None
         states = self._last.states + (pose - here)
@@ -432,19 +459,19 @@ class Controller:
     ) -> Plan:
         """Drive the rest of the last tail while there is one and it is clear, else brake."""
         self._past.planned = None
-        rest = self._fallback.replay()
+        rest = self._fallback.replay(self._backup)
         n = self.problem.horizon
-        here = pose if is_plausible(pose) else self._fallback.expected
+        here = pose if is_plausible(pose) else self._backup.expected
         lost = False
         if rest is not None and here is not None:
             # from where the robot is, if that is known: what has happened since the tail was found
             # counts too
-            states = self._tails.rollout(self.model, here, rest, self._past.commands)
+            states = self._stops.rollout(self.model, here, rest, self._past.commands)
             lost = not (self._clearance(states, circles, self._solids) >= 0.0)
             if not lost and np.isfinite(states).all():
                 if self._rates.active:
                     rest[0] = self._rates.limit(rest[0], self._past.command)
-                self._fallback.sent(rest[0], states[1])
+                self._fallback.sent(self._backup, rest[0], states[1])
                 self._past.remember(rest[0])
                 commands = np.zeros((n, INPUTS))
                 commands[: len(rest)] = rest[:n]
@@ -457,10 +484,10 @@ class Controller:
         self._last = None
         # where the ramp ends in an obstacle, a robot without lag can still stand; one with lag has
         # asked for all that it has
-        command = self._fallback.brake(at_once=lost)
+        command = self._fallback.brake(self._backup, at_once=lost)
         if self._rates.active:
             command = self._rates.limit(command, self._past.command)
-            self._fallback.sent(command, None)
+            self._fallback.sent(self._backup, command, None)
         self._past.remember(command)
         inputs = np.zeros((n, INPUTS))
         inputs[0] = command

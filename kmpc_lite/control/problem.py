@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import INPUTS, STATES, Array
+
+GOAL_Q, GOAL_R = (1.0, 5.0, 0.1), (0.5, 0.05)
+"""The paper's weights, of a goal that may be far away."""
+TRACKING_Q, TRACKING_R = (5.0, 5.0, 0.5), (0.1, 0.02)
+"""Weights of a reference that is always near: with the paper's, plans cut corners and creep at the
+end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +31,11 @@ class NavigationProblem:
         Stages N.
     dt : float
         Period [s].
-    Q, R : array_like
-        Weights of state (3,) and command (2,), or full positive semidefinite matrices.
+    Q, R : array_like, optional
+        Weights of state (3,) and command (2,), or full positive semidefinite matrices. With
+        guidance the state's weigh the distance from the guided reference. Where not given they are
+        the default of the controller's mode: with guidance `TRACKING_Q` and `TRACKING_R`, without
+        it the paper's `GOAL_Q` and `GOAL_R`.
     Q_terminal : array_like, optional
         Weight of the last state; zero where not given, as in the paper.
     u_min, u_max : array_like
@@ -55,8 +64,8 @@ class NavigationProblem:
 
     horizon: int = 20
     dt: float = 0.1
-    Q: Any = (1.0, 5.0, 0.1)
-    R: Any = (0.5, 0.05)
+    Q: Any = None
+    R: Any = None
     Q_terminal: Any = None
     u_min: Any = (-0.6, -np.pi / 4)
     u_max: Any = (0.6, np.pi / 4)
@@ -83,16 +92,9 @@ class NavigationProblem:
         def set_field(name: str, value: Array) -> None:
             object.__setattr__(self, name, value)
 
-        set_field("Q", _weight("Q", self.Q, STATES))
-        set_field("R", _weight("R", self.R, INPUTS))
-        set_field(
-            "Q_terminal",
-            _weight(
-                "Q_terminal",
-                np.zeros(STATES) if self.Q_terminal is None else self.Q_terminal,
-                STATES,
-            ),
-        )
+        for name, length in (("Q", STATES), ("R", INPUTS), ("Q_terminal", STATES)):
+            if (value := getattr(self, name)) is not None:
+                set_field(name, _weight(name, value, length))
         for name, length in (
             ("u_min", INPUTS),
             ("u_max", INPUTS),
@@ -131,8 +133,29 @@ class NavigationProblem:
 
     @property
     def weights(self) -> tuple[Array, Array, Array]:
-        """Q (3, 3), R (2, 2), Q_terminal (3, 3)."""
-        return self.Q, self.R, self.Q_terminal
+        """Q (3, 3), R (2, 2), Q_terminal (3, 3): the paper's where not given."""
+        return (
+            np.diag(GOAL_Q) if self.Q is None else self.Q,
+            np.diag(GOAL_R) if self.R is None else self.R,
+            np.zeros((STATES, STATES)) if self.Q_terminal is None else self.Q_terminal,
+        )
+
+    def with_default_weights(self, guidance: bool) -> NavigationProblem:
+        """Return the problem with the weights that are used in a mode, given or not.
+
+        Parameters
+        ----------
+        guidance : bool
+            Whether the weights are those of a guided reference, else of the goal itself.
+        """
+        q, r = (TRACKING_Q, TRACKING_R) if guidance else (GOAL_Q, GOAL_R)
+        terminal = np.zeros(STATES) if self.Q_terminal is None else self.Q_terminal
+        return replace(
+            self,
+            Q=q if self.Q is None else self.Q,
+            R=r if self.R is None else self.R,
+            Q_terminal=terminal,
+        )
 
     @property
     def limits_changes(self) -> bool:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from kmpc_lite.control.problem import NavigationProblem
@@ -11,8 +9,6 @@ from kmpc_lite.types import Array
 
 ROUNDING = 1.0 + 1e-9
 """A change that is larger than allowed by less than this factor is the largest one allowed."""
-ANY = 1e6
-"""A change that is larger than any speed [m/s, rad/s]."""
 
 
 class RateLimit:
@@ -51,22 +47,6 @@ class RateLimit:
         size = np.abs(change)
         over = size > room * ROUNDING
         return last + float((room[over] / size[over]).min()) * change if over.any() else command
-
-    def rest(self, pose: Array, last: Array) -> Array:
-        """Pose (3,) at which a robot that is at a pose (3,), and was told the last command (2,), stands if it brakes at `du_max`."""
-        step = np.minimum(self._change, ANY)
-        periods = np.floor(np.abs(last) / step)
-        ahead, turn = (
-            self._dt * periods * (last - 0.5 * np.copysign(step, last) * (periods + 1.0))
-        ).tolist()
-        heading = float(pose[2]) + 0.5 * turn
-        return np.array(
-            [
-                pose[0] + ahead * math.cos(heading),
-                pose[1] + ahead * math.sin(heading),
-                pose[2] + turn,
-            ]
-        )
 
     def first(self, last: Array) -> tuple[Array, Array]:
         """Least and largest first command of a plan, (2,) each."""

@@ -20,10 +20,11 @@ import osqp
 from numpy.typing import ArrayLike
 
 from kmpc_lite.control.controller import Controller
-from kmpc_lite.control.nmpc.osqp_workspace import SOLVED
-from kmpc_lite.control.nmpc.sqp import Trajectory
+from kmpc_lite.control.nmpc.osqp_workspace import SOLVED, OSQPWorkspace
+from kmpc_lite.control.nmpc.trajectory import Trajectory
+from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.plan import Plan, PlanStatus
-from kmpc_lite.control.safe_stop.stop_trajectory import FURTHER_TIME, ramp
+from kmpc_lite.control.safe_stop.braking import Braking
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.closed_loop import Outcome, drive
 from kmpc_lite.sim.maps.families import random_map
@@ -179,8 +180,9 @@ class FaultyLoop:
         )
         self.controller = Controller(model, scenario.problem(), **options)
         workspace = self.controller._sqp.workspace
+        assert isinstance(workspace, OSQPWorkspace)
         self._solver = workspace._solver = BrokenSolver(workspace._solver, self._random)
-        self._ramp_step = self.controller.problem.deceleration * DT
+        self._braking = Braking(self.controller.problem, StopOptions())
         self._step, self._begin, self._end = 0, 0, 0
         self._frozen = np.zeros(3)
         self._tail_left, self._sane, self._blind, self._planned = 0, 0, 0, False
@@ -238,9 +240,9 @@ class FaultyLoop:
             self._tail_left -= 1
         else:
             # the longest that a tail of this command can be; its last command is zero
-            self._tail_left = len(ramp(plan.command, self._ramp_step)) - 1
+            self._tail_left = len(self._braking.ramp(plan.command)) - 1
             if self.controller.model.history:
-                self._tail_left += round(FURTHER_TIME / DT)
+                self._tail_left += round(StopOptions().further_time / DT)
         self._sane = 0 if failing else self._sane + 1
         self._planned = not failing and (
             self._planned or plan.status not in (PlanStatus.FALLBACK, PlanStatus.STOPPED)

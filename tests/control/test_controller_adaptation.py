@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 import kmpc_lite as kl
 from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.adaptation.options import AdaptationOptions
-from kmpc_lite.control.margins.tightening import LATE_RISK, LONGEST_HEADWAY, RISK
+from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.options import MarginOptions
 from kmpc_lite.sim import Scenario, drive
 from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.sim.scenario.files import Floor
@@ -247,27 +248,30 @@ def test_a_log_without_noise_does_not_make_margins_blind(
     inputs = np.tile((0.6, 0.0), (20, 1))
     states = knowing[0.0].rollout(np.zeros(3), inputs)
     lin, normals = knowing[0.0].linearize(states[:-1], inputs), np.tile((0.0, 1.0), (20, 1, 1))
-    tightening = controller._tightening
-    assert tightening is not None
+    margins, drift = controller._margins, DriftState()
+    assert margins is not None
     # what one period of an unknown floor may do is kept in any case
-    assert tightening.margins(lin, states, inputs, normals).min() > LONGEST_HEADWAY
-    spread, single = (
-        tightening.covariances(lin, states, inputs).max(),
-        tightening.step_margin(0.6, 0.0),
-    )
+    kept = margins.tightening.margins(drift, lin, states, inputs, normals)
+    assert kept.min() > MarginOptions().longest_headway * controller.problem.robot_radius
+
+    def spread() -> float:
+        return float(margins.tightening.covariances(drift, lin, states, inputs).max())
+
+    calm, single = spread(), margins.command_check.step_margin(drift, 0.6, 0.0)
     for _ in range(5):
         # pushed sideways by a slip of 0.2
-        tightening.observe(np.array([0.0, -0.012, 0.0]), 0.0, inputs[0])
-    assert tightening.covariances(lin, states, inputs).max() > spread + 0.01**2
-    assert tightening.step_margin(0.6, 0.0) > single + 0.1
+        margins.drift_detector.observe(drift, np.array([0.0, -0.012, 0.0]), 0.0, inputs[0])
+    assert spread() > calm + 0.01**2
+    assert margins.command_check.step_margin(drift, 0.6, 0.0) > single + 0.1
 
 
 def test_a_robot_that_lags_takes_less_risk(
     learned: kl.KoopmanModel, lagging: kl.KoopmanModel
 ) -> None:
-    risks = [
-        kl.Controller(m, **o)._tightening.risk
-        for m in (learned, lagging)
-        for o in ({}, {"risk": 0.1})
-    ]  # type: ignore[arg-type,union-attr]
-    assert risks == [RISK, 0.1, LATE_RISK, 0.1]
+    def quantile(model: kl.KoopmanModel, **options: float) -> float:
+        margins = kl.Controller(model, **options)._margins  # type: ignore[arg-type]
+        assert margins is not None
+        return margins.noise.quantile
+
+    assert quantile(learned) < quantile(lagging)
+    assert quantile(learned, risk=0.1) == quantile(lagging, risk=0.1) < quantile(learned)

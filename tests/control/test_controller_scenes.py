@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.margins.tightening import LONGEST_HEADWAY
+from kmpc_lite.control.options import MarginOptions
 
 DT = 0.1
 MODEL = kl.nominal_unicycle(DT)
@@ -300,12 +300,13 @@ def test_clearance_is_that_of_the_step_whatever_becomes_of_the_arrays() -> None:
 
 
 def test_margin_is_kept_from_obstacles() -> None:
+    headway = MarginOptions().longest_headway * 0.15
     for margin in (0.0, 0.05, 0.15):
         controller = kl.Controller(
             MODEL, kl.NavigationProblem(margin=margin), sqp_iterations=50, tolerance=1e-6
         )
         plan = controller.step((0.3, 0.0, 0.9), (0.8, 1.5, 0), [kl.Circle(0.6, 0.7, 0.2)])
-        assert margin - 1e-4 < plan.clearance < margin + LONGEST_HEADWAY + 0.03
+        assert margin - 1e-4 < plan.clearance < margin + headway + 0.03
 
 
 def test_obstacles_may_be_circles_rows_or_arrays() -> None:

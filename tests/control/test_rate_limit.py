@@ -127,16 +127,6 @@ def test_the_limit_keeps_the_direction_of_the_change_and_brakes_harder_than_it_s
     assert limit.limit(inside, last) is inside
 
 
-def test_the_pose_at_rest_is_that_of_braking_period_by_period() -> None:
-    limit, command, x = RateLimit(WEAK), np.array([0.33, 0.0]), np.array([0.1, 0.2, 0.5])
-    expected = limit.rest(x, command)
-    while command[0] > 0.0:
-        command = np.maximum(command - DT * WEAK.du_max, 0.0)
-        x = MODEL.predict(x, command)
-    np.testing.assert_allclose(expected, x, atol=1e-9)
-    np.testing.assert_allclose(RateLimit(ONE).rest(x, np.array([0.6, 0.0])), x)
-
-
 def test_zeros_become_a_braking_ramp() -> None:
     ramp = RateLimit(WEAK).in_reach(np.zeros((20, 2)), np.array([0.12, -0.5]))
     np.testing.assert_allclose(

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from kmpc_lite.control.plan import PlanStatus
-from kmpc_lite.control.safe_stop.backup import Backup
+from kmpc_lite.control.safe_stop.backup import Backup, BackupState
+from kmpc_lite.control.safe_stop.stop_trajectory import CheckedPlan, StopTrajectories
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.studies.faults import (
@@ -91,8 +92,8 @@ def test_the_injected_status_reaches_the_controller(kind: str, slippery: Koopman
 def test_the_study_sees_a_robot_that_does_not_stop(
     monkeypatch: pytest.MonkeyPatch, slippery: KoopmanModel
 ) -> None:
-    def drive_on(self: Backup) -> Array:
-        return np.tile(self._command, (2, 1))
+    def drive_on(self: Backup, state: BackupState) -> Array:
+        return np.tile(state.command, (2, 1))
 
     monkeypatch.setattr(Backup, "replay", drive_on)
     monkeypatch.setattr("kmpc_lite.control.controller.Controller._clearance", lambda *_: np.inf)
@@ -106,7 +107,7 @@ def test_a_failing_controller_never_recovers_and_is_told_so(
     monkeypatch: pytest.MonkeyPatch, slippery: KoopmanModel
 ) -> None:
     monkeypatch.setattr(
-        "kmpc_lite.control.safe_stop.stop_trajectory.StopTrajectories.find", lambda *_: None
+        StopTrajectories, "find", lambda _, states, inputs, task: CheckedPlan(None, states, inputs)
     )
     counts = Counts("pose NaN", 0.2)
     loop = FaultyLoop(slippery, random_map("dense", 1, 0.2), "pose NaN", counts)

@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.margins.tightening import Tightening
+    from kmpc_lite.control.margins.margins import Margins
 
 ROUNDING = 1e-6
 SPARE, MOST_ROOM = 0.02, 0.1
@@ -62,9 +63,7 @@ def drivable_speeds(model: KoopmanModel, problem: NavigationProblem) -> Array:
     return np.array([speeds[0], speeds[1], min(speeds[2], speeds[3])])
 
 
-def clearance_at_speed(
-    model: KoopmanModel, problem: NavigationProblem, tightening: Tightening
-) -> float:
+def clearance_at_speed(model: KoopmanModel, problem: NavigationProblem, margins: Margins) -> float:
     """Room [m] that a way must leave so that a plan at full speed along it keeps its margins, and `SPARE`.
 
     Parameters
@@ -73,7 +72,7 @@ def clearance_at_speed(
         Tells how errors spread along a straight drive.
     problem : NavigationProblem
         Command bounds and horizon.
-    tightening : Tightening
+    margins : Margins
         Asked for the last stage's margin.
     """
     _, u_max, _, _ = problem.bounds
@@ -84,12 +83,10 @@ def clearance_at_speed(
         np.tile((0.0, 1.0), (problem.horizon, 1, 1)),
     )
     states[:, 0] = u_max[0] * problem.dt * np.arange(problem.horizon + 1)
+    lin = model.linearize(states[:-1], commands, past)
     # headway gives way to passages, so it asks for none
-    passage, tightening.passage = tightening.passage, 0.0
-    margin = float(
-        tightening.margins(model.linearize(states[:-1], commands, past), states, commands, across)[
-            -1, 0
-        ]
+    found = margins.tightening.margins(
+        DriftState(), lin, states, commands, across, path_clearance=0.0
     )
-    tightening.passage = passage
+    margin = float(found[-1, 0])
     return min(SPARE + margin, MOST_ROOM)

@@ -28,7 +28,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.margins.tightening import Tightening
+    from kmpc_lite.control.margins.margins import Margins
     from kmpc_lite.control.obstacles.solids import Solids
     from kmpc_lite.model.koopman import KoopmanModel
 
@@ -106,7 +106,7 @@ class Guide:
         self._swing, self._room, self._shifted, self._learned = 0.0, 0.0, False, False
         self.reset()
 
-    def learn(self, model: KoopmanModel, tightening: Tightening | None) -> None:
+    def learn(self, model: KoopmanModel, margins: Margins | None) -> None:
         """Take over what a model knows: the robot's speeds, its turning point, the noise of its pose, and the room that margins ask for."""
         self.set_speeds(drivable_speeds(model, self._problem))
         if self._learned and "adaptation" in model.info:
@@ -117,8 +117,8 @@ class Guide:
         # a robot without lag is steered back before it needs the room
         self._room = (
             0.0
-            if tightening is None or not model.history
-            else clearance_at_speed(model, self._problem, tightening)
+            if margins is None or not model.history
+            else clearance_at_speed(model, self._problem, margins)
         )
 
     def set_speeds(self, speeds: Array) -> None:

@@ -1,16 +1,10 @@
-"""What the guidance tells the controller in each step, and the cost that suits it."""
+"""What the guidance tells the controller in each step."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
-
-TRACKING_Q = (5.0, 5.0, 0.5)
-TRACKING_R = (0.1, 0.02)
-"""Weights of a cost that follows a reference: the paper's, for a goal that is far away, cut corners
-and creep at the end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +27,3 @@ class Guidance:
     switched: bool
     """Whether the new way goes another way around, so that a plan along the old one is no good
     start."""
-
-
-def tracking(problem: NavigationProblem) -> NavigationProblem:
-    """Return the problem with weights that suit a reference along a way."""
-    return replace(problem, Q=TRACKING_Q, R=TRACKING_R, Q_terminal=None)

@@ -1,1 +1,1 @@
-"""Margins: what is kept from obstacles for what the model does not know."""
+"""Margins: how far plans and commands stay away from obstacles for what the model does not know."""

@@ -1,143 +1,167 @@
-"""How wrong a model is about a floor, against how wrong it takes itself to be: what tells of a change before adaptation does.
+"""Tells from the errors of past periods whether a robot does otherwise than its model says.
 
 Adaptation needs seconds to tell a new floor from chance. Until then the errors themselves say how
-much room they need.
+wide the margins must be: the detector inflates the model's noise by the mean square of recent
+errors, and calls the floor unknown where they add up to one side.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
+from kmpc_lite.control.options import MarginOptions, fastest, unit_length
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.model.tube import split_noise
 from kmpc_lite.types import Array
 
-ATTACK, RELEASE = 0.2, 0.1
-"""How fast errors larger, and smaller, than before count, as shares per step: a floor that suddenly
-slips ten times as much widens the margins 4-fold after one step and 8-fold after five, and a calm
-one narrows them again within two seconds."""
-CALM = 2.5
-"""Mean square error, against the expected one, that leaves margins as they are: heavy-tailed slip
-passes it in one step of ten."""
-LARGEST_INNOVATION = 400.0
-"""Largest square error that counts, against the expected one: what is larger is a broken
-measurement."""
-QUIET = (5e-3, 1e-3, 0.02)
-"""Steps that should move the robot less than the first [m] are not judged; no step by less than the
-second [m], and the third as a share of the way: even a model without noise is allowed to be so
-wrong."""
-QUIET_TURN = (5e-3, 0.05)
-"""The same of turns: no step is judged by less than the first [rad], and the second as a share of
-the turn."""
-USUAL_SPEED = 0.4
-"""At which errors that are too large were made, where only their size is known [m/s]."""
-DRIFT, FADING = 6.0, 0.8
-"""Square of the fading sum of errors, against the expected one, beyond which a robot does not know
-its floor either, and what the sum keeps per step: where poses are noisy no single error tells much,
-but a floor pushes to the same side again and again."""
-NO_PUSH = (0.0,) * 5
-"""Fading sums of nothing: of errors ahead and to the left, and of their expected squares."""
+
+@dataclass(slots=True)
+class DriftState:
+    """What the drift detector remembers of past periods."""
+
+    level: float = 1.0
+    """Fading mean of the squared errors, against the expected ones."""
+    ahead: float = 0.0
+    """Fading sum of the errors along the drive [m]; backwards they count with the other sign."""
+    left: float = 0.0
+    """The same of the errors to the left [m]."""
+    ahead_variance: float = 0.0
+    """Fading sum of the variances that the model expects of errors along the drive [m^2]."""
+    left_variance: float = 0.0
+    """The same of the errors to the left [m^2]."""
+    covariance: float = 0.0
+    """The same of the product of both [m^2]."""
+    drifting: bool = False
+    """Whether the sums are larger than chance makes them: the floor pushes to one side."""
 
 
 class DriftDetector:
-    """Fading means of the errors of past periods.
+    """Compares measured poses with the predicted ones, by the noise that a model expects.
 
     Parameters
     ----------
-    dt : float
-        Period [s].
+    model : MotionModel
+        Its noise model and its period.
+    problem : NavigationProblem
+        The robot's radius and speeds, which options are multiples of.
+    options : MarginOptions
+        Tolerances, and how fast the means follow.
+
+    Attributes
+    ----------
+    tolerated : ndarray
+        (2, 9) covariance that every model may be wrong by, to be multiplied by v^2 and omega^2.
     """
 
-    def __init__(self, dt: float) -> None:
-        self._dt, self._expected = dt, 0.0
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget what was seen."""
-        self._level, self._pushed, self.drifts = 1.0, NO_PUSH, False
-
-    @property
-    def inflation(self) -> float:
-        """By how much the noise's standard deviation is to be scaled, at least 1."""
-        return float(max(1.0, self._level - CALM + 1.0) ** 0.5)
-
-    def expect(self, measured: Array, moved: Array, late: bool) -> None:
-        """Judge by the noise of another model from now on.
-
-        Parameters
-        ----------
-        measured, moved : ndarray
-            (3, 3) and (2, 3, 3), as `tube.split_noise` gives them.
-        late : bool
-            Whether the robot lags: its errors last, so that their sum tells nothing.
-        """
-        self._late = late
-        self._squares = [
+    def __init__(
+        self, model: MotionModel, problem: NavigationProblem, options: MarginOptions
+    ) -> None:
+        self._dt, self._options = model.dt, options
+        # the errors of a robot that lags last, so that their sum tells nothing
+        self._sums_errors = not model.history
+        unit = unit_length(problem)
+        self._judged_step = options.judged_step * unit
+        self._step_tolerance = options.step_tolerance * unit
+        measured, moved = split_noise(model.noise_model)
+        self._by_command = [
             [float(part[i, j]) for part in (measured, *moved)]
             for i, j in ((0, 0), (1, 1), (0, 1), (2, 2))
         ]
-        # errors are judged against what is allowed at rest too, but what is too much of them comes
-        # from driving
-        self.allowed = np.zeros((2, 9))
-        """By v^2 and omega^2: what every model may be wrong by."""
-        self.allowed[0, [0, 4]] = (QUIET[2] * self._dt) ** 2 + (
-            QUIET[1] ** 2 + measured.diagonal()[:2]
-        ) / USUAL_SPEED**2
-        self.allowed[1, 8] = (QUIET_TURN[1] * self._dt) ** 2
-        # what was a surprise to the old model is less of one to a model that expects more
-        before, self._expected = (
-            self._expected,
-            float(moved[0, 0, 0] + moved[0, 1, 1]) + 2.0 * (QUIET[2] * self._dt) ** 2,
-        )
-        self._level = max(1.0, self._level * before / self._expected)
-        self._pushed, self.drifts = NO_PUSH, False
+        by_distance = (options.step_tolerance_share * self._dt) ** 2
+        # at rest errors are tolerated too, but what is too much of them was made while driving
+        at_rest = self._step_tolerance**2 + measured.diagonal()[:2]
+        self.tolerated = np.zeros((2, 9))
+        usual_speed = options.usual_speed * fastest(problem)[0]
+        self.tolerated[0, [0, 4]] = by_distance + at_rest / usual_speed**2
+        self.tolerated[1, 8] = (options.turn_tolerance_share * self._dt) ** 2
+        self._expected = float(moved[0, 0, 0] + moved[0, 1, 1]) + 2.0 * by_distance
 
-    def see(self, error: Array, heading: float, command: Array) -> bool:
-        """Compare a period with what was expected of it; tell whether `drifts` has changed.
+    def inflation(self, state: DriftState) -> float:
+        """Return the factor of the noise's standard deviation, at least 1."""
+        return float(max(1.0, state.level - self._options.innovation_calm + 1.0) ** 0.5)
+
+    def is_unknown_floor(self, state: DriftState) -> bool:
+        """Return whether the robot knows neither its floor nor how wrong it is about it."""
+        limit = self._options.unknown_floor_inflation
+        return state.drifting or self.inflation(state) > limit
+
+    def carry_over(self, state: DriftState, before: DriftDetector) -> None:
+        """Judge by another model from now on: what was unexpected may be what it expects."""
+        state.level = max(1.0, state.level * before._expected / self._expected)
+        state.ahead = state.left = 0.0
+        state.ahead_variance = state.left_variance = state.covariance = 0.0
+        state.drifting = False
+
+    def observe(self, state: DriftState, error: Array, heading: float, command: Array) -> None:
+        """Compare a past period with what was expected of it.
 
         Parameters
         ----------
-        error, heading, command
-            As `Tightening.observe` gets them.
+        state : DriftState
+            Updated.
+        error : ndarray
+            Measured less predicted pose (3,) [m, m, rad], in the map's frame; one that is not
+            finite counts for nothing.
+        heading : float
+            At the beginning of the period [rad].
+        command : ndarray
+            (2,) that was held during it.
         """
-        # also for NaN and infinity
-        if not (abs(command[0]) * self._dt >= QUIET[0] and error @ error < np.inf):
-            return False
-        # three numbers each: plain floats are ten times as fast as arrays
+        # also false for NaN and infinity
+        if not (abs(command[0]) * self._dt >= self._judged_step and error @ error < np.inf):
+            return
+        # plain floats: for three numbers they are ten times as fast as arrays
         cos, sin = math.cos(heading), math.sin(heading)
-        ex, ey, turned = error.tolist()
-        ahead, left = cos * ex + sin * ey, cos * ey - sin * ex
+        error_x, error_y, turned = error.tolist()
+        ahead, left = cos * error_x + sin * error_y, cos * error_y - sin * error_x
         v, omega = command.tolist()
-        least = QUIET[1] ** 2 + (QUIET[2] * self._dt * v) ** 2
-        xx, yy, xy, hh = (m + v * v * a + omega * omega * b for m, a, b in self._squares)
-        xx, yy = xx + least, yy + least
-        square = (
-            0.5
-            * (ahead * ahead * yy - 2.0 * ahead * left * xy + left * left * xx)
-            / (xx * yy - xy * xy)
-        )
+        own = self._step_tolerance**2 + (self._options.step_tolerance_share * self._dt * v) ** 2
+        xx, yy, xy, hh = (m + v * v * a + omega * omega * b for m, a, b in self._by_command)
+        xx, yy = xx + own, yy + own
+        self._update_level(state, _mahalanobis(ahead, left, xx, yy, xy), turned, hh, omega)
+        if self._sums_errors:
+            # backwards, a floor pushes the other way
+            sign = math.copysign(1.0, v)
+            self._update_sums(state, sign * ahead, sign * left, xx, yy, xy)
+
+    def _update_level(
+        self, state: DriftState, square: float, turned: float, variance: float, omega: float
+    ) -> None:
+        """Move the fading mean towards the period's squared error: of the position or the turn."""
+        options = self._options
         turned = math.remainder(turned, 2.0 * math.pi)
-        hh += QUIET_TURN[0] ** 2 + (QUIET_TURN[1] * self._dt * omega) ** 2
-        square = max(square, turned * turned / hh)
-        change = min(float(square), LARGEST_INNOVATION) - self._level
-        self._level += (ATTACK if change > 0.0 else RELEASE) * change
-        if self._late:
-            return False
-        # backwards, a floor pushes the other way
-        sign, sums = math.copysign(1.0, v), self._pushed
-        ahead, left = FADING * sums[0] + sign * ahead, FADING * sums[1] + sign * left
-        (mx, _, _), (my, _, _), (mc, _, _), _ = self._squares
-        xx, yy, xy = (
-            FADING**2 * old + new
-            for old, new in zip(sums[2:], (xx - mx, yy - my, xy - mc), strict=True)
+        tolerated = options.turn_tolerance_share * self._dt * omega
+        variance += options.turn_tolerance**2 + tolerated**2
+        square = max(square, turned * turned / variance)
+        change = min(float(square), options.largest_innovation) - state.level
+        weight = options.innovation_attack if change > 0.0 else options.innovation_release
+        state.level += weight * change
+
+    def _update_sums(
+        self, state: DriftState, ahead: float, left: float, xx: float, yy: float, xy: float
+    ) -> None:
+        """Add an error and its expected variances to the fading sums, and judge them."""
+        fading = self._options.drift_fading
+        state.ahead, state.left = fading * state.ahead + ahead, fading * state.left + left
+        (mx, _, _), (my, _, _), (mc, _, _), _ = self._by_command
+        state.ahead_variance = fading**2 * state.ahead_variance + (xx - mx)
+        state.left_variance = fading**2 * state.left_variance + (yy - my)
+        state.covariance = fading**2 * state.covariance + (xy - mc)
+        # noise of the poses does not add up: what it adds to one period, it takes from the next
+        drift = _mahalanobis(
+            state.ahead,
+            state.left,
+            state.ahead_variance + mx / (1.0 + fading),
+            state.left_variance + my / (1.0 + fading),
+            state.covariance + mc / (1.0 + fading),
         )
-        self._pushed = ahead, left, xx, yy, xy
-        # noise of the poses does not add up: what it adds to one step, it takes from the next
-        xx, yy, xy = xx + mx / (1.0 + FADING), yy + my / (1.0 + FADING), xy + mc / (1.0 + FADING)
-        drift = (
-            0.5
-            * (ahead * ahead * yy - 2.0 * ahead * left * xy + left * left * xx)
-            / (xx * yy - xy * xy)
-        )
-        before, self.drifts = self.drifts, drift > DRIFT
-        return self.drifts != before
+        state.drifting = drift > self._options.drift_threshold
+
+
+def _mahalanobis(x: float, y: float, xx: float, yy: float, xy: float) -> float:
+    """Half the squared distance of (x, y) from zero, for a covariance [[xx, xy], [xy, yy]]."""
+    return 0.5 * (x * x * yy - 2.0 * x * y * xy + y * y * xx) / (xx * yy - xy * xy)

@@ -1,4 +1,4 @@
-"""What the Gauss-Newton QP leaves out of the Hessian of the Lagrangian: how the dynamics and the circles bend, stage by stage.
+"""What the Gauss-Newton QP leaves out of the Hessian: how dynamics and circles bend.
 
 Passes to convergence use it where they get on badly without: they oscillate where the robot turns
 while it drives, and creep along circles. The blocks are made convex by turning negative eigenvalues
@@ -9,19 +9,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from kmpc_lite.control.nmpc.qp import KEEPOUT_SCALE, NavigationQP
-from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.control.nmpc.qp import NavigationQP
+from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
 PAIR = STATES + INPUTS
 STEP = 1e-4
 """Of the central differences of the model's Jacobians [m, rad, m/s, rad/s]."""
-LEAST = 0.1
-"""Smallest curvature of a stage in any direction: steps stay finite."""
 
 
 def hessians(
-    model: KoopmanModel,
+    model: MotionModel,
     qp: NavigationQP,
     states: Array,
     inputs: Array,
@@ -33,7 +31,7 @@ def hessians(
 
     Parameters
     ----------
-    model : KoopmanModel
+    model : MotionModel
         Without input history: the command of a stage then bends nothing but the next state.
     qp : NavigationQP
         Its cost, and its rows.
@@ -53,19 +51,28 @@ def hessians(
     stages -= dynamics_curvature(model, states[:-1], inputs, duals[qp.dynamics_rows])
     # the distance to a circle bends across the normal; its multipliers are negative, those of lower
     # bounds
-    weights = KEEPOUT_SCALE * duals[qp.keepout_rows] * bends
+    weights = qp.half_plane_scale * duals[qp.half_plane_rows] * bends
     across = np.stack([-normals[..., 1], normals[..., 0]], axis=-1)
     around = np.einsum("ns,nsc,nsd->ncd", weights, across, across)
     stages[1:, :2, :2] += around[:-1]
     terminal[:2, :2] += around[-1]
     stages[0, :STATES, STATES:] = stages[0, STATES:, :STATES] = 0.0
-    return convex(stages), convex(terminal)
+    least = qp.least_curvature
+    return convex(stages, least), convex(terminal, least)
 
 
 def dynamics_curvature(
-    model: KoopmanModel, states: Array, inputs: Array, multipliers: Array
+    model: MotionModel, states: Array, inputs: Array, multipliers: Array
 ) -> Array:
-    """Second derivatives (N, 5, 5) of ``multipliers . f(x, u)`` at states (N, 3) and inputs (N, 2), by central differences."""
+    """Second derivatives (N, 5, 5) of ``multipliers . f(x, u)``, by central differences.
+
+    Parameters
+    ----------
+    model : MotionModel
+        f.
+    states, inputs, multipliers : ndarray
+        (N, 3), (N, 2), (N, 3).
+    """
     points = np.concatenate([states, inputs], axis=1)
     moves = STEP * np.concatenate([np.eye(PAIR), -np.eye(PAIR)])
     around = points + moves[:, None]
@@ -76,10 +83,9 @@ def dynamics_curvature(
     return curvature
 
 
-def convex(blocks: Array) -> Array:
-    """Symmetric matrices (..., n, n) with the absolute values of their eigenvalues, and none below `LEAST`."""
+def convex(blocks: Array, least: float) -> Array:
+    """Symmetric matrices (..., n, n) with the absolute values of their eigenvalues, or `least`."""
     values, vectors = np.linalg.eigh(blocks)
-    turned: Array = (vectors * np.maximum(np.abs(values), LEAST)[..., None, :]) @ vectors.swapaxes(
-        -1, -2
-    )
+    positive = np.maximum(np.abs(values), least)
+    turned: Array = (vectors * positive[..., None, :]) @ vectors.swapaxes(-1, -2)
     return turned

@@ -8,46 +8,41 @@ exact type and length, checked before and after.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from enum import Enum
 from typing import Any
 
 import numpy as np
 import osqp
 import scipy.sparse as sp
 
+from kmpc_lite.control.nmpc.qp_solvers import INFINITY, LARGEST, QPSolution, QPStatus
+from kmpc_lite.control.options import OSQPOptions
 from kmpc_lite.types import Array
 
-INFINITY = 1e30
-"""Bounds beyond this are open, as OSQP itself has it. A row must not change between open and
-closed: that refactorises."""
-
-LARGEST = 1e10
-"""Entries of A or q beyond this make OSQP's factorisation fail, loudly and after it has taken over
-the new bounds."""
-
-
-class QPStatus(Enum):
-    """What became of a QP."""
-
-    SOLVED = "solved"
-    STOPPED_EARLY = "stopped early"
-    """Iteration or time limit: the iterate is finite and worth checking."""
-    FAILED = "failed"
-    """Infeasible, bad data or not finite: there is no iterate."""
+NO_TIME_LIMIT = 1e10
+"""OSQP's own [s]."""
+SOLVED = int(osqp.SolverStatus.OSQP_SOLVED)
+EARLY = frozenset(
+    int(s)
+    for s in (
+        osqp.SolverStatus.OSQP_SOLVED_INACCURATE,
+        osqp.SolverStatus.OSQP_MAX_ITER_REACHED,
+        osqp.SolverStatus.OSQP_TIME_LIMIT_REACHED,
+    )
+)
 
 
-@dataclass(frozen=True, eq=False)
-class QPSolution:
-    """An iterate with its status; `x` and `y` are copies."""
-
-    status: QPStatus
-    x: Array
-    y: Array
-    iterations: int
-    primal_residual: float
-    dual_residual: float
-    reason: str
+def osqp_settings(options: OSQPOptions) -> dict[str, Any]:
+    """Options under OSQP's names."""
+    return {
+        "eps_abs": options.tolerance,
+        "eps_rel": options.tolerance,
+        "max_iter": options.max_iter,
+        "rho": options.rho,
+        "alpha": options.alpha,
+        "adaptive_rho": int(options.adaptive_rho),
+        "scaling": options.scaling,
+        "check_termination": options.check_termination,
+    }
 
 
 class OSQPWorkspace:
@@ -74,7 +69,6 @@ class OSQPWorkspace:
         **settings: Any,
     ) -> None:
         self.n, self.m, self.nnz = A.shape[1], A.shape[0], A.nnz
-        self._Px, self._new_Px = np.zeros(P.nnz), False
         # what is checked together lies together
         self._numbers, self._start = np.zeros(self.n + self.nnz), np.zeros(self.n + self.m)
         self._q, self._Ax = self._numbers[: self.n], self._numbers[self.n :]
@@ -88,64 +82,67 @@ class OSQPWorkspace:
             self._x.shape,
             self._y.shape,
         )
-        for name, own, given in (
-            ("q", self._q, q),
-            ("lower", self._lower, lower),
-            ("upper", self._upper, upper),
+        for name, given, length in (
+            ("q", q, self.n),
+            ("lower", lower, self.m),
+            ("upper", upper, self.m),
         ):
-            if np.shape(given) != own.shape:
-                raise ValueError(f"{name}: expected shape {own.shape}, got {np.shape(given)}")
-            own[:] = given
-        self._osqp = osqp.OSQP()
-        self._osqp.setup(
-            sp.csc_matrix(P),
-            self._q,
-            sp.csc_matrix(A),
-            self._lower,
-            self._upper,
-            verbose=False,
-            **settings,
+            if np.shape(given) != (length,):
+                raise ValueError(f"{name}: expected shape {(length,)}, got {np.shape(given)}")
+        self._setup = (
+            sp.csc_matrix(P, copy=True),
+            np.array(q, dtype=float),
+            sp.csc_matrix(A, copy=True),
+            np.array(lower, dtype=float),
+            np.array(upper, dtype=float),
         )
+        self._settings = settings
+        # OSQP adapts rho to the QPs that it solves, and rounds in scaling and unscaling them
+        self._learns = bool(settings.get("adaptive_rho", 1) or settings.get("scaling", 1))
+        self._fresh = False
+        self._set_up()
+
+    def _set_up(self) -> None:
+        """Set OSQP up, as if nothing had been solved before."""
+        if self._fresh:
+            return
+        P, q, A, lower, upper = self._setup
+        self._q[:], self._lower[:], self._upper[:] = q, lower, upper
+        self._osqp = osqp.OSQP()
+        self._osqp.setup(P, self._q, A, self._lower, self._upper, verbose=False, **self._settings)
         # The wrapper copies and renames; its compiled half takes the same arrays and returns error
         # codes.
         self._solver = self._osqp._solver
+        self._time_limit = self._osqp.settings.time_limit
+        self._own_P, self._fresh = True, True
 
-    def limit_time(self, seconds: float) -> None:
-        """Stop later solves after this long [s]; what there is by then comes back as STOPPED_EARLY."""
-        self._osqp.settings.time_limit = seconds
-        self._solver.update_settings(self._osqp.settings)
+    def __reduce__(self) -> tuple[Any, ...]:
+        # OSQP's own memory does not copy; nothing in it outlives a step
+        return _rebuilt, (type(self), self._setup, self._settings)
 
-    def change_cost(self, Px: Array) -> None:
-        """Solve with another P from the next call on: all its stored entries, in CSC order.
+    @property
+    def can_be_stopped(self) -> bool:
+        """Whether `time_limit` has an effect: OSQP's iterates are of use at any time."""
+        return True
 
-        Raises
-        ------
-        ValueError
-            For a wrong shape.
-        """
-        if Px.shape != self._Px.shape:
-            raise ValueError(f"QP data P: expected shape {self._Px.shape}, got {Px.shape}")
-        self._Px[:], self._new_Px = Px, True
+    def restart(self) -> None:
+        """Set OSQP up anew where it learns from one solve to the next."""
+        if self._learns:
+            self._set_up()
 
     def solve(
-        self, q: Array, lower: Array, upper: Array, Ax: Array, x: Array, y: Array
+        self,
+        q: Array,
+        lower: Array,
+        upper: Array,
+        Ax: Array,
+        x: Array,
+        y: Array,
+        *,
+        Px: Array | None = None,
+        time_limit: float | None = None,
     ) -> QPSolution:
-        """Solve with new numbers from a warm start.
-
-        Parameters
-        ----------
-        q, lower, upper : ndarray
-            (n,), (m,), (m,).
-        Ax : ndarray
-            All stored entries of A, in CSC order, (nnz,).
-        x, y : ndarray
-            Warm start (n,), (m,); one that is not finite is replaced by zeros.
-
-        Raises
-        ------
-        ValueError
-            For wrong shapes.
-        """
+        """Solve with new numbers from a warm start; see `QPSolver.solve`."""
         shapes = (q.shape, lower.shape, upper.shape, Ax.shape, x.shape, y.shape)
         if shapes != self._shapes:
             raise ValueError(
@@ -159,8 +156,6 @@ class OSQPWorkspace:
             return self._failed(
                 f"QP data not finite, or beyond {LARGEST:g}: the factorisation would break down"
             )
-        if self._new_Px and not np.maximum.reduce(np.abs(self._Px)) <= LARGEST:
-            return self._failed(f"QP cost not finite, or beyond {LARGEST:g}")
         if not np.logical_and.reduce(self._lower <= self._upper):
             return self._failed("QP bounds not finite, or they cross")
         # such a row would cross once its other side is cut to INFINITY, and OSQP would complain on
@@ -172,14 +167,17 @@ class OSQPWorkspace:
             return self._failed(f"QP bounds that leave nothing below {INFINITY:g}")
         if not math.isfinite(np.add.reduce(self._start)):
             self._start[:] = 0.0
+        if Px is not None or not self._own_P:
+            Px = self._cost(Px)
+            if Px is None:
+                return self._failed(f"QP cost not finite, or beyond {LARGEST:g}")
+        self._fresh = False
+        self._limit_time(NO_TIME_LIMIT if time_limit is None else time_limit)
         solver = self._solver
         if solver.update_data_vec(
             q=self._q, l=self._lower, u=self._upper
-        ) or solver.update_data_mat(
-            P_x=self._Px if self._new_Px else None, P_i=None, A_x=self._Ax, A_i=None
-        ):
+        ) or solver.update_data_mat(P_x=Px, P_i=None, A_x=self._Ax, A_i=None):
             return self._failed("OSQP refused the data")
-        self._new_Px = False
         # After a matrix update the problem is scaled anew but not the iterates.
         solver.warm_start(self._x, self._y)
         solver.solve()
@@ -197,18 +195,38 @@ class OSQPWorkspace:
             return self._failed("OSQP: solution not finite")
         return QPSolution(outcome, primal, dual, info.iter, info.prim_res, info.dual_res, reason)
 
+    def _cost(self, Px: Array | None) -> Array | None:
+        """Entries of P for the next solve, those of the setup where not given; None if not finite.
+
+        Raises
+        ------
+        ValueError
+            For a wrong shape.
+        """
+        own: Array = self._setup[0].data
+        self._own_P = Px is None
+        if Px is None:
+            return own
+        if Px.shape != own.shape:
+            raise ValueError(f"QP data Px: expected shape {own.shape}, got {Px.shape}")
+        # also false for NaN
+        if not np.maximum.reduce(np.abs(Px)) <= LARGEST:
+            return None
+        return np.ascontiguousarray(Px, dtype=float)
+
+    def _limit_time(self, seconds: float) -> None:
+        """Have OSQP stop after this long [s]."""
+        if seconds != self._time_limit:
+            self._time_limit = self._osqp.settings.time_limit = seconds
+            self._solver.update_settings(self._osqp.settings)
+
     def _failed(self, reason: str) -> QPSolution:
         return QPSolution(
             QPStatus.FAILED, np.zeros(self.n), np.zeros(self.m), 0, np.inf, np.inf, reason
         )
 
 
-SOLVED = int(osqp.SolverStatus.OSQP_SOLVED)
-EARLY = frozenset(
-    int(s)
-    for s in (
-        osqp.SolverStatus.OSQP_SOLVED_INACCURATE,
-        osqp.SolverStatus.OSQP_MAX_ITER_REACHED,
-        osqp.SolverStatus.OSQP_TIME_LIMIT_REACHED,
-    )
-)
+def _rebuilt(
+    kind: type[OSQPWorkspace], setup: tuple[Any, ...], settings: dict[str, Any]
+) -> OSQPWorkspace:
+    return kind(*setup, **settings)

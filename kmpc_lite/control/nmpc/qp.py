@@ -1,27 +1,25 @@
-"""The sparse QP of one SQP pass: pattern built once, numbers written in place through index maps.
+"""The sparse QP of one SQP pass: its pattern is built once, numbers are written in place.
 
 Variables: states X_1 .. X_N, commands U_0 .. U_{N-1}, one slack S_1 .. S_N per stage. The present
-state is data. Rows: dynamics (3 per stage), keep-out half-planes (`slots` per stage), command
-bounds, slack >= 0, and, where the problem limits them, changes of the commands from stage to stage,
-the first from the command sent last.
+state is data. Rows: dynamics (3 per stage), half-planes that keep the robot away from obstacles
+(`slots` per stage), command bounds, slack >= 0, and, where the problem limits them, changes of the
+commands from stage to stage, the first from the command sent last.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sp
 
+from kmpc_lite.control.options import SolverOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.koopman import Linearization
 from kmpc_lite.types import INPUTS, STATES, Array
 
 OPEN = 1e3
-"""Bound of a half-plane row that is not in use [m]: finite, so that OSQP keeps its factorisation
-pattern."""
-
-KEEPOUT_SCALE, SLACK_SCALE = 4.0, 8.0
-"""Factors of the rows of half-planes and of slack >= 0, whose multipliers are the largest: so they
-settle in fewer iterations of ADMM."""
+"""Bound of a half-plane row that is not in use [m]: finite, so that OSQP keeps its factorisation."""
 
 
 class NavigationQP:
@@ -38,13 +36,24 @@ class NavigationQP:
     curved : bool
         Whether `fill_cost` may write other Hessians than the problem's own, which know no curvature
         of the constraints.
+    options : SolverOptions, optional
+        Scales of the rows.
     """
 
     def __init__(
-        self, problem: NavigationProblem, history: int, slots: int, curved: bool = False
+        self,
+        problem: NavigationProblem,
+        history: int,
+        slots: int,
+        curved: bool = False,
+        options: SolverOptions | None = None,
     ) -> None:
+        options = SolverOptions() if options is None else options
+        self._arguments = problem, history, slots, curved, options
         n = problem.horizon
-        self.horizon, self.history, self.slots = n, history, slots
+        self.problem, self.horizon, self.history, self.slots = problem, n, history, slots
+        self.half_plane_scale, self.slack_scale = options.half_plane_scale, options.slack_scale
+        self.least_curvature = options.least_curvature
         self.state_columns = np.arange(STATES * n).reshape(n, STATES)
         self.input_columns = STATES * n + np.arange(INPUTS * n).reshape(n, INPUTS)
         self.slack_columns = (STATES + INPUTS) * n + np.arange(n)
@@ -52,7 +61,7 @@ class NavigationQP:
         self._limited = np.flatnonzero(np.isfinite(problem.du_max))
         rows = np.cumsum([0, STATES * n, slots * n, INPUTS * n, n, len(self._limited) * n])
         self.dynamics_rows = np.arange(rows[0], rows[1]).reshape(n, STATES)
-        self.keepout_rows = np.arange(rows[1], rows[2]).reshape(n, slots)
+        self.half_plane_rows = np.arange(rows[1], rows[2]).reshape(n, slots)
         self.input_rows = np.arange(rows[2], rows[3]).reshape(n, INPUTS)
         self.slack_rows = np.arange(rows[3], rows[4])
         self.change_rows = np.arange(rows[4], rows[5]).reshape(n, len(self._limited))
@@ -60,7 +69,7 @@ class NavigationQP:
         self._next_stage = np.empty(self.row_count, dtype=np.intp)
         for part in (
             self.dynamics_rows,
-            self.keepout_rows,
+            self.half_plane_rows,
             self.input_rows,
             self.slack_rows,
             self.change_rows,
@@ -70,16 +79,19 @@ class NavigationQP:
         self._build_cost(problem, curved)
         self.lower, self.upper = np.zeros(self.row_count), np.full(self.row_count, np.inf)
         self.upper[self.dynamics_rows] = 0.0
-        self.lower[self.keepout_rows] = -OPEN
+        self.lower[self.half_plane_rows] = -OPEN
         u_min, u_max, _, _ = problem.bounds
         self.lower[self.input_rows], self.upper[self.input_rows] = u_min, u_max
         # what is written in every pass, without looking rows up
-        self._dynamics_lower, self._dynamics_upper = (
-            bound[: STATES * n].reshape(n, STATES) for bound in (self.lower, self.upper)
-        )
-        self._keepout_lower = self.lower[rows[1] : rows[2]].reshape(n, slots)
+        self._dynamics_lower = self.lower[: STATES * n].reshape(n, STATES)
+        self._dynamics_upper = self.upper[: STATES * n].reshape(n, STATES)
+        self._half_plane_lower = self.lower[rows[1] : rows[2]].reshape(n, slots)
         self._change = problem.dt * problem.du_max[self._limited]
         self.lower[self.change_rows], self.upper[self.change_rows] = -self._change, self._change
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # its arrays are views of each other, which copies would not be
+        return type(self), self._arguments
 
     def _build_constraints(self) -> None:
         n, blocks = self.horizon, []
@@ -99,10 +111,10 @@ class NavigationQP:
             block(dynamics[j:, :, None], inputs[: n - j, None, :], 0.0)
             for j in range(min(self.history, n - 1) + 1)
         ]
-        normal_start = block(self.keepout_rows[..., None], states[:, None, :2], 0.0)
-        block(self.keepout_rows, self.slack_columns[:, None], KEEPOUT_SCALE)
+        normal_start = block(self.half_plane_rows[..., None], states[:, None, :2], 0.0)
+        block(self.half_plane_rows, self.slack_columns[:, None], self.half_plane_scale)
         block(self.input_rows, inputs, 1.0)
-        block(self.slack_rows, self.slack_columns, SLACK_SCALE)
+        block(self.slack_rows, self.slack_columns, self.slack_scale)
         block(self.change_rows, inputs[:, self._limited], 1.0)
         block(self.change_rows[1:], inputs[:-1, self._limited], -1.0)
 
@@ -124,11 +136,10 @@ class NavigationQP:
         q, r, q_terminal = problem.weights
         _, quadratic = problem.slack_weights
         n = self.horizon
-        self.stage_cost, self.terminal_cost = (
-            np.zeros((n, STATES + INPUTS, STATES + INPUTS)),
-            2 * q_terminal,
-        )
-        self.stage_cost[:, :STATES, :STATES], self.stage_cost[:, STATES:, STATES:] = 2 * q, 2 * r
+        self.terminal_cost = 2 * q_terminal
+        self.stage_cost = np.zeros((n, STATES + INPUTS, STATES + INPUTS))
+        self.stage_cost[:, :STATES, :STATES] = 2 * q
+        self.stage_cost[:, STATES:, STATES:] = 2 * r
         self._slack_cost = np.full(n, 2 * quadratic)
         # upper triangles: of the stages' blocks, whose first has no state among the variables, and
         # of the last state's
@@ -138,10 +149,8 @@ class NavigationQP:
         )
         upper = np.triu_indices(STATES + INPUTS)
         stored = (self.stage_cost[0][upper] != 0.0) | curved
-        self._stage_entries, self._last_entries = (
-            (upper[0][stored], upper[1][stored]),
-            np.triu_indices(STATES),
-        )
+        self._stage_entries = upper[0][stored], upper[1][stored]
+        self._last_entries = np.triu_indices(STATES)
         rows, cols = (
             np.concatenate(
                 [columns[:, stage].ravel(), self.state_columns[-1][last], self.slack_columns]
@@ -171,7 +180,9 @@ class NavigationQP:
         return entries
 
     def fill_cost(self, stages: Array, terminal: Array, x: Array, u: Array) -> None:
-        """Write other Hessians than the cost's own; what they add is zero, with its slope, at the iterate. After `fill`.
+        """Write other Hessians than the cost's own, after `fill`.
+
+        What they add to the cost is zero at the iterate, and so is its slope.
 
         Parameters
         ----------
@@ -194,12 +205,10 @@ class NavigationQP:
         self.q[self.slack_columns] = weight
 
     def set_last_command(self, command: Array) -> None:
-        """Write the command (2,) that the first one may not be far from; needed where the problem limits changes."""
+        """Write the command (2,) that was sent last, where the problem limits changes."""
         last = command[self._limited]
-        self.lower[self.change_rows[0]], self.upper[self.change_rows[0]] = (
-            last - self._change,
-            last + self._change,
-        )
+        self.lower[self.change_rows[0]] = last - self._change
+        self.upper[self.change_rows[0]] = last + self._change
 
     def fill(
         self,
@@ -238,10 +247,10 @@ class NavigationQP:
                 right[j:] -= (by_age[j:] @ u[: n - j, :, None])[..., 0]
         self._dynamics_lower[:] = right
         self._dynamics_upper[:] = right
-        np.multiply(normals.ravel(), KEEPOUT_SCALE, out=self._scaled_normals)
+        np.multiply(normals.ravel(), self.half_plane_scale, out=self._scaled_normals)
         data[self._normal_place] = self._scaled_normals
-        np.multiply(offsets, KEEPOUT_SCALE, out=self._keepout_lower)
-        np.maximum(self._keepout_lower, -OPEN, out=self._keepout_lower)
+        np.multiply(offsets, self.half_plane_scale, out=self._half_plane_lower)
+        np.maximum(self._half_plane_lower, -OPEN, out=self._half_plane_lower)
         np.matmul(reference[1:-1], self._pull, out=self._q_states[:-1])
         np.matmul(reference[-1], self._pull_terminal, out=self._q_states[-1])
 
@@ -262,9 +271,9 @@ class NavigationQP:
         )
 
     def duals_in_the_open(self) -> Array:
-        """Multipliers (m,) where no obstacle is near: each slack is pressed to zero by its penalty, all else is free."""
+        """Multipliers (m,) where no obstacle is near: only slacks are pressed, by their penalty."""
         y = np.zeros(self.row_count)
-        y[self.slack_rows] = -self.slack_penalty / SLACK_SCALE
+        y[self.slack_rows] = -float(self.problem.slack_weights[0]) / self.slack_scale
         return y
 
     def shift_duals(self, y: Array) -> Array:

@@ -1,37 +1,73 @@
-"""The last plan, one period on, as the start of the next solve, unless something tells that it is worth nothing."""
+"""The last plan, one period later, as the start of the next solve, if it is worth anything."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from kmpc_lite.control.input_checks import POSITION_LIMIT
-from kmpc_lite.control.nmpc.sqp import SQP, Trajectory
+from kmpc_lite.control.nmpc.qp import NavigationQP
+from kmpc_lite.control.nmpc.trajectory import Trajectory, shifted
+from kmpc_lite.control.options import SolverOptions, fastest, unit_length
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.types import Array
 
-JUMP = (0.5, 1.0)
-"""A pose that is farther from the predicted one [m, rad] makes the last plan worthless as a
-start."""
 ROUNDING = 1e-9
 """By which a command may pass its bound."""
 
 
-def warm_start(sqp: SQP, last: Trajectory | None, here: Array) -> Trajectory | None:
-    """Last plan, one period on, if the robot is where that plan put it; none for a plan that is stale or poisoned."""
-    if last is None:
-        return None
-    dx, dy, turned = (last.states[1] - here).tolist()
-    turns = 2 * np.pi * round(turned / (2 * np.pi)) if abs(turned) <= POSITION_LIMIT else 0.0
-    # also false for NaN
-    if not (abs(dx) <= JUMP[0] and abs(dy) <= JUMP[0] and abs(turned - turns) <= JUMP[1]):
-        return None
-    guess = sqp.shift(last, here)
-    # also false for NaN
-    if not (
-        np.abs(guess.states).max() <= 2 * POSITION_LIMIT
-        and np.abs(guess.inputs).max() <= sqp.largest_command + ROUNDING
-        and np.isfinite(guess.duals.sum())
-    ):
-        return None
-    if turns:
-        guess.states[1:, 2] -= turns
-    return guess
+class WarmStart:
+    """Judges whether the last plan is a start for the next.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Robot radius and command bounds.
+    qp : NavigationQP
+        Shifts multipliers.
+    options : SolverOptions
+        How far from the plan a robot is lost.
+    """
+
+    def __init__(
+        self, problem: NavigationProblem, qp: NavigationQP, options: SolverOptions
+    ) -> None:
+        self._qp = qp
+        self._lost_position = options.lost_position * unit_length(problem)
+        self._lost_heading = options.lost_heading
+        self._largest_command = max(fastest(problem)) + ROUNDING
+
+    def from_last(self, last: Trajectory | None, here: Array) -> Trajectory | None:
+        """Last plan, one period later, if the robot is where that plan put it.
+
+        Parameters
+        ----------
+        last : Trajectory, optional
+            The last plan.
+        here : ndarray
+            Present pose (3,), its heading within one turn.
+
+        Returns
+        -------
+        Trajectory or None
+            None for a plan that is stale, or spoilt by whoever got it.
+        """
+        if last is None:
+            return None
+        dx, dy, turned = (last.states[1] - here).tolist()
+        turns = nearest_turn(turned) if abs(turned) <= POSITION_LIMIT else 0.0
+        # also false for NaN
+        is_near = abs(dx) <= self._lost_position and abs(dy) <= self._lost_position
+        if not (is_near and abs(turned - turns) <= self._lost_heading):
+            return None
+        guess = shifted(self._qp, last, here)
+        # also false for NaN
+        if not (
+            np.abs(guess.states).max() <= 2 * POSITION_LIMIT
+            and np.abs(guess.inputs).max() <= self._largest_command
+            and np.isfinite(guess.duals.sum())
+        ):
+            return None
+        if turns:
+            guess.states[1:, 2] -= turns
+        return guess

@@ -1,1 +1,1 @@
-"""The verified way to a standstill."""
+"""The way to a standstill that every plan must have, and what is driven when there is no plan."""

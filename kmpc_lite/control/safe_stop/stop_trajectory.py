@@ -1,22 +1,24 @@
-"""A way to a stop for every plan: none is driven unless the robot can still stop clear of everything after its coming command.
+"""Where a plan is checked for a stop: none is driven unless the robot can still stop clear.
 
-The tail of a plan is the coming command, as few further commands of the plan as possible, and a
-brake: the ramp of `NavigationProblem.deceleration`, or zero at once for a model without input
-history, whose robot stands when it is told to. A model with input history coasts through its past
-commands. Where no tail of the plan is clear, its coming command is shrunk; where that does not help
-either, the plan is not accepted, and the tail of the one before is driven.
+The stop trajectory of a plan is the coming command, as few further commands of the plan as
+possible, and a brake: the ramp of `NavigationProblem.deceleration`, or zero at once for a model
+without input history, whose robot stands when it is told to. A model with input history coasts
+through its past commands. Where no stop trajectory of the plan is clear, its coming command is
+slowed; where that does not help either, the plan is not accepted, and the stop trajectory of the
+one before is driven.
 
-Clear means: up to the stop, no obstacle comes nearer than the margin of the coming step, or than a
-part of the room that a standing robot would have had (`SPEND`). So standing is always allowed, a
-robot that is near an obstacle can pass by, and one that touches can get free.
+Clear means: up to the stop, no obstacle comes nearer than the margin of the coming command, or than
+a part of the clearance that a standing robot would have had (`StopOptions.spend_share`). So
+standing is always allowed, a robot that is near an obstacle can pass by, and one that touches can
+get free.
 
 It holds as far as these are true:
 
-- the model is wrong about the way to the stop by less than the margin of the coming step
-  (`Tightening.step_margin`);
+- the model is wrong about the stop trajectory by less than the margin of the coming command
+  (`CommandCheck.step_margin`);
 - circles keep their velocity and solids stay until the robot stands; a standing robot can still be
   driven into;
-- the pose is right, and every obstacle that the tail comes to is known;
+- the pose is right, and every obstacle that the stop trajectory comes to is known;
 - a robot whose model has no input history, and whose commands may change as they like (no
   `du_max`), stops within the period in which it is told to;
 - margins are on: without them (``tightening=None``, the paper) no plan is refused, and what is left
@@ -25,42 +27,27 @@ It holds as far as these are true:
 
 from __future__ import annotations
 
-import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kmpc_lite.control.margins.tightening import Tightening
-from kmpc_lite.control.nmpc.sqp import Trajectory
+from kmpc_lite.control.margins.command_check import CommandCheck
+from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.obstacles.circles import circle_distances, stand_ins
+from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.types import INPUTS, STATES, Array
+from kmpc_lite.control.safe_stop.braking import ROUNDING, Braking
+from kmpc_lite.control.safe_stop.quick_look import QuickLook
+from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.obstacles.solids import Nearby
 
-HARDLY = 0.05
-"""Share of a speed that is hardly driving any more: turning in full instead moves the robot by a
-fraction of a mm."""
-FURTHER_TIME = 0.5
-"""How much of the plan's rest is tried before the brake [s]."""
-SHARES = (0.5, 0.25, 0.0)
-"""Shares of the coming command that are tried where the whole one has no tail."""
-SPEND = 0.25
-"""Share of the room that a tail may use up where there is less of it than the margin."""
-FASTER = 1.25
-"""How much farther than its command says a robot is taken to drive where nothing is looked at more
-closely."""
-QUICK = (0.005, 0.05)
-"""What the quick look at a robot that lags is taken to be wrong by [m], and as a share of the
-way."""
-ANSWERS = ((0, 0), (1, 0), (2, 1))
-"""Row and column of the model's derivative by a command: driven ahead and aside by the speed,
-turned by the turning speed."""
-LONGEST_RAMP = 100
-"""Periods of a braking ramp, at the most."""
+NO_SOLIDS = np.zeros(2), np.empty(0), np.empty((0, 2))
+"""`StopTask.solids_ahead` where there are none."""
 
 
 class StopTrajectory(NamedTuple):
@@ -70,267 +57,211 @@ class StopTrajectory(NamedTuple):
     """Commands of the plan after the coming one."""
     at_once: bool = False
     """Whether the brake is zero at once, not the ramp."""
-    slowed: bool = False
-    """Whether the plan's coming command was shrunk, and the plan rolled out anew."""
 
-    def commands(self, inputs: Array, ramp_step: Array) -> Array:
+    def commands(self, inputs: Array, braking: Braking) -> Array:
         """Commands (T, 2) from the coming one to zero, of a plan's inputs (N, 2)."""
         driven = inputs[: 1 + self.further]
-        brake = np.zeros((1, 2)) if self.at_once else ramp(driven[-1], ramp_step)
+        brake = np.zeros((1, 2)) if self.at_once else braking.ramp(driven[-1])
         return np.concatenate([driven, brake])
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class StopTask:
+    """What a stop trajectory starts from, and what it must be clear of."""
+
+    model: MotionModel
+    """Predicts."""
+    past: Array
+    """(L, 2) commands already sent, oldest first."""
+    last: Array
+    """(2,) the command sent last."""
+    circles: Array
+    """(M, 5) rows x, y, radius, vx, vy, as they are now."""
+    nearby: Nearby | None = None
+    """Solids that the robot can come to."""
+    solids_ahead: tuple[Array, Array, Array] = NO_SOLIDS
+    """A point near the robot (2,), the distances of these solids from it (C,), and the normals
+    there (C, 2): a half-plane that a convex solid lies behind is as good as the solid."""
+    check: CommandCheck | None = None
+    """Margins of single commands; without them every plan is accepted."""
+    drift: DriftState | None = None
+    """Of the drift detector; given with `check`."""
+
+
+class CheckedPlan(NamedTuple):
+    """A plan after it was checked for a stop."""
+
+    stop: StopTrajectory | None
+    """None where the robot could not stop clear: the plan must not be driven."""
+    states: Array
+    """(N + 1, 3), rolled out anew where the plan was slowed."""
+    inputs: Array
+    """(N, 2), whose first is the coming command."""
+    slowed: bool = False
+    """Whether the coming command was slowed."""
+
+
 class StopTrajectories:
-    """Finds the tail of a plan.
+    """Finds the stop trajectory of a plan.
 
     Parameters
     ----------
     problem : NavigationProblem
         Period, horizon, radius and deceleration.
-    tightening : Tightening, optional
-        Margins; without them every plan is accepted.
+    options : StopOptions, optional
+        What is tried, and what is clear.
     """
 
-    def __init__(self, problem: NavigationProblem, tightening: Tightening | None) -> None:
-        self._dt, self._touch, self._tightening = problem.dt, problem.robot_radius, tightening
-        self._ramp_step = np.asarray(problem.deceleration) * problem.dt
-        self._slow_v, self._slow_omega = self._ramp_step.tolist()
-        self._further = min(int(round(FURTHER_TIME / problem.dt)), problem.horizon - 1)
-        self._limited, self._rates = problem.limits_changes, RateLimit(problem)
-        self._known: KoopmanModel | None = None
-        self._counts = np.arange(1.0, LONGEST_RAMP + 1)
+    def __init__(self, problem: NavigationProblem, options: StopOptions | None = None) -> None:
+        self._options = options = StopOptions() if options is None else options
+        self._dt, self._radius = problem.dt, problem.robot_radius
+        self._braking = Braking(problem, options)
+        self._quick_look = QuickLook(problem, self._braking, options)
+        self._further = min(round(options.further_time / problem.dt), problem.horizon - 1)
+        self._rates = RateLimit(problem)
 
-    def find(
-        self,
-        model: KoopmanModel,
-        plan: Trajectory,
-        circles: Array,
-        nearby: Nearby | None,
-        solids: tuple[Array, Array, Array],
-        past: Array,
-        last: Array | None = None,
-    ) -> StopTrajectory | None:
-        """Tail of a plan, whose coming command is shrunk where it must be; None where there is no way to a stop.
+    def find(self, states: Array, inputs: Array, task: StopTask) -> CheckedPlan:
+        """Check a plan from the present pose; its coming command is slowed where it must be.
 
         Parameters
         ----------
-        model : KoopmanModel
+        states, inputs : ndarray
+            The plan (N + 1, 3) and (N, 2); left as they are.
+        task : StopTask
+            What it must be clear of.
+        """
+        check, drift = task.check, task.drift
+        if check is None or drift is None or not (len(task.circles) or task.nearby):
+            return CheckedPlan(StopTrajectory(), states, inputs)
+        ahead, closing = self._ahead(task)
+        model, here = task.model, states[0]
+        share, nearest = check.speed_share(drift, here, inputs[0], ahead, task.past)
+        plan = CheckedPlan(StopTrajectory(), states, inputs)
+        if share < 1.0:
+            plan = self._slowed(plan, share, task)
+        v, omega = plan.inputs[0].tolist()
+        distance = self._braking.distance(v, omega)
+        if model.history:
+            distance += self._dt * float(np.abs(task.past[:, 0]).sum())
+        periods = self._braking.periods(v, omega)
+        margin = check.step_margin(drift, v, omega)
+        # far from everything, which is most of the time, nothing needs to be rolled out
+        approach = self._dt * closing * (periods + model.history + 1.0)
+        if nearest > self._options.overspeed * distance + approach + margin:
+            return plan
+        if not (model.history or self._rates.active):
+            # a robot without lag stands when it is told to, and the coming period was checked above
+            clear = self._quick_look.ramp_is_clear(plan.states, periods, ahead, margin)
+            return plan._replace(stop=StopTrajectory(at_once=not clear))
+        if self._quick_look.lagging_ramp_is_clear(
+            model, plan.states, plan.inputs[0], task.past, ahead, margin
+        ):
+            return plan
+        return self._search(plan, task, check, drift)
+
+    def rollout(self, model: MotionModel, here: Array, commands: Array, past: Array) -> Array:
+        """States of a stop trajectory and of the coasting after it.
+
+        Parameters
+        ----------
+        model : MotionModel
             Predicts.
-        plan : Trajectory
-            From the present pose; changed in place where its command is shrunk.
-        circles : ndarray
-            (M, 5), as they are now.
-        nearby : Nearby, optional
-            Solids that the robot can come to.
-        solids : tuple of ndarray
-            A point near the robot (2,), the distances of these solids from it (C,), and the normals
-            there (C, 2): a half-plane that a convex solid lies behind is as good as any other.
+        here : ndarray
+            Pose (3,) at which it begins.
+        commands : ndarray
+            (..., T, 2), to zero.
         past : ndarray
             (L, 2) commands already sent.
-        last : ndarray, optional
-            (2,) the one sent last: where changes are limited, the coming one is shrunk only as far
-            from it as is allowed.
-        """
-        tightening = self._tightening
-        if tightening is None or not (len(circles) or nearby):
-            return StopTrajectory()
-        ahead, closing = circles, 0.0
-        if circles[:, 3:].any():
-            ahead = circles.copy()
-            ahead[:, :2] += self._dt * circles[:, 3:]
-            closing = float(np.abs(circles[:, 3:]).sum(axis=1).max())
-        if nearby:
-            ahead = np.concatenate([ahead, stand_ins(*solids)])
-        here, command = plan.states[0], plan.inputs[0]
-        share = tightening.speed_share(here, command, ahead, past)
-        if share < 1.0:
-            # where it may hardly drive it turns on the spot, which a round robot always may, or it
-            # would stand there for ever
-            self._shrink(model, plan, share, past)
-            if self._limited and last is not None:
-                plan.inputs[0] = self._rates.limit(plan.inputs[0], last)
-                plan.states[:] = model.rollout(here, plan.inputs, past)
-        v, omega = command.tolist()
-        periods = max(abs(v) / self._slow_v, abs(omega) / self._slow_omega)
-        speeds = abs(v) * (1.0 + 0.5 * periods)
-        if model.history:
-            speeds += float(np.abs(past[:, 0]).sum())
-        margin = tightening.step_margin(v, omega)
-        # far from everything, which is most of the time, nothing needs to be rolled out
-        if (
-            tightening.nearest
-            > self._dt * (FASTER * speeds + closing * (periods + model.history + 1.0)) + margin
-        ):
-            return StopTrajectory(slowed=share < 1.0)
-        if not (model.history or self._limited):
-            # a robot without lag stands when it is told to, and the coming period was looked at
-            # above
-            return StopTrajectory(
-                at_once=not self._ramp_is_clear(plan, ahead, periods, margin), slowed=share < 1.0
-            )
-        if self._lagging_ramp_is_clear(model, plan, ahead, margin, past):
-            return StopTrajectory(slowed=share < 1.0)
-        return self._search(model, plan, circles, nearby, past, share < 1.0)
 
-    def rollout(self, model: KoopmanModel, here: Array, commands: Array, past: Array) -> Array:
-        """States of a tail's commands (..., T, 2) and of the coasting after them, (..., T + L + 1, 3)."""
+        Returns
+        -------
+        ndarray
+            (..., T + L + 1, 3).
+        """
         if model.history:
             still = np.zeros((*commands.shape[:-2], model.history, 2))
             commands = np.concatenate([commands, still], axis=-2)
         return model.rollout(here, commands, past)
 
-    def _shrink(self, model: KoopmanModel, plan: Trajectory, share: float, past: Array) -> None:
-        plan.inputs[0] *= (share, share if share > HARDLY else 1.0)
-        plan.states[:] = model.rollout(plan.states[0], plan.inputs, past)
-
-    def _ramp_is_clear(self, plan: Trajectory, ahead: Array, periods: float, margin: float) -> bool:
-        """Whether the ramp keeps the margin: without lag it is the arc of the coming period, driven on ever more slowly."""
-        (x0, y0, before), (x1, y1, after) = plan.states[:2].tolist()
-        k = self._counts[: min(math.ceil(periods), LONGEST_RAMP)]
-        # how often the coming period's way is driven again up to each stage: 1 - 1/periods, 1 -
-        # 2/periods, ...
-        times = k * (1.0 - (k + 1.0) / (2.0 * max(periods, 1.0)))
-        turned = 0.5 * (after - before) * (1.0 + times)
-        cos, sin = times * np.cos(turned), times * np.sin(turned)
-        dx, dy = x1 - x0, y1 - y0
-        x, y = x1 + dx * cos - dy * sin, y1 + dx * sin + dy * cos
-        return self._least_room(x, y, self._dt * k, ahead) >= margin
-
-    def _least_room(self, x: Array, y: Array, times: Array, ahead: Array) -> float:
-        """Room at places (T,) and times after the coming period (T,)."""
-        x, y = x[:, None], y[:, None]
+    def _ahead(self, task: StopTask) -> tuple[Array, float]:
+        """Circles and stand-ins for solids at the end of the coming period, and their speed."""
+        ahead, closing = task.circles, 0.0
         if ahead[:, 3:].any():
-            x, y = x - times[:, None] * ahead[:, 3], y - times[:, None] * ahead[:, 4]
-        return (
-            float((np.hypot(x - ahead[:, 0], y - ahead[:, 1]) - ahead[:, 2]).min(initial=np.inf))
-            - self._touch
-        )
+            closing = float(np.abs(ahead[:, 3:]).sum(axis=1).max())
+            ahead = ahead.copy()
+            ahead[:, :2] += self._dt * ahead[:, 3:]
+        if task.nearby:
+            ahead = np.concatenate([ahead, stand_ins(*task.solids_ahead)])
+        return ahead, closing
 
-    def _lagging_ramp_is_clear(
-        self, model: KoopmanModel, plan: Trajectory, ahead: Array, margin: float, past: Array
-    ) -> bool:
-        """Whether the ramp and the coasting after it keep the margin and `QUICK`: the model's answer to commands, summed up at once.
-
-        What it cannot tell is rolled out, at ten times the price.
-        """
-        if model is not self._known:
-            lin = model.linearize(np.zeros(STATES), np.zeros(INPUTS))
-            answer = np.concatenate([lin.B[None], lin.B_past])
-            self._known, self._ahead, self._left, self._turned = (
-                model,
-                *(answer[:, row, column].copy() for row, column in ANSWERS),
-            )
-        commands = np.concatenate(
-            [
-                past,
-                StopTrajectory().commands(plan.inputs, self._ramp_step),
-                np.zeros((model.history, INPUTS)),
-            ]
-        )
-        first, count = model.history, len(commands) - model.history
-        speeds, turns = np.ascontiguousarray(commands[:, 0]), np.ascontiguousarray(commands[:, 1])
-        driven = np.convolve(speeds, self._ahead)[first : first + count]
-        aside = np.convolve(speeds, self._left)[first : first + count]
-        turned = np.convolve(turns, self._turned)[first : first + count]
-        x0, y0, heading = plan.states[0].tolist()
-        headings = heading + np.cumsum(turned) - 0.5 * turned
-        cos, sin = np.cos(headings), np.sin(headings)
-        x, y = (
-            x0 + np.cumsum(driven * cos - aside * sin),
-            y0 + np.cumsum(driven * sin + aside * cos),
-        )
-        slack = QUICK[0] + QUICK[1] * float(np.abs(driven).sum())
-        # also false for NaN
-        return self._least_room(x, y, self._dt * np.arange(count), ahead) >= margin + slack
+    def _slowed(self, plan: CheckedPlan, share: float, task: StopTask) -> CheckedPlan:
+        """Slow the coming command, and roll the plan out anew."""
+        inputs = plan.inputs.copy()
+        # where it may hardly drive it turns on the spot, which a round robot always may
+        turn_share = share if share > self._options.turn_only_share else 1.0
+        inputs[0] *= (share, turn_share)
+        if self._rates.active:
+            inputs[0] = self._rates.limit(inputs[0], task.last)
+        states = task.model.rollout(plan.states[0], inputs, task.past)
+        return CheckedPlan(plan.stop, states, inputs, slowed=True)
 
     def _search(
-        self,
-        model: KoopmanModel,
-        plan: Trajectory,
-        circles: Array,
-        nearby: Nearby | None,
-        past: Array,
-        slowed: bool,
-    ) -> StopTrajectory | None:
-        """First tail of a robot that lags that is clear: of the whole command, then of shares of it."""
-        whole = StopTrajectory(slowed=slowed).commands(plan.inputs, self._ramp_step)[None]
-        if self._are_clear(model, plan.states[0], whole, circles, nearby, past)[0]:
-            return StopTrajectory(slowed=slowed)
-        tails = [
-            StopTrajectory(further, slowed=slowed).commands(plan.inputs, self._ramp_step)
+        self, plan: CheckedPlan, task: StopTask, check: CommandCheck, drift: DriftState
+    ) -> CheckedPlan:
+        """Find the first clear stop trajectory of a robot that lags, of the whole command first."""
+        here, inputs, braking = plan.states[0], plan.inputs, self._braking
+        whole = StopTrajectory().commands(inputs, braking)[None]
+        if self._are_clear(here, whole, task, check, drift)[0]:
+            return plan
+        candidates = [
+            StopTrajectory(further).commands(inputs, braking)
             for further in range(1, self._further + 1)
         ]
-        # a command whose change is limited cannot be shrunk at will
-        tails += [
-            StopTrajectory().commands(share * plan.inputs[:1], self._ramp_step)
-            for share in SHARES
-            if not self._limited
-        ]
-        commands = np.zeros((len(tails), max(map(len, tails)), 2))
-        for row, tail in zip(commands, tails, strict=True):
-            row[: len(tail)] = tail
-        clear = self._are_clear(model, plan.states[0], commands, circles, nearby, past)
+        # a command whose change is limited cannot be slowed at will
+        shares = () if self._rates.active else self._options.slower_shares
+        candidates += [StopTrajectory().commands(share * inputs[:1], braking) for share in shares]
+        if not candidates:
+            return plan._replace(stop=None)
+        commands = np.zeros((len(candidates), max(map(len, candidates)), 2))
+        for row, candidate in zip(commands, candidates, strict=True):
+            row[: len(candidate)] = candidate
+        clear = self._are_clear(here, commands, task, check, drift)
         if not clear.any():
-            return None
+            return plan._replace(stop=None)
         first = int(clear.argmax())
         if first < self._further:
-            return StopTrajectory(further=first + 1, slowed=slowed)
-        plan.inputs[0] *= SHARES[first - self._further]
-        plan.states[:] = model.rollout(plan.states[0], plan.inputs, past)
-        return StopTrajectory(slowed=True)
+            return plan._replace(stop=StopTrajectory(further=first + 1))
+        slower = inputs.copy()
+        slower[0] *= shares[first - self._further]
+        states = task.model.rollout(here, slower, task.past)
+        return CheckedPlan(StopTrajectory(), states, slower, slowed=True)
 
     def _are_clear(
-        self,
-        model: KoopmanModel,
-        here: Array,
-        commands: Array,
-        circles: Array,
-        nearby: Nearby | None,
-        past: Array,
+        self, here: Array, commands: Array, task: StopTask, check: CommandCheck, drift: DriftState
     ) -> Array:
-        """Which of the tails (C, T, 2) from a pose (3,) are clear, (C,)."""
-        assert self._tightening is not None
-        states = self.rollout(model, here, commands, past)[:, 1:]
+        """Which of the stop trajectories (C, T, 2) from a pose (3,) are clear, (C,)."""
+        states = self.rollout(task.model, here, commands, task.past)[:, 1:]
         count, length = states.shape[:2]
         points = states[..., :2].reshape(-1, 2)
         times = np.tile(self._dt * np.arange(1, length + 1), count)
-        rooms, standing = [], []
-        if len(circles):
-            rooms.append(circle_distances(circles, points, times)[0])
-            standing.append(
-                np.tile(
-                    circle_distances(
-                        circles, np.repeat(here[None, :2], length, axis=0), times[:length]
-                    )[0],
-                    (count, 1),
-                )
-            )
-        if nearby:
-            rooms.append(nearby.least(points)[:, None])
-            standing.append(np.full((len(points), 1), nearby.least(here[None, :2])[0]))
-        room, still = (
-            np.concatenate(rooms, axis=1) - self._touch,
-            np.concatenate(standing, axis=1) - self._touch,
-        )
+        distances, standing = [], []
+        if len(task.circles):
+            distances.append(circle_distances(task.circles, points, times)[0])
+            still = np.repeat(here[None, :2], length, axis=0)
+            beside = circle_distances(task.circles, still, times[:length])[0]
+            standing.append(np.tile(beside, (count, 1)))
+        if task.nearby:
+            distances.append(task.nearby.least(points)[:, None])
+            standing.append(np.full((len(points), 1), task.nearby.least(here[None, :2])[0]))
+        clearance = np.concatenate(distances, axis=1) - self._radius
+        still_clearance = np.concatenate(standing, axis=1) - self._radius
         margins = np.array(
-            [self._tightening.step_margin(v, omega) for v, omega in commands[:, 0].tolist()]
+            [check.step_margin(drift, v, omega) for v, omega in commands[:, 0].tolist()]
         )
-        needed = np.minimum(
-            np.repeat(margins, length)[:, None], np.where(still > 0.0, (1.0 - SPEND) * still, still)
-        )
+        kept = (1.0 - self._options.spend_share) * still_clearance
+        left = np.where(still_clearance > 0.0, kept, still_clearance)
+        needed = np.minimum(np.repeat(margins, length)[:, None], left)
         # also false for NaN
-        clear: Array = (room >= needed - 1e-9).all(axis=1).reshape(count, length).all(axis=1)
+        enough = (clearance >= needed - ROUNDING).all(axis=1)
+        clear: Array = enough.reshape(count, length).all(axis=1)
         return clear
-
-
-def ramp(command: Array, step: Array) -> Array:
-    """Commands (T, 2) after one (2,) that is braked by at most `step` (2,) per period; the last is zero.
-
-    Both speeds shrink by one factor, so that the robot keeps to the curve that it is on.
-    """
-    periods = float((np.abs(command) / step).max())
-    count = max(1, min(math.ceil(periods - 1e-9), LONGEST_RAMP))
-    shares = 1.0 - np.arange(1, count + 1) / max(periods, 1e-9)
-    shares[-1] = 0.0
-    commands: Array = shares[:, None] * command
-    return commands

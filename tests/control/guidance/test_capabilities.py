@@ -10,7 +10,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.control.guidance.capabilities import clearance_at_speed, drivable_speeds
 from kmpc_lite.control.guidance.guide import CLEARANCES, Guide
-from kmpc_lite.control.margins.tightening import Tightening
+from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.model.koopman import NoiseModel
 
 PROBLEM = kl.NavigationProblem()
@@ -101,10 +101,10 @@ def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(
 ) -> None:
     noise = NoiseModel(np.stack([np.zeros((3, 3)), np.diag([1e-3, 1e-3, 1e-3]), np.zeros((3, 3))]))
     model, nothing = replace(lagging, noise_model=noise), np.empty((0, 5))
-    tightening = Tightening(model, PROBLEM)
-    room = clearance_at_speed(model, PROBLEM, tightening)
+    margins = Margins(model, PROBLEM)
+    room = clearance_at_speed(model, PROBLEM, margins)
     assert room > CLEARANCES[0] and room > clearance_at_speed(
-        replace(model, noise_model=None), PROBLEM, Tightening(lagging, PROBLEM)
+        replace(model, noise_model=None), PROBLEM, Margins(lagging, PROBLEM)
     )
     circle, ends = (
         np.array([[0.0, -0.05, 0.2, 0.0, 0.0]]),
@@ -113,7 +113,7 @@ def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(
 
     def gap(model: kl.KoopmanModel, circles: np.ndarray) -> float:
         guide = Guide(PROBLEM)
-        guide.learn(model, Tightening(model, PROBLEM))
+        guide.learn(model, Margins(model, PROBLEM))
         assert guide.reference(*ends, nothing).reachable
         return float(
             np.hypot(*(guide.reference(*ends, circles).path - circle[0, :2]).T).min()
@@ -132,5 +132,5 @@ def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(
         ]
     )
     guide = Guide(PROBLEM)
-    guide.learn(model, tightening)
+    guide.learn(model, margins)
     assert guide.reference(*ends, wall).reachable

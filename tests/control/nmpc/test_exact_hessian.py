@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.nmpc.exact_hessian import LEAST, convex, dynamics_curvature, hessians
-from kmpc_lite.control.nmpc.qp import KEEPOUT_SCALE, NavigationQP
-from kmpc_lite.control.obstacles.circles import KeepOut, circles_to_array
+from kmpc_lite.control.nmpc.exact_hessian import convex, dynamics_curvature, hessians
+from kmpc_lite.control.nmpc.qp import NavigationQP
+from kmpc_lite.control.obstacles.circles import circles_to_array
+from kmpc_lite.control.obstacles.half_planes import KeepOut
 
 PROBLEM = kl.NavigationProblem(horizon=6)
+LEAST = 0.1
 
 
 def second_differences(function, point, step=1e-3):  # type: ignore[no-untyped-def]
@@ -49,7 +51,7 @@ def test_stages_hold_cost_dynamics_and_circles(
     nominal: kl.KoopmanModel, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "kmpc_lite.control.nmpc.exact_hessian.convex", lambda blocks: blocks
+        "kmpc_lite.control.nmpc.exact_hessian.convex", lambda blocks, least: blocks
     )  # the Hessian as it is
     n, slots, random = PROBLEM.horizon, 5, np.random.default_rng(2)
     circles = circles_to_array([kl.Circle(0.5, 0.3, 0.1), kl.Circle(-0.4, 0.8, 0.2, 0.1, -0.2)])
@@ -58,10 +60,10 @@ def test_stages_hold_cost_dynamics_and_circles(
         random.normal(size=(n, 2)) * 0.4,
     )
     keep_out, qp = KeepOut(PROBLEM, slots), NavigationQP(PROBLEM, 0, slots, curved=True)
-    gaps, normals = keep_out.gaps(states, circles)
-    normals, _ = keep_out.half_planes(states, gaps, normals)
+    found = keep_out.clearances(states, circles, None)
+    normals, _ = keep_out.half_planes(states, found.values, found.normals)
     duals = random.normal(size=qp.row_count)
-    duals[qp.keepout_rows] = -np.abs(duals[qp.keepout_rows])
+    duals[qp.half_plane_rows] = -np.abs(duals[qp.half_plane_rows])
     stages, terminal = hessians(
         nominal, qp, states, inputs, duals, normals, keep_out.bends(states, circles)
     )
@@ -79,7 +81,7 @@ def test_stages_hold_cost_dynamics_and_circles(
 
     def room(k, p):  # type: ignore[no-untyped-def]
         where = circles[:, :2] + k * PROBLEM.dt * circles[:, 3:]
-        return KEEPOUT_SCALE * duals[qp.keepout_rows[k - 1, :2]] @ np.hypot(*(p - where).T)
+        return qp.half_plane_scale * duals[qp.half_plane_rows[k - 1, :2]] @ np.hypot(*(p - where).T)
 
     for k in range(1, n):
         expected = second_differences(
@@ -94,10 +96,10 @@ def test_convex_matrices_stay_and_others_are_turned_round() -> None:
     random = np.random.default_rng(3)
     square = random.normal(size=(10, 5, 5))
     definite = square @ square.transpose(0, 2, 1) + 0.2 * np.eye(5)
-    np.testing.assert_allclose(convex(definite), definite, atol=1e-9)
-    np.testing.assert_allclose(convex(-definite), definite, atol=1e-9)
+    np.testing.assert_allclose(convex(definite, LEAST), definite, atol=1e-9)
+    np.testing.assert_allclose(convex(-definite, LEAST), definite, atol=1e-9)
     assert (
-        np.linalg.eigvalsh(convex(1e-6 * (square + square.transpose(0, 2, 1)))).min()
+        np.linalg.eigvalsh(convex(1e-6 * (square + square.transpose(0, 2, 1)), LEAST)).min()
         >= LEAST - 1e-12
     )
 
@@ -106,7 +108,7 @@ def test_a_qp_with_other_hessians_is_the_old_one_at_the_iterate() -> None:
     n, random = PROBLEM.horizon, np.random.default_rng(4)
     plain, curved = NavigationQP(PROBLEM, 0, 3), NavigationQP(PROBLEM, 0, 3, curved=True)
     x, u = random.normal(size=(n + 1, 3)), random.normal(size=(n, 2))
-    stages = convex(random.normal(size=(n, 1, 1)) * np.ones((5, 5)) + plain.stage_cost)
+    stages = convex(random.normal(size=(n, 1, 1)) * np.ones((5, 5)) + plain.stage_cost, LEAST)
     stages[0, :3, 3:] = stages[0, 3:, :3] = 0.0
     terminal = plain.terminal_cost + np.eye(3)
 

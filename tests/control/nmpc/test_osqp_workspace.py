@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 import kmpc_lite as kl
-from kmpc_lite.control.nmpc import sqp as sqp_module
-from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace, QPSolution, QPStatus
+from kmpc_lite.control.nmpc import choose_solver
+from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace
+from kmpc_lite.control.nmpc.qp_solvers import QPSolution, QPStatus
 
 EXACT: dict[str, Any] = {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 50_000}
 
@@ -195,12 +196,11 @@ def test_time_limit_stops_a_solve_and_can_be_lifted() -> None:
     q, lower, upper, zeros = random.normal(size=n), -0.1 * np.ones(n), 0.1 * np.ones(n), np.zeros(n)
     workspace = OSQPWorkspace(dense, q, sparse.csc_matrix(a), lower, upper, **EXACT)
     entries = a.ravel(order="F")
-    workspace.limit_time(1e-9)
-    hurried = workspace.solve(q, lower, upper, entries, zeros, zeros)
+    hurried = workspace.solve(q, lower, upper, entries, zeros, zeros, time_limit=1e-9)
     assert hurried.status is QPStatus.STOPPED_EARLY
     assert "time" in hurried.reason
     assert np.isfinite(hurried.x).all()
-    workspace.limit_time(1e9)
+    # the next solve has no limit any more
     assert workspace.solve(q, lower, upper, entries, zeros, zeros).status is QPStatus.SOLVED
 
 
@@ -330,15 +330,15 @@ def recorded_qps(
             self.matrices = P, A
             super().__init__(P, q, A, *rest, **options)
 
-        def solve(self, *arguments: np.ndarray) -> QPSolution:
+        def solve(self, *arguments: np.ndarray, **more: Any) -> QPSolution:
             data = {name: np.array(value) for name, value in zip(names, arguments, strict=True)}
             p, a = self.matrices
             recorded.append(
                 (p, {**data, "A": sparse.csc_matrix((data["Ax"], a.indices, a.indptr), a.shape)})
             )
-            return super().solve(*arguments)
+            return super().solve(*arguments, **more)
 
-    monkeypatch.setattr(sqp_module, "OSQPWorkspace", Recorder)
+    monkeypatch.setattr(choose_solver, "OSQPWorkspace", Recorder)
     controller = kl.Controller(model)
     x = np.array([0.0, 0.0, 0.0])
     for k in range(25):

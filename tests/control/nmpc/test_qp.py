@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 from kmpc_lite import NavigationProblem
-from kmpc_lite.control.nmpc.qp import KEEPOUT_SCALE, SLACK_SCALE, NavigationQP
+from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.model.koopman import Linearization
 
 Q = np.array([[2.0, 0.3, 0.1], [0.3, 5.0, 0.0], [0.1, 0.0, 0.2]])
@@ -142,11 +142,11 @@ def test_filled_qp_is_the_naive_qp(shape: tuple[int, int, int], seed: int) -> No
             atol=1e-9,
         )
         np.testing.assert_array_equal(qp.lower[qp.dynamics_rows], qp.upper[qp.dynamics_rows])
-        expected = KEEPOUT_SCALE * keepout_gaps(numbers, x, slack)
+        expected = qp.half_plane_scale * keepout_gaps(numbers, x, slack)
         np.testing.assert_allclose(
-            rows[qp.keepout_rows] - qp.lower[qp.keepout_rows], expected, atol=1e-9
+            rows[qp.half_plane_rows] - qp.lower[qp.half_plane_rows], expected, atol=1e-9
         )
-        assert np.isposinf(qp.upper[qp.keepout_rows]).all()
+        assert np.isposinf(qp.upper[qp.half_plane_rows]).all()
         np.testing.assert_allclose(
             rows[qp.input_rows] - qp.lower[qp.input_rows], u - (-0.3, -1.0), atol=1e-12
         )
@@ -154,7 +154,7 @@ def test_filled_qp_is_the_naive_qp(shape: tuple[int, int, int], seed: int) -> No
             qp.upper[qp.input_rows] - rows[qp.input_rows], (0.7, 0.9) - u, atol=1e-12
         )
         np.testing.assert_allclose(
-            rows[qp.slack_rows] - qp.lower[qp.slack_rows], SLACK_SCALE * slack, atol=1e-12
+            rows[qp.slack_rows] - qp.lower[qp.slack_rows], qp.slack_scale * slack, atol=1e-12
         )
         assert np.isposinf(qp.upper[qp.slack_rows]).all()
     # the objectives may differ by what no variable changes
@@ -165,7 +165,10 @@ def test_filled_qp_is_the_naive_qp(shape: tuple[int, int, int], seed: int) -> No
 def test_rows_and_columns_are_each_used_once(shape: tuple[int, int, int]) -> None:
     qp = NavigationQP(make_problem(shape[0]), shape[1], shape[2])
     rows = np.concatenate(
-        [part.ravel() for part in (qp.dynamics_rows, qp.keepout_rows, qp.input_rows, qp.slack_rows)]
+        [
+            part.ravel()
+            for part in (qp.dynamics_rows, qp.half_plane_rows, qp.input_rows, qp.slack_rows)
+        ]
     )
     columns = np.concatenate(
         [part.ravel() for part in (qp.state_columns, qp.input_columns, qp.slack_columns)]
@@ -206,9 +209,9 @@ def test_half_planes_that_are_not_in_use_are_finite_and_never_bind() -> None:
     numbers = draw(np.random.default_rng(1), 4, 0, 3)
     unused = numbers._replace(normals=np.zeros((4, 3, 2)), offsets=np.full((4, 3), -np.inf))
     qp.fill(*unused)
-    assert np.isfinite(qp.lower[qp.keepout_rows]).all()
-    assert (qp.lower[qp.keepout_rows] <= -100.0).all()
-    assert not qp.A.toarray()[qp.keepout_rows.ravel()][:, : qp.slack_columns[0]].any()
+    assert np.isfinite(qp.lower[qp.half_plane_rows]).all()
+    assert (qp.lower[qp.half_plane_rows] <= -100.0).all()
+    assert not qp.A.toarray()[qp.half_plane_rows.ravel()][:, : qp.slack_columns[0]].any()
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -230,7 +233,7 @@ def test_multipliers_move_one_stage_on(shape: tuple[int, int, int]) -> None:
     before = y.copy()
     shifted = qp.shift_duals(y)
     np.testing.assert_array_equal(y, before)
-    for rows in (qp.dynamics_rows, qp.keepout_rows, qp.input_rows, qp.slack_rows):
+    for rows in (qp.dynamics_rows, qp.half_plane_rows, qp.input_rows, qp.slack_rows):
         np.testing.assert_array_equal(shifted[rows][:-1], y[rows][1:])
         np.testing.assert_array_equal(shifted[rows][-1], y[rows][-1])
 

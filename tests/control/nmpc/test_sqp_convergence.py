@@ -10,7 +10,7 @@ import pytest
 from kkt import Certificate, certify, goal_reference
 
 import kmpc_lite as kl
-from kmpc_lite.control.nmpc.sqp import SQP
+from kmpc_lite.control.nmpc.line_search import LineSearch
 
 GOAL = (1.5, 1.5, 0.0)
 MAP = (
@@ -164,18 +164,18 @@ def test_every_accepted_pass_lowers_the_merit(
 ) -> None:
     problem, x, goal, circles = CASES[case]
     merits: list[tuple[float, float]] = []
-    search, merit = SQP._line_search, SQP._merit
+    search, merit = LineSearch.search, LineSearch.merit
 
     def watched_search(self, *arguments):  # type: ignore[no-untyped-def]
         seen: list[float] = []
         monkeypatch.setattr(
-            SQP, "_merit", lambda self, *rest: seen.append(merit(self, *rest)) or seen[-1]
+            LineSearch, "merit", lambda self, *rest: seen.append(merit(self, *rest)) or seen[-1]
         )
         length = search(self, *arguments)
         merits.append((seen[0], seen[-1]))
         return length
 
-    monkeypatch.setattr(SQP, "_line_search", watched_search)
+    monkeypatch.setattr(LineSearch, "search", watched_search)
     kl.Controller(nominal, problem, **PAPER, sqp_iterations=60, tolerance=1e-7).step(
         x, goal, circles
     )

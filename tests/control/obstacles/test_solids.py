@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kmpc_lite as kl
-from kmpc_lite.control.obstacles.circles import KeepOut
 from kmpc_lite.control.obstacles.scene import Scene, Solid
 from kmpc_lite.control.obstacles.solids import BEHIND, GRID_COLUMNS, SLACK, Solids
 
@@ -245,20 +244,3 @@ def test_the_same_solids_are_prepared_once() -> None:
     for wrong in ([None, kl.Polygon(SQUARE)], ["wall"], [(1.0, 2.0), kl.Polygon(SQUARE)]):
         with pytest.raises(ValueError):
             surroundings.sort(wrong)
-
-
-def test_solids_stand_between_circles_and_sides() -> None:
-    problem = kl.NavigationProblem(horizon=3)
-    keep_out = KeepOut(problem, slots=8)
-    keep_out.solids = Solids([kl.Polygon(SQUARE), kl.Wall(-1, -1, -1, 1, 0.2)]).whole
-    states = np.array([[-0.5, 0.5, 0.0], [-0.4, 0.5, 0.0], [-0.3, 0.5, 0.0], [-0.2, 0.5, 0.0]])
-    circles = np.array([[-0.3, 1.5, 0.1, 0.0, 0.0]])
-    assert keep_out.obstacle_count(circles) == 3
-    gaps, normals = keep_out.gaps(states, circles)
-    assert gaps.shape == (3, 7)
-    np.testing.assert_allclose(gaps[:, 1], [0.25, 0.15, 0.05])
-    np.testing.assert_allclose(gaps[:, 2], [0.35, 0.45, 0.55])
-    np.testing.assert_allclose(normals[:, 1], [[-1, 0]] * 3, atol=1e-12)
-    # the merit function looks at the same
-    deeper = states + (0.5, 0.0, 0.0)
-    np.testing.assert_allclose(keep_out.penetration(deeper, circles), [0.25, 0.35, 0.45])

@@ -6,14 +6,21 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.margins.tightening import Tightening
-from kmpc_lite.control.nmpc.sqp import Trajectory
-from kmpc_lite.control.safe_stop.backup import Backup
-from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectories, StopTrajectory
+from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.nmpc.trajectory import Trajectory
+from kmpc_lite.control.options import StopOptions
+from kmpc_lite.control.safe_stop.backup import Backup, BackupState
+from kmpc_lite.control.safe_stop.braking import Braking
+from kmpc_lite.control.safe_stop.stop_trajectory import (
+    CheckedPlan,
+    StopTask,
+    StopTrajectories,
+    StopTrajectory,
+)
 
 PROBLEM = kl.NavigationProblem()
-STEP = np.array([0.1, 0.4])
-NO_SOLIDS = np.zeros(2), np.empty(0), np.empty((0, 2))
+BRAKING = Braking(PROBLEM, StopOptions())
 
 
 def lagging() -> kl.KoopmanModel:
@@ -36,17 +43,24 @@ def straight(
 
 def found(
     model: kl.KoopmanModel, circles: list[list[float]], past_speed: float = 0.0, **plan: float
-) -> tuple[StopTrajectory | None, Trajectory]:
+) -> CheckedPlan:
     past = np.tile((past_speed, 0.0), (model.history, 1))
     trajectory = straight(model, past, **plan)
     rows = np.array([[*c, *[0.0] * (5 - len(c))] for c in circles]).reshape(-1, 5)
-    tails = StopTrajectories(PROBLEM, Tightening(model, PROBLEM))
-    return tails.find(model, trajectory, rows, None, NO_SOLIDS, past), trajectory
+    task = StopTask(
+        model,
+        past,
+        np.zeros(2),
+        rows,
+        check=Margins(model, PROBLEM).command_check,
+        drift=DriftState(),
+    )
+    return StopTrajectories(PROBLEM).find(trajectory.states, trajectory.inputs, task)
 
 
 def test_far_from_everything_the_ramp_is_the_tail() -> None:
-    assert found(kl.nominal_unicycle(0.1), [[3.0, 0.0, 0.2]])[0] == StopTrajectory()
-    assert found(kl.nominal_unicycle(0.1), [])[0] == StopTrajectory()
+    assert found(kl.nominal_unicycle(0.1), [[3.0, 0.0, 0.2]]).stop == StopTrajectory()
+    assert found(kl.nominal_unicycle(0.1), []).stop == StopTrajectory()
 
 
 @pytest.mark.parametrize("omega", [-0.7, 0.0, 0.7])
@@ -62,9 +76,10 @@ def test_without_lag_the_ramp_is_driven_exactly_where_it_is_clear(v: float, omeg
             0.2,
             *random.uniform(-0.2, 0.2, 2),
         ]
-        tail, plan = found(model, [circle], v=v, omega=omega)
+        plan = found(model, [circle], v=v, omega=omega)
+        tail = plan.stop
         assert tail is not None and tail.further == 0
-        commands = tail.commands(plan.inputs, STEP)
+        commands = tail.commands(plan.inputs, BRAKING)
         if not tail.at_once:
             states = model.rollout(plan.states[0], commands)
             moments = 0.1 * np.arange(len(states))[:, None]
@@ -82,7 +97,8 @@ def test_a_robot_that_lags_has_a_clear_tail_or_none_at_all() -> None:
         angle, distance = random.uniform(-1.0, 1.0), random.uniform(0.4, 1.2)
         circle = [distance * np.cos(angle), distance * np.sin(angle), 0.2]
         past_speed = random.uniform(0.0, 0.6)
-        tail, plan = found(model, [circle], past_speed)
+        plan = found(model, [circle], past_speed)
+        tail = plan.stop
         if tail is None:
             outcomes["none"] += 1
             # not even zero from now on would have kept clear of it by the margin
@@ -91,8 +107,8 @@ def test_a_robot_that_lags_has_a_clear_tail_or_none_at_all() -> None:
             )
             assert (np.hypot(*(states[:, :2] - circle[:2]).T) - 0.35).min() < 0.03
             continue
-        outcomes["slowed" if tail.slowed else "clear"] += 1
-        commands = np.vstack([tail.commands(plan.inputs, STEP), np.zeros((4, 2))])
+        outcomes["slowed" if plan.slowed else "clear"] += 1
+        commands = np.vstack([tail.commands(plan.inputs, BRAKING), np.zeros((4, 2))])
         states = model.rollout(np.zeros(3), commands, np.tile((past_speed, 0.0), (4, 1)))
         assert (np.hypot(*(states[:, :2] - circle[:2]).T) - 0.35).min() >= 0.0
         np.testing.assert_allclose(states[-1], states[-2], atol=1e-9)
@@ -103,24 +119,20 @@ def test_a_standing_robot_that_lags_may_always_stand_and_may_leave_what_it_touch
     model = lagging()
     for gap in (-0.05, 0.0, 0.002):
         circles = [[-0.35 - gap, 0.0, 0.2]]
-        away, plan = found(model, circles)
-        assert away is not None and plan.inputs[0, 0] > 0.1
-        towards, plan = found(model, circles, v=-0.6)
-        assert towards is None or abs(plan.inputs[0, 0]) <= 0.15
-        still, _ = found(model, circles, v=0.0)
+        away = found(model, circles)
+        assert away.stop is not None and away.inputs[0, 0] > 0.1
+        towards = found(model, circles, v=-0.6)
+        assert towards.stop is None or abs(towards.inputs[0, 0]) <= 0.15
+        still = found(model, circles, v=0.0).stop
         assert still is not None and not still.further
 
 
 def test_without_margins_no_plan_is_refused() -> None:
     model = kl.nominal_unicycle(0.1)
-    plan = straight(model, np.zeros((0, 2)))
-    assert (
-        StopTrajectories(PROBLEM, None).find(
-            model, plan, np.array([[0.1, 0.0, 0.3, 0.0, 0.0]]), None, NO_SOLIDS, np.zeros((0, 2))
-        )
-        == StopTrajectory()
-    )
-    assert (plan.inputs == (0.6, 0.0)).all()
+    plan, circles = straight(model, np.zeros((0, 2))), np.array([[0.1, 0.0, 0.3, 0.0, 0.0]])
+    task = StopTask(model, np.zeros((0, 2)), np.zeros(2), circles)
+    checked = StopTrajectories(PROBLEM).find(plan.states, plan.inputs, task)
+    assert checked.stop == StopTrajectory() and checked.inputs is plan.inputs
 
 
 def test_a_plan_without_a_tail_is_not_driven_but_the_tail_before_it(
@@ -131,7 +143,9 @@ def test_a_plan_without_a_tail_is_not_driven_but_the_tail_before_it(
     for _ in range(5):
         plan = controller.step(x, (1.5, 0.0, 0.0), circles)
         x = controller.model.predict(x, plan.command)
-    monkeypatch.setattr(StopTrajectories, "find", lambda *_: None)
+    monkeypatch.setattr(
+        StopTrajectories, "find", lambda _, states, inputs, task: CheckedPlan(None, states, inputs)
+    )
     last = plan.command
     for _ in range(8):
         plan = controller.step(x, (1.5, 0.0, 0.0), circles)
@@ -143,10 +157,10 @@ def test_a_plan_without_a_tail_is_not_driven_but_the_tail_before_it(
 
 
 def test_what_is_replayed_is_what_was_found() -> None:
-    fallback, model = Backup(PROBLEM), kl.nominal_unicycle(0.1)
+    backup, state, model = Backup(PROBLEM), BackupState(), kl.nominal_unicycle(0.1)
     plan = straight(model, np.zeros((0, 2)))
     tail = StopTrajectory(further=3)
-    fallback.accept(plan, tail)
-    rest = fallback.replay()
+    backup.accept(state, plan.states, plan.inputs, tail)
+    rest = backup.replay(state)
     assert rest is not None
-    np.testing.assert_array_equal(rest, tail.commands(plan.inputs, STEP)[1:])
+    np.testing.assert_array_equal(rest, tail.commands(plan.inputs, BRAKING)[1:])

@@ -1,0 +1,173 @@
+"""The command that is about to be sent: at what share of its speeds the coming period is safe.
+
+The margins of a plan are computed at the plan before; the command check looks at the very command.
+The noise grows with the speed, so that a slower robot may come nearer.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.margins.model_noise import FeltNoise, ModelNoise
+from kmpc_lite.control.options import MarginOptions, unit_length
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.types import Array
+
+AT_CENTRE = 1e-9
+"""Distance below which a direction cannot be told [m]."""
+
+
+class CommandShare(NamedTuple):
+    """What the command check found."""
+
+    share: float
+    """Share from 0 to 1 by which both speeds are to be multiplied, so that the curve is kept."""
+    nearest: float
+    """Clearance between the robot and the nearest circle before the command [m]."""
+
+
+class CommandCheck:
+    """Slows commands that could end in an obstacle, but for errors rarer than the step risk.
+
+    Parameters
+    ----------
+    model : MotionModel
+        Predicts.
+    noise : ModelNoise
+        Of that model.
+    problem : NavigationProblem
+        Robot radius.
+    options : MarginOptions
+        What is kept, and what is always allowed.
+    """
+
+    def __init__(
+        self,
+        model: MotionModel,
+        noise: ModelNoise,
+        problem: NavigationProblem,
+        options: MarginOptions,
+    ) -> None:
+        self._model, self._noise, self._options = model, noise, options
+        unit = unit_length(problem)
+        self._solver_margin, self._check_margin = (
+            options.solver_margin * unit,
+            options.check_margin * unit,
+        )
+        self._touch = problem.robot_radius
+
+    def step_margin(self, drift: DriftState, v: float, omega: float) -> float:
+        """Distance that a command may end away from where the model says, in any direction [m].
+
+        Parameters
+        ----------
+        drift : DriftState
+            Of the drift detector.
+        v, omega : float
+            The command [m/s, rad/s].
+        """
+        return self._solver_margin + self._error(self._noise.felt(drift), v, omega)
+
+    def speed_share(
+        self,
+        drift: DriftState,
+        here: Array,
+        command: Array,
+        circles: Array,
+        past: Array | None = None,
+    ) -> CommandShare:
+        """Find the largest share of a command at which the coming period ends in no obstacle.
+
+        Parameters
+        ----------
+        drift : DriftState
+            Of the drift detector.
+        here, command : ndarray
+            Present pose (3,) and the command (2,).
+        circles : ndarray
+            (M, 5) as they will be at the end of the period; only x, y and radius are used.
+        past : ndarray, optional
+            Commands already sent (L, 2), for a model with input history: what those still do cannot
+            be taken back here.
+
+        Returns
+        -------
+        CommandShare
+            A robot that already touches may move away from what it touches.
+        """
+        if not len(circles):
+            return CommandShare(1.0, math.inf)
+        away = here[:2] - circles[:, :2]
+        before = np.hypot(away[:, 0], away[:, 1])
+        clearance = before - circles[:, 2] - (self._touch + self._check_margin)
+        nearest = float(np.minimum.reduce(clearance))
+        v, omega = command.tolist()
+        felt = self._noise.felt(drift)
+        # far from everything, which is most of the time, there is nothing to weigh up
+        far = self._options.check_far_periods * abs(v) * self._model.dt
+        if nearest > far + self._error(felt, v, omega):
+            return CommandShare(1.0, nearest)
+        cos, sin = np.cos(here[2]), np.sin(here[2])
+        share = 1.0
+        for _ in range(self._options.check_corrections):
+            approach = self._approach(felt, here, share * command, circles, past, away, before)
+            closing = approach > clearance
+            if not closing.any():
+                break
+            possible = np.maximum(clearance, 0.0) / np.maximum(approach, AT_CENTRE)
+            limits = np.where(closing, possible, 1.0)
+            worst = int(limits.argmin())
+            # a robot at the very centre can only go away
+            straight = math.copysign(1.0, v) * float(away[worst] @ (cos, sin))
+            if straight >= 0.0:
+                least = self._options.retreat_share
+                if clearance[worst] > 0.0:
+                    # the less, the more the command leads past the obstacle: floors push aside
+                    least *= straight / float(before[worst])
+                return CommandShare(share * max(float(limits[worst]), least), nearest)
+            # again, for a curve that is driven slowly turns less in the period than the share says
+            share *= float(limits[worst])
+        return CommandShare(share, nearest)
+
+    def _error(self, felt: FeltNoise, v: float, omega: float) -> float:
+        """Quantile of a command's error in any direction [m]."""
+        by_speed, by_turn_rate = felt.command_trace
+        variance = v * v * by_speed + omega * omega * by_turn_rate
+        return self._noise.step_quantile * math.sqrt(max(variance, 0.0))
+
+    def _approach(
+        self,
+        felt: FeltNoise,
+        here: Array,
+        command: Array,
+        circles: Array,
+        past: Array | None,
+        away: Array,
+        before: Array,
+    ) -> Array:
+        """How much nearer a command may come to each circle, errors included, (M,) [m]."""
+        there = self._model.predict(here, command, past)
+        after = np.hypot(there[0] - circles[:, 0], there[1] - circles[:, 1])
+        approach = before - after
+        if felt.command_errs:
+            cos, sin = np.cos(here[2]), np.sin(here[2])
+            noise = ((command * command) @ felt.command).reshape(3, 3)
+            ahead, left = away @ (cos, sin), away @ (-sin, cos)
+            variance = (
+                ahead * ahead * noise[0, 0]
+                + 2.0 * ahead * left * noise[0, 1]
+                + left * left * noise[1, 1]
+            )
+            deviation = self._noise.step_quantile * np.sqrt(np.maximum(variance, 0.0))
+            approach += deviation / np.maximum(before, AT_CENTRE)
+        # a path that passes by comes nearer between its ends by what a chord cuts off
+        distance = np.hypot(there[0] - here[0], there[1] - here[1])
+        centres = np.maximum(before, self._touch)
+        approach += np.sqrt(centres**2 + 0.25 * distance**2) - centres
+        out: Array = approach
+        return out

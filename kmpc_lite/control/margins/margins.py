@@ -1,0 +1,74 @@
+"""All that a model's noise means for driving, worked out once for a model."""
+
+from __future__ import annotations
+
+from kmpc_lite.control.margins.command_check import CommandCheck
+from kmpc_lite.control.margins.model_noise import ModelNoise
+from kmpc_lite.control.margins.tightening import Tightening
+from kmpc_lite.control.options import MarginOptions
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.model.motion import MotionModel
+
+
+class Margins:
+    """Margins of plans, the check of commands, and the drift detector, for one model.
+
+    It remembers nothing of a drive: what the drift detector has seen is a `DriftState`, the first
+    argument of all that depends on it. Another model gets other `Margins`.
+
+    Parameters
+    ----------
+    model : MotionModel
+        Its noise model and its table of quantiles; without these only speed and chords count.
+    problem : NavigationProblem
+        Horizon, period, robot radius, margin and command bounds.
+    options : MarginOptions
+        Risks and tolerances.
+    adapted : bool
+        Whether the model was corrected while driving: it knows its floor from a few seconds, so
+        that single commands are made safe for rarer errors.
+
+    Attributes
+    ----------
+    noise : ModelNoise
+        Noise and quantiles.
+    drift_detector : DriftDetector
+        Tells whether the robot does otherwise than its model says.
+    tightening : Tightening
+        Margins of plans.
+    command_check : CommandCheck
+        Slows commands that could end in an obstacle.
+
+    Raises
+    ------
+    ProblemError
+        For a damaged table of quantiles in the model.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from kmpc_lite import nominal_unicycle
+    >>> from kmpc_lite.control.margins.drift_detector import DriftState
+    >>> model, drift = nominal_unicycle(0.1), DriftState()
+    >>> margins = Margins(model, NavigationProblem())
+    >>> inputs = np.tile([0.6, 0.0], (20, 1))
+    >>> states = model.rollout((0.0, 0.0, 0.0), inputs)
+    >>> lin, left = model.linearize(states[:-1], inputs), np.tile([0.0, 1.0], (20, 4, 1))
+    >>> found = margins.tightening.margins(drift, lin, states, inputs, left)
+    >>> found.shape, float(found[0, 0].round(4))
+    ((20, 4), 0.068)
+    """
+
+    def __init__(
+        self,
+        model: MotionModel,
+        problem: NavigationProblem,
+        options: MarginOptions | None = None,
+        *,
+        adapted: bool = False,
+    ) -> None:
+        options = MarginOptions() if options is None else options
+        self.noise = ModelNoise(model, problem, options, adapted)
+        self.drift_detector = self.noise.drift_detector
+        self.tightening = Tightening(self.noise, problem, options)
+        self.command_check = CommandCheck(model, self.noise, problem, options)

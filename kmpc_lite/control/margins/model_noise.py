@@ -1,0 +1,147 @@
+"""What a model says of its own errors, and what becomes of that on a floor that it does not know.
+
+The learned covariance of a period is ``measured + v^2 moved[0] + omega^2 moved[1]``. The drift
+detector inflates the part that grows with the command; quantiles turn it into distances.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kmpc_lite.control.margins.drift_detector import DriftDetector, DriftState
+from kmpc_lite.control.margins.quantiles import default_quantile, model_quantile
+from kmpc_lite.control.options import MarginOptions
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.model.tube import split_noise
+from kmpc_lite.types import STATES, Array
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FeltNoise:
+    """The noise of a model as inflated by a state of the drift detector; (2, 9) by v^2, omega^2."""
+
+    plan: Array
+    """(2, 9) covariances of the later periods of a plan, in the robot's frame."""
+    plan_factor: Array
+    """(3, 6) factors of these, side by side."""
+    plan_trace: tuple[float, float]
+    """Variance of the position, in all directions together [m^2]."""
+    command: Array
+    """(2, 9) covariances of the coming period: larger on an unknown floor."""
+    command_trace: tuple[float, float]
+    """The same as `plan_trace`."""
+    plan_spreads: bool
+    """Whether there is any noise in a plan."""
+    command_errs: bool
+    """Whether there is any noise in the coming period."""
+
+
+class ModelNoise:
+    """Noise of a model, and the quantiles by which it is kept away from obstacles.
+
+    Parameters
+    ----------
+    model : MotionModel
+        Its noise model; without one there is only what the drift detector adds.
+    problem : NavigationProblem
+        The robot's radius and speeds.
+    options : MarginOptions
+        Risks.
+    adapted : bool
+        Whether the model was corrected while driving, and knows its floor from a few seconds.
+
+    Attributes
+    ----------
+    measured, measured_factor : ndarray
+        (3, 3) covariance that measured poses add, and its factor.
+    quantile, step_quantile : float
+        Standard deviations that a plan, and a single command, keep.
+    lagging : bool
+        Whether the model has input history.
+    drift_detector : DriftDetector
+        Judges past periods by this noise.
+
+    Raises
+    ------
+    ProblemError
+        For a damaged table of quantiles in the model.
+    """
+
+    def __init__(
+        self,
+        model: MotionModel,
+        problem: NavigationProblem,
+        options: MarginOptions,
+        adapted: bool = False,
+    ) -> None:
+        self.dt, self.lagging = model.dt, bool(model.history)
+        measured, moved = split_noise(model.noise_model)
+        self.measured, self.measured_factor = measured, factor(measured)
+        self._moved = np.ascontiguousarray(moved.reshape(2, 9))
+        self._learned = model.noise_model is not None
+        self._unknown_floor_variance = (options.unknown_floor_slip * model.dt) ** 2
+        self.drift_detector = DriftDetector(model, problem, options)
+        risk = options.lagging_risk if self.lagging else options.risk
+        info = model.info
+        # a log that is explained to rounding tells nothing of the tails that a floor may have later
+        if model_quantile(info, risk) < default_quantile(risk):
+            info = {}
+        self.quantile = model_quantile(info, risk)
+        step_risk, limit = options.step_risk, options.step_quantile_limit
+        # errors of a model of lag outlast a period: they tell less of floors, and its risk is less
+        if adapted and not self.lagging:
+            step_risk, limit = options.adapted_step_risk, options.adapted_step_quantile_limit
+        step_quantile = max(self.quantile, model_quantile(info, step_risk))
+        self.step_quantile = min(step_quantile, limit * self.quantile)
+        self._felt_for, self._felt = (1.0, False), self._inflated(1.0, False)
+
+    def felt(self, drift: DriftState) -> FeltNoise:
+        """Return the noise as inflated by a state of the drift detector."""
+        detector = self.drift_detector
+        wanted = detector.inflation(drift), detector.is_unknown_floor(drift)
+        if wanted != self._felt_for:
+            self._felt_for, self._felt = wanted, self._inflated(*wanted)
+        return self._felt
+
+    def _inflated(self, inflation: float, unknown_floor: bool) -> FeltNoise:
+        """Scale the noise, beyond 1 with what every model may be wrong by on top."""
+        plan = self._moved
+        if inflation != 1.0:
+            tolerated = self.drift_detector.tolerated
+            plan = inflation**2 * self._moved + (inflation**2 - 1.0) * tolerated
+        command = plan
+        if unknown_floor:
+            command = plan.copy()
+            command[0, [0, 4]] = np.maximum(plan[0, [0, 4]], self._unknown_floor_variance)
+        spreads = self._learned or inflation > 1.0
+        return FeltNoise(
+            plan,
+            np.hstack([factor(part.reshape(STATES, STATES)) for part in plan]),
+            _trace(plan),
+            command,
+            _trace(command),
+            spreads,
+            spreads or unknown_floor,
+        )
+
+
+def factor(covariance: Array) -> Array:
+    """Matrix L (n, n) with ``L L'`` the covariance; what rounding leaves below zero counts as zero.
+
+    Parameters
+    ----------
+    covariance : ndarray
+        (n, n), symmetric.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    out: Array = vectors * np.sqrt(np.maximum(values, 0.0))
+    return out
+
+
+def _trace(noise: Array) -> tuple[float, float]:
+    """Variance of the position by v^2 and by omega^2, of covariances (2, 9)."""
+    by_speed, by_turn_rate = (noise[:, 0] + noise[:, 4]).tolist()
+    return by_speed, by_turn_rate

@@ -1,0 +1,41 @@
+"""What one call of the SQP is asked: plain data."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.margins.tightening import Tightening
+from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.obstacles.solids import Nearby
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Task:
+    """Model, reference, obstacles, margins and deadline of one call."""
+
+    model: MotionModel
+    """Predicts; its number of past commands is the QP's."""
+    reference: Array
+    """(N + 1, 3) states to steer for."""
+    circles: Array
+    """(M, 5) rows x, y, radius, vx, vy."""
+    past: Array
+    """(L, 2) commands already sent, oldest first."""
+    last: Array
+    """(2,) the command sent last, zero of a robot that stands."""
+    solids: Nearby | None = None
+    """Polygons, walls and grids that the robot can come to."""
+    tightening: Tightening | None = None
+    """Margins beyond the radii; worked out at each linearisation and held during the pass."""
+    drift: DriftState | None = None
+    """Of the drift detector; given with `tightening`."""
+    path_clearance: float = math.inf
+    """What the path keeps from obstacles beyond the problem's margin [m]."""
+    deadline: float = math.inf
+    """When the answer must be there, on the clock of the SQP [s]."""

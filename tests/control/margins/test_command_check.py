@@ -1,0 +1,111 @@
+"""Commands that could end in an obstacle are slowed, and no others."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from wary import CIRCLES, PROBLEM, Wary, slipping
+
+from kmpc_lite import (
+    DifferentialDrive,
+    nominal_unicycle,
+)
+from kmpc_lite.control.options import MarginOptions
+
+HEADWAY, RADIUS = MarginOptions().headway, PROBLEM.robot_radius
+LONGEST_HEADWAY = MarginOptions().longest_headway * RADIUS
+RESERVE = MarginOptions().solver_margin * RADIUS
+STRANGE = MarginOptions().unknown_floor_inflation, MarginOptions().unknown_floor_slip
+
+
+def test_speed_share_far_away_is_one(model):
+    wary = Wary(model, PROBLEM)
+    u = np.array([0.6, 0.2])
+    assert wary.speed_share(np.zeros(3), u, CIRCLES) == 1.0
+    assert wary.speed_share(np.zeros(3), u, CIRCLES[:0]) == 1.0
+
+
+def test_speed_share_never_lets_the_slip_reach_an_obstacle():
+    slip = 0.2
+    model = slipping(slip)
+    wary, plant = Wary(model, PROBLEM), DifferentialDrive(slip, seed=7)
+    random = np.random.default_rng(8)
+    touched, slowed = 0, 0
+    for _ in range(2000):
+        x = np.array([1.0 - 0.35 - random.uniform(0.002, 0.1), 0.0, random.uniform(-1.2, 1.2)])
+        u = np.array([random.uniform(0.1, 0.6), random.uniform(-0.7, 0.7)])
+        share = wary.speed_share(x, u, CIRCLES)
+        slowed += share < 1.0
+        trace = plant.trace(x, share * u, 0.1, 8)
+        touched += bool((np.hypot(trace[:, 0] - 1.0, trace[:, 1]) < 0.35).any())
+    assert slowed > 1000
+    assert touched <= 4
+
+
+def test_speed_share_lets_a_touching_robot_get_free(model):
+    wary = Wary(model, PROBLEM)
+    x = np.array([0.66, 0.0, 0.0])
+    back, ahead = np.array([-0.3, 0.0]), np.array([0.3, 0.0])
+    assert wary.speed_share(x, back, CIRCLES) >= 0.25
+    assert wary.speed_share(x, ahead, CIRCLES) == 0.0
+
+
+def test_a_robot_that_drives_past_an_obstacle_is_not_taken_for_one_that_leaves_it():
+    """A few mm beside it on a floor that pushes aside: what leads away by little may not be driven at a quarter of full speed."""
+    wary = Wary(slipping(0.2), PROBLEM)
+    u = np.array([0.6, 0.0])
+    shares = [
+        wary.speed_share(np.array([1.0 - 0.352, 0.0, 0.5 * np.pi + turned]), u, CIRCLES)
+        for turned in (0.02, 0.3, 0.5 * np.pi)
+    ]
+    assert shares[0] < 0.06 < shares[1] < 0.2 and shares[2] >= 0.25
+
+
+def test_a_robot_that_does_not_know_its_floor_is_wary_of_each_command():
+    model = nominal_unicycle(0.1)
+    wary = Wary(model, PROBLEM)
+    sure = wary.step_margin(0.6, 0.0)
+    # pushed by a quarter of its way, three times in a row
+    for _ in range(3):
+        wary.observe(np.array([0.0, -0.015, 0.0]), 0.0, np.array([0.6, 0.0]))
+    assert wary.inflation > STRANGE[0] and sure < 0.01
+    assert wary.step_margin(0.6, 0.0) > 5.0 * STRANGE[1] * 0.06
+    beside, u = np.array([1.0 - 0.38, 0.0, 0.5 * np.pi]), np.array([0.6, 0.0])
+    share = wary.speed_share(beside, u, CIRCLES)
+    assert share < 0.5 < Wary(model, PROBLEM).speed_share(beside, u, CIRCLES)
+    # a model that knows this floor needs no more than it knows
+    truth = slipping(0.2)
+    wary.update(truth)
+    assert wary.step_margin(0.6, 0.0) == pytest.approx(Wary(truth, PROBLEM).step_margin(0.6, 0.0))
+
+
+def test_a_model_that_was_learned_while_driving_makes_its_commands_safe_for_rarer_errors():
+    truth = slipping(0.2)
+    known, new = (Wary(truth, PROBLEM, adapted=adapted) for adapted in (False, True))
+    assert new.quantile == known.quantile
+    assert 1.15 < new.step_margin(0.6, 0.0) / known.step_margin(0.6, 0.0) < 1.5
+
+
+def test_speed_share_keeps_a_robot_without_slip_outside_on_any_curve():
+    model = nominal_unicycle(0.1)
+    wary, random, slowed = Wary(model, PROBLEM), np.random.default_rng(9), 0
+    for _ in range(2000):
+        x = np.array([1.0 - 0.351 - random.uniform(0.0, 0.06), 0.0, random.uniform(-1.6, 1.6)])
+        u = np.array([random.uniform(0.1, 0.6), random.uniform(-0.78, 0.78)])
+        share = wary.speed_share(x, u, CIRCLES)
+        slowed += share < 1.0
+        trace = DifferentialDrive().trace(x, share * u, 0.1, 8)
+        assert np.hypot(trace[:, 0] - 1.0, trace[:, 1]).min() >= 0.35 - 1e-9
+    assert slowed > 500
+
+
+def test_speed_share_is_not_deceived_by_a_curve_that_ends_farther_away():
+    """Backwards along a circle, a millimetre from it: the end of the period is farther, the way there is not."""
+    model = nominal_unicycle(0.1)
+    circles = np.array([[0.0, 0.0, 0.2, 0.0, 0.0]])
+    wary, random = Wary(model, PROBLEM), np.random.default_rng(3)
+    for _ in range(2000):
+        x = np.array([0.351, 0.0, random.uniform(-np.pi, np.pi)])
+        u = np.array([random.uniform(-0.6, 0.6), random.uniform(-0.78, 0.78)])
+        trace = DifferentialDrive().trace(x, wary.speed_share(x, u, circles) * u, 0.1, 8)
+        assert np.hypot(trace[:, 0], trace[:, 1]).min() >= 0.35 - 1e-9

@@ -1,0 +1,105 @@
+"""Margins of one robot together with what its drift detector has seen, and plans to ask them about."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+import kmpc_lite as kl
+from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.options import MarginOptions
+
+PROBLEM = kl.NavigationProblem()
+CIRCLES = np.array([[1.0, 0.0, 0.2, 0.0, 0.0]])
+
+
+class Wary:
+    """Asks margins with a drift state of its own."""
+
+    def __init__(
+        self,
+        model: kl.KoopmanModel,
+        problem: kl.NavigationProblem = PROBLEM,
+        adapted: bool = False,
+        **options: Any,
+    ) -> None:
+        self.problem, self.options = problem, MarginOptions(**options)
+        self.drift, self.of = DriftState(), Margins(model, problem, self.options, adapted=adapted)
+
+    @property
+    def inflation(self) -> float:
+        return self.of.drift_detector.inflation(self.drift)
+
+    @property
+    def quantile(self) -> float:
+        return self.of.noise.quantile
+
+    @property
+    def widest(self) -> float:
+        return self.of.tightening.widest(self.drift)
+
+    def reset(self) -> None:
+        self.drift = DriftState()
+
+    def update(self, model: kl.KoopmanModel, adapted: bool = False) -> None:
+        before, self.of = self.of, Margins(model, self.problem, self.options, adapted=adapted)
+        self.of.drift_detector.carry_over(self.drift, before.drift_detector)
+
+    def observe(self, error: np.ndarray, heading: float, command: np.ndarray) -> None:
+        self.of.drift_detector.observe(self.drift, error, heading, command)
+
+    def margins(self, *plan: Any, **more: Any) -> np.ndarray:
+        return self.of.tightening.margins(self.drift, *plan, **more)
+
+    def covariances(self, *plan: Any) -> np.ndarray:
+        return self.of.tightening.covariances(self.drift, *plan)
+
+    def step_margin(self, v: float, omega: float) -> float:
+        return self.of.command_check.step_margin(self.drift, v, omega)
+
+    def speed_share(self, here: np.ndarray, command: np.ndarray, circles: np.ndarray) -> float:
+        return self.of.command_check.speed_share(self.drift, here, command, circles).share
+
+
+def slipping(slip: float, seed: int = 0) -> kl.KoopmanModel:
+    """A model learned on a floor that slips, with calibrated quantiles."""
+    plant = kl.DifferentialDrive(slip, seed=seed)
+    data = kl.generate_dataset(plant, episodes=60, steps=400, dt=0.1, seed=seed + 1)
+    train, held_out = data.split(0.5)
+    return kl.with_quantiles(kl.fit(train), held_out)
+
+
+def plan(
+    model: kl.KoopmanModel, v: float = 0.6, omega: float = 0.3, n: int = 20, heading: float = 0.4
+) -> tuple[Any, np.ndarray, np.ndarray]:
+    """Linearisation, states and commands of a steady drive."""
+    inputs = np.tile([v, omega], (n, 1))
+    states = model.rollout((0.2, -0.1, heading), inputs)
+    return model.linearize(states[:-1], inputs), states, inputs
+
+
+def of_noise(model: kl.KoopmanModel, **options: Any) -> Wary:
+    """Margins that come from the learned noise alone."""
+    return Wary(model, headway=0.0, **options)
+
+
+def directions(n: int, slots: int, seed: int = 0) -> np.ndarray:
+    """Unit vectors (n, slots, 2)."""
+    angle = np.random.default_rng(seed).uniform(-np.pi, np.pi, (n, slots))
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def drive_and_observe(
+    wary: Wary, model: kl.KoopmanModel, plant: kl.DifferentialDrive, steps: int, seed: int = 0
+) -> np.ndarray:
+    """Inflations while a plant drives at random and a model predicts it."""
+    random, x, found = np.random.default_rng(seed), np.zeros(3), []
+    for _ in range(steps):
+        u = random.uniform(-0.6, 0.6, 2)
+        after = plant.step(x, u, 0.1)
+        wary.observe(after - model.predict(x, u), x[2], u)
+        found.append(wary.inflation)
+        x = np.append(random.uniform(-1.0, 1.0, 2), after[2] % 1.0)
+    return np.array(found)
