@@ -10,9 +10,7 @@ OTHER_RADIUS = (
     "lengths among the options are in robot radii: a robot of another radius than 0.15 m has other "
     "margins than the metres that were meant for the paper's"
 )
-ADAPTATION = (
-    "adaptation refuses gains that no robot has, and a corrected model that predicts worse gives way"
-)
+ADAPTATION = "adaptation refuses gains that no robot has, and a corrected model that predicts worse gives way"
 CHANGED: dict[int, str] = {
     9: ADAPTATION,
     **dict.fromkeys((27, 66, 85, 89, 109, 120, 130), CONVERGED),
