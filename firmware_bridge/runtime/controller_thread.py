@@ -8,12 +8,15 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from statistics import median
 
 from firmware_bridge.messages import Controller, State, VelocityCommand
 from firmware_bridge.runtime.timing import Deadlines, Histogram
 
 Predict = Callable[[State, float, float, float], State]
 """State after holding v [m/s] and omega [rad/s] for dt [s]."""
+RECENT = 21
+"""So many steps tell how long the next one will take."""
 OLDEST_POSE = 0.5
 """A controller is not asked to plan from an older pose [s]."""
 
@@ -137,6 +140,7 @@ class Planner:
         self.last_error = ""
         self.skipped = 0
         """Periods that went by while the controller was still busy."""
+        self._took: deque[float] = deque(maxlen=RECENT)
         self.pose_age = Histogram()
         self.step_time = Histogram()
 
@@ -157,16 +161,26 @@ class Planner:
                 else None
             )
             self._asked = now
-            command = self._controller(
-                self.sent.carry(state, now + self._latency, self._latency, self._predict)
-            )
-            self.step_time.add(self._clock() - now)
+            # the plan is for the moment at which it can act: when it is computed, and has travelled
+            until = now + self.lead + self._latency
+            command = self._controller(self.sent.carry(state, until, self._latency, self._predict))
+            took = self._clock() - now
+            self.step_time.add(took)
+            self._took.append(took)
             # the age of an output counts from the beginning of the computation: that is how old its
             # grounds are
             self.latest = replace(command, stamp=min(command.stamp, now)), state.stamp
         except Exception as error:  # whatever a controller raises, the gate must go on
             self.errors += 1
             self.last_error = f"{type(error).__name__}: {error}"
+
+    @property
+    def lead(self) -> float:
+        """How long a step is expected to take [s]: the median of the last ones, at most a period.
+
+        No learned lag holds it: a log's commands count from when they were on the wire.
+        """
+        return min(median(self._took), self.period) if self._took else 0.0
 
     def start(self) -> None:
         """Begin to ask, in a daemon thread."""

@@ -41,6 +41,8 @@ DRIVER_CLASSES = {
     "arduino": "ArduinoDriver",
 }
 """By the name of their modules: only the one that is needed is imported."""
+LATE_STEPS = 1.3
+"""A controller's output that is older than this many periods is late: the robot is slowed."""
 SWITCH = 0.0005
 """A busy controller thread gives way to the gate after this long [s]; Python's own figure is
 0.005."""
@@ -156,7 +158,7 @@ class Session:
         self.planner = Planner(
             self._controller, self.driver.state, self._period, control.latency or 0.0
         )
-        self.gate = SafetyGate(self.robot.gate)
+        self.gate = SafetyGate(self.robot.gate, LATE_STEPS * self._period)
         self.loop = ControlLoop(
             self.driver,
             self.gate,

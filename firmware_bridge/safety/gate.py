@@ -7,9 +7,9 @@ table in gate_table.py, from which docs/howto/bridge.md and the tests are drawn 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 
-from firmware_bridge.messages import ConfigError, LinkStatus, State, VelocityCommand
+from firmware_bridge.messages import LinkStatus, State, VelocityCommand
 from firmware_bridge.safety.gate_table import (
     BY_STATE,
     DRIVING,
@@ -21,74 +21,16 @@ from firmware_bridge.safety.gate_table import (
     GateState,
     Reason,
 )
-from firmware_bridge.safety.limits import Limits
+from firmware_bridge.safety.judgement import judge
+from firmware_bridge.safety.pose_watch import PoseWatch
+from firmware_bridge.safety.settings import GateSettings
+from firmware_bridge.safety.slowing import Slowing
 
-FUTURE = 0.05
-"""A stamp may lie this far ahead of the time of a step [s]: another thread took it. Farther is no
-stamp to trust."""
 MAX_STEP = 0.05
 """However long the gate was not asked, a command changes by no more than this much time allows
 [s]."""
 RESEND = 0.5
 """How often the release is sent again until the board has obeyed [s]."""
-
-
-@dataclass(frozen=True)
-class GateSettings:
-    """Limits and patience of a gate.
-
-    Raises
-    ------
-    ConfigError
-        Names the setting that is wrong.
-    """
-
-    limits: Limits = field(default_factory=Limits)
-    watchdog: float = 0.25
-    """Oldest controller output that is sent [s]."""
-    pose_age: float = 0.25
-    """Oldest pose to drive on [s]."""
-    heartbeat_age: float = 0.25
-    """How long the board may be silent [s]."""
-    hold: float = 1.0
-    """Zeros before the release [s]."""
-    settle: float = 0.5
-    """How long all must be good before the robot drives (again) [s]."""
-    geofence: tuple[float, float, float, float] | None = None
-    """xmin, ymin, xmax, ymax [m]: outside the robot stops, and is given back."""
-    pilot: bool = True
-    """Whether somebody else can take the robot: an autopilot's modes. Without, a board that is not
-    ready is a fault."""
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if item.name in ("limits", "geofence", "pilot"):
-                continue
-            if (
-                isinstance(value, bool)
-                or not isinstance(value, int | float)
-                or not 0.0 < value <= 60.0
-            ):
-                raise ConfigError(
-                    f"{item.name}: expected a time from 0 to 60 s, not 0, got {value!r}"
-                )
-        if self.geofence is not None:
-            numbers = [
-                x
-                for x in self.geofence
-                if not isinstance(x, bool) and isinstance(x, int | float) and math.isfinite(x)
-            ]
-            if (
-                len(self.geofence) != 4
-                or len(numbers) != 4
-                or numbers[0] >= numbers[2]
-                or numbers[1] >= numbers[3]
-            ):
-                raise ConfigError(
-                    "geofence: expected [xmin, ymin, xmax, ymax] in m with xmin < xmax and ymin "
-                    f"< ymax, got {self.geofence!r}"
-                )
 
 
 @dataclass(frozen=True)
@@ -115,6 +57,9 @@ class SafetyGate:
     ----------
     settings : GateSettings
         Limits and patience.
+    late_after : float, optional
+        Age at which a controller's output is late, if later than the settings say [s]: outputs of
+        a slow controller are old before the next one comes.
 
     Examples
     --------
@@ -123,8 +68,12 @@ class SafetyGate:
     'NOTHING'
     """
 
-    def __init__(self, settings: GateSettings | None = None) -> None:
+    def __init__(
+        self, settings: GateSettings | None = None, late_after: float | None = None
+    ) -> None:
         self.settings = GateSettings() if settings is None else settings
+        self._slowing = Slowing(self.settings, late_after)
+        self._pose_watch = PoseWatch(self.settings)
         self.state = GateState.IDLE
         self._requests: set[Event] = set()
         self._output = (0.0, 0.0)
@@ -176,12 +125,14 @@ class SafetyGate:
         """
         dt = 0.0 if self._last is None else min(max(now - self._last, 0.0), MAX_STEP)
         self._last = now
-        reasons = self._judge(now, command, state, status)
+        reasons = judge(self.settings, now, command, state, status, self.state)
         if reasons:
             self._clear_since = None
             self._final = self._final or (self.state in DRIVING and not FINAL.isdisjoint(reasons))
         elif self._clear_since is None:
             self._clear_since = now
+        if self._pose_watch.strayed(self.state, state, status, reasons):
+            self._final = True
         # an emergency stop beats whatever is asked for in the same step
         events = {Event.ESTOP} if Event.ESTOP in self._requests else set(self._requests)
         self._requests.clear()
@@ -193,41 +144,7 @@ class SafetyGate:
         # a pilot has taken
         while (then := self._next(now, events)) is not None:
             self._enter(then, now)
-        return self._act(now, dt, command, status, reasons)
-
-    def _judge(
-        self, now: float, command: VelocityCommand | None, state: State | None, status: LinkStatus
-    ) -> tuple[Reason, ...]:
-        """Everything that is wrong."""
-        s, found = self.settings, []
-        if not status.connected:
-            found.append(Reason.LINK)
-        if not _fresh(now, status.heartbeat_stamp, s.heartbeat_age):
-            found.append(Reason.HEARTBEAT)
-        if not status.ready:
-            found.append(Reason.NOT_READY)
-        if status.faults:
-            found.append(Reason.BOARD)
-        if not status.pose_ok:
-            found.append(Reason.ESTIMATE)
-        if state is None or not (
-            _fresh(now, state.stamp, s.pose_age) and _fresh(now, status.pose_stamp, s.pose_age)
-        ):
-            found.append(Reason.POSE)
-        if state is not None:
-            if not all(map(math.isfinite, (state.x, state.y, state.theta, state.v, state.omega))):
-                found.append(Reason.POSE_INVALID)
-            elif s.geofence is not None:
-                x_min, y_min, x_max, y_max = s.geofence
-                if not (x_min <= state.x <= x_max and y_min <= state.y <= y_max):
-                    found.append(Reason.GEOFENCE)
-        if status.frame_doubt:
-            found.append(Reason.FRAME)
-        if command is None or not _fresh(now, command.stamp, s.watchdog):
-            found.append(Reason.COMMAND)
-        if command is not None and not (math.isfinite(command.v) and math.isfinite(command.omega)):
-            found.append(Reason.COMMAND_INVALID)
-        return tuple(found)
+        return self._act(now, dt, command, state, status, reasons)
 
     def _next(self, now: float, events: set[Event]) -> GateState | None:
         """Where the table leads, or None."""
@@ -242,7 +159,8 @@ class SafetyGate:
             elif event is Event.STILL:
                 happened = self._output == (0.0, 0.0)
             elif event is Event.HELD:
-                happened = now - self._entered >= self.settings.hold
+                waited = now - self._entered
+                happened = waited >= self._pose_watch.patience(self._final)
             else:
                 happened = event in events
             if happened:
@@ -261,6 +179,7 @@ class SafetyGate:
         now: float,
         dt: float,
         command: VelocityCommand | None,
+        state: State | None,
         status: LinkStatus,
         reasons: tuple[Reason, ...],
     ) -> GateOutput:
@@ -268,7 +187,9 @@ class SafetyGate:
         limits, action, output = self.settings.limits, Action.SEND, (0.0, 0.0)
         if self.state is GateState.ACTIVE:
             assert command is not None
-            output = limits.slew(self._output, limits.clip(command.v, command.omega), dt)
+            scale = self._slowing.share(now, command, state, status)
+            v, omega = limits.clip(command.v, command.omega)
+            output = limits.slew(self._output, (scale * v, scale * omega), dt)
         elif self.state is GateState.STOPPING:
             output = limits.slew(self._output, (0.0, 0.0), dt)
         elif self.state is GateState.WAITING:
@@ -309,8 +230,3 @@ class SafetyGate:
             self._released_at = now
             return Action.RELEASE
         return Action.SEND if latched and (brake_first or pilot or not heard) else Action.NOTHING
-
-
-def _fresh(now: float, stamp: float, limit: float) -> bool:
-    """Whether a stamp is young enough; one from the future is not to be trusted. False for NaN."""
-    return -FUTURE <= now - stamp <= limit

@@ -58,7 +58,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         dest="job",
         action="store_const",
         const=_solvers,
-        help="every QP solver that qpsolvers finds here, beside OSQP, on the same states",
+        help="every QP solver that qpsolvers finds here beside OSQP, on the same states",
     )
     what.add_argument(
         "--quality",
@@ -185,7 +185,7 @@ def _settings(options: argparse.Namespace) -> tuple[Any, str]:
     drives = _record(options, model, problem)
     bar = Progress("settings", quiet=options.json)
     rows = settings_study(model, problem, drives, progress=bar)
-    return {"settings": rows}, format_settings(rows)
+    return rows, format_settings(rows)
 
 
 def _solvers(options: argparse.Namespace) -> tuple[Any, str]:
@@ -257,6 +257,7 @@ COMMAND = Command(
         "kmpc bench",
         "kmpc bench --drives 40 --picture bench.png",
         "kmpc bench --scaling",
+        "kmpc bench --solvers",
         "kmpc bench --loop 100 --seconds 600",
         "kmpc bench --quality",
         "kmpc bench --fit",

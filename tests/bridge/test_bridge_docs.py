@@ -5,8 +5,8 @@ from pathlib import Path
 
 from firmware_bridge.cli import COMMANDS
 from firmware_bridge.robot_file import SECTIONS, ControlOptions, LinkOptions
-from firmware_bridge.safety.gate import GateSettings
 from firmware_bridge.safety.gate_table import diagram, legend
+from firmware_bridge.safety.settings import GateSettings
 from kmpc_lite.cli.command import build_parser, known_commands
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from robots import Clock, FakeDriver
 
 from firmware_bridge.messages import State, VelocityCommand
 from firmware_bridge.runtime.controller_thread import Planner, SentCommands
@@ -50,3 +51,27 @@ def test_the_planner_tells_it_from_the_second_period_on_and_not_after_a_gap() ->
             now += 0.02
     assert held[0] is None and held[5] is None
     assert held[3] == pytest.approx((0.2, -0.2)) and held[6] == pytest.approx((0.6, -0.6))
+
+
+def test_a_plan_is_for_the_moment_at_which_it_is_ready():
+    """On a busy computer a step took 125 ms, and a wall was touched: the plan was for its start."""
+    clock = Clock()
+    driver = FakeDriver(clock)
+    asked = []
+
+    def slow(state):
+        asked.append(state)
+        clock.now += 0.08
+        return VelocityCommand(0.5, 0.0, clock())
+
+    planner = Planner(slow, driver.state, 0.1, clock=clock)
+    for _ in range(30):
+        driver.send(0.5, 0.0)
+        planner.sent.add(clock(), 0.5, 0.0)
+        began = clock()
+        planner.step(began)
+        clock.now += 0.02
+    assert planner.lead == pytest.approx(0.08)
+    assert asked[-1].stamp == pytest.approx(began + 0.08)
+    truth = next(s for s in reversed(driver.path) if s.stamp <= began + 1e-9)
+    assert asked[-1].x - truth.x == pytest.approx(0.5 * (asked[-1].stamp - truth.stamp), abs=1e-6)

@@ -12,8 +12,9 @@ from firmware_bridge.messages import State, VelocityCommand
 from firmware_bridge.runtime.controller_thread import Planner, SentCommands, unicycle_arc
 from firmware_bridge.runtime.loop import ControlLoop
 from firmware_bridge.runtime.timing import Deadlines, Histogram, table
-from firmware_bridge.safety.gate import GateSettings, SafetyGate
+from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.gate_table import GateState
+from firmware_bridge.safety.settings import GateSettings
 
 TICK = 0.02
 

@@ -1,0 +1,63 @@
+"""What is wrong with the inputs of the safety gate."""
+
+from __future__ import annotations
+
+import math
+
+from firmware_bridge.messages import LinkStatus, State, VelocityCommand
+from firmware_bridge.safety.gate_table import GateState, Reason
+from firmware_bridge.safety.settings import GateSettings
+
+FUTURE = 0.05
+"""A stamp may lie this far ahead of the time of a step [s]: another thread took it. Farther is no
+stamp to trust."""
+GRACE = 1.5
+"""A robot that drives brakes past `pose_age`; after this many times that age it has stopped for
+good: what comes back is driven on after `settle` only."""
+
+
+def judge(
+    s: GateSettings,
+    now: float,
+    command: VelocityCommand | None,
+    state: State | None,
+    status: LinkStatus,
+    gate: GateState,
+) -> tuple[Reason, ...]:
+    """Everything that is wrong with the inputs of a gate in a state."""
+    found = []
+    if not status.connected:
+        found.append(Reason.LINK)
+    if not fresh(now, status.heartbeat_stamp, s.heartbeat_age):
+        found.append(Reason.HEARTBEAT)
+    if not status.ready:
+        found.append(Reason.NOT_READY)
+    if status.faults:
+        found.append(Reason.BOARD)
+    if not status.pose_ok:
+        found.append(Reason.ESTIMATE)
+    # a robot that drives is slowed first, and braked past the limit: a gap is not yet a stop
+    oldest = s.pose_age * (GRACE if gate is GateState.ACTIVE else 1.0)
+    if state is None or not (
+        fresh(now, state.stamp, oldest) and fresh(now, status.pose_stamp, oldest)
+    ):
+        found.append(Reason.POSE)
+    if state is not None:
+        if not all(map(math.isfinite, (state.x, state.y, state.theta, state.v, state.omega))):
+            found.append(Reason.POSE_INVALID)
+        elif s.geofence is not None:
+            x_min, y_min, x_max, y_max = s.geofence
+            if not (x_min <= state.x <= x_max and y_min <= state.y <= y_max):
+                found.append(Reason.GEOFENCE)
+    if status.frame_doubt:
+        found.append(Reason.FRAME)
+    if command is None or not fresh(now, command.stamp, s.watchdog):
+        found.append(Reason.COMMAND)
+    if command is not None and not (math.isfinite(command.v) and math.isfinite(command.omega)):
+        found.append(Reason.COMMAND_INVALID)
+    return tuple(found)
+
+
+def fresh(now: float, stamp: float, limit: float) -> bool:
+    """Whether a stamp is young enough; one from the future is not to be trusted. False for NaN."""
+    return -FUTURE <= now - stamp <= limit

@@ -1,0 +1,54 @@
+"""Whether a robot that stands has lost nothing but its pose, and finds it where it was lost."""
+
+from __future__ import annotations
+
+import math
+
+from firmware_bridge.messages import LinkStatus, State
+from firmware_bridge.safety.gate_table import DRIVING, GateState, Reason
+from firmware_bridge.safety.settings import GateSettings
+
+POSE_LOST = frozenset({Reason.POSE, Reason.ESTIMATE, Reason.COMMAND})
+"""What a lost pose alone makes wrong: nobody plans without one."""
+
+
+class PoseWatch:
+    """Follows the poses of a robot that drives or has just been stopped.
+
+    Parameters
+    ----------
+    settings : GateSettings
+        `resume` and `resume_within` count here.
+    """
+
+    def __init__(self, settings: GateSettings) -> None:
+        self._settings = settings
+        self._pose_only = False
+        self._good: tuple[float, float] | None = None
+
+    def strayed(
+        self,
+        gate: GateState,
+        state: State | None,
+        status: LinkStatus,
+        reasons: tuple[Reason, ...],
+    ) -> bool:
+        """Take a step's inputs; whether the pose has come back too far from where it was lost."""
+        if gate not in DRIVING:
+            self._pose_only, self._good = False, None
+            return False
+        # an estimate that the board distrusts is told among its faults, too
+        excused = POSE_LOST if status.pose_ok else POSE_LOST | {Reason.BOARD}
+        before = gate is GateState.ACTIVE or self._pose_only
+        self._pose_only = before and excused.issuperset(reasons)
+        if reasons or state is None:
+            return False
+        last, self._good = self._good, (state.x, state.y)
+        if last is None or not self._settings.resume:
+            return False
+        return math.dist(last, self._good) > self._settings.resume_within
+
+    def patience(self, final: bool) -> float:
+        """How long zeros are sent before the release [s]: longer where only the pose is lost."""
+        s = self._settings
+        return max(s.hold, s.resume) if self._pose_only and not final else s.hold

@@ -1,0 +1,78 @@
+"""Limits and patience of the safety gate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+
+from firmware_bridge.messages import ConfigError
+from firmware_bridge.safety.limits import Limits
+
+
+@dataclass(frozen=True)
+class GateSettings:
+    """Limits and patience of a gate.
+
+    Raises
+    ------
+    ConfigError
+        Names the setting that is wrong.
+    """
+
+    limits: Limits = field(default_factory=Limits)
+    watchdog: float = 0.25
+    """Oldest controller output that is sent [s]."""
+    pose_age: float = 0.25
+    """Oldest pose to drive on [s]: the robot is slowed from `slow_from` of it on, and brakes past
+    it."""
+    heartbeat_age: float = 0.25
+    """How long the board may be silent [s]."""
+    hold: float = 1.0
+    """Zeros before the release [s]."""
+    settle: float = 0.5
+    """How long all must be good before the robot drives (again) [s]."""
+    slow_from: float = 0.6
+    """Share of `watchdog` and of `pose_age` from which on the robot is slowed, to zero at the
+    whole; 1 for none."""
+    resume: float = 0.0
+    """How long a robot that stands may wait for a lost pose, and then drive on by itself [s]; 0:
+    no longer than `hold`."""
+    resume_within: float = 0.5
+    """A pose that comes back farther from where it was lost than this is not driven on [m]."""
+    geofence: tuple[float, float, float, float] | None = None
+    """xmin, ymin, xmax, ymax [m]: outside the robot stops, and is given back."""
+    pilot: bool = True
+    """Whether somebody else can take the robot: an autopilot's modes. Without, a board that is not
+    ready is a fault."""
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name in ("limits", "geofence", "pilot"):
+                continue
+            if item.name == "resume" and value == 0 and not isinstance(value, bool):
+                continue
+            if (
+                isinstance(value, bool)
+                or not isinstance(value, int | float)
+                or not 0.0 < value <= 60.0
+            ):
+                raise ConfigError(
+                    f"{item.name}: expected a time from 0 to 60 s, not 0, got {value!r}"
+                )
+        if self.geofence is not None:
+            numbers = [
+                x
+                for x in self.geofence
+                if not isinstance(x, bool) and isinstance(x, int | float) and math.isfinite(x)
+            ]
+            if (
+                len(self.geofence) != 4
+                or len(numbers) != 4
+                or numbers[0] >= numbers[2]
+                or numbers[1] >= numbers[3]
+            ):
+                raise ConfigError(
+                    "geofence: expected [xmin, ymin, xmax, ymax] in m with xmin < xmax and ymin "
+                    f"< ymax, got {self.geofence!r}"
+                )
