@@ -15,7 +15,7 @@ import numpy as np
 from kmpc_lite.bench.contenders import Build, Contender, full, plain
 from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.learn.regression import fit
+from kmpc_lite.learn.fitting import fit
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
 from kmpc_lite.types import Array

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from kmpc_lite.learn.calibration import with_quantiles
-from kmpc_lite.learn.regression import Method, fit
+from kmpc_lite.learn.fitting import fit
+from kmpc_lite.learn.regression import Method
 from kmpc_lite.model.dictionary import Dictionary, HermiteTrigDictionary, InputHistoryDictionary
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log

@@ -11,7 +11,8 @@ import numpy as np
 
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.learn.calibration import with_quantiles
-from kmpc_lite.learn.regression import Method, fit
+from kmpc_lite.learn.fitting import fit
+from kmpc_lite.learn.regression import Method
 from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
 from kmpc_lite.sim.closed_loop import Outcome, Run, drive
 from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset

@@ -48,7 +48,7 @@ def test_a_thousand_steps_with_forced_failures_never_collide_and_stop_within_the
         maps=1,
         slips=(0.2,),
         families=("moving",),
-        first_seed=0,
+        first_seed=1,
         training={"episodes": 100, "steps": 100},
     )
     assert [row.kind for row in rows] == list(KINDS)
