@@ -12,6 +12,7 @@ COMMANDS = {
         "estop",
         "latency",
         "experiments",
+        "signing",
     )
 }
 """As the entry points `kmpc.commands` of pyproject.toml; `demo` replaces that of kmpc_lite."""
