@@ -4,6 +4,7 @@ COMMANDS = {
     name: f"firmware_bridge.cli.{name}:COMMAND"
     for name in (
         "demo",
+        "init",
         "check",
         "run",
         "record",

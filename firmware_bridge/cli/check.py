@@ -56,6 +56,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seconds",
         type=positive,
+        metavar="S",
         default=2.0,
         help="how long to watch the telemetry [s] (default: 2)",
     )

@@ -26,11 +26,20 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_robot_options(parser)
     add_drive_options(parser)
     add = parser.add_argument
-    add("--model", help="learned model (kmpc fit); the nominal unicycle where not given")
-    add("--scenario", help="scenario file, or the name of one that comes with kmpc_lite")
+    add(
+        "--model",
+        metavar="FILE",
+        help="learned model (kmpc fit); the nominal unicycle where not given",
+    )
+    add(
+        "--scenario",
+        metavar="NAME",
+        help="scenario file, or the name of one that comes with kmpc_lite",
+    )
     add(
         "--seconds",
         type=positive,
+        metavar="S",
         default=DRIVE_TIME,
         help=f"give up after so long of driving, or of waiting [s] (default: {DRIVE_TIME:g})",
     )
@@ -42,6 +51,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--settle",
         type=positive,
+        metavar="S",
         default=1.0,
         help="how long the goal must be held [s] (default: 1)",
     )

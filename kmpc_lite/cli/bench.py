@@ -28,6 +28,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--drives",
         type=count,
         default=20,
+        metavar="N",
         help=f"recorded drives of {STEPS} states (default: 20)",
     )
     add("--tuning", action="store_true", help="the tuning seeds instead of the reporting ones")
@@ -37,7 +38,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="WORD",
         help="contenders whose names contain one of these words",
     )
-    add("--picture", type=Path, help="picture of the distributions to write (.png)")
+    add("--picture", type=Path, metavar="FILE", help="picture of the distributions to write (.png)")
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
         "--scaling",
@@ -87,7 +88,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="HZ",
         help="run the control loop at this rate with the other cores busy",
     )
-    add("--seconds", type=positive, default=600.0, help="how long, with --loop (default: 600)")
+    add(
+        "--seconds",
+        type=positive,
+        default=600.0,
+        metavar="S",
+        help="how long, with --loop (default: 600)",
+    )
     add("--no-load", action="store_true", help="with --loop: leave the other cores alone")
     add(
         "--budget",

@@ -19,6 +19,7 @@ def add_workers(parser: argparse.ArgumentParser) -> None:
         "--workers",
         type=count,
         default=os.cpu_count() or 1,
+        metavar="N",
         help="processes (default: all cores)",
     )
 

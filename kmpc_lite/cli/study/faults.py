@@ -14,8 +14,14 @@ from kmpc_lite.cli.workers import add_workers, worker_pool
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
-    add("--maps", type=count, default=100, help="maps (default: 100)")
-    add("--slips", type=float, nargs="+", help="mean slip ratios (default: the study's)")
+    add("--maps", type=count, default=100, metavar="N", help="maps (default: 100)")
+    add(
+        "--slips",
+        type=float,
+        nargs="+",
+        metavar="SLIP",
+        help="mean slip ratios (default: the study's)",
+    )
     add("--tuning", action="store_true", help="the tuning seeds instead of the reporting ones")
     add_workers(parser)
 

@@ -44,17 +44,23 @@ STUDIES = {
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
-    add("--maps", type=count, default=100, help="maps of each family (default: 100)")
+    add("--maps", type=count, default=100, metavar="N", help="maps of each family (default: 100)")
     add(
         "--families",
         nargs="+",
         choices=tuple(FAMILIES),
         metavar="FAMILY",
         default=["open"],
-        help="families of random maps (default: open): "
-        + "; ".join(f"{name}: {text}" for name, text in FAMILIES.items()),
+        help="families of random maps (default: open)\n"
+        + "\n".join(f"{name}: {text}" for name, text in FAMILIES.items()),
     )
-    add("--slips", type=float, nargs="+", help="mean slip ratios (default: the study's)")
+    add(
+        "--slips",
+        type=float,
+        nargs="+",
+        metavar="SLIP",
+        help="mean slip ratios (default: the study's)",
+    )
     add(
         "--controllers",
         nargs="+",

@@ -15,10 +15,17 @@ from kmpc_lite.cli.workers import add_workers, worker_pool
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
-    add("--trials", type=count, default=5, help="runs per cell (default: 5, as in the paper)")
+    add(
+        "--trials",
+        type=count,
+        default=5,
+        metavar="N",
+        help="runs per cell (default: 5, as in the paper)",
+    )
     add(
         "--scenario",
         default="four_circles_1",
+        metavar="NAME",
         help="map (default: four_circles_1); its slip and seed are replaced",
     )
     add_workers(parser)
