@@ -1,16 +1,19 @@
 """Drive a learned model past four obstacles on a floor that slips, and draw where it went.
 
 The robot slips by 5 % on average, anew in every period; the controller knows it from a log only.
-Ends in PNG pictures in the folder ``figures``.
+Ends in PNG pictures in the folder ``out/figures``.
 
     python examples/drive_past_obstacles.py
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import kmpc_lite as kl
 from kmpc_lite.report import write_pictures
 from kmpc_lite.sim import Scenario, drive
+
+OUTPUT = Path("out") / "figures"
 
 
 def main() -> None:
@@ -28,7 +31,7 @@ def main() -> None:
         "the goal"
     )
     print(f"smallest distance to an obstacle: {100 * run.clearance:.1f} cm")
-    for picture in write_pictures("figures", run):
+    for picture in write_pictures(OUTPUT, run):
         print(f"wrote {picture}")
 
 

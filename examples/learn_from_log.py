@@ -7,16 +7,20 @@ Records a few minutes of random driving on a floor that slips (use
     python examples/learn_from_log.py
 """
 
+from pathlib import Path
+
 import kmpc_lite as kl
 
 SECONDS_AHEAD = 2.0
+OUTPUT = Path("out")
 
 
 def main() -> None:
     floor = kl.DifferentialDrive(slip=0.05, seed=1)
     log = kl.generate_dataset(floor, episodes=40, steps=100, dt=0.1, seed=1, u_max=(0.6, 0.8))
-    log.save("drive.csv")
-    data = kl.Dataset.load("drive.csv")
+    OUTPUT.mkdir(exist_ok=True)
+    log.save(OUTPUT / "drive.csv")
+    data = kl.Dataset.load(OUTPUT / "drive.csv")
     train, held = data.split(0.5, seed=0)
     print(f"learned from {train}\nchecked on   {held}\n")
 
@@ -32,8 +36,11 @@ def main() -> None:
     along, across, turn = (1e3 * error for error in report.nominal_multi_step)
     print(f"  {'a robot that obeys exactly':<38}{along:>18.1f}{across:>14.1f}{turn:>16.1f}")
 
-    model.save("robot.npz")
-    print("\nwrote drive.csv and robot.npz: kmpc simulate --model robot.npz drives it")
+    model.save(OUTPUT / "robot.npz")
+    print(
+        f"\nwrote drive.csv and robot.npz below {OUTPUT}: "
+        f"kmpc simulate --model {OUTPUT / 'robot.npz'} drives it"
+    )
 
 
 if __name__ == "__main__":

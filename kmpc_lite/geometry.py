@@ -194,7 +194,7 @@ def exact_arc(
     return np.stack(ends, axis=-1)
 
 
-def circle_distances(points: Array, circles: Array) -> Array:
+def clearances(points: Array, circles: Array) -> Array:
     """Distances from points to the edges of circles; negative inside.
 
     Parameters
@@ -211,7 +211,7 @@ def circle_distances(points: Array, circles: Array) -> Array:
 
     Examples
     --------
-    >>> circle_distances(np.array([3.0, 4.0]), np.array([[0.0, 0.0, 1.0], [3.0, 4.0, 0.5]]))
+    >>> clearances(np.array([3.0, 4.0]), np.array([[0.0, 0.0, 1.0], [3.0, 4.0, 0.5]]))
     array([ 4. , -0.5])
     """
     x, y = points[..., 0, None], points[..., 1, None]

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from kmpc_lite.geometry import (
-    circle_distances,
+    clearances,
     distances,
     exact_arc,
     heading_near,
@@ -105,8 +105,8 @@ def test_arcs_from_one_pose_have_the_shape_of_their_speeds() -> None:
 def test_distances_to_circles_are_to_their_edges_and_negative_inside() -> None:
     circles = np.array([[0.0, 0.0, 1.0, 0.3, 0.0], [3.0, 4.0, 0.5, 0.0, 0.0]])
     points = np.array([[[3.0, 4.0, 2.0]], [[0.0, 0.0, 0.0]]])
-    np.testing.assert_allclose(circle_distances(points, circles), [[[4.0, -0.5]], [[-1.0, 4.5]]])
-    assert circle_distances(points, circles[:0]).shape == (2, 1, 0)
+    np.testing.assert_allclose(clearances(points, circles), [[[4.0, -0.5]], [[-1.0, 4.5]]])
+    assert clearances(points, circles[:0]).shape == (2, 1, 0)
 
 
 def test_distances_between_poses_leave_headings_out() -> None:

@@ -4,6 +4,7 @@ COMMANDS = {
     name: f"firmware_bridge.cli.{name}:COMMAND"
     for name in (
         "demo",
+        "init",
         "check",
         "run",
         "record",
@@ -12,6 +13,7 @@ COMMANDS = {
         "estop",
         "latency",
         "experiments",
+        "signing",
     )
 }
 """As the entry points `kmpc.commands` of pyproject.toml; `demo` replaces that of kmpc_lite."""

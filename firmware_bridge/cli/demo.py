@@ -10,6 +10,7 @@ import json
 import tempfile
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import kmpc_lite as kl
 from firmware_bridge.cli.course import course
 from firmware_bridge.cli.latency import SCENARIO, emulator, robot_text
+from firmware_bridge.cli.steps import Steps
 from firmware_bridge.messages import BridgeError
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.loop import TICK
@@ -26,6 +28,7 @@ from kmpc_lite.cli.extras import is_installed, need, pip_line
 from kmpc_lite.cli.fit import calibrated, load_and_split, make_dictionary, with_info
 from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import command_line
+from kmpc_lite.cli.progress import watching
 from kmpc_lite.cli.simulate import describe
 
 if TYPE_CHECKING:
@@ -55,76 +58,6 @@ OWN_FILES = (
 """What a demo writes into its folder, and replaces the next time."""
 
 
-class Steps:
-    """What the controller saw and planned, step by step, while commands passed."""
-
-    def __init__(self) -> None:
-        self.rows: list[tuple[tuple[float, float, float], Any]] = []
-        self.is_driving: Callable[[], bool] = lambda: False
-        """Whether commands pass."""
-
-    def __call__(self, pose: tuple[float, float, float], plan: Any) -> None:
-        """Keep one step."""
-        if self.is_driving():
-            self.rows.append((pose, plan))
-
-    def as_run(self, scenario: Scenario, report: dict[str, Any], info: dict[str, Any]) -> Run:
-        """Make a run of the steps until the goal was reached, or of all.
-
-        Poses are those that came through the link.
-
-        Parameters
-        ----------
-        scenario : Scenario
-            What was driven.
-        report : dict
-            Of `firmware_bridge.runtime.drive.run`.
-        info : dict
-            What to keep with the run.
-
-        Raises
-        ------
-        BridgeError
-            Where the robot never drove.
-        """
-        import numpy as np
-
-        from kmpc_lite.sim import Outcome, Run
-
-        if len(self.rows) < 2:
-            raise BridgeError("the rover did not drive: no command passed the gate")
-        arrived = report["arrived_after_s"]
-        count = len(self.rows) - 1
-        if arrived is not None:
-            count = max(1, min(count, round(arrived / PERIOD)))
-        states, plans = (
-            np.array([pose for pose, _ in self.rows[: count + 1]]),
-            [plan for _, plan in self.rows[:count]],
-        )
-        clearance = np.inf if report["clearance_m"] is None else report["clearance_m"]
-        outcome = (
-            Outcome.COLLISION
-            if clearance < 0.0
-            else Outcome.TIMEOUT
-            if arrived is None
-            else Outcome.REACHED
-        )
-        return Run(
-            scenario=scenario,
-            dt=PERIOD,
-            outcome=outcome,
-            duration=count * PERIOD if arrived is None else arrived,
-            states=states,
-            path=states,
-            inputs=np.array([plan.command for plan in plans]),
-            plans=np.array([plan.states for plan in plans]),
-            statuses=tuple(plan.status.name for plan in plans),
-            step_times=np.array([plan.timing["total"] for plan in plans]),
-            clearance=clearance,
-            info=info,
-        )
-
-
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     SIMULATED.add_options(parser)
@@ -133,11 +66,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--robot",
         choices=("rover", "simulated"),
         help="rover: an emulated ArduPilot rover behind a pseudo-terminal, as a real one would be "
-        "(default, where pymavlink is installed); simulated: without a link",
+        "(default, where pymavlink is installed)\nsimulated: without a link",
     )
     add(
         "--seconds",
         type=positive,
+        metavar="S",
         default=50.0,
         help="of random driving of the rover to learn from [s] (default: 50)",
     )
@@ -157,14 +91,14 @@ def run(options: argparse.Namespace) -> int:
     need("the emulated rover", "pymavlink")
     need("the report of a demo", "matplotlib")
     say = (lambda text: None) if options.json else partial(print, flush=True)
-    report, status = demo(options.output, options.seconds, options.seed, say)
+    report, status = demo(options.output, options.seconds, options.seed, say, options.json)
     if options.json:
         print(json.dumps(report))
     return status
 
 
 def demo(
-    folder: Path, seconds: float, seed: int, say: Callable[[str], None]
+    folder: Path, seconds: float, seed: int, say: Callable[[str], None], quiet: bool = True
 ) -> tuple[dict[str, Any], int]:
     """Record, learn, drive, report; gives the report and the exit status.
 
@@ -178,6 +112,8 @@ def demo(
         Of the random driving and of the rover's slip.
     say : callable
         Is told a line per phase.
+    quiet : bool
+        Show no progress on a terminal.
 
     Raises
     ------
@@ -196,15 +132,18 @@ def demo(
         file = Path(name) / "rover.toml"
         file.write_text(robot_text("mavlink", Path(name), PERIOD))
         rover = partial(emulator, file, Path(name) / "mavlink", "--seed", str(seed))
-        recorded, status = _record(file, rover, scenario, folder, seconds, seed, say)
+        stage = Stage(file, rover, scenario, folder, say, quiet)
+        recorded, status = _record(stage, seconds, seed)
         if recorded["loop"]["stop_reason"] in SIGNALS:
+            say("stopped: no model, no report")
             return {"outcome": "stopped", **recorded}, INTERRUPTED
         if status != DONE:
             why = "; ".join(recorded["problems"]) or "the rover did not drive"
             raise BridgeError(f"{folder / 'drive.csv'}: nothing was recorded: {why}")
         model, errors = _learn(folder, say)
-        driven, report, status = _drive(file, rover, scenario, folder, say)
+        driven, report, status = _drive(stage)
     if driven is None:
+        say("stopped: no report")
         return report, status
     driven.info["model"] = model.info["method"]
     driven.save(folder / "run.npz")
@@ -222,37 +161,47 @@ def demo(
     return result, DONE if driven.outcome is Outcome.REACHED else NOT_DONE
 
 
-Rover = Callable[[], AbstractContextManager[None]]
+@dataclass(frozen=True)
+class Stage:
+    """What the recording and the drive share."""
+
+    file: Path
+    """Robot file."""
+    rover: Callable[[], AbstractContextManager[None]]
+    """Starts the emulated rover, and ends it with the block."""
+    scenario: Scenario
+    folder: Path
+    say: Callable[[str], None]
+    quiet: bool
 
 
-def _record(
-    file: Path,
-    rover: Rover,
-    scenario: Scenario,
-    folder: Path,
-    seconds: float,
-    seed: int,
-    say: Callable[[str], None],
-) -> tuple[dict[str, Any], int]:
+def _record(stage: Stage, seconds: float, seed: int) -> tuple[dict[str, Any], int]:
     """Drive the rover at random and record that."""
     from firmware_bridge.runtime.drive import record
 
-    say(
+    log = stage.folder / "drive.csv"
+    stage.say(
         f"1  recording {seconds:g} s of random driving of an emulated ArduPilot rover over a "
-        f"pseudo-terminal: {folder / 'drive.csv'}"
+        f"pseudo-terminal: {log}"
     )
     # the emulated floor is empty: the whole map is free for random driving
-    robot = load_robot(file, {"control": COMMANDS, "safety": {"geofence": scenario.bounds}})
-    with rover():
+    geofence = {"geofence": stage.scenario.bounds}
+    robot = load_robot(stage.file, {"control": COMMANDS, "safety": geofence})
+
+    def line() -> str:
+        rows = log.read_bytes().count(b"\n") - 1 if log.exists() else 0
+        return f"   {max(0.0, rows * PERIOD):.0f} of {seconds:g} s recorded"
+
+    with stage.rover(), watching(line, stage.quiet):
         report, status = record(
             robot,
-            str(folder / "drive"),
+            str(stage.folder / "drive"),
             seconds,
             period=PERIOD,
             excitation=(HOLD, seed),
             out=None,
         )
-    say(f"   {report['rows']} rows every {PERIOD:g} s")
+    stage.say(f"   {report['rows']} rows every {PERIOD:g} s")
     return report, status
 
 
@@ -270,21 +219,22 @@ def _learn(folder: Path, say: Callable[[str], None]) -> tuple[kl.KoopmanModel, k
     return model, errors
 
 
-def _drive(
-    file: Path, rover: Rover, scenario: Scenario, folder: Path, say: Callable[[str], None]
-) -> tuple[Run | None, dict[str, Any], int]:
+def _drive(stage: Stage) -> tuple[Run | None, dict[str, Any], int]:
     """Drive the scenario with what was learned; no run where a signal came."""
     from firmware_bridge.runtime.drive import INTERRUPTED
     from firmware_bridge.runtime.drive import run as drive
 
-    say(f"3  driving {scenario.name} with it, over a pseudo-terminal again")
-    steps = Steps()
-    control = {**COMMANDS, "model": str(folder / "robot.npz"), "scenario": SCENARIO}
-    job = course(load_robot(file, {"control": control}), SETTLE, PATIENCE, steps)
+    stage.say(f"3  driving {stage.scenario.name} with it, over a pseudo-terminal again")
+    steps = Steps(PERIOD)
+    control = {**COMMANDS, "model": str(stage.folder / "robot.npz"), "scenario": SCENARIO}
+    job = course(load_robot(stage.file, {"control": control}), SETTLE, PATIENCE, steps)
     steps.is_driving = lambda: job.navigator.is_driving()
-    with rover():
+    with (
+        stage.rover(),
+        watching(lambda: f"   driving for {len(steps.rows) * PERIOD:.0f} s", stage.quiet),
+    ):
         report, status = drive(
-            job.robot, job.navigator, job.period, job.origin, str(folder / "run"), None
+            job.robot, job.navigator, job.period, job.origin, str(stage.folder / "run"), None
         )
     if status == INTERRUPTED:
         return None, report, INTERRUPTED
@@ -295,7 +245,7 @@ def _drive(
         "u_max": [limits.v_max, limits.omega_max],
         "commands_sent": report["loop"]["commands_sent"],
     }
-    return steps.as_run(scenario, report, info), report, status
+    return steps.as_run(stage.scenario, report, info), report, status
 
 
 COMMAND = Command(

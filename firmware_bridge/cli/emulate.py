@@ -68,7 +68,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="URL",
         help="pty:PATH, tcp:HOST:PORT or udp:HOST:PORT; the robot file's where not given",
     )
-    add("--scenario", help="start where this one starts, on its floor")
+    add("--scenario", metavar="NAME", help="start where this one starts, on its floor")
     add(
         "--start",
         nargs=3,
@@ -80,20 +80,21 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--physics",
         choices=("slip", "mujoco"),
         default="slip",
-        help="slip: a robot that slips at random (default); mujoco: the digital twin of a "
-        "ROSbot 2, among the scenario's obstacles",
+        help="slip: a robot that slips at random (default)\n"
+        "mujoco: the digital twin of a ROSbot 2, among the scenario's obstacles",
     )
     add("--slip", type=float, help="mean slip ratio of the floor")
-    add("--turn-gain", type=float, help="share of a turn that happens")
+    add("--turn-gain", type=float, metavar="SHARE", help="share of a turn that happens")
     add("--seed", type=int, default=0, help="of the slip (default: 0)")
     add("--pose", metavar="URL", help="also be its motion capture: send poses to udp:HOST:PORT")
     add(
         "--arm-after",
         type=float,
+        metavar="S",
         default=2.0,
         help="arming is refused so long after boot [s] (default: 2)",
     )
-    add("--seconds", type=positive, help="end after so long [s]")
+    add("--seconds", type=positive, metavar="S", help="end after so long [s]")
 
 
 def run(options: argparse.Namespace) -> int:

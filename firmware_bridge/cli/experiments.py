@@ -26,24 +26,28 @@ EXPERIMENTS = {
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
-    kinds = "; ".join(f"{name}: {title}" for name, title in EXPERIMENTS.items())
+    kinds = "\n".join(f"{name}: {title}" for name, title in EXPERIMENTS.items())
     add(
         "what",
         choices=("model", *EXPERIMENTS, "speed"),
-        help=f"model: held-out errors; {kinds}; speed: of the twin",
+        metavar="what",
+        help=f"model: held-out errors\n{kinds}\n"
+        "speed: how much faster than real time the twin runs",
     )
     add(
         "--folder",
         type=Path,
         default=Path("twin"),
+        metavar="DIR",
         help="for data, models and pictures (default: twin)",
     )
-    add("--trials", type=count, help="for each map (default: the experiment's)")
+    add("--trials", type=count, metavar="N", help="for each map (default: the experiment's)")
     add("--tuning", action="store_true", help="the tuning seeds instead of the reporting ones")
     add(
         "--robot",
         type=int,
         default=0,
+        metavar="N",
         help="which robot, with a --folder of its own (default: 0, the even one)",
     )
     add(

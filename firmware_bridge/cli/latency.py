@@ -54,6 +54,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--seconds",
         type=positive,
+        metavar="S",
         default=10.0,
         help="for each row of the table [s] (default: 10)",
     )

@@ -14,22 +14,38 @@ from kmpc_lite.cli.extras import need
 
 def add_robot_options(parser: argparse.ArgumentParser) -> None:
     """Add where the robot is and what it may do; each option replaces a key of the robot file."""
-    add = parser.add_argument
-    add("robot", nargs="?", help="robot file (TOML); the options below replace its keys")
-    add("--driver", choices=DRIVERS, help="link.driver")
+    parser.add_argument("robot", nargs="?", help="robot file (TOML): kmpc init writes one")
+    add = parser.add_argument_group("instead of keys of the robot file").add_argument
+    add(
+        "--driver",
+        choices=DRIVERS,
+        metavar="NAME",
+        help=f"link.driver: {', '.join(DRIVERS)}",
+    )
     add(
         "--link",
         metavar="URL",
-        help="link.url: serial:PATH?baud=..., pty:PATH, tcp:HOST:PORT, udp:HOST:PORT",
+        help="link.url: serial:PATH?baud=..., pty:PATH, tcp:HOST:PORT, udp:HOST:PORT (sends there), "
+        "udp:HOST:PORT?listen=1 (waits there)",
     )
     add(
         "--pose",
         metavar="URL",
         help="link.pose: udp:HOST:PORT where motion capture sends `stamp x y theta` (ENU, m, rad)",
     )
-    add("--timeout", type=float, help="link.timeout: how long the board may take to answer [s]")
-    add("--v-max", type=float, help="limits.v_max and v_reverse [m/s]; slow where not given")
-    add("--omega-max", type=float, help="limits.omega_max [rad/s]")
+    add(
+        "--timeout",
+        type=float,
+        metavar="S",
+        help="link.timeout: how long the board may take to answer [s]",
+    )
+    add(
+        "--v-max",
+        type=float,
+        metavar="V",
+        help="limits.v_max and v_reverse [m/s] (default: 0.3, slow on purpose)",
+    )
+    add("--omega-max", type=float, metavar="OMEGA", help="limits.omega_max [rad/s] (default: 0.8)")
     add(
         "--geofence",
         nargs=4,
@@ -49,17 +65,18 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
 
 def add_drive_options(parser: argparse.ArgumentParser) -> None:
     """Add how the robot is driven."""
-    add = parser.add_argument
+    add = parser.add_argument_group("driving").add_argument
     add(
         "--arm",
         action="store_true",
         help="arm an autopilot and choose GUIDED; else the pilot does both",
     )
-    add("--period", type=float, help="control.period [s]; the model's where not given")
+    add("--period", type=float, metavar="S", help="control.period [s]; the model's where not given")
     add(
         "--command-period",
         type=float,
-        help="control.command_period: of commands on the wire [s] (default 0.02)",
+        metavar="S",
+        help="control.command_period: of commands on the wire [s] (default: 0.02)",
     )
     add(
         "--realtime",
@@ -69,8 +86,9 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--latency",
         type=float,
+        metavar="S",
         help="control.latency: from the wire to the wheels [s] "
-        "(default 0; 0.2 of an autopilot with a model without lags)",
+        "(default: 0; 0.2 of an autopilot with a model without lags)",
     )
 
 

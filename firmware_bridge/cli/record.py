@@ -40,10 +40,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="drive at random in the four sign scenarios, inside the geofence",
     )
-    add("--seconds", type=positive, default=300.0, help="for how long [s] (default: 300)")
+    add(
+        "--seconds",
+        type=positive,
+        metavar="S",
+        default=300.0,
+        help="for how long [s] (default: 300)",
+    )
     add(
         "--hold",
         type=positive,
+        metavar="S",
         default=0.5,
         help="how long a random command is held [s] (default: 0.5)",
     )

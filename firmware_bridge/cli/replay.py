@@ -26,7 +26,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="write the poses and measured speeds of a tlog as a log for kmpc fit",
     )
-    add("--period", type=positive, default=0.1, help="of the CSV's rows [s] (default: 0.1)")
+    add(
+        "--period",
+        type=positive,
+        metavar="S",
+        default=0.1,
+        help="of the CSV's rows [s] (default: 0.1)",
+    )
     add("--system", type=int, default=1, help="MAVLink id of the vehicle (default: 1)")
     add("--link", metavar="URL", help="serve what came from the board here, for a ground station")
     add("--speed", type=positive, default=1.0, help="pace on --link (default: 1)")

@@ -26,22 +26,27 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_robot_options(parser)
     add_drive_options(parser)
     add = parser.add_argument
-    add("--model", help="learned model (kmpc fit); the nominal unicycle where not given")
-    add("--scenario", help="scenario file, or the name of one that comes with kmpc_lite")
+    add(
+        "--model",
+        metavar="FILE",
+        help="learned model (kmpc fit); the nominal unicycle where not given",
+    )
+    add(
+        "--scenario",
+        metavar="NAME",
+        help="scenario file, or the name of one that comes with kmpc_lite",
+    )
     add(
         "--seconds",
         type=positive,
+        metavar="S",
         default=DRIVE_TIME,
-        help=f"give up after so long of driving, or of waiting [s] (default: {DRIVE_TIME:g})",
-    )
-    add(
-        "--wait",
-        type=positive,
-        help="how long to wait for the vehicle before it drives [s] (default: as --seconds)",
+        help=f"give up after so long [s] (default: {DRIVE_TIME:g})",
     )
     add(
         "--settle",
         type=positive,
+        metavar="S",
         default=1.0,
         help="how long the goal must be held [s] (default: 1)",
     )
@@ -52,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     """Drive to the goal; status 1 where the robot does not arrive."""
     from firmware_bridge.runtime.drive import run as drive
 
-    job = course(read_robot(options), options.settle, options.seconds, wait=options.wait)
+    job = course(read_robot(options), options.settle, options.seconds)
     prepare(options)
     report, status = drive(
         job.robot,

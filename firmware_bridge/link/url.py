@@ -30,7 +30,15 @@ class LinkUrl:
 
     @classmethod
     def parse(cls, text: str) -> LinkUrl:
-        """Take a URL apart; ConfigError says what is wrong with it."""
+        """Take a URL apart; ConfigError says what is wrong with it.
+
+        A bare path is a serial port.
+
+        >>> LinkUrl.parse("/dev/ttyACM0").text
+        'serial:/dev/ttyACM0'
+        """
+        if text.startswith("/"):
+            text = f"serial:{text}"
         kind, colon, rest = text.partition(":")
         if not colon or kind not in KINDS:
             raise ConfigError(f"link: expected {', '.join(k + ':' for k in KINDS)}, got {text!r}")

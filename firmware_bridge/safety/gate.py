@@ -187,9 +187,9 @@ class SafetyGate:
         limits, action, output = self.settings.limits, Action.SEND, (0.0, 0.0)
         if self.state is GateState.ACTIVE:
             assert command is not None
-            scale = self._slowing.share(now, command, state, status)
-            v, omega = limits.clip(command.v, command.omega)
-            output = limits.slew(self._output, (scale * v, scale * omega), dt)
+            share = self._slowing.share(now, command, state, status)
+            wanted = limits.clip(command.v, command.omega, share)
+            output = limits.slew(self._output, wanted, dt)
         elif self.state is GateState.STOPPING:
             output = limits.slew(self._output, (0.0, 0.0), dt)
         elif self.state is GateState.WAITING:

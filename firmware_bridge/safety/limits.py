@@ -49,17 +49,24 @@ class Limits:
             if value < 0 or (value == 0 and item.name != "v_reverse"):
                 raise ConfigError(f"{item.name}: expected {least}, got {value!r}")
 
-    def clip(self, v: float, omega: float) -> tuple[float, float]:
-        """Scale finite speeds [m/s, rad/s] by one factor until both are within bounds."""
+    def clip(self, v: float, omega: float, share: float = 1.0) -> tuple[float, float]:
+        """Scale finite speeds [m/s, rad/s] by one factor until both are within bounds.
+
+        With a `share` below 1 the bounds are that much narrower: what is slow already stays.
+        """
+        v_max, v_reverse, omega_max = (
+            share * bound for bound in (self.v_max, self.v_reverse, self.omega_max)
+        )
         scale = 1.0
-        if v > self.v_max:
-            scale = self.v_max / v
-        elif v < -self.v_reverse:
-            scale = self.v_reverse / -v
-        if abs(omega) * scale > self.omega_max:
-            scale = self.omega_max / abs(omega)
-        return _within(v * scale, -self.v_reverse, self.v_max), _within(
-            omega * scale, -self.omega_max, self.omega_max
+        if v > v_max:
+            scale = v_max / v
+        elif v < -v_reverse:
+            scale = v_reverse / -v
+        if abs(omega) * scale > omega_max:
+            scale = omega_max / abs(omega)
+        return (
+            _within(v * scale, -v_reverse, v_max),
+            _within(omega * scale, -omega_max, omega_max),
         )
 
     def slew(

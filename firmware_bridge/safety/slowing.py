@@ -27,7 +27,7 @@ class Slowing:
     def share(
         self, now: float, command: VelocityCommand, state: State | None, status: LinkStatus
     ) -> float:
-        """Share of its speed that the robot may drive."""
+        """Share of its fastest speeds that the robot may drive now."""
         s = self._settings
         pose = min(status.pose_stamp, -math.inf if state is None else state.stamp)
         return min(

@@ -11,7 +11,8 @@ from typing import Any, get_args
 import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.regression import Method, fit
+from kmpc_lite.learn.fitting import fit
+from kmpc_lite.learn.regression import Method
 from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
 
 STEPS = 1000

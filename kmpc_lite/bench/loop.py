@@ -15,6 +15,7 @@ import numpy as np
 from kmpc_lite.bench.measure import SLIP, free_pose, random_circles
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.geometry import distances
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.realtime import DeadlineLoop, Histogram, prepare_process
 from kmpc_lite.sim.plants.robots import DifferentialDrive
@@ -173,7 +174,7 @@ def run_loop(
             statuses[plan.status.name] = statuses.get(plan.status.name, 0) + 1
             x = plant.step(x, plan.command, problem.dt)
             ticks += 1
-            if np.hypot(*(x[:2] - goal[:2])) < 0.05 or ticks % 300 == 0:
+            if distances(x, goal) < 0.05 or ticks % 300 == 0:
                 goal = free_pose(random, circles)
             if ticks % int(max(rate, 1)) == 0:
                 progress(int(tick.index / rate), int(seconds))

@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.bench.contenders import Build, Contender, full, plain
 from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.learn.regression import fit
+from kmpc_lite.geometry import clearances, heading_near
+from kmpc_lite.learn.fitting import fit
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
+from kmpc_lite.studies.contenders import FULL_STEP, PAPER_FORM, Contender
 from kmpc_lite.types import Array
 
 SLIP = 0.05
@@ -97,7 +98,7 @@ def random_circles(random: np.random.Generator, count: int) -> Array:
     placed: list[Array] = []
     while len(placed) < count:
         row = np.array([*random.uniform(-half, half, 2), random.uniform(0.10, 0.28), 0.0, 0.0])
-        if all(np.hypot(*(row[:2] - other[:2])) > row[2] + other[2] + SPACING for other in placed):
+        if (clearances(row, np.array(placed).reshape(-1, 5)) > row[2] + SPACING).all():
             placed.append(row)
     return np.array(placed)
 
@@ -106,10 +107,7 @@ def free_pose(random: np.random.Generator, circles: Array, half: float = 1.8) ->
     """Pose (3,) at least 0.1 m clear of the obstacles."""
     while True:
         pose = np.array([*random.uniform(-half, half, 2), random.uniform(-np.pi, np.pi)])
-        if (
-            not len(circles)
-            or (np.hypot(*(circles[:, :2] - pose[:2]).T) > circles[:, 2] + 0.25).all()
-        ):
+        if (clearances(pose, circles) > 0.25).all():
             return pose
 
 
@@ -120,7 +118,7 @@ def record(
     steps: int,
     obstacles: int,
     seed: int,
-    build: Build = plain,
+    driver: Contender = PAPER_FORM,
 ) -> list[Drive]:
     """Drive random maps with one of our controllers, for states that all plan from."""
     recorded = []
@@ -128,7 +126,8 @@ def record(
         random = np.random.default_rng(seed + i)
         circles = random_circles(random, obstacles)
         x, goal = free_pose(random, circles), free_pose(random, circles)
-        controller, plant = build(model, problem, obstacles), DifferentialDrive(SLIP, seed=seed + i)
+        controller = driver.make(model, problem, obstacles)
+        plant = DifferentialDrive(SLIP, seed=seed + i)
         states = [x]
         for _ in range(steps - 1):
             x = plant.step(x, controller.step(x, goal, circles).command, problem.dt)
@@ -161,10 +160,10 @@ def measure(
     count = max((len(d.circles) for d in drives), default=0)
     for contender in field_of:
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        controllers.append(contender.build(model, problem, count))
+        controllers.append(contender.make(model, problem, count))
         controllers[-1].step(drives[0].states[0], drives[0].goal, drives[0].circles)
         grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-        results.append(Measurement(contender.name, memory=grown / 1024))
+        results.append(Measurement(contender.label, memory=grown / 1024))
     # as before a loop on a robot: what exists by now need not be looked through again
     gc.collect()
     gc.freeze()
@@ -195,7 +194,7 @@ def _run(
             result.unsolved += 1
             continue
         goal = drive.goal.copy()
-        goal[2] = x[2] + np.remainder(goal[2] - x[2] + np.pi, 2 * np.pi) - np.pi
+        goal[2] = heading_near(float(goal[2]), float(x[2]))
         result.cost.append(problem.cost(plan.states, plan.inputs, goal))
         result.violation.append(violation(plan.states, drive.circles, problem))
         result.defect.append(
@@ -231,10 +230,10 @@ def scaling(
         for n, _ in cases
     ]
     recorded = [
-        record(model, p, drives, 40, m, seed, full)
+        record(model, p, drives, 40, m, seed, FULL_STEP)
         for p, (_, m) in zip(problems, cases, strict=True)
     ]
-    controllers = [full(model, p) for p in problems]
+    controllers = [FULL_STEP.make(model, p) for p in problems]
     times: list[list[float]] = [[] for _ in cases]
     for i in range(drives):
         for j, controller in enumerate(controllers):

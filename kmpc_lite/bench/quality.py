@@ -11,6 +11,7 @@ import numpy as np
 from kmpc_lite.bench.measure import Drive, violation
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.geometry import distances, heading_near, wrap
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
@@ -83,7 +84,7 @@ def compare(
         for k, state in enumerate(drive.states):
             # a learned model need not be the same a turn further on: both get the heading that ours
             # would make of it
-            x = np.append(state[:2], (state[2] + np.pi) % (2 * np.pi) - np.pi)
+            x = np.append(state[:2], wrap(float(state[2])))
             ours.reset()
             peer.reset()
             rows.append(_judge(i, k, x, drive, ours, peer, problem))
@@ -96,11 +97,11 @@ def _judge(
 ) -> Comparison:
     plans = [controller.step(x, drive.goal, drive.circles) for controller in (ours, peer)]
     goal = drive.goal.copy()
-    goal[2] = x[2] + np.remainder(goal[2] - x[2] + np.pi, 2 * np.pi) - np.pi
+    goal[2] = heading_near(float(goal[2]), float(x[2]))
     cost, best = (problem.cost(plan.states, plan.inputs, goal) for plan in plans)
     inside, peer_inside = (violation(plan.states, drive.circles, problem) for plan in plans)
     excess = cost / max(best, 1e-9) - 1.0
-    apart = float(np.hypot(*(plans[0].states - plans[1].states)[:, :2].T).max())
+    apart = float(distances(plans[0].states, plans[1].states).max())
     if violation(np.array([x, x]), drive.circles, problem) > 0.0:
         verdict = "starts inside"
     elif plans[1].status.name != "SOLVED" or peer_inside > OBEYED:

@@ -28,6 +28,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--drives",
         type=count,
         default=20,
+        metavar="N",
         help=f"recorded drives of {STEPS} states (default: 20)",
     )
     add("--tuning", action="store_true", help="the tuning seeds instead of the reporting ones")
@@ -37,7 +38,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="WORD",
         help="contenders whose names contain one of these words",
     )
-    add("--picture", type=Path, help="picture of the distributions to write (.png)")
+    add("--picture", type=Path, metavar="FILE", help="picture of the distributions to write (.png)")
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
         "--scaling",
@@ -87,7 +88,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="HZ",
         help="run the control loop at this rate with the other cores busy",
     )
-    add("--seconds", type=positive, default=600.0, help="how long, with --loop (default: 600)")
+    add(
+        "--seconds",
+        type=positive,
+        default=600.0,
+        metavar="S",
+        help="how long, with --loop (default: 600)",
+    )
     add("--no-load", action="store_true", help="with --loop: leave the other cores alone")
     add(
         "--budget",
@@ -112,6 +119,12 @@ def _compare(options: argparse.Namespace) -> tuple[Any, str]:
     """Step times of all contenders, on the same states."""
     from kmpc_lite import bench
     from kmpc_lite.bench.measure import import_times, learned_model
+    from kmpc_lite.studies.contenders import (
+        BENCH_CONTENDERS,
+        BENCH_FULL_CONTENDERS,
+        FULL_STEP,
+        PAPER_FORM,
+    )
 
     model, problem = learned_model(), kl.NavigationProblem()
     bar = Progress("bench", quiet=options.json)
@@ -120,25 +133,25 @@ def _compare(options: argparse.Namespace) -> tuple[Any, str]:
     for title, everyone, driver in (
         (
             "the paper's problem, on the states of a plain controller's drives",
-            bench.contenders(),
-            bench.plain,
+            BENCH_CONTENDERS,
+            PAPER_FORM,
         ),
         (
             "guidance and margins on, on the states of its own drives; "
             "IPOPT solves the paper's problem there",
-            bench.full_contenders(),
-            bench.full,
+            BENCH_FULL_CONTENDERS,
+            FULL_STEP,
         ),
     ):
         words = [word.lower() for word in options.only or [""]]
-        chosen = [c for c in everyone if any(word in c.name.lower() for word in words)]
-        left_out |= {c.name: c.skipped for c in chosen if c.skipped}
-        taking_part = [c for c in chosen if not c.skipped]
+        chosen = [c for c in everyone if any(word in c.label.lower() for word in words)]
+        left_out |= {c.label: c.missing for c in chosen if c.missing}
+        taking_part = [c for c in chosen if not c.missing]
         if taking_part:
-            drives = _record(options, model, problem, build=driver)
+            drives = _record(options, model, problem, driver=driver)
             tables.append((title, bench.measure(taking_part, model, problem, drives, progress=bar)))
     if not tables:
-        names = ", ".join(c.name for c in [*bench.contenders(), *bench.full_contenders()])
+        names = ", ".join(c.label for c in [*BENCH_CONTENDERS, *BENCH_FULL_CONTENDERS])
         raise kl.ProblemError(f"--only {' '.join(options.only)}: nobody is left; names are {names}")
     imports = import_times()
     if options.picture:
@@ -191,7 +204,7 @@ def _settings(options: argparse.Namespace) -> tuple[Any, str]:
 def _solvers(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lite import bench
     from kmpc_lite.bench.measure import learned_model
-    from kmpc_lite.bench.solvers import solver_contenders
+    from kmpc_lite.studies.contenders import solver_contenders
 
     model, problem = learned_model(), kl.NavigationProblem()
     drives = _record(options, model, problem)

@@ -65,6 +65,25 @@ class UsageError(KmpcError):
         """Whose help explains it: ``kmpc fit``."""
 
 
+class HelpFormatter(argparse.RawDescriptionHelpFormatter):
+    """Keeps the line breaks of descriptions, examples and helps, and aligns lists of commands."""
+
+    def add_argument(self, action: argparse.Action) -> None:
+        """Make room for the indentation of commands, which argparse forgets."""
+        super().add_argument(action)
+        if isinstance(action, argparse._SubParsersAction):
+            self._action_max_length += self._indent_increment
+
+    def _format_action(self, action: argparse.Action) -> str:
+        text = super()._format_action(action)
+        commands = isinstance(action, argparse._SubParsersAction)
+        return text.partition("\n")[2] if commands else text  # without the line of its metavar
+
+    def _split_lines(self, text: str, width: int) -> list[str]:
+        split = super()._split_lines
+        return [line for part in text.split("\n") for line in split(part, width)]
+
+
 class Parser(argparse.ArgumentParser):
     """Raises what is wrong with a command line, and names what may have been meant."""
 
@@ -128,6 +147,7 @@ def build_parser(commands: Mapping[str, str], words: Iterable[str] | None = None
         prog="kmpc",
         description="Learn a robot from its log and drive it past obstacles to a pose.",
         epilog="Start with `kmpc demo`. Each command has a --help with examples of its own.",
+        formatter_class=HelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"kmpc_lite {__version__}")
     named = next((word for word in words or () if not word.startswith("-")), None)
@@ -139,14 +159,19 @@ def build_parser(commands: Mapping[str, str], words: Iterable[str] | None = None
 def _add_commands(parser: argparse.ArgumentParser, commands: Mapping[str, Command]) -> None:
     """Put commands under a parser, and theirs under them."""
     what = "command" if parser.prog == "kmpc" else parser.prog.split()[-1]
-    below = parser.add_subparsers(required=True, metavar=what, parser_class=Parser)
+    below = parser.add_subparsers(
+        title="studies" if what == "study" else "commands",
+        required=True,
+        metavar=what,
+        parser_class=Parser,
+    )
     for name, command in commands.items():
         sub = below.add_parser(
             name,
             help=command.text,
             description=command.text,
             epilog="example:\n" + "\n".join(f"  {line}" for line in command.examples),
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=HelpFormatter,
         )
         if command.commands:
             _add_commands(sub, command.commands)

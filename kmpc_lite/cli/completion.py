@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from kmpc_lite.cli.command import Command, build_parser, known_commands
 from kmpc_lite.cli.extras import need
@@ -22,9 +23,21 @@ def run(options: argparse.Namespace) -> int:
 
     import shtab
 
-    script = shtab.complete(build_parser(known_commands()), shell=options.shell)
+    parser = build_parser(known_commands())
+    _complete_files(parser, shtab.FILE)
+    script = shtab.complete(parser, shell=options.shell)
     print(json.dumps({"shell": options.shell, "script": script}) if options.json else script)
     return 0
+
+
+def _complete_files(parser: argparse.ArgumentParser, mark: object) -> None:
+    """Mark the options that take files or folders, so that the shell completes their paths."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for below in action.choices.values():
+                _complete_files(below, mark)
+        elif action.type is Path or action.metavar in ("FILE", "DIR"):
+            action.complete = mark  # type: ignore[attr-defined]
 
 
 COMMAND = Command(

@@ -28,6 +28,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--log",
         type=Path,
+        metavar="FILE",
         help="log to learn from (t,x,y,theta,v,omega); "
         "a simulated drive is recorded where not given",
     )
@@ -36,7 +37,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--output",
         type=Path,
         default=Path("out"),
-        help="folder for log, model, run and report (default: out)",
+        metavar="DIR",
+        help="folder for log, model, run and report, in place of an earlier demo's (default: out)",
     )
 
 

@@ -29,9 +29,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "log",
         type=Path,
         nargs="+",
+        metavar="LOG",
         help=".csv or .npz with t,x,y,theta,v,omega in s, m, rad, m/s, rad/s",
     )
-    add("-o", "--output", type=Path, required=True, help="model file to write (.npz)")
+    add(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="model file to write (.npz)",
+    )
     add(
         "--method",
         choices=("integral", "edmdc"),
@@ -42,12 +50,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--dictionary",
         choices=tuple(DICTIONARIES),
         default="trig",
-        help="; ".join(f"{name}: {text}" for name, text in DICTIONARIES.items()),
+        metavar="NAME",
+        help="functions of the pose in the model (default: trig)\n"
+        + "\n".join(f"{name}: {text}" for name, text in DICTIONARIES.items()),
     )
     add(
         "--lags",
         type=int,
         nargs="+",
+        metavar="AGE",
         help="ages of the commands that act, in periods: motor lag and dead time (0 = no lag)",
     )
     add(
@@ -58,23 +69,27 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--dt",
         type=float,
+        metavar="S",
         help=f"the model's period [s] (default: {SHORTEST_PERIOD}, or the log's own if longer)",
     )
     add(
         "--gap",
         type=float,
+        metavar="S",
         help="a longer time between rows [s] ends an episode (default: 2.5 periods)",
     )
     add(
         "--holdout",
         type=float,
         default=0.5,
+        metavar="SHARE",
         help="share of the episodes kept for the check (default: 0.5)",
     )
     add(
         "--horizon",
         type=float,
         default=1.0,
+        metavar="S",
         help="how far ahead the check looks [s] (default: 1)",
     )
     add("--seed", type=int, default=0, help="of the split (default: 0)")

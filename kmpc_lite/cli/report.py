@@ -16,10 +16,16 @@ from kmpc_lite.cli.output import command_line
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
-    add("file", type=Path, help="run that kmpc simulate wrote (.npz)")
-    add("-o", "--output", type=Path, help="page to write (default: the run's name with .html)")
-    add("--model", type=Path, help="model of the run, to show how it was fitted")
-    add("--pictures", type=Path, help="folder to write PNG pictures to")
+    add("file", type=Path, metavar="run", help="run that kmpc simulate wrote (.npz)")
+    add(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help="page to write (default: the run's name with .html)",
+    )
+    add("--model", type=Path, metavar="FILE", help="model of the run, to show how it was fitted")
+    add("--pictures", type=Path, metavar="DIR", help="folder to write PNG pictures to")
 
 
 def run(options: argparse.Namespace) -> int:

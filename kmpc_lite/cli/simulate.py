@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +13,7 @@ from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.files import keep_inputs
 from kmpc_lite.cli.fit import SHORTEST_PERIOD
 from kmpc_lite.cli.output import command_line
-from kmpc_lite.sim.scenario.bundled import bundled
+from kmpc_lite.cli.scenario import DEFAULT, add_scenario_options, read_scenario
 
 if TYPE_CHECKING:
     from kmpc_lite.sim import Run, Scenario
@@ -22,36 +21,26 @@ if TYPE_CHECKING:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
-    add = parser.add_argument
-    add("--model", type=Path, help="model that kmpc fit wrote (default: the nominal unicycle)")
+    add_scenario_options(parser)
+    add = parser.add_argument_group("model, robot and controller").add_argument
     add(
-        "--scenario",
-        default="four_circles_1",
-        help=f"a .toml file, or one of {', '.join(bundled())}",
+        "--model",
+        type=Path,
+        metavar="FILE",
+        help="model that kmpc fit wrote (default: the nominal unicycle)",
     )
     add(
         "--plant",
         choices=("slip", "learned"),
         default="slip",
-        help="slip: the scenario's slipping robot; learned: one that behaves as the model does, "
-        "noise and lag included",
-    )
-    add("--slip", type=float, help="mean slip ratio instead of the scenario's")
-    add(
-        "--margin",
-        type=float,
-        help="distance to keep beyond the radii [m] instead of the scenario's",
-    )
-    add("--seed", type=int, help="instead of the scenario's")
-    add(
-        "--timeout",
-        type=float,
-        help="longest drive [s] instead of the scenario's: robots that turn slowly need more",
+        help="slip: the scenario's slipping robot (default)\n"
+        "learned: one that behaves as the model does, noise and lag included",
     )
     add(
         "--horizon",
         type=int,
         default=20,
+        metavar="N",
         help="stages that the controller looks ahead (default: 20)",
     )
     add(
@@ -63,10 +52,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--iterations",
         type=int,
         default=1,
+        metavar="N",
         help="SQP passes per step: 1 is real time, more converge (default: 1)",
     )
-    add("-o", "--output", type=Path, help="run file to write (.npz)")
-    add("--report", type=Path, help="report to write (.html)")
+    add = parser.add_argument_group("what to write").add_argument
+    add("-o", "--output", type=Path, metavar="FILE", help="run file to write (.npz)")
+    add("--report", type=Path, metavar="FILE", help="report to write (.html)")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -75,11 +66,12 @@ def run(options: argparse.Namespace) -> int:
         need("--report", "matplotlib")
     from kmpc_lite.sim import Outcome
 
+    named = options.map or options.scenario or DEFAULT
     for output in (options.output, options.report):
-        keep_inputs(output, options.model, Path(options.scenario))
+        keep_inputs(output, options.model, Path(named))
     if options.plant == "learned" and options.slip is not None:
         raise kl.ProblemError("--slip goes with --plant slip: a learned robot slips as its log did")
-    scenario = _scenario(options)
+    scenario = read_scenario(options)
     model = (
         kl.KoopmanModel.load(options.model)
         if options.model
@@ -103,18 +95,6 @@ def run(options: argparse.Namespace) -> int:
         for name in filter(None, (options.output, options.report)):
             print(f"wrote  {name}")
     return 0 if drive.outcome is Outcome.REACHED else 1
-
-
-def _scenario(options: argparse.Namespace) -> Scenario:
-    """Scenario with the command line's values, checked as a file would be."""
-    from kmpc_lite.sim import Scenario
-
-    scenario = Scenario.load(options.scenario)
-    table = tomllib.loads(scenario.to_toml())
-    for section, key in (("plant", "slip"), ("run", "margin"), ("run", "seed"), ("run", "timeout")):
-        if (value := getattr(options, key)) is not None:
-            table[section][key] = value
-    return Scenario.from_table(table, scenario.name, "command line")
 
 
 def simulate(
@@ -183,8 +163,9 @@ def hint(run: Run, model: kl.KoopmanModel) -> str:
 COMMAND = Command(
     text="Drive a model through a scenario in simulation.",
     examples=(
-        "kmpc simulate --model robot.npz --scenario four_circles_1 --report drive.html",
-        "kmpc simulate --scenario mehrez          # the exact unicycle as the model",
+        "kmpc simulate map.toml --model robot.npz --report drive.html",
+        "kmpc simulate mehrez                   # the exact unicycle as the model",
+        "kmpc simulate --goal 1.5 1 0 --obstacle 0.7 0.5 0.2 --obstacle 1 -1 0.2 0 0.2",
     ),
     add_options=add_options,
     run=run,

@@ -6,7 +6,6 @@ chunks can be fitted apart, on other cores or on other days.
 
 from __future__ import annotations
 
-from itertools import islice
 from typing import Any, Literal
 
 import numpy as np
@@ -14,18 +13,13 @@ import numpy as np
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
 from kmpc_lite.learn.dataset import Dataset, check_time
-from kmpc_lite.model.dictionary import Dictionary, UnicycleDictionary, dictionary_to_config
-from kmpc_lite.model.koopman import KoopmanModel, NoiseModel
+from kmpc_lite.learn.least_squares import least_squares
+from kmpc_lite.learn.symmetry import solve_symmetric, symmetric_generator, wants_symmetry
+from kmpc_lite.model.dictionary import Dictionary, dictionary_to_config
+from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
 Method = Literal["integral", "edmdc"]
-
-RANK_TOLERANCE = 1e-13
-"""Eigenvalues of the scaled Gram matrix below this share of the largest count as zero."""
-NOISE_SAMPLES = 250_000
-"""Residuals that the covariance is estimated from: its relative error is then below 1 %."""
-NOISE_SWEEPS = 500
-"""Passes over its three matrices, at most; ten to fifty do."""
 
 
 class Accumulator:
@@ -57,7 +51,7 @@ class Accumulator:
 
     Examples
     --------
-    >>> from kmpc_lite import DifferentialDrive, generate_dataset
+    >>> from kmpc_lite import DifferentialDrive, UnicycleDictionary, generate_dataset
     >>> data = generate_dataset(DifferentialDrive(), episodes=4, steps=50, dt=0.1, seed=0)
     >>> halves = [Accumulator(UnicycleDictionary(), 0.1), Accumulator(UnicycleDictionary(), 0.1)]
     >>> for half, part in zip(halves, data.split(0.5)):
@@ -166,13 +160,17 @@ class Accumulator:
         self._input_moments += other._input_moments
         self.count += other.count
 
-    def solve(self, ridge: float = 0.0) -> KoopmanModel:
+    def solve(self, ridge: float = 0.0, symmetric: bool | None = None) -> KoopmanModel:
         """Solve for the model.
 
         Parameters
         ----------
         ridge : float
             Added to the diagonal of the Gram matrix scaled to ones; 0 is the pseudoinverse.
+        symmetric : bool, optional
+            Whether the robot moves alike wherever it stands and whichever way it faces, and stands
+            still at zero command (`learn.symmetry`). Where not given: for method ``"integral"``,
+            as far as the dictionary holds 1, cos(theta) and sin(theta).
 
         Raises
         ------
@@ -182,14 +180,14 @@ class Accumulator:
         """
         if not (np.isfinite(ridge) and ridge >= 0.0):
             raise DataError(f"ridge: expected a share >= 0, got {ridge}")
-        self._check_excitation()
+        symmetric = wants_symmetry(symmetric, self.method, self.dictionary)
+        self._check_excitation(2 * self.dictionary.input_size if symmetric else self._features)
+        if symmetric:
+            return self._solve_symmetric(ridge)
         p, nz, nw = self._features, self.dictionary.size, self.dictionary.input_size
-        weights, rank, condition = _least_squares(self._gram[:p, :p], self._gram[:p, p:], ridge)
+        weights, rank, condition = least_squares(self._gram[:p, :p], self._gram[:p, p:], ridge)
         if rank < self._structural_rank():
-            raise DataError(
-                f"the log does not excite the model: rank {rank} of {self._structural_rank()} from {self.count} samples; "
-                "drive with varied speeds, turns and headings, not far from the origin, or choose a smaller dictionary"
-            )
+            raise DataError(_too_alike(rank, self._structural_rank(), self.count))
         rows = nz if self.method == "edmdc" else STATES
         a, h = weights[:rows, :nz], weights[:rows, nz : nz + nw * nz]
         b = weights[:rows, nz + nw * nz :] if self._with_inputs else np.zeros((rows, nw))
@@ -205,16 +203,37 @@ class Accumulator:
             self.dictionary, self.dt, a, b, h, c, continuous=self.method == "integral", info=info
         )
 
-    def _check_excitation(self) -> None:
+    def _solve_symmetric(self, ridge: float) -> KoopmanModel:
+        """Solve under the symmetry."""
+        nz, nw = self.dictionary.size, self.dictionary.input_size
+        if np.diag(self._gram)[-STATES:-1].sum() <= 0.0 or self._gram[-1, -1] <= 0.0:
+            still = "theta" if self._gram[-1, -1] <= 0.0 else "the position"
+            raise DataError(f"the log does not excite the model: {still} never changes")
+        found = solve_symmetric(self._gram, self.dictionary, ridge)
+        if found.rank < nw:
+            raise DataError(_too_alike(found.rank, nw, self.count))
+        info = {
+            "method": self.method,
+            "symmetric": True,
+            "samples": self.count,
+            "rank": found.rank,
+            "features": nw,
+            "condition": found.condition,
+        }
+        h = symmetric_generator(self.dictionary, found.along, found.across, found.heading)
+        a, b = np.zeros((STATES, nz)), np.zeros((STATES, nw))
+        return KoopmanModel(self.dictionary, self.dt, a, b, h, np.eye(STATES), True, info=info)
+
+    def _check_excitation(self, unknowns: int) -> None:
         """Tell of data that cannot determine a model, in terms of the log."""
-        if self.count < self._features:
+        if self.count < unknowns:
             past = (
                 f" with an input history of {self.dictionary.history}"
                 if self.dictionary.history
                 else ""
             )
             raise DataError(
-                f"too few samples: {self.count} steps{past} for {self._features} unknowns per state"
+                f"too few samples: {self.count} steps{past} for {unknowns} unknowns per state"
             )
         if not np.isfinite(self._gram).all():
             raise DataError(
@@ -236,7 +255,7 @@ class Accumulator:
     def _state_reconstruction(self) -> Array:
         """Fit C = X Z^+ (paper, eq. 8) and make sure that the state does lie in the dictionary."""
         nz = self.dictionary.size
-        c, _, _ = _least_squares(self._gram[:nz, :nz], self._gram[:nz, -STATES:], 0.0)
+        c, _, _ = least_squares(self._gram[:nz, :nz], self._gram[:nz, -STATES:], 0.0)
         power = np.diag(self._gram)[-STATES:]
         missed = (
             power
@@ -248,6 +267,14 @@ class Accumulator:
                 "method 'edmdc' needs x, y and theta in the span of the dictionary: choose the unicycle one, or the method 'integral'"
             )
         return c
+
+
+def _too_alike(rank: int, full: int, samples: int) -> str:
+    """Tell of inputs or poses that the log does not tell apart."""
+    return (
+        f"the log does not excite the model: rank {rank} of {full} from {samples} samples; drive with "
+        "varied speeds, turns and headings, not far from the origin, or choose a smaller dictionary"
+    )
 
 
 def _same(one: Dictionary, other: Dictionary) -> bool:
@@ -269,137 +296,3 @@ def _derivative_difference(model: KoopmanModel, z: Array, z_next: Array, w: Arra
     for i in range(w.shape[1]):
         difference += w[:, i : i + 1] * products[:, 1 + i]
     return difference
-
-
-def _least_squares(gram: Array, moments: Array, ridge: float) -> tuple[Array, int, float]:
-    """Weights (q, p) of smallest norm, rank, and condition of the regressor, from G (p, p) and moments (p, q)."""
-    scale = np.sqrt(np.diag(gram))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
-    kept = values > RANK_TOLERANCE * len(values) * values[-1]
-    v = vectors[:, kept]
-    weights = (v / (values[kept] + ridge)) @ (v.T @ (moments / scale[:, None])) / scale[:, None]
-    return weights.T, int(kept.sum()), float(np.sqrt(values[-1] / values[kept][0]))
-
-
-def fit(
-    dataset: Dataset,
-    dictionary: Dictionary | None = None,
-    method: Method = "integral",
-    ridge: float = 0.0,
-    noise: bool = True,
-) -> KoopmanModel:
-    """Learn a bilinear Koopman model from driving.
-
-    Parameters
-    ----------
-    dataset : Dataset
-        Evenly sampled episodes.
-    dictionary : Dictionary, optional
-        The paper's `UnicycleDictionary` where not given.
-    method : {"integral", "edmdc"}
-        ``"integral"`` fits the generator in weak form, twice, the second time with the path between
-        samples bent by the first result. ``"edmdc"`` is the paper's one-step regression (eq. 8).
-    ridge : float
-        Share of the scaled Gram matrix's diagonal that is added to it.
-    noise : bool
-        Whether to learn the covariance of the residuals too (one more pass).
-
-    Returns
-    -------
-    KoopmanModel
-        Its `info` tells method, samples, rank and condition.
-
-    Raises
-    ------
-    DataError
-        Where the data cannot determine a model: too few samples, a constant input.
-
-    Examples
-    --------
-    >>> from kmpc_lite import DifferentialDrive, generate_dataset
-    >>> data = generate_dataset(DifferentialDrive(), episodes=10, steps=100, dt=0.1, seed=0)
-    >>> fit(data).info["rank"]
-    18
-    """
-    if not isinstance(dataset, Dataset):
-        raise DataError(
-            f"dataset: expected a Dataset, got {type(dataset).__name__}; Dataset.load(path) reads a log"
-        )
-    lifting = UnicycleDictionary() if dictionary is None else dictionary
-    if not hasattr(lifting, "lift"):
-        raise DataError(f"dictionary: expected one like UnicycleDictionary(), got {lifting!r:.60}")
-    model: KoopmanModel | None = None
-    for _ in range(2 if method == "integral" else 1):
-        accumulator = Accumulator(lifting, dataset.dt, method, midpoint=model)
-        accumulator.add(dataset)
-        model = accumulator.solve(ridge)
-    assert model is not None
-    if not noise:
-        return model
-    return KoopmanModel(
-        model.dictionary,
-        model.dt,
-        model.A,
-        model.B,
-        model.H,
-        model.C,
-        model.continuous,
-        fit_noise(model, dataset),
-        model.info,
-    )
-
-
-def fit_noise(model: KoopmanModel, dataset: Dataset) -> NoiseModel:
-    """Regress outer products of the one-step residuals, in the robot's frame, on ``[1, v^2, omega^2]``.
-
-    At most about NOISE_SAMPLES steps are looked at, spread evenly over the dataset. Each
-    coefficient matrix is kept positive semidefinite, so every covariance is.
-    """
-    gram, moments = np.zeros((3, 3)), np.zeros((3, STATES * STATES))
-    every = -(-dataset.steps // NOISE_SAMPLES)
-    for part in islice(dataset.transitions(model.history), 0, None, every):
-        error = part.x_next - model.advance(part.x, model.dictionary.inputs(part.u, part.history))
-        cos, sin = np.cos(part.x[:, 2]), np.sin(part.x[:, 2])
-        body = np.stack(
-            [
-                cos * error[:, 0] + sin * error[:, 1],
-                cos * error[:, 1] - sin * error[:, 0],
-                error[:, 2],
-            ],
-            axis=1,
-        )
-        terms = np.column_stack([np.ones(len(body)), part.u[:, 0] ** 2, part.u[:, 1] ** 2])
-        gram += terms.T @ terms
-        moments += terms.T @ (body[:, :, None] * body[:, None, :]).reshape(len(body), -1)
-    weights, _, _ = _least_squares(gram, moments, 0.0)
-    return NoiseModel(
-        _nearest_covariances(
-            gram, moments.reshape(3, STATES, STATES), weights.T.reshape(3, STATES, STATES)
-        )
-    )
-
-
-def _nearest_covariances(gram: Array, moments: Array, start: Array) -> Array:
-    """Least squares over three positive semidefinite matrices, one after another until nothing moves any more.
-
-    Projecting each of the unconstrained ones alone would only ever add: too wide a tube by a fifth
-    on a real robot.
-    """
-    s = np.array([_semidefinite(c) for c in start])
-    for _ in range(NOISE_SWEEPS):
-        before = s.copy()
-        for i in np.flatnonzero(np.diag(gram) > 0.0):
-            others = np.tensordot(np.delete(gram[i], i), np.delete(s, i, axis=0), axes=1)
-            s[i] = _semidefinite((moments[i] - others) / gram[i, i])
-        if np.abs(s - before).max() <= 1e-9 * np.abs(s).max():
-            break
-    return s
-
-
-def _semidefinite(matrix: Array) -> Array:
-    """Nearest positive semidefinite matrix, symmetric to the last bit."""
-    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    roots = vectors * np.sqrt(np.maximum(values, 0.0))
-    product: Array = np.einsum("ik,jk->ij", roots, roots)
-    return product

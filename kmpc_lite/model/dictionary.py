@@ -392,11 +392,17 @@ def dictionary_from_config(config: dict[str, Any]) -> Dictionary:
             case "input_history":
                 base = dictionary_from_config(arguments["base"])
                 return InputHistoryDictionary(base, tuple(arguments["lags"]), arguments["product"])
+            case "response":
+                from kmpc_lite.model.response import ResponseDictionary
+
+                return ResponseDictionary(
+                    **{**arguments, "base": dictionary_from_config(arguments["base"])}
+                )
     except (TypeError, KeyError, ValueError) as error:
         if isinstance(error, ModelError):
             raise
         raise ModelError(f"dictionary {config}: {error}") from error
     raise ModelError(
         f"unknown dictionary kind {config.get('kind')!r}; expected unicycle, "
-        "hermite_trig or input_history"
+        "hermite_trig, input_history or response"
     )

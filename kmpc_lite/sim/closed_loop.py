@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.control.plan import Plan, PlanStatus
+from kmpc_lite.geometry import distances, rotate, wrap
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.plants.lag import LaggingDrive
 from kmpc_lite.sim.plants.robots import DifferentialDrive
@@ -65,8 +66,7 @@ class LearnedPlant:
         covariance = self.model.noise(command) - self.model.noise(np.zeros(2))
         noise = self._random.multivariate_normal(np.zeros(3), covariance, method="eigh")
         end = self.model.predict(state, command, self._past)
-        cos, sin = np.cos(state[2]), np.sin(state[2])
-        end = end + (cos * noise[0] - sin * noise[1], sin * noise[0] + cos * noise[1], noise[2])
+        end = end + (*rotate(noise[0], noise[1], state[2]), noise[2])
         self._past = (
             np.concatenate([self._past[1:], command[None]]) if len(self._past) else self._past
         )
@@ -112,14 +112,21 @@ class Run:
     @property
     def position_error(self) -> float:
         """Distance to the goal at the end [m]."""
-        return float(np.hypot(*(self.states[-1, :2] - self.scenario.goal[:2])))
+        return float(distances(self.states[-1], np.array(self.scenario.goal)))
 
     @property
     def heading_error(self) -> float:
         """Heading error at the end [rad]."""
-        return float(
-            abs(np.remainder(self.states[-1, 2] - self.scenario.goal[2] + np.pi, 2 * np.pi) - np.pi)
+        return abs(wrap(float(self.states[-1, 2]) - self.scenario.goal[2]))
+
+    @property
+    def arrival(self) -> float | None:
+        """First time at which the robot is within both tolerances of the goal [s]."""
+        goal, scenario = np.array(self.scenario.goal), self.scenario
+        there = (distances(self.states, goal) <= scenario.tolerance) & (
+            np.abs(wrap(self.states[:, 2] - goal[2])) <= scenario.heading_tolerance
         )
+        return float(np.argmax(there) * self.dt) if there.any() else None
 
     def summary(self) -> dict[str, Any]:
         """Plain values, for JSON."""
@@ -222,7 +229,7 @@ def drive(
             )
             break
         error = x - goal
-        error[2] = np.remainder(error[2] + np.pi, 2 * np.pi) - np.pi
+        error[2] = wrap(float(error[2]))
         if stop_norm is None:
             here = (
                 np.hypot(error[0], error[1]) <= scenario.tolerance

@@ -20,11 +20,10 @@ from kmpc_lite.studies.conditions import (
     TURNS_LESS,
     Condition,
 )
-from kmpc_lite.studies.table1 import LAMBDAS, TABLE_1_CONTROLLERS, ControllerSpec
+from kmpc_lite.studies.contenders import EVERYTHING, STUDY_CONTENDERS, UNADAPTED, Contender
+from kmpc_lite.studies.training import LAMBDAS
 
-OURS = "ours, everything on"
-UNADAPTED = ControllerSpec("ours, no adaptation", "kmpc", "integral", adaptation=False)
-CONTROLLERS = (*TABLE_1_CONTROLLERS, UNADAPTED)
+OURS, PAPERS = EVERYTHING.label, "K-NMPC, IPOPT"
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class MapsStudy:
 
 
 STUDIES: Mapping[str, MapsStudy] = {
-    "maps": MapsStudy("random maps by families and slips", ("K-NMPC, IPOPT", OURS)),
+    "maps": MapsStudy("random maps by families and slips", (PAPERS, OURS)),
     "lag": MapsStudy(
         "a robot whose motors lag, driven with a model learned from its log, with exact, "
         "noisy and old poses",
@@ -71,7 +70,7 @@ STUDIES: Mapping[str, MapsStudy] = {
 }
 
 
-def choose(study: MapsStudy, words: Sequence[str] | None) -> list[ControllerSpec]:
+def choose(study: MapsStudy, words: Sequence[str] | None) -> list[Contender]:
     """Controllers whose labels contain one of the words; the study's own where none are given.
 
     Raises
@@ -81,12 +80,12 @@ def choose(study: MapsStudy, words: Sequence[str] | None) -> list[ControllerSpec
         simulation of its own.
     """
     if words is None:
-        return [c for c in CONTROLLERS if c.label in study.controllers]
-    chosen = [c for c in CONTROLLERS if any(word.lower() in c.label.lower() for word in words)]
+        return [c for c in STUDY_CONTENDERS if c.label in study.controllers]
+    chosen = [c for c in STUDY_CONTENDERS if any(word.lower() in c.label.lower() for word in words)]
     if not chosen:
         raise ProblemError(
             f"--controllers {' '.join(words)}: nobody is left; "
-            f"labels are {'; '.join(c.label for c in CONTROLLERS)}"
+            f"labels are {'; '.join(c.label for c in STUDY_CONTENDERS)}"
         )
     if study.conditions != (PLAIN,) and any(c.fit != "integral" for c in chosen):
         refused = "; ".join(c.label for c in chosen if c.fit != "integral")

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from kmpc_lite.learn.calibration import with_quantiles
-from kmpc_lite.learn.regression import Method, fit
+from kmpc_lite.learn.fitting import fit
+from kmpc_lite.learn.regression import Method
 from kmpc_lite.model.dictionary import Dictionary, HermiteTrigDictionary, InputHistoryDictionary
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lite.sim.scenario.files import Floor, Scenario
-from kmpc_lite.studies.table1 import DT, TRAINING_SEED, train
+from kmpc_lite.studies.training import DT, TRAINING_SEED, train
 
 POSE_NOISE = (0.005, 0.005, 0.02)
 """Of a good motion capture or lidar [m, m, rad]."""
@@ -100,6 +101,20 @@ class Condition:
             return trig
         longest = round((self.dead_time + HISTORY * self.lag) / DT)
         return InputHistoryDictionary(trig, lags=tuple(range(longest + 1)))
+
+
+@dataclass(frozen=True)
+class MapLesson:
+    """What a model of a study is learned from: equal lessons give the same model."""
+
+    condition: Condition
+    """As a log shows it: `Condition.log`."""
+    slip: float
+    method: Method
+
+    def learn(self, episodes: int, steps: int) -> KoopmanModel:
+        """Make the data, and fit."""
+        return self.condition.learn(self.slip, self.method, episodes, steps)
 
 
 PLAIN = Condition()

@@ -11,12 +11,12 @@ from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.evaluation import evaluate
-from kmpc_lite.learn.regression import fit
+from kmpc_lite.learn.fitting import fit
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.closed_loop import Steps
 from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
 from kmpc_lite.sim.scenario.files import Floor, Scenario
-from kmpc_lite.studies.table1 import DT, TRAINING_SEED
+from kmpc_lite.studies.training import DT, TRAINING_SEED
 
 TIME = 5.0
 """Of motion, after which the model is judged [s]."""

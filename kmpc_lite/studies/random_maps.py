@@ -1,45 +1,42 @@
 """``kmpc study maps`` and its sisters: drives over random maps on any executor.
 
 A study drives maps x conditions x slips x seeds x controllers, on any
-`concurrent.futures.Executor`.
-
-Every drive is one line of a JSON file; a study that was interrupted goes on where it ended. What
-failed is written as a scenario file that replays it, beside the model that was driven.
+`concurrent.futures.Executor`. Every drive is one line of a JSON file; a study that was interrupted
+goes on where it ended.
 """
 
 from __future__ import annotations
 
-import errno
-import json
-import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Executor, as_completed
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
-from kmpc_lite.errors import DataError
+from kmpc_lite.geometry import distances
 from kmpc_lite.learn.regression import Method
-from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
+from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.closed_loop import Outcome, Run, Steps, drive
 from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.sim.scenario.files import Scenario
-from kmpc_lite.studies.conditions import PLAIN, Condition
+from kmpc_lite.studies.conditions import PLAIN, Condition, MapLesson
+from kmpc_lite.studies.executors import gather
+from kmpc_lite.studies.failures import check_folder, failed, write_failures
 from kmpc_lite.studies.floor_watch import FloorWatch
-from kmpc_lite.studies.table1 import DT, LAMBDAS, REPORTING_SEED, TRAINING, arrival_time
-from kmpc_lite.studies.tables import Key, Record, drive_key
+from kmpc_lite.studies.records import Record, RecordFile
+from kmpc_lite.studies.tables import Key, drive_key
+from kmpc_lite.studies.training import DT, LAMBDAS, REPORTING_SEED, TRAINING, Teacher
 
 SETTLE = 1.0
 """How long a robot must stay within the tolerances for a drive to end [s]."""
 CHUNK = 10
 """Drives of one task."""
-Lesson = tuple[Condition, float, Method]
-"""What a model is learned from: condition, slip, method."""
 
 
 class Spec(Protocol):
-    """What a worker needs to build a controller; `study.ControllerSpec` is one."""
+    """What a worker needs to build a controller, as `Contender` has it."""
 
     @property
     def label(self) -> str:
@@ -56,24 +53,46 @@ class Spec(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Cell:
+    """One controller under one condition on one family at one slip: a drive for every seed."""
+
+    spec: Spec
+    condition: Condition
+    family: str
+    slip: float
+    trained_at: float | None
+    """Slip of the training data; None for the nominal unicycle."""
+
+    def key(self, seed: int) -> Key:
+        """Identity of a drive, as `drive_key` reads it from a record."""
+        words = self.spec.label, self.condition.name, self.family
+        return *words, self.trained_at, float(self.slip), seed
+
+    @property
+    def lesson(self) -> MapLesson | None:
+        """What its model is learned from."""
+        if self.spec.fit is None or self.trained_at is None:
+            return None
+        return MapLesson(self.condition.log, self.trained_at, self.spec.fit)
+
+
 def measure(
     run: Run, family: str, controller: str, trained_at: float | None, condition: Condition = PLAIN
 ) -> Record:
     """Plain numbers of one drive: what a table is made of."""
-    reached = (
-        np.hypot(*(run.states[:, :2] - np.array(run.scenario.goal[:2])).T) <= run.scenario.tolerance
-    )
-    times = 1e3 * run.step_times
+    scenario, times = run.scenario, 1e3 * run.step_times
+    near = distances(run.states, np.array(scenario.goal)) <= scenario.tolerance
     return {
         "controller": controller,
         "family": family,
         "condition": condition.name,
         "trained_at": trained_at,
-        "slip": run.scenario.slip,
-        "seed": run.scenario.seed,
+        "slip": scenario.slip,
+        "seed": scenario.seed,
         "collision_s": run.duration if run.outcome is Outcome.COLLISION else None,
-        "position_s": float(np.argmax(reached) * run.dt) if reached.any() else None,
-        "pose_s": arrival_time(run),
+        "position_s": float(np.argmax(near) * run.dt) if near.any() else None,
+        "pose_s": run.arrival,
         "settled_s": run.duration if run.outcome is Outcome.REACHED else None,
         "clearance_m": run.clearance if np.isfinite(run.clearance) else None,
         "position_error_m": run.position_error,
@@ -81,11 +100,6 @@ def measure(
         "step_p50_ms": float(np.median(times)),
         "step_max_ms": float(times.max()),
     }
-
-
-def failed(record: Record) -> bool:
-    """Whether a drive collided, or never came to the goal's pose."""
-    return record["collision_s"] is not None or record["pose_s"] is None
 
 
 def drive_maps(
@@ -168,158 +182,51 @@ def maps_study(
     """
     if failures is not None:
         check_folder(failures)
-    if records is not None:
-        Path(records).open("a").close()
+    file = RecordFile(records, drive_key, "a drive of a maps study")
+    cells = _cells(specs, conditions, families, slips, trained_at)
     seeds = range(first_seed, first_seed + maps)
-
-    def learned_at(spec: Spec, slip: float) -> float | None:
-        return None if spec.fit is None else float(slip if trained_at is None else trained_at)
-
-    def key(spec: Spec, condition: Condition, family: str, slip: float, seed: int) -> Key:
-        return spec.label, condition.name, family, learned_at(spec, slip), float(slip), seed
-
-    def lesson(spec: Spec, condition: Condition, slip: float) -> Lesson | None:
-        trained = learned_at(spec, slip)
-        return None if spec.fit is None or trained is None else (condition.log, trained, spec.fit)
-
-    cells = [
-        (spec, condition, family, slip)
-        for spec in specs
-        for condition in conditions
-        for family in families
-        for slip in slips
-    ]
-    wanted = {key(*cell, seed): cell for cell in cells for seed in seeds}
-    done = (
-        {drive_key(r): r for r in _read(records) if drive_key(r) in wanted}
-        if records is not None
-        else {}
-    )
+    wanted = {cell.key(seed): cell for cell in cells for seed in seeds}
+    done = {key: record for key, record in file.read().items() if key in wanted}
     progress(len(done), len(wanted))
-    missing: list[tuple[Spec, Condition, str, float, list[int]]] = []
+    teacher = Teacher(executor, training)
+    missing: list[tuple[Cell, list[int]]] = []
     for cell in cells:
-        left = [seed for seed in seeds if key(*cell, seed) not in done]
-        missing += [(*cell, left[i : i + CHUNK]) for i in range(0, len(left), CHUNK)]
-    models: dict[Lesson, KoopmanModel] = {}
+        left = [seed for seed in seeds if cell.key(seed) not in done]
+        missing += [(cell, left[i : i + CHUNK]) for i in range(0, len(left), CHUNK)]
+    teacher.learn(cell.lesson for cell, _ in missing)
 
-    def learn(cells: Iterable[tuple[Spec, Condition, float]]) -> None:
-        """Learn what is not learned yet, side by side."""
-        needed = dict.fromkeys(
-            found for cell in cells if (found := lesson(*cell)) is not None and found not in models
-        )
-        lessons = {(c, s, m): executor.submit(c.learn, s, m, **training) for c, s, m in needed}
-        models.update((one, future.result()) for one, future in lessons.items())
-
-    def model_of(spec: Spec, condition: Condition, slip: float) -> KoopmanModel:
-        found = lesson(spec, condition, slip)
-        return nominal_unicycle(DT) if found is None else models[found]
-
-    learn((spec, condition, slip) for spec, condition, _, slip, _ in missing)
-    jobs = []
-    for spec, condition, family, slip, chunk in missing:
-        model, trained = model_of(spec, condition, slip), learned_at(spec, slip)
-        jobs.append(
-            executor.submit(drive_maps, spec, model, trained, condition, family, slip, chunk)
-        )
-    first_error: BaseException | None = None
-    for job in as_completed(jobs):
-        # what else was driven is kept before a worker's error ends the study
-        if (error := job.exception()) is not None:
-            first_error = first_error or error
-            continue
-        found = job.result()
-        done.update((drive_key(r), r) for r in found)
-        if records is not None:
-            _append(records, found)
+    def keep(found: list[Record]) -> None:
+        done.update((drive_key(record), record) for record in found)
+        file.add(found)
         progress(len(done), len(wanted))
-    if first_error is not None:
-        raise first_error
-    results = [done[k] for k in (key(*cell, seed) for cell in cells for seed in seeds)]
+
+    jobs = {}
+    for cell, chunk in missing:
+        model, where = teacher.model(cell.lesson), (cell.condition, cell.family, cell.slip)
+        jobs[executor.submit(drive_maps, cell.spec, model, cell.trained_at, *where, chunk)] = keep
+    gather(jobs)
+    results = [done[key] for key in wanted]
     if failures is not None:
         lost = [(r, wanted[drive_key(r)]) for r in results if failed(r)]
-        learn((spec, condition, slip) for _, (spec, condition, _, slip) in lost)
-        write_failures(
-            (
-                (r, condition, model_of(spec, condition, slip))
-                for r, (spec, condition, _, slip) in lost
-            ),
-            failures,
-        )
+        teacher.learn(cell.lesson for _, cell in lost)
+        write_failures(((r, c.condition, teacher.model(c.lesson)) for r, c in lost), failures)
     return results
 
 
-def check_folder(folder: str | Path) -> None:
-    """Raise OSError where a folder cannot be made or written to, before hours of driving."""
-    place = Path(folder).absolute()
-    while not place.exists():
-        place = place.parent
-    if not place.is_dir():
-        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(place))
-    if not os.access(place, os.W_OK | os.X_OK):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(place))
-
-
-def write_failures(
-    drives: Iterable[tuple[Record, Condition, KoopmanModel]], folder: str | Path
-) -> list[Path]:
-    """Write a scenario file for every drive, and the model that was driven.
-
-    The first line of each file says how to drive it again.
-    """
-    target = Path(folder)
-    paths = []
-    for record, condition, model in drives:
-        scenario = condition.apply(random_map(record["family"], record["seed"], record["slip"]))
-        what = "collision" if record["collision_s"] is not None else "not there"
-        target.mkdir(parents=True, exist_ok=True)
-        trained = "nominal" if record["trained_at"] is None else f"{record['trained_at']:g}"
-        learned = (
-            target
-            / f"{_file_name('model', record['condition'], trained, model.info['method'])}.npz"
-        )
-        if not learned.exists():
-            model.save(learned)
-        path = (
-            target
-            / f"{scenario.name}-slip{record['slip']:g}-{_file_name(record['controller'])}.toml"
-        )
-        switch = " --no-adaptation" if "no adaptation" in record["controller"] else ""
-        path.write_text(
-            f"# {record['controller']}: {what}; kmpc simulate --scenario {path.name} --model "
-            f"{learned.name}{switch}\n{scenario.to_toml()}",
-            encoding="utf-8",
-        )
-        paths.append(path)
-    return paths
-
-
-def _file_name(*words: str) -> str:
-    """Words as a part of a file's name."""
-    return "-".join("".join(c if c.isalnum() or c == "." else " " for c in " ".join(words)).split())
-
-
-def _append(path: str | Path, records: Sequence[Record]) -> None:
-    with Path(path).open("a", encoding="utf-8") as file:
-        file.writelines(json.dumps(r) + "\n" for r in records)
-
-
-def _read(path: str | Path) -> list[Record]:
-    """Records of an earlier run; a last line that was cut off is dropped, from the file too."""
-    source = Path(path)
-    if not source.exists():
-        return []
-    text = source.read_text(encoding="utf-8")
-    whole, _, cut_off = text.rpartition("\n")
-    if cut_off:
-        source.write_text(whole + "\n" if whole else "", encoding="utf-8")
-    records = []
-    for number, line in enumerate(whole.splitlines(), 1):
-        try:
-            record = json.loads(line)
-            drive_key(record)
-        except (ValueError, KeyError, TypeError) as error:
-            raise DataError(
-                f"{source}: line {number}: expected a drive of a maps study, got {line[:60]!r}"
-            ) from error
-        records.append(record)
-    return records
+def _cells(
+    specs: Sequence[Spec],
+    conditions: Sequence[Condition],
+    families: Sequence[str],
+    slips: Sequence[float],
+    trained_at: float | None,
+) -> list[Cell]:
+    """Everything that is driven, but for the seeds."""
+    cells = []
+    for spec in specs:
+        for condition in conditions:
+            for family in families:
+                for slip in slips:
+                    at = float(slip if trained_at is None else trained_at)
+                    trained = None if spec.fit is None else at
+                    cells.append(Cell(spec, condition, family, slip, trained))
+    return cells

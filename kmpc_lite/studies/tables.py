@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-Record = dict[str, Any]
-"""One drive, as `maps_study.measure` writes it."""
+from kmpc_lite.studies.records import Record
+
 Key = tuple[str, str, str, float | None, float, int]
 CONFIDENCE = 1.959964
 """Quantile of the normal distribution for intervals of 95 %."""

@@ -6,15 +6,12 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import multiprocessing
 import os
 import re
 import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import BrokenExecutor, CancelledError
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,8 +23,8 @@ import kmpc_lite as kl
 from kmpc_lite.cli import main as cli
 from kmpc_lite.cli.command import build_parser, known_commands
 from kmpc_lite.cli.progress import Progress
-from kmpc_lite.cli.workers import worker_pool
 from kmpc_lite.sim import Run, Scenario
+from kmpc_lite.studies import contenders
 from kmpc_lite.studies import table1 as study
 
 COMMANDS = ("demo", "fit", "simulate", "report", "study", "bench")
@@ -381,14 +378,14 @@ def test_demo_with_a_log_of_ones_own(
 def small_table(monkeypatch: pytest.MonkeyPatch) -> None:
     """Table 1 with two controllers at one slip, little training and a short drive."""
     rows = (
-        study.ControllerSpec("exact", "kmpc", None),
-        study.ControllerSpec("learned", "kmpc", "integral"),
+        contenders.Contender("exact", fit=None),
+        contenders.Contender("learned"),
     )
     table = partial(
         study.table1, controllers=rows, lambdas=(0.0,), training={"episodes": 6, "steps": 30}
     )
     monkeypatch.setattr(study, "table1", table)
-    monkeypatch.setattr(study, "TABLE_1_CONTROLLERS", rows)
+    monkeypatch.setattr(contenders, "TABLE_1_CONTENDERS", rows)
 
 
 def test_study_prints_the_table(
@@ -531,6 +528,9 @@ BAD_LINES = [
     "study maps --controllers nobody",
     "study maps --families moon",
     "study table1 --workers 0",
+    "study table1 --resume",
+    "study maps --records {made}/drive.csv",
+    "study faults --cluster nowhere",
     "study table1 --trials many",
     "study table1 --scenario nowhere",
     "demo --log {made}/none.csv",
@@ -671,20 +671,6 @@ def test_control_c_ends_it_at_once_without_a_traceback(tmp_path: Path) -> None:
         process.kill()
     assert (process.returncode, out, err) == (130, "", "kmpc: stopped\n")
     assert [p.name for p in tmp_path.iterdir()] == ["endless.toml"]
-
-
-def test_an_interrupted_study_ends_its_workers_at_once() -> None:
-    with pytest.raises(KeyboardInterrupt), worker_pool(1) as pool:
-        pool.submit(time.sleep, 0).result()
-        workers = multiprocessing.active_children()
-        sleeping = pool.submit(time.sleep, 600)
-        raise KeyboardInterrupt
-    assert workers
-    for worker in workers:
-        worker.join(60)  # not the ten minutes that it would have slept
-        assert not worker.is_alive()
-    with suppress(CancelledError):
-        assert isinstance(sleeping.exception(timeout=60), BrokenExecutor)
 
 
 def test_run_files_of_other_scenarios_can_be_shown_again(made: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.learn.regression import NOISE_SAMPLES, fit_noise
+from kmpc_lite.learn.noise import NOISE_SAMPLES, fit_noise
 
 # covariances per period of (forward [m], left [m], heading [rad]): at rest, by v^2, by omega^2
 REST = np.array([[4.0, 1.0, 0.5], [1.0, 2.0, -0.3], [0.5, -0.3, 1.0]]) * 5e-5
@@ -127,7 +127,7 @@ def test_steps_of_one_speed_still_give_a_covariance() -> None:
 
 @pytest.mark.parametrize("episodes", [1, 3, 400])
 def test_a_long_log_is_sampled_all_over(episodes: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("kmpc_lite.learn.regression.NOISE_SAMPLES", 20_000)
+    monkeypatch.setattr("kmpc_lite.learn.noise.NOISE_SAMPLES", 20_000)
     assert NOISE_SAMPLES >= 100_000
     random = np.random.default_rng(4)
     steps = 120_000 // episodes

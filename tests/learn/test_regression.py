@@ -182,7 +182,7 @@ def test_integral_recovers_a_continuous_bilinear_system(dictionary: kl.Dictionar
     a, h = bilinear_truth(dictionary, seed=4)
     errors = []
     for dt in (0.1, 0.05):
-        model = kl.fit(simulate(dictionary, a, h, dt), dictionary)
+        model = kl.fit(simulate(dictionary, a, h, dt), dictionary, symmetric=False)
         assert model.continuous and not model.B.any() and np.array_equal(model.C, np.eye(3))
         errors.append(max(np.abs(model.A - a).max(), np.abs(model.H - h).max()))
     # Simpson's rule with a Hermite midpoint: fourth order in dt, where a mean midpoint leaves
@@ -257,14 +257,15 @@ def test_a_drive_far_from_the_origin_fits_as_well_or_says_so(method: Any, distan
         [kl.Episode(e.states + [distance, -distance, 0.0], e.inputs, e.dt) for e in near.episodes]
     )
     here, there = (
-        kl.evaluate(kl.fit(data, method=method), data).multi_step for data in (near, far)
+        kl.evaluate(kl.fit(data, method=method, symmetric=False), data).multi_step
+        for data in (near, far)
     )
     np.testing.assert_allclose(there, here, rtol=0.01, atol=1e-6)
     lost = kl.Dataset(
         [kl.Episode(e.states + [5e6, -5e6, 0.0], e.inputs, e.dt) for e in near.episodes]
     )
     with pytest.raises(kl.DataError, match="not far from the origin"):
-        kl.fit(lost, method=method)
+        kl.fit(lost, method=method, symmetric=False)
     assert kl.evaluate(kl.fit(lost, TRIG), lost).multi_step[0] < 1e-4
 
 
@@ -327,7 +328,7 @@ def changed(change: Any) -> kl.Dataset:
 )
 def test_what_does_not_determine_a_model_is_told(method: Any, change: Any, words: str) -> None:
     with pytest.raises(kl.DataError, match=words):
-        kl.fit(changed(change), method=method)
+        kl.fit(changed(change), method=method, symmetric=False)
 
 
 def test_too_few_samples() -> None:
@@ -335,7 +336,7 @@ def test_too_few_samples() -> None:
         [kl.Episode(e.states[:5], e.inputs[:4], e.dt) for e in drives().episodes[:4]]
     )
     with pytest.raises(kl.DataError, match="too few samples: 16 steps for 18 unknowns"):
-        kl.fit(short)
+        kl.fit(short, symmetric=False)
     with pytest.raises(kl.DataError, match="too few samples: 0 steps with an input history of 4"):
         kl.fit(short, kl.InputHistoryDictionary(TRIG, lags=(0, 4)))
     with pytest.raises(kl.DataError, match="too few samples: 0 steps"):

@@ -2,50 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from executors import Inline
 from scripted import Scripted, field
 
 import kmpc_lite as kl
 from kmpc_lite.sim import Outcome, Scenario, drive
-from kmpc_lite.studies import table1 as study
-from kmpc_lite.studies.table1 import (
-    LAMBDAS,
-    PAPER_TABLE_1,
-    Cell,
-    ControllerSpec,
-    arrival_time,
-    format_table1,
-    run_trials,
-    table1,
-    train,
-)
+from kmpc_lite.studies.contenders import TABLE_1_CONTENDERS, Contender
+from kmpc_lite.studies.paper_table import PAPER_TABLE_1, Cell, format_table1
+from kmpc_lite.studies.table1 import run_trials, table1
+from kmpc_lite.studies.training import DT, LAMBDAS, train
 
-OURS = ControllerSpec("ours", "kmpc", None, margin=0.02)
-LEARNED = ControllerSpec("learned", "kmpc", "integral", margin=0.02)
+OURS = Contender("ours", fit=None, margin=0.02)
+LEARNED = Contender("learned", margin=0.02)
 SMALL = {"episodes": 6, "steps": 30}
-
-
-class Inline(Executor):
-    """Does the work at once, where it stands; remembers what was asked."""
-
-    def __init__(self) -> None:
-        self.asked: list[str] = []
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        self.asked.append(fn.__name__)
-        future: Future[Any] = Future()
-        try:
-            future.set_result(fn(*args, **kwargs))
-        except Exception as error:
-            future.set_exception(error)
-        return future
 
 
 @contextmanager
@@ -93,7 +70,7 @@ def test_cells_are_by_controller_then_slip_then_generalisation() -> None:
     ]
     assert all(len(c.runs) == 2 for c in cells)
     # each model is trained once: at 0 and at 0.1
-    assert executor.asked == ["train"] * 2 + ["run_trials"] * 6
+    assert executor.names == ["learn"] * 2 + ["run_trials"] * 6
     assert done == [(k, 8) for k in range(1, 9)]
 
 
@@ -125,7 +102,7 @@ def test_an_error_in_a_worker_comes_out() -> None:
 def test_training_is_the_papers_at_one_slip() -> None:
     model = train(0.05, "edmdc", 5, 40)
     assert model.info["method"] == "edmdc" and model.info["samples"] == 200
-    assert model.dt == study.DT
+    assert model.dt == DT
     np.testing.assert_array_equal(model.A, train(0.05, "edmdc", 5, 40).A)
     assert np.abs(model.A - train(0.1, "edmdc", 5, 40).A).max() > 1e-6
 
@@ -141,32 +118,16 @@ def test_trials_are_drives_of_the_scenario_with_each_seed() -> None:
         assert result["seed"] == seed
         assert (result["outcome"], result["duration_s"]) == (run.outcome.value, run.duration)
         assert result["clearance_m"] == pytest.approx(run.clearance, abs=1e-3)
-        assert result["arrival_s"] == arrival_time(run)
-
-
-def test_a_spec_builds_what_it_says() -> None:
-    scenario = replace(small_map(), margin=0.3)
-    controller = ControllerSpec("x", "kmpc", "edmdc", margin=0.07).build(
-        kl.nominal_unicycle(0.1), scenario
-    )
-    assert isinstance(controller, kl.Controller)
-    assert controller.problem.margin == 0.07  # the row's, not the map's
-    pytest.importorskip("casadi", reason="needs the extra peers")
-    from kmpc_lite.peers.ipopt import IpoptController
-
-    assert isinstance(
-        ControllerSpec("x", "ipopt", None).build(kl.nominal_unicycle(0.1), scenario),
-        IpoptController,
-    )
+        assert result["arrival_s"] == run.arrival
 
 
 def test_the_five_rows_of_the_table_can_be_built() -> None:
-    assert len({s.label for s in study.TABLE_1_CONTROLLERS}) == len(study.TABLE_1_CONTROLLERS)
-    rows = {(s.solver == "ipopt", s.fit) for s in study.TABLE_1_CONTROLLERS}
+    assert len({s.label for s in TABLE_1_CONTENDERS}) == len(TABLE_1_CONTENDERS)
+    rows = {(s.form == "ipopt", s.fit) for s in TABLE_1_CONTENDERS}
     # the paper's two, and ours with the paper's fit and with the other
     assert rows >= {(True, None), (True, "edmdc"), (False, "edmdc"), (False, "integral")}
     pytest.importorskip("casadi", reason="needs the extra peers")
-    for spec in study.TABLE_1_CONTROLLERS:
+    for spec in TABLE_1_CONTENDERS:
         assert (
             spec.build(kl.nominal_unicycle(0.1), small_map())
             .step((0.0, 0.0, 0.0), (0.6, 0.0, 0.0))
@@ -207,10 +168,10 @@ def test_a_cell_counts_and_averages() -> None:
 
 def test_arrival_is_the_first_time_within_the_tolerances() -> None:
     there = [(0.5, 0.0)] * 20 + [(0.0, 0.0)]
-    assert arrival_time(drive(Scripted(*there), field(), stop_norm=1e-6)) == pytest.approx(1.9)
+    assert drive(Scripted(*there), field(), stop_norm=1e-6).arrival == pytest.approx(1.9)
     # right through it, and out again
-    assert arrival_time(drive(Scripted((0.5, 0.0)), field(), stop_norm=1e-6)) == pytest.approx(1.9)
-    assert arrival_time(drive(Scripted((0.5, 0.2)), field(), stop_norm=1e-6)) is None
+    assert drive(Scripted((0.5, 0.0)), field(), stop_norm=1e-6).arrival == pytest.approx(1.9)
+    assert drive(Scripted((0.5, 0.2)), field(), stop_norm=1e-6).arrival is None
 
 
 def cells_of(label: str, trained: bool, collisions: int) -> list[Cell]:

@@ -8,31 +8,38 @@ import json
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import count
 from kmpc_lite.cli.progress import Progress
-from kmpc_lite.cli.workers import add_workers, worker_pool
+from kmpc_lite.studies.options import add_runner, runner
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
-    add("--maps", type=count, default=100, help="maps (default: 100)")
-    add("--slips", type=float, nargs="+", help="mean slip ratios (default: the study's)")
+    add("--maps", type=count, default=100, metavar="N", help="maps (default: 100)")
+    add(
+        "--slips",
+        type=float,
+        nargs="+",
+        metavar="SLIP",
+        help="mean slip ratios (default: the study's)",
+    )
     add("--tuning", action="store_true", help="the tuning seeds instead of the reporting ones")
-    add_workers(parser)
+    add_runner(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Drive with forced failures; status 1 where something was seen that must not be."""
     from kmpc_lite.studies.faults import SLIPS, as_dicts, faults_study, format_faults
-    from kmpc_lite.studies.table1 import REPORTING_SEED
+    from kmpc_lite.studies.training import REPORTING_SEED
 
     bar = Progress("faults", quiet=options.json)
-    with worker_pool(options.workers) as executor:
+    with runner(options) as executor:
         rows = faults_study(
             executor,
             options.maps,
             tuple(options.slips or SLIPS),
             first_seed=0 if options.tuning else REPORTING_SEED,
             progress=bar,
+            records=options.records,
         )
     print(json.dumps(as_dicts(rows)) if options.json else format_faults(rows))
     return int(any(row.bad for row in rows))

@@ -12,11 +12,11 @@ import kmpc_lite as kl
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import count
 from kmpc_lite.cli.progress import Progress
-from kmpc_lite.cli.workers import add_workers, worker_pool
+from kmpc_lite.studies.options import add_runner, runner
 
 if TYPE_CHECKING:
-    from kmpc_lite.studies.table1 import ControllerSpec
-    from kmpc_lite.studies.tables import Record
+    from kmpc_lite.studies.contenders import Contender
+    from kmpc_lite.studies.records import Record
 
 FAMILIES = {
     "open": "4 to 9 circles",
@@ -44,17 +44,23 @@ STUDIES = {
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
-    add("--maps", type=count, default=100, help="maps of each family (default: 100)")
+    add("--maps", type=count, default=100, metavar="N", help="maps of each family (default: 100)")
     add(
         "--families",
         nargs="+",
         choices=tuple(FAMILIES),
         metavar="FAMILY",
         default=["open"],
-        help="families of random maps (default: open): "
-        + "; ".join(f"{name}: {text}" for name, text in FAMILIES.items()),
+        help="families of random maps (default: open)\n"
+        + "\n".join(f"{name}: {text}" for name, text in FAMILIES.items()),
     )
-    add("--slips", type=float, nargs="+", help="mean slip ratios (default: the study's)")
+    add(
+        "--slips",
+        type=float,
+        nargs="+",
+        metavar="SLIP",
+        help="mean slip ratios (default: the study's)",
+    )
     add(
         "--controllers",
         nargs="+",
@@ -67,15 +73,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="SLIP",
         help="slip at which models are learned (default: the one driven at; mismatch: 0.1)",
     )
-    add(
-        "--records",
-        type=Path,
-        metavar="FILE",
-        help="where each drive is added (.jsonl); a study that was stopped goes on from it",
-    )
     add("--failures", type=Path, metavar="DIR", help="scenario files of drives that failed")
     add("--tuning", action="store_true", help="the tuning seeds instead of the reporting ones")
-    add_workers(parser)
+    add_runner(parser)
 
 
 def run(options: argparse.Namespace, name: str) -> int:
@@ -84,8 +84,8 @@ def run(options: argparse.Namespace, name: str) -> int:
     from kmpc_lite.studies.catalogue import STUDIES as CATALOGUE
     from kmpc_lite.studies.catalogue import choose
     from kmpc_lite.studies.random_maps import maps_study
-    from kmpc_lite.studies.table1 import DT, REPORTING_SEED
     from kmpc_lite.studies.tables import format_maps, summarise
+    from kmpc_lite.studies.training import DT, REPORTING_SEED
 
     study = CATALOGUE[name]
     specs = choose(study, options.controllers)
@@ -93,7 +93,7 @@ def run(options: argparse.Namespace, name: str) -> int:
         # what is missing is told now, not after minutes of training
         spec.build(kl.nominal_unicycle(DT), Scenario.load("mehrez"))
     bar = Progress(name, quiet=options.json)
-    with worker_pool(options.workers) as executor:
+    with runner(options) as executor:
         records = maps_study(
             specs,
             executor,
@@ -115,7 +115,7 @@ def run(options: argparse.Namespace, name: str) -> int:
     return 0
 
 
-def _time_to_pose(records: list[Record], specs: list[ControllerSpec]) -> str:
+def _time_to_pose(records: list[Record], specs: list[Contender]) -> str:
     """Tell how much longer ours takes than the paper's controller, where both drove; or nothing."""
     from kmpc_lite.studies.tables import time_ratio
 

@@ -9,33 +9,43 @@ import kmpc_lite as kl
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import count
 from kmpc_lite.cli.progress import Progress
-from kmpc_lite.cli.workers import add_workers, worker_pool
+from kmpc_lite.studies.options import add_runner, runner
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
-    add("--trials", type=count, default=5, help="runs per cell (default: 5, as in the paper)")
+    add(
+        "--trials",
+        type=count,
+        default=5,
+        metavar="N",
+        help="runs per cell (default: 5, as in the paper)",
+    )
     add(
         "--scenario",
         default="four_circles_1",
+        metavar="NAME",
         help="map (default: four_circles_1); its slip and seed are replaced",
     )
-    add_workers(parser)
+    add_runner(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Drive all cells and print the table."""
     from kmpc_lite.sim import Scenario
-    from kmpc_lite.studies.table1 import DT, TABLE_1_CONTROLLERS, format_table1, table1
+    from kmpc_lite.studies.contenders import TABLE_1_CONTENDERS
+    from kmpc_lite.studies.paper_table import format_table1
+    from kmpc_lite.studies.table1 import table1
+    from kmpc_lite.studies.training import DT
 
     scenario = Scenario.load(options.scenario)
-    for row in TABLE_1_CONTROLLERS:
+    for row in TABLE_1_CONTENDERS:
         # what is missing is told now, not after minutes of training
         row.build(kl.nominal_unicycle(DT), scenario)
     bar = Progress("table 1", quiet=options.json)
-    with worker_pool(options.workers) as executor:
-        cells = table1(scenario, executor, options.trials, progress=bar)
+    with runner(options) as executor:
+        cells = table1(scenario, executor, options.trials, progress=bar, records=options.records)
     print(json.dumps([c.as_dict() for c in cells]) if options.json else format_table1(cells))
     return 0
 

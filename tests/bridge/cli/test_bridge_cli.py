@@ -226,7 +226,12 @@ def test_the_emergency_stop_stops_a_running_robot_and_outlives_the_run(desk, cap
         assert wait_for(lambda: not board.stopped and board.pose[0] > 0.1)
         assert main(["estop", "--json"]) == 0
         answer = json.loads(capsys.readouterr().out)
-        assert answer == {"ok": True, "latched": True, "gate": "ESTOP", "confirmed": True}
+        assert {
+            "ok": True,
+            "latched": True,
+            "gate": "ESTOP",
+            "confirmed": True,
+        }.items() <= answer.items()
         assert wait_for(lambda: board.stopped, 0.5)
         assert main(["estop", "--enable"]) == 0
         time.sleep(0.6)  # longer than it brakes before it releases
@@ -361,7 +366,9 @@ def test_record_by_hand_sends_nothing_and_its_tlog_gives_the_same_csv(desk, caps
     assert main(["replay", "hand.tlog", "--csv", "again.csv", "--json"]) == 0
     replayed = json.loads(capsys.readouterr().out)
     assert replayed["rows"] > 5 and "SET_POSITION_TARGET_LOCAL_NED" not in replayed["messages"]
-    assert kl.Dataset.load("again.csv").dt == pytest.approx(kl.Dataset.load("hand.csv").dt)
+    # a period is the median of stamps that are written with six digits
+    again, hand = kl.Dataset.load("again.csv").dt, kl.Dataset.load("hand.csv").dt
+    assert again == pytest.approx(hand, rel=1e-3)
     assert main(["replay", "hand.tlog", "--csv", "again.csv"]) == 2
     assert "exists already" in capsys.readouterr().err
 
@@ -399,11 +406,10 @@ def test_check_says_what_is_missing_and_moves_nothing(desk, capsys):
     with emulated("rover") as rover:
         assert (
             main(["check", str(ROBOTS / "rover.toml"), "--link", "pty:link", "--seconds", "0.5"])
-            == 0
+            == 1
         )
         out = capsys.readouterr().out
-        assert "pose: x 0.000 m" in out and "MISSING" not in out
-        assert "ok       not given to us yet: MANUAL, not armed; run --arm takes it" in out
+        assert "pose: x 0.000 m" in out and "MISSING  board not ready" in out and "run --arm" in out
         assert rover.pose == (0.0, 0.0, 0.0) and rover.mode == "MANUAL"
     with emulated("roboclaw"):
         assert (

@@ -1,4 +1,4 @@
-"""kmpc-bridge demo, shortened.
+"""kmpc demo, shortened.
 
 The phases follow each other through files, and a signal ends them.
 """
@@ -16,12 +16,13 @@ import pytest
 
 import firmware_bridge.cli.demo as demo
 from firmware_bridge.cli.main import main
+from firmware_bridge.cli.steps import Steps
 from firmware_bridge.messages import BridgeError
 from kmpc_lite.sim import Outcome, Run, Scenario
 
 
-def steps_of(count: int) -> demo.Steps:
-    steps = demo.Steps()
+def steps_of(count: int) -> Steps:
+    steps = Steps(demo.PERIOD)
     steps.is_driving = lambda: True
     plan = SimpleNamespace(
         command=np.zeros(2),
@@ -50,7 +51,7 @@ def test_a_run_ends_where_the_goal_was_reached(arrived, clearance, outcome, coun
 
 def test_a_rover_that_never_drove_is_told_in_one_line():
     with pytest.raises(BridgeError, match="did not drive"):
-        demo.Steps().as_run(
+        Steps(demo.PERIOD).as_run(
             Scenario.load("four_circles_1"), {"arrived_after_s": None, "clearance_m": None}, {}
         )
 

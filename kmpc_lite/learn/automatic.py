@@ -1,0 +1,98 @@
+"""A model of what the log supports, and an account of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.selection import Selection, SelectionOptions, select
+from kmpc_lite.learn.symmetry import require_trigonometry, symmetric_generator
+from kmpc_lite.model.dictionary import Dictionary
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.response import LINEAR, TERMS, ResponseDictionary
+from kmpc_lite.types import STATES
+
+
+def fit_automatically(
+    dataset: Dataset, base: Dictionary, options: SelectionOptions | None = None
+) -> KoopmanModel:
+    """Learn what the log supports: the nominal robot where it supports nothing.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        What is learned from.
+    base : Dictionary
+        How the pose is lifted; holds 1, cos(theta) and sin(theta).
+    options : SelectionOptions, optional
+        How the choice is made.
+    """
+    require_trigonometry(base)
+    return build_model(select(dataset, options), base, dataset.dt)
+
+
+def build_model(selection: Selection, base: Dictionary, dt: float) -> KoopmanModel:
+    """Give the rows of a selection the paper's bilinear form, with as few inputs as they need."""
+    rows = np.array(selection.rows)
+    used = [t for i, t in enumerate(TERMS) if t in LINEAR or rows[:, i].any()]
+    speed = selection.speed.weights(dt, selection.longest)
+    turn = selection.turn.weights(dt, selection.longest)
+    dictionary = base
+    if len(used) > len(LINEAR) or len(speed) > 1 or len(turn) > 1:
+        dictionary = ResponseDictionary(
+            base, speed, turn, used, selection.smoothing, selection.limits
+        )
+    kept = rows[:, [TERMS.index(t) for t in used]]
+    nz, nw = dictionary.size, dictionary.input_size
+    return KoopmanModel(
+        dictionary,
+        dt,
+        np.zeros((STATES, nz)),
+        np.zeros((STATES, nw)),
+        symmetric_generator(dictionary, *kept),
+        np.eye(STATES),
+        continuous=True,
+        info=describe_selection(selection, used),
+    )
+
+
+def describe_selection(selection: Selection, used: list[str]) -> dict[str, Any]:
+    """What was chosen, as values that JSON can hold."""
+    directions = {
+        name: {
+            "step": direction.step,
+            "score": _finite(direction.score),
+            "critical": _finite(direction.critical),
+        }
+        for name, direction in (
+            ("along", selection.along),
+            ("across", selection.across),
+            ("heading", selection.heading),
+        )
+    }
+    return {
+        "method": "integral",
+        "symmetric": True,
+        "samples": selection.windows,
+        "rank": len(used),
+        "features": len(used),
+        "condition": selection.condition,
+        "response": {
+            "speed": list(selection.speed),
+            "turn": list(selection.turn),
+            "longest": selection.longest,
+        },
+        "selection": {
+            "directions": directions,
+            "terms": used,
+            "rows": np.array(selection.rows).tolist(),
+            "blocks": selection.blocks,
+        },
+    }
+
+
+def _finite(value: float) -> float | None:
+    """A number that JSON can hold, or None."""
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,154 @@
+"""Nested, blocked cross-validation from second moments: choosing by blocks not fitted to.
+
+A block's squared error under any weights is a quadratic form in its moments, so fitting without a
+fold and judging on it costs two small products, not another pass over the log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from kmpc_lite.learn.windows import squared_errors
+from kmpc_lite.types import Array
+
+FOLDS = 8
+"""Parts that are left out in turn."""
+RIDGE = 1e-9
+"""Share of the scaled moments' diagonals that is added to them."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One way to explain the log."""
+
+    fitted: Array
+    """Moments whose sum is minimised, (B, p + 1, p + 1)."""
+    judged: Array
+    """Moments that the error is told from, (B, p + 1, p + 1)."""
+    columns: Array
+    """Weights that are free; the others stay as they are in `base`."""
+    base: Array
+    """Weights to start from, (p,)."""
+    complexity: int
+    """Unknowns: of two that do alike, the simpler one is taken."""
+
+    def solve(self, moment: Array) -> Array:
+        """Weights (p,) that minimise the squared error of summed moments."""
+        return solve_columns(moment, self.columns, self.base)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What cross-validation says of several candidates against a reference."""
+
+    best: int
+    """Index of the candidate that is taken."""
+    score: float
+    """Mean gain over the reference a block, in standard errors."""
+    errors: Array
+    """Squared errors of each block, by a procedure that did not see its fold, (B,)."""
+
+
+def solve_columns(moment: Array, columns: Array, base: Array) -> Array:
+    """Least squares in some weights, the others held.
+
+    Parameters
+    ----------
+    moment : ndarray
+        Second moments, the target's last, (..., p + 1, p + 1).
+    columns : ndarray
+        Which weights are free.
+    base : ndarray
+        The weights as they are without, (p,).
+
+    Returns
+    -------
+    ndarray
+        Weights (..., p).
+    """
+    weights = np.broadcast_to(base, (*moment.shape[:-2], len(base))).copy()
+    if not len(columns):
+        return weights
+    held = base.copy()
+    held[columns] = 0.0
+    matrix = moment[..., columns[:, None], columns]
+    target = moment[..., columns, -1] - moment[..., columns, :-1] @ held
+    scale = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    # what the log does not tell apart is shared out evenly, and what it does not show stays zero
+    scaled = matrix / (scale[..., :, None] * scale[..., None, :]) + RIDGE * np.eye(len(columns))
+    weights[..., columns] = np.linalg.solve(scaled, (target / scale)[..., None])[..., 0] / scale
+    return weights
+
+
+def assign_folds(blocks: int) -> Array:
+    """Fold of each block, (B,): contiguous, for what changes slowly."""
+    return np.arange(blocks) * min(FOLDS, blocks) // max(blocks, 1)
+
+
+def cross_validate(candidates: Sequence[Candidate], folds: Array, reference: Array) -> Verdict:
+    """Choose a candidate, and tell what the choice is worth against a reference.
+
+    For each fold, the choice is made by cross-validation among the other folds, the weights are
+    fitted to them, and the errors are told on the fold.
+
+    Parameters
+    ----------
+    candidates : sequence of Candidate
+        All judged on the same windows.
+    folds : ndarray
+        Fold of each block, (B,).
+    reference : ndarray
+        Squared errors of each block without any fit, (B,).
+    """
+    count, blocks = int(folds.max()) + 1, len(folds)
+    one, other = np.triu_indices(count)
+    outer = np.zeros((len(candidates), blocks))
+    inner = np.zeros((len(candidates), count, blocks))
+    for c, candidate in enumerate(candidates):
+        parts = np.array([candidate.fitted[folds == k].sum(axis=0) for k in range(count)])
+        # without one fold where both are the same, else without two
+        left_out = parts[one] + np.where((one == other)[:, None, None], 0.0, parts[other])
+        weights = candidate.solve(parts.sum(axis=0) - left_out)
+        errors = squared_errors(candidate.judged, weights)
+        for i, j, told in zip(one, other, errors, strict=True):
+            if i == j:
+                outer[c, folds == i] = told[folds == i]
+            else:
+                inner[c, i, folds == j] = told[folds == j]
+                inner[c, j, folds == i] = told[folds == i]
+    complexity = [candidate.complexity for candidate in candidates]
+    honest = np.empty(blocks)
+    for o in range(count):
+        chosen = choose(inner[:, o, folds != o], complexity)
+        honest[folds == o] = outer[chosen, folds == o]
+    return Verdict(choose(outer, complexity), gain_score(reference - honest), honest)
+
+
+def choose(errors: Array, complexity: Sequence[int]) -> int:
+    """Index of the simplest candidate within a standard error of the best: errors (C, B)."""
+    total = errors.sum(axis=1)
+    best = int(np.argmin(total))
+    behind = errors - errors[best]
+    spread = behind.std(axis=1, ddof=1) * np.sqrt(errors.shape[1])
+    near: Array = np.flatnonzero(total - total[best] <= spread)
+    return int(min(near.tolist(), key=lambda c: (complexity[c], total[c])))
+
+
+def gain_score(gains: Array) -> float:
+    """Mean of the blocks' gains in standard errors."""
+    error = gains.std(ddof=1) / np.sqrt(len(gains))
+    mean = gains.mean()
+    if error <= 0.0:
+        return float(np.sign(mean) * np.inf) if mean else 0.0
+    return float(mean / error)
+
+
+def critical_score(blocks: int, significance: float) -> float:
+    """Score that a worthless candidate exceeds with a probability of at most `significance`."""
+    from scipy.special import stdtrit  # here, for it takes time to import
+
+    return float(stdtrit(blocks - 1, 1.0 - significance))

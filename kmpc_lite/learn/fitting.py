@@ -1,0 +1,113 @@
+"""From a log to a model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
+from kmpc_lite.errors import DataError
+from kmpc_lite.learn.automatic import fit_automatically
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.noise import fit_noise
+from kmpc_lite.learn.regression import Accumulator, Method
+from kmpc_lite.learn.symmetry import wants_symmetry
+from kmpc_lite.model.dictionary import Dictionary, InputHistoryDictionary, UnicycleDictionary
+from kmpc_lite.model.koopman import KoopmanModel
+
+
+def fit(
+    dataset: Dataset,
+    dictionary: Dictionary | None = None,
+    method: Method = "integral",
+    ridge: float = 0.0,
+    noise: bool = True,
+    symmetric: bool | None = None,
+    lags: Literal["auto"] | Sequence[int] | None = None,
+) -> KoopmanModel:
+    """Learn a bilinear Koopman model from driving.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Evenly sampled episodes.
+    dictionary : Dictionary, optional
+        The paper's `UnicycleDictionary` where not given.
+    method : {"integral", "edmdc"}
+        ``"integral"`` fits the generator in weak form, twice, the second time with the path between
+        samples bent by the first result. ``"edmdc"`` is the paper's one-step regression (eq. 8).
+    ridge : float
+        Share of the scaled Gram matrix's diagonal that is added to it.
+    noise : bool
+        Whether to learn the covariance of the residuals too (one more pass).
+    symmetric : bool, optional
+        Whether the robot moves alike wherever it stands and whichever way it faces, and stands
+        still at zero command: two rows for the motion and one for the turn instead of a matrix for
+        every lifted coordinate. True for ``"integral"`` where not given, as far as the dictionary
+        holds 1, cos(theta) and sin(theta); ``"edmdc"`` is never symmetric.
+
+    lags : "auto" or sequence of int, optional
+        Ages [periods] of the commands that act, the present one being 0, as
+        `InputHistoryDictionary` takes them. ``"auto"`` finds out what the log supports, in each
+        direction: how late the robot answers, how it slips, or nothing at all (`learn.selection`);
+        then the robot that obeys its commands exactly stays.
+
+    Returns
+    -------
+    KoopmanModel
+        Its `info` tells method, samples, rank and condition.
+
+    Raises
+    ------
+    DataError
+        Where the data cannot determine a model: too few samples, a constant input. For
+        ``symmetric=True`` with a dictionary or a method that cannot be.
+
+    Examples
+    --------
+    >>> from kmpc_lite import DifferentialDrive, generate_dataset
+    >>> data = generate_dataset(DifferentialDrive(), episodes=10, steps=100, dt=0.1, seed=0)
+    >>> fit(data).H.reshape(3, 2, 6).round(3)[2]
+    array([[0., 0., 0., 0., 0., 0.],
+           [1., 0., 0., 0., 0., 0.]])
+    """
+    if not isinstance(dataset, Dataset):
+        raise DataError(
+            f"dataset: expected a Dataset, got {type(dataset).__name__}; "
+            "Dataset.load(path) reads a log"
+        )
+    lifting = UnicycleDictionary() if dictionary is None else dictionary
+    if not hasattr(lifting, "lift"):
+        raise DataError(f"dictionary: expected one like UnicycleDictionary(), got {lifting!r:.60}")
+    symmetric = wants_symmetry(symmetric, method, lifting)
+    if lags == "auto":
+        if not symmetric or ridge or lifting.history:
+            raise DataError(
+                "lags='auto' goes with the symmetric integral fit, without a ridge and with a "
+                "dictionary that knows no history itself"
+            )
+        model = fit_automatically(dataset, lifting)
+        return replace(model, noise_model=fit_noise(model, dataset)) if noise else model
+    if lags:
+        lifting = InputHistoryDictionary(lifting, tuple(lags))
+    return _fit_once(dataset, lifting, method, ridge, noise, symmetric)
+
+
+def _fit_once(
+    dataset: Dataset,
+    lifting: Dictionary,
+    method: Method,
+    ridge: float,
+    noise: bool,
+    symmetric: bool,
+) -> KoopmanModel:
+    """Fit a dictionary as it is."""
+    model: KoopmanModel | None = None
+    for _ in range(2 if method == "integral" else 1):
+        accumulator = Accumulator(lifting, dataset.dt, method, midpoint=model)
+        accumulator.add(dataset)
+        model = accumulator.solve(ridge, symmetric)
+    assert model is not None
+    if not noise:
+        return model
+    return replace(model, noise_model=fit_noise(model, dataset))

@@ -1,0 +1,120 @@
+"""Models that know space: a robot moves alike wherever it stands and whichever way it faces.
+
+The generator ``xdot = R(theta) [a; b] w, thetadot = g w`` is the paper's bilinear form under linear
+constraints: with ``phi`` holding {1, cos, sin}, each input i has ``H[x, i, cos] = a_i, H[x, i, sin]
+= -b_i, H[y, i, sin] = a_i, H[y, i, cos] = b_i, H[theta, i, 1] = g_i``, all else is zero. ``A = B =
+0``: at zero command it stands still. The least squares under these constraints have a closed form
+in the same Gram matrix, since averaging that over all headings changes nothing of the minimiser.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kmpc_lite.errors import DataError
+from kmpc_lite.learn.least_squares import least_squares
+from kmpc_lite.model.dictionary import Dictionary
+from kmpc_lite.types import STATES, Array
+
+
+class Trigonometry(NamedTuple):
+    """Where a dictionary holds what the symmetry needs."""
+
+    one: int
+    cos: int
+    sin: int
+
+
+class Solution(NamedTuple):
+    """What the robot makes of each input."""
+
+    along: Array
+    """Forward speed, (nw,)."""
+    across: Array
+    """Speed to the left, (nw,)."""
+    heading: Array
+    """Turn rate, (nw,)."""
+    rank: int
+    """Inputs that the log tells apart, at most nw."""
+    condition: float
+    """Of the inputs, as columns of length one."""
+
+
+def find_trigonometry(dictionary: Dictionary) -> Trigonometry | None:
+    """Places of 1, cos(theta) and sin(theta) in the lifted state; None where it lacks one."""
+    names = dictionary.names
+    cos = next((n for n in ("cos", "cos(theta)") if n in names), None)
+    sin = next((n for n in ("sin", "sin(theta)") if n in names), None)
+    if "1" not in names or cos is None or sin is None:
+        return None
+    return Trigonometry(names.index("1"), names.index(cos), names.index(sin))
+
+
+def require_trigonometry(dictionary: Dictionary) -> Trigonometry:
+    """As `find_trigonometry`, or DataError."""
+    found = find_trigonometry(dictionary)
+    if found is None:
+        raise DataError(
+            "symmetric: expected a dictionary that holds 1, cos(theta) and sin(theta), got "
+            f"({', '.join(dictionary.names[:8])}); choose another, or symmetric=False"
+        )
+    return found
+
+
+def wants_symmetry(symmetric: bool | None, method: str, dictionary: Dictionary) -> bool:
+    """What `symmetric` means: None is True for the integral fit of a dictionary that allows it.
+
+    Raises
+    ------
+    DataError
+        For True with a method or a dictionary that cannot be.
+    """
+    if symmetric is None:
+        return method == "integral" and find_trigonometry(dictionary) is not None
+    if symmetric and method != "integral":
+        raise DataError(
+            f"symmetric: goes with method 'integral'; {method!r} is the paper's free fit"
+        )
+    if symmetric:
+        require_trigonometry(dictionary)
+    return bool(symmetric)
+
+
+def solve_symmetric(gram: Array, dictionary: Dictionary, ridge: float = 0.0) -> Solution:
+    """Solve the least squares under the symmetry from the Gram matrix of the free fit.
+
+    Parameters
+    ----------
+    gram : ndarray
+        Second moments of ``[z; w (x) z; ...; xdot, ydot, thetadot]``, the targets last.
+    dictionary : Dictionary
+        Lifts to `z`, nz, and gives `w`, nw.
+    ridge : float
+        Share of the scaled Gram matrices' diagonals that is added to them.
+    """
+    place = require_trigonometry(dictionary)
+    nz, nw = dictionary.size, dictionary.input_size
+    first = nz + nz * np.arange(nw)
+    one, cos, sin = first + place.one, first + place.cos, first + place.sin
+    x, y, turn = range(len(gram) - STATES, len(gram))
+    moved = gram[np.ix_(cos, cos)] + gram[np.ix_(sin, sin)]
+    along = gram[cos, x] + gram[sin, y]
+    across = gram[cos, y] - gram[sin, x]
+    rows, rank, condition = least_squares(moved, np.stack([along, across], axis=1), ridge)
+    turned, _, _ = least_squares(gram[np.ix_(one, one)], gram[one, turn][:, None], ridge)
+    return Solution(rows[0], rows[1], turned[0], rank, condition)
+
+
+def symmetric_generator(
+    dictionary: Dictionary, along: Array, across: Array, heading: Array
+) -> Array:
+    """H (3, nw nz) of the paper's bilinear form for the three rows (nw,)."""
+    place = require_trigonometry(dictionary)
+    h = np.zeros((STATES, dictionary.input_size, dictionary.size))
+    h[0, :, place.cos] = h[1, :, place.sin] = along
+    h[0, :, place.sin] = -across
+    h[1, :, place.cos] = across
+    h[2, :, place.one] = heading
+    return h.reshape(STATES, -1)

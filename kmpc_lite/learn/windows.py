@@ -1,0 +1,206 @@
+"""Windows of about a second: what the symmetric fit regresses, summed over blocks of a log.
+
+Over a window the robot moves by ``d = sum_j dt mean(exp(i theta))_j (a + i b) w_j`` and turns by
+``sum_j dt g w_j``: linear in the rows a (along), b (across) and g (heading) whatever the window's
+length, with measured headings. Long windows weigh the pose's noise down, and show lags that one
+step hides. A log is cut into blocks; no window crosses a block's end, and every candidate is judged
+on the same windows: those that the longest history leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.model.response import TERMS, evaluate_terms
+from kmpc_lite.types import Array
+
+
+class Rows(NamedTuple):
+    """What a robot makes of each of `TERMS`: the three rows of a generator that knows space."""
+
+    along: Array
+    """Forward speed by each term, (9,)."""
+    across: Array
+    """Speed to the left, (9,)."""
+    heading: Array
+    """Turn rate, (9,)."""
+
+
+def nominal_rows() -> Rows:
+    """Rows of the robot that obeys its commands exactly."""
+    rows = np.zeros((3, len(TERMS)))
+    rows[0, 0] = rows[2, 1] = 1.0
+    return Rows(*rows)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Stretches of a log, with the commands before each, one after another."""
+
+    inputs: Array
+    """Commands, those before each stretch included, (R, 2)."""
+    rows: Array
+    """Row of `inputs` of each period, (T,)."""
+    turned: Array
+    """Mean of exp(i theta) over each period, times dt, (T,) complex."""
+    starts: Array
+    """First period of each window, (S,)."""
+    frame: Array
+    """Rotates a window's displacement into its middle heading, (S,) complex."""
+    moved: Array
+    """Displacement over each window in that frame, along + i across [m], (S,) complex."""
+    heading: Array
+    """Turn over each window [rad], (S,)."""
+
+
+@dataclass(frozen=True)
+class Windows:
+    """A log cut into blocks of windows."""
+
+    blocks: tuple[Block, ...]
+    dt: float
+    """Period [s]."""
+    length: int
+    """Periods of a window."""
+    longest: int
+    """Periods of history before every window."""
+
+    @property
+    def count(self) -> int:
+        """How many windows there are."""
+        return sum(len(b.moved) for b in self.blocks)
+
+
+class Moments(NamedTuple):
+    """Second moments of each block's windows; the last row and column are the target."""
+
+    along: Array
+    """Of [Re Z, -Im Z, Re d], (B, 19, 19)."""
+    across: Array
+    """Of [Im Z, Re Z, Im d], (B, 19, 19)."""
+    heading: Array
+    """Of [W, turn], (B, 10, 10)."""
+
+
+def cut(dataset: Dataset, longest: int, length: int, seconds: float, most: int = 64) -> Windows:
+    """Cut a log into blocks of at least `seconds`.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Episodes; those too short for a history and a window are left out.
+    longest : int
+        Periods of history before every window.
+    length : int
+        Periods of a window.
+    seconds : float
+        Length of a block [s], at least that of a window; an episode's remainder joins its last
+        stretch.
+    most : int
+        Blocks at most: those of a long log are longer.
+    """
+    size = max(length + 1, round(seconds / dataset.dt))
+    stretches = []
+    for episode in dataset.episodes:
+        start = longest
+        while len(episode) - start >= length:
+            stop = start + size
+            if len(episode) - stop < max(length, size // 2):
+                stop = len(episode)
+            stretches.append(
+                (episode.states[start : stop + 1], episode.inputs[start - longest : stop])
+            )
+            start = stop
+    together = -(-len(stretches) // most) if stretches else 1
+    parts = [stretches[k : k + together] for k in range(0, len(stretches), together)]
+    blocks = tuple(_block(part, length, longest, dataset.dt) for part in parts)
+    return Windows(blocks, dataset.dt, length, longest)
+
+
+def _block(stretches: list[tuple[Array, Array]], length: int, longest: int, dt: float) -> Block:
+    """Geometry of stretches of states (T + 1, 3) with their commands (longest + T, 2)."""
+    rows, turned, starts, frames, moves, headings = [], [], [], [], [], []
+    first_row = first_period = 0
+    for states, inputs in stretches:
+        periods = len(states) - 1
+        heading = states[:, 2]
+        facing = np.exp(1j * heading)
+        # Simpson's rule; the middle heading is the mean, which is exact for a held turn rate
+        middle = np.exp(0.5j * (heading[:-1] + heading[1:]))
+        turned.append((facing[:-1] + 4.0 * middle + facing[1:]) * (dt / 6.0))
+        frame = np.exp(-0.5j * (heading[:-length] + heading[length:]))
+        position = states[:, 0] + 1j * states[:, 1]
+        frames.append(frame)
+        moves.append((position[length:] - position[:-length]) * frame)
+        headings.append(heading[length:] - heading[:-length])
+        rows.append(first_row + longest + np.arange(periods))
+        starts.append(first_period + np.arange(periods - length + 1))
+        first_row += len(inputs)
+        first_period += periods
+    return Block(
+        np.concatenate([inputs for _, inputs in stretches]),
+        np.concatenate(rows),
+        np.concatenate(turned),
+        np.concatenate(starts),
+        np.concatenate(frames),
+        np.concatenate(moves),
+        np.concatenate(headings),
+    )
+
+
+def answered_commands(block: Block, speed: Sequence[float], turn: Sequence[float]) -> Array:
+    """Commands of a block as the motors answer them, (T, 2), for weights newest first."""
+    answered = np.zeros((len(block.rows), 2))
+    for column, weights in enumerate((speed, turn)):
+        for age, weight in enumerate(weights):
+            answered[:, column] += weight * block.inputs[block.rows - age, column]
+    return answered
+
+
+def window_sums(values: Array, block: Block, length: int) -> Array:
+    """Sum the rows (T, m) of a block's periods over each window: (S, m)."""
+    total = np.zeros((len(values) + 1, values.shape[1]), dtype=values.dtype)
+    np.cumsum(values, axis=0, out=total[1:])
+    sums: Array = total[block.starts + length] - total[block.starts]
+    return sums
+
+
+def moments(
+    windows: Windows,
+    speed: Sequence[float],
+    turn: Sequence[float],
+    smoothing: tuple[float, float],
+    limits: tuple[float, float],
+) -> Moments:
+    """Sum each block's windows for one response."""
+    n, terms = windows.length, len(TERMS)
+    along = np.empty((len(windows.blocks), 2 * terms + 1, 2 * terms + 1))
+    across = np.empty_like(along)
+    heading = np.empty((len(windows.blocks), terms + 1, terms + 1))
+    for k, block in enumerate(windows.blocks):
+        w = evaluate_terms(answered_commands(block, speed, turn), smoothing, limits)
+        z = window_sums(block.turned[:, None] * w, block, n) * block.frame[:, None]
+        one = np.column_stack([z.real, -z.imag, block.moved.real])
+        other = np.column_stack([z.imag, z.real, block.moved.imag])
+        third = np.column_stack([window_sums(w, block, n) * windows.dt, block.heading])
+        along[k], across[k], heading[k] = one.T @ one, other.T @ other, third.T @ third
+    return Moments(along, across, heading)
+
+
+def squared_errors(moment: Array, weights: Array) -> Array:
+    """Squared errors of each block, (..., B): moments (B, p + 1, p + 1), weights (..., p)."""
+    v = np.concatenate([weights, np.full((*weights.shape[:-1], 1), -1.0)], axis=-1)
+    errors: Array = np.maximum(np.einsum("bij,...i,...j->...b", moment, v, v, optimize=True), 0.0)
+    return errors
+
+
+def largest_speeds(dataset: Dataset) -> tuple[float, float]:
+    """Largest |v| and |omega| of a log's inputs, single outliers left out."""
+    inputs = np.abs(np.concatenate([e.inputs for e in dataset.episodes]))
+    v, omega = np.quantile(inputs, 0.995, axis=0)
+    return max(float(v), 1e-6), max(float(omega), 1e-6)

@@ -1,0 +1,99 @@
+"""Lines of JSON to which a study adds what was driven, and from which it goes on."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Hashable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from kmpc_lite.errors import DataError
+
+Record = dict[str, Any]
+"""What was driven, in plain values."""
+
+
+@dataclass(frozen=True)
+class RecordFile:
+    """Records of one study in a file; without a path nothing is read or kept.
+
+    Parameters
+    ----------
+    path : Path or str, optional
+        The file (.jsonl); it is made where it is missing.
+    key : callable
+        What makes a record one and the same; raises ValueError, KeyError or TypeError for
+        anything but a record of this study.
+    what : str
+        What a line of the file is called in an error.
+    """
+
+    path: str | Path | None
+    key: Callable[[Record], Hashable]
+    what: str
+
+    def read(self) -> dict[Hashable, Record]:
+        """Give the records by their keys.
+
+        A last line that was cut off, as by a process that was killed while it wrote, is removed
+        from the file.
+
+        Raises
+        ------
+        DataError
+            For a line that is no record of this study.
+        OSError
+            Where the file cannot be written; before anything is driven.
+        """
+        if self.path is None:
+            return {}
+        source = Path(self.path)
+        source.open("a").close()
+        text = source.read_text(encoding="utf-8")
+        whole, _, cut_off = text.rpartition("\n")
+        if cut_off:
+            source.write_text(whole + "\n" if whole else "", encoding="utf-8")
+        records: dict[Hashable, Record] = {}
+        for number, line in enumerate(whole.splitlines(), 1):
+            try:
+                record = json.loads(line)
+                records[self.key(record)] = record
+            except (ValueError, KeyError, TypeError) as error:
+                raise DataError(
+                    f"{source}: line {number}: expected {self.what}, got {line[:60]!r}"
+                ) from error
+        return records
+
+    def add(self, records: Iterable[Record]) -> None:
+        """Append records, whole lines at once."""
+        if self.path is not None:
+            with Path(self.path).open("a", encoding="utf-8") as file:
+                file.write("".join(json.dumps(record) + "\n" for record in records))
+
+
+def check_resume(path: str | Path | None, resume: bool) -> None:
+    """Refuse to add to an earlier run's records by mistake.
+
+    Parameters
+    ----------
+    path : Path or str, optional
+        The records file that is asked for.
+    resume : bool
+        Whether to go on from what it holds.
+
+    Raises
+    ------
+    DataError
+        To go on without a file, or to start anew with a file that holds records.
+    """
+    if path is None:
+        if resume:
+            raise DataError("--resume: expected --records FILE, the records to go on from")
+        return
+    found = Path(path)
+    if not resume and found.is_file() and found.stat().st_size:
+        raise DataError(
+            f"{found}: holds records of an earlier run: --resume goes on from them, "
+            "another file keeps them"
+        )

@@ -1,0 +1,88 @@
+"""Filtered commands and slip terms: exact derivatives, silence at rest, files that keep them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.model.response import TERMS, ResponseDictionary
+
+TRIG = kl.HermiteTrigDictionary(0)
+LATE = ResponseDictionary(TRIG, (0.2, 0.5, 0.3), (0.6, 0.4), TERMS, (0.1, 0.2), (1.5, 2.0))
+
+
+def some(count: int = 40) -> tuple[np.ndarray, np.ndarray]:
+    """Commands inside and outside the limits, with a history."""
+    random = np.random.default_rng(0)
+    return 1.5 * random.normal(size=(count, 2)), 1.5 * random.normal(size=(count, 2, 2))
+
+
+def test_the_derivative_is_that_of_the_inputs() -> None:
+    u, past = some()
+    jacobian, step = LATE.inputs_jacobian(u, past), 1e-6
+    assert jacobian is not None and jacobian.shape == (40, 9, 3, 2)
+    for age in range(3):
+        for column in range(2):
+            ends = []
+            for sign in (1, -1):
+                now, before = u.copy(), past.copy()
+                (now if age == 0 else before[:, -age])[:, column] += sign * step
+                ends.append(LATE.inputs(now, before))
+            found = (ends[0] - ends[1]) / (2 * step)
+            np.testing.assert_allclose(jacobian[:, :, age, column], found, atol=1e-7)
+
+
+def test_at_rest_every_term_and_the_slope_of_every_slip_term_is_zero() -> None:
+    zero, none = np.zeros(2), np.zeros((2, 2))
+    assert not LATE.inputs(zero, none).any()
+    slopes = LATE.inputs_jacobian(zero, none)
+    assert slopes is not None and not slopes[2:].any()
+
+
+def test_slip_terms_stay_where_the_log_ended_and_are_even_or_odd_as_named() -> None:
+    plain = ResponseDictionary(TRIG, terms=TERMS, smoothing=(0.1, 0.2), limits=(1.5, 2.0))
+    far, edge = plain.inputs(np.array([9.0, -7.0])), plain.inputs(np.array([1.5, -2.0]))
+    np.testing.assert_array_equal(far[2:], edge[2:])
+    there, mirrored = plain.inputs(np.array([1.0, 0.7])), plain.inputs(np.array([1.0, -0.7]))
+    even = ("v", "v*|omega|", "v*omega^2", "v*|v|")
+    odd = np.array([t not in even for t in TERMS])
+    np.testing.assert_allclose(mirrored, np.where(odd, -there, there), atol=1e-15)
+
+
+def test_a_model_with_it_linearises_and_comes_back_from_its_file(tmp_path: Path) -> None:
+    random = np.random.default_rng(1)
+    h = random.normal(size=(3, 27))
+    zeros = np.zeros((3, 3)), np.zeros((3, 9))
+    model = kl.KoopmanModel(LATE, 0.1, *zeros, h, np.eye(3), continuous=True)
+    model.save(tmp_path / "late.npz")
+    again = kl.KoopmanModel.load(tmp_path / "late.npz")
+    u, past = some()
+    x = random.normal(size=(40, 3))
+    np.testing.assert_array_equal(again.predict(x, u, past), model.predict(x, u, past))
+    lin, step = model.linearize(x, u, past), 1e-6
+    assert lin.B_past.shape == (40, 2, 3, 2)
+    for column in range(2):
+        before = past.copy()
+        before[:, -2, column] += step
+        slope = (model.predict(x, u, before) - model.predict(x, u, past)) / step
+        np.testing.assert_allclose(lin.B_past[:, 1, :, column], slope, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"speed": ()}, "speed: expected 1 to"),
+        ({"turn": (float("nan"),)}, "turn: expected 1 to"),
+        ({"terms": ("v", "v")}, "terms must be different ones"),
+        ({"terms": ("speed",)}, "terms must be different ones"),
+        ({"smoothing": (0.0, 1.0)}, "smoothing: expected two numbers > 0"),
+        ({"limits": (1.0,)}, "limits: expected two numbers > 0"),
+        ({"base": LATE}, "must not have an input history"),
+    ],
+)
+def test_what_it_cannot_be_is_refused(change: dict[str, object], words: str) -> None:
+    with pytest.raises(kl.ModelError, match=words):
+        ResponseDictionary(**{"base": TRIG, **change})  # type: ignore[arg-type]
