@@ -15,8 +15,7 @@ import numpy as np
 from kmpc_lite.bench.measure import Drive, violation
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.nmpc.qp_solvers import QPSolver
-from kmpc_lite.control.nmpc.sqp import SQP
-from kmpc_lite.control.options import SolverOptions
+from kmpc_lite.control.options import ControllerOptions, SolverOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import heading_near
 from kmpc_lite.model.koopman import KoopmanModel
@@ -126,12 +125,18 @@ def _controller(
     if variant.slack_weights is not None:
         problem = replace(problem, slack_weights=variant.slack_weights)
     slots = 5 if variant.slots is None else variant.slots
-    controller = Controller(model, problem, guidance=False, tightening=None, obstacle_slots=slots)
-    options = SolverOptions(real_time=replace(SolverOptions().real_time, **variant.osqp))
-    sqp = SQP(problem.with_default_weights(False), model.history, slots=slots, options=options)
+    real_time = replace(SolverOptions().real_time, **variant.osqp)
+    controller = Controller(
+        model,
+        problem,
+        guidance=False,
+        tightening=None,
+        obstacle_slots=slots,
+        options=ControllerOptions(solver=SolverOptions(real_time=real_time)),
+    )
+    sqp = controller._sqp
     counting = _Counting(sqp.workspace)
     sqp.workspace = counting
-    controller._sqp = sqp
     return controller, counting
 
 

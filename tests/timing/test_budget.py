@@ -8,8 +8,10 @@ import pytest
 from guided import GuideInUse
 
 import kmpc_lite as kl
-from kmpc_lite.control.nmpc.osqp_workspace import QPStatus
-from kmpc_lite.control.nmpc.sqp import Task
+from kmpc_lite.control.nmpc.line_search import Direction, Penalties, predict_stages
+from kmpc_lite.control.nmpc.qp_solvers import QPStatus
+from kmpc_lite.control.nmpc.task import Task
+from kmpc_lite.control.nmpc.trajectory import at_rest
 from kmpc_lite.control.obstacles.circles import circles_to_array
 
 GOAL = (1.5, 1.5, 0.0)
@@ -38,11 +40,12 @@ def controller(
     workspace, limits = made._sqp.workspace, []
     solve = workspace.solve
 
-    def timed(*data: np.ndarray) -> Any:
-        clock.now += min(qp_seconds, limits[-1]) if limits else qp_seconds
-        return solve(*data)
+    def timed(*data: np.ndarray, time_limit: float | None, **more: Any) -> Any:
+        if time_limit is not None:
+            limits.append(time_limit)
+        clock.now += qp_seconds if time_limit is None else min(qp_seconds, time_limit)
+        return solve(*data, time_limit=time_limit, **more)
 
-    workspace.limit_time = limits.append  # type: ignore[method-assign]
     workspace.solve = timed  # type: ignore[method-assign]
     return made, limits
 
@@ -110,8 +113,7 @@ def test_osqp_itself_stops_at_its_limit() -> None:
     qp = sqp.qp
     data = (qp.q, qp.lower, qp.upper, qp.A.data, np.zeros(qp.size), np.zeros(qp.row_count))
     full = sqp.workspace.solve(*data)
-    sqp.workspace.limit_time(1e-6)
-    cut = sqp.workspace.solve(*data)
+    cut = sqp.workspace.solve(*data, time_limit=1e-6)
     assert (
         cut.status is QPStatus.STOPPED_EARLY
         and cut.iterations < full.iterations
@@ -160,14 +162,16 @@ def test_a_line_search_ends_at_the_deadline_with_the_plan_that_was() -> None:
         kl.nominal_unicycle(0.1), sqp_iterations=50, guidance=False, tightening=None
     )
     sqp = made._sqp
-    guess = sqp.at_rest(np.zeros(3))
-    task = Task(np.tile(GOAL, (21, 1)), circles_to_array(OBSTACLES), np.zeros((0, 2)), np.zeros(2))
+    guess = at_rest(sqp.qp, np.zeros(3))
+    around = circles_to_array(OBSTACLES)
+    task = Task(made.model, np.tile(GOAL, (21, 1)), around, np.zeros((0, 2)), np.zeros(2))
     wild = replace(
         guess, states=guess.states + 50.0 * np.arange(21)[:, None], duals=guess.duals + 1.0
     )
-    predicted, nothing = sqp._predicted(wild, task), np.zeros(20)
-    search = (guess, wild, predicted, nothing, guess.states[1:], nothing, 0.0)
-    _, length, _ = sqp._line_search(*search, task, 1e-3)
-    assert 0.0 < length < 0.5
-    stays, length, before = sqp._line_search(*search, replace(task, deadline=-1.0), 1e-3)
-    assert stays is guess and length == 0.0 and np.array_equal(before, guess.states[1:])
+    predicted, nothing = predict_stages(wild, task), np.zeros(20)
+    direction = Direction(guess, wild, guess.states[1:], predicted, nothing, nothing, 0.0)
+    search, penalties = sqp._search.search, Penalties(100.0)
+    assert 0.0 < search(penalties, direction, task, 1e-3).length < 0.5
+    stays = search(penalties, direction, replace(task, deadline=-1.0), 1e-3)
+    assert stays.trajectory is guess and stays.length == 0.0
+    assert np.array_equal(stays.predicted, guess.states[1:])

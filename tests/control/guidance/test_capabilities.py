@@ -14,7 +14,7 @@ from kmpc_lite.control.guidance.capabilities import (
     clearance_at_speed,
     drivable_speeds,
 )
-from kmpc_lite.control.margins.tightening import Tightening
+from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.options import GuidanceOptions, in_metres
 from kmpc_lite.model.koopman import NoiseModel
 
@@ -102,10 +102,10 @@ def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(
 ) -> None:
     noise = NoiseModel(np.stack([np.zeros((3, 3)), np.diag([1e-3, 1e-3, 1e-3]), np.zeros((3, 3))]))
     model, nothing = replace(lagging, noise_model=noise), np.empty((0, 5))
-    tightening = Tightening(model, PROBLEM)
-    room = clearance_at_speed(model, PROBLEM, tightening)
+    margins = Margins(model, PROBLEM)
+    room = clearance_at_speed(model, PROBLEM, margins)
     assert room > WIDE and room > clearance_at_speed(
-        replace(model, noise_model=None), PROBLEM, Tightening(lagging, PROBLEM)
+        replace(model, noise_model=None), PROBLEM, Margins(lagging, PROBLEM)
     )
     circle, ends = (
         np.array([[0.0, -0.05, 0.2, 0.0, 0.0]]),
@@ -113,7 +113,7 @@ def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(
     )
 
     def gap(model: kl.KoopmanModel, circles: np.ndarray) -> float:
-        known = capabilities(model, PROBLEM, Tightening(model, PROBLEM))
+        known = capabilities(model, PROBLEM, Margins(model, PROBLEM))
         guide = GuideInUse(PROBLEM, known)
         assert guide.reference(*ends, nothing).reachable
         return float(
@@ -132,5 +132,5 @@ def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(
             for side in (-1, 1)
         ]
     )
-    guide = GuideInUse(PROBLEM, capabilities(model, PROBLEM, tightening))
+    guide = GuideInUse(PROBLEM, capabilities(model, PROBLEM, margins))
     assert guide.reference(*ends, wall).reachable

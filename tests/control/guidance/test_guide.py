@@ -8,7 +8,6 @@ from guided import GuidedController, GuideInUse
 
 import kmpc_lite as kl
 from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, TrafficTable
-from kmpc_lite.control.guidance.reference import tracking
 from kmpc_lite.control.guidance.state import GuideState
 from kmpc_lite.control.guidance.tangent_graph import GeometricPath
 from kmpc_lite.control.guidance.timed_path import TimedPath
@@ -331,12 +330,6 @@ def test_a_crossing_obstacle_is_let_pass(learned: kl.KoopmanModel) -> None:
             GuidedController(learned, PROBLEM), pose(-1.5, 0, 0), goal, scene, 250, slip=0.05
         )
         assert gaps.min() > 0.1 and at_rest_in(states, goal)
-
-
-def test_weights_for_tracking_replace_only_the_weights() -> None:
-    changed = tracking(PROBLEM)
-    assert changed.margin == PROBLEM.margin and changed.horizon == PROBLEM.horizon
-    assert not np.array_equal(changed.Q, PROBLEM.Q)
 
 
 def test_a_last_turn_is_not_mistaken_for_the_first_one() -> None:
