@@ -1,7 +1,8 @@
 """What the site prints from the code: help texts of commands, and the purpose of each file.
 
 mkdocs calls `on_page_markdown` for every page. A page asks with a comment of its own line:
-``<!-- help: kmpc -->`` or ``<!-- files: kmpc_lite -->``.
+``<!-- help: kmpc -->`` or ``<!-- files: kmpc_lite -->``. Mermaid blocks become SVG, so that
+the site needs no network; GitHub draws them by itself.
 """
 
 from __future__ import annotations
@@ -16,15 +17,19 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from state_diagram import draw
+
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = {"kmpc": "firmware_bridge.cli.main"}
 """The bridge's entry knows all commands, however the package was installed."""
 MARK = re.compile(r"^<!-- (help|files): ([\w-]+) -->$", re.MULTILINE)
+MERMAID = re.compile(r"^```mermaid\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 log = logging.getLogger("mkdocs.hooks.site")
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Replace the marks of a page."""
+    """Replace the marks and diagrams of a page."""
+    markdown = MERMAID.sub(lambda block: draw(block[1]), markdown)
     return MARK.sub(
         lambda mark: {"help": help_texts, "files": file_table}[mark[1]](mark[2]), markdown
     )

@@ -42,13 +42,8 @@ def judge(
         fresh(now, state.stamp, oldest) and fresh(now, status.pose_stamp, oldest)
     ):
         found.append(Reason.POSE)
-    if state is not None:
-        if not all(map(math.isfinite, (state.x, state.y, state.theta, state.v, state.omega))):
-            found.append(Reason.POSE_INVALID)
-        elif s.geofence is not None:
-            x_min, y_min, x_max, y_max = s.geofence
-            if not (x_min <= state.x <= x_max and y_min <= state.y <= y_max):
-                found.append(Reason.GEOFENCE)
+    if state is not None and (where := place(s, state)) is not None:
+        found.append(where)
     if status.frame_doubt:
         found.append(Reason.FRAME)
     if command is None or not fresh(now, command.stamp, s.watchdog):
@@ -56,6 +51,17 @@ def judge(
     if command is not None and not (math.isfinite(command.v) and math.isfinite(command.omega)):
         found.append(Reason.COMMAND_INVALID)
     return tuple(found)
+
+
+def place(s: GateSettings, state: State) -> Reason | None:
+    """What is wrong with where the robot is: numbers that are none, or the geofence."""
+    if not all(map(math.isfinite, (state.x, state.y, state.theta, state.v, state.omega))):
+        return Reason.POSE_INVALID
+    if s.geofence is not None:
+        x_min, y_min, x_max, y_max = s.geofence
+        if not (x_min <= state.x <= x_max and y_min <= state.y <= y_max):
+            return Reason.GEOFENCE
+    return None
 
 
 def fresh(now: float, stamp: float, limit: float) -> bool:

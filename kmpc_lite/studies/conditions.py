@@ -10,7 +10,8 @@ from kmpc_lite.learn.regression import Method
 from kmpc_lite.model.dictionary import Dictionary, HermiteTrigDictionary, InputHistoryDictionary
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
-from kmpc_lite.sim.scenario.files import Floor, Scenario
+from kmpc_lite.sim.scenario.files import Scenario
+from kmpc_lite.sim.scenario.values import Floor
 from kmpc_lite.studies.training import DT, TRAINING_SEED, train
 
 POSE_NOISE = (0.005, 0.005, 0.02)

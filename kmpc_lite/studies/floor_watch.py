@@ -15,7 +15,8 @@ from kmpc_lite.learn.fitting import fit
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.closed_loop import Steps
 from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
-from kmpc_lite.sim.scenario.files import Floor, Scenario
+from kmpc_lite.sim.scenario.files import Scenario
+from kmpc_lite.sim.scenario.values import Floor
 from kmpc_lite.studies.training import DT, TRAINING_SEED
 
 TIME = 5.0

@@ -20,7 +20,7 @@ from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.options import MarginOptions
 from kmpc_lite.sim import Scenario, drive
 from kmpc_lite.sim.maps.families import random_map
-from kmpc_lite.sim.scenario.files import Floor
+from kmpc_lite.sim.scenario.values import Floor
 
 DT = 0.1
 NOISE = (0.005, 0.005, 0.02)

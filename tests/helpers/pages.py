@@ -9,12 +9,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-PAGES = [
-    ROOT / "README.md",
-    ROOT / "CONTRIBUTING.md",
-    ROOT / "CHANGELOG.md",
-    *sorted(DOCS.rglob("*.md")),
-]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted(DOCS.rglob("*.md"))]
 LONG = "<!-- long -->"
 """Stands before a block that is not run: only its commands are parsed, its Python compiled."""
 COMMANDS = ("kmpc", "kmpc-bridge")

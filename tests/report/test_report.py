@@ -186,7 +186,7 @@ def test_the_report_is_one_file_that_tells_the_numbers(runs, name, tmp_path):
 
 
 def test_the_page_tells_what_the_robot_was_put_through(runs, tmp_path):
-    from kmpc_lite.sim.scenario.files import Floor
+    from kmpc_lite.sim.scenario.values import Floor
 
     changed = {
         "slip": 0.07,

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.learn.dataset import Dataset, Episode
 from kmpc_lite.sim.plants.robots import DifferentialDrive
-from kmpc_lite.sim.scenario.files import Floor
+from kmpc_lite.sim.scenario.values import Floor
 from kmpc_lite.types import INPUTS, STATES, Array
 
 FINEST = 0.02

@@ -7,13 +7,12 @@ A scenario is TOML; the ones that come with the package are named by their stem 
 from __future__ import annotations
 
 import os
-import sys
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,67 +23,12 @@ from kmpc_lite.control.obstacles.shapes import Polygon, Wall
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
 from kmpc_lite.sim.scenario.bundled import bundled, bundled_file
-from kmpc_lite.sim.scenario.shapes import grid_to_toml, read_grid, read_polygons, read_walls
+from kmpc_lite.sim.scenario.shapes import grid_to_toml
+from kmpc_lite.sim.scenario.values import KEYS, Floor, read_value
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.obstacles.solids import Solids
-
-FLOAT_LISTS = {"bounds": 4, "start": 3, "goal": 3, "turning_point": 2, "du_max": 2, "pose_noise": 3}
-KEYS: Mapping[str, Mapping[str, Any]] = {
-    "map": {"bounds": None, "circles": [], "polygons": [], "walls": [], "grid": ""},
-    "robot": {
-        "radius": 0.15,
-        "start": None,
-        "goal": None,
-        "turning_point": [0.0, 0.0],
-        "du_max": [],
-    },
-    "plant": {
-        "slip": 0.0,
-        "turn_gain": 1.0,
-        "lag": 0.0,
-        "dead_time": 0.0,
-        "floors": [],
-        "ground": "tile",
-        "ground_changes": [],
-        "ground_patches": [],
-        "pose_noise": [0.0, 0.0, 0.0],
-        "pose_age": 0.0,
-    },
-    "run": {
-        "seed": 0,
-        "timeout": 20.0,
-        "tolerance": 0.05,
-        "heading_tolerance": 0.15,
-        "margin": 0.0,
-    },
-}
-"""Sections, keys and defaults; None means that the key must be given."""
-GROUND_ROWS = {"ground_changes": ("time", "name"), "ground_patches": ("name", "x", "y", "radius")}
-SHAPES = {"polygons": read_polygons, "walls": read_walls, "grid": read_grid}
-POSITIVE = frozenset({"radius", "turn_gain", "timeout", "tolerance", "heading_tolerance"})
-LARGEST = {
-    "slip": 10.0,
-    "turn_gain": 10.0,
-    "lag": 10.0,
-    "dead_time": 10.0,
-    "pose_age": 10.0,
-    "timeout": 100_000.0,
-}
-"""What a drive can be simulated with: beyond these are slips of the pen, and drives that no memory
-holds."""
-
-
-class Floor(NamedTuple):
-    """What the ground does from a time on."""
-
-    time: float
-    """Since the plant began [s]."""
-    slip: float
-    """Mean of the three slip ratios."""
-    turn_gain: float = 1.0
-    """Share of a commanded turn that happens."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,35 +93,40 @@ class Scenario:
                 f"{self.name}: [map] bounds: expected xmin < xmax and ymin < ymax, "
                 f"got {list(self.bounds)}"
             )
-        for key in ("start", "goal"):
-            x, y, _ = getattr(self, key)
-            if not (x_min <= x <= x_max and y_min <= y <= y_max):
-                raise ScenarioError(
-                    f"{self.name}: [robot] {key}: ({x:g}, {y:g}) lies outside the bounds "
-                    f"{list(self.bounds)}"
-                )
-            for i, circle in enumerate(self.circles):
-                distance = float(np.hypot(x - circle.x, y - circle.y))
-                moving = circle.vx != 0.0 or circle.vy != 0.0
-                if distance < circle.radius + self.radius and not (moving and key == "goal"):
-                    raise ScenarioError(
-                        f"{self.name}: [robot] {key}: ({x:g}, {y:g}) is {distance:g} m from the "
-                        f"centre of circle {i}, "
-                        f"but the radii add up to {circle.radius + self.radius:g} m"
-                    )
-            if self.solids is not None:
-                gap = float(self.solids.whole.least(np.array([[x, y]]))[0])
-                if gap < self.radius:
-                    raise ScenarioError(
-                        f"{self.name}: [robot] {key}: ({x:g}, {y:g}) is {gap:g} m from a polygon, "
-                        "wall or grid cell, "
-                        f"but the robot's radius is {self.radius:g} m"
-                    )
+        self._check_place("start")
+        self._check_place("goal")
         if any(b.time <= a.time for a, b in zip(self.floors, self.floors[1:], strict=False)):
             raise ScenarioError(
                 f"{self.name}: [plant] floors: expected rising times, "
                 f"got {[f.time for f in self.floors]}"
             )
+
+    def _check_place(self, key: str) -> None:
+        """Raise ScenarioError where the robot cannot stand at its start or goal."""
+        x_min, y_min, x_max, y_max = self.bounds
+        x, y, _ = getattr(self, key)
+        if not (x_min <= x <= x_max and y_min <= y <= y_max):
+            raise ScenarioError(
+                f"{self.name}: [robot] {key}: ({x:g}, {y:g}) lies outside the bounds "
+                f"{list(self.bounds)}"
+            )
+        for i, circle in enumerate(self.circles):
+            distance = float(np.hypot(x - circle.x, y - circle.y))
+            moving = circle.vx != 0.0 or circle.vy != 0.0
+            if distance < circle.radius + self.radius and not (moving and key == "goal"):
+                raise ScenarioError(
+                    f"{self.name}: [robot] {key}: ({x:g}, {y:g}) is {distance:g} m from the "
+                    f"centre of circle {i}, "
+                    f"but the radii add up to {circle.radius + self.radius:g} m"
+                )
+        if self.solids is not None:
+            gap = float(self.solids.whole.least(np.array([[x, y]]))[0])
+            if gap < self.radius:
+                raise ScenarioError(
+                    f"{self.name}: [robot] {key}: ({x:g}, {y:g}) is {gap:g} m from a polygon, "
+                    "wall or grid cell, "
+                    f"but the robot's radius is {self.radius:g} m"
+                )
 
     @classmethod
     def load(cls, source: str | os.PathLike[str]) -> Scenario:
@@ -233,7 +182,9 @@ class Scenario:
             for key, default in defaults.items():
                 if key not in given and default is None:
                     raise ScenarioError(f"{where}: [{section}] {key}: missing")
-                values[key] = _value(f"{where}: [{section}] {key}", key, given.get(key, default))
+                values[key] = read_value(
+                    f"{where}: [{section}] {key}", key, given.get(key, default)
+                )
         return cls(name=name, **values)
 
     def to_toml(self) -> str:
@@ -325,96 +276,3 @@ def _prepared(
     from kmpc_lite.control.obstacles.solids import Solids
 
     return Solids(found)
-
-
-def _number(where: str, value: Any) -> float:
-    # a whole number too large for a float is none
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | float)
-        or not abs(value) <= sys.float_info.max
-    ):
-        raise ScenarioError(f"{where}: expected a finite number, got {value!r:.40}")
-    return float(value)
-
-
-def _value(where: str, key: str, value: Any) -> Any:
-    """One checked value of a scenario."""
-    if key in SHAPES:
-        return SHAPES[key](where, value)
-    if key == "circles":
-        if not isinstance(value, list):
-            raise ScenarioError(
-                f"{where}: expected a list of [x, y, radius] or [x, y, radius, vx, vy], "
-                f"got {value!r}"
-            )
-        circles = []
-        for i, row in enumerate(value):
-            if not isinstance(row, list) or len(row) not in (3, 5):
-                raise ScenarioError(
-                    f"{where}: circle {i}: expected [x, y, radius] or [x, y, radius, vx, vy], "
-                    f"got {row!r}"
-                )
-            try:
-                circles.append(Circle(*(_number(f"{where}: circle {i}", v) for v in row)))
-            except ProblemError as error:
-                raise ScenarioError(f"{where}: circle {i}: {error}") from error
-        return tuple(circles)
-    if key == "floors":
-        if not isinstance(value, list) or any(
-            not isinstance(row, list) or len(row) != len(Floor._fields) for row in value
-        ):
-            raise ScenarioError(
-                f"{where}: expected a list of [time, slip, turn_gain], got {value!r}"
-            )
-        return tuple(
-            Floor(
-                *(
-                    _value(f"{where}: floor {i}", name, v)
-                    for name, v in zip(Floor._fields, row, strict=True)
-                )
-            )
-            for i, row in enumerate(value)
-        )
-    if key in GROUND_ROWS:
-        kinds = GROUND_ROWS[key]
-        if not isinstance(value, list) or any(
-            not isinstance(row, list) or len(row) != len(kinds) for row in value
-        ):
-            raise ScenarioError(f"{where}: expected a list of [{', '.join(kinds)}], got {value!r}")
-        return tuple(
-            tuple(
-                _value(where, "ground" if k == "name" else k, v)
-                for k, v in zip(kinds, row, strict=True)
-            )
-            for row in value
-        )
-    if key == "ground":
-        if not isinstance(value, str):
-            raise ScenarioError(f"{where}: expected the name of a floor, got {value!r}")
-        return value
-    if key in ("x", "y"):
-        return _number(where, value)
-    if key == "du_max" and value == []:
-        return None
-    if key in FLOAT_LISTS:
-        if not isinstance(value, list) or len(value) != FLOAT_LISTS[key]:
-            raise ScenarioError(f"{where}: expected {FLOAT_LISTS[key]} numbers, got {value!r}")
-        numbers = tuple(_number(where, v) for v in value)
-        if key == "du_max" and min(numbers) <= 0:
-            raise ScenarioError(f"{where}: expected numbers > 0, got {value!r}")
-        if key == "pose_noise" and min(numbers) < 0:
-            raise ScenarioError(f"{where}: expected numbers >= 0, got {value!r}")
-        return numbers
-    if key == "seed":
-        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-            raise ScenarioError(f"{where}: expected a whole number >= 0, got {value!r}")
-        return value
-    number = _number(where, value)
-    if number < 0 or (key in POSITIVE and number == 0):
-        raise ScenarioError(
-            f"{where}: expected a number {'>' if key in POSITIVE else '>='} 0, got {value!r}"
-        )
-    if number > LARGEST.get(key, number):
-        raise ScenarioError(f"{where}: expected at most {LARGEST[key]:g}, got {value!r}")
-    return number

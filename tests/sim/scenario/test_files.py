@@ -13,7 +13,8 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.sim import Scenario
-from kmpc_lite.sim.scenario.files import KEYS, Floor, bundled
+from kmpc_lite.sim.scenario.bundled import bundled
+from kmpc_lite.sim.scenario.values import KEYS, Floor
 
 GOOD = """\
 [map]
