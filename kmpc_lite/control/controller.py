@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.control.estimation.command_history import CommandHistory
 from kmpc_lite.control.estimation.pose_age import advance_pose
-from kmpc_lite.control.guidance.goal_reference import GoalReference
+from kmpc_lite.control.guidance.goal_reference import GoalReference, GoalReferenceState
 from kmpc_lite.control.input_checks import POSITION_LIMIT, are_plausible, is_plausible
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.margins import Margins
@@ -23,7 +23,7 @@ from kmpc_lite.control.nmpc.sqp import SQP, SQPResult, SQPState
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, along, at_rest
 from kmpc_lite.control.obstacles.scene import Obstacles, Scene
-from kmpc_lite.control.options import MarginOptions, StopOptions
+from kmpc_lite.control.options import GuidanceOptions, MarginOptions, StopOptions
 from kmpc_lite.control.plan import Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
@@ -36,7 +36,9 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
 if TYPE_CHECKING:
+    from kmpc_lite.control.guidance.capabilities import Capabilities
     from kmpc_lite.control.guidance.guide import Guide
+    from kmpc_lite.control.guidance.state import GuideState
     from kmpc_lite.control.obstacles.solids import Nearby, Solids
 
 OLDEST_POSE = 2.0
@@ -65,7 +67,7 @@ class Controller:
         Learned by `fit`, or `nominal_unicycle`; its dt must be the problem's.
     problem : NavigationProblem, optional
         The paper's where not given.
-    guidance : bool
+    guidance : bool or GuidanceOptions
         Whether to steer along a way around the obstacles, park and hold at the goal, with weights
         that suit a reference. Without it the goal itself is the reference, as in the paper, and the
         problem's weights are used.
@@ -118,7 +120,7 @@ class Controller:
         model: KoopmanModel,
         problem: NavigationProblem | None = None,
         *,
-        guidance: bool = True,
+        guidance: bool | GuidanceOptions = True,
         tightening: Literal["learned"] | None = "learned",
         risk: float | None = None,
         adaptation: bool | OnlineAdaptation | None = None,
@@ -170,14 +172,15 @@ class Controller:
         self._margin_options = margin_options
         self._margins = Margins(self.model, self.problem, margin_options) if tightening else None
         self._guide: Guide | None = None
+        self._capabilities: Capabilities | None = None
+        self._guidance_options = GuidanceOptions() if isinstance(guidance, bool) else guidance
         if guidance:
             # here, for its graph search costs as much to import as all the rest
             from kmpc_lite.control.guidance.guide import Guide
 
-            self._guide = Guide(self.problem, clock=clock)
-            self._guide.learn(self.model, self._margins)
+            self._guide = Guide(self.problem, self._guidance_options, clock=clock)
         self._sqp = SQP(
-            self.problem.with_default_weights(guidance),
+            self.problem.with_default_weights(guidance is not False),
             model.history,
             iterations=sqp_iterations,
             tolerance=tolerance,
@@ -205,23 +208,48 @@ class Controller:
         self._solids: Solids | None = None
         self._nearby: Nearby | None = None
         self._drift = DriftState()
+        self._learn_capabilities(adapted=False)
         self.reset()
 
     def reset(self) -> None:
         """Forget the last plan, the commands sent, the side from which the goal's heading is approached, and what was learned driving."""
         self._last: Trajectory | None = None
         self._past.reset()
-        self._goal.reset()
+        self._goal_state = GoalReferenceState()
         if self._guide is not None:
-            self._guide.reset()
+            from kmpc_lite.control.guidance.state import GuideState
+
+            self._guide_state: GuideState = GuideState()
         if self.adaptation is not None and self.adaptation.counts.models:
             self.update_model(self.adaptation.base)
         if self.adaptation is not None:
             self.adaptation.reset()
         self._backup, self._drift, self._sqp_state = BackupState(), DriftState(), SQPState()
 
+    def _learn_capabilities(self, adapted: bool) -> None:
+        """Ask the model what the robot can do; of one that was adapted while driving, only its speeds count."""
+        if self._guide is None:
+            return
+        from kmpc_lite.control.guidance.capabilities import capabilities, drivable_speeds
+
+        if adapted and self._capabilities is not None:
+            speeds = drivable_speeds(self.model, self.problem, self._guidance_options)
+            self._capabilities = self._capabilities.with_speeds(speeds, self._guidance_options)
+        else:
+            self._capabilities = capabilities(
+                self.model, self.problem, self._margins, self._guidance_options
+            )
+
     def update_model(self, model: KoopmanModel, adapted: bool = False) -> None:
         """Take over another model of the same robot between two steps: what `adaptation` gives while driving.
+
+        Parameters
+        ----------
+        model : KoopmanModel
+            With the same period, and as long an input history.
+        adapted : bool
+            Whether it is the one before with gains learned while driving: these tell of the robot's
+            speeds, and nothing of its turning centre or the noise of its pose.
 
         Raises
         ------
@@ -240,8 +268,7 @@ class Controller:
         if (before := self._margins) is not None:
             self._margins = Margins(self.model, self.problem, self._margin_options, adapted=adapted)
             self._margins.drift_detector.carry_over(self._drift, before.drift_detector)
-        if self._guide is not None:
-            self._guide.learn(self.model, self._margins)
+        self._learn_capabilities(adapted)
 
     def step(
         self,
@@ -321,12 +348,25 @@ class Controller:
         until = np.inf if self._time_budget is None else start + GUIDE_SHARE * self._time_budget
         guidance = (
             None
-            if self._guide is None
-            else self._guide.reference(here, target, circles, self._solids, rest, until)
+            if self._guide is None or self._capabilities is None
+            else self._guide.reference(
+                self._guide_state,
+                self._capabilities,
+                here,
+                target,
+                circles,
+                self._solids,
+                rest,
+                until,
+            )
         )
         if guidance is not None and guidance.hold:
             return self._hold(here, pose, circles, start)
-        reference = self._goal.reference(here, target) if guidance is None else guidance.states
+        reference = (
+            self._goal.reference(self._goal_state, here, target)
+            if guidance is None
+            else guidance.states
+        )
         guided = self._clock()
         sqp = self._sqp
         guess, passes = sqp.warm_start.from_last(self._last, here), 1
@@ -348,7 +388,7 @@ class Controller:
             self._nearby,
             None if margins is None else margins.tightening,
             self._drift,
-            np.inf if self._guide is None else self._guide.clearance,
+            np.inf if guidance is None else guidance.path_clearance,
             deadline,
         )
         result = sqp.solve(self._sqp_state, guess, task, passes)

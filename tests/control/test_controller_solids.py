@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles
+from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, TrafficTable
 from kmpc_lite.control.obstacles.solids import Solids
+from kmpc_lite.control.options import GuidanceOptions, TrafficOptions, in_metres
 from kmpc_lite.sim.closed_loop import Outcome, drive
 from kmpc_lite.sim.scenario.files import Scenario
 
@@ -56,7 +57,7 @@ def test_a_wall_of_circles_and_the_wall_itself_are_driven_around_alike(
 
 
 def test_a_map_with_ragged_walls_is_driven(
-    learned: kl.KoopmanModel, monkeypatch: pytest.MonkeyPatch
+    learned: kl.KoopmanModel,
 ) -> None:
     """As a lidar leaves them: hundreds of rectangles.
 
@@ -78,9 +79,9 @@ def test_a_map_with_ragged_walls_is_driven(
         timeout=30.0,
         grid=walls,
     )
-    for rounds in (12, -1):
-        monkeypatch.setattr("kmpc_lite.control.guidance.tangent_graph.ROUNDS", rounds)
-        run = drive(kl.Controller(learned, scenario.problem()), scenario)
+    for rounds in (12, 0):
+        options = GuidanceOptions(corner_rounds=rounds)
+        run = drive(kl.Controller(learned, scenario.problem(), guidance=options), scenario)
         assert run.outcome is Outcome.REACHED and run.clearance > 0.0
 
 
@@ -88,9 +89,10 @@ def test_room_is_made_where_there_is_no_wall(nominal: kl.KoopmanModel) -> None:
     """A circle comes from behind: a free robot goes on ahead, one that faces a wall turns aside."""
     circles, speed = np.array([[-0.9, 0.0, 0.2, 0.3, 0.0]]), np.array([0.6, 0.7])
     times, pose = np.arange(0.0, 2.1, 0.1), np.zeros(3)
+    table = TrafficTable(in_metres(TrafficOptions(), 0.15))
     wall = Solids([kl.Wall(0.4, -2.0, 0.4, 2.0), kl.Wall(-2.0, -0.3, 0.4, -0.3)])
-    _, free = MovingObstacles(circles, 0.15, speed).escape(pose, -1, times)
-    _, held = MovingObstacles(circles, 0.15, speed, wall).escape(pose, -1, times)
+    _, free = MovingObstacles(circles, 0.15, speed, table).evasive_arc(pose, -1, times)
+    _, held = MovingObstacles(circles, 0.15, speed, table, wall).evasive_arc(pose, -1, times)
     assert wall.whole.least(free[:, :2]).min() < 0.15
     assert wall.whole.least(held[:, :2]).min() >= 0.15
 

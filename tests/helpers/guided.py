@@ -1,12 +1,20 @@
-"""The controller as it comes, with a record of what the guidance said."""
+"""The controller and the guide as they come, with what the guidance said and remembers."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 import kmpc_lite as kl
+from kmpc_lite.control import options as kl_options
+from kmpc_lite.control.guidance.capabilities import Capabilities, capabilities
+from kmpc_lite.control.guidance.guide import Guide
+from kmpc_lite.control.guidance.reference import Guidance
+from kmpc_lite.control.guidance.state import GuideState
 
 
 class GuidedController(kl.Controller):
@@ -24,3 +32,28 @@ class GuidedController(kl.Controller):
         self.holding.append(plan.holding)
         self.reachable.append(plan.reachable)
         return plan
+
+
+class GuideInUse:
+    """A guide, its state, and what it knows of a robot."""
+
+    def __init__(
+        self,
+        problem: kl.NavigationProblem,
+        known: Capabilities | kl.KoopmanModel | None = None,
+        **options: Any,
+    ) -> None:
+        if not isinstance(known, Capabilities):
+            known = capabilities(known or kl.nominal_unicycle(problem.dt), problem)
+        self.guide, self.state, self.known = Guide(problem, **options), GuideState(), known
+
+    def reference(
+        self, pose: np.ndarray, goal: np.ndarray, circles: np.ndarray, **more: Any
+    ) -> Guidance:
+        return self.guide.reference(self.state, self.known, pose, goal, circles, **more)
+
+    def turn_about(self, centre: np.ndarray | None) -> None:
+        self.known = replace(self.known, turning_centre=centre)
+
+    def drive_at(self, *speeds: float) -> None:
+        self.known = self.known.with_speeds(np.array(speeds), kl_options.GuidanceOptions())

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 from executors import Inline
+from guided import GuideInUse
 from scripted import Scripted
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance.guide import Guide
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.regression import Method
 from kmpc_lite.sim import Scenario, drive
@@ -49,7 +49,7 @@ class Follower:
     """Drives to where the guide's reference will be in 0.3 s; no model."""
 
     def __init__(self, problem: kl.NavigationProblem) -> None:
-        self.guide, self.problem = Guide(problem), problem
+        self.guide, self.problem = GuideInUse(problem), problem
 
     def step(self, x: Any, goal: Any, obstacles: Any = ()) -> kl.Plan:
         pose = np.array(x, dtype=float)

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from guided import GuideInUse
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance.guide import Guide
 from kmpc_lite.control.nmpc.line_search import Direction, Penalties, predict_stages
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
 from kmpc_lite.control.nmpc.task import Task
@@ -140,7 +140,7 @@ def test_a_search_for_a_way_is_left_to_the_next_steps_where_it_would_take_too_lo
         return now[0]
 
     guide, x, scene = (
-        Guide(problem, clock=clock),
+        GuideInUse(problem, clock=clock),
         np.zeros(3),
         np.array([[0.8, 0.0, 0.2, 0.0, 0.0]]),
     )
@@ -148,7 +148,7 @@ def test_a_search_for_a_way_is_left_to_the_next_steps_where_it_would_take_too_lo
     last = next(k for k, f in enumerate(found) if f.refreshed)
     # it stands, which is not to say that there is no way
     assert last > 3 and all(f.reachable and (f.states == x).all() for f in found[:last])
-    in_time = Guide(problem, clock=clock).reference(x, np.array(GOAL), scene)
+    in_time = GuideInUse(problem, clock=clock).reference(x, np.array(GOAL), scene)
     assert in_time.refreshed and np.array_equal(found[last].path, in_time.path)
     # towards another goal it drives on along the old way
     other = np.array(GOAL) + (0.0, 0.5, 0.0)

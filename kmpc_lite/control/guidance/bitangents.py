@@ -1,7 +1,8 @@
-"""What ways are made of: the common tangents of circles, and the arcs between these, that nothing bars."""
+"""What paths are made of: free common tangents of circles, and free arcs between these."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -11,18 +12,61 @@ from kmpc_lite.control.guidance.edges import edge_bars, free_of_edges
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.guidance.lattice import LatticePath
+    from kmpc_lite.control.guidance.lattice_path import LatticePath
 
 TURNING = 4
-"""Circles to turn on: left and right of the start, left and right of the goal."""
-TOUCHING = 1e-7
-"""How deep a line may cut a circle [m]: rounding, since lines touch circles."""
-MANY = 20000
-"""Tangents times circles from which on tangents are sorted out in two steps."""
+"""Number of circles to turn on: left and right of the start, left and right of the goal."""
+ROUNDING = 1e-7
+"""How deep a line may cut a circle [m], since lines touch circles."""
 FIRST_SENSE = np.array([1.0, 1.0, -1.0, -1.0])
 SECOND_SENSE = np.array([1.0, -1.0, 1.0, -1.0])
 """Sense of rotation (1: counter-clockwise) at the first and the second circle of the four tangents
 of two circles."""
+
+
+@dataclass(slots=True)
+class Circles:
+    """All that a path of one search may touch."""
+
+    points: Array
+    """(C, 2) centres [m]: obstacles, then the `TURNING` circles, then start and goal."""
+    sizes: Array
+    """(C,) radii [m]; those of start and goal are zero."""
+    count: int
+    """How many are obstacles."""
+    edges: Array
+    """(S, 2) numbers of obstacles of one radius, between which no path may pass."""
+    area: Array
+    """(4,) xmin, ymin, xmax, ymax that lines and arcs must not leave [m]."""
+
+
+@dataclass(slots=True)
+class Tangents:
+    """Common tangents of two circles each."""
+
+    first: Array
+    """(T,) numbers of the circles where they begin."""
+    second: Array
+    """(T,) numbers of the circles where they end."""
+    senses: Array
+    """(T, 2) rotation about both circles along the tangent: 1 is counter-clockwise."""
+    ends: Array
+    """(T, 2, 2) the two points that they join [m]."""
+    directions: Array
+    """(T, 2) unit vectors."""
+    lengths: Array
+    """(T,) [m]."""
+
+    def take(self, chosen: Array) -> Tangents:
+        """Some of them."""
+        return Tangents(
+            self.first[chosen],
+            self.second[chosen],
+            self.senses[chosen],
+            self.ends[chosen],
+            self.directions[chosen],
+            self.lengths[chosen],
+        )
 
 
 @lru_cache(maxsize=64)
@@ -39,20 +83,46 @@ def _pairs(count: int) -> tuple[Array, Array, Array]:
     return first, second, sensible
 
 
-def free_tangents(
-    points: Array, sizes: Array, count: int, area: Array, edges: Array, route: LatticePath | None
-) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Free tangents: circles (T,), (T,), senses (T, 2), ends (T, 2, 2), directions (T, 2), lengths (T,)."""
-    first, second, sensible = _pairs(count)
+def free_tangents(circles: Circles, lattice_path: LatticePath | None) -> Tangents:
+    """Tangents that stay in the area and cut no obstacle."""
+    tangents = _all_tangents(circles)
+    within = (tangents.ends >= circles.area[:2] - ROUNDING) & (
+        tangents.ends <= circles.area[2:] + ROUNDING
+    )
+    free: Array = np.all(within, axis=(1, 2))
+    if circles.count:
+        # most end inside another obstacle, which is seen faster
+        look = np.flatnonzero(free)
+        free[look] = _ends_free_of_circles(tangents.ends[look], circles)
+        look = np.flatnonzero(free)
+        free[look] = _free_of_circles(tangents, look, circles)
+    ends = tangents.ends
+    if len(circles.edges):
+        look, (begin, end) = np.flatnonzero(free), circles.edges.T
+        free[look] = free_of_edges(
+            ends[look, 0],
+            ends[look, 1],
+            circles.points[begin],
+            circles.points[end],
+            np.maximum(circles.sizes[begin] - ROUNDING, 0.0),
+        )
+    if lattice_path is not None:
+        look = np.flatnonzero(free)
+        free[look] = lattice_path.lines_free(ends[look, 0], ends[look, 1])
+    return tangents.take(free)
+
+
+def _all_tangents(circles: Circles) -> Tangents:
+    """All common tangents that make sense, whatever they cut."""
+    points, sizes = circles.points, circles.sizes
+    first, second, sensible = _pairs(circles.count)
     offset = points[second] - points[first]
     distance = np.sqrt(np.einsum("pi,pi->p", offset, offset)) + 1e-12
     along = offset / distance[:, None]
     # cosine between the line of centres and the tangent's right-hand normal
-    cosine = (sizes[first, None] * FIRST_SENSE - sizes[second, None] * SECOND_SENSE) / distance[
-        :, None
-    ]
-    exists = sensible & (np.abs(cosine) < 1.0)
-    pair, kind = np.nonzero(exists)
+    difference = sizes[first, None] * FIRST_SENSE - sizes[second, None] * SECOND_SENSE
+    cosine = difference / distance[:, None]
+    pair, kind = np.nonzero(sensible & (np.abs(cosine) < 1.0))
     cosine = cosine[pair, kind]
     sine = -np.sqrt(1.0 - cosine * cosine)
     along = along[pair]
@@ -60,87 +130,74 @@ def free_tangents(
     normal[:, 0] -= sine * along[:, 1]
     normal[:, 1] += sine * along[:, 0]
     first, second = first[pair], second[pair]
-    sense = np.stack([FIRST_SENSE[kind], SECOND_SENSE[kind]], axis=1)
+    senses = np.stack([FIRST_SENSE[kind], SECOND_SENSE[kind]], axis=1)
     ends = np.stack([points[first], points[second]], axis=1)
-    ends[:, 0] += (sense[:, 0] * sizes[first])[:, None] * normal
-    ends[:, 1] += (sense[:, 1] * sizes[second])[:, None] * normal
+    ends[:, 0] += (senses[:, 0] * sizes[first])[:, None] * normal
+    ends[:, 1] += (senses[:, 1] * sizes[second])[:, None] * normal
     directions = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
     lengths = np.einsum("ti,ti->t", ends[:, 1] - ends[:, 0], directions)
+    return Tangents(first, second, senses, ends, directions, lengths)
 
-    inside: Array = (ends >= area[:2] - TOUCHING) & (ends <= area[2:] + TOUCHING)
-    free: Array = np.all(inside, axis=(1, 2))
-    if count:
-        centres, square = points[:count], np.maximum(sizes[:count] - TOUCHING, 0.0) ** 2
-        if len(first) * count > MANY:
-            # most end inside another circle, which is seen faster
-            flat = ends.reshape(-1, 2)
-            gap = (
-                np.einsum("ei,ei->e", flat, flat)[:, None]
-                - 2.0 * flat @ centres.T
-                + np.einsum("mi,mi->m", centres, centres)
-                - square
-            )
-            free &= (gap >= -1e-12).all(axis=1).reshape(-1, 2).all(axis=1)
-        look = np.flatnonzero(free)
-        # squared distance of every centre to every line
-        reach = centres - ends[look, :1]
-        nearest = np.clip(
-            np.einsum("tmi,ti->tm", reach, directions[look]), 0.0, lengths[look, None]
-        )
-        reach -= nearest[..., None] * directions[look, None]
-        gap = np.einsum("tmi,tmi->tm", reach, reach) - square
-        for own in (first[look], second[look]):
-            is_circle = own < count
-            gap[np.flatnonzero(is_circle), own[is_circle]] = 0.0
-        free[look] = gap.min(axis=1) >= 0.0
-    if len(edges):
-        look, (begin, end) = np.flatnonzero(free), edges.T
-        inflated = np.maximum(sizes[begin] - TOUCHING, 0.0)
-        free[look] = free_of_edges(
-            ends[look, 0], ends[look, 1], points[begin], points[end], inflated
-        )
-    if route is not None:
-        look = np.flatnonzero(free)
-        free[look] = route.lines_free(ends[look, 0], ends[look, 1])
-    return first[free], second[free], sense[free], ends[free], directions[free], lengths[free]
+
+def _ends_free_of_circles(ends: Array, circles: Circles) -> Array:
+    """Which tangents (L,) have both ends (L, 2, 2) outside all obstacles."""
+    centres = circles.points[: circles.count]
+    squares = np.maximum(circles.sizes[: circles.count] - ROUNDING, 0.0) ** 2
+    x = ends[..., 0].reshape(-1, 1) - centres[:, 0]
+    y = ends[..., 1].reshape(-1, 1) - centres[:, 1]
+    x *= x
+    y *= y
+    x += y
+    outside = x.reshape(-1, 2, circles.count) >= squares
+    free: Array = np.all(outside, axis=(1, 2))
+    return free
+
+
+def _free_of_circles(tangents: Tangents, look: Array, circles: Circles) -> Array:
+    """Which of some tangents (L,) cut none of the obstacles but their own two."""
+    count = circles.count
+    centres = circles.points[:count]
+    squares = np.maximum(circles.sizes[:count] - ROUNDING, 0.0) ** 2
+    directions, begins = tangents.directions[look], tangents.ends[look, :1]
+    # squared distance of every centre to every line
+    away = centres - begins
+    along = np.einsum("tmi,ti->tm", away, directions)
+    nearest = np.clip(along, 0.0, tangents.lengths[look, None])
+    away -= nearest[..., None] * directions[:, None]
+    beyond = np.einsum("tmi,tmi->tm", away, away) - squares
+    for own in (tangents.first[look], tangents.second[look]):
+        is_obstacle = own < count
+        beyond[np.flatnonzero(is_obstacle), own[is_obstacle]] = 0.0
+    free: Array = beyond.min(axis=1) >= 0.0
+    return free
 
 
 def free_arcs(
-    points: Array,
-    sizes: Array,
-    count: int,
-    area: Array,
-    circle: Array,
-    rotation: Array,
-    places: Array,
-    edges: Array,
+    circles: Circles, circle: Array, rotation: Array, places: Array
 ) -> tuple[Array, Array, Array]:
-    """Free arcs from a node to the next one of its circle and sense: nodes (E,), (E,) and turns (E,) [rad]."""
-    circles = count + TURNING
-    nodes = np.flatnonzero(circle < circles)
-    owner, sense = circle[nodes], rotation[nodes]
-    away = places[nodes] - points[owner]
-    angle = np.arctan2(away[:, 1], away[:, 0])
-    # where another circle or a side of the area covers a piece of a circle, its middle bars the arc
-    offset = points[None, :count] - points[:circles, None]
-    distance = np.sqrt(np.einsum("mki,mki->mk", offset, offset))
-    np.fill_diagonal(distance, np.inf)
-    others = sizes[:count]
-    own = sizes[:circles, None]
-    covered, by = np.nonzero((distance < own + others) & (distance > others - own))
-    bars = np.arctan2(offset[covered, by, 1], offset[covered, by, 0])
-    beyond, side = np.nonzero(
-        np.concatenate([points[:circles] - area[:2], area[2:] - points[:circles]], axis=1) < own
-    )
-    bars = np.concatenate([bars, np.array([np.pi, -np.pi / 2, 0.0, np.pi / 2])[side]])
-    covered = np.concatenate([covered, beyond])
-    if len(edges):
-        begin, end = edges.T
-        by_edges, angles = edge_bars(
-            points[:circles], sizes[:circles], points[begin], points[end], sizes[begin]
-        )
-        bars, covered = np.concatenate([bars, angles]), np.concatenate([covered, by_edges])
+    """Arcs from a node to the next one of its circle and sense, but for those that something bars.
 
+    Parameters
+    ----------
+    circles : Circles
+        Of the search.
+    circle, rotation : ndarray
+        (n,) number of each node's circle, and the sense of rotation about it.
+    places : ndarray
+        (n, 2) where the nodes are [m].
+
+    Returns
+    -------
+    tails, heads, turns : ndarray
+        (E,) nodes, (E,) nodes, and (E,) angles between them [rad].
+    """
+    total = circles.count + TURNING
+    nodes = np.flatnonzero(circle < total)
+    owner, sense = circle[nodes], rotation[nodes]
+    away = places[nodes] - circles.points[owner]
+    angle = np.arctan2(away[:, 1], away[:, 0])
+    covered, bars = _bars(circles)
+    # a bar takes its place among the nodes of both senses; no arc leads to it, or on from it
     number = np.concatenate([nodes, np.full(2 * len(bars), -1)])
     owner = np.concatenate([owner, covered, covered])
     sense = np.concatenate([sense, np.ones(len(bars)), -np.ones(len(bars))])
@@ -155,3 +212,30 @@ def free_arcs(
     turn = (turned[following] - turned) % (2 * np.pi)
     use = (number >= 0) & (number[following] >= 0) & (number != number[following])
     return number[use], number[following][use], turn[use]
+
+
+def _bars(circles: Circles) -> tuple[Array, Array]:
+    """Bar the pieces of circles that something covers.
+
+    Where another circle, a side of the area, or an edge covers a piece of a circle, its middle bars
+    the arc: the numbers of the circles (B,), and the angles of the middles (B,).
+    """
+    total, count = circles.count + TURNING, circles.count
+    centres, own = circles.points[:total], circles.sizes[:total, None]
+    offset = circles.points[None, :count] - centres[:, None]
+    distance = np.sqrt(np.einsum("mki,mki->mk", offset, offset))
+    np.fill_diagonal(distance, np.inf)
+    others = circles.sizes[:count]
+    covered, by = np.nonzero((distance < own + others) & (distance > others - own))
+    bars = np.arctan2(offset[covered, by, 1], offset[covered, by, 0])
+    to_sides = np.concatenate([centres - circles.area[:2], circles.area[2:] - centres], axis=1)
+    beyond, side = np.nonzero(to_sides < own)
+    bars = np.concatenate([bars, np.array([np.pi, -np.pi / 2, 0.0, np.pi / 2])[side]])
+    covered = np.concatenate([covered, beyond])
+    if len(circles.edges):
+        begin, end = circles.edges.T
+        by_edges, angles = edge_bars(
+            centres, own[:, 0], circles.points[begin], circles.points[end], circles.sizes[begin]
+        )
+        bars, covered = np.concatenate([bars, angles]), np.concatenate([covered, by_edges])
+    return covered, bars

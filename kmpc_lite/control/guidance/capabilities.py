@@ -1,12 +1,16 @@
-"""How fast a model lets its robot be driven, and how much room it then needs: what ways are timed by, and kept away from obstacles."""
+"""What a model says its robot can do: how fast it drives and turns, what clearance it needs."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.guidance.goal_checker import GoalTolerances, goal_tolerances
+from kmpc_lite.control.guidance.turning_centre import turning_centre
 from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.options import GoalOptions, GuidanceOptions, in_metres, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, Array
@@ -15,17 +19,100 @@ if TYPE_CHECKING:
     from kmpc_lite.control.margins.margins import Margins
 
 ROUNDING = 1e-6
-SPARE, MOST_ROOM = 0.02, 0.1
-"""Room that a way keeps beyond the margins of a plan at full speed, and how much it keeps at the
-most [m]: a plan at its margins has none to correct itself, but a passage that is driven slowly is
-better than a long way around."""
-LEAST = 0.05
-"""Share of a bound that is believed in the least: a model may know nothing of what its log never
-showed, and ways must end."""
+"""Relative difference of speeds that is rounding; and the speed of a robot that cannot drive, or
+turn, so that times are finite [m/s, rad/s]."""
 
 
-def drivable_speeds(model: KoopmanModel, problem: NavigationProblem) -> Array:
-    """Speeds that the robot holds at the command bounds, by its model, but not above the bounds themselves.
+@dataclass(frozen=True, eq=False, slots=True)
+class Capabilities:
+    """What the guide knows of the robot."""
+
+    forward: Array
+    """(2,) speed [m/s] and rate of turn [rad/s] at which paths are timed forwards."""
+    backward: Array
+    """(2,) the same backwards; no speed where the robot may not."""
+    evasive: Array
+    """(2,) the same on evasive arcs, which are driven in either direction."""
+    backward_share: float
+    """Speed backwards as a share of the speed forwards."""
+    turning_centre: Array | None
+    """(2,) point about which the robot turns, ahead and to the left of its tracked pose [m]; none:
+    the pose itself."""
+    tolerances: GoalTolerances
+    """Of the goal checker."""
+    clearance: float
+    """Clearance that a path must keep so that it can be driven at full speed [m]."""
+
+    def with_speeds(self, speeds: Array, options: GuidanceOptions) -> Capabilities:
+        """Return the same for other speeds (3,): ahead, backwards [m/s], rate of turn [rad/s]."""
+        forward, backward, evasive, backward_share = _timing(speeds, options)
+        return replace(
+            self,
+            forward=forward,
+            backward=backward,
+            evasive=evasive,
+            backward_share=backward_share,
+        )
+
+
+def capabilities(
+    model: KoopmanModel,
+    problem: NavigationProblem,
+    margins: Margins | None = None,
+    options: GuidanceOptions | None = None,
+    goal_options: GoalOptions | None = None,
+) -> Capabilities:
+    """Ask a model for all that the guide needs to know.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        With an input history it is asked for what it does once a command has been held that long.
+    problem : NavigationProblem
+        Command bounds, horizon, radius.
+    margins : Margins, optional
+        That plans keep.
+    options : GuidanceOptions, optional
+        Lengths in radii.
+    goal_options : GoalOptions, optional
+        Lengths in radii.
+    """
+    unit = unit_length(problem)
+    options = in_metres(options or GuidanceOptions(), unit)
+    # a robot without lag is steered back before it needs the clearance
+    clearance = (
+        clearance_at_speed(model, problem, margins, options)
+        if margins is not None and model.history
+        else 0.0
+    )
+    forward, backward, evasive, backward_share = _timing(
+        drivable_speeds(model, problem, options), options
+    )
+    return Capabilities(
+        forward,
+        backward,
+        evasive,
+        backward_share,
+        turning_centre(model, problem, options),
+        goal_tolerances(model, in_metres(goal_options or GoalOptions(), unit)),
+        clearance,
+    )
+
+
+def _timing(speeds: Array, options: GuidanceOptions) -> tuple[Array, Array, Array, float]:
+    """Give the speeds forwards, backwards, on evasive arcs (2,) each, and the backward share."""
+    ahead, back, turn = speeds.tolist()
+    ahead, turn = max(ahead, ROUNDING), options.turn_share * max(turn, ROUNDING)
+    forward, backward = np.array([ahead, turn]), np.array([back, turn])
+    # the slower direction counts
+    evasive = backward if 0.0 < back < ahead else forward
+    return forward, backward, evasive, back / ahead
+
+
+def drivable_speeds(
+    model: KoopmanModel, problem: NavigationProblem, options: GuidanceOptions | None = None
+) -> Array:
+    """Speeds that the robot holds at the command bounds, by its model, but not above the bounds.
 
     A skid-steer robot that makes a third of a turn it is told needs three times as long for it; one
     that slips ahead is not asked for more than was commanded.
@@ -36,6 +123,8 @@ def drivable_speeds(model: KoopmanModel, problem: NavigationProblem) -> Array:
         With an input history it is asked for what it does once a command has been held that long.
     problem : NavigationProblem
         Command bounds.
+    options : GuidanceOptions, optional
+        Share of a bound that is believed in the least.
 
     Returns
     -------
@@ -49,22 +138,30 @@ def drivable_speeds(model: KoopmanModel, problem: NavigationProblem) -> Array:
     >>> drivable_speeds(nominal_unicycle(0.1), NavigationProblem(u_min=(-0.2, -0.8))).round(3)
     array([0.6  , 0.2  , 0.785])
     """
+    options = options or GuidanceOptions()
     u_min, u_max, _, _ = problem.bounds
     held = np.zeros((4, INPUTS))
     held[0, 0], held[1, 0], held[2, 1], held[3, 1] = u_max[0], u_min[0], u_max[1], u_min[1]
-    past = np.repeat(held[:, None], model.history, axis=1)
-    ends = model.predict(np.zeros((4, 3)), held, past)
+    history = np.repeat(held[:, None], model.history, axis=1)
+    ends = model.predict(np.zeros((4, 3)), held, history)
     signed = np.array([ends[0, 0], -ends[1, 0], ends[2, 2], -ends[3, 2]]) / model.dt
     bounds = np.array([u_max[0], -u_min[0], u_max[1], -u_min[1]])
-    # rounding must not decide between two ways that are equally quick
+    # rounding must not decide between two paths that are equally quick
     speeds = np.where(
-        signed > (1.0 - ROUNDING) * bounds, bounds, np.maximum(signed, LEAST * bounds)
+        signed > (1.0 - ROUNDING) * bounds,
+        bounds,
+        np.maximum(signed, options.least_speed_share * bounds),
     )
     return np.array([speeds[0], speeds[1], min(speeds[2], speeds[3])])
 
 
-def clearance_at_speed(model: KoopmanModel, problem: NavigationProblem, margins: Margins) -> float:
-    """Room [m] that a way must leave so that a plan at full speed along it keeps its margins, and `SPARE`.
+def clearance_at_speed(
+    model: KoopmanModel,
+    problem: NavigationProblem,
+    margins: Margins,
+    options: GuidanceOptions | None = None,
+) -> float:
+    """Clearance [m] that a path must keep so that a plan at full speed along it keeps its margins.
 
     Parameters
     ----------
@@ -74,19 +171,19 @@ def clearance_at_speed(model: KoopmanModel, problem: NavigationProblem, margins:
         Command bounds and horizon.
     margins : Margins
         Asked for the last stage's margin.
+    options : GuidanceOptions, optional
+        In metres: what is spare, and the most.
     """
+    options = options or in_metres(GuidanceOptions(), unit_length(problem))
     _, u_max, _, _ = problem.bounds
     commands = np.tile((u_max[0], 0.0), (problem.horizon, 1))
-    past = np.tile(commands[0], (problem.horizon, model.history, 1))
-    states, across = (
-        np.zeros((problem.horizon + 1, 3)),
-        np.tile((0.0, 1.0), (problem.horizon, 1, 1)),
-    )
+    history = np.tile(commands[0], (problem.horizon, model.history, 1))
+    states = np.zeros((problem.horizon + 1, 3))
+    across = np.tile((0.0, 1.0), (problem.horizon, 1, 1))
     states[:, 0] = u_max[0] * problem.dt * np.arange(problem.horizon + 1)
-    lin = model.linearize(states[:-1], commands, past)
-    # headway gives way to passages, so it asks for none
+    linearization = model.linearize(states[:-1], commands, history)
+    # headway gives way to narrow passages, so it asks for no clearance
     found = margins.tightening.margins(
-        DriftState(), lin, states, commands, across, path_clearance=0.0
+        DriftState(), linearization, states, commands, across, path_clearance=0.0
     )
-    margin = float(found[-1, 0])
-    return min(SPARE + margin, MOST_ROOM)
+    return min(options.spare_clearance + float(found[-1, 0]), options.speed_clearance_limit)

@@ -1,4 +1,4 @@
-"""Edges between the corners of an obstacle, inflated: what of a way's lines and arcs they bar.
+"""Edges between the corners of an obstacle, inflated: what of a path's lines and arcs they bar.
 
 A corner that is inflated is a circle like any other, and an edge between two corners is inflated by
 as much as they are.
@@ -38,7 +38,7 @@ def crossings(first: Array, last: Array, begins: Array, ends: Array) -> Array:
 
 
 def cut_edges(points: Array, begins: Array, ends: Array, radii: Array) -> Array:
-    """Which inflated edges (S,) a line through points (K, 2) cuts; the circles at an edge's ends are looked at elsewhere."""
+    """Which inflated edges (S,) a line through points (K, 2) cuts, without their end circles."""
     cut: Array = np.any(point_gaps(points, begins, ends) < radii**2, axis=0) | np.any(
         crossings(points[:-1], points[1:], begins, ends), axis=0
     )
@@ -46,7 +46,7 @@ def cut_edges(points: Array, begins: Array, ends: Array, radii: Array) -> Array:
 
 
 def free_of_edges(first: Array, last: Array, begins: Array, ends: Array, radii: Array) -> Array:
-    """Which of lines from (T, 2) to (T, 2) cut no inflated edge, (T,), but for the circles at the edges' ends."""
+    """Which lines (T,) from (T, 2) to (T, 2) cut no inflated edge, without its end circles."""
     free = np.ones(len(first), dtype=bool)
     squares = radii**2
     # most lines that are barred end inside, which is seen faster
@@ -61,7 +61,9 @@ def free_of_edges(first: Array, last: Array, begins: Array, ends: Array, radii: 
 def edge_bars(
     centres: Array, sizes: Array, begins: Array, ends: Array, radii: Array
 ) -> tuple[Array, Array]:
-    """Places on circles (C, 2), (C,) that inflated edges cover, at least one in each piece that is covered: circle and angle, (B,).
+    """Find a place in each piece of circles (C, 2), (C,) that an inflated edge covers.
+
+    The places are told by numbers of circles (B,) and angles (B,) [rad].
 
     On a piece of a circle the distance from an edge is least where the edge crosses it, beside the
     foot of its perpendicular, or at an end, where there is another circle.

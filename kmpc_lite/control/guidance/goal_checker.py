@@ -1,110 +1,133 @@
-"""Standing still at the goal: a zone in which the command is zero, left only when the robot is pushed out of it."""
+"""Whether the robot has arrived: it stands within tolerances until it is pushed out of them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from kmpc_lite.control.options.goal import GoalOptions
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.tube import split_noise
 from kmpc_lite.types import Array
 
-QUIET = (0.006, 0.024)
-"""Standard deviation of a measured pose [m, rad] up to which the zone is the same; a noisier one
-widens it."""
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class GoalTolerances:
-    """How near to the goal is there; each pair is [m, rad]."""
+    """How near to the goal is near enough, for one robot."""
 
-    close: float = 0.010
+    turn_distance: float
     """Distance at which the last turn may begin [m]."""
-    keep: float = 0.015
-    """A last turn that leaves this distance is given up [m]."""
-    enter: tuple[float, float] = (0.015, 0.025)
-    """Errors at which the robot has arrived."""
-    leave: tuple[float, float] = (0.020, 0.05)
-    """Errors of the averaged pose at which it drives again."""
-    pushed: tuple[float, float] = (0.05, 0.15)
-    """Errors of one single pose at which it drives again."""
-    off_way: float = 0.01
-    """Distance from its way at which a new one is looked for near the goal [m]."""
+    turn_limit: float
+    """Distance at which a last turn is given up [m]."""
+    enter_distance: float
+    """Distance at which the robot has arrived [m]."""
+    enter_angle: float
+    """Error of the heading at which the robot has arrived [rad]."""
+    leave_distance: float
+    """Distance of the averaged pose at which it drives again [m]."""
+    leave_angle: float
+    """Error of the averaged heading at which it drives again [rad]."""
+    pushed_distance: float
+    """Distance of one single pose at which it drives again [m]."""
+    pushed_angle: float
+    """Error of one single heading at which it drives again [rad]."""
+    off_path: float
+    """Distance from the path at which a new one is looked for near the goal [m]."""
 
 
-def goal_tolerances(model: KoopmanModel) -> GoalTolerances:
-    """Zone for a robot whose pose is as noisy as its model has learned: what is left of the noise at rest.
+def goal_tolerances(model: KoopmanModel, options: GoalOptions) -> GoalTolerances:
+    """Widen the tolerances by the noise of the measured pose that the model has learned.
 
-    Every distance grows with the noise above `QUIET`, by so much that chance alone hardly passes
-    it: single poses by 3 to 5 standard deviations, the averaged one by as many of its own, which
-    are a third.
+    Parameters
+    ----------
+    model : KoopmanModel
+        Its noise at rest is that of the measured poses.
+    options : GoalOptions
+        In metres.
+
+    Returns
+    -------
+    GoalTolerances
+        Wider by multiples of the standard deviations beyond the quiet ones.
     """
     # a residual has the noise of the pose before and of the one after
     measured = 0.5 * split_noise(model.noise_model)[0]
-    d = max(float(np.sqrt(0.5 * np.trace(measured[:2, :2]))) - QUIET[0], 0.0)
-    a = max(float(np.sqrt(measured[2, 2])) - QUIET[1], 0.0)
-    if not d + a > 0.0:
-        return QUIET_TOLERANCES
-    z = QUIET_TOLERANCES
+    noise = max(float(np.sqrt(0.5 * np.trace(measured[:2, :2]))) - options.quiet_position, 0.0)
+    turn_noise = max(float(np.sqrt(measured[2, 2])) - options.quiet_heading, 0.0)
+    o = options
     return GoalTolerances(
-        close=z.close + d,
-        keep=z.keep + 3.5 * d,
-        enter=(z.enter[0] + d, z.enter[1] + a),
-        leave=(z.leave[0] + 2.5 * d, z.leave[1] + 1.5 * a),
-        pushed=(z.pushed[0] + 4.0 * d, z.pushed[1] + 4.5 * a),
-        off_way=z.off_way + 3.0 * d,
+        turn_distance=o.turn_distance + o.turn_distance_noise * noise,
+        turn_limit=o.turn_limit + o.turn_limit_noise * noise,
+        enter_distance=o.enter_distance + o.enter_noise * noise,
+        enter_angle=o.enter_angle + o.enter_noise * turn_noise,
+        leave_distance=o.leave_distance + o.leave_distance_noise * noise,
+        leave_angle=o.leave_angle + o.leave_angle_noise * turn_noise,
+        pushed_distance=o.pushed_distance + o.pushed_distance_noise * noise,
+        pushed_angle=o.pushed_angle + o.pushed_angle_noise * turn_noise,
+        off_path=o.off_path + o.off_path_noise * noise,
     )
 
 
-QUIET_TOLERANCES = GoalTolerances()
-AVERAGING = 0.2
-"""Share of the newest pose in the average: a robot at rest may average the noise of its pose
-away."""
+@dataclass(slots=True)
+class GoalCheckerState:
+    """What the goal checker remembers."""
+
+    holding: bool = False
+    """Whether the robot has arrived."""
+    mean_error: Array = field(default_factory=lambda: np.zeros(3))
+    """Averaged pose less goal (3,) since then [m, m, rad]."""
 
 
 class GoalChecker:
-    """Decides whether to stand still."""
+    """Decides whether to stand still.
 
-    def __init__(self) -> None:
-        self.zone = QUIET_TOLERANCES
-        self.reset()
+    Parameters
+    ----------
+    options : GoalOptions
+        In metres.
+    """
 
-    def reset(self) -> None:
-        """Forget that the robot stands at its goal."""
-        self.holding = False
-        self._error = np.zeros(3)
+    def __init__(self, options: GoalOptions) -> None:
+        self._averaging = options.averaging
 
-    def hold(self, error: Array, at_rest: Array | None = None) -> bool:
-        """Whether the command is to be zero.
+    def holds(
+        self, state: GoalCheckerState, tolerances: GoalTolerances, error: Array, rest: Array
+    ) -> bool:
+        """Tell whether the command is to be zero.
 
         Parameters
         ----------
+        state : GoalCheckerState
+            Updated.
+        tolerances : GoalTolerances
+            Of this robot.
         error : ndarray
-            Pose less goal (3,) [m, m, rad], the heading's in [-pi, pi).
-        at_rest : ndarray, optional
-            The same of the pose at which the robot would stand if it braked now; `error` where not
-            given.
+            Pose less goal (3,) [m, m, rad], the heading's in [-pi, pi].
+        rest : ndarray
+            The same of the pose at which the robot would stand if it braked now.
         """
-        zone = self.zone
-        distance, turn = float(np.hypot(error[0], error[1])), abs(float(error[2]))
-        if not self.holding:
-            inside = distance <= zone.enter[0] and turn <= zone.enter[1]
-            if inside and at_rest is not None:
-                inside = bool(
-                    np.hypot(at_rest[0], at_rest[1]) <= zone.enter[0]
-                    and abs(at_rest[2]) <= zone.enter[1]
-                )
-            if inside:
-                self.holding = True
-                self._error = error.copy()
-            return self.holding
-        self._error += AVERAGING * (error - self._error)
-        drift, mean_turn = (
-            float(np.hypot(self._error[0], self._error[1])),
-            abs(float(self._error[2])),
-        )
-        pushed = distance > zone.pushed[0] or turn > zone.pushed[1]
-        if pushed or drift > zone.leave[0] or mean_turn > zone.leave[1]:
-            self.holding = False
-        return self.holding
+        if not state.holding:
+            state.holding = _has_arrived(error, tolerances) and (
+                rest is error or _has_arrived(rest, tolerances)
+            )
+            if state.holding:
+                state.mean_error = error.copy()
+            return state.holding
+        state.mean_error += self._averaging * (error - state.mean_error)
+        distance, turn = _sizes(error)
+        mean_distance, mean_turn = _sizes(state.mean_error)
+        pushed = distance > tolerances.pushed_distance or turn > tolerances.pushed_angle
+        drifted = mean_distance > tolerances.leave_distance or mean_turn > tolerances.leave_angle
+        state.holding = not (pushed or drifted)
+        return state.holding
+
+
+def _has_arrived(error: Array, tolerances: GoalTolerances) -> bool:
+    distance, turn = _sizes(error)
+    return distance <= tolerances.enter_distance and turn <= tolerances.enter_angle
+
+
+def _sizes(error: Array) -> tuple[float, float]:
+    """Distance [m] and angle [rad] of an error (3,)."""
+    return float(np.hypot(error[0], error[1])), abs(float(error[2]))

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.geometry import wrap
 from kmpc_lite.types import STATES, Array
+
+
+@dataclass(slots=True)
+class GoalReferenceState:
+    """What is remembered from step to step."""
+
+    turn: float = 0.0
+    """Signed turn to the goal's heading in the step before [rad]."""
 
 
 class GoalReference:
@@ -21,26 +31,15 @@ class GoalReference:
 
     def __init__(self, problem: NavigationProblem) -> None:
         self._states = np.empty((problem.horizon + 1, STATES))
-        self.reset()
 
-    def reset(self) -> None:
-        """Forget the side."""
-        self._error = 0.0
-
-    def reference(self, here: Array, goal: Array) -> Array:
+    def reference(self, state: GoalReferenceState, here: Array, goal: Array) -> Array:
         """States (N + 1, 3) to steer for from a pose (3,); overwritten by the next call."""
+        turn = wrap(float(goal[2] - here[2]))
+        before = state.turn
+        # near a half turn, the side of the step before is kept
+        if abs(turn) > 0.75 * math.pi and turn * before < 0.0 and abs(before) > 0.5 * math.pi:
+            turn -= math.copysign(math.tau, turn)
+        state.turn = turn
         self._states[:] = goal
-        self._states[:, 2] = here[2] + self._turn_to(float(goal[2] - here[2]))
+        self._states[:, 2] = here[2] + turn
         return self._states
-
-    def _turn_to(self, error: float) -> float:
-        """Signed turn to the goal's heading; near a half turn it keeps the side of the step before."""
-        error = (error + math.pi) % (2 * math.pi) - math.pi
-        if (
-            abs(error) > 0.75 * math.pi
-            and error * self._error < 0.0
-            and abs(self._error) > 0.5 * math.pi
-        ):
-            error -= math.copysign(2 * math.pi, error)
-        self._error = error
-        return error

@@ -1,45 +1,42 @@
-"""Circles that move: where the robot will meet them, and whether it must slow down or make room."""
+"""Circles that move: whether the robot will meet them, and must slow down or make room for them."""
 
 from __future__ import annotations
 
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kmpc_lite.control.guidance.timed_path import TimedPath
+from kmpc_lite.control.options import TrafficOptions
+from kmpc_lite.geometry import exact_arc
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.obstacles.solids import Solids
 
-LOOK_AHEAD = 4.0
-"""How far obstacles are moved on at constant velocity [s]."""
-STEP = 0.2
-"""Between the moments that are looked at [s]."""
-SPARE = 0.12
-"""Distance beyond the margin within which a moving circle is in the way [m]: it is soon lost to a
-robot that lags."""
-DETOUR = 0.06
-"""Part of it that a way keeps [m]."""
-LONG = 3.0
-"""How much farther an arc that makes room is looked along, where there is a choice."""
-PACES = np.array([0.6, 0.3, 0.0])
-"""Shares of the speed that are tried where the full one is not clear; the first one that is, is
-driven."""
-ESCAPES = np.array(
-    [
-        (v, omega, end)
-        for end in (1.0, 2.0, 4.0)
-        for v in (0.0, 0.5, -0.5, 1.0, -1.0)
-        for omega in (0.0, 1.0, -1.0)
-    ]
-)
-"""Shares of speed and rate of turn, and time [s], of the arcs on which room is made; the robot
-stops at their ends."""
-BARRED, TOUCHING = 100.0, 1e-3
-"""What an arc into a solid costs, in metres of room, and how deep it may lead [m]."""
-FAITH = 0.03
-"""How much more room another arc must promise than the one begun [m]."""
+ROUNDING = 1e-9
+"""Time that belongs to the look-ahead [s]."""
+
+
+class TrafficTable:
+    """What follows from the options: moments that are looked at, scales and arcs that are tried.
+
+    Parameters
+    ----------
+    options : TrafficOptions
+        In metres.
+    """
+
+    def __init__(self, options: TrafficOptions) -> None:
+        self.options = options
+        self.times = np.arange(0.0, options.look_ahead + ROUNDING, options.look_step)
+        """(T,) from now [s]."""
+        self.scales = np.array(options.speed_scales)
+        """(S,) shares of the speed."""
+        order = product(options.arc_times, options.arc_speeds, options.arc_turns)
+        self.arcs = np.array([(v, omega, end) for end, v, omega in order])
+        """(E, 3) shares of speed and rate of turn, and when the arc ends [s]."""
 
 
 class MovingObstacles:
@@ -48,104 +45,130 @@ class MovingObstacles:
     Parameters
     ----------
     circles : ndarray
-        (M, 5) rows x, y, radius, vx, vy.
-    keep : float
-        Distance of the robot's centre to the circles' edges [m].
+        (M, 5) rows x, y, radius, vx, vy; those at rest belong to it.
+    inflation : float
+        Distance that the robot's centre must keep from the circles' edges [m].
     speed : ndarray
         At which the robot drives and turns [m/s, rad/s], (2,).
+    table : TrafficTable
+        Of the options.
     solids : Solids, optional
         What else is there, at rest.
     """
 
     def __init__(
-        self, circles: Array, keep: float, speed: Array, solids: Solids | None = None
+        self,
+        circles: Array,
+        inflation: float,
+        speed: Array,
+        table: TrafficTable,
+        solids: Solids | None = None,
     ) -> None:
-        self.all, self._solids = circles, solids
+        self._all, self._solids = circles, solids
         self._moving = circles[circles[:, 3:].any(axis=1)]
-        self._keep, self._speed = keep, speed
-        self._times = np.arange(0.0, LOOK_AHEAD + 1e-9, STEP)
+        self._inflation, self._speed = inflation, speed
+        self._table, self._times, self._options = table, table.times, table.options
 
     def where_met(self, pose: Array) -> Array:
-        """All circles (M, 5), the moving ones where a robot at a pose (3,) would meet them, and larger by a part of `SPARE`."""
-        met = self.all.copy()
+        """Circles (M, 5) where a robot at a pose (3,) meets them if it drives there.
+
+        Those that move are larger by the clearance that paths keep from them.
+        """
+        met, velocity = self._all.copy(), self._all[:, 3:]
         time = np.zeros(len(met))
         # how far away it is when the robot gets there, to two rounds
         for _ in range(2):
-            away = self.all[:, :2] + time[:, None] * self.all[:, 3:] - pose[:2]
-            gap = np.maximum(np.hypot(away[:, 0], away[:, 1]) - self.all[:, 2] - self._keep, 0.0)
-            time = np.minimum(gap / self._speed[0], LOOK_AHEAD)
-        met[:, :2] += time[:, None] * self.all[:, 3:]
-        met[:, 2] += DETOUR * self.all[:, 3:].any(axis=1)
+            away = self._all[:, :2] + time[:, None] * velocity - pose[:2]
+            distance = np.hypot(away[:, 0], away[:, 1]) - self._all[:, 2] - self._inflation
+            time = np.minimum(np.maximum(distance, 0.0) / self._speed[0], self._options.look_ahead)
+        met[:, :2] += time[:, None] * velocity
+        met[:, 2] += self._options.path_clearance * velocity.any(axis=1)
         return met
 
-    def _room(self, positions: Array, circles: Array, times: Array | None = None) -> Array:
-        """Least distance (...) to spare from circles (M, 5), of positions (..., T, 2) at the moments that are looked at."""
-        times = self._times if times is None else times
-        away = positions[..., None, :] - circles[:, :2] - times[:, None, None] * circles[:, 3:]
-        gaps: Array = np.sqrt(np.einsum("...i,...i->...", away, away)) - circles[:, 2] - self._keep
-        room: Array = gaps.min(axis=(-2, -1))
-        return room
-
     def blocks(self, path: TimedPath, place: float) -> bool:
-        """Whether a circle will be where the robot then is."""
-        return bool(self._room(path.at(place + self._times)[:, :2], self._moving) < 0.0)
+        """Whether a circle will be where the robot then is on its path, from its place [s] on."""
+        positions = path.at(place + self._times)[:, :2]
+        return bool(self._clearance(positions, self._moving, self._times) < 0.0)
 
-    def pace(self, path: TimedPath, place: float) -> float | None:
-        """Share of the speed at which the robot on its way keeps clear, none: at no pace."""
-        if self._room(path.at(place + self._times)[:, :2], self._moving) >= SPARE:
+    def speed_scale(self, path: TimedPath, place: float) -> float | None:
+        """Share of the speed at which the robot on its path keeps clear; none if no share does."""
+        wanted = self._options.clearance
+        positions = path.at(place + self._times)[:, :2]
+        if self._clearance(positions, self._moving, self._times) >= wanted:
             return 1.0
-        slower = PACES[:, None] * self._times
+        scales = self._table.scales
+        slower = scales[:, None] * self._times
         positions = path.at((place + slower).ravel())[:, :2].reshape(*slower.shape, 2)
-        clear = self._room(positions, self._moving) >= SPARE
-        return float(PACES[np.argmax(clear)]) if clear.any() else None
+        clear = self._clearance(positions, self._moving, self._times) >= wanted
+        return float(scales[np.argmax(clear)]) if clear.any() else None
 
-    def leaves_alone(self, pose: Array) -> bool:
-        """Whether a robot that stays at a pose (3,) is not touched."""
-        return bool(
-            self._room(np.broadcast_to(pose[:2], (len(self._times), 2)), self._moving) >= SPARE
-        )
+    def spares(self, pose: Array) -> bool:
+        """Whether a robot that stays at a pose (3,) is passed at a distance."""
+        stays = np.broadcast_to(pose[:2], (len(self._times), 2))
+        clearance = self._clearance(stays, self._moving, self._times)
+        return bool(clearance >= self._options.clearance)
 
-    def escape(self, pose: Array, last: int, times: Array) -> tuple[int, Array]:
-        """Arc on which the robot gets the most room: its number and its poses (n, 3) at times (n,) [s].
+    def evasive_arc(self, pose: Array, begun: int, times: Array) -> tuple[int, Array]:
+        """Pick the arc on which the robot makes room.
 
-        The first one that is clear for long is taken, since the first ones move least; a robot that
-        only makes room for now is pushed along by what comes after it. Else the first that is clear
-        for now; where none is, the one begun, number `last` (-1: none), is kept unless another one
-        promises `FAITH` more.
+        The first one that is clear for long is taken; else the first that is clear for now. Where
+        none is, the one with the most clearance; the arc begun is kept unless another promises more
+        by `switch_clearance`.
+
+        Parameters
+        ----------
+        pose : ndarray
+            The robot's pose (3,).
+        begun : int
+            Number of the arc that it is on; -1 for none.
+        times : ndarray
+            Times (n,) at which poses are wanted [s].
+
+        Returns
+        -------
+        number : int
+            Of the arc.
+        poses : ndarray
+            (n, 3) on it.
         """
-        for ahead in (self._times * LONG, self._times):
-            room = self._room_on_arcs(pose, ahead)
-            clear = room >= SPARE
+        for ahead in (self._times * self._options.long_look, self._times):
+            clearance = self._clearance_on_arcs(pose, ahead)
+            clear = clearance >= self._options.clearance
             if clear.any():
                 best = int(np.argmax(clear))
                 break
         else:
-            if last >= 0:
-                room[last] += FAITH
-            best = int(np.argmax(room))
+            if begun >= 0:
+                clearance[begun] += self._options.switch_clearance
+            best = int(np.argmax(clearance))
         arc: Array = self._arcs(pose, times)[best]
         return best, arc
 
-    def _room_on_arcs(self, pose: Array, times: Array) -> Array:
-        """Least distance (E,) to spare on all arcs from a pose (3,), at times (T,) [s]."""
+    def _clearance(self, positions: Array, circles: Array, times: Array) -> Array:
+        """Least clearance (...) from circles (M, 5), of positions (..., T, 2) at times (T,) [m]."""
+        away = positions[..., None, :] - circles[:, :2] - times[:, None, None] * circles[:, 3:]
+        distances: Array = np.sqrt(np.einsum("...i,...i->...", away, away))
+        distances -= circles[:, 2]
+        distances -= self._inflation
+        least: Array = distances.min(axis=(-2, -1))
+        return least
+
+    def _clearance_on_arcs(self, pose: Array, times: Array) -> Array:
+        """Least clearance (E,) on all arcs from a pose (3,); arcs into solids come last."""
         positions = self._arcs(pose, times)[..., :2]
-        room = self._room(positions, self.all, times)
-        if self._solids is not None:
-            near = self._solids.near(pose[:2], LOOK_AHEAD * float(self._speed[0]) + self._keep)
-            gaps = near.least(positions.reshape(-1, 2)).reshape(room.shape[0], -1)
-            # what stands still needs no spare room, but no circle is a reason to drive into it
-            room[gaps.min(axis=1) < min(self._keep, float(gaps[0, 0])) - TOUCHING] -= BARRED
-        return room
+        clearance = self._clearance(positions, self._all, times)
+        if self._solids is None:
+            return clearance
+        longest = float(self._table.arcs[:, 2].max())
+        reach = longest * float(self._speed[0]) + self._inflation
+        near = self._solids.near(pose[:2], reach)
+        distances = near.least(positions.reshape(-1, 2)).reshape(len(clearance), -1)
+        # what stands still needs no more than its margin; no circle is a reason to drive into it
+        allowed = min(self._inflation, float(distances[0, 0])) - self._options.touch
+        clearance[distances.min(axis=1) < allowed] -= np.ptp(clearance) + np.abs(clearance).max()
+        return clearance
 
     def _arcs(self, pose: Array, times: Array) -> Array:
         """Poses (E, n, 3) on all arcs from a pose (3,)."""
-        v, omega = (ESCAPES[:, :2] * self._speed).T[..., None]
-        times = np.minimum(times, ESCAPES[:, 2:])
-        turn = omega * times
-        # chord of an arc: v t sinc(turn / 2), along the mean heading
-        chord = v * times * np.sinc(turn / (2 * np.pi))
-        along = pose[2] + 0.5 * turn
-        return np.stack(
-            [pose[0] + chord * np.cos(along), pose[1] + chord * np.sin(along), pose[2] + turn],
-            axis=-1,
-        )
+        v, omega = (self._table.arcs[:, :2] * self._speed).T[..., None]
+        return exact_arc(pose, v, omega, np.minimum(times, self._table.arcs[:, 2:]))

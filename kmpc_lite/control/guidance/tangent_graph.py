@@ -1,56 +1,54 @@
-"""Quickest ways from a pose to a pose around circles and polygons: straight lines and arcs, on the graph of all common tangents.
+"""Quickest paths around circles and polygons, of lines and arcs: the graph of all tangents.
 
 A polygon is the circles of its corners and the edges between these, a wall is one edge.
 
 Beside the obstacles there are four circles to turn on, left and right of start and goal, so that a
-way can leave the start and enter the goal along their headings; where there is no room for these,
-the robot turns on the spot.
+path can leave the start and enter the goal along their headings; where these have no place, the
+robot turns on the spot.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 
-from kmpc_lite.control.guidance.bitangents import TURNING, free_arcs, free_tangents
-from kmpc_lite.control.guidance.edges import cut_edges
+from kmpc_lite.control.guidance.bitangents import (
+    TURNING,
+    Circles,
+    Tangents,
+    free_arcs,
+    free_tangents,
+)
+from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.guidance.lattice import LatticePath
+    from kmpc_lite.control.guidance.lattice_path import LatticePath
 
-CHORD = 2e-3
-"""How deep a way may cut a circle [m]: chords of arcs do."""
-ARC_STEP = 0.15
-"""Turn between two points of an arc [rad]; at 0.5 m the chord cuts 1.4 mm."""
-TURNING_RADIUS = (0.3, 0.5)
-"""Radius of the circles to turn on: as a share of the distance to the goal, and at the most [m]."""
-NOTHING = 1e-9
+INSTANT = 1e-9
 """Time of an arc of no length [s]: a zero would not count as an edge."""
+WHOLE_TURN = 2 * math.pi - 1e-6
+"""A turn that is larger is the rounding of no turn at all [rad]."""
 NODE_SENSE = np.array([[1.0, -1.0], [-1.0, 1.0]])
 """Sense of rotation of a tangent's four nodes, as a multiple of the tangent's: by circle, then
 leaving and arriving."""
 GEARS = np.array([[0.0], [np.pi]])
 """What the robot's heading is off the direction of travel: forwards, backwards."""
-ROUNDS = 12
-"""How often corners that a way through a maze cuts are added before the lattice's way is taken."""
-NO_POINTS = np.empty((0, 2))
-NO_EDGES = np.empty((0, 2), dtype=np.intp)
 LEFT_RIGHT = np.array([1.0, -1.0])
 POSE_SENSE = np.array([-1.0, 1.0, 1.0, -1.0])
-"""Sense of rotation, against the way, of a pose's four nodes: left forwards and backwards, right
+"""Sense of rotation, against the path, of a pose's four nodes: left forwards and backwards, right
 forwards and backwards."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class GeometricPath:
-    """One way from start to goal."""
+    """One path from start to goal, without times."""
 
     points: Array
     """(K, 2) corners, arcs as short chords [m]."""
@@ -62,314 +60,207 @@ class GeometricPath:
     """Whether it is driven backwards."""
 
 
-def wrap(angle: Array) -> Array:
-    """Angle in [-pi, pi)."""
-    wrapped: Array = (angle + np.pi) % (2 * np.pi) - np.pi
-    return wrapped
+@dataclass(frozen=True, eq=False, slots=True)
+class PathQuery:
+    """Between what, and around what, a path is looked for."""
+
+    start: Array
+    """Pose (3,)."""
+    goal: Array
+    """Pose (3,)."""
+    centres: Array
+    """(M, 2) of the inflated circles [m]."""
+    radii: Array
+    """(M,) [m]; a path may touch them but not cut them; start and goal lie outside all of them."""
+    edges: Array
+    """(S, 2) pairs of circles of one radius, between which a path must not pass either."""
+    area: Array
+    """(4,) xmin, ymin, xmax, ymax that arcs must not leave [m]; infinite where open."""
+    speed: Array
+    """(2,) largest speed [m/s] and rate of turn [rad/s]."""
+    backward_share: float = 1.0
+    """How fast the robot drives backwards, as a share of forwards; 0 where it may not."""
+    lattice_path: LatticePath | None = None
+    """Path through a grid's many corners, which tells the few that matter."""
 
 
-def cut_circles(points: Array, centres: Array, radii: Array) -> Array:
-    """Which circles (M,) a line through points (K, 2) cuts."""
-    # coordinate by coordinate: half the time of pairs
-    x, y = points[:-1, 0, None], points[:-1, 1, None]
-    dx, dy = points[1:, 0, None] - x, points[1:, 1, None] - y
-    away_x, away_y = centres[:, 0] - x, centres[:, 1] - y
-    share = (away_x * dx + away_y * dy) / (dx * dx + dy * dy + 1e-12)
-    np.minimum(np.maximum(share, 0.0, out=share), 1.0, out=share)
-    away_x -= share * dx
-    away_y -= share * dy
-    cut: Array = (away_x * away_x + away_y * away_y < np.maximum(radii - CHORD, 0.0) ** 2).any(
-        axis=0
-    )
-    return cut
+class TangentGraph:
+    """The graph of some circles' tangents, built and searched in parts of about equal time.
 
-
-def quickest_paths(
-    centres: Array,
-    radii: Array,
-    start: Array,
-    goal: Array,
-    area: Array,
-    speed: Array,
-    backward: float = 1.0,
-    edges: Array = NO_EDGES,
-) -> Iterator[GeometricPath]:
-    """Yield ways from a pose to a pose, the quickest first: one for each first tangent and direction of driving.
-
-    Only circles that the quickest way would cut without them, and the walls of circles that overlap
-    with these, make it into the graph, so that far ones cost next to nothing; the first way is the
-    quickest of all around all circles, the later ones are a choice.
+    The parts are called in this order: `add_tangents`, `add_arcs`, `link`, `solve`; then
+    `next_candidate` and `trace` give one path after the other, the quickest first.
 
     Parameters
     ----------
+    query : PathQuery
+        Start, goal, area and speeds.
     centres, radii : ndarray
-        Circles (M, 2), (M,) [m] that a way may touch but not cut; start and goal lie outside all of
-        them.
-    start, goal : ndarray
-        Poses (3,).
-    area : ndarray
-        xmin, ymin, xmax, ymax (4,) that arcs must not leave; infinite where open.
-    speed : ndarray
-        Largest speed [m/s] and rate of turn [rad/s], (2,).
-    backward : float
-        How fast the robot drives backwards, as a share of forwards; 0 where it may not.
+        Circles (M, 2), (M,) that are looked at [m].
     edges : ndarray
-        Pairs (S, 2) of circles of one radius, between which a way must not pass either.
-
-    Yields
-    ------
-    Way
-        None at all where the circles leave no way.
+        Pairs (S, 2) of these.
+    options : GuidanceOptions
+        In metres.
     """
-    for way in paths_in_parts(centres, radii, start, goal, area, speed, backward, edges):
-        if way is not None:
-            yield way
 
+    def __init__(
+        self,
+        query: PathQuery,
+        centres: Array,
+        radii: Array,
+        edges: Array,
+        options: GuidanceOptions,
+    ) -> None:
+        self._query, self._options = query, options
+        start, goal = query.start, query.goal
+        self._ends = np.stack([start, goal])
+        across = np.stack([-np.sin(self._ends[:, 2]), np.cos(self._ends[:, 2])], axis=1)
+        apart = math.hypot(goal[0] - start[0], goal[1] - start[1])
+        turning = min(options.turning_radius_share * apart, options.turning_radius_limit)
+        beside = self._ends[:, None, :2] + turning * LEFT_RIGHT[:, None] * across[:, None]
+        points = np.concatenate([centres, beside.reshape(-1, 2), self._ends[:, :2]])
+        sizes = np.concatenate([radii, np.full(TURNING, turning), (0.0, 0.0)])
+        self._circles = Circles(points, sizes, len(centres), edges, query.area)
+        self._rank = -1
 
-def paths_in_parts(
-    centres: Array,
-    radii: Array,
-    start: Array,
-    goal: Array,
-    area: Array,
-    speed: Array,
-    backward: float = 1.0,
-    edges: Array = NO_EDGES,
-    route: LatticePath | None = None,
-) -> Iterator[GeometricPath | None]:
-    """Yield what `quickest_paths` does, and None between its parts: each takes about as long, and the caller may come back later.
+    def add_tangents(self) -> None:
+        """Find the free tangents, and number the nodes.
 
-    With a `route` through a maze, also around its corners; where these give no way, the route
-    itself, with turns on the spot.
-    """
-    touched = NO_POINTS if route is None else route.corners
-    rounds, some = 0, False
-    known = _with_corners(_cut(np.stack([start[:2], goal[:2]]), centres, radii, edges), edges)
-    while True:
-        found = 0
-        renumbered = (np.cumsum(known) - 1)[edges[known[edges[:, 0]]]]
-        points, sizes = centres[known], radii[known]
-        if route is not None:
-            points, sizes = (
-                np.concatenate([points, touched]),
-                np.concatenate([sizes, np.full(len(touched), route.radius)]),
-            )
-        for way in _graph_ways(
-            points, sizes, start, goal, area, speed, backward, renumbered, route
-        ):
-            if way is None:
-                yield None
-                continue
-            cut = _cut(way.points, centres, radii, edges)
-            deep = NO_POINTS if route is None else route.cut(way.points)
-            if not cut.any() and not len(deep):
-                found, some = found + 1, True
-                yield way
-            elif not found and (len(deep) or not known[cut].all()):
-                break
-        else:
-            if route is not None and not some and not known.any():
-                yield _straight_way(route.points, start, goal, speed)
-            return
-        if route is not None:
-            touched, rounds = np.concatenate([touched, deep]), rounds + 1
-            if rounds > ROUNDS:
-                yield _straight_way(route.points, start, goal, speed)
-                return
-        known = _walls(known | cut, centres, radii, edges)
+        There are four nodes for each tangent, in the order of travel from the goal outwards:
+        leaving the first circle, arriving there, leaving the second, arriving there. A node belongs
+        to one circle and one sense of rotation. Then there are four nodes each for start and goal
+        on the circles beside them, and two where the search begins.
+        """
+        self._tangents: Tangents = free_tangents(self._circles, self._query.lattice_path)
+        t = self._tangents
+        self._headings = np.arctan2(t.directions[:, 1], t.directions[:, 0])
+        self._number = 4 * np.arange(len(t.first))
+        self._size = 4 * len(t.first) + 10
+        of_tangents = np.stack([t.first, t.first, t.second, t.second], axis=1).ravel()
+        of_poses = self._circles.count + np.repeat(np.arange(4), 2)
+        self._circle = np.concatenate([of_tangents, of_poses])
+        senses = (t.senses[:, :, None] * NODE_SENSE).ravel()
+        self._rotation = np.concatenate([senses, POSE_SENSE, POSE_SENSE])
+        at_tangents = np.repeat(t.ends, 2, axis=1).reshape(-1, 2)
+        self._places = np.concatenate([at_tangents, np.repeat(self._ends[:, :2], 4, axis=0)])
 
+    def add_arcs(self) -> None:
+        """Find the free arcs between nodes."""
+        self._arcs = free_arcs(self._circles, self._circle, self._rotation, self._places)
 
-def _straight_way(points: Array, start: Array, goal: Array, speed: Array) -> GeometricPath:
-    """Way straight from point to point (K, 2), forwards, with turns on the spot."""
-    steps = np.diff(points, axis=0)
-    turns = wrap(np.diff(np.arctan2(steps[:, 1], steps[:, 0]), prepend=start[2]))
-    headings = start[2] + np.cumsum(turns)
-    time = np.hypot(steps[:, 0], steps[:, 1]).sum() / speed[0]
-    time += (np.abs(turns).sum() + abs(wrap(goal[2] - headings[-1]))) / speed[1]
-    return GeometricPath(
-        np.stack([points[:-1], points[1:]], axis=1).reshape(-1, 2),
-        np.repeat(headings, 2),
-        float(time),
-        False,
-    )
-
-
-def _cut(points: Array, centres: Array, radii: Array, edges: Array) -> Array:
-    """Which circles (M,) a line through points (K, 2) cuts, themselves or an edge of theirs."""
-    cut = cut_circles(points, centres, radii)
-    if len(edges):
-        first, second = edges.T
-        cut[
-            edges[
-                cut_edges(
-                    points, centres[first], centres[second], np.maximum(radii[first] - CHORD, 0.0)
-                )
-            ]
-        ] = True
-    return cut
-
-
-def _with_corners(known: Array, edges: Array) -> Array:
-    """Circles (M,) that are known, or corners of a polygon of which one is known."""
-    while (half_known := known[edges].any(axis=1) & ~known[edges].all(axis=1)).any():
-        known[edges[half_known]] = True
-    return known
-
-
-def _walls(known: Array, centres: Array, radii: Array, edges: Array) -> Array:
-    """Circles (M,) that belong to a wall, of circles that overlap, or to a polygon, with a known one."""
-    away = centres[:, None] - centres
-    overlap = np.einsum("mki,mki->mk", away, away) < (radii[:, None] + radii) ** 2
-    if len(edges):
-        # a building's walls all hang together: of these only those that are met are looked at
-        corners = np.unique(edges)
-        overlap[corners], overlap[:, corners] = False, False
-        overlap[edges[:, 0], edges[:, 1]] = True
-        overlap[corners, corners] = True
-    _, wall = connected_components(csr_matrix(overlap), directed=False)
-    own: Array = np.isin(wall, wall[known])
-    return own
-
-
-def _graph_ways(
-    centres: Array,
-    radii: Array,
-    start: Array,
-    goal: Array,
-    area: Array,
-    speed: Array,
-    backward: float,
-    edges: Array,
-    route: LatticePath | None,
-) -> Iterator[GeometricPath | None]:
-    """Yield the ways that the graph of these circles' tangents holds, and None between the parts of the work."""
-    count = len(centres)
-    # obstacles, circles to turn on, and start and goal as circles without radius
-    ends_of_way = np.stack([start, goal])
-    across = np.stack([-np.sin(ends_of_way[:, 2]), np.cos(ends_of_way[:, 2])], axis=1)
-    turning = min(
-        TURNING_RADIUS[0] * math.hypot(goal[0] - start[0], goal[1] - start[1]), TURNING_RADIUS[1]
-    )
-    beside = ends_of_way[:, None, :2] + turning * LEFT_RIGHT[:, None] * across[:, None]
-    points = np.concatenate([centres, beside.reshape(-1, 2), ends_of_way[:, :2]])
-    sizes = np.concatenate([radii, np.full(TURNING, turning), (0.0, 0.0)])
-    yield None
-    first, second, sense, ends, directions, lengths = free_tangents(
-        points, sizes, count, area, edges, route
-    )
-    tangents, start_point, goal_point = len(first), count + TURNING, count + TURNING + 1
-    headings = np.arctan2(directions[:, 1], directions[:, 0])
-    yield None
-
-    # Four nodes for each tangent, in the order of travel from the goal outwards: leaving the first
-    # circle, arriving there, leaving the second, arriving there. A node belongs to one circle and
-    # one sense of rotation. Then four nodes each for start and goal on the circles beside them, and
-    # two where the search begins.
-    number, pose = 4 * np.arange(tangents), 4 * tangents + np.arange(8)
-    size = 4 * tangents + 10
-    circle = np.concatenate(
-        [
-            np.stack([first, first, second, second], axis=1).ravel(),
-            count + np.repeat(np.arange(4), 2),
-        ]
-    )
-    rotation = np.concatenate([(sense[:, :, None] * NODE_SENSE).ravel(), POSE_SENSE, POSE_SENSE])
-    places = np.concatenate(
-        [np.repeat(ends, 2, axis=1).reshape(-1, 2), np.repeat(ends_of_way[:, :2], 4, axis=0)]
-    )
-    tail, head, turn = free_arcs(points, sizes, count, area, circle, rotation, places, edges)
-    yield None
-    # the goal is entered forwards or backwards, along its heading or with a turn that is left there
-    last = np.flatnonzero(second == goal_point)
-    final = np.abs(wrap(goal[2] - headings[last] - GEARS)) / speed[1] + NOTHING
-    tails = np.concatenate(
-        [
-            number,
-            number + 2,
-            tail,
-            (size - 2, size - 1, size - 2, size - 1),
-            np.repeat((size - 2, size - 1), len(last)),
-        ]
-    )
-    heads = np.concatenate([number + 3, number + 1, head, pose[4:], 4 * last + 2, 4 * last + 2])
-    driving = lengths / speed[0]
-    arc_time = turn * np.maximum(1.0 / speed[1], sizes[circle[tail]] / speed[0]) + NOTHING
-    times = np.concatenate([driving, driving, arc_time, np.full(4, NOTHING), final.ravel()])
-    by_tail = np.argsort(tails, kind="stable")
-    begins = np.zeros(size + 1, dtype=np.int32)
-    np.cumsum(np.bincount(tails, minlength=size), out=begins[1:])
-    graph = csr_matrix((times[by_tail], heads[by_tail].astype(np.int32), begins), (size, size))
-    yield None
-    distance, before = dijkstra(graph, indices=(size - 2, size - 1), return_predecessors=True)
-
-    # candidates: tangents that end at the start, with a turn there first, and the circles beside it
-    to_start = np.flatnonzero((second == start_point) | (first == start_point))
-    outward = second[to_start] == start_point
-    leaving = headings[to_start] + np.where(outward, np.pi, 0.0)
-    arrivals = np.concatenate([4 * to_start + np.where(outward, 3, 1), pose[:4]])
-    total = distance[:, arrivals]
-    total[:, :-4] += np.abs(wrap(start[2] - leaving - GEARS)) / speed[1]
-    # forwards and backwards alternate
-    total[0, -3::2] = total[1, -4::2] = np.inf
-    # turns on the spot count as slower too: that is only for the choice
-    total[1] = total[1] / backward if backward > 0.0 else np.inf
-    for choice in np.argsort(total, axis=None):
-        gear, column = divmod(int(choice), len(arrivals))
-        if not np.isfinite(total[gear, column]):
-            return
-        nodes = [int(arrivals[column])]
-        while (following := int(before[gear, nodes[-1]])) < size - 2:
-            nodes.append(following)
-        away = float(leaving[column]) if column < len(leaving) else float(start[2]) + gear * math.pi
-        yield None
-        corners, along = _trace(nodes, away, points, sizes, circle, rotation, places)
-        yield GeometricPath(corners, along, float(total[gear, column]), gear == 1)
-
-
-def _trace(
-    nodes: list[int],
-    heading: float,
-    points: Array,
-    sizes: Array,
-    circle: Array,
-    rotation: Array,
-    places: Array,
-) -> tuple[Array, Array]:
-    """Points (K, 2) and headings (K,) along nodes, which run from the start, left at `heading`, to the goal."""
-    place, owners = places[nodes].tolist(), circle[nodes].tolist()
-    rows: list[tuple[float, float, float]] = [(*place[0], heading)]
-    i, last = 0, len(nodes) - 1
-    while i < last:
-        owner = owners[i]
-        if owner != owners[i + 1]:
-            rows.append((*place[i + 1], heading))
-            i += 1
-            continue
-        j = i + 1
-        while j < last and owners[j + 1] == owner:
-            j += 1
-        # nodes were found from the goal outwards, so the way turns against their rotation
-        sense, radius, (x, y) = (
-            -float(rotation[nodes[i]]),
-            float(sizes[owner]),
-            points[owner].tolist(),
+    def link(self) -> None:
+        """Make the graph: tangents in both directions, arcs, and how the goal is entered."""
+        t, (tail, head, turn) = self._tangents, self._arcs
+        number, begin, speed = self._number, self._size - 2, self._query.speed
+        # the goal is entered forwards or backwards, along its heading or with a turn on the spot
+        last = np.flatnonzero(t.second == self._circles.count + TURNING + 1)
+        off = np.abs(wrap(self._query.goal[2] - self._headings[last] - GEARS))
+        final = off / speed[1] + INSTANT
+        into_goal = 4 * len(t.first) + 4 + np.arange(4)
+        along_heading = (begin, begin + 1, begin, begin + 1)
+        with_turn = np.repeat((begin, begin + 1), len(last))
+        tails = np.concatenate([number, number + 2, tail, along_heading, with_turn])
+        heads = np.concatenate(
+            [number + 3, number + 1, head, into_goal, 4 * last + 2, 4 * last + 2]
         )
-        begin = math.atan2(place[i][1] - y, place[i][0] - x)
-        turn = (sense * (math.atan2(place[j][1] - y, place[j][0] - x) - begin)) % (2 * math.pi)
-        if turn > 2 * math.pi - 1e-6:
-            # rounding of no turn at all
-            turn = 0.0
-        pieces = 1 + int(turn / ARC_STEP)
-        for piece in range(1, pieces + 1):
-            step = sense * turn * piece / pieces
-            rows.append(
-                (
-                    x + radius * math.cos(begin + step),
-                    y + radius * math.sin(begin + step),
-                    heading + step,
-                )
-            )
-        heading += sense * turn
-        i = j
-    way = np.array(rows)
-    return way[:, :2], way[:, 2]
+        driving = t.lengths / speed[0]
+        sizes = self._circles.sizes[self._circle[tail]]
+        arc_time = turn * np.maximum(1.0 / speed[1], sizes / speed[0]) + INSTANT
+        times = np.concatenate([driving, driving, arc_time, np.full(4, INSTANT), final.ravel()])
+        by_tail = np.argsort(tails, kind="stable")
+        begins = np.zeros(self._size + 1, dtype=np.int32)
+        np.cumsum(np.bincount(tails, minlength=self._size), out=begins[1:])
+        self._graph = csr_matrix(
+            (times[by_tail], heads[by_tail].astype(np.int32), begins), (self._size, self._size)
+        )
+
+    def solve(self) -> None:
+        """Find the quickest ways from the goal to all nodes, and rank those that reach the start.
+
+        Candidates are tangents that end at the start, with a turn there first, and the circles
+        beside it.
+        """
+        begins = (self._size - 2, self._size - 1)
+        times, self._before = dijkstra(self._graph, indices=begins, return_predecessors=True)
+        t, start = self._tangents, self._query.start
+        start_point = self._circles.count + TURNING
+        to_start = np.flatnonzero((t.second == start_point) | (t.first == start_point))
+        outward = t.second[to_start] == start_point
+        self._leaving = self._headings[to_start] + np.where(outward, np.pi, 0.0)
+        at_start = 4 * len(t.first) + np.arange(4)
+        self._arrivals = np.concatenate([4 * to_start + np.where(outward, 3, 1), at_start])
+        total = times[:, self._arrivals]
+        total[:, :-4] += np.abs(wrap(start[2] - self._leaving - GEARS)) / self._query.speed[1]
+        # forwards and backwards alternate
+        total[0, -3::2] = total[1, -4::2] = np.inf
+        # turns on the spot count as slower too: that is only for the choice
+        backward = self._query.backward_share
+        total[1] = total[1] / backward if backward > 0.0 else np.inf
+        self._total, self._order = total, np.argsort(total, axis=None)
+
+    def next_candidate(self) -> bool:
+        """Go to the next quickest path, and tell whether there is one."""
+        self._rank += 1
+        gear, column = divmod(int(self._order[self._rank]), len(self._arrivals))
+        if not np.isfinite(self._total[gear, column]):
+            return False
+        nodes = [int(self._arrivals[column])]
+        while (following := int(self._before[gear, nodes[-1]])) < self._size - 2:
+            nodes.append(following)
+        self._nodes, self._gear, self._column = nodes, gear, column
+        return True
+
+    def trace(self) -> GeometricPath:
+        """Points and headings of the candidate."""
+        gear, column = self._gear, self._column
+        if column < len(self._leaving):
+            heading = float(self._leaving[column])
+        else:
+            heading = float(self._query.start[2]) + gear * math.pi
+        rows = np.array(self._points_along(heading))
+        time = float(self._total[gear, column])
+        return GeometricPath(rows[:, :2], rows[:, 2], time, gear == 1)
+
+    def _points_along(self, heading: float) -> list[tuple[float, float, float]]:
+        """Rows x, y, heading along the candidate's nodes; the start is left at a heading [rad]."""
+        nodes = self._nodes
+        places, owners = self._places[nodes].tolist(), self._circle[nodes].tolist()
+        rows: list[tuple[float, float, float]] = [(*places[0], heading)]
+        i, last = 0, len(nodes) - 1
+        while i < last:
+            owner = owners[i]
+            if owner != owners[i + 1]:
+                rows.append((*places[i + 1], heading))
+                i += 1
+                continue
+            j = i + 1
+            while j < last and owners[j + 1] == owner:
+                j += 1
+            # nodes were found from the goal outwards, so the path turns against their rotation
+            sense = -float(self._rotation[nodes[i]])
+            x, y = self._circles.points[owner].tolist()
+            radius = float(self._circles.sizes[owner])
+            begin = math.atan2(places[i][1] - y, places[i][0] - x)
+            end = math.atan2(places[j][1] - y, places[j][0] - x)
+            turn = (sense * (end - begin)) % math.tau
+            if turn > WHOLE_TURN:
+                turn = 0.0
+            pieces = 1 + int(turn / arc_step(radius, self._options))
+            for piece in range(1, pieces + 1):
+                step = sense * turn * piece / pieces
+                at = begin + step
+                rows.append((x + radius * math.cos(at), y + radius * math.sin(at), heading + step))
+            heading += sense * turn
+            i = j
+        return rows
+
+
+def arc_step(radius: float, options: GuidanceOptions) -> float:
+    """Turn between two points of an arc [rad], so that its chords cut the circle as allowed.
+
+    The larger the radius [m], the deeper a chord of the same turn cuts: by radius * turn^2 / 8.
+    """
+    # a little less than allowed, so that rounding does not make it more
+    depth = (1.0 - 1e-6) * options.cut_depth
+    if radius * (1.0 - math.cos(0.5 * options.arc_step)) <= depth:
+        return options.arc_step
+    return 2.0 * math.acos(1.0 - depth / radius)

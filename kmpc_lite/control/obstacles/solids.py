@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,16 +17,11 @@ from kmpc_lite.control.obstacles.scene import Solid
 from kmpc_lite.control.obstacles.shapes import Polygon, Wall
 from kmpc_lite.types import Array
 
-if TYPE_CHECKING:
-    from kmpc_lite.control.guidance.lattice import Lattice
-
 GRID_COLUMNS = 4
 """Half-planes that a grid has at each stage: the nearest rectangle, then the nearest that does not
 lie behind those taken."""
 BEHIND = 1e-3
 """How far a rectangle's nearest point may stand out of a half-plane and count as behind it [m]."""
-FEW = 24
-"""Rectangles of grids up to which ways go around the corners of each."""
 AT = 1e-9
 """Distance at which a direction cannot be told [m]."""
 SLACK = 0.3
@@ -354,33 +348,24 @@ class Solids:
         """Largest coordinate [m]."""
         self._middle, self._reach, self._near = np.full(2, np.nan), 0.0, self.whole
 
-    @cached_property
-    def maze(self) -> Lattice | None:
-        """What ways are looked for in where the grids have too many corners."""
-        if sum(len(boxes.low) for boxes in self.boxes) <= FEW:
-            return None
-        # it takes image filters, which are slow to import
-        from kmpc_lite.control.guidance.lattice import Lattice
-
-        return Lattice(self)
+    @property
+    def rectangle_count(self) -> int:
+        """How many rectangles the occupied cells of all grids make."""
+        return sum(len(boxes.low) for boxes in self.boxes)
 
     @cached_property
-    def corners(self) -> Corners:
-        """What ways go around: all corners, but for the grids' where these have a maze."""
-        return (
-            self.all_corners
-            if self.maze is None
-            else Corners(self.outlines, self._outline_corners, [])
-        )
+    def outline_corners(self) -> Corners:
+        """Corners of polygons and walls alone."""
+        return Corners(self.outlines, self._outline_points, [])
 
     @property
-    def _outline_corners(self) -> list[Array]:
+    def _outline_points(self) -> list[Array]:
         return [corners_of(s) for s in self.solids if not isinstance(s, OccupancyGrid)]
 
     @cached_property
     def all_corners(self) -> Corners:
         """Corners of all solids."""
-        corners = self._outline_corners
+        corners = self._outline_points
         for boxes in self.boxes:
             (x_min, y_min), (x_max, y_max) = boxes.low.T, boxes.high.T
             around = np.stack(

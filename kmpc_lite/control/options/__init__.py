@@ -4,16 +4,24 @@ Lengths are in robot radii [radii], times in seconds, speeds in shares of the fa
 same options suit a large robot and a small one. Metres stand only where an accuracy is meant.
 """
 
+from kmpc_lite.control.options.fields import in_metres
+from kmpc_lite.control.options.goal import GoalOptions
+from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.control.options.margins import MarginOptions
 from kmpc_lite.control.options.solver import OSQPOptions, SolverOptions
 from kmpc_lite.control.options.stop import StopOptions
+from kmpc_lite.control.options.traffic import TrafficOptions
 from kmpc_lite.control.options.units import fastest, unit_length
 
 __all__ = [
+    "GoalOptions",
+    "GuidanceOptions",
     "MarginOptions",
     "OSQPOptions",
     "SolverOptions",
     "StopOptions",
+    "TrafficOptions",
     "fastest",
+    "in_metres",
     "unit_length",
 ]

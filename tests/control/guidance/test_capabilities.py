@@ -6,14 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from guided import GuideInUse
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance.capabilities import clearance_at_speed, drivable_speeds
-from kmpc_lite.control.guidance.guide import CLEARANCES, Guide
+from kmpc_lite.control.guidance.capabilities import (
+    capabilities,
+    clearance_at_speed,
+    drivable_speeds,
+)
 from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.options import GuidanceOptions, in_metres
 from kmpc_lite.model.koopman import NoiseModel
 
 PROBLEM = kl.NavigationProblem()
+WIDE = in_metres(GuidanceOptions(), PROBLEM.robot_radius).wide_clearance
 
 
 def fitted(turn_gain: float, slip: float = 0.05) -> kl.KoopmanModel:
@@ -43,36 +49,31 @@ def test_a_robot_that_lags_is_timed_at_what_it_reaches(lagging: kl.KoopmanModel)
 
 
 def test_the_slower_gear_is_for_ways_in_reverse_alone() -> None:
-    goal, nothing = np.array([1.5, 0.0, 0.0]), np.empty((0, 5))
+    nothing = np.empty((0, 5))
 
-    def seconds(speeds: tuple[float, float, float], start: float) -> float:
-        return (
-            Guide(PROBLEM, np.array(speeds))
-            .reference(np.array([-1.5 if start else 0.0, 0.0, 0.0]), goal, nothing)
-            .time_left
-        )
+    def seconds(speeds: tuple[float, float, float], start: float, goal: float) -> float:
+        end = np.array([goal, 0.0, 0.0])
+        guide = GuideInUse(PROBLEM)
+        guide.drive_at(*speeds)
+        return guide.reference(np.array([start, 0.0, 0.0]), end, nothing).time_left
 
-    assert seconds((0.6, 0.05, 0.8), 0.0) == pytest.approx(1.5 / 0.6)
-    back = Guide(PROBLEM, np.array([0.6, 0.3, 0.8])).reference(
-        np.array([1.5, 0.0, 0.0]), np.array([0.9, 0.0, 0.0]), nothing
-    )
-    assert back.time_left == pytest.approx(0.6 / 0.3)
+    assert seconds((0.6, 0.05, 0.8), 0.0, 1.5) == pytest.approx(1.5 / 0.6)
+    assert seconds((0.6, 0.3, 0.8), 1.5, 0.9) == pytest.approx(0.6 / 0.3)
     # turning twice and driving forwards is quicker than that crawl
-    turned = Guide(PROBLEM, np.array([0.6, 0.05, 0.8])).reference(
-        np.array([1.5, 0.0, 0.0]), np.array([0.0, 0.0, 0.0]), nothing
-    )
-    assert turned.time_left < 1.5 / 0.05 / 2
+    assert seconds((0.6, 0.05, 0.8), 1.5, 0.0) < 1.5 / 0.05 / 2
 
 
 def test_the_controller_times_by_its_model_and_by_what_it_learns() -> None:
     controller = kl.Controller(fitted(0.37), PROBLEM)
     start, goal = np.array([0.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.5])
-    assert controller._guide is not None
-    slow = controller._guide.reference(start, goal, np.empty((0, 5))).time_left
+
+    def time_left() -> float:
+        guide = GuideInUse(PROBLEM, controller._capabilities)
+        return guide.reference(start, goal, np.empty((0, 5))).time_left
+
+    slow = time_left()
     controller.update_model(fitted(1.0))
-    controller.reset()
-    controller.update_model(fitted(1.0))
-    quick = controller._guide.reference(start, goal, np.empty((0, 5))).time_left
+    quick = time_left()
     assert slow == pytest.approx(quick / (1.05 * 0.37), rel=0.05)
 
 
@@ -103,7 +104,7 @@ def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(
     model, nothing = replace(lagging, noise_model=noise), np.empty((0, 5))
     margins = Margins(model, PROBLEM)
     room = clearance_at_speed(model, PROBLEM, margins)
-    assert room > CLEARANCES[0] and room > clearance_at_speed(
+    assert room > WIDE and room > clearance_at_speed(
         replace(model, noise_model=None), PROBLEM, Margins(lagging, PROBLEM)
     )
     circle, ends = (
@@ -112,8 +113,8 @@ def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(
     )
 
     def gap(model: kl.KoopmanModel, circles: np.ndarray) -> float:
-        guide = Guide(PROBLEM)
-        guide.learn(model, Margins(model, PROBLEM))
+        known = capabilities(model, PROBLEM, Margins(model, PROBLEM))
+        guide = GuideInUse(PROBLEM, known)
         assert guide.reference(*ends, nothing).reachable
         return float(
             np.hypot(*(guide.reference(*ends, circles).path - circle[0, :2]).T).min()
@@ -121,7 +122,7 @@ def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(
             - PROBLEM.robot_radius
         )
 
-    assert gap(nominal, circle) == pytest.approx(CLEARANCES[0], abs=2e-3)
+    assert gap(nominal, circle) == pytest.approx(WIDE, abs=2e-3)
     assert gap(model, circle) == pytest.approx(room, abs=2e-3)
     # where there is no such room, less will do
     wall = np.array(
@@ -131,6 +132,5 @@ def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(
             for side in (-1, 1)
         ]
     )
-    guide = Guide(PROBLEM)
-    guide.learn(model, margins)
+    guide = GuideInUse(PROBLEM, capabilities(model, PROBLEM, margins))
     assert guide.reference(*ends, wall).reachable

@@ -9,49 +9,62 @@ import pytest
 from guided import GuidedController
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance.goal_checker import (
-    QUIET,
-    QUIET_TOLERANCES,
-    GoalChecker,
-    goal_tolerances,
-)
+from kmpc_lite.control.guidance.goal_checker import GoalChecker, GoalCheckerState, goal_tolerances
+from kmpc_lite.control.options import GoalOptions, in_metres
 from kmpc_lite.model.koopman import NoiseModel
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 
-ENTER, LEAVE, PUSHED = QUIET_TOLERANCES.enter, QUIET_TOLERANCES.leave, QUIET_TOLERANCES.pushed
+OPTIONS = in_metres(GoalOptions(), 0.15)
+QUIET = goal_tolerances(kl.nominal_unicycle(0.1), OPTIONS)
+ENTER = QUIET.enter_distance, QUIET.enter_angle
+LEAVE = QUIET.leave_distance, QUIET.leave_angle
+PUSHED = QUIET.pushed_distance, QUIET.pushed_angle
+
+
+class Goal:
+    """A goal checker with its state."""
+
+    def __init__(self, model: kl.KoopmanModel | None = None) -> None:
+        self.checker, self.state = GoalChecker(OPTIONS), GoalCheckerState()
+        self.tolerances = QUIET if model is None else goal_tolerances(model, OPTIONS)
+
+    def holds(self, error: np.ndarray, rest: np.ndarray | None = None) -> bool:
+        return self.checker.holds(
+            self.state, self.tolerances, error, error if rest is None else rest
+        )
 
 
 def test_the_robot_stands_once_inside_and_stays_until_it_is_out() -> None:
-    parking = GoalChecker()
-    assert not parking.hold(np.array([ENTER[0] + 0.001, 0.0, 0.0]))
-    assert not parking.hold(np.array([0.0, 0.0, ENTER[1] + 0.001]))
-    assert parking.hold(np.array([ENTER[0] - 0.001, 0.0, 0.0]))
+    goal = Goal()
+    assert not goal.holds(np.array([ENTER[0] + 0.001, 0.0, 0.0]))
+    assert not goal.holds(np.array([0.0, 0.0, ENTER[1] + 0.001]))
+    assert goal.holds(np.array([ENTER[0] - 0.001, 0.0, 0.0]))
     # between the two thresholds it depends on where it comes from
     between = np.array([0.5 * (ENTER[0] + LEAVE[0]), 0.0, 0.5 * (ENTER[1] + LEAVE[1])])
-    assert all(parking.hold(between) for _ in range(100))
+    assert all(goal.holds(between) for _ in range(100))
     outside = np.array([1.2 * LEAVE[0], 0.0, 0.0])
-    assert not all(parking.hold(outside) for _ in range(100))
-    assert not parking.hold(between)
+    assert not all(goal.holds(outside) for _ in range(100))
+    assert not goal.holds(between)
 
 
 def test_a_robot_that_cannot_stop_inside_does_not_hold_yet() -> None:
-    parking = GoalChecker()
-    assert not parking.hold(np.zeros(3), np.array([ENTER[0] + 0.001, 0.0, 0.0]))
-    assert not parking.hold(np.zeros(3), np.array([0.0, 0.0, -ENTER[1] - 0.001]))
-    assert parking.hold(np.zeros(3), np.array([ENTER[0] - 0.001, 0.0, 0.0]))
+    goal = Goal()
+    assert not goal.holds(np.zeros(3), np.array([ENTER[0] + 0.001, 0.0, 0.0]))
+    assert not goal.holds(np.zeros(3), np.array([0.0, 0.0, -ENTER[1] - 0.001]))
+    assert goal.holds(np.zeros(3), np.array([ENTER[0] - 0.001, 0.0, 0.0]))
 
 
 def test_one_pose_far_off_ends_it_at_once() -> None:
     for push in ([PUSHED[0] + 0.01, 0.0, 0.0], [0.0, 0.0, -PUSHED[1] - 0.01]):
-        parking = GoalChecker()
-        assert parking.hold(np.zeros(3))
-        assert not parking.hold(np.array(push))
+        goal = Goal()
+        assert goal.holds(np.zeros(3))
+        assert not goal.holds(np.array(push))
 
 
 def test_noise_of_the_pose_does_not_end_it() -> None:
-    random, parking = np.random.default_rng(0), GoalChecker()
-    parking.hold(np.zeros(3))
-    assert all(parking.hold(random.normal(size=3) * (0.005, 0.005, 0.02)) for _ in range(1000))
+    random, goal = np.random.default_rng(0), Goal()
+    goal.holds(np.zeros(3))
+    assert all(goal.holds(random.normal(size=3) * (0.005, 0.005, 0.02)) for _ in range(1000))
 
 
 def noisy(metres: float, radians: float) -> kl.KoopmanModel:
@@ -63,36 +76,33 @@ def noisy(metres: float, radians: float) -> kl.KoopmanModel:
     )
 
 
-def test_quiet_poses_leave_the_zone_as_it_is(nominal: kl.KoopmanModel) -> None:
-    assert (
-        goal_tolerances(nominal)
-        is goal_tolerances(noisy(0.005, 0.02))
-        is goal_tolerances(noisy(0.99 * QUIET[0], 0.99 * QUIET[1]))
-        is QUIET_TOLERANCES
-    )
-    at_the_limit = goal_tolerances(noisy(1.001 * QUIET[0], 1.001 * QUIET[1]))
-    assert at_the_limit.keep == pytest.approx(
-        QUIET_TOLERANCES.keep, abs=1e-4
-    ) and at_the_limit.enter == pytest.approx(ENTER, abs=1e-4)
+def test_quiet_poses_leave_the_tolerances_as_they_are() -> None:
+    quiet = 0.99 * OPTIONS.quiet_position, 0.99 * OPTIONS.quiet_heading
+    assert goal_tolerances(noisy(0.005, 0.02), OPTIONS) == QUIET
+    assert goal_tolerances(noisy(*quiet), OPTIONS) == QUIET
+    limit = 1.001 * OPTIONS.quiet_position, 1.001 * OPTIONS.quiet_heading
+    at_the_limit = goal_tolerances(noisy(*limit), OPTIONS)
+    assert at_the_limit != QUIET
+    assert at_the_limit.turn_limit == pytest.approx(QUIET.turn_limit, abs=1e-4)
+    assert at_the_limit.enter_angle == pytest.approx(QUIET.enter_angle, abs=1e-4)
 
 
-def test_noise_widens_the_zone_so_far_that_it_does_not_end_a_hold() -> None:
-    random, parking = np.random.default_rng(0), GoalChecker()
+def test_tolerances_grow_with_the_robot() -> None:
+    twice = goal_tolerances(kl.nominal_unicycle(0.1), in_metres(GoalOptions(), 0.3))
+    assert twice.enter_distance == pytest.approx(2.0 * QUIET.enter_distance)
+    assert twice.off_path == pytest.approx(2.0 * QUIET.off_path)
+    assert twice.enter_angle == QUIET.enter_angle
+
+
+def test_noise_widens_the_tolerances_so_far_that_it_does_not_end_a_hold() -> None:
+    random, goal = np.random.default_rng(0), Goal()
     errors = random.normal(size=(1000, 3)) * (0.02, 0.02, 0.08)
-    parking.hold(np.zeros(3))
-    assert not all(parking.hold(error) for error in errors)
-    parking.reset()
-    parking.zone = goal_tolerances(noisy(0.02, 0.08))
-    assert parking.hold(np.zeros(3)) and all(parking.hold(error) for error in errors)
+    goal.holds(np.zeros(3))
+    assert not all(goal.holds(error) for error in errors)
+    wide = Goal(noisy(0.02, 0.08))
+    assert wide.holds(np.zeros(3)) and all(wide.holds(error) for error in errors)
     # what is far for that noise still ends it
-    assert not parking.hold(np.array([0.15, 0.0, 0.0]))
-
-
-def test_reset_forgets() -> None:
-    parking = GoalChecker()
-    parking.hold(np.zeros(3))
-    parking.reset()
-    assert not parking.hold(np.array([LEAVE[0] - 1e-3, 0.0, 0.0]))
+    assert not wide.holds(np.array([0.15, 0.0, 0.0]))
 
 
 def park(
@@ -103,7 +113,7 @@ def park(
     periods: int = 250,
     du_max: tuple[float, float] | None = None,
 ) -> tuple[np.ndarray, np.ndarray, list[bool]]:
-    """Poses (T + 1, 3) less the goal's, commands (T, 2), and whether it held: from within 0.6 m, any headings."""
+    """Park from within 0.6 m: poses (T + 1, 3) less the goal's, commands (T, 2), what held."""
     random = np.random.default_rng(seed)
     bearing, distance = random.uniform(-np.pi, np.pi), 0.6 * np.sqrt(random.uniform())
     x = np.array(

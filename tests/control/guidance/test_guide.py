@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from guided import GuidedController
+from guided import GuidedController, GuideInUse
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance.guide import CLEARANCES, FLICKER, Guide
-from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles
+from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, TrafficTable
+from kmpc_lite.control.guidance.state import GuideState
 from kmpc_lite.control.guidance.tangent_graph import GeometricPath
 from kmpc_lite.control.guidance.timed_path import TimedPath
 from kmpc_lite.control.obstacles.circles import circles_to_array
+from kmpc_lite.control.options import GuidanceOptions, TrafficOptions, in_metres
 from kmpc_lite.sim.maps.families import random_map
 
 DT = 0.1
 PROBLEM = kl.NavigationProblem(margin=0.05)
 KEEP = PROBLEM.robot_radius + PROBLEM.margin
+OPTIONS = in_metres(GuidanceOptions(), PROBLEM.robot_radius)
 NO_CIRCLES = np.empty((0, 5))
 
 
@@ -72,7 +74,7 @@ def at_rest_in(states: np.ndarray, goal: np.ndarray) -> bool:
 
 
 def test_a_free_way_is_driven_at_the_speed_that_the_bounds_allow() -> None:
-    guidance = Guide(PROBLEM).reference(pose(-1.5, 0, 0), pose(1.5, 0, 0), NO_CIRCLES)
+    guidance = GuideInUse(PROBLEM).reference(pose(-1.5, 0, 0), pose(1.5, 0, 0), NO_CIRCLES)
     assert guidance.reachable and guidance.refreshed and not guidance.hold
     assert guidance.states.shape == (PROBLEM.horizon + 1, 3)
     assert np.diff(guidance.states[:, 0]) == pytest.approx(0.06)
@@ -84,10 +86,12 @@ def test_a_free_way_is_driven_at_the_speed_that_the_bounds_allow() -> None:
 @pytest.mark.parametrize("turns", [-2, -1, 1, 3])
 def test_headings_of_the_reference_are_next_to_the_robots(turns: int) -> None:
     shift = pose(0, 0, 2 * np.pi * turns)
-    plain = Guide(PROBLEM).reference(pose(-1, 0.2, 3.0), pose(1, 0, -3.0), NO_CIRCLES)
-    turned = Guide(PROBLEM).reference(pose(-1, 0.2, 3.0) + shift, pose(1, 0, -3.0), NO_CIRCLES)
+    plain = GuideInUse(PROBLEM).reference(pose(-1, 0.2, 3.0), pose(1, 0, -3.0), NO_CIRCLES)
+    turned = GuideInUse(PROBLEM).reference(pose(-1, 0.2, 3.0) + shift, pose(1, 0, -3.0), NO_CIRCLES)
     assert np.allclose(turned.states, plain.states + shift)
-    goal_turned = Guide(PROBLEM).reference(pose(-1, 0.2, 3.0), pose(1, 0, -3.0) + shift, NO_CIRCLES)
+    goal_turned = GuideInUse(PROBLEM).reference(
+        pose(-1, 0.2, 3.0), pose(1, 0, -3.0) + shift, NO_CIRCLES
+    )
     assert np.allclose(goal_turned.states, plain.states)
 
 
@@ -96,7 +100,7 @@ def test_the_reference_never_asks_for_more_than_the_bounds() -> None:
     for _ in range(50):
         ends = random.uniform(-1.8, 1.8, (2, 3)) * (1, 1, 1.7)
         states = (
-            Guide(PROBLEM)
+            GuideInUse(PROBLEM)
             .reference(
                 ends[0],
                 ends[1],
@@ -111,7 +115,7 @@ def test_the_reference_never_asks_for_more_than_the_bounds() -> None:
 
 def test_the_reference_keeps_clear_of_the_inflated_circle() -> None:
     scene = circles((0, 0.02, 0.3))
-    guide, x = Guide(PROBLEM), pose(-1.2, 0, 0)
+    guide, x = GuideInUse(PROBLEM), pose(-1.2, 0, 0)
     for _ in range(80):
         states = guide.reference(x, pose(1.2, 0, 0), scene).states
         assert (np.hypot(states[:, 0], states[:, 1] - 0.02) - 0.3 >= KEEP - 0.003).all()
@@ -121,7 +125,7 @@ def test_the_reference_keeps_clear_of_the_inflated_circle() -> None:
 
 
 def test_the_path_ends_in_the_goals_pose_and_the_robot_holds_there() -> None:
-    guide, x, goal = Guide(PROBLEM), pose(-0.7, 0.3, 2.0), pose(0.5, 0.4, -1.0)
+    guide, x, goal = GuideInUse(PROBLEM), pose(-0.7, 0.3, 2.0), pose(0.5, 0.4, -1.0)
     for _ in range(150):
         guidance = guide.reference(x, goal, NO_CIRCLES)
         x = guidance.states[1].copy()
@@ -133,7 +137,7 @@ def test_the_path_ends_in_the_goals_pose_and_the_robot_holds_there() -> None:
 
 
 def test_a_way_is_kept_while_nothing_changes() -> None:
-    guide, x, scene = Guide(PROBLEM), pose(-1.5, -0.1, 0), circles((0, 0, 0.3), (0.5, 1, 0.2))
+    guide, x, scene = GuideInUse(PROBLEM), pose(-1.5, -0.1, 0), circles((0, 0, 0.3), (0.5, 1, 0.2))
     refreshed = []
     for _ in range(60):
         guidance = guide.reference(x, pose(1.5, 0, 0), scene)
@@ -143,7 +147,7 @@ def test_a_way_is_kept_while_nothing_changes() -> None:
 
 
 def test_a_new_goal_or_map_is_answered_at_once() -> None:
-    guide, x = Guide(PROBLEM), pose(-1.5, 0, 0)
+    guide, x = GuideInUse(PROBLEM), pose(-1.5, 0, 0)
     guide.reference(x, pose(1.5, 0, 0), NO_CIRCLES)
     assert not guide.reference(x, pose(1.5, 0, 0), NO_CIRCLES).refreshed
     assert guide.reference(x, pose(1.5, 0.5, 0), NO_CIRCLES).refreshed
@@ -157,7 +161,7 @@ def test_a_new_goal_or_map_is_answered_at_once() -> None:
 
 
 def test_a_circle_that_moves_as_foreseen_is_no_reason() -> None:
-    guide, x, refreshed = Guide(PROBLEM), pose(-1.5, 0, 0), []
+    guide, x, refreshed = GuideInUse(PROBLEM), pose(-1.5, 0, 0), []
     for k in range(10):
         # far from the way
         guidance = guide.reference(
@@ -169,7 +173,7 @@ def test_a_circle_that_moves_as_foreseen_is_no_reason() -> None:
 
 
 def test_the_side_does_not_flicker_when_both_are_as_good() -> None:
-    random, guide, sides = np.random.default_rng(1), Guide(PROBLEM), []
+    random, guide, sides = np.random.default_rng(1), GuideInUse(PROBLEM), []
     for _ in range(100):
         # the circle shakes by more than is overlooked, so that a way is looked for every time
         scene = circles((0.0, 0.03 * random.normal(), 0.3))
@@ -179,18 +183,18 @@ def test_the_side_does_not_flicker_when_both_are_as_good() -> None:
 
 
 def test_a_way_that_is_much_quicker_is_taken() -> None:
-    guide, x, goal = Guide(PROBLEM), pose(-1.5, 0, 0), pose(1.5, 0, 0)
+    guide, x, goal = GuideInUse(PROBLEM), pose(-1.5, 0, 0), pose(1.5, 0, 0)
     wall = [(0.0, 0.2 * i, 0.12) for i in range(-3, 9)]
     first = guide.reference(x, goal, circles(*wall, (0.0, -1.0, 0.4), (0.0, -1.6, 0.4)))
     # the way below was closed; now it is open, and the one above still is as well
     assert first.path[:, 1].max() > 1.0
     opened = guide.reference(x, goal, circles(*wall))
     assert opened.switched and opened.path[:, 1].min() < -0.5
-    assert first.time_left - opened.time_left > FLICKER[0]
+    assert first.time_left - opened.time_left > OPTIONS.switch_time
 
 
 def test_a_way_that_is_blocked_is_left() -> None:
-    guide, x, goal = Guide(PROBLEM), pose(-1.5, 0.1, 0), pose(1.5, 0.1, 0)
+    guide, x, goal = GuideInUse(PROBLEM), pose(-1.5, 0.1, 0), pose(1.5, 0.1, 0)
     first = guide.reference(x, goal, circles((0, 0, 0.3)))
     assert first.path[:, 1].max() > 0.4
     blocked = guide.reference(
@@ -201,9 +205,9 @@ def test_a_way_that_is_blocked_is_left() -> None:
 
 def test_two_guides_that_see_the_same_say_the_same() -> None:
     scene = circles((0, 0, 0.3), (0.7, 0.6, 0.2))
-    used, fresh = Guide(PROBLEM), Guide(PROBLEM)
+    used, fresh = GuideInUse(PROBLEM), GuideInUse(PROBLEM)
     used.reference(pose(1, 1, 1), pose(-1, -1, 0), scene)
-    used.reset()
+    used.state = GuideState()
     a, b = (guide.reference(pose(-1.5, 0, 0), pose(1.5, 0, 0), scene) for guide in (used, fresh))
     assert np.array_equal(a.states, b.states)
 
@@ -212,13 +216,13 @@ def test_two_guides_that_see_the_same_say_the_same() -> None:
 
 
 def test_a_goal_in_a_closed_ring_is_not_reachable_and_the_robot_waits() -> None:
-    guidance = Guide(PROBLEM).reference(pose(-1.5, -1.5, 0.3), pose(0, 0, 1), ring(0.7))
+    guidance = GuideInUse(PROBLEM).reference(pose(-1.5, -1.5, 0.3), pose(0, 0, 1), ring(0.7))
     assert not guidance.reachable and not guidance.hold and guidance.time_left == np.inf
     assert np.allclose(guidance.states, pose(-1.5, -1.5, 0.3))
 
 
 def test_a_goal_inside_an_obstacle_is_not_reachable() -> None:
-    guide = Guide(PROBLEM)
+    guide = GuideInUse(PROBLEM)
     assert not guide.reference(pose(-1.5, 0, 0), pose(0, 0, 0), circles((0.1, 0, 0.3))).reachable
     # within the clearance, but not touching: it can be had
     assert guide.reference(pose(-1.5, 0, 0), pose(0, 0, 0), circles((0.5, 0, 0.3))).reachable
@@ -228,14 +232,14 @@ def test_a_narrow_passage_is_taken_where_there_is_no_other() -> None:
     # 10 cm beyond the radii on either side
     spots = np.concatenate([np.arange(0.25 + 0.15, 2.3, 0.25), -np.arange(0.25 + 0.15, 2.3, 0.25)])
     wall = circles(*((0.0, y, 0.15) for y in spots))
-    guidance = Guide(PROBLEM).reference(pose(-1, 1, 0), pose(1, 1, 0), wall)
+    guidance = GuideInUse(PROBLEM).reference(pose(-1, 1, 0), pose(1, 1, 0), wall)
     assert guidance.reachable
     assert abs(guidance.path[np.abs(guidance.path[:, 0]).argmin(), 1]) < 0.05
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, 40])
 def test_any_number_of_circles_and_any_pose_gives_finite_states(count: int) -> None:
-    random, guide = np.random.default_rng(count), Guide(PROBLEM)
+    random, guide = np.random.default_rng(count), GuideInUse(PROBLEM)
     for _ in range(60):
         scene = np.column_stack(
             [
@@ -251,12 +255,12 @@ def test_any_number_of_circles_and_any_pose_gives_finite_states(count: int) -> N
 
 
 def test_start_at_the_goal_and_on_a_centre() -> None:
-    guide = Guide(PROBLEM)
+    guide = GuideInUse(PROBLEM)
     assert guide.reference(pose(0, 0, 0), pose(0, 0, 0), NO_CIRCLES).hold
     assert np.isfinite(
         guide.reference(pose(1, 1, 0), pose(0, 0, 0), circles((1, 1, 0.3))).states
     ).all()
-    guide.reset()
+    guide.state = GuideState()
     turn = guide.reference(pose(0, 0, 0), pose(0, 0, 3.0), NO_CIRCLES)
     assert not turn.hold and np.allclose(turn.states[:, :2], 0.0)
     assert (np.diff(turn.states[:, 2]) > 0).all()
@@ -332,19 +336,17 @@ def test_a_last_turn_is_not_mistaken_for_the_first_one() -> None:
     # over 1 cm, with a first turn from 2.3 to 1.7 and a last one from 1.7 to 3.4: the heading 2.0
     # is on both
     way = GeometricPath(np.array([[0.0, 0.01], [0.0, 0.0]]), np.full(2, 1.7), 1.0, False)
-    path = TimedPath(way, pose(0.0, 0.01, 2.3), pose(0.0, 0.0, 3.4), np.array([0.6, 0.7]))
+    path = TimedPath(way, pose(0.0, 0.01, 2.3), pose(0.0, 0.0, 3.4), np.array([0.6, 0.7]), OPTIONS)
     here = pose(0.0, 0.009, 2.0)
-    first, _ = path.locate(here)
+    first, _ = path.locate(here, 0.0)
     assert first < path.drive_end
-    last, _ = path.locate(here, path.drive_end)
+    last, _ = path.locate(here, first, path.drive_end)
     np.testing.assert_allclose(path.at(np.array([last]))[0], [0.0, 0.0, 2.0], atol=0.04)
 
 
-def test_a_robot_that_stands_before_an_obstacle_is_turned_on_the_spot_however_often_its_way_is_found_anew() -> (
-    None
-):
+def test_a_robot_that_stands_before_an_obstacle_turns_on_the_spot_on_every_new_path() -> None:
     scene = random_map("trap", 10, 0.05)
-    guide, random, turned, refreshed = Guide(scene.problem()), np.random.default_rng(0), [], 0
+    guide, random, turned, refreshed = GuideInUse(scene.problem()), np.random.default_rng(0), [], 0
     # beside its way around the corner, and heading as the way does only behind it
     for _ in range(50):
         x = pose(0.705, 0.862, -0.82) + random.normal(size=3) * (0.005, 0.005, 0.02)
@@ -359,7 +361,8 @@ def test_a_robot_gets_out_of_the_way_of_what_comes_after_it_for_good() -> None:
     # to stand 30 cm before it, or to back up before it, would be clear for the next seconds
     slow = np.array([[0.0, 1.1, 0.2, 0.0, -0.15]])
     times = np.arange(0.0, 12.01, 0.1)
-    _, states = MovingObstacles(slow, KEEP, np.array([0.5, 0.7])).escape(
+    table = TrafficTable(in_metres(TrafficOptions(), PROBLEM.robot_radius))
+    _, states = MovingObstacles(slow, KEEP, np.array([0.5, 0.7]), table).evasive_arc(
         pose(0.0, 0.0, np.pi / 2), -1, times
     )
     gaps = np.hypot(states[:, 0], states[:, 1] - (1.1 - 0.15 * times)) - 0.2 - KEEP
@@ -367,7 +370,7 @@ def test_a_robot_gets_out_of_the_way_of_what_comes_after_it_for_good() -> None:
 
 
 def test_a_way_tells_how_much_room_it_keeps() -> None:
-    guide, goal = Guide(PROBLEM), pose(1.5, 0, 0)
+    guide, goal = GuideInUse(PROBLEM), pose(1.5, 0, 0)
     wall = np.array(
         [
             [0.0, side * y, 0.2, 0.0, 0.0]
@@ -375,10 +378,17 @@ def test_a_way_tells_how_much_room_it_keeps() -> None:
             for y in np.arange(0.2 + KEEP + 0.04, 2.6, 0.3)
         ]
     )
-    assert (
-        guide.reference(pose(-1.5, 0, 0), goal, wall).reachable and guide.clearance == CLEARANCES[1]
-    )
-    assert (
-        guide.reference(pose(-1.5, 0, 0), goal, wall[:3]).reachable
-        and guide.clearance == CLEARANCES[0]
-    )
+    for scene, clearance in ((wall, OPTIONS.narrow_clearance), (wall[:3], OPTIONS.wide_clearance)):
+        guidance = guide.reference(pose(-1.5, 0, 0), goal, scene)
+        assert guidance.reachable and guidance.path_clearance == clearance
+
+
+def test_a_large_obstacle_is_driven_around(nominal: kl.KoopmanModel) -> None:
+    problem = kl.NavigationProblem(x_min=(-5.0, -5.0, -np.inf), x_max=(5.0, 5.0, np.inf))
+    controller, x = kl.Controller(nominal, problem), pose(-2.2, 0.05, 0.0)
+    goal, obstacle = pose(2.2, 0.0, 0.0), kl.Circle(0.0, 0.0, 1.2)
+    for _ in range(170):
+        plan = controller.step(x, goal, [obstacle])
+        assert plan.reachable and plan.clearance > -1e-3
+        x = kl.DifferentialDrive().step(x, plan.command, DT)
+    assert np.hypot(*(x - goal)[:2]) < 0.05

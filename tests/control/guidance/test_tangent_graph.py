@@ -1,18 +1,16 @@
-"""Ways around circles: they cut nothing, are as quick as a grid says, and exist when there is room."""
+"""Paths around circles cut nothing, are as quick as a grid says, and exist where one does."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from paths import OPTIONS, quickest_paths
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from kmpc_lite.control.guidance.tangent_graph import (
-    GeometricPath,
-    cut_circles,
-    quickest_paths,
-    wrap,
-)
+from kmpc_lite.control.guidance.cuts import cut_circles
+from kmpc_lite.control.guidance.tangent_graph import GeometricPath, arc_step
+from kmpc_lite.geometry import wrap
 from kmpc_lite.sim.maps.families import has_passage
 
 AREA = np.array([-2.0, -2.0, 2.0, 2.0])
@@ -74,7 +72,7 @@ def test_headings_are_those_of_the_points_and_never_jump(seed: int) -> None:
 
 
 def grid_length(centres: np.ndarray, radii: np.ndarray, cell: float = 0.05) -> float:
-    """Shortest way on a grid whose cells are neighbours along axes and diagonals; infinite without one."""
+    """Shortest path on a grid with neighbours along axes and diagonals; infinite without one."""
     side = np.arange(-2.0, 2.0 + cell / 2, cell)
     x, y = (v.ravel() for v in np.meshgrid(side, side, indexing="ij"))
     free = (np.hypot(x[:, None] - centres[:, 0], y[:, None] - centres[:, 1]) >= radii).all(axis=1)
@@ -182,7 +180,12 @@ def test_far_circles_change_nothing() -> None:
 def test_cut_circles_are_those_that_a_line_comes_near() -> None:
     points = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
     centres = np.array([[0.5, 0.1], [0.5, 0.3], [1.1, 0.5], [2.0, 2.0]])
-    assert cut_circles(points, centres, np.full(4, 0.2)).tolist() == [True, False, True, False]
+    assert cut_circles(points, centres, np.full(4, 0.2), 2e-3).tolist() == [
+        True,
+        False,
+        True,
+        False,
+    ]
 
 
 def test_a_wall_with_a_gap_is_passed_through_the_gap() -> None:
@@ -195,3 +198,22 @@ def test_a_wall_with_a_gap_is_passed_through_the_gap() -> None:
     assert way is not None
     crossing = dense(way.points)
     assert np.abs(crossing[np.abs(crossing[:, 0]).argmin(), 1] - 1.0) < 0.3
+
+
+@pytest.mark.parametrize("radius", [0.3, 0.7, 0.72, 1.0, 1.36, 5.0, 50.0])
+def test_a_path_around_a_large_circle_is_found_at_once(radius: float) -> None:
+    """Chords of a fixed turn would cut a large circle deeper than is allowed."""
+    centres, radii = np.array([[0.0, 0.02]]), np.array([radius])
+    start, goal = np.array([-2.0 * radius, 0.0, 0.0]), np.array([2.0 * radius, 0.0, 0.0])
+    area = np.array([-4.0, -4.0, 4.0, 4.0]) * radius
+    path = next(quickest_paths(centres, radii, start, goal, area, SPEED), None)
+    assert path is not None
+    depth = radius - np.hypot(*(dense(path.points) - centres[0]).T).min()
+    assert depth <= OPTIONS.cut_depth
+    step = np.abs(np.diff(path.headings)).max()
+    assert step <= OPTIONS.arc_step + 1e-9
+
+
+def test_small_circles_keep_their_arcs() -> None:
+    assert arc_step(0.7, OPTIONS) == OPTIONS.arc_step
+    assert arc_step(0.72, OPTIONS) < OPTIONS.arc_step

@@ -1,4 +1,4 @@
-"""Robots that turn about another point than the one tracked: the model tells which, and they park."""
+"""Robots that turn about another point than the tracked one: the model tells which."""
 
 from __future__ import annotations
 
@@ -6,16 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from guided import GuidedController
+from guided import GuidedController, GuideInUse
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance.guide import Guide
-from kmpc_lite.control.guidance.turning_centre import LEAST, SAME, seen_from, turning_centre
+from kmpc_lite.control.guidance.capabilities import capabilities, drivable_speeds
+from kmpc_lite.control.guidance.turning_centre import seen_from, turning_centre
+from kmpc_lite.control.options import GuidanceOptions, in_metres
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 
 PROBLEM = kl.NavigationProblem(margin=0.05)
+OPTIONS = in_metres(GuidanceOptions(), PROBLEM.robot_radius)
 NO_CIRCLES = np.empty((0, 5))
 POINT = (0.05, 0.02)
 METRES = st.floats(-0.06, 0.06)
@@ -38,9 +40,9 @@ def offset_model() -> kl.KoopmanModel:
 @given(ahead=METRES, left=METRES)
 def test_the_point_is_read_out_of_a_model(ahead: float, left: float) -> None:
     found = turning_centre(learn((ahead, left), episodes=8), PROBLEM)
-    if np.hypot(ahead, left) < LEAST - 1e-4:
+    if np.hypot(ahead, left) < OPTIONS.centre_distance - 1e-4:
         assert found is None
-    elif np.hypot(ahead, left) > LEAST + 1e-4:
+    elif np.hypot(ahead, left) > OPTIONS.centre_distance + 1e-4:
         np.testing.assert_allclose(found, (ahead, left), atol=1e-4)
 
 
@@ -70,8 +72,8 @@ def test_a_robot_that_cannot_turn_has_none(nominal: kl.KoopmanModel) -> None:
 def test_guidance_drives_the_turning_point_to_where_it_is_at_the_goal(seed: int) -> None:
     random = np.random.default_rng(seed)
     offset, start, end = random.uniform(-0.06, 0.06, 2), *random.uniform(-1.5, 1.5, (2, 3))
-    guide, plain = Guide(PROBLEM), Guide(PROBLEM)
-    guide.set_turning_centre(offset)
+    guide, plain = GuideInUse(PROBLEM), GuideInUse(PROBLEM)
+    guide.turn_about(offset)
     found = guide.reference(start, end, NO_CIRCLES)
     expected = plain.reference(seen_from(start, offset), seen_from(end, offset), NO_CIRCLES)
     assert found.time_left == pytest.approx(expected.time_left)
@@ -79,8 +81,8 @@ def test_guidance_drives_the_turning_point_to_where_it_is_at_the_goal(seed: int)
 
 
 def test_no_point_is_no_work() -> None:
-    guide, plain = Guide(PROBLEM), Guide(PROBLEM)
-    guide.set_turning_centre(None)
+    guide, plain = GuideInUse(PROBLEM), GuideInUse(PROBLEM)
+    guide.turn_about(None)
     x, goal = np.array([-1.0, 0.2, 3.0]), np.array([1.0, 0.0, -3.0])
     assert (
         guide.reference(x, goal, NO_CIRCLES).states.tobytes()
@@ -89,12 +91,12 @@ def test_no_point_is_no_work() -> None:
 
 
 def test_a_point_that_is_learned_anew_keeps_the_way() -> None:
-    guide, x, goal = Guide(PROBLEM), np.array([-1.0, 0.0, 0.3]), np.array([1.0, 0.2, 1.0])
-    guide.set_turning_centre(np.array(POINT))
+    guide, x, goal = GuideInUse(PROBLEM), np.array([-1.0, 0.0, 0.3]), np.array([1.0, 0.2, 1.0])
+    guide.turn_about(np.array(POINT))
     first = guide.reference(x, goal, NO_CIRCLES)
-    guide.set_turning_centre(np.array(POINT) + (0.5 * SAME, 0.0))
+    guide.turn_about(np.array(POINT) + (0.5 * OPTIONS.centre_change, 0.0))
     assert not guide.reference(x, goal, NO_CIRCLES).refreshed
-    guide.set_turning_centre(np.array(POINT) + (0.006, -0.002))
+    guide.turn_about(np.array(POINT) + (0.006, -0.002))
     steps = [guide.reference(x, goal, NO_CIRCLES) for _ in range(9)]
     assert any(s.refreshed for s in steps) and not any(s.switched for s in steps)
     assert all(np.abs(s.states - first.states)[:, :2].max() < 0.03 for s in steps)
@@ -116,18 +118,18 @@ def test_a_floor_that_changes_does_not_move_it(offset_model: kl.KoopmanModel) ->
     before = turning_centre(offset_model, PROBLEM)
     np.testing.assert_allclose(turning_centre(adaptation.model, PROBLEM), before, atol=2e-3)
     # and its way is kept
-    guide = Guide(PROBLEM)
+    guide = GuideInUse(PROBLEM)
     x, goal = np.array([-1.0, 0.0, 0.3]), np.array([1.0, 0.2, 1.0])
-    guide.learn(offset_model, None)
+    guide.known = capabilities(offset_model, PROBLEM)
     first = guide.reference(x, goal, NO_CIRCLES)
-    guide.learn(adaptation.model, None)
+    guide.drive_at(*drivable_speeds(adaptation.model, PROBLEM))
     second = guide.reference(x, goal, NO_CIRCLES)
     assert first.refreshed and not second.refreshed
 
 
 def test_a_goal_in_an_obstacle_is_out_of_reach_wherever_the_robot_turns() -> None:
-    guide, goal = Guide(PROBLEM), np.array([1.0, 0.0, 0.0])
-    guide.set_turning_centre(np.array([-0.05, 0.0]))
+    guide, goal = GuideInUse(PROBLEM), np.array([1.0, 0.0, 0.0])
+    guide.turn_about(np.array([-0.05, 0.0]))
     beside = np.array(
         [[1.0 + PROBLEM.robot_radius + 0.2 + gap, 0.0, 0.2, 0.0, 0.0] for gap in (-0.01, 0.01)]
     )

@@ -11,11 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance.lattice import CUT, Lattice
-from kmpc_lite.control.obstacles.solids import FEW, Solids
+from kmpc_lite.control.obstacles.solids import Solids
 
-AREA = np.array([-3.0, -3.0, 3.0, 3.0])
-NO_CIRCLES = np.empty((0, 5))
 YAML = (
     "image: map.pgm\nresolution: 0.05\norigin: [-1.0, -2.0, 0.0]\nnegate: 0\noccupied_thresh: "
     "0.65\nfree_thresh: 0.196\n"
@@ -154,39 +151,3 @@ def test_damaged_map_files_are_named_in_one_line(
 def test_a_missing_map_is_named() -> None:
     with pytest.raises(kl.ProblemError, match=r"nowhere.yaml: cannot read the map: No such file"):
         kl.OccupancyGrid.load("nowhere.yaml")
-
-
-def slanted(door: int | None = 30) -> kl.OccupancyGrid:
-    """A wall across 6 m x 6 m that is slanted, so that it is made of many rectangles, with a
-    door of 0.6 m, or none.
-    """
-    cells = np.zeros((120, 120), dtype=bool)
-    for column in range(120):
-        if door is None or not door <= column < door + 12:
-            cells[40 + column // 3 : 44 + column // 3, column] = True
-    return kl.OccupancyGrid(cells, 0.05, (-3.0, -3.0, 0.0))
-
-
-def test_routes_keep_their_distance_and_bend_where_they_must() -> None:
-    solids = Solids([slanted()])
-    assert len(solids.boxes[0].low) > FEW and isinstance(solids.maze, Lattice)
-    start, goal = np.array([0.0, -2.5]), np.array([0.0, 2.5])
-    route = solids.maze.route(start, goal, 0.21, NO_CIRCLES, AREA)
-    assert route is not None and 3 <= len(route.points) <= 8
-    share = np.linspace(0.0, 1.0, 100)[:, None]
-    along = np.concatenate(
-        [
-            (1 - share) * a + share * b
-            for a, b in zip(route.points[:-1], route.points[1:], strict=True)
-        ]
-    )
-    # half a cell of the lattice, and the diagonal of a grid's cell
-    assert solids.whole.least(along).min() >= 0.21 - CUT - 0.06
-    np.testing.assert_allclose(solids.whole.least(route.corners), 0.0, atol=1e-9)
-    # a door that is too narrow, a circle in the door, or no door at all
-    assert solids.maze.route(start, goal, 0.36, NO_CIRCLES, AREA) is None
-    assert (
-        solids.maze.route(start, goal, 0.21, np.array([[-1.2, -0.4, 0.1, 0.0, 0.0]]), AREA) is None
-    )
-    closed = Solids([slanted(None)]).maze
-    assert closed is not None and closed.route(start, goal, 0.21, NO_CIRCLES, AREA) is None

@@ -6,8 +6,8 @@ import tomllib
 
 import numpy as np
 import pytest
+from paths import quickest_paths
 
-from kmpc_lite.control.guidance.tangent_graph import quickest_paths
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.sim.maps.families import (
     BOUNDS,

@@ -1,0 +1,46 @@
+"""A map as the path searches see it: corners to go around, or a lattice where they are many."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.guidance.lattice import Lattice
+    from kmpc_lite.control.obstacles.solids import Solids
+
+
+class PathMap:
+    """Polygons, walls and grids, prepared for the searches.
+
+    Parameters
+    ----------
+    solids : Solids
+        At rest.
+    options : GuidanceOptions
+        In metres.
+    """
+
+    def __init__(self, solids: Solids, options: GuidanceOptions) -> None:
+        self.solids = solids
+        self.lattice: Lattice | None = None
+        """Where the grids have too many corners."""
+        self.corners = solids.all_corners
+        """What paths go around: all corners, but for those of grids with a lattice."""
+        self.landmarks = self.corners.middles
+        """(L, 2) a point in each obstacle [m]: paths differ by the sides on which they pass."""
+        if solids.rectangle_count > options.lattice_rectangles:
+            # it takes image filters, which are slow to import
+            from kmpc_lite.control.guidance.lattice import Lattice
+
+            self.corners = solids.outline_corners
+            self.lattice = Lattice(solids, options)
+            self.landmarks = np.concatenate([self.corners.middles, self.lattice.landmarks])
+
+    def distance(self, point: Array) -> float:
+        """Exact distance of a point (2,) from the nearest solid [m]."""
+        return float(self.solids.whole.least(point[None, :2])[0])

@@ -1,0 +1,265 @@
+"""The search for a path as data: it is left after any part of the work, to go on in a later step.
+
+For each clearance, the widest first, paths are looked for on the tangent graph, and on the lattice
+before it where the map has one. The quickest path is taken, but for one on the same side of all
+obstacles as the path that is driven, if that is hardly slower.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum, auto
+
+import numpy as np
+
+from kmpc_lite.control.guidance.capabilities import Capabilities
+from kmpc_lite.control.guidance.lattice_path import LatticePath
+from kmpc_lite.control.guidance.path_map import PathMap
+from kmpc_lite.control.guidance.tangent_graph import GeometricPath, PathQuery
+from kmpc_lite.control.guidance.tangent_search import Part, TangentSearch
+from kmpc_lite.control.guidance.timed_path import TimedPath, same_side
+from kmpc_lite.control.guidance.turning_centre import swing
+from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.types import Array
+
+NO_EDGES = np.empty((0, 2), dtype=np.intp)
+
+
+class Stage(Enum):
+    """What the next part of a search is."""
+
+    OBSTACLES = auto()
+    """Gather the obstacles, and begin with the widest clearance."""
+    LATTICE = auto()
+    """Take over the lattice's path, if there is one."""
+    TANGENTS = auto()
+    """Go on on the tangent graph."""
+    CHOSEN = auto()
+    """A path is chosen, or there is none; the guide takes it over."""
+
+
+@dataclass(slots=True)
+class SearchObstacles:
+    """Circles, and corners of solids, as the search sees them."""
+
+    centres: Array
+    """(M, 2) [m]."""
+    sizes: Array
+    """(M,) radii, before they are inflated [m]."""
+    edges: Array
+    """(S, 2) pairs of corners."""
+    landmarks: Array
+    """(L, 2) a point in each obstacle [m]."""
+    most: Array
+    """(M,) how far each may be inflated so that start and goal stay outside [m]."""
+    area: Array
+    """(4,) xmin, ymin, xmax, ymax [m]; start and goal lie in it."""
+
+
+@dataclass(slots=True)
+class PathSearch:
+    """A search that is under way; all for the turning centre."""
+
+    pose: Array
+    """Where the path begins (3,)."""
+    goal: Array
+    """Where it ends (3,)."""
+    target: Array
+    """The goal of the tracked pose (3,)."""
+    circles: Array
+    """(M, 5) where they are met."""
+    path_map: PathMap | None
+    """Solids, if there are any."""
+    previous: TimedPath | None
+    """The path whose sides are kept to; none if any side is as good."""
+    same_goal: bool
+    """Whether the path before led to this goal."""
+    stuck: bool
+    """Whether the robot has stood for too long."""
+    stage: Stage = Stage.OBSTACLES
+    obstacles: SearchObstacles | None = None
+    clearances: list[float] = field(default_factory=list)
+    """Still to be tried [m]."""
+    clearance: float = math.inf
+    """The one that is tried [m]."""
+    lattice_path: LatticePath | None = None
+    tangents: TangentSearch | None = None
+    best: GeometricPath | None = None
+    """The quickest path so far."""
+    path: GeometricPath | None = None
+    """The path chosen; none: there is none."""
+    switched: bool = True
+    """Whether it leads around some obstacle on another side than the previous one."""
+
+
+class PathSearcher:
+    """Brings a search forward, part by part.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Radius, margin, area.
+    options : GuidanceOptions
+        In metres.
+    """
+
+    def __init__(self, problem: NavigationProblem, options: GuidanceOptions) -> None:
+        _, _, x_min, x_max = problem.bounds
+        self._options, self._radius = options, problem.robot_radius
+        self._inflation = problem.robot_radius + problem.margin
+        self._low, self._high = x_min[:2], x_max[:2]
+        self._narrow = [options.narrow_clearance, options.least_clearance]
+
+    def advance(
+        self, search: PathSearch, place: float, capabilities: Capabilities, centre: Array | None
+    ) -> None:
+        """Do one part of the work.
+
+        Parameters
+        ----------
+        search : PathSearch
+            Updated; at stage CHOSEN there is nothing left to do.
+        place : float
+            Where the robot is on the previous path [s].
+        capabilities : Capabilities
+            Speeds and clearance, as they are now.
+        centre : ndarray or None
+            Turning centre (2,) that the search is made for.
+        """
+        if search.stage is Stage.OBSTACLES:
+            search.obstacles = self._gather(search, swing(centre))
+            if self._goal_is_blocked(search):
+                _choose(search, None, True)
+                return
+            search.clearances = self._clearances(capabilities.clearance, centre)
+            self._try_next_clearance(search, place, capabilities)
+        elif search.stage is Stage.LATTICE and search.lattice_path is None:
+            self._try_next_clearance(search, place, capabilities)
+        elif search.stage is Stage.LATTICE:
+            self._begin_graph(search, capabilities)
+            self._look(search, place, capabilities)
+        elif search.stage is Stage.TANGENTS:
+            self._look(search, place, capabilities)
+
+    def _clearances(self, at_speed: float, centre: Array | None) -> list[float]:
+        """Clearances that are tried [m], the widest first."""
+        widest = self._options.wide_clearance
+        clearances = [widest, *self._narrow]
+        if at_speed > widest:
+            clearances = [at_speed, *clearances]
+        if centre is None:
+            return clearances
+        # the pose swings around the turning centre: where that is too wide, only as far as it lies
+        # beside it
+        beside = abs(float(centre[1]))
+        around = swing(centre)
+        return [c + around for c in clearances] + [c + beside for c in self._narrow]
+
+    def _gather(self, search: PathSearch, around: float) -> SearchObstacles:
+        """Put circles and corners into one list; `around` is the swing of the tracked pose [m]."""
+        circles, path_map = search.circles, search.path_map
+        pose, goal = search.pose, search.goal
+        centres, sizes, edges, landmarks = circles[:, :2], circles[:, 2], NO_EDGES, circles[:, :2]
+        to_pose, to_goal = (np.hypot(*(centres - p[:2]).T) for p in (pose, goal))
+        if path_map is not None:
+            corners = path_map.corners
+            centres = np.concatenate([centres, corners.points])
+            to_pose = np.concatenate([to_pose, corners.to_centre(pose[:2])])
+            to_goal = np.concatenate([to_goal, corners.to_centre(goal[:2])])
+            sizes = np.concatenate([sizes, corners.rounding])
+            edges = corners.edges + len(circles)
+            landmarks = np.concatenate([landmarks, path_map.landmarks])
+        # the outermost of robot and goal widen the area
+        low = np.minimum(self._low + around, np.minimum(pose, goal)[:2])
+        high = np.maximum(self._high - around, np.maximum(pose, goal)[:2])
+        most = np.maximum(np.minimum(to_pose, to_goal) - self._options.back_off, 0.0)
+        return SearchObstacles(centres, sizes, edges, landmarks, most, np.concatenate([low, high]))
+
+    def _goal_is_blocked(self, search: PathSearch) -> bool:
+        """Whether a robot at its goal would touch an obstacle."""
+        target, circles = search.target[:2], search.circles
+        to_circles = np.hypot(*(circles[:, :2] - target).T) - circles[:, 2]
+        if bool((to_circles < self._radius).any()):
+            return True
+        return search.path_map is not None and search.path_map.distance(target) < self._radius
+
+    def _try_next_clearance(
+        self, search: PathSearch, place: float, capabilities: Capabilities
+    ) -> None:
+        """Begin with the next clearance; where none is left there is no path."""
+        obstacles = search.obstacles
+        if obstacles is None or not search.clearances:
+            _choose(search, None, True)
+            return
+        search.clearance = search.clearances.pop(0)
+        search.best = None
+        lattice = None if search.path_map is None else search.path_map.lattice
+        if lattice is not None:
+            keep = self._inflation + search.clearance
+            search.lattice_path = lattice.path(
+                search.pose, search.goal, keep, search.circles, obstacles.area
+            )
+            search.stage = Stage.LATTICE
+            return
+        self._begin_graph(search, capabilities)
+        self._look(search, place, capabilities)
+
+    def _begin_graph(self, search: PathSearch, capabilities: Capabilities) -> None:
+        """Begin a search on the tangent graph."""
+        obstacles = search.obstacles
+        assert obstacles is not None
+        inflated = obstacles.sizes + self._inflation + search.clearance
+        query = PathQuery(
+            search.pose,
+            search.goal,
+            obstacles.centres,
+            np.clip(inflated, 0.0, obstacles.most),
+            obstacles.edges,
+            obstacles.area,
+            capabilities.forward,
+            capabilities.backward_share,
+            search.lattice_path,
+        )
+        search.tangents = TangentSearch(query, self._options)
+        search.stage = Stage.TANGENTS
+
+    def _look(self, search: PathSearch, place: float, capabilities: Capabilities) -> None:
+        """Bring the search on the tangent graph to the end of a part."""
+        tangents = search.tangents
+        assert tangents is not None
+        while True:
+            path = tangents.advance()
+            if path is not None and self._takes(search, path, place):
+                return
+            if tangents.part is Part.NOTHING:
+                if search.best is not None:
+                    _choose(search, search.best, True)
+                else:
+                    self._try_next_clearance(search, place, capabilities)
+                return
+            if tangents.part is not Part.NEXT:
+                return
+
+    def _takes(self, search: PathSearch, path: GeometricPath, place: float) -> bool:
+        """Whether a path that was found ends the search: it or the quickest is chosen."""
+        best, o = search.best, self._options
+        if best is not None and path.time > best.time + o.switch_time + o.switch_share * best.time:
+            _choose(search, best, True)
+            return True
+        search.best = best or path
+        previous, obstacles = search.previous, search.obstacles
+        if previous is None or obstacles is None:
+            _choose(search, path, True)
+            return True
+        if same_side(previous, place, path, search.pose, obstacles.landmarks):
+            _choose(search, path, False)
+            return True
+        return False
+
+
+def _choose(search: PathSearch, path: GeometricPath | None, switched: bool) -> None:
+    """End a search; what it was made of is not needed any more."""
+    search.path, search.switched, search.stage = path, switched, Stage.CHOSEN
+    search.tangents, search.lattice_path = None, None

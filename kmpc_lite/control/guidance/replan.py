@@ -1,0 +1,197 @@
+"""When another path is looked for, and how much of the search is done in a step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kmpc_lite.control.guidance.path_map import PathMap
+from kmpc_lite.control.guidance.path_search import PathSearch, PathSearcher, Stage
+from kmpc_lite.control.guidance.progress_checker import ProgressChecker
+from kmpc_lite.control.guidance.situation import Situation
+from kmpc_lite.control.guidance.state import GuideState
+from kmpc_lite.control.guidance.timed_path import TimedPath
+from kmpc_lite.control.guidance.turning_centre import swing
+from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.control.problem import NavigationProblem
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.obstacles.solids import Solids
+
+
+class Replanner:
+    """Keeps the guide's path up to date.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Radius, margin, area, period.
+    options : GuidanceOptions
+        In metres.
+    clock : callable
+        Gives the time [s] that a situation's `until` is on.
+    """
+
+    def __init__(
+        self, problem: NavigationProblem, options: GuidanceOptions, clock: Callable[[], float]
+    ) -> None:
+        self._options, self._clock, self._dt = options, clock, problem.dt
+        self._inflation = problem.robot_radius + problem.margin
+        moved = options.moved_distance
+        self._moved = np.array([moved, moved, 0.0, 0.0, 0.0])
+        self._progress = ProgressChecker(options)
+        self._searcher = PathSearcher(problem, options)
+
+    def update(self, state: GuideState, now: Situation, off: float) -> tuple[bool, bool]:
+        """Look for another path where there is a reason.
+
+        Parameters
+        ----------
+        state : GuideState
+            Updated.
+        now : Situation
+            Of this step.
+        off : float
+            Distance of the robot from its path [m].
+
+        Returns
+        -------
+        refreshed, switched : bool
+            Whether a search has ended in this step; and whether its path, or that there is none,
+            leads another way around than the path before.
+        """
+        strayed = self._has_strayed(state, now, off)
+        at_once = (
+            off > self._options.lost_distance
+            or self._is_new(state, now)
+            or self._is_blocked(state, now)
+        )
+        if at_once:
+            self._progress.expect_new_path(state.progress)
+        if at_once or (strayed and state.search is None):
+            self._begin_search(state, now)
+            near = now.distance < self._options.near_goal and not at_once
+            state.attempts = state.attempts + 1 if near else 0
+        state.urgent = state.urgent or at_once
+        return self._advance_search(state, now)
+
+    def _has_strayed(self, state: GuideState, now: Situation, off: float) -> bool:
+        """Whether the robot's place is a reason: off its path, standing on it, or without one."""
+        if state.path is None:
+            return state.age >= self._options.retry_interval
+        self._progress.see(state.progress, state.path.duration - state.place)
+        if state.turning:
+            return False
+        if state.centre_moved:
+            return True
+        o, least = self._options, now.capabilities.tolerances.off_path
+        allowed = min(max(least, o.off_path_share * now.distance), o.off_path_limit)
+        too_far = state.age > o.replan_interval and off > allowed
+        return self._progress.wait(state.progress, self._dt) or too_far
+
+    def _is_new(self, state: GuideState, now: Situation) -> bool:
+        """Whether the goal or the map is another one than the last search was begun for."""
+        if (
+            len(now.circles) != len(state.circles)
+            or not _same_solids(now.solids, state.solids)
+            or now.target.tolist() != state.goal.tolist()
+        ):
+            return True
+        if not len(now.circles) or now.circles.tobytes() == state.circles_at_rest:
+            return False
+        change = now.circles - state.circles
+        change[:, :2] -= state.age * state.circles[:, 3:]
+        return bool((np.abs(change, out=change) > self._moved).any())
+
+    def _is_blocked(self, state: GuideState, now: Situation) -> bool:
+        """Whether something that moves will be in the robot's way."""
+        if now.moving is None or state.path is None or state.turning:
+            return False
+        recent = state.age <= self._options.replan_interval
+        return not recent and now.moving.blocks(state.path, state.place)
+
+    def _begin_search(self, state: GuideState, now: Situation) -> None:
+        """Begin a search from here; one that is under way is given up."""
+        same_goal = bool((now.target == state.goal).all())
+        stuck = state.progress.stuck
+        if not _same_solids(now.solids, state.solids):
+            state.path_map = None
+        if state.path_map is None and now.solids is not None:
+            state.path_map = PathMap(now.solids, self._options)
+        state.goal, state.circles = now.target.copy(), now.circles.copy()
+        state.solids, state.age, state.centre_moved = now.solids, 0.0, False
+        state.circles_at_rest = b"" if now.moving is not None else now.circles.tobytes()
+        state.search = PathSearch(
+            pose=now.pose.copy(),
+            goal=now.goal.copy(),
+            target=state.goal,
+            circles=state.circles if now.moving is None else now.moving.where_met(now.pose),
+            path_map=state.path_map,
+            previous=state.path if same_goal and not stuck else None,
+            same_goal=same_goal,
+            stuck=stuck,
+        )
+
+    def _advance_search(self, state: GuideState, now: Situation) -> tuple[bool, bool]:
+        """Bring the search forward: to its end if it is urgent, else by a part or a few."""
+        refreshed = switched = False
+        parts = min(max(state.attempts - 1, 1), self._options.hurried_parts)
+        while (search := state.search) is not None:
+            if search.stage is Stage.CHOSEN:
+                refreshed, switched = True, self._take_over(state, now, search)
+                state.search, state.urgent = None, False
+            else:
+                self._searcher.advance(search, state.place, now.capabilities, state.turning_centre)
+            parts -= 1
+            out_of_time = now.until < math.inf and self._clock() > now.until
+            if (parts <= 0 and not state.urgent) or out_of_time:
+                break
+        return refreshed, switched
+
+    def _take_over(self, state: GuideState, now: Situation, search: PathSearch) -> bool:
+        """Follow the path that was chosen, and tell whether it leads another way around."""
+        previous, path = state.path, search.path
+        if path is None:
+            state.waiting = search.pose if state.waiting is None else state.waiting
+            state.path = None
+            return previous is not None
+        state.waiting = None
+        free_turn = self._free_turn(search)
+        speed = now.capabilities.backward if path.reverse else now.capabilities.forward
+        state.path = TimedPath(path, search.pose, search.goal, speed, self._options, free_turn)
+        state.path_clearance = max(search.clearance - swing(state.turning_centre), 0.0)
+        other = search.switched or previous is None or not search.same_goal
+        begin, _ = state.path.locate(search.pose, 0.0)
+        left, turn_time = state.path.duration - begin, free_turn / float(speed[1])
+        self._progress.begin_path(state.progress, left, turn_time, other or search.stuck)
+        state.place, _ = state.path.locate(now.pose, 0.0)
+        return other
+
+    def _free_turn(self, search: PathSearch) -> float:
+        """Part of the first turn that is made while driving [rad]; none if the robot is stuck."""
+        if search.stuck or search.path is None:
+            return 0.0
+        o = self._options
+        length = float(np.hypot(*np.diff(search.path.points, axis=0).T).sum())
+        around = max(_distance_around(search) - self._inflation, 0.0)
+        shares = length / o.free_turn_length, around / o.free_turn_clearance
+        return o.free_turn * min(1.0, *shares)
+
+
+def _same_solids(first: Solids | None, second: Solids | None) -> bool:
+    """Whether two maps are one."""
+    if first is second:
+        return True
+    return first is not None and second is not None and first.solids == second.solids
+
+
+def _distance_around(search: PathSearch) -> float:
+    """Distance from where a path begins to the edge of what is nearest [m]."""
+    away = np.hypot(*(search.circles[:, :2] - search.pose[:2]).T) - search.circles[:, 2]
+    distance = float(away.min(initial=np.inf))
+    if search.path_map is not None:
+        distance = min(distance, search.path_map.distance(search.pose))
+    return distance

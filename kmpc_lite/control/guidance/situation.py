@@ -1,0 +1,39 @@
+"""What the guide sees in one step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from kmpc_lite.control.guidance.capabilities import Capabilities
+from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.obstacles.solids import Solids
+
+
+@dataclass(slots=True)
+class Situation:
+    """Robot, goal and obstacles now; poses are those of the turning centre."""
+
+    pose: Array
+    """(3,)."""
+    goal: Array
+    """(3,)."""
+    target: Array
+    """Goal of the tracked pose (3,)."""
+    error: Array
+    """Pose less goal (3,), the heading's in [-pi, pi]."""
+    rest_error: Array
+    """The same of the pose at which the robot stands if it brakes now."""
+    distance: float
+    """To the goal [m]."""
+    circles: Array
+    """(M, 5)."""
+    solids: Solids | None
+    moving: MovingObstacles | None
+    """The circles, if any of them moves."""
+    capabilities: Capabilities
+    until: float
+    """When to leave a search to the next step [s]."""

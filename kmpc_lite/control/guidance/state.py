@@ -1,0 +1,67 @@
+"""What the guide remembers from step to step: plain data, which copies and pickles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kmpc_lite.control.guidance.goal_checker import GoalCheckerState
+from kmpc_lite.control.guidance.path_map import PathMap
+from kmpc_lite.control.guidance.path_search import PathSearch
+from kmpc_lite.control.guidance.progress_checker import ProgressState
+from kmpc_lite.control.guidance.timed_path import TimedPath
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.obstacles.solids import Solids
+
+
+@dataclass(slots=True)
+class GuideState:
+    """The path, the search for another one, and what they were made for."""
+
+    # the path
+    path: TimedPath | None = None
+    """What is followed."""
+    place: float = 0.0
+    """Where on it the robot is [s]."""
+    path_clearance: float = math.inf
+    """Clearance beyond the problem's margin that it keeps [m]."""
+    turning: bool = False
+    """Whether the robot is on its last turn on the spot."""
+    waiting: Array | None = None
+    """Pose (3,) at which the robot waits while there is no path."""
+    evasive_arc: int = -1
+    """Number of the arc on which it makes room for a moving obstacle; -1: none."""
+    turning_centre: Array | None = None
+    """Point (2,) that paths are made for, ahead and to the left of the tracked pose [m]; none: that
+    pose."""
+
+    # what the last search was begun for
+    goal: Array = field(default_factory=lambda: np.full(3, np.nan))
+    """(3,), of the tracked pose."""
+    circles: Array = field(default_factory=lambda: np.empty((0, 5)))
+    """(M, 5)."""
+    circles_at_rest: bytes = b""
+    """The same as bytes where none moves: equal ones are known again in a moment."""
+    solids: Solids | None = None
+    path_map: PathMap | None = None
+    """Made of the solids when a search first needs it."""
+    age: float = 0.0
+    """Time since then [s]."""
+
+    # the search that is under way
+    search: PathSearch | None = None
+    urgent: bool = False
+    """Whether its path is needed in this step: the old one is not for this map or goal."""
+    attempts: int = 0
+    """Searches near the same goal, one after the other."""
+    centre_moved: bool = False
+    """Whether the turning centre has moved since the last search was begun."""
+
+    # the checkers
+    goal_checker: GoalCheckerState = field(default_factory=GoalCheckerState)
+    progress: ProgressState = field(default_factory=ProgressState)
