@@ -10,7 +10,9 @@ OTHER_RADIUS = (
     "lengths among the options are in robot radii: a robot of another radius than 0.15 m has other "
     "margins than the metres that were meant for the paper's"
 )
-ADAPTATION = "adaptation refuses gains that no robot has, and a corrected model that predicts worse gives way"
+ADAPTATION = (
+    "adaptation refuses gains that no robot has, and a corrected model that predicts worse gives way"
+)
 SAME_MAP = "a map that is equal to the one before, though made anew, is no reason for a new path"
 CHANGED: dict[int, str] = {
     1: SAME_MAP,
