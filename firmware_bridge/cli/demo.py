@@ -84,12 +84,12 @@ def run(options: argparse.Namespace) -> int:
         raise BridgeError("--log: the rover records a log of its own; leave --robot rover out")
     if options.log or options.robot == "simulated":
         return SIMULATED.run(options)
+    need("the report of a demo", "matplotlib")
     if options.robot is None and not is_installed("pymavlink"):
         if not options.json:
             print(f"without the emulated rover, which needs {pip_line('pymavlink')}")
         return SIMULATED.run(options)
     need("the emulated rover", "pymavlink")
-    need("the report of a demo", "matplotlib")
     say = (lambda text: None) if options.json else partial(print, flush=True)
     report, status = demo(options.output, options.seconds, options.seed, say, options.json)
     if options.json:

@@ -85,7 +85,13 @@ class HelpFormatter(argparse.RawDescriptionHelpFormatter):
 
 
 class Parser(argparse.ArgumentParser):
-    """Raises what is wrong with a command line, and names what may have been meant."""
+    """Raises what is wrong with a command line, and names what may have been meant.
+
+    Options are not abbreviated: ``--arm`` must be meant.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**{"allow_abbrev": False, **options})
 
     def error(self, message: str) -> NoReturn:
         """Raise UsageError."""
@@ -150,8 +156,12 @@ def build_parser(commands: Mapping[str, str], words: Iterable[str] | None = None
         formatter_class=HelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"kmpc_lite {__version__}")
-    named = next((word for word in words or () if not word.startswith("-")), None)
-    chosen = list(commands) if named is None or named not in commands else [named]
+    typed = list(words or ())
+    named = next((word for word in typed if not word.startswith("-")), "")
+    if named in commands:
+        chosen = [named]
+    else:
+        chosen = [] if typed[:1] == ["--version"] else list(commands)
     _add_commands(parser, {name: load(commands[name]) for name in chosen})
     return parser
 

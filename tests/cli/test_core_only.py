@@ -37,7 +37,7 @@ def kmpc(folder: Path, line: str) -> subprocess.CompletedProcess[str]:
     ("line", "extra"),
     [
         ("demo", "plot"),
-        ("demo --robot rover", "bridge"),
+        ("demo --robot rover", "plot"),
         ("demo --robot simulated", "plot"),
         ("demo --log run.csv", "plot"),
         ("report run.npz", "plot"),
