@@ -24,19 +24,22 @@ from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import paint
 
 POLL = 0.005
+PREARM = 1.0
+"""How long an autopilot may take to say what keeps it from arming [s]."""
 ADVICE = {
     Reason.LINK: "plug the cable in, or start the vehicle's end of the link",
     Reason.HEARTBEAT: "is the board powered, and is the telemetry frequent enough? "
     "safety.heartbeat_age is the limit",
-    Reason.NOT_READY: "arm it and choose GUIDED (run --arm does both); "
-    "a motor controller is taken when the bridge runs",
     Reason.BOARD: "see the fault above",
     Reason.ESTIMATE: "wait for the position estimate, check GPS, motion capture or encoders",
     Reason.POSE: "poses must come at least every safety.pose_age seconds",
     Reason.POSE_INVALID: "the board sends poses that are not numbers: check its sensors",
-    Reason.GEOFENCE: "the robot stands outside safety.geofence: "
-    "carry or drive it inside, or check the frame",
+    Reason.FRAME: "look whether the robot is shown where it is",
+    Reason.GEOFENCE: "the robot stands outside safety.geofence: carry or drive it inside, "
+    "or check the frame",
+    Reason.NOT_READY: "a motor controller is taken when the bridge runs",
 }
+"""What a user can do, in the order in which it is done."""
 
 
 @dataclass(frozen=True)
@@ -153,18 +156,38 @@ def _telemetry(driver: Driver, robot: Robot, seconds: float) -> list[Finding]:
 
 
 def _judgement(driver: Driver, robot: Robot) -> list[Finding]:
-    """What the safety gate would say if a controller ran."""
+    """What the safety gate would say if a controller ran, in the order in which a user mends it."""
+    refusals = _prearm(driver)
     now = time.monotonic()
     state, status = driver.state(), driver.health()
-    output = SafetyGate(robot.gate).step(now, VelocityCommand(0.0, 0.0, now), state, status)
-    if not output.reasons:
-        return [Finding(True, "the safety gate would let it drive now")]
+    command = VelocityCommand(0.0, 0.0, now)
+    reasons = set(SafetyGate(robot.gate).step(now, command, state, status).reasons)
     fresh = now - status.heartbeat_stamp if math.isfinite(status.heartbeat_stamp) else math.inf
+    pilot = robot.gate.pilot and Reason.NOT_READY in reasons
     found = []
-    for reason in output.reasons:
+    for reason in (reason for reason in ADVICE if reason in reasons):
+        if pilot and reason is Reason.NOT_READY:
+            continue
         detail = f" ({fresh:.2f} s)" if reason is Reason.HEARTBEAT else ""
-        found.append(Finding(False, f"{reason.value}{detail}: {ADVICE.get(reason, 'see above')}"))
+        found.append(Finding(False, f"{reason.value}{detail}: {ADVICE[reason]}"))
+    found += [Finding(False, f"the autopilot would not arm: {text}") for text in refusals]
+    if pilot and not found:
+        text = f"not given to us yet: {status.mode}, {'' if status.armed else 'not '}armed"
+        found.append(Finding(True, f"{text}; run --arm takes it, or the pilot gives it"))
+    if not found:
+        found.append(Finding(True, "the safety gate would let it drive now"))
     return found
+
+
+def _prearm(driver: Driver) -> tuple[str, ...]:
+    """Ask an autopilot that is not armed what keeps it from arming, in its own words."""
+    ask_prearm = getattr(driver, "ask_prearm", None)
+    if ask_prearm is None or driver.health().armed:
+        return ()
+    ask_prearm()
+    time.sleep(PREARM)
+    refusals: tuple[str, ...] = getattr(driver, "refusals")()  # noqa: B009
+    return refusals
 
 
 COMMAND = Command(

@@ -31,7 +31,11 @@ class Course(NamedTuple):
 
 
 def course(
-    robot: Robot, settle: float, seconds: float, watch: Callable[[Any, Any], None] | None = None
+    robot: Robot,
+    settle: float,
+    seconds: float,
+    watch: Callable[[Any, Any], None] | None = None,
+    wait: float | None = None,
 ) -> Course:
     """Put a controller and a map before a robot.
 
@@ -45,15 +49,20 @@ def course(
         Give up after so long [s].
     watch : callable, optional
         Is told each pose and plan.
+    wait : float, optional
+        How long the vehicle may take until it drives [s]; `seconds` where not given.
 
     Raises
     ------
     ConfigError
         For a scenario or a model that cannot be used.
     """
+    import numpy as np
+
     import kmpc_lite as kl
     from firmware_bridge.runtime.navigator import Navigator, Task
     from kmpc_lite.sim import Scenario
+    from kmpc_lite.sim.closed_loop import obstacle_gaps
 
     if robot.control.scenario is None:
         raise ConfigError(f"{robot.where}: control.scenario: missing: give --scenario NAME")
@@ -81,12 +90,13 @@ def course(
         scenario.heading_tolerance,
         scenario.radius,
         scenario.circles_at,
+        lambda x, y, time: float(obstacle_gaps(scenario, np.array([[x, y]]), np.array([time]))[0]),
     )
     origin = (
         (0.0, 0.0, 0.0) if robot.is_autopilot or robot.link.pose is not None else scenario.start
     )
     period = robot.control.period or controller.problem.dt
-    navigator = Navigator(step, task, settle, seconds)
+    navigator = Navigator(step, task, settle, seconds, wait=wait)
     return Course(scenario.name, robot, navigator, period, origin, note)
 
 

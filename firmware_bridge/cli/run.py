@@ -41,7 +41,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=positive,
         metavar="S",
         default=DRIVE_TIME,
-        help=f"give up after so long [s] (default: {DRIVE_TIME:g})",
+        help=f"give up after so long of driving, or of waiting [s] (default: {DRIVE_TIME:g})",
+    )
+    add(
+        "--wait",
+        type=positive,
+        metavar="S",
+        help="how long to wait for the vehicle before it drives [s] (default: as --seconds)",
     )
     add(
         "--settle",
@@ -57,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
     """Drive to the goal; status 1 where the robot does not arrive."""
     from firmware_bridge.runtime.drive import run as drive
 
-    job = course(read_robot(options), options.settle, options.seconds)
+    job = course(read_robot(options), options.settle, options.seconds, wait=options.wait)
     prepare(options)
     report, status = drive(
         job.robot,

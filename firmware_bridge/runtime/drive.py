@@ -62,20 +62,39 @@ def run(
             lambda: session.gate.state is GateState.ACTIVE,
             lambda: session.planner.held,
         )
-        session.drive(navigator.finished)
-        report = {"outcome": "", **navigator.report(), **session.report()}
+        why: list[str] = []
+
+        def finished() -> bool:
+            done = navigator.finished()
+            if done and not why:
+                why.extend(session.why())
+            return done
+
+        session.drive(finished)
+        navigator.look(session.driver.state())
+        report = {"outcome": "", **navigator.report(), "why": [], **session.report()}
         interrupted = session.loop.stop_reason in SIGNALS
-        arrived = navigator.arrived_after is not None
-        report["outcome"] = (
-            "arrived"
-            if arrived
-            else f"stopped by {session.loop.stop_reason}"
-            if interrupted
-            else "time is up"
-        )
+        report["outcome"] = _outcome(navigator, session.loop.stop_reason if interrupted else "")
+        if not navigator.arrived:
+            report["why"] = why or session.why()
         if out is not None:
             tell(report, session, out)
-    return report, DONE if arrived else INTERRUPTED if interrupted else NOT_DONE
+    if navigator.arrived and not navigator.touched:
+        return report, DONE
+    return report, INTERRUPTED if interrupted else NOT_DONE
+
+
+def _outcome(navigator: Navigator, signal: str) -> str:
+    """What came of a run, in words; `signal` ended it, if one did."""
+    if navigator.arrived:
+        outcome = "arrived"
+    elif navigator.arrived_after is not None:
+        outcome = "left the goal again while stopping"
+    elif signal:
+        outcome = f"stopped by {signal}"
+    else:
+        outcome = "time is up" if navigator.drove else "never drove"
+    return f"touched an obstacle, {outcome}" if navigator.touched else outcome
 
 
 def record(
@@ -158,6 +177,7 @@ def tell(report: dict[str, Any], session: Session, out: TextIO) -> None:
         lines.append(
             f"{loop['errors'] + loop['controller_errors']} errors, the last: {loop['last_error']}"
         )
+    lines += [f"why: {why}" for why in report["why"]]
     lines += [f"recorded to {', '.join(report['files'])}"] if report["files"] else []
     out.write("\n".join([*lines, *report["problems"]]) + "\n")
 

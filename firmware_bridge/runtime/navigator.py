@@ -12,6 +12,8 @@ from typing import Any
 from firmware_bridge.messages import State, VelocityCommand
 
 Pose = tuple[float, float, float]
+PARTS = 4
+"""Places between two poses at which the distance to obstacles is looked at."""
 Circles = Any
 """Rows x, y, radius [m], and whatever the planner wants to know more: an array or a list of
 lists."""
@@ -32,6 +34,9 @@ class Task:
     """Of the robot [m]."""
     circles_at: Callable[[float], Circles]
     """Obstacles at a time since the beginning of the drive [s]."""
+    gap_at: Callable[[float, float, float], float] | None = None
+    """Distance of a robot at x, y [m] and a time [s] to the nearest obstacle of any kind, between
+    edges [m]; None: of the circles."""
 
 
 class Navigator:
@@ -49,6 +54,9 @@ class Navigator:
         How long the goal must be held [s].
     seconds : float
         Give up after so long [s].
+    wait : float, optional
+        Give up where no command has passed this long after the start [s]; `seconds` where not
+        given.
     clock : callable
         [s]
     """
@@ -60,6 +68,7 @@ class Navigator:
         settle: float,
         seconds: float,
         clock: Callable[[], float] = time.monotonic,
+        wait: float | None = None,
     ) -> None:
         self._step, self._task, self._settle, self._seconds, self._clock = (
             step,
@@ -72,6 +81,8 @@ class Navigator:
         """Whether commands pass; set once there is a gate."""
         self.held: Callable[[], tuple[float, float] | None] = lambda: None
         """Mean command on the wire since the last plan; set once there is a planner."""
+        self._wait = seconds if wait is None else wait
+        self._started: float | None = None
         self._began: float | None = None
         self._inside_since: float | None = None
         self._last: State | None = None
@@ -100,8 +111,40 @@ class Navigator:
         return 0.0 if self._began is None else now - self._began
 
     def finished(self) -> bool:
-        """Whether the goal is held, or time is up."""
-        return self.arrived_after is not None or self.elapsed(self._clock()) > self._seconds
+        """Whether the goal is held, or time is up; the time counts from the first question."""
+        now = self._clock()
+        if self._started is None:
+            self._started = now
+        if self._began is None:
+            return now - self._started > self._wait
+        return self.arrived_after is not None or now - self._began > self._seconds
+
+    @property
+    def drove(self) -> bool:
+        """Whether a command has ever passed."""
+        return self._began is not None
+
+    @property
+    def touched(self) -> bool:
+        """Whether robot and obstacle have touched, by the measured pose."""
+        return self.clearance <= 0.0
+
+    @property
+    def stays(self) -> bool:
+        """Whether the last pose is still within the tolerance of the goal."""
+        distance, turn = self.errors()
+        return distance <= self._task.tolerance and turn <= self._task.heading_tolerance
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the goal was held, and the robot has stayed there."""
+        return self.arrived_after is not None and self.stays
+
+    def look(self, state: State | None) -> None:
+        """Judge a pose without planning from it: the one at which the robot came to rest."""
+        if state is not None and self._began is not None:
+            now = self._clock()
+            self._judge(state, self._task.circles_at(self.elapsed(now)), now)
 
     def errors(self) -> tuple[float, float]:
         """Distance to the goal [m] and heading error [rad] of the last pose; infinite without."""
@@ -113,11 +156,8 @@ class Navigator:
         )
 
     def _judge(self, state: State, circles: Circles, now: float) -> None:
-        self._last = state
-        for x, y, radius, *_ in circles:
-            self.clearance = min(
-                self.clearance, math.hypot(state.x - x, state.y - y) - radius - self._task.radius
-            )
+        before, self._last = self._last, state
+        self.clearance = min(self.clearance, self._least_gap(before or state, state, circles, now))
         distance, turn = self.errors()
         if distance > self._task.tolerance or turn > self._task.heading_tolerance:
             self._inside_since = None
@@ -127,11 +167,26 @@ class Navigator:
             assert self._began is not None
             self.arrived_after = self._inside_since - self._began
 
+    def _least_gap(self, before: State, state: State, circles: Circles, now: float) -> float:
+        """Smallest distance to an obstacle on the way from one pose to the next [m]."""
+        least, time_now, task = math.inf, self.elapsed(now), self._task
+        for part in range(1, PARTS + 1):
+            share = part / PARTS
+            x = before.x + share * (state.x - before.x)
+            y = before.y + share * (state.y - before.y)
+            if task.gap_at is not None:
+                least = min(least, task.gap_at(x, y, time_now))
+                continue
+            gaps = (math.hypot(x - cx, y - cy) - radius for cx, cy, radius, *_ in circles)
+            least = min(least, min(gaps, default=math.inf) - task.radius)
+        return least
+
     def report(self) -> dict[str, Any]:
         """Plain values, for JSON."""
         distance, turn = self.errors()
         return {
-            "arrived": self.arrived_after is not None,
+            "arrived": self.arrived,
+            "touched": self.touched,
             "arrived_after_s": None if self.arrived_after is None else round(self.arrived_after, 3),
             "position_error_m": None if math.isinf(distance) else round(distance, 4),
             "heading_error_rad": None if math.isinf(turn) else round(turn, 4),

@@ -132,7 +132,7 @@ class Session:
                 )
                 self._link_log = start_log(self._output.with_name(self._output.name + ending))
                 transport = RecordedTransport(transport, self._link_log.put)
-            inner = open_driver(self.robot, transport)
+            inner = self._inner = open_driver(self.robot, transport)
             self.driver: Driver = PlacedDriver(inner, self._origin)
             self._catch_signals()
             try:
@@ -180,7 +180,7 @@ class Session:
                 f"{self.robot.link.driver} {self.robot.link.url}",
                 self._out,
                 live,
-                self.problems,
+                self._notes,
             )
             view.start()
         interval = sys.getswitchinterval()
@@ -229,6 +229,19 @@ class Session:
     def problems(self) -> list[str]:
         """What a user must know and no robot must stop for."""
         return [p for p in (self.estop.problem, *(log.problem for log in self._logs())) if p]
+
+    def why(self) -> list[str]:
+        """What keeps the robot from driving, and the autopilot's own words on it, whole."""
+        return list(dict.fromkeys((*self.loop.why(), *self.words())))
+
+    def words(self) -> tuple[str, ...]:
+        """Why the autopilot would not arm, in its own words."""
+        refusals: Callable[[], tuple[str, ...]] = getattr(self._inner, "refusals", tuple)
+        return refusals()
+
+    def _notes(self) -> list[str]:
+        """What a terminal tells once, in whole lines."""
+        return [*self.problems(), *(f"autopilot: {text}" for text in self.words())]
 
     def report(self) -> dict[str, Any]:
         """Plain values, for JSON."""

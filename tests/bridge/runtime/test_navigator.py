@@ -1,0 +1,87 @@
+"""What a run is told to be: an end in any case, touches, and goals that are left again."""
+
+import math
+
+import pytest
+from robots import Clock
+
+from firmware_bridge.messages import State
+from firmware_bridge.runtime.navigator import Navigator, Task
+
+
+def navigator(clock, *, gap_at=None, circles=(), wait=None, seconds=20.0, settle=0.5):
+    task = Task((1.0, 0.0, 0.0), 0.05, 0.1, 0.2, lambda t: list(circles), gap_at)
+    made = Navigator(lambda pose, circles: (0.1, 0.0, "SOLVED"), task, settle, seconds, clock, wait)
+    made.is_driving = lambda: True
+    return made
+
+
+def at(made, clock, x, y=0.0, theta=0.0, after=0.1):
+    clock.now += after
+    made(State(x, y, theta, 0.0, 0.0, clock()))
+
+
+def test_a_vehicle_that_is_never_given_ends_the_run():
+    """The run waited for ever: the time counted from the first command only."""
+    clock = Clock()
+    made = navigator(clock)
+    made.is_driving = lambda: False
+    assert not made.finished()
+    at(made, clock, 0.0, after=19.0)
+    assert not made.finished()
+    clock.now += 2.0
+    assert made.finished()
+    assert not made.drove
+
+
+def test_wait_is_counted_apart_from_the_drive():
+    clock = Clock()
+    made = navigator(clock, wait=60.0, seconds=5.0)
+    made.is_driving = lambda: False
+    assert not made.finished()
+    at(made, clock, 0.0, after=50.0)
+    assert not made.finished()
+    made.is_driving = lambda: True
+    at(made, clock, 0.0)
+    at(made, clock, 0.1, after=4.0)
+    assert not made.finished()
+    clock.now += 2.0
+    assert made.finished()
+    assert made.drove
+
+
+def test_clearance_is_that_to_whatever_the_scenario_holds():
+    clock = Clock()
+    made = navigator(clock, gap_at=lambda x, y, t: 0.5 - y - 0.2)
+    at(made, clock, 0.0)
+    at(made, clock, 0.1, 0.1)
+    assert made.clearance == pytest.approx(0.2)
+    assert not made.touched
+    at(made, clock, 0.1, 0.31)
+    assert made.touched
+    assert made.report()["touched"] is True
+
+
+def test_a_touch_between_two_poses_is_one():
+    clock = Clock()
+    made = navigator(clock, circles=[(0.5, 0.0, 0.1)])
+    at(made, clock, 0.15, 0.25)
+    at(made, clock, 0.85, 0.25)
+    assert made.touched
+    assert made.clearance == pytest.approx(math.hypot(0.0, 0.25) - 0.3, abs=0.01)
+
+
+def test_only_a_robot_that_stays_has_arrived():
+    clock = Clock()
+    made = navigator(clock)
+    for _ in range(8):
+        at(made, clock, 1.02)
+    assert made.finished()
+    assert made.arrived
+    made.look(State(1.08, 0.0, 0.0, 0.0, 0.0, clock()))
+    assert made.arrived_after is not None
+    assert not made.arrived
+    assert made.report()["arrived"] is False
+    made.look(None)
+    made.look(State(1.04, 0.0, 0.0, 0.0, 0.0, clock()))
+    assert made.arrived
