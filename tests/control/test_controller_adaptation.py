@@ -120,11 +120,11 @@ def test_a_sent_command_of_another_shape_is_refused_and_nan_is_not_used(
         first = controller.step((0, 0, 0), (1.0, 0.5, 0.0))
         with pytest.raises(ValueError, match="sent: expected shape"):
             controller.step((0, 0, 0), (1.0, 0.5, 0.0), sent=(0.1, 0.2, 0.3))
-        past = controller._past.commands.copy()
+        past = controller.state.history.commands.copy()
         controller.step(first.states[1], (1.0, 0.5, 0.0), sent=(np.nan, 0.2))
         assert (
-            np.isfinite(controller._past.commands).all()
-            and (controller._past.commands[:-1] == past[1:]).all()
+            np.isfinite(controller.state.history.commands).all()
+            and (controller.state.history.commands[:-1] == past[1:]).all()
         )
 
 
@@ -248,7 +248,7 @@ def test_a_log_without_noise_does_not_make_margins_blind(
     inputs = np.tile((0.6, 0.0), (20, 1))
     states = knowing[0.0].rollout(np.zeros(3), inputs)
     lin, normals = knowing[0.0].linearize(states[:-1], inputs), np.tile((0.0, 1.0), (20, 1, 1))
-    margins, drift = controller._margins, DriftState()
+    margins, drift = controller._known.margins, DriftState()
     assert margins is not None
     # what one period of an unknown floor may do is kept in any case
     kept = margins.tightening.margins(drift, lin, states, inputs, normals)

@@ -47,7 +47,7 @@ def test_a_poisoned_warm_start_is_dropped(poison: float) -> None:
     x, goal = np.zeros(3), (1.5, 1.0, 0.0)
     for _ in range(3):
         x = controller.step(x, goal).states[1]
-    last = controller._last
+    last = controller.state.trajectory
     assert last is not None
     last.states[2:] = poison
     last.inputs[1:] = poison
