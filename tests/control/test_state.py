@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.sim.maps.families import random_scenario
+from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.types import Array
 
@@ -42,7 +42,7 @@ def test_a_drive_goes_on_to_the_last_bit_after_a_copy_and_a_pickle(
     number: int, learned: kl.KoopmanModel, lagging: kl.KoopmanModel
 ) -> None:
     random = np.random.default_rng(number)
-    scenario = random_scenario(FAMILIES[number % len(FAMILIES)], number)
+    scenario = random_map(FAMILIES[number % len(FAMILIES)], number)
     controller, plant = options(number, learned, lagging), kl.DifferentialDrive(0.2, seed=number)
     x, until = np.array(scenario.start), int(random.integers(1, STEPS - 10))
     for k in range(until):
@@ -65,7 +65,7 @@ def test_a_drive_goes_on_to_the_last_bit_after_a_copy_and_a_pickle(
 def test_a_search_for_a_path_goes_on_after_a_copy_at_every_one_of_its_parts(
     learned: kl.KoopmanModel,
 ) -> None:
-    scenario = random_scenario("rooms", 3)
+    scenario = random_map("rooms", 3)
     controller, x = kl.Controller(learned), np.array(scenario.start)
     goals = [scenario.goal, (scenario.start[0] + 0.3, scenario.start[1], 0.0)]
     searched = 0
