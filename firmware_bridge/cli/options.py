@@ -25,8 +25,8 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--link",
         metavar="URL",
-        help="link.url: serial:PATH?baud=..., pty:PATH, tcp:HOST:PORT, udp:HOST:PORT (sends there), "
-        "udp:HOST:PORT?listen=1 (waits there)",
+        help="link.url: serial:PATH?baud=..., pty:PATH, tcp:HOST:PORT, "
+        "udp:HOST:PORT (sends there), udp:HOST:PORT?listen=1 (waits there)",
     )
     add(
         "--pose",
