@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from firmware_bridge.emulator.rover.estimator import Estimator
+from firmware_bridge.emulator.rover.parameters import Parameters
 from firmware_bridge.emulator.rover.physics import Demand, DriveLimits, RoverPhysics
 
 LIMITS = DriveLimits(1.0, 1.0, math.radians(120.0), math.radians(120.0))
@@ -136,3 +138,21 @@ def test_stays_finite_and_within_reach_whatever_is_asked(
             physics.step(Demand(speed, turn), LIMITS, DT)
             assert all(map(math.isfinite, (*physics.pose, *physics.velocity)))
             assert math.hypot(*physics.velocity[:2]) < 1.25 * 3.0
+
+
+def test_the_position_wanders_as_far_as_asked_and_the_same_for_the_same_seed() -> None:
+    def errors(noise: float, seed: int) -> np.ndarray:
+        estimator, physics, found = Estimator(Parameters(), 0.0, noise, seed), RoverPhysics(), []
+        for turn in range(20_000):
+            estimator.step(physics, turn * DT, DT)
+            found.append(estimator.pose[:2])
+        return np.array(found)
+
+    wandering = errors(0.01, 1)
+    assert wandering.std(axis=0) == pytest.approx([0.01, 0.01], rel=0.35)
+    assert np.abs(wandering).max() < 0.06
+    steps = wandering[5::5] - wandering[:-5:5]
+    assert steps.std() == pytest.approx(0.0016, rel=0.2), "in 0.1 s"
+    assert (errors(0.01, 1) == wandering).all()
+    assert (errors(0.01, 2) != wandering).any()
+    assert not errors(0.0, 1).any()
