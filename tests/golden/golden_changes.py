@@ -11,7 +11,8 @@ OTHER_RADIUS = (
     "margins than the metres that were meant for the paper's"
 )
 ADAPTATION = (
-    "adaptation refuses gains that no robot has, and a corrected model that predicts worse gives way"
+    "adaptation refuses gains that no robot has, "
+    "and a corrected model that predicts worse gives way"
 )
 SAME_MAP = "a map that is equal to the one before, though made anew, is no reason for a new path"
 CHANGED: dict[int, str] = {
