@@ -19,7 +19,8 @@ def image(name: str, svg: bytes, more: str) -> str:
         f'<img alt="{escape(alt)}" '
         f'src="data:image/svg+xml;base64,{b64encode(svg).decode("ascii")}">'
     )
-    return f'<figure class="{name}">{picture}<figcaption>{escape(caption + more)}</figcaption></figure>'
+    below = f"<figcaption>{escape(caption + more)}</figcaption>"
+    return f'<figure class="{name}">{picture}{below}</figure>'
 
 
 def text(words: str) -> str:
