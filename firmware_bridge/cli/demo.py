@@ -190,7 +190,9 @@ def _record(stage: Stage, seconds: float, seed: int) -> tuple[dict[str, Any], in
 
     def line() -> str:
         rows = log.read_bytes().count(b"\n") - 1 if log.exists() else 0
-        return f"   {max(0.0, rows * PERIOD):.0f} of {seconds:g} s recorded"
+        if rows <= 0:
+            return "   waiting for the rover to be armed"
+        return f"   {min(seconds, rows * PERIOD):.0f} of {seconds:g} s recorded"
 
     with stage.rover(), watching(line, stage.quiet):
         report, status = record(

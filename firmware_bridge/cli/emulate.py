@@ -33,6 +33,8 @@ BOARDS = {
     "arduino": "ArduinoEmulator",
 }
 """By the name of their modules: only the one that is needed is imported."""
+GPS_NOISE = 0.01
+"""Slow error of an emulated autopilot's position [m], as the real firmware has it."""
 SHOWN = 0.5
 """Between pictures of the pose [s]."""
 
@@ -167,6 +169,7 @@ def build_emulator(
             system=system,
             physics=physics,
             parameters=parameters,
+            noise=GPS_NOISE,
         )
     module = import_module(f"firmware_bridge.emulator.{robot.link.driver}")
     emulator: BoardEmulator = getattr(module, BOARDS[robot.link.driver]).from_options(

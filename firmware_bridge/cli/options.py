@@ -25,8 +25,8 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--link",
         metavar="URL",
-        help="link.url: serial:PATH?baud=..., pty:PATH, tcp:HOST:PORT, udp:HOST:PORT (sends there), "
-        "udp:HOST:PORT?listen=1 (waits there)",
+        help="link.url: serial:PATH?baud=..., a device's path, pty:PATH, tcp:HOST:PORT, "
+        "udp:HOST:PORT (sends there), udp:HOST:PORT?listen=1 (waits there)",
     )
     add(
         "--pose",
@@ -45,7 +45,12 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
         metavar="V",
         help="limits.v_max and v_reverse [m/s] (default: 0.3, slow on purpose)",
     )
-    add("--omega-max", type=float, metavar="OMEGA", help="limits.omega_max [rad/s] (default: 0.8)")
+    add(
+        "--omega-max",
+        type=float,
+        metavar="OMEGA",
+        help="limits.omega_max [rad/s] (default: 0.8)",
+    )
     add(
         "--geofence",
         nargs=4,

@@ -6,7 +6,7 @@ import argparse
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import kmpc_lite as kl
 from kmpc_lite.cli.command import Command
@@ -56,10 +56,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     add(
         "--lags",
-        type=int,
         nargs="+",
-        metavar="AGE",
-        help="ages of the commands that act, in periods: motor lag and dead time (0 = no lag)",
+        metavar="auto|none|AGE",
+        help="auto (default): find out how late the robot answers and how it slips, as far as the "
+        "log supports it; none; or ages of the commands that act, in periods (0 = no lag)",
+    )
+    add(
+        "--no-symmetry",
+        action="store_true",
+        help="let the motion depend on where the robot stands and faces: the paper's free fit",
     )
     add(
         "--product",
@@ -101,9 +106,19 @@ def run(options: argparse.Namespace) -> int:
     train, held = load_and_split(
         options.log, options.dt, options.gap, options.holdout, options.seed
     )
-    dictionary = make_dictionary(options.dictionary, options.lags, options.product)
-    model = kl.fit(train, dictionary, method=options.method)
+    free = options.no_symmetry or options.method == "edmdc"
+    lags = read_lags(options.lags, options.product, free)
+    ages = None if lags == "auto" else lags
+    dictionary = make_dictionary(options.dictionary, ages, options.product)
+    model = kl.fit(
+        train,
+        dictionary,
+        method=options.method,
+        symmetric=False if free else None,
+        lags="auto" if lags == "auto" else None,
+    )
     report = kl.evaluate(model, held, options.horizon)
+    facts = describe(model, train, report) if lags == "auto" else {}
     model, calibration = calibrated(model, held)
     model = with_info(model, {"held_out": report.as_dict(), "log": [str(f) for f in options.log]})
     model.save(options.output)
@@ -114,6 +129,7 @@ def run(options: argparse.Namespace) -> int:
             "train": repr(train),
             "held_out": report.as_dict(),
             "margins": calibration.removeprefix("margins: "),
+            **({"learned": facts} if facts else {}),
         }
         keys = ("method", "samples", "rank", "features", "condition")
         print(json.dumps({**told, **{key: info[key] for key in keys}}))
@@ -121,8 +137,47 @@ def run(options: argparse.Namespace) -> int:
     print(f"train  {train}\nheld   {held}")
     rank = f"rank {info['rank']} of {info['features']}"
     print(f"fit    {info['method']}, {rank}, condition {info['condition']:.3g}")
+    if facts:
+        from kmpc_lite.learn.account import format_account
+
+        print(format_account(facts))
     print(f"{report}\n{calibration}\nwrote  {options.output}")
     return 0
+
+
+def read_lags(
+    given: list[str] | None, product: bool, free: bool
+) -> Literal["auto"] | list[int] | None:
+    """Read what --lags says: "auto" where nothing is said and nothing speaks against it.
+
+    Raises
+    ------
+    DataError
+        For anything but auto, none or whole numbers, and for auto with a free fit.
+    """
+    if given is None:
+        return None if free or product else "auto"
+    if given in (["auto"], ["none"]):
+        if given == ["auto"] and (free or product):
+            raise kl.DataError(
+                "--lags auto goes with the symmetric integral fit and chooses the slip terms "
+                "itself: leave out --product, --no-symmetry and --method edmdc"
+            )
+        return "auto" if given == ["auto"] else None
+    try:
+        return [int(age) for age in given]
+    except ValueError:
+        raise kl.DataError(
+            f"--lags {' '.join(given)}: expected auto, none, or ages in periods such as 0 1 2"
+        ) from None
+
+
+def describe(model: kl.KoopmanModel, train: kl.Dataset, report: kl.FitReport) -> dict[str, Any]:
+    """Facts about the robot that a fit has learned, with warnings."""
+    from kmpc_lite.learn.account import account, warn_of_errors
+
+    facts = account(model, train)
+    return {**facts, "warnings": [*warn_of_errors(report), *facts["warnings"]]}
 
 
 def load_and_split(
@@ -215,7 +270,7 @@ COMMAND = Command(
     text="Learn a model from a log and check it on parts of the log that it has not seen.",
     examples=(
         "kmpc fit run.csv -o robot.npz",
-        "kmpc fit run.csv -o robot.npz --dictionary trig --lags 0 1 2 --product",
+        "kmpc fit run.csv -o robot.npz --lags 0 1 2 --product",
     ),
     add_options=add_options,
     run=run,

@@ -47,7 +47,7 @@ class Verdict:
     best: int
     """Index of the candidate that is taken."""
     score: float
-    """Mean gain over the reference a block, in standard errors."""
+    """Mean relative gain over the reference a block, in standard errors."""
     errors: Array
     """Squared errors of each block, by a procedure that did not see its fold, (B,)."""
 
@@ -125,7 +125,7 @@ def cross_validate(candidates: Sequence[Candidate], folds: Array, reference: Arr
     for o in range(count):
         chosen = choose(inner[:, o, folds != o], complexity)
         honest[folds == o] = outer[chosen, folds == o]
-    return Verdict(choose(outer, complexity), gain_score(reference - honest), honest)
+    return Verdict(choose(outer, complexity), gain_score(reference, honest), honest)
 
 
 def choose(errors: Array, complexity: Sequence[int]) -> int:
@@ -138,13 +138,21 @@ def choose(errors: Array, complexity: Sequence[int]) -> int:
     return int(min(near.tolist(), key=lambda c: (complexity[c], total[c])))
 
 
-def gain_score(gains: Array) -> float:
-    """Mean of the blocks' gains in standard errors."""
-    error = gains.std(ddof=1) / np.sqrt(len(gains))
-    mean = gains.mean()
-    if error <= 0.0:
+def gain_score(reference: Array, errors: Array) -> float:
+    """Mean over the blocks of the relative gain, in standard errors; never positive without a gain.
+
+    Relative, ``(reference - errors) / (reference + errors)``, for a block in which the robot drives
+    fast must not drown those in which it drives slowly.
+    """
+    total = reference + errors
+    gains = (reference - errors) / np.where(total > 0.0, total, 1.0)
+    mean = float(gains.mean())
+    if reference.sum() <= errors.sum():
+        mean = min(mean, 0.0)
+    spread = float(gains.std(ddof=1)) / np.sqrt(len(gains))
+    if spread <= 0.0:
         return float(np.sign(mean) * np.inf) if mean else 0.0
-    return float(mean / error)
+    return float(mean / spread)
 
 
 def critical_score(blocks: int, significance: float) -> float:

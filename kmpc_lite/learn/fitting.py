@@ -10,6 +10,7 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.learn.automatic import fit_automatically
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.noise import fit_noise
+from kmpc_lite.learn.noise_sources import split_noise_sources
 from kmpc_lite.learn.regression import Accumulator, Method
 from kmpc_lite.learn.symmetry import wants_symmetry
 from kmpc_lite.model.dictionary import Dictionary, InputHistoryDictionary, UnicycleDictionary
@@ -87,7 +88,10 @@ def fit(
                 "dictionary that knows no history itself"
             )
         model = fit_automatically(dataset, lifting)
-        return replace(model, noise_model=fit_noise(model, dataset)) if noise else model
+        if not noise:
+            return model
+        sources = split_noise_sources(model, dataset)
+        return replace(model, noise_model=replace(fit_noise(model, dataset), sources=sources))
     if lags:
         lifting = InputHistoryDictionary(lifting, tuple(lags))
     return _fit_once(dataset, lifting, method, ridge, noise, symmetric)

@@ -62,7 +62,7 @@ class SelectionOptions:
     """Longest history [periods]: each adds columns to the quadratic program."""
     kept: float = 0.5
     """Share of the windows that must remain after the longest history."""
-    significance: float = 0.002
+    significance: float = 0.001
     """Probability at which a worthless explanation may pass, in each direction."""
     most_steps: int = 40_000
     """Steps of the longest log that the choice looks at in full; the fit looks at all."""

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from kmpc_lite.errors import ModelError
 from kmpc_lite.files import real_array
 from kmpc_lite.model.dictionary import Dictionary, UnicycleDictionary
+from kmpc_lite.model.noise_sources import NoiseSources
 from kmpc_lite.types import INPUTS, STATES, Array
 
 TABLEAUX = {
@@ -51,6 +52,8 @@ class NoiseModel:
     """
 
     coefficients: Array
+    sources: NoiseSources | None = None
+    """What the covariance comes from, where a log was long enough to tell."""
 
     def check(self) -> None:
         """Raise ModelError unless the coefficients are three covariances."""
@@ -65,6 +68,8 @@ class NoiseModel:
             or np.linalg.eigvalsh(s).min() < -tolerance
         ):
             raise ModelError("model noise: expected symmetric positive semidefinite matrices")
+        if self.sources is not None:
+            self.sources.check()
 
     def covariance(self, u: Array) -> Array:
         """Covariances (..., 3, 3) for commands (..., 2)."""

@@ -11,6 +11,7 @@ from kmpc_lite.errors import ModelError
 from kmpc_lite.files import read_npz, write_whole
 from kmpc_lite.model.dictionary import Dictionary, dictionary_from_config, dictionary_to_config
 from kmpc_lite.model.koopman import KoopmanModel, NoiseModel
+from kmpc_lite.model.noise_sources import NoiseSources
 
 FORMAT = "kmpc_lite.model"
 VERSION = 1
@@ -28,6 +29,8 @@ def save_model(model: KoopmanModel, path: str | os.PathLike[str]) -> None:
         "info": dict(model.info),
     }
     noise = np.empty((0,)) if model.noise_model is None else model.noise_model.coefficients
+    found = None if model.noise_model is None else model.noise_model.sources
+    more = {} if found is None else {"noise_sources": found.as_array()}
     try:
         text = np.array(json.dumps(header))
         with write_whole(path) as file:
@@ -40,6 +43,7 @@ def save_model(model: KoopmanModel, path: str | os.PathLike[str]) -> None:
                 H=model.H,
                 C=model.C,
                 noise=noise,
+                **more,
             )
     except OSError as error:
         raise ModelError(f"{path}: cannot write the model: {error.strerror or error}") from error
@@ -50,7 +54,7 @@ def save_model(model: KoopmanModel, path: str | os.PathLike[str]) -> None:
 def load_model(path: str | os.PathLike[str], dictionary: Dictionary | None = None) -> KoopmanModel:
     """Read a model; see `KoopmanModel.load`."""
     try:
-        arrays, names = read_npz(path, ("header", "A", "B", "H", "C", "noise"))
+        arrays, names = read_npz(path, ("header", "A", "B", "H", "C", "noise", "noise_sources"))
     except OSError as error:
         raise ModelError(f"{path}: cannot read the model: {error.strerror or error}") from error
     except ValueError as error:
@@ -73,6 +77,8 @@ def load_model(path: str | os.PathLike[str], dictionary: Dictionary | None = Non
         )
     try:
         noise = arrays.pop("noise")
+        sources = arrays.pop("noise_sources", None)
+        told = None if sources is None else NoiseSources.from_array(sources)
         if not isinstance(header["info"], dict) or not isinstance(header["continuous"], bool):
             raise TypeError("expected info to be a table and continuous true or false")
         return KoopmanModel(
@@ -82,7 +88,7 @@ def load_model(path: str | os.PathLike[str], dictionary: Dictionary | None = Non
             dt=header["dt"],
             continuous=header["continuous"],
             integrator=header["integrator"],
-            noise_model=NoiseModel(noise) if noise.size else None,
+            noise_model=NoiseModel(noise, told) if noise.size else None,
             info=header["info"],
             **arrays,
         )

@@ -29,6 +29,7 @@ from kmpc_lite.control.obstacles.circles import Circle, circles_to_array
 from kmpc_lite.control.plan import Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import KmpcError, ProblemError
+from kmpc_lite.geometry import heading_near
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.peers.ipopt import symbolic_step
 from kmpc_lite.types import INPUTS, STATES, Array
@@ -253,7 +254,7 @@ class AcadosController:
             )
         n, dt, solver = self.problem.horizon, self.problem.dt, self._solver
         start = perf_counter()
-        target[2] = pose[2] + np.remainder(target[2] - pose[2] + np.pi, 2 * np.pi) - np.pi
+        target[2] = heading_near(float(target[2]), float(pose[2]))
         slots = np.array([*circles, *[FAR_AWAY] * (self.obstacles - len(circles))])
         states, inputs = self._plan or (np.tile(pose, (n + 1, 1)), np.zeros((n, INPUTS)))
         known = target.tobytes() + slots.tobytes()

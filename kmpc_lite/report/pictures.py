@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.errors import KmpcError
+from kmpc_lite.geometry import distances, wrap
 from kmpc_lite.learn.evaluation import FitReport
 from kmpc_lite.report.maps import map_picture
 from kmpc_lite.report.style import (
@@ -148,8 +149,8 @@ def errors_picture(run: Run) -> Figure:
     """Draw distance to the goal, heading error and clearance over time, with their limits."""
     scenario = run.scenario
     times, gaps = path_times(run), path_clearances(run)
-    distance = np.hypot(*(run.path[:, :2] - scenario.goal[:2]).T)
-    heading = np.remainder(run.path[:, 2] - scenario.goal[2] + np.pi, 2 * np.pi) - np.pi
+    distance = distances(run.path, np.array(scenario.goal))
+    heading = wrap(run.path[:, 2] - scenario.goal[2])
     # no line across the picture where the error passes half a turn
     heading = np.where(np.abs(np.diff(heading, prepend=heading[0])) > np.pi, np.nan, heading)
     with style():

@@ -228,15 +228,7 @@ def drive(
                 k * dt + (int(np.argmax(gaps < 0.0)) + 1) * dt / SUBSAMPLES,
             )
             break
-        error = x - goal
-        error[2] = wrap(float(error[2]))
-        if stop_norm is None:
-            here = (
-                np.hypot(error[0], error[1]) <= scenario.tolerance
-                and abs(error[2]) <= scenario.heading_tolerance
-            )
-        else:
-            here = bool(np.linalg.norm(error) <= stop_norm)
+        here = _is_there(x, scenario, stop_norm)
         inside = inside + dt if here else 0.0
         if here and inside >= settle:
             outcome, duration = Outcome.REACHED, (k + 1) * dt
@@ -254,6 +246,18 @@ def drive(
         np.array(times),
         clearance,
         dict(info or {}),
+    )
+
+
+def _is_there(x: Array, scenario: Scenario, stop_norm: float | None) -> bool:
+    """Whether a robot at a state (3,) has arrived: within the tolerances, or the norm if given."""
+    error = x - np.array(scenario.goal)
+    error[2] = wrap(float(error[2]))
+    if stop_norm is not None:
+        return bool(np.linalg.norm(error) <= stop_norm)
+    return bool(
+        np.hypot(error[0], error[1]) <= scenario.tolerance
+        and abs(error[2]) <= scenario.heading_tolerance
     )
 
 

@@ -8,6 +8,7 @@ the test's own.
 
 import math
 import random
+import resource
 import threading
 import time
 from collections import Counter
@@ -362,6 +363,37 @@ def test_a_hundred_thousand_faults():
         and world.counts["then ACTIVE"] > 100
         and world.counts["then RELEASED"] > 10
     )
+
+
+HOURS = 10.0
+"""Of the soak, on the clock of the test."""
+
+
+@pytest.mark.long
+def test_ten_hours_leak_nothing_drift_nowhere_and_miss_no_stop():
+    """Drive for a minute, stop, stand, enable: for ten hours."""
+    world = World(11)
+    world.connect()
+    began, stops, sizes = world.clock(), 0, []
+    while world.clock() - began < HOURS * 3600.0:
+        world.run(55.0)
+        assert world.gate.state is GateState.ACTIVE, world.loop.snapshot
+        world.desk.requests.add("stop")
+        world.run(2.0)
+        assert world.rover.stopped and world.gate.state is GateState.ESTOP
+        stops += 1
+        world.desk.requests.add("reset")
+        world.run(0.1)
+        world.desk.requests.add("enable")
+        world.run(2.9)
+        state, (x, y, theta) = world.core.state, world.rover.pose
+        assert math.hypot(state.x - x, state.y - y) < 0.1
+        assert abs(math.remainder(state.theta - theta, math.tau)) < 0.05
+        assert world.core.frame.doubt == ""
+        sizes.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0)
+    assert stops >= 590
+    assert sizes[-1] - sizes[len(sizes) // 10] < 5.0, "MB"
+    assert world.loop.statistics.driver_errors == 0, world.loop.statistics.last_error
 
 
 BOARD_LIMITS = Limits(v_max=0.3, v_reverse=0.2, omega_max=0.8)

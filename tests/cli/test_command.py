@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import tomllib
@@ -106,6 +107,21 @@ def test_every_extra_that_is_told_is_one_of_the_project() -> None:
     for module, extra in EXTRAS.items():
         if module != "PIL":  # comes with matplotlib
             assert any(line.startswith(module) for line in extras[extra]), module
+
+
+def test_an_extra_exists_only_where_code_uses_it() -> None:
+    packages = [Path(__file__).parents[2] / name for name in ("kmpc_lite", "firmware_bridge")]
+    code = "\n".join(file.read_text() for folder in packages for file in folder.rglob("*.py"))
+    for extra, lines in PROJECT["optional-dependencies"].items():
+        for line in lines if extra not in ("clients", "docs", "dev") else ():
+            module = re.split(r"[^\w]", line.replace("dask[", ""))[0]
+            assert re.search(rf"^\s*(import|from) {module}\b", code, re.MULTILINE), (extra, module)
+
+
+def test_options_are_not_abbreviated(capsys: pytest.CaptureFixture[str]) -> None:
+    for line in ("run robot.toml --ar", "bench --install-acado"):
+        assert main(line.split()) == 2
+        assert "unrecognized arguments" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,10 @@ OTHER_UNITS = (
     "speed than 0.6 m/s, has margins, weights and tolerances that suit it"
 )
 OWN_COPY = "what the caller does to the arrays of a plan no longer reaches the controller"
-ADAPTATION = "adaptation refuses gains that no robot has, and a corrected model that predicts worse gives way"
+ADAPTATION = (
+    "adaptation refuses gains that no robot has, "
+    "and a corrected model that predicts worse gives way"
+)
 SAME_MAP = "a map that is equal to the one before, though made anew, is no reason for a new path"
 CHANGED: dict[int, str] = {
     1: SAME_MAP,

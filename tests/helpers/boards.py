@@ -47,7 +47,7 @@ WATCHDOG = {"roboclaw": 0.3, "roboteq": 0.3, "arduino": 0.3, "odrive": 0.3, "ves
 """How long each board drives on alone [s]."""
 
 
-def until(condition, seconds=5.0):
+def until(condition, seconds=20.0):
     """Wait for a condition; False if it does not come."""
     end = time.monotonic() + seconds
     while not condition():
@@ -103,6 +103,21 @@ class Rig:
         while time.monotonic() < end:
             self.driver.send(v, omega)
             time.sleep(period)
+
+    def come_to_rest(self):
+        """Command zero until the robot stands and its odometry knows where."""
+        here = None
+
+        def stands():
+            nonlocal here
+            before, here = here, self.emulator.pose
+            self.driver.send(0.0, 0.0)
+            time.sleep(0.05)
+            return before is not None and math.dist(before, here) < 1e-6
+
+        assert until(stands)
+        seen = time.monotonic()
+        assert until(lambda: self.driver.state().stamp > seen)
 
     @property
     def counters(self):

@@ -244,6 +244,7 @@ class Autopilot:
         p = self.parameters
         limits = DriveLimits(
             p["ATC_ACCEL_MAX"],
+            p["ATC_DECEL_MAX"] or p["ATC_ACCEL_MAX"],
             math.radians(p["ATC_STR_ACC_MAX"]),
             math.radians(p["ATC_STR_RAT_MAX"]),
         )

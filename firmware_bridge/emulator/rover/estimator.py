@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 
 from firmware_bridge.emulator.rover.parameters import Parameters
 from firmware_bridge.emulator.rover.physics import RoverPhysics
@@ -16,6 +17,10 @@ LOOKS_VALID = 7.0
 """How long the pose looks valid after motion capture has stopped, as measured [s]."""
 FED = 0.25
 """Motion capture must come at least this often to be taken for the first time [s]."""
+WANDER = 8.0
+"""Time constant of the position's slow error [s]: with 1 cm it moves by 1.6 mm in 0.1 s, what a
+model's one-step error on the firmware has more than on an emulator without; the firmware's position
+was 1 to 4 cm off."""
 ORIGIN = (47.3769, 8.5417, 408.0)
 """Where the GPS is: latitude, longitude [deg], altitude [m]."""
 
@@ -29,9 +34,17 @@ class Estimator:
         Say where the pose comes from.
     settled : float
         When after boot the EKF has its position and, with GPS, its origin [s].
+    noise : float
+        With GPS: standard deviation of a slow error of the position, each axis [m].
+    seed : int
+        Of that error.
     """
 
-    def __init__(self, parameters: Parameters, settled: float) -> None:
+    def __init__(
+        self, parameters: Parameters, settled: float, noise: float = 0.0, seed: int = 0
+    ) -> None:
+        self._noise, self._random = noise, random.Random(seed)
+        self._error = (0.0, 0.0)
         self._parameters, self._settled = parameters, settled
         self.origin: tuple[float, float, float] | None = None
         self.pose = (0.0, 0.0, 0.0)
@@ -49,10 +62,10 @@ class Estimator:
             self._fed, self.pose = uptime, (x, y, theta)
 
     def step(self, physics: RoverPhysics, uptime: float, dt: float) -> None:
-        """Follow the rover: exactly with GPS, else by its own motion since the last fed pose."""
+        """Follow the rover: with GPS all but a slow error, else its motion since the last pose."""
         self._uptime = uptime
         if not self._parameters.motion_capture:
-            self.pose = physics.pose
+            self.pose = self._wander(*physics.pose, dt)
             if uptime >= self._settled and self.origin is None:
                 self.origin = ORIGIN
             return
@@ -63,6 +76,17 @@ class Estimator:
         x += (east * math.cos(turned) - north * math.sin(turned)) * dt
         y += (east * math.sin(turned) + north * math.cos(turned)) * dt
         self.pose = (x, y, theta + turn * dt)
+
+    def _wander(self, x: float, y: float, theta: float, dt: float) -> tuple[float, float, float]:
+        """Put the slow error on a pose."""
+        if not self._noise:
+            return x, y, theta
+        kick = self._noise * math.sqrt(2.0 * dt / WANDER)
+        east, north = (
+            error * (1.0 - dt / WANDER) + self._random.gauss(0.0, kick) for error in self._error
+        )
+        self._error = (east, north)
+        return x + east, y + north, theta
 
     @property
     def position_ok(self) -> bool:

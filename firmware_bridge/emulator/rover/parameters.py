@@ -24,6 +24,7 @@ DEFAULTS: dict[str, tuple[float, int]] = {
     "WP_SPEED": (2, REAL32),
     "CRUISE_SPEED": (2, REAL32),
     "ATC_ACCEL_MAX": (1, REAL32),
+    "ATC_DECEL_MAX": (0, REAL32),
     "ATC_STR_ANG_P": (2, REAL32),
     "ATC_STR_ACC_MAX": (120, REAL32),
     "ATC_STR_RAT_MAX": (120, REAL32),

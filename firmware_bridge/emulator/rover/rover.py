@@ -61,6 +61,8 @@ class RoverEmulator:
     accept_unsigned : bool
         With a key: whether what is unsigned, or wrongly signed, is obeyed all the same, as on the
         real one's SERIAL0.
+    noise : float
+        Standard deviation of the slow error of its position, with GPS [m].
     physics : RoverPhysics, optional
         Another rover; slip, turn gain and seed are then its own.
 
@@ -88,6 +90,7 @@ class RoverEmulator:
         key: bytes | None = None,
         signature_ahead: float = 60.0,
         accept_unsigned: bool = False,
+        noise: float = 0.0,
         physics: RoverPhysics | None = None,
     ) -> None:
         self.parameters = Parameters(parameters)
@@ -95,6 +98,7 @@ class RoverEmulator:
         self._physics.place(*pose)
         self._clock, self._arm_after, self._system = clock, arm_after, system
         self._lock = threading.RLock()
+        self._noise, self._seed = noise, seed
         self._codec = MavlinkCodec(
             system,
             1,
@@ -114,7 +118,7 @@ class RoverEmulator:
         self._boot(uptime)
 
     def _boot(self, uptime: float) -> None:
-        estimator = Estimator(self.parameters, 0.6 * self._arm_after)
+        estimator = Estimator(self.parameters, 0.6 * self._arm_after, self._noise, self._seed)
         self.autopilot = Autopilot(self.parameters, self._physics, estimator, self._arm_after)
         self.autopilot.uptime = uptime
         self._telemetry = Telemetry(self.autopilot)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from kmpc_lite.cli.command import Command
-from kmpc_lite.cli.study import faults, maps, table1
+from kmpc_lite.cli.study import faults, learning, maps, table1
 
 COMMAND = Command(
     text="Reproduce the paper's table 1 beside ours, drive random maps, or force failures.\n"
@@ -13,5 +13,10 @@ COMMAND = Command(
         "kmpc study maps --families dense trap moving --slips 0.1",
         "kmpc study lag --records lag.jsonl --failures failures",
     ),
-    commands={"table1": table1.COMMAND, **maps.COMMANDS, "faults": faults.COMMAND},
+    commands={
+        "table1": table1.COMMAND,
+        **maps.COMMANDS,
+        "faults": faults.COMMAND,
+        "learning": learning.COMMAND,
+    },
 )

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.errors import ProblemError
+from kmpc_lite.geometry import exact_arc
 from kmpc_lite.learn.dataset import Dataset, Episode
 from kmpc_lite.sim.plants.robots import DifferentialDrive
 from kmpc_lite.sim.scenario.values import Floor
@@ -151,24 +152,10 @@ def _move(state: Array, speeds: Array, ratios: Array, h: float, turning_point: A
     """
     alpha, beta, gamma = ratios
     v, omega = speeds[..., 0], (1.0 + gamma) * speeds[..., 1]
-    # chord of an arc: length by sin(a)/a, direction by half the turn
-    half = 0.5 * h * omega
-    forward, left = (
-        h * (1.0 + beta) * v * np.sinc(half / np.pi),
-        -h * alpha * v * np.sinc(half / np.pi),
-    )
     # the pose goes around the turning point
-    around = 2.0 * half * np.sinc(half / np.pi)
-    forward, left = forward + around * turning_point[1], left - around * turning_point[0]
-    cos, sin = np.cos(state[..., 2] + half), np.sin(state[..., 2] + half)
-    return np.stack(
-        [
-            state[..., 0] + cos * forward - sin * left,
-            state[..., 1] + sin * forward + cos * left,
-            state[..., 2] + 2.0 * half,
-        ],
-        axis=-1,
-    )
+    forward = (1.0 + beta) * v + omega * turning_point[1]
+    left = -alpha * v - omega * turning_point[0]
+    return exact_arc(state, forward, omega, h, left)
 
 
 def drive_log(

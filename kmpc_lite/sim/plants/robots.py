@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.errors import DataError, ProblemError
+from kmpc_lite.geometry import exact_arc
 from kmpc_lite.learn.dataset import Dataset, Episode, check_time
 from kmpc_lite.types import INPUTS, STATES, Array
 
@@ -82,17 +83,9 @@ class DifferentialDrive:
         forward, left, turn = (1 + beta) * v, -alpha * v, (1 + gamma) * omega
         # the pose goes around the turning point
         forward, left = forward + turn * self.turning_point[1], left - turn * self.turning_point[0]
-        # speeds are constant in the robot's frame, so the path is an arc: its chord lies half the
-        # turn off the heading
+        # speeds are constant in the robot's frame, so the path is an arc
         t = (dt / substeps * np.arange(1, substeps + 1)).reshape(-1, *(1 for _ in v.shape))
-        half = 0.5 * turn * t
-        chord, heading = t * np.sinc(half / np.pi), state[..., 2] + half
-        cos, sin = np.cos(heading), np.sin(heading)
-        along, across = chord * (forward * cos - left * sin), chord * (forward * sin + left * cos)
-        path: Array = np.stack(
-            [state[..., 0] + along, state[..., 1] + across, state[..., 2] + turn * t], axis=-1
-        )
-        return path
+        return exact_arc(state, forward, turn, t, left)
 
 
 def generate_dataset(

@@ -409,7 +409,7 @@ def test_check_says_what_is_missing_and_moves_nothing(desk, capsys):
             == 0
         )
         out = capsys.readouterr().out
-        assert "pose: x 0.000 m" in out and "MISSING" not in out
+        assert "pose: x " in out and "MISSING" not in out
         assert "ok       not given to us yet: MANUAL, not armed; run --arm takes it" in out
         assert rover.pose == (0.0, 0.0, 0.0) and rover.mode == "MANUAL"
     with emulated("roboclaw"):

@@ -17,7 +17,7 @@ from firmware_bridge.link.tty import explain
 from firmware_bridge.messages import ConfigError, LinkError
 
 
-def until(condition, seconds=5.0):
+def until(condition, seconds=20.0):
     """Wait for a condition; False if it does not come."""
     end = time.monotonic() + seconds
     while not condition():

@@ -104,7 +104,7 @@ def test_a_bad_wire(seed: int) -> None:
     rig.drive(0.4, 0.2, 4.0)
     state = rig.core.state
     assert state is not None
-    assert (state.v, state.omega) == pytest.approx((0.4, 0.2), abs=2e-3)
+    assert (state.v, state.omega) == pytest.approx((0.4, 0.2), abs=0.02)
     assert rig.faults == ()
 
 
@@ -152,4 +152,4 @@ def test_a_flood_from_a_stranger_hides_nothing() -> None:
     state = rig.core.state
     assert state is not None
     assert rig.now - state.stamp < 0.1
-    assert state.v == pytest.approx(0.3, abs=2e-3)
+    assert state.v == pytest.approx(0.3, abs=0.02)

@@ -1,0 +1,104 @@
+"""A fit in words: what the robot does otherwise than commanded, in one readable block."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.diagnosis import diagnose
+from kmpc_lite.learn.evaluation import FitReport
+from kmpc_lite.learn.responses import Response
+from kmpc_lite.learn.sanity import find_gaps, tell_inputs
+from kmpc_lite.learn.windows import largest_speeds
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.response import evaluate_terms
+
+CHOSEN = {
+    "nominal": "as commanded: the log supports no more",
+    "gains": "gains",
+    "product": "gains and v*omega",
+    "slip": "gains and slip terms",
+}
+
+
+def account(model: KoopmanModel, train: Dataset) -> dict[str, Any]:
+    """Facts about a robot that ``lags="auto"`` has learned, as values that JSON can hold.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        What was learned.
+    train : Dataset
+        What it was learned from.
+    """
+    speed, turn = (Response(*model.info["response"][name]) for name in ("speed", "turn"))
+    rows = np.array(model.info["selection"]["rows"])
+    limits = largest_speeds(train)
+    smoothing = 0.05 * limits[0], 0.05 * limits[1]
+    straight, tight = (
+        evaluate_terms(np.array([[limits[0], 0.0], limits]), smoothing, limits) @ rows.T
+    )
+    gain = rows[2, 1] if abs(rows[2, 1]) > 1e-6 else 1.0
+    return {
+        "lag": {
+            "speed": {"dead_time": speed.dead_time, "time_constant": speed.time_constant},
+            "turn": {"dead_time": turn.dead_time, "time_constant": turn.time_constant},
+        },
+        "largest": {"v": limits[0], "omega": limits[1]},
+        "speed_gain": float(straight[0] / limits[0]),
+        "turn_gain": float(rows[2, 1]),
+        "speed_kept_in_a_tight_turn": float(tight[0] / straight[0]) if straight[0] else 1.0,
+        "side_slip": float(tight[1] / limits[0]),
+        "turning_centre": [float(-rows[1, 1] / gain), float(rows[0, 1] / gain)],
+        "heading_offset": float(np.arctan2(rows[1, 0], rows[0, 0])),
+        "braking_distance": float(abs(straight[0]) * speed.delay),
+        "inputs": tell_inputs(train, speed.delay),
+        "directions": {k: d["step"] for k, d in model.info["selection"]["directions"].items()},
+        "told": diagnose(train, speed, turn),
+        "warnings": find_gaps(train),
+    }
+
+
+def warn_of_errors(report: FitReport) -> list[str]:
+    """What a user must know of held-out errors: directions in which nominal would do better."""
+    told = []
+    names = ("along", "across", "in heading")
+    for name, ours, nominal in zip(
+        names, report.multi_step, report.nominal_multi_step, strict=True
+    ):
+        if ours > 1.02 * nominal:
+            told.append(
+                f"{name} it predicts worse than the nominal robot: {ours:.3g} against {nominal:.3g}"
+            )
+    return told
+
+
+def format_account(facts: Mapping[str, Any]) -> str:
+    """One block for a terminal."""
+    lag, chosen = facts["lag"], facts["directions"]
+    centre, offset = facts["turning_centre"], np.degrees(facts["heading_offset"])
+    kept = 100.0 * (1.0 - facts["speed_kept_in_a_tight_turn"])
+    late = ", ".join(
+        f"{name} {lag[key]['dead_time']:.2f} s dead time + {lag[key]['time_constant']:.2f} s"
+        for key, name in (("speed", "speed"), ("turn", "turn rate"))
+        if any(lag[key].values())
+    )
+    v, omega = facts["largest"]["v"], facts["largest"]["omega"]
+    lines = [
+        f"chosen along: {CHOSEN[chosen['along']]}; across: {CHOSEN[chosen['across']]}; "
+        f"heading: {CHOSEN[chosen['heading']]}",
+        f"lag    {late or 'none: it obeys at once'}; from {v:.2g} m/s it stands after "
+        f"{facts['braking_distance']:.2g} m",
+        f"gains  speed {facts['speed_gain']:.3g}, turns {facts['turn_gain']:.3g} of what is asked",
+        f"slip   at {v:.2g} m/s and {omega:.2g} rad/s: {kept:+.0f} % of the speed is lost, "
+        f"{facts['side_slip']:+.2g} m sideways a metre",
+        f"point  the pose is tracked {1e3 * -centre[0]:+.0f} mm ahead and "
+        f"{1e3 * -centre[1]:+.0f} mm left of the turning centre; "
+        f"heading offset {offset:+.1f} degrees",
+        f"inputs {facts['inputs']}",
+    ]
+    lines += [f"note   {line}" for line in facts["told"]]
+    return "\n".join(lines + [f"warn   {line}" for line in facts["warnings"]])

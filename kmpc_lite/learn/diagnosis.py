@@ -1,0 +1,173 @@
+"""What contradicts the symmetry of space in a log, and what a user can mend.
+
+Displacements are regressed on ``[eta_v, eta_omega, kappa, delta, xi]``: the motion, the same seen
+in a mirror, a drift of the world, and a creep of the robot. The blocks' jackknife tells how sure
+each is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.responses import Response
+from kmpc_lite.learn.selection import SelectionOptions, cut_for
+from kmpc_lite.learn.windows import Block, answered_commands, largest_speeds, window_sums
+from kmpc_lite.types import Array
+
+
+@dataclass(frozen=True)
+class DiagnosisOptions:
+    """From when on something is told."""
+
+    sure: float = 4.0
+    """Standard errors."""
+    drift: float = 0.02
+    """Drift and creep, as a share of the largest speed."""
+    turning: float = 0.02
+    """Creep of the heading, as a share of the largest turn rate."""
+    compass: float = 0.1
+    """Share by which the turn gain depends on the heading."""
+    offset: float = 0.035
+    """Angle between the heading and the direction of driving [rad]."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A complex number and its standard error."""
+
+    value: complex
+    error: float
+
+    def sure(self, least: float, options: DiagnosisOptions) -> bool:
+        """Whether it is both beyond chance and large enough to matter."""
+        return abs(self.value) > max(least, options.sure * self.error)
+
+
+def diagnose(
+    dataset: Dataset,
+    speed: Response,
+    turn: Response,
+    options: DiagnosisOptions | None = None,
+    selection: SelectionOptions | None = None,
+) -> list[str]:
+    """What a user should know of a log's frames, one line each.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        What was learned from.
+    speed, turn : Response
+        How late the robot answers.
+    options : DiagnosisOptions, optional
+        From when on what is told.
+    selection : SelectionOptions, optional
+        How the log is cut.
+    """
+    options = DiagnosisOptions() if options is None else options
+    windows = cut_for(dataset, SelectionOptions() if selection is None else selection)
+    if len(windows.blocks) < 4:
+        return []
+    kernels = [r.weights(dataset.dt, windows.longest) for r in (speed, turn)]
+    position, heading = [], []
+    for block in windows.blocks:
+        answered = answered_commands(block, *kernels)
+        position.append(_position_moments(block, answered, windows.length, dataset.dt))
+        heading.append(_heading_moments(block, answered, windows.length, dataset.dt))
+    v_max, omega_max = largest_speeds(dataset)
+    told = _tell_position(_jackknife(np.array(position)), v_max, options)
+    return told + _tell_heading(_jackknife(np.array(heading)), omega_max, options)
+
+
+def _position_moments(block: Block, answered: Array, length: int, dt: float) -> Array:
+    """Second moments of [Zv, Zw, conj Zv, t, Z0, d], complex (6, 6), in the frame of the world."""
+    columns = np.column_stack([answered, np.ones(len(answered))])
+    z = window_sums(block.turned[:, None] * columns, block, length)
+    moved = block.moved * np.conj(block.frame)
+    time = np.full(len(z), length * dt)
+    rows = np.column_stack([z[:, 0], z[:, 1], np.conj(z[:, 0]), time, z[:, 2], moved])
+    gram: Array = rows.conj().T @ rows
+    return gram
+
+
+def _heading_moments(block: Block, answered: Array, length: int, dt: float) -> Array:
+    """Second moments of [v, w, t, w cos, w sin, turn], (6, 6)."""
+    omega = answered[:, 1] * dt
+    columns = np.column_stack(
+        [
+            answered[:, 0] * dt,
+            omega,
+            np.full(len(omega), dt),
+            answered[:, 1] * block.turned.real,
+            answered[:, 1] * block.turned.imag,
+        ]
+    )
+    rows = np.column_stack([window_sums(columns, block, length), block.heading]).astype(complex)
+    gram: Array = rows.conj().T @ rows
+    return gram
+
+
+def _jackknife(moments: Array) -> list[Estimate]:
+    """Least squares from blocks' moments (B, p + 1, p + 1), with standard errors."""
+    total = moments.sum(axis=0)
+    count = len(moments)
+    without = np.concatenate([total[None], total - moments])
+    matrix, target = without[:, :-1, :-1], without[:, :-1, -1]
+    scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2).real, 1e-300))
+    scaled = matrix / (scale[:, :, None] * scale[:, None, :])
+    scaled = scaled + 1e-9 * np.eye(scaled.shape[-1])
+    weights = np.linalg.solve(scaled, (target / scale)[..., None])[..., 0] / scale
+    spread = weights[1:] - weights[1:].mean(axis=0)
+    errors = np.sqrt((count - 1) / count * np.sum(np.abs(spread) ** 2, axis=0))
+    return [Estimate(complex(w), float(e)) for w, e in zip(weights[0], errors, strict=True)]
+
+
+def _tell_position(found: list[Estimate], v_max: float, options: DiagnosisOptions) -> list[str]:
+    """Lines about the frame of the positions."""
+    motion, _, mirror, drift, creep = found
+    if mirror.sure(abs(motion.value), options):
+        return ["the robot moves as if seen in a mirror: check the signs of x, y and theta"]
+    told = []
+    angle = float(np.angle(motion.value))
+    if abs(angle) > 0.5 * np.pi:
+        told.append("v > 0 drives backwards: theta is off by half a turn, or v has the other sign")
+    elif abs(angle) > max(options.offset, options.sure * motion.error / abs(motion.value)):
+        told.append(
+            f"the robot drives {np.degrees(angle):+.1f} degrees off its heading theta "
+            "(learned, and no harm; the sensor's mount can be mended)"
+        )
+    if drift.sure(options.drift * v_max, options):
+        told.append(
+            f"the robot drifts by {abs(drift.value):.2g} m/s towards "
+            f"{np.angle(drift.value):+.1f} rad whichever way it faces: a slope, or a frame that "
+            "moves; this is not learned"
+        )
+    if creep.sure(options.drift * v_max, options):
+        told.append(
+            f"the log shows {abs(creep.value):.2g} m/s at zero command, "
+            f"{np.angle(creep.value):+.1f} rad off the heading; the model stands still there"
+        )
+    return told
+
+
+def _tell_heading(found: list[Estimate], omega_max: float, options: DiagnosisOptions) -> list[str]:
+    """Lines about the heading."""
+    _, gain, creep, cos, sin = found
+    told = []
+    if gain.value.real < -options.sure * gain.error:
+        told.append("omega > 0 turns right: omega or theta has the other sign")
+    if creep.sure(options.turning * omega_max, options):
+        told.append(
+            f"the log turns by {creep.value.real:.2g} rad/s at zero command; the model stands still"
+        )
+    size = float(np.hypot(cos.value.real, sin.value.real))
+    error = float(np.hypot(cos.error, sin.error))
+    if size > max(options.compass * abs(gain.value), options.sure * error):
+        where = np.arctan2(sin.value.real, cos.value.real)
+        told.append(
+            f"turns come out {100 * size / abs(gain.value):.0f} % larger where theta is "
+            f"{where:+.1f} rad: a compass that errs with the heading; this is not learned"
+        )
+    return told

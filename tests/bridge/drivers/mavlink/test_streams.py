@@ -1,0 +1,91 @@
+"""Telemetry that another station lowers is asked for again, and told."""
+
+from __future__ import annotations
+
+from mavlink_rig import Rig, dialect, other
+
+from firmware_bridge.drivers.mavlink.streams import AGAIN, Stream
+
+ALL, MAVPROXY_RATE = 0, 4
+"""What MAVProxy asks for every 15 s at its default settings [Hz]."""
+
+
+def lower(rig: Rig) -> None:
+    """Ask for all streams at 4 Hz, as MAVProxy does over the same port."""
+    message = dialect.MAVLink_request_data_stream_message(1, 1, ALL, MAVPROXY_RATE, 1)
+    rig.rover.receive(other(255, 230).encode(message), rig.now)
+
+
+def gaps_while(rig: Rig, seconds: float) -> float:
+    """Let time pass; the longest time without a newer pose [s]."""
+    longest, last, since = 0.0, rig.core.state, rig.now
+
+    def look() -> None:
+        nonlocal longest, last, since
+        if rig.core.state is not last:
+            last, since = rig.core.state, rig.now
+        longest = max(longest, rig.now - since)
+        rig.core.set_point(0.3, 0.0, rig.now)
+
+    rig.run(seconds, look, 0.01)
+    return longest
+
+
+def test_a_station_that_lowers_the_streams_costs_one_short_gap() -> None:
+    """Poses came four times a second for ever: stop and go, and once out of the fence."""
+    rig = Rig()
+    rig.take()
+    rig.run(2.0)
+    for _ in range(3):
+        lower(rig)
+        assert gaps_while(rig, 15.0) < 0.25
+        assert rig.core.streams.streams[0].measured(rig.now) > 35.0
+    assert rig.ready
+    assert rig.core.counters["streams_lowered"] >= 3
+    lower(rig)
+    rig.run(1.0)
+    note = next(note for note in rig.core.notes(rig.now) if "LOCAL_POSITION_NED" in note)
+    assert "40 Hz was asked for" in note
+    assert "--streamrate -1" in note
+    rig.run(15.0)
+    assert not any("LOCAL_POSITION_NED" in note for note in rig.core.notes(rig.now))
+
+
+def test_a_link_that_is_too_slow_is_not_flooded_with_requests() -> None:
+    stream = Stream(32, "LOCAL_POSITION_NED", (40.0,), answered=True)
+    asked, now = 0, 0.0
+    for _ in range(600):
+        now += 0.1
+        stream.saw(now)
+        if stream.ask_again(now):
+            asked += 1
+            stream.asked = now
+    assert 8 <= asked <= 20
+    assert stream.measured(now) == 10.0
+
+
+def test_in_time_nothing_is_asked_again() -> None:
+    stream = Stream(32, "LOCAL_POSITION_NED", (40.0,), answered=True)
+    now = 0.0
+    for _ in range(400):
+        now += 0.025
+        stream.saw(now)
+        assert not stream.ask_again(now)
+    now += 0.15
+    assert stream.ask_again(now)
+    stream.asked = now
+    assert not stream.ask_again(now + 0.5 * AGAIN)
+
+
+def test_other_stations_are_told_and_whose_heartbeats_the_failsafe_counts() -> None:
+    rig = Rig()
+    rig.take()
+    beat = dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+    for system in (255, 77):
+        rig.core.receive(other(system, 230).encode(beat), rig.now)
+    notes = [n for n in rig.core.notes(rig.now) if "another ground station" in n]
+    assert len(notes) == 2
+    assert "only the 3 s set-point time-out" in notes[1]
+    assert "failsafe" not in notes[0]
+    rig.run(6.0)
+    assert not any("another ground station" in note for note in rig.core.notes(rig.now))
