@@ -16,7 +16,8 @@ from kmpc_lite.control.guidance.goal_reference import GoalReferenceState
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER
-from kmpc_lite.control.nmpc.sqp import SQP, SQPState
+from kmpc_lite.control.nmpc.sqp import SQP
+from kmpc_lite.control.nmpc.sqp_state import SQPState
 from kmpc_lite.control.observation import Admission, Observation
 from kmpc_lite.control.obstacles.scene import Obstacles, SceneState
 from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
@@ -25,6 +26,7 @@ from kmpc_lite.control.plan import Plan
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.safe_stop.backup import BackupState
 from kmpc_lite.control.settings import (
+    check_budget,
     check_replacement,
     check_settings,
     choose_adaptation,
@@ -156,6 +158,7 @@ class Controller:
             solver=solver,
             clock=clock,
         )
+        check_budget(time_budget, solver, self._sqp.workspace.can_be_stopped)
         self._pipeline = Pipeline(
             problem, units, scale, options, self._sqp, self._guide, self._pose_age
         )

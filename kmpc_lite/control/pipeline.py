@@ -17,7 +17,8 @@ from kmpc_lite.control.estimation.estimator import observe_drift
 from kmpc_lite.control.estimation.pose_age import advance_pose
 from kmpc_lite.control.guidance.goal_reference import GoalReference
 from kmpc_lite.control.margins.margins import Margins
-from kmpc_lite.control.nmpc.sqp import SQP, SQPResult
+from kmpc_lite.control.nmpc.sqp import SQP
+from kmpc_lite.control.nmpc.sqp_state import SQPResult
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import along, at_rest
 from kmpc_lite.control.observation import Observation

@@ -25,7 +25,9 @@ UNIT_SLACK_WEIGHTS = np.array((100.0, 1000.0))
 
 @dataclass(frozen=True, eq=False)
 class NavigationProblem:
-    """Drive to a pose within bounds and past obstacles (paper, eq. 9 to 11); the defaults are the paper's.
+    """Drive to a pose within bounds and past obstacles (paper, eq. 9 to 11).
+
+    The defaults are the paper's.
 
     ``min sum_{k=0}^{N-1} |x_k - x_ref|^2_Q + |u_k|^2_R + |x_N - x_ref|^2_{Q_terminal}``, commands
     within bounds, position within the area, and every obstacle at least `robot_radius` + `margin`
@@ -119,6 +121,10 @@ class NavigationProblem:
         set_field("du_max", _vector("du_max", self.du_max, INPUTS))
         if not (self.du_max > 0).all():
             raise ProblemError(f"du_max: expected numbers > 0, or infinity, got {self.du_max}")
+        self._check_bounds()
+
+    def _check_bounds(self) -> None:
+        """Raise ProblemError for bounds that leave nothing, or no way to brake."""
         u_min, u_max, x_min, x_max = self.bounds
         if not (np.isfinite(u_min).all() and np.isfinite(u_max).all()):
             raise ProblemError(f"u_min, u_max: expected finite bounds, got {u_min} and {u_max}")
@@ -126,13 +132,15 @@ class NavigationProblem:
             raise ProblemError(f"u_min, u_max: bounds cross: {u_min} and {u_max}")
         if (u_min > 0).any() or (u_max < 0).any():
             raise ProblemError(
-                f"u_min, u_max: must contain the zero command, or the robot could not brake; got {u_min} and {u_max}"
+                "u_min, u_max: must contain the zero command, or the robot could not brake; "
+                f"got {u_min} and {u_max}"
             )
         if (x_min >= x_max).any():
             raise ProblemError(f"x_min, x_max: bounds cross: {x_min} and {x_max}")
         if np.isfinite(x_min[2]) or np.isfinite(x_max[2]):
             raise ProblemError(
-                f"x_min, x_max: the heading cannot be bounded; use -inf and inf, got {x_min[2]} and {x_max[2]}"
+                "x_min, x_max: the heading cannot be bounded; use -inf and inf, "
+                f"got {x_min[2]} and {x_max[2]}"
             )
 
     def _follow_the_robot(self, set_field: Callable[[str, Array], None]) -> None:
@@ -186,7 +194,15 @@ class NavigationProblem:
         return bool(np.isfinite(self.du_max).any())
 
     def cost(self, states: Array, inputs: Array, reference: Array) -> float:
-        """Objective of a plan without penalties: states (N+1, 3), inputs (N, 2), reference (3,) or (N+1, 3)."""
+        """Objective of a plan without penalties.
+
+        Parameters
+        ----------
+        states, inputs : ndarray
+            (N + 1, 3) and (N, 2).
+        reference : ndarray
+            (3,) or (N + 1, 3).
+        """
         q, r, q_terminal = self.weights
         error = states - reference
         on_way, end = error[:-1], error[-1]
@@ -224,7 +240,8 @@ def _weight(name: str, value: Any, size: int) -> Array:
     matrix = np.diag(array) if array.ndim == 1 else array
     if matrix.shape != (size, size) or not np.isfinite(matrix).all():
         raise ProblemError(
-            f"{name}: expected {size} finite weights or a ({size}, {size}) matrix, got {_shown(value)}"
+            f"{name}: expected {size} finite weights or a ({size}, {size}) matrix, "
+            f"got {_shown(value)}"
         )
     if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix).min() < -1e-9 * max(
         1.0, np.abs(matrix).max()

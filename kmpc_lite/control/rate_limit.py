@@ -34,9 +34,10 @@ class RateLimit:
             self._reach = steps * self._change
 
     def limit(self, command: Array, last: Array) -> Array:
-        """Go from the last command (2,) towards a new one (2,) as far as is allowed; speed and turn by one share.
+        """Go from the last command (2,) towards a new one (2,) as far as is allowed.
 
-        A speed that shrinks may do so at the problem's deceleration where that is more.
+        Speed and turn rate change by one share. A speed that shrinks may do so at the problem's
+        deceleration where that is more.
         """
         change = command - last
         room = np.where(
@@ -53,5 +54,8 @@ class RateLimit:
         return last - self._change, last + self._change
 
     def in_reach(self, inputs: Array, last: Array) -> Array:
-        """Commands of a guess (N, 2), none farther from the last command (2,) than it can be by then: zeros become a braking ramp."""
+        """Bring the commands of a guess (N, 2) as near to the last command (2,) as they must be.
+
+        Zeros become a braking ramp.
+        """
         return np.clip(inputs, last - self._reach, last + self._reach)

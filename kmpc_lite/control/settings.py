@@ -103,3 +103,11 @@ def choose_adaptation(
     if adaptation.base is not model:
         raise ProblemError("adaptation: it was made for another model than the controller's")
     return adaptation
+
+
+def check_budget(time_budget: float | None, solver: str, can_be_stopped: bool) -> None:
+    """Raise ProblemError for a time budget that the QP solver does not let keep."""
+    if time_budget is not None and not can_be_stopped:
+        raise ProblemError(
+            f"time_budget: {solver} cannot be stopped in time; use solver='osqp', or no budget"
+        )

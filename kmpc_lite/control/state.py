@@ -9,7 +9,7 @@ from kmpc_lite.adaptation.state import AdaptationState
 from kmpc_lite.control.estimation.command_history import CommandHistory
 from kmpc_lite.control.guidance.goal_reference import GoalReferenceState
 from kmpc_lite.control.margins.drift_detector import DriftState
-from kmpc_lite.control.nmpc.sqp import SQPState
+from kmpc_lite.control.nmpc.sqp_state import SQPState
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.obstacles.scene import SceneState
 from kmpc_lite.control.safe_stop.backup import BackupState

@@ -1,4 +1,4 @@
-"""Margins of one robot together with what its drift detector has seen, and plans to ask them about."""
+"""Margins of one robot with what its drift detector has seen, and plans to ask about."""
 
 from __future__ import annotations
 

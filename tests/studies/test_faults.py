@@ -11,6 +11,7 @@ from executors import Inline
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.control.safe_stop.backup import Backup, BackupState
 from kmpc_lite.control.safe_stop.stop_trajectory import CheckedPlan, StopTrajectories
+from kmpc_lite.control.verification import Verification
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.studies.broken_solver import STATUSES
@@ -79,7 +80,7 @@ def test_the_study_sees_a_robot_that_does_not_stop(
         return np.tile(state.command, (2, 1))
 
     monkeypatch.setattr(Backup, "replay", drive_on)
-    monkeypatch.setattr("kmpc_lite.control.controller.Controller._clearance", lambda *_: np.inf)
+    monkeypatch.setattr(Verification, "clearance", lambda *_: np.inf)
     scenarios = [random_map("dense", seed, 0.2) for seed in range(3)]
     blind = drive_faults("pose lost for long", 0.2, slippery, scenarios)
     assert blind.bad and blind.collisions and blind.late_stops

@@ -1,4 +1,4 @@
-"""How many standard deviations a risk asks for: from the table that calibration left in a model, or without one."""
+"""How many standard deviations a risk asks for: by the model's calibration, or without one."""
 
 from __future__ import annotations
 
@@ -11,13 +11,17 @@ from kmpc_lite.errors import ProblemError
 
 
 def default_quantile(risk: float) -> float:
-    """Quantile for noise that was never calibrated: the heavier tail of a plane's normal distribution and of two exponential ones."""
+    """Quantile for noise that was never calibrated.
+
+    It is the heavier tail of a normal distribution in the plane, and of two exponential ones.
+    """
     return float(max(np.sqrt(-2.0 * np.log(risk)), np.log(2.0 / risk) - 1.0))
 
 
 def model_quantile(info: Mapping[str, Any], risk: float) -> float:
-    """Look a risk up in the table that calibration left in a model; between its rows, and beyond them, linear in ``log(1 / risk)``.
+    """Look a risk up in the table that calibration left in a model.
 
+    Between its rows, and beyond them, the quantile is linear in ``log(1 / risk)``.
     A risk smaller than the held-out drives can vouch for follows the slope of the last rows: an
     exponential tail.
 

@@ -46,7 +46,7 @@ def osqp_settings(options: OSQPOptions) -> dict[str, Any]:
 
 
 class OSQPWorkspace:
-    """One QP, ``min x'Px/2 + q'x, l <= Ax <= u``, set up once and solved many times with new numbers.
+    """One QP, ``min x'Px/2 + q'x, l <= Ax <= u``, set up once, solved with new numbers.
 
     Parameters
     ----------
@@ -151,20 +151,8 @@ class OSQPWorkspace:
         self._q[:], self._Ax[:], self._x[:], self._y[:] = q, Ax, x, y
         np.maximum(lower, -INFINITY, out=self._lower)
         np.minimum(upper, INFINITY, out=self._upper)
-        # each of these is also false for NaN
-        if not np.maximum.reduce(np.abs(self._numbers)) <= LARGEST:
-            return self._failed(
-                f"QP data not finite, or beyond {LARGEST:g}: the factorisation would break down"
-            )
-        if not np.logical_and.reduce(self._lower <= self._upper):
-            return self._failed("QP bounds not finite, or they cross")
-        # such a row would cross once its other side is cut to INFINITY, and OSQP would complain on
-        # stderr
-        if (
-            np.maximum.reduce(self._lower) >= INFINITY
-            or np.minimum.reduce(self._upper) <= -INFINITY
-        ):
-            return self._failed(f"QP bounds that leave nothing below {INFINITY:g}")
+        if fault := self._fault():
+            return self._failed(fault)
         if not math.isfinite(np.add.reduce(self._start)):
             self._start[:] = 0.0
         if Px is not None or not self._own_P:
@@ -194,6 +182,22 @@ class OSQPWorkspace:
         if not math.isfinite(np.add.reduce(primal) + np.add.reduce(dual)):
             return self._failed("OSQP: solution not finite")
         return QPSolution(outcome, primal, dual, info.iter, info.prim_res, info.dual_res, reason)
+
+    def _fault(self) -> str:
+        """What is wrong with the data that OSQP is about to be given, or nothing."""
+        # each of these is also false for NaN
+        if not np.maximum.reduce(np.abs(self._numbers)) <= LARGEST:
+            return f"QP data not finite, or beyond {LARGEST:g}: the factorisation would break down"
+        if not np.logical_and.reduce(self._lower <= self._upper):
+            return "QP bounds not finite, or they cross"
+        # such a row would cross once its other side is cut to INFINITY, and OSQP would complain on
+        # stderr
+        if (
+            np.maximum.reduce(self._lower) >= INFINITY
+            or np.minimum.reduce(self._upper) <= -INFINITY
+        ):
+            return f"QP bounds that leave nothing below {INFINITY:g}"
+        return ""
 
     def _cost(self, Px: Array | None) -> Array | None:
         """Entries of P for the next solve, those of the setup where not given; None if not finite.

@@ -19,7 +19,7 @@ from kmpc_lite.model.koopman import Linearization
 from kmpc_lite.types import INPUTS, STATES, Array
 
 OPEN = 1e3
-"""Bound of a half-plane row that is not in use [m]: finite, so that OSQP keeps its factorisation."""
+"""Bound of an unused half-plane row [m]: finite, so that OSQP keeps its factorisation."""
 
 
 class NavigationQP:

@@ -10,14 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, choose_solver
-from kmpc_lite.control.nmpc.exact_hessian import hessians
+from kmpc_lite.control.nmpc.fill_qp import Linearized, QPFiller
 from kmpc_lite.control.nmpc.line_search import (
     Direction,
     LineSearch,
@@ -27,89 +26,18 @@ from kmpc_lite.control.nmpc.line_search import (
 )
 from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.qp_solvers import QPSolution, QPStatus
+from kmpc_lite.control.nmpc.sqp_state import Progress, SQPResult, SQPState
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, command_windows
 from kmpc_lite.control.nmpc.warm_start import WarmStart
-from kmpc_lite.control.obstacles.half_planes import NO_SOLIDS_AHEAD, KeepOut
+from kmpc_lite.control.obstacles.half_planes import KeepOut
 from kmpc_lite.control.options import SolverOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.model.koopman import Linearization
 from kmpc_lite.types import INPUTS, STATES, Array
 
 FORGETTING = 0.95
 """What the longest search remembered keeps of itself per pass."""
-
-
-@dataclass(slots=True)
-class SQPState:
-    """What outlives a call; it matters where there is a deadline only."""
-
-    search_time: float = 0.0
-    """How long line searches have taken lately at the most [s]: left free after a QP."""
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class SQPResult:
-    """Where the passes ended."""
-
-    trajectory: Trajectory
-    status: QPStatus
-    """Of the last QP."""
-    passes: int
-    step: float
-    """Largest change of the last pass [m, rad, m/s, rad/s]; infinite where only one was asked
-    for."""
-    defect: float
-    """How far the model contradicts the trajectory over one period [m, rad]."""
-    next_state: Array
-    """(3,) what the model expects after the first command."""
-    solids_ahead: tuple[Array, Array, Array] = NO_SOLIDS_AHEAD
-    """Place of stage 1 (2,), distances of the solids from it (C,), and normals there (C, 2)."""
-    timing: dict[str, float] = field(default_factory=dict)
-    """Seconds by phase."""
-    reason: str = ""
-    """Why the passes ended early, or the QP failed; empty where all is well."""
-
-
-@dataclass(slots=True, eq=False)
-class _Progress:
-    """How far a call has come."""
-
-    guess: Trajectory
-    limit: int
-    tolerance: float
-    shortest: float
-    penalties: Penalties
-    origin: Array
-    """(3,) around which the QP is solved."""
-    next_state: Array
-    solids_ahead: tuple[Array, Array, Array] = NO_SOLIDS_AHEAD
-    margins: Array | float = 0.0
-    passes: int = 0
-    length: float = 0.0
-    step: float = math.inf
-    defect: float = math.inf
-    pressed_depth: float = math.inf
-    """How deep the plan stood in an obstacle when the slack penalty grew last [m]."""
-    status: QPStatus = QPStatus.FAILED
-    reason: str = ""
-    longest_pass: float = 0.0
-    timing: dict[str, float] = field(
-        default_factory=lambda: dict.fromkeys(("linearise", "fill", "solve", "search"), 0.0)
-    )
-
-
-class _Linearized(NamedTuple):
-    """One pass's QP, and where it starts."""
-
-    lin: Linearization
-    local: Array
-    """(N + 1, 3) the guess around the origin of the QP."""
-    violation: Array
-    """(N,) of the half-planes by the guess [m]."""
-    cost: Array | None
-    """Entries of P where the exact Hessian is used."""
 
 
 class SQP:
@@ -156,31 +84,17 @@ class SQP:
         self.problem, self.clock = problem, clock
         self.iterations, self.tolerance = iterations, tolerance
         # what a command bends many periods later is left out
-        self._exact_hessian = iterations > 1 and not history
-        self.qp = NavigationQP(problem, history, slots, self._exact_hessian, options)
+        exact_hessian = iterations > 1 and not history
+        self.qp = NavigationQP(problem, history, slots, exact_hessian, options)
         settings = options.real_time if iterations == 1 else options.converged
         self.workspace = choose_solver(solver, self.qp, settings)
         self.keep_out = KeepOut(problem, slots)
+        self._filler = QPFiller(self.qp, self.keep_out, exact_hessian, options)
         self.warm_start = WarmStart(problem, self.qp, options)
         self._search = LineSearch(self.qp, self.keep_out, options.armijo, clock)
         self._u_min, self._u_max, _, _ = problem.bounds
         self._rates = RateLimit(problem)
-        length, (speed, turn_rate) = unit_length(problem), fastest(problem)
-        position = options.short_step * length
-        self._short = np.concatenate(
-            [
-                np.tile((position, position, options.short_turn), problem.horizon),
-                np.tile(
-                    (
-                        options.short_speed_change * speed,
-                        options.short_turn_rate_change * turn_rate,
-                    ),
-                    problem.horizon,
-                ),
-            ]
-        )
-        position = options.straight_defect * length
-        self._straight = np.array((position, position, options.straight_turn_defect))
+        self._short, self._straight = _limits(problem, options)
 
     def solve(self, state: SQPState, guess: Trajectory, task: Task, passes: int = 1) -> SQPResult:
         """Run the passes from a guess whose first state is the present one.
@@ -230,7 +144,7 @@ class SQP:
             run.reason,
         )
 
-    def _begin(self, guess: Trajectory, task: Task, passes: int) -> _Progress:
+    def _begin(self, guess: Trajectory, task: Task, passes: int) -> Progress:
         """Prepare the passes of a call."""
         if self._rates.active:
             self.qp.set_last_command(task.last)
@@ -241,7 +155,7 @@ class SQP:
             limit, tolerance = self.iterations, self.tolerance
         penalty = float(self.problem.slack_weights[0])
         self.qp.set_slack_penalty(penalty)
-        return _Progress(
+        return Progress(
             guess,
             limit,
             tolerance,
@@ -253,13 +167,13 @@ class SQP:
             guess.states[0],
         )
 
-    def _pass(self, state: SQPState, run: _Progress, task: Task, begin: float) -> None:
+    def _pass(self, state: SQPState, run: Progress, task: Task, begin: float) -> None:
         """Linearise at the guess, solve, and step to a better guess."""
         guess = run.guess
         past = command_windows(self.qp.history, task.past, guess.inputs)
         lin = task.model.linearize(guess.states[:-1], guess.inputs, past)
         linearized = self.clock()
-        data = self._fill(run, task, lin)
+        data = self._filler.fill(run, task, lin)
         filled = self.clock()
         limit = None
         if task.deadline < math.inf:
@@ -291,64 +205,8 @@ class SQP:
         run.longest_pass = max(run.longest_pass, end - begin)
         state.search_time = max(end - solved, FORGETTING * state.search_time)
 
-    def _fill(self, run: _Progress, task: Task, lin: Linearization) -> _Linearized:
-        """Write the QP of a pass: dynamics, half-planes and cost, around the origin."""
-        guess, qp, keep_out = run.guess, self.qp, self.keep_out
-        found = keep_out.clearances(guess.states, task.circles, task.solids)
-        clearances, normals = found.values, found.normals
-        run.solids_ahead = found.solids_ahead
-        if task.tightening is not None:
-            run.margins = self._margins(guess, task, lin, clearances, normals, found.obstacle_count)
-            clearances -= run.margins
-        violation = np.maximum(-clearances.min(axis=1, initial=0.0), 0.0)
-        local = guess.states - run.origin
-        normals, offsets = keep_out.half_planes(local, clearances, normals)
-        reference = task.reference - run.origin
-        centred = lin._replace(value=lin.value - run.origin)
-        qp.fill(centred, local, guess.inputs, reference, normals, offsets)
-        if not self._exact_hessian:
-            return _Linearized(lin, local, violation, None)
-        stages, terminal = qp.stage_cost, qp.terminal_cost
-        if self._wants_exact_hessian(run):
-            bends = keep_out.bends(guess.states, task.circles)
-            stages, terminal = hessians(
-                task.model, qp, guess.states, guess.inputs, guess.duals, normals, bends
-            )
-        qp.fill_cost(stages, terminal, local, guess.inputs)
-        return _Linearized(lin, local, violation, qp.P.data)
-
-    def _wants_exact_hessian(self, run: _Progress) -> bool:
-        """Whether Gauss-Newton gets on badly: after a shortened step, later in every other pass."""
-        late = run.passes >= self.options.gauss_newton_passes and run.passes % 2 == 0
-        return run.passes > 0 and (run.length < 1.0 or late)
-
-    def _margins(
-        self,
-        guess: Trajectory,
-        task: Task,
-        lin: Linearization,
-        clearances: Array,
-        normals: Array,
-        count: int,
-    ) -> Array:
-        """Margins (N, K) [m] of the first `count` columns, obstacles, and of the sides."""
-        tightening, drift = task.tightening, task.drift
-        assert tightening is not None and drift is not None
-        margins = np.empty(clearances.shape)
-        margins.fill(tightening.side_margin)
-        if not count:
-            return margins
-        widest = tightening.widest(drift)
-        if clearances[:, :count].min() < widest + tightening.far_clearance:
-            margins[:, :count] = tightening.margins(
-                drift, lin, guess.states, guess.inputs, normals[:, :count], task.path_clearance
-            )
-        else:
-            margins[:, :count] = widest
-        return margins
-
     def _step(
-        self, run: _Progress, task: Task, data: _Linearized, solution: QPSolution, warm: Array
+        self, run: Progress, task: Task, data: Linearized, solution: QPSolution, warm: Array
     ) -> None:
         """Take the QP's solution, or a part of the way to it, as the next guess."""
         before, value = run.guess, data.lin.value
@@ -382,7 +240,7 @@ class SQP:
             )
 
     def _found(
-        self, run: _Progress, task: Task, data: _Linearized, solution: QPSolution
+        self, run: Progress, task: Task, data: Linearized, solution: QPSolution
     ) -> tuple[Trajectory, Array]:
         """Trajectory and slacks (N,) of a QP's solution, its commands within bounds and reach."""
         states, inputs, slack = self.qp.unpack(solution.x, data.local[0])
@@ -398,7 +256,7 @@ class SQP:
         moved = change[: (STATES + INPUTS) * self.qp.horizon]
         return bool(np.logical_and.reduce(np.abs(moved, out=moved) <= self._short))
 
-    def _has_ended(self, run: _Progress, task: Task) -> bool:
+    def _has_ended(self, run: Progress, task: Task) -> bool:
         """Whether the passes have converged, or get nowhere: the accuracy of the QP is met."""
         if run.step > run.tolerance and run.length > run.shortest:
             return False
@@ -408,7 +266,7 @@ class SQP:
         self.qp.set_slack_penalty(run.penalties.slack)
         return False
 
-    def _is_penalty_too_weak(self, run: _Progress, task: Task) -> bool:
+    def _is_penalty_too_weak(self, run: Progress, task: Task) -> bool:
         """Whether a converged plan stands in an obstacle though it need not."""
         margins = run.margins
         inside = self.keep_out.penetration(run.guess.states, task.circles, task.solids, margins)
@@ -419,3 +277,13 @@ class SQP:
             and depth > self.options.accepted_depth
             and depth < 0.5 * before
         )
+
+
+def _limits(problem: NavigationProblem, options: SolverOptions) -> tuple[Array, Array]:
+    """Changes of all states and commands that are short, and defects of a stage that are small."""
+    length, (speed, turn_rate) = unit_length(problem), fastest(problem)
+    state = options.short_step * length, options.short_step * length, options.short_turn
+    command = options.short_speed_change * speed, options.short_turn_rate_change * turn_rate
+    short = np.concatenate([np.tile(part, problem.horizon) for part in (state, command)])
+    defect = options.straight_defect * length
+    return short, np.array((defect, defect, options.straight_turn_defect))

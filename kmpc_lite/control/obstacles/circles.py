@@ -56,7 +56,8 @@ class Circle(_CircleFields):
             raise ProblemError(f"circle: expected finite numbers, got {values}")
         if values[2] < 0.0:
             raise ProblemError(
-                f"circle at ({values[0]:g}, {values[1]:g}): expected a radius >= 0 m, got {values[2]:g}"
+                f"circle at ({values[0]:g}, {values[1]:g}): expected a radius >= 0 m, "
+                f"got {values[2]:g}"
             )
         return super().__new__(cls, *values)
 
@@ -79,7 +80,8 @@ def circles_to_array(obstacles: Sequence[Circle] | ArrayLike) -> Array:
         array = np.hstack([array, np.zeros((len(array), 2))])
     if array.ndim != 2 or array.shape[1] != COLUMNS:
         raise ValueError(
-            f"obstacles: expected circles, or an array (M, 3) or (M, {COLUMNS}) of x, y, radius, vx, vy; got shape {array.shape}"
+            f"obstacles: expected circles, or an array (M, 3) or (M, {COLUMNS}) of x, y, radius, "
+            f"vx, vy; got shape {array.shape}"
         )
     return array
 
@@ -112,7 +114,15 @@ def circle_distances(circles: Array, positions: Array, times: Array) -> tuple[Ar
 
 
 def stand_ins(point: Array, distance: Array, normals: Array) -> Array:
-    """Circles (C, 5) at rest, of `STAND_IN` radius, that touch what lies at distances (C,) against normals (C, 2) from a point (2,)."""
+    """Circles (C, 5) at rest, of `STAND_IN` radius, that touch what is near a point.
+
+    Parameters
+    ----------
+    point : ndarray
+        (2,) [m].
+    distance, normals : ndarray
+        How far it is to each thing, (C,) [m], and the direction away from it, (C, 2).
+    """
     circles = np.zeros((len(distance), 5))
     circles[:, :2] = point - (distance + STAND_IN)[:, None] * normals
     circles[:, 2] = STAND_IN

@@ -119,7 +119,7 @@ class QuickLook:
 
 
 def _response(model: MotionModel) -> Array:
-    """Motion per period, by the age of a command: ahead and aside by v, turned by omega (3, L + 1)."""
+    """Motion by the age of a command, (3, L + 1): ahead and aside by v, turned by omega."""
     lin = model.linearize(np.zeros(STATES), np.zeros(INPUTS))
     by_age = np.concatenate([lin.B[None], lin.B_past])
     return np.stack([by_age[:, 0, 0], by_age[:, 1, 0], by_age[:, 2, 1]])

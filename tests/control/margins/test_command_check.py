@@ -51,7 +51,7 @@ def test_speed_share_lets_a_touching_robot_get_free(model):
 
 
 def test_a_robot_that_drives_past_an_obstacle_is_not_taken_for_one_that_leaves_it():
-    """A few mm beside it on a floor that pushes aside: what leads away by little may not be driven at a quarter of full speed."""
+    """A few mm beside it on a floor that pushes aside, what leads away by little must be slow."""
     wary = Wary(slipping(0.2), PROBLEM)
     u = np.array([0.6, 0.0])
     shares = [
@@ -100,7 +100,7 @@ def test_speed_share_keeps_a_robot_without_slip_outside_on_any_curve():
 
 
 def test_speed_share_is_not_deceived_by_a_curve_that_ends_farther_away():
-    """Backwards along a circle, a millimetre from it: the end of the period is farther, the way there is not."""
+    """Backwards along a circle, a millimetre from it: only the end of the period is farther."""
     model = nominal_unicycle(0.1)
     circles = np.array([[0.0, 0.0, 0.2, 0.0, 0.0]])
     wary, random = Wary(model, PROBLEM), np.random.default_rng(3)

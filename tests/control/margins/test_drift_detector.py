@@ -23,7 +23,7 @@ STRANGE = MarginOptions().unknown_floor_inflation, MarginOptions().unknown_floor
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_a_floor_that_pushes_to_one_side_is_noticed_among_noisy_poses(way):
-    """Pushes of 10 mm to the right, backwards to the left, and poses that are 5 mm wrong: no error is large, their sum is."""
+    """Pushes of 10 mm to one side among poses that are 5 mm wrong: only their sum is large."""
     noise = NoiseModel(np.array([np.diag([5e-5, 5e-5, 8e-4]), np.zeros((3, 3)), np.zeros((3, 3))]))
     model, random, u = (
         replace(nominal_unicycle(0.1), noise_model=noise),

@@ -1,4 +1,4 @@
-"""The Hessian of the Lagrangian, against differences of its definitions, and what it is good for."""
+"""The Hessian of the Lagrangian, against differences of its definitions, and what it is for."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ def test_states_on_which_gauss_newton_needs_hundreds_of_passes(
 
     newton = passes()
     monkeypatch.setattr(
-        "kmpc_lite.control.nmpc.sqp.hessians",
+        "kmpc_lite.control.nmpc.fill_qp.hessians",
         lambda _, qp, *rest: (qp.stage_cost, qp.terminal_cost),
     )
     assert newton <= 40 and newton < 0.5 * passes()

@@ -1,4 +1,4 @@
-"""Every way in which OSQP is known to answer wrongly, and agreement with other solvers where it answers."""
+"""Every way in which OSQP is known to answer wrongly; where it answers, others agree."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ EXACT: dict[str, Any] = {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 50_000}
 
 
 class Box:
-    """min |x - target|^2 / 2 within a box that A scales: everything about it can be computed by hand."""
+    """min |x - target|^2 / 2 within a box that A scales: all of it can be computed by hand."""
 
     def __init__(self, n: int = 3, **options: Any) -> None:
         self.n = n
@@ -46,7 +46,7 @@ class Box:
         return self.workspace.solve(**{**self.data, **changes})
 
     def assert_well(self) -> None:
-        """The workspace still solves its plain problem, with nothing left over from an earlier one."""
+        """The workspace still solves its plain problem, with nothing left of an earlier one."""
         answer = self.solve(q=-0.5 * np.arange(self.n))
         assert answer.status is QPStatus.SOLVED
         np.testing.assert_allclose(answer.x, np.clip(0.5 * np.arange(self.n), -1, 1), atol=1e-6)
@@ -254,7 +254,7 @@ def agrees_with(
     upper: np.ndarray,
     x: np.ndarray,
 ) -> None:
-    """Another solver's optimum has the same cost, and the same point where the cost is strictly convex."""
+    """Another solver's optimum costs the same, and is the same where that is strictly convex."""
     equal = lower == upper
     rows = [(a[~equal & np.isfinite(upper)], upper[~equal & np.isfinite(upper)])]
     rows += [(-a[~equal & np.isfinite(lower)], -lower[~equal & np.isfinite(lower)])]
@@ -371,3 +371,28 @@ def test_agrees_with_other_solvers_on_the_controllers_problems(
         agrees_with(
             solver, full_p, data["q"], data["A"].toarray(), data["lower"], data["upper"], answer.x
         )
+
+
+def test_where_osqp_learns_a_restart_makes_it_forget_to_the_last_bit() -> None:
+    random = np.random.default_rng(4)
+    first, second = Box(n=6, adaptive_rho=1), Box(n=6, adaptive_rho=1)
+    for _ in range(5):
+        second.solve(q=random.normal(size=6), Ax=10.0 ** random.uniform(-3, 3, 6))
+    first.workspace.restart()
+    second.workspace.restart()
+    q, scale = random.normal(size=6), 10.0 ** random.uniform(-1, 1, 6)
+    np.testing.assert_array_equal(first.solve(q=q, Ax=scale).x, second.solve(q=q, Ax=scale).x)
+
+
+def test_without_scaling_and_adaptation_nothing_is_learned() -> None:
+    settings = {"adaptive_rho": 0, "scaling": 0, "eps_abs": 1e-4, "eps_rel": 1e-4}
+    random = np.random.default_rng(5)
+    first, second = Box(n=6, **settings), Box(n=6, **settings)
+    for _ in range(5):
+        second.solve(
+            q=random.normal(size=6), Ax=10.0 ** random.uniform(-3, 3, 6), Px=np.full(6, 2.0)
+        )
+    q, scale = random.normal(size=6), 10.0 ** random.uniform(-1, 1, 6)
+    mine, other = first.solve(q=q, Ax=scale), second.solve(q=q, Ax=scale)
+    np.testing.assert_array_equal(mine.x, other.x)
+    np.testing.assert_array_equal(mine.y, other.y)

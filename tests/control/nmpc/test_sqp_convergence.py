@@ -51,11 +51,16 @@ PAPER: dict[str, Any] = {"guidance": False, "tightening": None}
 """Straight for the goal, no margin but the problem's: what the certificate and IPOPT know."""
 
 
+def driven(controller: kl.Controller) -> kl.KoopmanModel:
+    """The model as the controller integrates it."""
+    return replace(controller.model, integrator="midpoint")
+
+
 def converge(model: kl.KoopmanModel, case: str) -> tuple[kl.Plan, Certificate]:
     problem, x, goal, circles = CASES[case]
     controller = kl.Controller(model, problem, **PAPER, sqp_iterations=300, tolerance=1e-7)
     plan = controller.step(x, goal, circles)
-    return plan, certify(controller.model, problem, plan, goal_reference(x, goal), circles)
+    return plan, certify(driven(controller), problem, plan, goal_reference(x, goal), circles)
 
 
 @pytest.mark.parametrize(
@@ -96,7 +101,7 @@ def test_one_real_time_pass_is_no_kkt_point(nominal: kl.KoopmanModel) -> None:
     controller = kl.Controller(nominal, problem, **PAPER)
     plan = controller.step(x, goal, circles)
     assert (
-        certify(controller.model, problem, plan, goal_reference(x, goal), circles).stationarity
+        certify(driven(controller), problem, plan, goal_reference(x, goal), circles).stationarity
         > 1e-3
     )
 
@@ -121,7 +126,7 @@ def test_cost_is_ipopts_or_less(
     problem = kl.NavigationProblem()
     controller = kl.Controller(models[name], problem, **PAPER, sqp_iterations=200, tolerance=1e-7)
     ours = controller.step(x, GOAL, MAP)
-    theirs = IpoptController(controller.model, problem, options={"ipopt.tol": 1e-9}).step(
+    theirs = IpoptController(driven(controller), problem, options={"ipopt.tol": 1e-9}).step(
         x, GOAL, MAP
     )
     assert theirs.status is kl.PlanStatus.SOLVED

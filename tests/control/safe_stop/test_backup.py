@@ -1,4 +1,4 @@
-"""The tail that is left of a plan, and the braking ramp: as fast as the limits allow, on the curve, to a stand."""
+"""What is left of a stop trajectory is driven to its end, then the robot brakes and stands."""
 
 from __future__ import annotations
 

@@ -1,0 +1,99 @@
+"""What outlives a step copies and pickles, and rooms that are told a copy go on to the same bit."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.nmpc.sqp import SQP
+from kmpc_lite.control.nmpc.sqp_state import SQPState
+from kmpc_lite.control.nmpc.task import Task
+from kmpc_lite.control.nmpc.trajectory import Trajectory, at_rest
+
+COPIES = [copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
+PROBLEM = kl.NavigationProblem().with_default_weights(guidance=False)
+GOAL = np.array([1.4, 1.1, 0.6])
+CIRCLES = np.array([[0.6, 0.5, 0.15, 0.0, 0.0], [1.0, 1.3, 0.1, 0.0, -0.05]])
+
+
+@pytest.mark.parametrize("copied", COPIES)
+def test_a_copied_drift_state_goes_on_as_the_one_it_was_copied_from(
+    copied: Any, learned: kl.KoopmanModel
+) -> None:
+    detector, state = Margins(learned, PROBLEM).drift_detector, DriftState()
+    random, other = np.random.default_rng(1), DriftState()
+    for k in range(40):
+        seen = random.normal(size=3) * 0.01, float(random.normal()), random.uniform(-0.6, 0.6, 2)
+        detector.observe(state, *seen)
+        if k == 20:
+            other = copied(state)
+        elif k > 20:
+            detector.observe(other, *seen)
+    assert state == other and state is not other and state != DriftState()
+
+
+def solve(sqp: SQP, model: kl.KoopmanModel, guess: Trajectory, margins: Margins) -> Trajectory:
+    task = Task(
+        model,
+        np.tile(GOAL, (PROBLEM.horizon + 1, 1)),
+        CIRCLES,
+        np.zeros((model.history, 2)),
+        np.zeros(2),
+        tightening=margins.tightening,
+        drift=DriftState(),
+    )
+    return sqp.solve(SQPState(), guess, task).trajectory
+
+
+@pytest.mark.parametrize("iterations", [1, 12])
+@pytest.mark.parametrize("name", ["learned", "lagging"])
+@pytest.mark.parametrize("copied", COPIES)
+def test_a_solver_answers_the_same_whatever_it_solved_before_and_so_does_its_copy(
+    copied: Any, name: str, iterations: int, models: dict[str, kl.KoopmanModel]
+) -> None:
+    model = models[name]
+    margins = Margins(model, PROBLEM)
+    used, fresh = (SQP(PROBLEM, model.history, iterations=iterations) for _ in range(2))
+    guess = at_rest(used.qp, np.array([0.1, 0.0, 0.3]))
+    first = solve(fresh, model, guess, margins)
+    for heading in (0.5, -2.0, 3.0):
+        solve(used, model, at_rest(used.qp, np.array([0.3, -0.2, heading])), margins)
+    for sqp in (used, copied(used)):
+        answer = solve(sqp, model, guess, margins)
+        for mine, theirs in ((answer.states, first.states), (answer.inputs, first.inputs)):
+            np.testing.assert_array_equal(mine, theirs)
+        np.testing.assert_array_equal(answer.duals, first.duals)
+
+
+def test_margins_of_a_state_do_not_depend_on_the_states_asked_for_before(
+    learned: kl.KoopmanModel,
+) -> None:
+    margins, calm, alarmed = Margins(learned, PROBLEM), DriftState(), DriftState(level=30.0)
+    inputs = np.tile((0.5, 0.2), (20, 1))
+    states = learned.rollout(np.zeros(3), inputs)
+    plan = learned.linearize(states[:-1], inputs), states, inputs, np.tile((0.0, 1.0), (20, 2, 1))
+    before = margins.tightening.margins(calm, *plan).copy()
+    wider = margins.tightening.margins(alarmed, *plan)
+    assert (wider >= before).all() and (wider > before)[5:].all()
+    assert margins.tightening.widest(alarmed) > margins.tightening.widest(calm)
+    np.testing.assert_array_equal(margins.tightening.margins(calm, *plan), before)
+
+
+def test_a_model_that_expects_more_noise_finds_less_of_it_unexpected(
+    learned: kl.KoopmanModel,
+) -> None:
+    noise = learned.noise_model
+    assert noise is not None
+    louder = replace(learned, noise_model=replace(noise, coefficients=9.0 * noise.coefficients))
+    state = DriftState(level=40.0, ahead=0.1, drifting=True)
+    after = Margins(louder, PROBLEM).drift_detector
+    after.carry_over(state, Margins(learned, PROBLEM).drift_detector)
+    assert 1.0 <= state.level < 40.0 and not state.drifting and not state.ahead

@@ -1,0 +1,83 @@
+"""Weights that a user gives are honoured in every mode; those not given suit the mode."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.control.problem import GOAL_Q, GOAL_R, TRACKING_Q, TRACKING_R
+
+MODEL = kl.nominal_unicycle(0.1)
+MODES: list[dict[str, Any]] = [{}, {"guidance": False}]
+TURNING = np.array([0.0, 0.0, 0.0]), np.array([0.9, 1.1, 1.2])
+
+
+def drive(problem: kl.NavigationProblem, options: dict[str, Any], steps: int = 25) -> np.ndarray:
+    """Commands (steps, 2) of a drive to a pose ahead and to the left."""
+    controller, (x, goal), commands = kl.Controller(MODEL, problem, **options), TURNING, []
+    for _ in range(steps):
+        commands.append(controller.step(x, goal).command)
+        x = MODEL.predict(x, commands[-1])
+    return np.array(commands)
+
+
+@pytest.mark.parametrize("options", MODES)
+def test_a_larger_weight_of_the_turn_rate_makes_turns_slower(options: dict[str, Any]) -> None:
+    r = TRACKING_R if not options else GOAL_R
+    rates = [
+        np.abs(drive(kl.NavigationProblem(R=(r[0], factor * r[1])), options)[:, 1])
+        for factor in (1.0, 30.0, 300.0)
+    ]
+    for slower, faster in pairwise(reversed(rates)):
+        assert slower.max() <= faster.max() and slower[:12].mean() < 0.95 * faster[:12].mean()
+
+
+@pytest.mark.parametrize("options", MODES)
+def test_a_larger_weight_of_the_speed_makes_the_drive_slower(options: dict[str, Any]) -> None:
+    slow, default = (
+        drive(problem, options)[:, 0].mean()
+        for problem in (kl.NavigationProblem(R=(5.0, 0.05)), kl.NavigationProblem())
+    )
+    assert slow < default
+
+
+@pytest.mark.parametrize("options", MODES)
+@pytest.mark.parametrize(
+    "weights",
+    [{"Q": (1.0, 9.0, 0.2)}, {"Q_terminal": (50.0, 50.0, 5.0)}, {"R": (0.3, 0.3)}],
+)
+def test_every_weight_changes_the_plan(options: dict[str, Any], weights: dict[str, Any]) -> None:
+    first, other = (
+        kl.Controller(MODEL, problem, **options).step(*TURNING)
+        for problem in (kl.NavigationProblem(), kl.NavigationProblem(**weights))
+    )
+    assert np.abs(first.inputs - other.inputs).max() > 1e-3
+
+
+@pytest.mark.parametrize("options", MODES)
+def test_slack_weights_tell_how_firmly_obstacles_are_kept_clear_of(options: dict[str, Any]) -> None:
+    depths = []
+    for weight in (0.05, 100.0):
+        problem = kl.NavigationProblem(slack_weights=(weight, 1e-3))
+        controller = kl.Controller(MODEL, problem, tightening=None, **options)
+        # inside of the obstacle, which the plan leaves the sooner the more that costs
+        plan = controller.step((0.5, 0.0, 1.6), (1.5, 0.0, 0.0), [kl.Circle(0.72, 0.0, 0.15)])
+        inside = 0.3 - np.hypot(plan.states[1:, 0] - 0.72, plan.states[1:, 1])
+        depths.append(np.maximum(inside, 0.0).sum())
+    assert depths[1] < 0.8 * depths[0]
+
+
+def test_weights_that_are_not_given_are_those_of_the_mode() -> None:
+    problem = kl.NavigationProblem(R=(1.0, 2.0))
+    guided, plain = problem.with_default_weights(True), problem.with_default_weights(False)
+    np.testing.assert_array_equal(guided.Q, np.diag(TRACKING_Q))
+    np.testing.assert_array_equal(plain.Q, np.diag(GOAL_Q))
+    for used in (guided, plain):
+        np.testing.assert_array_equal(used.R, np.diag((1.0, 2.0)))
+        assert not used.Q_terminal.any() and used.margin == problem.margin
+    default = kl.NavigationProblem().with_default_weights(True)
+    np.testing.assert_array_equal(default.R, np.diag(TRACKING_R))
