@@ -102,6 +102,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Fit the logs, print the held-out errors, write the model."""
+    from kmpc_lite.learn.noise_sources import check_sources
+
     keep_inputs(options.output, *options.log)
     train, held = load_and_split(
         options.log, options.dt, options.gap, options.holdout, options.seed
@@ -119,6 +121,9 @@ def run(options: argparse.Namespace) -> int:
     )
     report = kl.evaluate(model, held, options.horizon)
     facts = describe(model, train, report) if lags == "auto" else {}
+    noise = check_sources(model, held)
+    if facts and noise is not None:
+        facts["noise"] = noise.as_dict()
     model, calibration = calibrated(model, held)
     model = with_info(model, {"held_out": report.as_dict(), "log": [str(f) for f in options.log]})
     model.save(options.output)
@@ -141,6 +146,8 @@ def run(options: argparse.Namespace) -> int:
         from kmpc_lite.learn.account import format_account
 
         print(format_account(facts))
+        if noise is not None:
+            print(noise)
     print(f"{report}\n{calibration}\nwrote  {options.output}")
     return 0
 

@@ -7,6 +7,9 @@ expected of it.
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass
+from typing import Any
+
 import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
@@ -18,6 +21,9 @@ LONGEST = 1.0
 """How far ahead the errors look [s]: beyond, feedback has acted."""
 STARTS = 6000
 """Predictions that are looked at, at most."""
+ELLIPSE, ONE_SIDED = 5.991, 1.645
+"""Squared radius of the ellipse that holds 95 % of a normal distribution in the plane, and the
+bound that 95 % of one on a line stay below."""
 PASSES = 6
 """Passes of the weighted least squares."""
 
@@ -50,6 +56,64 @@ def prediction_errors(
     forward = cos * error[..., 0] + sin * error[..., 1]
     left = cos * error[..., 1] - sin * error[..., 0]
     return np.stack([forward, left, error[..., 2]], axis=-1), future
+
+
+@dataclass(frozen=True)
+class NoiseCheck:
+    """Errors of predictions on held-out drives, and what the sources of a model's noise expect."""
+
+    ahead: float
+    """How far ahead [s]."""
+    error: float
+    """Root mean square of the position's error [m]."""
+    expected: float
+    """The same, as the sources have it [m]."""
+    coverage: float
+    """Share of the positions within the ellipses that should hold 95 %."""
+    across: float
+    """95 % bound of the true pose's error across, at 1 m/s straight ahead and `ahead` [m]."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        """In one line."""
+        return (
+            f"noise  {self.ahead:g} s ahead the position errs by {100 * self.error:.1f} cm, "
+            f"{100 * self.expected:.1f} cm are expected; ellipses of 95 % hold "
+            f"{100 * self.coverage:.1f} %; 95 % bound across at 1 m/s {100 * self.across:.1f} cm"
+        )
+
+
+def check_sources(model: KoopmanModel, held: Dataset, ahead: float = 0.5) -> NoiseCheck | None:
+    """Hold a model's noise sources against drives that they were not fitted to.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        With noise sources; without, None is returned, as where no drive is long enough.
+    held : Dataset
+        Drives that nothing was fitted to; their poses' own noise is accounted for.
+    ahead : float
+        How far ahead [s].
+    """
+    errors, inputs = prediction_errors(model, held, 2.0 * ahead)
+    sources = None if model.noise_model is None else model.noise_model.sources
+    if sources is None or not len(errors):
+        return None
+    k = max(1, round(ahead / held.dt)) - 1
+    position = errors[:, k, :2] ** 2
+    expected = sources.open_loop(inputs, held.dt)[:, k, :2]
+    straight = np.tile([1.0, 0.0], (k + 1, 1))
+    alone = sources.open_loop(straight, held.dt, measured=False)[k, 1]
+    return NoiseCheck(
+        ahead,
+        float(np.sqrt(position.sum(axis=1).mean())),
+        float(np.sqrt(expected.sum(axis=1).mean())),
+        float(((position / np.maximum(expected, 1e-18)).sum(axis=1) < ELLIPSE).mean()),
+        float(ONE_SIDED * np.sqrt(alone)),
+    )
 
 
 def split_noise_sources(model: KoopmanModel, dataset: Dataset) -> NoiseSources | None:

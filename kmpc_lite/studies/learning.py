@@ -16,7 +16,7 @@ import numpy as np
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.dataset import Dataset, Episode
 from kmpc_lite.learn.fitting import fit
-from kmpc_lite.learn.noise_sources import prediction_errors
+from kmpc_lite.learn.noise_sources import NoiseCheck, check_sources
 from kmpc_lite.model.dictionary import HermiteTrigDictionary
 from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
@@ -28,8 +28,6 @@ ROBOT_SEED = 52_000
 """Seed of the first synthetic robot."""
 REFERENCE_START = 0.5
 """Predictions start this long after the beginning of a drive [s], whatever a model's history."""
-ELLIPSE = 5.991
-"""Squared radius of the ellipse that holds 95 % of a normal distribution in the plane."""
 RESAMPLES = 2000
 """Bootstrap samples of the drives."""
 
@@ -124,51 +122,9 @@ def default_fit(train: Dataset) -> KoopmanModel:
     return fit(train, HermiteTrigDictionary(order=0), lags="auto")
 
 
-@dataclass(frozen=True)
-class Noise:
-    """Errors of predictions on held-out drives, and what the model's noise sources expect."""
-
-    name: str
-    ahead: float
-    """How far ahead [s]."""
-    error: float
-    """Root mean square of the position's error [m]."""
-    expected: float
-    """The same, as the sources have it [m]."""
-    coverage: float
-    """Share of the positions within the ellipses that should hold 95 %."""
-    across: float
-    """95 % bound of the true pose's error across, at 1 m/s straight ahead and `ahead` [m]."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
-        return asdict(self)
-
-
-def study_noise(name: str, model: KoopmanModel, held: Dataset, ahead: float = 0.5) -> Noise:
-    """Hold a model's noise sources against drives that they were not fitted to."""
-    errors, inputs = prediction_errors(model, held, 2.0 * ahead)
-    sources = None if model.noise_model is None else model.noise_model.sources
-    if sources is None or not len(errors):
-        raise DataError(f"{name}: too short to tell the sources of the errors apart")
-    k = max(1, round(ahead / held.dt)) - 1
-    position = errors[:, k, :2] ** 2
-    expected = sources.open_loop(inputs, held.dt)[:, k, :2]
-    straight = np.tile([1.0, 0.0], (k + 1, 1))
-    bound = 1.645 * np.sqrt(sources.open_loop(straight, held.dt, measured=False)[k, 1])
-    return Noise(
-        name,
-        ahead,
-        float(np.sqrt(position.sum(axis=1).mean())),
-        float(np.sqrt(expected.sum(axis=1).mean())),
-        float(((position / np.maximum(expected, 1e-18)).sum(axis=1) < ELLIPSE).mean()),
-        float(bound),
-    )
-
-
 def study_log(
     log: Path, progress: Callable[[int, int], None] | None = None, dt: float = 0.1
-) -> tuple[list[Ratio], Noise]:
+) -> tuple[list[Ratio], NoiseCheck]:
     """Ten random halves of a log's drives, each judged on the other half; the noise of the last."""
     data = Dataset.load(log, dt=dt)
     longest = max(len(e) for e in data.episodes)
@@ -184,7 +140,10 @@ def study_log(
         rows.append(compare(f"{log.stem} {seed}", model, ours, nominal))
         if progress is not None:
             progress(k + 1, len(SPLIT_SEEDS))
-    return rows, study_noise(log.stem, model, held)
+    noise = check_sources(model, held)
+    if noise is None:
+        raise DataError(f"{log}: too short to tell the sources of the errors apart")
+    return rows, noise
 
 
 def study_lagging(
@@ -281,15 +240,6 @@ def format_ratios(title: str, rows: list[Ratio]) -> str:
     longest = [r.history for r in rows]
     lines.append(f"  past commands: {min(longest)} to {max(longest)}")
     return "\n".join(lines)
-
-
-def format_coverage(noise: Noise) -> str:
-    """What the sources of the noise promise, beside what was seen."""
-    return (
-        f"{noise.name}: after {noise.ahead:g} s the position errs by {100 * noise.error:.1f} cm, "
-        f"{100 * noise.expected:.1f} cm are expected; ellipses of 95 % hold "
-        f"{100 * noise.coverage:.1f} %; 95 % bound across at 1 m/s: {100 * noise.across:.1f} cm"
-    )
 
 
 def format_harm(rows: list[Ratio]) -> str:

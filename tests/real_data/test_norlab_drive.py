@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lite.learn.noise_sources import check_sources
 
 LOGS = Path(__file__).parents[3] / "shared" / "data" / "norlab_drive"
 pytestmark = pytest.mark.skipif(
@@ -138,3 +139,34 @@ def test_the_covariance_of_a_step_is_that_of_the_residuals(
         u = np.concatenate([e.inputs[model.history :] for e in data.episodes])
         predicted = np.sqrt(np.diag(model.noise(u).mean(axis=0)))
         np.testing.assert_allclose(predicted, kl.evaluate(model, data).one_step, rtol=tolerance)
+
+
+# what `kmpc fit` learns by default
+
+
+@cache
+def chosen(robot: str) -> kl.KoopmanModel:
+    """Lag and slip as the even windows support them."""
+    return kl.fit(halves(robot, 0.1)[0], TRIG, lags="auto")
+
+
+@pytest.mark.parametrize(
+    ("robot", "largest"), [("husky", (0.99, 0.33, 0.21)), ("warthog", (0.5, 0.34, 0.17))]
+)
+def test_the_default_fit_beats_the_nominal_robot_in_every_direction(
+    robot: str, largest: tuple[float, float, float]
+) -> None:
+    told = kl.evaluate(chosen(robot), halves(robot, 0.1)[1], horizon=1.0)
+    ratio = np.array(told.multi_step) / told.nominal_multi_step
+    assert (ratio <= largest).all(), ratio
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_the_default_fit_stands_still_and_its_noise_is_that_of_the_other_half(robot: str) -> None:
+    model = chosen(robot)
+    poses = np.random.default_rng(1).uniform(-9.0, 9.0, (20, 3))
+    zeros = np.zeros((20, 2)), np.zeros((20, model.history, 2))
+    np.testing.assert_array_equal(model.predict(poses, *zeros), poses)
+    told = check_sources(model, halves(robot, 0.1)[1])
+    assert told is not None
+    assert told.expected == pytest.approx(told.error, rel=0.2) and 0.88 <= told.coverage <= 0.99

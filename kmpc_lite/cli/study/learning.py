@@ -22,7 +22,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Fit, judge on what nothing was fitted to, print the shares of the nominal robot's errors."""
     from kmpc_lite.studies.learning import (
-        format_coverage,
         format_harm,
         format_ratios,
         study_lagging,
@@ -34,7 +33,7 @@ def run(options: argparse.Namespace) -> int:
     for log in options.log:
         rows, noise = study_log(log, Progress(log.stem, quiet=options.json))
         told[log.stem] = {"splits": [r.as_dict() for r in rows], "noise": noise.as_dict()}
-        texts += [format_ratios(log.stem, rows), format_coverage(noise)]
+        texts += [format_ratios(log.stem, rows), f"{log.stem}: {noise}"]
     lagging = study_lagging(Progress("lagging robots", quiet=options.json), options.lagging)
     nominal = study_nominal(Progress("nominal robots", quiet=options.json), options.robots)
     texts += [
