@@ -10,7 +10,7 @@ import time
 
 import pytest
 from boards import TABLES
-from bridge.mavlink_rig import Rig
+from mavlink_rig import Rig
 
 from firmware_bridge.cli.main import main
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions

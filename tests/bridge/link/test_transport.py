@@ -361,7 +361,6 @@ def test_what_was_sent_before_the_bridge_came_is_not_read(tmp_path, opened):
     [
         ("can:vcan0", "expected serial:, pty:, tcp:, udp:, loopback:"),
         ("", "expected serial:"),
-        ("/dev/ttyACM0", "expected serial:"),
         ("tcp:localhost", "expected tcp:HOST:PORT"),
         ("tcp:localhost:http", "port from 0 to 65535"),
         ("udp:localhost:70000", "port from 0 to 65535"),
