@@ -241,7 +241,9 @@ class Session:
 
     def _notes(self) -> list[str]:
         """What a terminal tells once, in whole lines."""
-        return [*self.problems(), *(f"autopilot: {text}" for text in self.words())]
+        warnings: Callable[[], tuple[str, ...]] = getattr(self._inner, "warnings", tuple)
+        words = (f"autopilot: {text}" for text in self.words())
+        return [*self.problems(), *warnings(), *words]
 
     def report(self) -> dict[str, Any]:
         """Plain values, for JSON."""

@@ -40,6 +40,7 @@ class FakeDriver:
         self.fails: set[str] = set()
         self.silent_since = -math.inf
         self.taken = 0
+        self.frame_doubt = ""
 
     def move(self) -> State:
         """Go on to the present and give the true state."""
@@ -72,7 +73,13 @@ class FakeDriver:
         self._fail("health")
         stamp = self.silent_since if self.silent else self.clock()
         return LinkStatus(
-            self.connected, stamp, stamp - self.delay, self.ready, self.pose_ok, faults=self.faults
+            self.connected,
+            stamp,
+            stamp - self.delay,
+            self.ready,
+            self.pose_ok,
+            faults=self.faults,
+            frame_doubt=self.frame_doubt,
         )
 
     def send(self, v: float, omega: float) -> None:
@@ -88,6 +95,9 @@ class FakeDriver:
         self.move()
         self.stops.append(self.clock())
         self.ready = self.ready and self.silent  # as an autopilot does that goes to HOLD
+
+    def confirm(self) -> None:
+        self.frame_doubt = ""
 
     def take(self) -> None:
         self.taken += 1

@@ -53,6 +53,10 @@ class CommandDesk:
         self._requests[command] = _Request(tuple(parameters), patient, now)
         self.tick(now)
 
+    def say(self, command: int, *parameters: float) -> None:
+        """Send a command once, and wait for nothing."""
+        self._send(command, tuple(parameters), 0)
+
     def cancel(self, command: int) -> None:
         """Forget a request."""
         self._requests.pop(command, None)

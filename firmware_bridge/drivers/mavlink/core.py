@@ -279,6 +279,10 @@ class MavlinkCore:
             *(text for _, text in self.words.texts),
         )
 
+    def warnings(self, now: float) -> tuple[str, ...]:
+        """What a user should know while the robot drives."""
+        return tuple(filter(None, (self.streams.warning(now),)))
+
     def refusals(self, now: float) -> tuple[str, ...]:
         """Why the autopilot would not arm, in its own words."""
         return self.words.refusals(now)

@@ -171,6 +171,11 @@ class MavlinkDriver:
         with self._changed:
             return self._core.refusals(self._clock())
 
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should know while the robot drives."""
+        with self._changed:
+            return self._core.warnings(self._clock())
+
     def ask_prearm(self) -> None:
         """Ask the autopilot to say what keeps it from arming: `refusals` then tells."""
         with self._changed:

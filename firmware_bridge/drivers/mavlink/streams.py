@@ -29,6 +29,7 @@ AGAIN, RAREST = 0.3, 5.0
 it does not help [s]."""
 TOLD = 10.0
 """How long it is told that a stream was lowered [s]."""
+CAUSE = "another station lowers it (MAVProxy: --streamrate -1), or the link is too slow"
 ALIVE = 3.0
 """A stream that was seen within this time comes, though perhaps too slowly [s]."""
 
@@ -129,13 +130,19 @@ class StreamRequests:
         """Which streams are lowered, in words a user can act on."""
         return tuple(
             f"{stream.name} comes at {stream.measured(now):.0f} Hz, {stream.rate:.0f} Hz was asked "
-            "for: another station lowers it (MAVProxy: --streamrate -1), or the link is too slow"
+            f"for: {CAUSE}"
             for stream in self.streams
             if stream.needed and now - stream.lowered < TOLD
         )
 
+    def warning(self, now: float) -> str:
+        """Say that streams are lowered, in words that stay the same; empty where they are not."""
+        lowered = any(s.needed and now - s.lowered < TOLD for s in self.streams)
+        return f"telemetry comes too rarely: {CAUSE}" if lowered else ""
+
     def tick(self, now: float) -> None:
         """Take the answer to the last request; ask the next that is silent or too slow."""
+        self._restore(now)
         if self._current is not None:
             result = self.desk.result(SET_MESSAGE_INTERVAL)
             if result is None:
@@ -143,14 +150,10 @@ class StreamRequests:
             self._settle(self._current, result)
             self.desk.cancel(SET_MESSAGE_INTERVAL)
             self._current = None
-        slow = [stream for stream in self.streams if stream.ask_again(now)]
-        self.lowered += len(slow)
         due = [
             stream
             for stream in self.streams
-            if stream in slow
-            or not stream.answered
-            or now - max(stream.seen, stream.asked) > self.patience
+            if not stream.answered or now - max(stream.seen, stream.asked) > self.patience
         ]
         if due:
             stream = self._current = min(due, key=lambda s: s.asked)
@@ -158,6 +161,18 @@ class StreamRequests:
             self.desk.request(
                 SET_MESSAGE_INTERVAL, stream.message, round(1e6 / stream.rate), now=now
             )
+
+    def _restore(self, now: float) -> None:
+        """Ask for all again at once where one comes too slowly: who lowers one lowers all.
+
+        Nobody waits for the answers, which were given before; whether it helps is counted.
+        """
+        slow = [stream for stream in self.streams if stream.ask_again(now)]
+        self.lowered += len(slow)
+        for stream in self.streams if slow else ():
+            if stream.answered and not stream.refused:
+                stream.asked = now
+                self.desk.say(SET_MESSAGE_INTERVAL, stream.message, round(1e6 / stream.rate))
 
     def _settle(self, stream: Stream, result: int) -> None:
         if result == ACCEPTED:

@@ -290,6 +290,7 @@ class Desk:
 
     def tell(self, state, why=(), barred=""):
         self.told.append(state)
+        self.why, self.barred = why, barred
 
 
 def test_operator_stop_reset_enable():
@@ -306,6 +307,30 @@ def test_operator_stop_reset_enable():
     desk.requests = {"enable"}
     assert bench.run(1.0) is GateState.ACTIVE and bench.driver.taken == 1
     assert desk.told[-1] is GateState.ACTIVE and GateState.ESTOP in desk.told
+
+
+def test_after_a_restart_of_the_board_nothing_moves_until_the_frame_is_confirmed():
+    desk = Desk()
+    bench = Bench(operator=desk)
+    bench.loop._confirm = bench.driver.confirm
+    bench.drive()
+    bench.driver.frame_doubt = "the autopilot was restarted"
+    bench.run(3.0)
+    assert bench.gate.state is GateState.RELEASED
+    bench.driver.ready = True
+    sent = len(bench.driver.sent)
+    desk.requests = {"enable"}
+    bench.run(2.0)
+    assert bench.gate.state is GateState.RELEASED and bench.driver.taken == 0
+    assert all(command[1:] == (0.0, 0.0) for command in bench.driver.sent[sent:])
+    assert "the autopilot was restarted" in desk.barred and "--confirm-frame" in desk.barred
+    assert "the autopilot was restarted" in desk.why
+    desk.requests = {"confirm"}
+    bench.run(2.0)
+    assert bench.gate.state is GateState.RELEASED, "confirming is not enabling"
+    desk.requests = {"enable"}
+    assert bench.run(1.0) is GateState.ACTIVE
+    assert desk.barred == ""
 
 
 def test_run_ends_with_a_stop_on_the_wire_when_finished():

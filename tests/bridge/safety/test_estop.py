@@ -39,6 +39,17 @@ def test_a_stop_is_latched_in_memory_and_on_disk_until_reset(stop):
     assert stop.take() == {"enable", "reset"} and not stop.latch_path.exists()
 
 
+def test_enable_is_refused_with_the_reason_while_it_is_barred(stop):
+    stop.tell(GateState.RELEASED, ("board not ready",), "restarted: look first")
+    answer = ask(stop.path, "enable")
+    assert not answer["ok"] and answer["why"] == ["restarted: look first"]
+    assert stop.take() == set()
+    assert ask(stop.path, "status")["why"] == ["board not ready"]
+    assert ask(stop.path, "confirm")["ok"] and stop.take() == {"confirm"}
+    stop.tell(GateState.RELEASED)
+    assert ask(stop.path, "enable")["ok"] and stop.take() == {"enable"}
+
+
 def test_the_answer_tells_whether_the_gate_has_obeyed(stop):
     def gate() -> None:
         while not stop.take():

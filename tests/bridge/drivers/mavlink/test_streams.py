@@ -47,6 +47,7 @@ def test_a_station_that_lowers_the_streams_costs_one_short_gap() -> None:
     note = next(note for note in rig.core.notes(rig.now) if "LOCAL_POSITION_NED" in note)
     assert "40 Hz was asked for" in note
     assert "--streamrate -1" in note
+    assert rig.core.warnings(rig.now) and "--streamrate -1" in rig.core.warnings(rig.now)[0]
     rig.run(15.0)
     assert not any("LOCAL_POSITION_NED" in note for note in rig.core.notes(rig.now))
 
