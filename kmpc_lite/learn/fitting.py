@@ -7,10 +7,8 @@ from dataclasses import replace
 from typing import Literal
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.automatic import fit_automatically
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.noise import fit_noise
-from kmpc_lite.learn.noise_sources import split_noise_sources
 from kmpc_lite.learn.regression import Accumulator, Method
 from kmpc_lite.learn.symmetry import wants_symmetry
 from kmpc_lite.model.dictionary import Dictionary, InputHistoryDictionary, UnicycleDictionary
@@ -87,6 +85,10 @@ def fit(
                 "lags='auto' goes with the symmetric integral fit, without a ridge and with a "
                 "dictionary that knows no history itself"
             )
+        # here, for a robot that drives needs none of it
+        from kmpc_lite.learn.automatic import fit_automatically
+        from kmpc_lite.learn.noise_sources import split_noise_sources
+
         model = fit_automatically(dataset, lifting)
         if not noise:
             return model
