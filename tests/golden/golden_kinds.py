@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import golden_mishaps as mishaps
 import golden_robots as usual
+import golden_tight as tight
 import numpy as np
 from golden_scripts import Random, Script
 
@@ -33,8 +34,14 @@ KINDS: dict[Callable[[Random, int], Script], int] = {
     usual.other_numbers: 11,
     mishaps.swapped: 2,
     mishaps.held: 6,
+    tight.braked_often: 16,
+    tight.squeezed: 15,
+    tight.surrounded: 8,
+    tight.fast: 5,
+    tight.displaced: 8,
+    tight.strange_floors: 6,
 }
-"""How many of each there are among 232."""
+"""How many of each there are among 290."""
 
 
 def scripts(count: int, seed: int) -> list[Script]:

@@ -133,7 +133,7 @@ def budget(random: Random, i: int) -> Script:
     script.at(0, qp_seconds=1.5)
     for k in range(5, 12):
         script.at(k, qp_seconds=2.0, jump=4.0 if i % 2 else 0.0)
-    script.at(20, goal=goal, jump=4.0).at(21, jump=3.5, qp_seconds=3.0).at(22, jump=4.0).at(
+    script.at(20, goal=goal, jump=4.0).at(21, jump=3.0, qp_seconds=3.0).at(22, jump=4.0).at(
         23, qp_seconds=11.0
     )
     return script

@@ -174,7 +174,7 @@ def main() -> int:
         "-o", "--output", type=Path, default=FILE, help="file to write (default: %(default)s)"
     )
     parser.add_argument(
-        "--drives", type=int, default=232, help="about how many (default: %(default)s)"
+        "--drives", type=int, default=290, help="about how many (default: %(default)s)"
     )
     parser.add_argument(
         "--seed", type=int, default=10, help="of maps, mishaps and noise (default: %(default)s)"
