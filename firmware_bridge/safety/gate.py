@@ -160,7 +160,9 @@ class SafetyGate:
                 happened = self._output == (0.0, 0.0)
             elif event is Event.HELD:
                 waited = now - self._entered
-                happened = waited >= self._pose_watch.patience(self._final)
+                # what is good again is given the time to prove it before the robot is given back
+                proving = self._clear_since is not None and not self._final
+                happened = waited >= self._pose_watch.patience(self._final) and not proving
             else:
                 happened = event in events
             if happened:

@@ -153,3 +153,14 @@ def test_whatever_else_goes_wrong_meanwhile_ends_the_waiting(wrong):
     drive.faults, drive.ready = (), True
     assert drive.run(3.0).gate.state in (GateState.RELEASED, GateState.YIELDED)
     assert drive.speeds[-1] == 0.0
+
+
+def test_what_comes_back_late_in_the_hold_is_given_the_time_to_settle():
+    """Through a ground station that stalled it came back 0.4 s before the release, and was lost."""
+    drive = Drive(replace(SETTINGS, settle=0.5)).run(3.0)
+    while drive.gate.state is not GateState.HOLDING:
+        drive.lose(TICK)
+    drive.lose(0.8)
+    assert drive.gate.state is GateState.HOLDING
+    assert drive.run(2.0).gate.state is GateState.ACTIVE
+    assert GateState.RELEASED not in drive.states
