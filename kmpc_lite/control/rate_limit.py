@@ -40,14 +40,14 @@ class RateLimit:
         deceleration where that is more.
         """
         change = command - last
-        room = np.where(
+        allowed = np.where(
             change * last < 0.0,
             np.maximum(self._change, np.minimum(self._brake, np.abs(last))),
             self._change,
         )
         size = np.abs(change)
-        over = size > room * ROUNDING
-        return last + float((room[over] / size[over]).min()) * change if over.any() else command
+        over = size > allowed * ROUNDING
+        return last + float((allowed[over] / size[over]).min()) * change if over.any() else command
 
     def first(self, last: Array) -> tuple[Array, Array]:
         """Least and largest first command of a plan, (2,) each."""

@@ -36,15 +36,15 @@ def model_quantile(info: Mapping[str, Any], risk: float) -> float:
     try:
         depth = -np.log(np.array(table["risks"], dtype=float))
         values = np.array(table["quantiles"], dtype=float)
-        usable = (
+        is_table = (
             depth.shape == values.shape
             and len(depth) >= 2
             and (np.diff(depth) > 0).all()
             and np.isfinite(values).all()
         )
     except (TypeError, KeyError, ValueError):
-        usable = False
-    if not usable:
+        is_table = False
+    if not is_table:
         raise ProblemError("the model's table noise_quantiles is damaged: calibrate it anew")
     wanted = -np.log(risk)
     if wanted <= depth[-1]:

@@ -60,7 +60,7 @@ class Step(NamedTuple):
 
     trajectory: Trajectory
     length: float
-    """Share of the way to the QP's solution, from 0 to 1."""
+    """Share of the step to the QP's solution, from 0 to 1."""
     predicted: Array
     """What the model says of stages 1 to N of the trajectory, (N, 3)."""
 

@@ -88,6 +88,9 @@ class QpsolversBackend:
         self._P = sp.csc_matrix(upper + sp.triu(upper, 1).T)
         self._P_from = self._P.data - 1
         self._P = sp.csc_matrix(self._P, dtype=float)
+        weight = REGULARISATION if name in POSITIVE_DEFINITE_ONLY else 0.0
+        self._regularisation = sp.csc_matrix(weight * sp.eye(self.n))
+        self._dense = name not in qpsolvers.sparse_solvers
         self._split: tuple[bytes, _Split] | None = None
 
     def restart(self) -> None:
@@ -124,13 +127,12 @@ class QpsolversBackend:
         split.G.data[:] = split.G_sign * Ax[split.G_from]
         split.E.data[:] = Ax[split.E_from]
         self._P.data[:] = cost[self._P_from]
-        semidefinite = self.name not in POSITIVE_DEFINITE_ONLY
         problem = qpsolvers.Problem(
-            self._P if semidefinite else self._P + REGULARISATION * sp.eye(self.n, format="csc"),
+            self._in_form(self._P + self._regularisation),
             q,
-            split.G,
+            self._in_form(split.G),
             np.concatenate([upper[split.above], -lower[split.below]]),
-            split.E if len(split.equal) else None,
+            self._in_form(split.E) if len(split.equal) else None,
             upper[split.equal] if len(split.equal) else None,
         )
         settings: dict[str, Any] = dict(self._settings)
@@ -144,6 +146,10 @@ class QpsolversBackend:
         if found.x is None or not np.isfinite(found.x).all():
             return self._failed(f"{self.name}: no solution")
         return self._solution(found, split)
+
+    def _in_form(self, matrix: sp.csc_matrix) -> Any:
+        """A matrix as the solver takes it: sparse, or dense."""
+        return matrix.toarray() if self._dense else matrix
 
     def _solution(self, found: Any, split: _Split) -> QPSolution:
         """The answer of qpsolvers in our form."""

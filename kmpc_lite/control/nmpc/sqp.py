@@ -208,7 +208,7 @@ class SQP:
     def _step(
         self, run: Progress, task: Task, data: Linearized, solution: QPSolution, warm: Array
     ) -> None:
-        """Take the QP's solution, or a part of the way to it, as the next guess."""
+        """Take the QP's solution, or a part of the step to it, as the next guess."""
         before, value = run.guess, data.lin.value
         found, slack = self._found(run, task, data, solution)
         is_only_pass = run.limit == 1

@@ -1,4 +1,4 @@
-"""Options of the stop trajectories: which ways to a standstill are tried, and what is clear."""
+"""Options of the stop trajectories: which of them are tried, and what is clear."""
 
 from __future__ import annotations
 

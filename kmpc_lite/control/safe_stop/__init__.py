@@ -1,1 +1,1 @@
-"""The way to a standstill that every plan must have, and what is driven when there is no plan."""
+"""The stop trajectory that every plan must have, and what is driven when there is no plan."""
