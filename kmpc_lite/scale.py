@@ -18,6 +18,8 @@ UNIT_RADIUS = 0.15
 """Radius of the robot that is its own unit [m]: the paper's."""
 UNIT_SPEED = 0.6
 """Its fastest speed [m/s]."""
+SLOWEST = 50.0
+"""Largest and, inverted, least unit of time that is believed in [s]."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +45,14 @@ class Scale:
 
     @classmethod
     def of_robot(cls, radius: float, fastest: float) -> Scale:
-        """Scale of a robot with a radius [m] and a fastest speed [m/s]; zero counts as the unit."""
+        """Scale of a robot with a radius [m] and a fastest speed [m/s]; zero counts as the unit.
+
+        A robot that takes longer than `SLOWEST` units of time to drive a unit of length, or hardly
+        any, is no robot: it gets units in which numbers stay usable.
+        """
         length = radius / UNIT_RADIUS if radius > 0.0 else 1.0
-        return cls(length, fastest / UNIT_SPEED if fastest > 0.0 else length)
+        speed = fastest / UNIT_SPEED if fastest > 0.0 else length
+        return cls(length, min(max(speed, length / SLOWEST), length * SLOWEST))
 
     @property
     def time(self) -> float:

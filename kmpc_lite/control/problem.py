@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -112,16 +111,22 @@ class NavigationProblem:
             ("x_max", STATES),
         ):
             set_field(name, _vector(name, getattr(self, name), length))
-        self._follow_the_robot(set_field)
-        for name in ("deceleration", "slack_weights"):
-            value = _vector(name, getattr(self, name), 2)
-            if not (np.isfinite(value).all() and (value > 0).all()):
-                raise ProblemError(f"{name}: expected finite numbers > 0, got {value}")
-            set_field(name, value)
         set_field("du_max", _vector("du_max", self.du_max, INPUTS))
         if not (self.du_max > 0).all():
             raise ProblemError(f"du_max: expected numbers > 0, or infinity, got {self.du_max}")
         self._check_bounds()
+        # these follow the robot's size and speed where they are not given
+        scale = self.scale
+        follows = {
+            "deceleration": UNIT_DECELERATION * scale.acceleration,
+            "slack_weights": UNIT_SLACK_WEIGHTS / (scale.length, scale.length**2),
+        }
+        for name, usual in follows.items():
+            given = getattr(self, name)
+            value = _vector(name, usual if given is None else given, 2)
+            if not (np.isfinite(value).all() and (value > 0).all()):
+                raise ProblemError(f"{name}: expected finite numbers > 0, got {value}")
+            set_field(name, value)
 
     def _check_bounds(self) -> None:
         """Raise ProblemError for bounds that leave nothing, or no way to brake."""
@@ -142,14 +147,6 @@ class NavigationProblem:
                 "x_min, x_max: the heading cannot be bounded; use -inf and inf, "
                 f"got {x_min[2]} and {x_max[2]}"
             )
-
-    def _follow_the_robot(self, set_field: Callable[[str, Array], None]) -> None:
-        """Give what was left out the values that suit the robot's size and speed."""
-        scale = self.scale
-        if self.deceleration is None:
-            set_field("deceleration", UNIT_DECELERATION * scale.acceleration)
-        if self.slack_weights is None:
-            set_field("slack_weights", UNIT_SLACK_WEIGHTS / (scale.length, scale.length**2))
 
     @property
     def scale(self) -> Scale:

@@ -269,7 +269,7 @@ def test_a_robot_that_lags_takes_less_risk(
     learned: kl.KoopmanModel, lagging: kl.KoopmanModel
 ) -> None:
     def quantile(model: kl.KoopmanModel, **options: float) -> float:
-        margins = kl.Controller(model, **options)._margins  # type: ignore[arg-type]
+        margins = kl.Controller(model, **options)._known.margins  # type: ignore[arg-type]
         assert margins is not None
         return margins.noise.quantile
 

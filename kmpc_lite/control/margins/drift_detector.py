@@ -18,6 +18,9 @@ from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.tube import split_noise
 from kmpc_lite.types import Array
 
+STANDING = 1e-9
+"""Speed of a robot that cannot drive: numbers stay finite."""
+
 
 @dataclass(slots=True)
 class DriftState:
@@ -75,7 +78,7 @@ class DriftDetector:
         # at rest errors are tolerated too, but what is too much of them was made while driving
         at_rest = self._step_tolerance**2 + measured.diagonal()[:2]
         self.tolerated = np.zeros((2, 9))
-        usual_speed = options.usual_speed * fastest(problem)[0]
+        usual_speed = max(options.usual_speed * fastest(problem)[0], STANDING)
         self.tolerated[0, [0, 4]] = by_distance + at_rest / usual_speed**2
         self.tolerated[1, 8] = (options.turn_tolerance_share * self._dt) ** 2
         self._expected = float(moved[0, 0, 0] + moved[0, 1, 1]) + 2.0 * by_distance

@@ -12,10 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kmpc_lite as kl
-from kmpc_lite.control.obstacles.scene import Scene, Solid
-from kmpc_lite.control.obstacles.solids import BEHIND, GRID_COLUMNS, SLACK, Solids
+from kmpc_lite.control.obstacles.scene import Scene, SceneState, Solid
+from kmpc_lite.control.obstacles.solids import BEHIND, GRID_COLUMNS, Solids
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+
+LOOKUP = 0.3
+"""How far the robot drives before what is near is looked up again [m]."""
 
 
 def polygon(random: np.random.Generator, corners: int = 6) -> kl.Polygon:
@@ -219,9 +222,11 @@ def test_nothing_that_can_be_reached_is_left_out(seed: int) -> None:
     solids = Solids(some(random))
     for _ in range(5):
         middle, reach = random.uniform(-2.0, 2.0, 2), 0.8
-        near = solids.near(middle, reach)
-        moved = middle + random.uniform(-SLACK, SLACK, 2) * 0.99
-        assert solids.near(moved, reach) is near
+        scene, state = Scene(1.0, reach, LOOKUP), SceneState()
+        near = scene.near(state, solids, middle)
+        assert near is not None
+        moved = middle + random.uniform(-LOOKUP, LOOKUP, 2) * 0.99
+        assert scene.near(state, solids, moved) is near
         points = moved + random.uniform(-0.3, 0.3, (20, 2))
         exact, known = solids.whole.least(points), near.least(points)
         close = exact <= reach - 0.45
@@ -229,18 +234,18 @@ def test_nothing_that_can_be_reached_is_left_out(seed: int) -> None:
 
 
 def test_the_same_solids_are_prepared_once() -> None:
-    surroundings = Scene()
+    scene, state = Scene(1.0, 1.0, LOOKUP), SceneState()
     cells = np.zeros((20, 20), dtype=bool)
     cells[5, 5] = True
     first = [kl.Circle(1, 1, 0.1), kl.Polygon(SQUARE), kl.OccupancyGrid(cells, 0.1)]
-    circles, solids = surroundings.sort(first)
+    circles, solids = scene.sort(state, first)
     assert circles.tolist() == [[1.0, 1.0, 0.1, 0.0, 0.0]] and solids is not None
     # the same objects, and equal ones, with a circle that has moved on
-    assert surroundings.sort([kl.Circle(0.9, 1, 0.1), *first[1:]])[1] is solids
-    assert surroundings.sort([kl.Polygon(SQUARE), kl.OccupancyGrid(cells, 0.1)])[1] is solids
-    assert surroundings.sort([kl.Polygon(SQUARE)])[1] is not solids
-    assert surroundings.sort([kl.Circle(1, 1, 0.1)])[1] is None
-    assert surroundings.sort(np.empty((0, 5)))[1] is None
+    assert scene.sort(state, [kl.Circle(0.9, 1, 0.1), *first[1:]])[1] is solids
+    assert scene.sort(state, [kl.Polygon(SQUARE), kl.OccupancyGrid(cells, 0.1)])[1] is solids
+    assert scene.sort(state, [kl.Polygon(SQUARE)])[1] is not solids
+    assert scene.sort(state, [kl.Circle(1, 1, 0.1)])[1] is None
+    assert scene.sort(state, np.empty((0, 5)))[1] is None
     for wrong in ([None, kl.Polygon(SQUARE)], ["wall"], [(1.0, 2.0), kl.Polygon(SQUARE)]):
         with pytest.raises(ValueError):
-            surroundings.sort(wrong)
+            scene.sort(state, wrong)

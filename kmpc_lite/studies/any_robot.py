@@ -1,0 +1,281 @@
+"""``kmpc study anyrobot`` and ``scales``: does it drive a robot that nobody has tuned it for?
+
+Size, speed, period, lag, slip, turning centre and noise of a robot are drawn at random from a seed.
+It is learned from its own log as the documentation says, and driven on a random map of its size.
+Judged by the truth: in pose within a tenth of the radius (or three standard deviations of the
+pose's noise) and 0.1 rad, held; ten looks at collisions a period. The plant shares no code with the
+controller.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.control import Circle, Controller, NavigationProblem
+from kmpc_lite.control.plan import PlanStatus
+from kmpc_lite.learn import Dataset, Episode, fit, with_quantiles
+from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
+from kmpc_lite.sim.maps.families import random_map
+from kmpc_lite.types import Array
+
+LOOKS = 10
+"""Looks at a collision in a period."""
+HELD = 1.0
+"""How long the robot must hold its goal [s]."""
+UNIT_RADIUS, UNIT_SPEED, UNIT_TURN = 0.15, 0.6, math.pi / 4
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot that is like no other."""
+
+    name: str
+    radius: float = 0.15
+    """[m]."""
+    speed: float = 0.6
+    """Fastest [m/s]."""
+    turn_rate: float = math.pi / 4
+    """Fastest [rad/s]."""
+    dt: float = 0.1
+    """Period of the controller [s]."""
+    lag: float = 0.0
+    """Time constant of the motors [s]."""
+    dead_time: float = 0.0
+    """[s]."""
+    slip: float = 0.0
+    """Mean of the slip ratios."""
+    turn_gain: float = 1.0
+    """Share of a commanded turn that happens."""
+    turning_point: tuple[float, float] = (0.0, 0.0)
+    """About which it turns, ahead and to the left of the tracked pose [m]."""
+    noise: tuple[float, float] = (0.0, 0.0)
+    """Standard deviation of a measured pose [m, rad]."""
+    reverse: bool = True
+    """Whether it may drive backwards."""
+    learned: bool = True
+    """Whether it drives with a model learned from its log, or with the nominal one."""
+    seconds: float = 90.0
+    """How long its log is [s]."""
+
+    def problem(self, side: float) -> NavigationProblem:
+        """Its navigation problem in a square area of a side [m]."""
+        half = 0.5 * side
+        backwards = -self.speed if self.reverse else 0.0
+        return NavigationProblem(
+            dt=self.dt,
+            u_min=(backwards, -self.turn_rate),
+            u_max=(self.speed, self.turn_rate),
+            x_min=(-half, -half, -np.inf),
+            x_max=(half, half, np.inf),
+            robot_radius=self.radius,
+        )
+
+
+def random_robot(seed: int) -> Robot:
+    """Draw a robot: from a desk's toy to a farm's machine."""
+    random = np.random.default_rng([seed, 11])
+    radius = float(np.exp(random.uniform(np.log(0.04), np.log(1.0))))
+    speed = radius * float(np.exp(random.uniform(np.log(1.5), np.log(5.0))))
+    lags = random.random() < 0.6
+    centre = radius * random.uniform(-0.3, 0.3, 2) * (random.random() < 0.4)
+    noisy = random.random() < 0.6
+    return Robot(
+        f"robot {seed}",
+        radius,
+        speed,
+        float(random.uniform(0.5, 2.5)),
+        float(random.choice((0.05, 0.1, 0.1, 0.2))),
+        lag=float(random.uniform(0.05, 0.3)) if lags else 0.0,
+        dead_time=float(random.uniform(0.0, 0.12)) if lags else 0.0,
+        slip=float(random.uniform(0.0, 0.1)),
+        turn_gain=float(random.uniform(0.5, 1.0)),
+        turning_point=(float(centre[0]), float(centre[1])),
+        noise=(0.03 * radius, 0.01) if noisy else (0.0, 0.0),
+    )
+
+
+STANDARD = Robot("standard", slip=0.05, learned=False)
+SCALES = (0.1, 0.25, 1.0, 4.0, 10.0, 30.0)
+KNOWN = (
+    Robot("Husky-like", 0.5, 1.0, 1.0, slip=0.05, learned=False),
+    Robot("Warthog-like", 0.9, 4.0, 2.0, slip=0.05, learned=False),
+    Robot("micro", 0.04, 0.2, dt=0.05, slip=0.05, learned=False),
+    Robot("forward only", slip=0.05, reverse=False, learned=False),
+    Robot("slow turner", turn_rate=0.25, slip=0.05, learned=False),
+    Robot("fast", speed=3.0, turn_rate=2.0, slip=0.05, learned=False),
+)
+"""Robots of the release's promise, with the nominal model on a slipping floor."""
+
+
+def scaled(robot: Robot, by: float) -> Robot:
+    """The same robot with all lengths and speeds times a factor; seconds are kept."""
+    return replace(
+        robot,
+        name=f"x{by:g}",
+        radius=by * robot.radius,
+        speed=by * robot.speed,
+        turning_point=(by * robot.turning_point[0], by * robot.turning_point[1]),
+        noise=(by * robot.noise[0], robot.noise[1]),
+    )
+
+
+class Plant:
+    """The robot as it is: motors that lag behind a dead time, wheels that slip, exact arcs.
+
+    Parameters
+    ----------
+    robot : Robot
+        What it is like.
+    seed : int
+        Of its slip.
+    """
+
+    def __init__(self, robot: Robot, seed: int) -> None:
+        self._robot, self._random = robot, np.random.default_rng([seed, 3])
+        self._speeds, self._delayed = np.zeros(2), [np.zeros(2)]
+
+    def drive(self, pose: Array, command: Array) -> Array:
+        """Poses (LOOKS, 3) during one period from a pose (3,)."""
+        robot, poses = self._robot, np.empty((LOOKS, 3))
+        h = robot.dt / LOOKS
+        waiting = max(round(robot.dead_time / h), 0)
+        self._delayed += [command] * LOOKS
+        ratios = self._random.exponential(robot.slip, 3) if robot.slip else np.zeros(3)
+        x, y, heading = pose.tolist()
+        for k in range(LOOKS):
+            asked = self._delayed[-1 - min(waiting + LOOKS - 1 - k, len(self._delayed) - 1)]
+            share = 1.0 - math.exp(-h / robot.lag) if robot.lag else 1.0
+            self._speeds = self._speeds + share * (asked - self._speeds)
+            v, omega = self._speeds.tolist()
+            turn = omega * robot.turn_gain * (1.0 + ratios[2]) * h
+            forward, left = v * (1.0 + ratios[0]) * h, -v * ratios[1] * h
+            forward += turn * robot.turning_point[1]
+            left -= turn * robot.turning_point[0]
+            middle = heading + 0.5 * turn
+            x += forward * math.cos(middle) - left * math.sin(middle)
+            y += forward * math.sin(middle) + left * math.cos(middle)
+            heading += turn
+            poses[k] = x, y, heading
+        del self._delayed[: max(len(self._delayed) - waiting - LOOKS, 0)]
+        return poses
+
+
+def record(robot: Robot, seed: int) -> Dataset:
+    """A log of random driving: commands held for half a second on the mean, noisy poses."""
+    random = np.random.default_rng([seed, 5])
+    plant, pose = Plant(robot, seed + 1), np.zeros(3)
+    count = round(robot.seconds / robot.dt)
+    hold = max(round(0.5 / robot.dt), 1)
+    least = -1.0 if robot.reverse else 0.0
+    bounds = np.array((robot.speed, robot.turn_rate))
+    drawn = random.uniform((least, -1.0), 1.0, (count // hold + 1, 2)) * bounds
+    commands = np.repeat(drawn, hold, axis=0)[:count]
+    spread = np.array((robot.noise[0], robot.noise[0], robot.noise[1]))
+    seen = [pose + spread * random.normal(size=3)]
+    for command in commands:
+        pose = plant.drive(pose, command)[-1]
+        seen.append(pose + spread * random.normal(size=3))
+    return Dataset([Episode(np.array(seen), commands, robot.dt)])
+
+
+def learn(robot: Robot, seed: int) -> KoopmanModel:
+    """Learn as ``kmpc fit`` does: the lag where the log shows one, margins from held-out driving."""
+    if not robot.learned:
+        return nominal_unicycle(robot.dt)
+    train, held = record(robot, seed).split(0.5, seed=0)
+    return with_quantiles(fit(train, lags="auto"), held)
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of one drive."""
+
+    robot: str
+    seed: int
+    in_pose: bool
+    held_elsewhere: bool
+    collided: bool
+    seconds: float
+    ideal_seconds: float
+    clearance: float
+    stopped: float
+    """Share of steps without a plan."""
+    ended: str
+    """Progress that was told at the end, and its reason."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return asdict(self)
+
+
+def drive(robot: Robot, seed: int, family: str = "open", model: KoopmanModel | None = None) -> Row:
+    """Learn a robot and drive it over one random map of its size."""
+    model = learn(robot, seed) if model is None else model
+    scenario, by = random_map(family, seed), robot.radius / UNIT_RADIUS
+    circles = [Circle(by * c.x, by * c.y, by * c.radius, 0.0, 0.0) for c in scenario.circles]
+    side = by * (scenario.bounds[2] - scenario.bounds[0])
+    unit = np.array((by, by, 1.0))
+    goal, pose = np.array(scenario.goal) * unit, np.array(scenario.start) * unit
+    controller, plant = Controller(model, robot.problem(side)), Plant(robot, seed)
+    random = np.random.default_rng([seed, 7])
+    spread = np.array((robot.noise[0], robot.noise[0], robot.noise[1]))
+    tolerance = max(0.1 * robot.radius, 3.0 * robot.noise[0])
+    turn_tolerance = max(0.1, 3.0 * robot.noise[1])
+    ideal = _ideal_seconds(robot, pose, goal)
+    limit, inside, stopped, k, clearance = 8.0 * ideal + 20.0, 0.0, 0, 0, np.inf
+    while k * robot.dt < limit and inside < HELD:
+        plan = controller.step(pose + spread * random.normal(size=3), goal, circles)
+        poses = plant.drive(pose, plan.command)
+        pose, k = poses[-1], k + 1
+        stopped += plan.status is PlanStatus.STOPPED
+        for circle in circles:
+            away = np.hypot(poses[:, 0] - circle.x, poses[:, 1] - circle.y)
+            clearance = min(clearance, float(away.min()) - circle.radius - robot.radius)
+        if clearance < 0.0:
+            break
+        error = pose - goal
+        near = math.hypot(error[0], error[1]) <= tolerance
+        turned = abs(math.remainder(error[2], math.tau)) <= turn_tolerance
+        inside = inside + robot.dt if near and turned else 0.0
+    return Row(
+        robot.name,
+        seed,
+        inside >= HELD,
+        plan.holding and inside < HELD,
+        clearance < 0.0,
+        k * robot.dt - HELD,
+        ideal,
+        clearance,
+        stopped / k,
+        f"{plan.progress.value}: {plan.reason}" if plan.reason else plan.progress.value,
+    )
+
+
+def _ideal_seconds(robot: Robot, start: Array, goal: Array) -> float:
+    """Straight line at full speed, and the turns at both ends."""
+    away = goal[:2] - start[:2]
+    along = math.atan2(away[1], away[0])
+    turns = min(
+        abs(math.remainder(along + back - start[2], math.tau))
+        + abs(math.remainder(goal[2] - along - back, math.tau))
+        for back in ((0.0, math.pi) if robot.reverse else (0.0,))
+    )
+    return math.hypot(*away) / robot.speed + turns / (robot.turn_rate * robot.turn_gain)
+
+
+def summary(rows: Sequence[Row]) -> dict[str, Any]:
+    """Counts of one robot's, or one study's, drives."""
+    times = [r.seconds / r.ideal_seconds for r in rows if r.in_pose]
+    return {
+        "drives": len(rows),
+        "in_pose": sum(r.in_pose for r in rows),
+        "collisions": sum(r.collided for r in rows),
+        "held_elsewhere": sum(r.held_elsewhere for r in rows),
+        "time_to_ideal": float(np.median(times)) if times else math.nan,
+        "stopped": float(np.mean([r.stopped for r in rows])),
+    }
