@@ -224,7 +224,10 @@ class Pipeline:
         state.history.remember(trajectory.inputs[0])
         states = trajectory.states + (0.0, 0.0, seen.turns) if seen.turns else trajectory.states
         status = PlanStatus.FEASIBLE if verified.reason else PlanStatus.SOLVED
-        reachable = guidance is None or guidance.reachable
+        reason, reachable, progress = verified.reason, True, GoalProgress.DRIVING
+        if guidance is not None:
+            reason = reason or guidance.reason
+            reachable, progress = guidance.reachable, guidance.progress
         return self._answers.plan(
             seen,
             states,
@@ -232,13 +235,15 @@ class Pipeline:
             status,
             clock,
             passes=passes,
-            reason=verified.reason,
+            reason=reason,
             reachable=reachable,
-            progress=GoalProgress.DRIVING if reachable else GoalProgress.UNREACHABLE,
+            progress=progress,
         )
 
-    def hold(self, state: ControllerState, seen: Observation, clock: StepClock) -> Plan:
-        """Stand at the goal."""
+    def hold(
+        self, state: ControllerState, seen: Observation, guidance: Guidance, clock: StepClock
+    ) -> Plan:
+        """Stand at the goal, or as near to it as the area allows."""
         plan = at_rest(self._sqp.qp, seen.here)
         if self._rates.active:
             plan.inputs[0] = self._rates.limit(plan.inputs[0], state.history.command)
@@ -252,7 +257,9 @@ class Pipeline:
             plan.inputs,
             PlanStatus.SOLVED,
             clock,
-            progress=GoalProgress.HOLDING,
+            reason=guidance.reason,
+            reachable=guidance.reachable,
+            progress=guidance.progress,
         )
 
     def stop(

@@ -92,7 +92,12 @@ class GoalChecker:
         self._averaging = options.averaging
 
     def holds(
-        self, state: GoalCheckerState, tolerances: GoalTolerances, error: Array, rest: Array
+        self,
+        state: GoalCheckerState,
+        tolerances: GoalTolerances,
+        error: Array,
+        rest: Array,
+        stalled: bool = False,
     ) -> bool:
         """Tell whether the command is to be zero.
 
@@ -106,10 +111,12 @@ class GoalChecker:
             Pose less goal (3,) [m, m, rad], the heading's in [-pi, pi].
         rest : ndarray
             The same of the pose at which the robot would stand if it braked now.
+        stalled : bool
+            Whether the robot does not get nearer: it has arrived where it would not leave again.
         """
         if not state.holding:
-            state.holding = _has_arrived(error, tolerances) and (
-                rest is error or _has_arrived(rest, tolerances)
+            state.holding = _has_arrived(error, tolerances, stalled) and (
+                rest is error or _has_arrived(rest, tolerances, stalled)
             )
             if state.holding:
                 state.mean_error = error.copy()
@@ -123,8 +130,10 @@ class GoalChecker:
         return state.holding
 
 
-def _has_arrived(error: Array, tolerances: GoalTolerances) -> bool:
+def _has_arrived(error: Array, tolerances: GoalTolerances, stalled: bool) -> bool:
     distance, turn = _sizes(error)
+    if stalled:
+        return distance <= tolerances.leave_distance and turn <= tolerances.leave_angle
     return distance <= tolerances.enter_distance and turn <= tolerances.enter_angle
 
 

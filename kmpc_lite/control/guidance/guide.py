@@ -31,6 +31,7 @@ from kmpc_lite.control.options import (
     in_metres,
     unit_length,
 )
+from kmpc_lite.control.plan import GoalProgress
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.types import Array
@@ -39,6 +40,9 @@ if TYPE_CHECKING:
     from kmpc_lite.control.obstacles.solids import Solids
 
 ORIGIN = np.zeros(2)
+TOLD_STALLS = 2
+"""Stalls after which the guidance says that the robot waits: the second follows when something else
+was tried and did not help either."""
 
 
 class Guide:
@@ -70,6 +74,7 @@ class Guide:
         self._options = in_metres(options or GuidanceOptions(), unit)
         self._dt = problem.dt
         self._inflation = problem.robot_radius + problem.margin
+        self._low, self._high = problem.x_min[:2].tolist(), problem.x_max[:2].tolist()
         self._times = problem.dt * np.arange(problem.horizon + 1)
         self._ahead = self._options.lead_time + self._times
         self._goal_checker = GoalChecker(in_metres(goal_options or GoalOptions(), unit))
@@ -108,7 +113,12 @@ class Guide:
             clock; the old path is kept meanwhile, and where there was none the robot stands.
         """
         self._take_over_centre(state, capabilities.turning_centre)
-        centre, target = state.turning_centre, goal
+        centre = state.turning_centre
+        tolerance = capabilities.tolerances.enter_distance
+        outside = _lies_outside(goal, self._low, self._high, tolerance)
+        if outside:
+            goal = np.array([*np.clip(goal[:2], self._low, self._high), goal[2]])
+        target = goal
         if centre is not None:
             pose, goal = point_of(pose, centre), point_of(goal, centre)
             rest = None if rest is None else point_of(rest, centre)
@@ -126,6 +136,7 @@ class Guide:
             solids,
             self._moving(state, capabilities, circles, solids),
             capabilities,
+            outside,
             until,
         )
         self._begin_last_turn(state, now)
@@ -166,7 +177,10 @@ class Guide:
             state.turning = now.distance <= tolerances.turn_limit
         else:
             at_rest = math.hypot(now.rest_error[0], now.rest_error[1])
-            state.turning = max(now.distance, at_rest) <= tolerances.turn_distance
+            # a robot that has stalled does not get nearer
+            stalled = state.progress.stalls > 0
+            limit = tolerances.turn_limit if stalled else tolerances.turn_distance
+            state.turning = max(now.distance, at_rest) <= limit
 
     def _wait(self, state: GuideState, now: Situation, refreshed: bool, switched: bool) -> Guidance:
         """Give the reference of a robot without a path: it waits, and makes room for what moves."""
@@ -178,6 +192,8 @@ class Guide:
             states=states,
             reachable=state.urgent,
             hold=False,
+            progress=GoalProgress.WAITING if state.urgent else GoalProgress.UNREACHABLE,
+            reason="a path is being looked for" if state.urgent else state.why_none,
             path=place[None, :2],
             time_left=np.inf,
             refreshed=refreshed,
@@ -193,7 +209,11 @@ class Guide:
         state.place = place = limit(state.place, path.drive_end)
         moving = now.moving
         hold = self._goal_checker.holds(
-            state.goal_checker, now.capabilities.tolerances, now.error, now.rest_error
+            state.goal_checker,
+            now.capabilities.tolerances,
+            now.error,
+            now.rest_error,
+            state.progress.stalls > 0,
         ) and (moving is None or moving.spares(now.pose))
         scale = 1.0 if moving is None else moving.speed_scale(path, place)
         if moving is not None and scale is None:
@@ -201,10 +221,16 @@ class Guide:
         else:
             state.evasive_arc = -1
             states = self._along(path, place, scale or 0.0, state.turning, float(now.pose[2]))
+        state.yielding = scale != 1.0
+        progress, reason = _progress(state, hold, scale)
+        if now.outside:
+            progress, reason = GoalProgress.UNREACHABLE, "the goal lies outside the area"
         return Guidance(
             states=states,
-            reachable=True,
+            reachable=not now.outside,
             hold=hold,
+            progress=progress,
+            reason=reason,
             path=path.points,
             time_left=path.duration - place,
             refreshed=refreshed,
@@ -230,3 +256,26 @@ class Guide:
         """States (N + 1, 3) on an arc that makes room."""
         state.evasive_arc, states = moving.evasive_arc(now.pose, state.evasive_arc, self._times)
         return states
+
+
+def _lies_outside(goal: Array, low: list[float], high: list[float], tolerance: float) -> bool:
+    """Whether a goal (3,) lies outside the area by more than a tolerance [m]."""
+    x, y, _ = goal.tolist()
+    beyond = max(low[0] - x, x - high[0], low[1] - y, y - high[1])
+    return bool(beyond > tolerance)
+
+
+def _progress(state: GuideState, hold: bool, scale: float | None) -> tuple[GoalProgress, str]:
+    """Tell what a robot on its path does about its goal, and why it does not drive there.
+
+    `scale` is the share of the speed that moving obstacles leave it; none: it makes room for them.
+    """
+    if hold:
+        return GoalProgress.HOLDING, ""
+    if scale is None:
+        return GoalProgress.DRIVING, ""
+    if scale == 0.0:
+        return GoalProgress.WAITING, "something that moves is let pass"
+    if state.progress.stalls >= TOLD_STALLS:
+        return GoalProgress.WAITING, "no progress, on this path and on another one"
+    return GoalProgress.DRIVING, ""

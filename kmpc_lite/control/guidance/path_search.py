@@ -90,6 +90,18 @@ class PathSearch:
     """The quickest path so far."""
     path: GeometricPath | None = None
     """The path chosen; none: there is none."""
+    reason: str = ""
+    """Why there is none."""
+    avoid: TimedPath | None = None
+    """A path that has led nowhere: one on another side of some obstacle is preferred."""
+    avoid_place: float = 0.0
+    """Where on it the robot stood [s]."""
+    narrow: bool = False
+    """Whether the widest clearance is not tried: paths that keep it have led nowhere."""
+    instead: GeometricPath | None = None
+    """What is taken if there is no other: a path like the one to avoid ..."""
+    instead_clearance: float = math.inf
+    """... and its clearance [m]."""
     switched: bool = True
     """Whether it leads around some obstacle on another side than the previous one."""
 
@@ -130,10 +142,12 @@ class PathSearcher:
         """
         if search.stage is Stage.OBSTACLES:
             search.obstacles = self._gather(search, swing(centre))
-            if self._goal_is_blocked(search):
+            search.reason = self._why_blocked(search, capabilities.tolerances.enter_distance)
+            if search.reason:
                 _choose(search, None, True)
                 return
-            search.clearances = self._clearances(capabilities.clearance, centre)
+            clearances = self._clearances(capabilities.clearance, centre)
+            search.clearances = clearances[-2:] if search.narrow else clearances
             self._try_next_clearance(search, place, capabilities)
         elif search.stage is Stage.LATTICE and search.lattice_path is None:
             self._try_next_clearance(search, place, capabilities)
@@ -177,13 +191,18 @@ class PathSearcher:
         most = np.maximum(np.minimum(to_pose, to_goal) - self._options.back_off, 0.0)
         return SearchObstacles(centres, sizes, edges, landmarks, most, np.concatenate([low, high]))
 
-    def _goal_is_blocked(self, search: PathSearch) -> bool:
-        """Whether a robot at its goal would touch an obstacle."""
+    def _why_blocked(self, search: PathSearch, tolerance: float) -> str:
+        """Why the robot cannot stand within a tolerance [m] of its goal; nothing if it can."""
         target, circles = search.target[:2], search.circles
-        to_circles = np.hypot(*(circles[:, :2] - target).T) - circles[:, 2]
-        if bool((to_circles < self._radius).any()):
-            return True
-        return search.path_map is not None and search.path_map.distance(target) < self._radius
+        away = np.hypot(*(circles[:, :2] - target).T) - circles[:, 2]
+        distance = float(away.min(initial=np.inf))
+        if search.path_map is not None:
+            distance = min(distance, search.path_map.distance(target))
+        if distance < self._radius:
+            return "the goal lies so near to an obstacle that the robot would touch it"
+        if distance < self._inflation - tolerance:
+            return "the goal lies within the margin of an obstacle"
+        return ""
 
     def _try_next_clearance(
         self, search: PathSearch, place: float, capabilities: Capabilities
@@ -191,7 +210,9 @@ class PathSearcher:
         """Begin with the next clearance; where none is left there is no path."""
         obstacles = search.obstacles
         if obstacles is None or not search.clearances:
-            _choose(search, None, True)
+            search.reason = "no passage to the goal is wide enough"
+            search.clearance = search.instead_clearance
+            _choose(search, search.instead, True)
             return
         search.clearance = search.clearances.pop(0)
         search.best = None
@@ -244,16 +265,23 @@ class PathSearcher:
 
     def _takes(self, search: PathSearch, path: GeometricPath, place: float) -> bool:
         """Whether a path that was found ends the search: it or the quickest is chosen."""
+        obstacles = search.obstacles
+        assert obstacles is not None
+        landmarks, avoid = obstacles.landmarks, search.avoid
+        if avoid is not None and same_side(avoid, search.avoid_place, path, search.pose, landmarks):
+            if search.instead is None:
+                search.instead, search.instead_clearance = path, search.clearance
+            return False
         best, o = search.best, self._options
         if best is not None and path.time > best.time + o.switch_time + o.switch_share * best.time:
             _choose(search, best, True)
             return True
         search.best = best or path
-        previous, obstacles = search.previous, search.obstacles
-        if previous is None or obstacles is None:
+        previous = search.previous
+        if previous is None:
             _choose(search, path, True)
             return True
-        if same_side(previous, place, path, search.pose, obstacles.landmarks):
+        if same_side(previous, place, path, search.pose, landmarks):
             _choose(search, path, False)
             return True
         return False

@@ -1,11 +1,19 @@
-"""Whether the robot gets nearer to its goal, or stands before something."""
+"""Whether the robot gets nearer to its goal, stands before something, or has stalled.
+
+Two clocks run. Patience is short: a robot that stands looks for a path from where it is. Stalling
+is what no such path has mended: the robot has not come nearer to its goal than before, or has not
+moved at all, whatever paths it was given meanwhile.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from kmpc_lite.control.options.guidance import GuidanceOptions
+from kmpc_lite.types import Array
 
 
 @dataclass(slots=True)
@@ -18,6 +26,18 @@ class ProgressState:
     """Time since it last shrank [s]; negative while the first turn is made."""
     stuck: bool = False
     """Whether the robot has stood for too long."""
+    best_left: float = math.inf
+    """Least time to this goal that any path has told so far [s]."""
+    worst_left: float = 0.0
+    """Largest one told since [s]."""
+    since_best: float = 0.0
+    """Time since the best [s]."""
+    anchor: Array = field(default_factory=lambda: np.full(3, np.inf))
+    """Pose (3,) that the robot has not moved away from."""
+    since_moved: float = 0.0
+    """Time since it was there first [s]."""
+    stalls: int = 0
+    """How often, one after the other, something else had to be tried."""
 
 
 class ProgressChecker:
@@ -32,6 +52,8 @@ class ProgressChecker:
     def __init__(self, options: GuidanceOptions) -> None:
         self._progress, self._patience = options.progress_time, options.patience
         self._detour = options.detour_time
+        self._stall, self._turn = options.stall_time, options.stall_angle
+        self._distance = options.stall_distance
 
     def expect_new_path(self, state: ProgressState) -> None:
         """Let the next path begin a new count: the map or the goal is another one."""
@@ -67,3 +89,47 @@ class ProgressChecker:
         """
         if other or left > state.least_left + self._detour:
             state.least_left, state.waited = left, -turn
+        # a path that is quicker from the same place is no progress
+        state.best_left = min(state.best_left, left)
+
+    def expect_new_goal(self, state: ProgressState) -> None:
+        """Begin anew: what was reached of another goal does not count."""
+        state.best_left, state.stalls = math.inf, 0
+        state.anchor = np.full(3, np.inf)
+
+    def watch(self, state: ProgressState, pose: Array, left: float, period: float) -> bool:
+        """Let a period pass, and tell whether the robot has stalled: something else is to be tried.
+
+        Parameters
+        ----------
+        state : ProgressState
+            Updated.
+        pose : ndarray
+            Of the robot (3,).
+        left : float
+            Time to the goal [s of path].
+        period : float
+            Time that has passed [s]; zero while the robot lets something pass.
+
+        Notes
+        -----
+        A robot that moves may drive a detour to its end: where its path is longer than the best one
+        was, it has twice the difference more time.
+        """
+        if left < state.best_left - self._progress:
+            state.best_left = state.worst_left = left
+            state.since_best, state.stalls = 0.0, 0
+        state.worst_left = max(state.worst_left, left)
+        dx, dy, turn = (pose - state.anchor).tolist()
+        if not (math.hypot(dx, dy) <= self._distance and abs(turn) <= self._turn):
+            state.anchor, state.since_moved = pose.copy(), 0.0
+        state.since_best += period
+        state.since_moved += period
+        detour = 2.0 * (state.worst_left - state.best_left)
+        stands = state.since_moved > self._stall
+        if state.since_best <= self._stall + (0.0 if stands else detour):
+            return False
+        state.since_best = state.since_moved = 0.0
+        state.worst_left = state.best_left
+        state.stalls += 1
+        return True

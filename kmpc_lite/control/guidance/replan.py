@@ -69,9 +69,10 @@ class Replanner:
             or self._is_new(state, now)
             or self._is_blocked(state, now)
         )
+        stalled = self._has_stalled(state, now)
         if at_once:
             self._progress.expect_new_path(state.progress)
-        if at_once or (strayed and state.search is None):
+        if at_once or stalled or (strayed and state.search is None):
             self._begin_search(state, now)
             near = now.distance < self._options.near_goal and not at_once
             state.attempts = state.attempts + 1 if near else 0
@@ -91,6 +92,29 @@ class Replanner:
         allowed = min(max(least, o.off_path_share * now.distance), o.off_path_limit)
         too_far = state.age > o.replan_interval and off > allowed
         return self._progress.wait(state.progress, self._dt) or too_far
+
+    def _has_stalled(self, state: GuideState, now: Situation) -> bool:
+        """Whether the robot has made no progress for too long; then something else is to be tried.
+
+        Far from the goal that is a path on another side of some obstacle, then one that keeps less
+        clearance, in turns; near the goal, a path from where the robot is.
+        """
+        progress, path = state.progress, state.path
+        if now.target.tolist() != state.goal.tolist():
+            self._progress.expect_new_goal(progress)
+            return False
+        if path is None or state.urgent or state.goal_checker.holding:
+            return False
+        period = 0.0 if state.yielding else self._dt
+        left = path.duration - state.place
+        stalled = self._progress.watch(progress, now.pose, left, period)
+        if not progress.stalls:
+            state.avoided, state.narrow = None, False
+        elif stalled and now.distance > self._options.near_goal:
+            state.narrow = progress.stalls % 2 == 0
+            state.avoided = None if state.narrow else path
+            state.avoided_place = state.place
+        return stalled
 
     def _is_new(self, state: GuideState, now: Situation) -> bool:
         """Whether the goal or the map is another one than the last search was begun for."""
@@ -133,6 +157,9 @@ class Replanner:
             previous=state.path if same_goal and not stuck else None,
             same_goal=same_goal,
             stuck=stuck,
+            avoid=state.avoided,
+            avoid_place=state.avoided_place,
+            narrow=state.narrow,
         )
 
     def _advance_search(self, state: GuideState, now: Situation) -> tuple[bool, bool]:
@@ -156,7 +183,7 @@ class Replanner:
         previous, path = state.path, search.path
         if path is None:
             state.waiting = search.pose if state.waiting is None else state.waiting
-            state.path = None
+            state.path, state.why_none = None, search.reason
             return previous is not None
         state.waiting = None
         free_turn = self._free_turn(search)

@@ -35,5 +35,7 @@ class Situation:
     moving: MovingObstacles | None
     """The circles, if any of them moves."""
     capabilities: Capabilities
+    outside: bool
+    """Whether the goal lies outside the area; then `goal` is the nearest pose inside."""
     until: float
     """When to leave a search to the next step [s]."""

@@ -32,6 +32,8 @@ class GuideState:
     """Clearance beyond the problem's margin that it keeps [m]."""
     turning: bool = False
     """Whether the robot is on its last turn on the spot."""
+    why_none: str = ""
+    """Why there is no path."""
     waiting: Array | None = None
     """Pose (3,) at which the robot waits while there is no path."""
     evasive_arc: int = -1
@@ -39,6 +41,15 @@ class GuideState:
     turning_centre: Array | None = None
     """Point (2,) that paths are made for, ahead and to the left of the tracked pose [m]; none: that
     pose."""
+
+    avoided: TimedPath | None = None
+    """Path that has led nowhere, until the robot gets nearer to its goal ..."""
+    avoided_place: float = 0.0
+    """... and where on it the robot stood [s]."""
+    narrow: bool = False
+    """Whether the widest clearance is not tried, until the robot gets nearer to its goal."""
+    yielding: bool = False
+    """Whether the robot drives more slowly, or elsewhere, for something that moves."""
 
     # what the last search was begun for
     goal: Array = field(default_factory=lambda: np.full(3, np.nan))

@@ -63,6 +63,13 @@ class GuidanceOptions:
     """How long the robot may stand before it looks for a path from where it is [s]."""
     detour_time: float = seconds(0.5)
     """How much longer a new path must be than what was left, for the patience to begin anew [s]."""
+    stall_time: float = seconds(5.0)
+    """Time without progress after which something else is tried: a path on another side, then one
+    that keeps less clearance. After as much time again the guidance says that it waits [s]."""
+    stall_distance: float = radii(1.0)
+    """How far a robot must move within that time [radii] ..."""
+    stall_angle: float = angle(0.5)
+    """... or turn [rad], not to have stalled."""
 
     # timing of a path
     turn_share: float = share(0.9)

@@ -130,9 +130,8 @@ def test_a_floor_that_changes_does_not_move_it(offset_model: kl.KoopmanModel) ->
 def test_a_goal_in_an_obstacle_is_out_of_reach_wherever_the_robot_turns() -> None:
     guide, goal = GuideInUse(PROBLEM), np.array([1.0, 0.0, 0.0])
     guide.turn_about(np.array([-0.05, 0.0]))
-    beside = np.array(
-        [[1.0 + PROBLEM.robot_radius + 0.2 + gap, 0.0, 0.2, 0.0, 0.0] for gap in (-0.01, 0.01)]
-    )
+    apart = 0.2 + PROBLEM.robot_radius + PROBLEM.margin
+    beside = np.array([[1.0 + apart + more, 0.0, 0.2, 0.0, 0.0] for more in (-0.02, 0.01)])
     assert not guide.reference(np.array([-1.0, 0.0, 0.0]), goal, beside[:1]).reachable
     assert guide.reference(np.array([-1.0, 0.0, 0.0]), goal, beside[1:]).reachable
 
