@@ -187,7 +187,8 @@ def learn(robot: Robot, seed: int) -> KoopmanModel:
     """Learn as ``kmpc fit`` does: the lag where the log shows one, margins from held-out driving."""
     if not robot.learned:
         return nominal_unicycle(robot.dt)
-    train, held = record(robot, seed).split(0.5, seed=0)
+    log = record(robot, seed)
+    train, held = log.windows(10.0).split(0.5, seed=0)
     return with_quantiles(fit(train, lags="auto"), held)
 
 
