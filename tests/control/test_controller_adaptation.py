@@ -252,7 +252,7 @@ def test_a_log_without_noise_does_not_make_margins_blind(
     assert margins is not None
     # what one period of an unknown floor may do is kept in any case
     kept = margins.tightening.margins(drift, lin, states, inputs, normals)
-    assert kept.min() > MarginOptions().longest_headway * controller.problem.robot_radius
+    assert kept.min() > MarginOptions().headway * controller.problem.robot_radius
 
     def spread() -> float:
         return float(margins.tightening.covariances(drift, lin, states, inputs).max())

@@ -300,7 +300,7 @@ def test_clearance_is_that_of_the_step_whatever_becomes_of_the_arrays() -> None:
 
 
 def test_margin_is_kept_from_obstacles() -> None:
-    headway = MarginOptions().longest_headway * 0.15
+    headway = MarginOptions().headway * 0.15
     for margin in (0.0, 0.05, 0.15):
         controller = kl.Controller(
             MODEL, kl.NavigationProblem(margin=margin), sqp_iterations=50, tolerance=1e-6

@@ -46,12 +46,13 @@ class Tightening:
         self._noise, self._spread = noise, TubeSpread(noise)
         unit = unit_length(problem)
         self._solver_margin = options.solver_margin * unit
-        self._headway, self._longest_headway = options.headway, options.longest_headway * unit
         self.side_margin = options.side_margin * unit
         self.far_clearance = options.far_clearance * unit
         self._robot_radius = float(problem.robot_radius)
         self._touch = float(problem.robot_radius + problem.margin)
         self._fastest = fastest(problem)
+        self._headway = options.headway * unit / self._fastest[0]
+        """Time of driving on at a speed that is the least margin [s]."""
         felt = noise.felt(DriftState())
         self._widest_for, self._widest = felt, self._work_out_widest(felt)
 
@@ -94,7 +95,7 @@ class Tightening:
         chords += self._solver_margin
         headway = np.abs(inputs[:, :1])
         headway *= self._headway
-        np.minimum(headway, min(self._longest_headway, path_clearance), out=headway)
+        np.minimum(headway, path_clearance, out=headway)
         felt = self._noise.felt(drift)
         if not felt.plan_spreads:
             headway = headway + chords
@@ -139,5 +140,5 @@ class Tightening:
         )
         bulge = travel * omega * dt / 8
         chord = math.hypot(self._robot_radius + bulge, travel / 2) - self._robot_radius
-        headway = min(self._headway * float(v), self._longest_headway)
+        headway = self._headway * float(v)
         return max(noise.quantile * math.sqrt(variance), headway) + chord + self._solver_margin

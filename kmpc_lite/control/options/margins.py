@@ -27,12 +27,10 @@ class MarginOptions:
     solver_margin: float = 1 / 30
     """Added to every margin [radii]: what a QP that is stopped at its tolerance, and linearised
     once, may leave of a half-plane."""
-    headway: float = 0.1
-    """Time of driving on at a plan's speed that is the least margin [s]: a floor may begin to slip
-    at any time, and a slip of 0.2 pushes a robot aside by half of what it drives in a period."""
-    longest_headway: float = 0.4
-    """The least margin is never more than this [radii], nor more than the clearance of the path: a
-    larger one would only make the robot shy of narrow passages."""
+    headway: float = 0.4
+    """Least margin at the fastest speed [radii], in proportion less below it, and never more than
+    the clearance of the path: a floor may begin to slip at any time, and a slip of 0.2 pushes a
+    robot aside by half of what it drives in a period."""
     side_margin: float = 1 / 15
     """Margin from the sides of the area [radii]: nothing is hit there, the robot must only not
     creep out."""
@@ -100,7 +98,7 @@ class MarginOptions:
 
     def __post_init__(self) -> None:
         require_probability(self, "risk", "lagging_risk", "step_risk", "adapted_step_risk")
-        require_not_negative(self, "solver_margin", "headway", "longest_headway", "side_margin")
+        require_not_negative(self, "solver_margin", "headway", "side_margin")
         require_not_negative(self, "far_clearance", "check_margin", "unknown_floor_slip")
         require_positive(self, "step_quantile_limit", "adapted_step_quantile_limit")
         require_positive(self, "unknown_floor_inflation", "check_far_periods")

@@ -11,10 +11,8 @@ from kmpc_lite import (
     nominal_unicycle,
 )
 from kmpc_lite.control.options import MarginOptions
+from kmpc_lite.model.koopman import KoopmanModel
 
-HEADWAY, RADIUS = MarginOptions().headway, PROBLEM.robot_radius
-LONGEST_HEADWAY = MarginOptions().longest_headway * RADIUS
-RESERVE = MarginOptions().solver_margin * RADIUS
 STRANGE = MarginOptions().unknown_floor_inflation, MarginOptions().unknown_floor_slip
 
 
@@ -109,3 +107,16 @@ def test_speed_share_is_not_deceived_by_a_curve_that_ends_farther_away():
         u = np.array([random.uniform(-0.6, 0.6), random.uniform(-0.78, 0.78)])
         trace = DifferentialDrive().trace(x, wary.speed_share(x, u, circles) * u, 0.1, 8)
         assert np.hypot(trace[:, 0], trace[:, 1]).min() >= 0.35 - 1e-9
+
+
+@pytest.mark.parametrize("periods", [1.5, 3.0])
+def test_what_is_farther_than_some_periods_of_driving_is_not_looked_at(periods, monkeypatch):
+    model, u = nominal_unicycle(0.1), np.array([0.6, 0.0])
+    wary, looks = Wary(model, check_far_periods=periods), []
+    predict = KoopmanModel.predict
+    monkeypatch.setattr(KoopmanModel, "predict", lambda *rest: looks.append(rest) or predict(*rest))
+    far = periods * 0.06 + wary.options.check_margin * PROBLEM.robot_radius
+    for beyond, expected in ((1e-3, 0), (-1e-3, 1)):
+        looks.clear()
+        assert wary.speed_share(np.array([1.0 - 0.35 - far - beyond, 0.0, 0.0]), u, CIRCLES) == 1.0
+        assert len(looks) == expected

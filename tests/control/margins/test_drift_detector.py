@@ -15,9 +15,6 @@ from kmpc_lite import (
 from kmpc_lite.control.options import MarginOptions
 from kmpc_lite.model.koopman import NoiseModel
 
-HEADWAY, RADIUS = MarginOptions().headway, PROBLEM.robot_radius
-LONGEST_HEADWAY = MarginOptions().longest_headway * RADIUS
-RESERVE = MarginOptions().solver_margin * RADIUS
 STRANGE = MarginOptions().unknown_floor_inflation, MarginOptions().unknown_floor_slip
 
 

@@ -10,14 +10,8 @@ import pytest
 from wary import PROBLEM, Wary
 
 from kmpc_lite.control.margins.quantiles import default_quantile, model_quantile
-from kmpc_lite.control.options import MarginOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.koopman import KoopmanModel
-
-HEADWAY, RADIUS = MarginOptions().headway, PROBLEM.robot_radius
-LONGEST_HEADWAY = MarginOptions().longest_headway * RADIUS
-RESERVE = MarginOptions().solver_margin * RADIUS
-STRANGE = MarginOptions().unknown_floor_inflation, MarginOptions().unknown_floor_slip
 
 
 def test_quantile_lookup():

@@ -21,10 +21,8 @@ from kmpc_lite.control.options import MarginOptions
 from kmpc_lite.model.koopman import NoiseModel
 from kmpc_lite.model.tube import FLOOR, FORWARD, LATERAL, MEMORY, STILL, TURN
 
-HEADWAY, RADIUS = MarginOptions().headway, PROBLEM.robot_radius
-LONGEST_HEADWAY = MarginOptions().longest_headway * RADIUS
-RESERVE = MarginOptions().solver_margin * RADIUS
-STRANGE = MarginOptions().unknown_floor_inflation, MarginOptions().unknown_floor_slip
+HEADWAY = MarginOptions().headway * PROBLEM.robot_radius
+RESERVE = MarginOptions().solver_margin * PROBLEM.robot_radius
 
 
 def naive_covariance(model, lin, states, inputs, stage):
@@ -99,23 +97,22 @@ def test_a_shaky_floor_needs_more_room():
 
 def test_every_plan_keeps_headway_whatever_its_model_promises():
     exact, normals = nominal_unicycle(0.1), directions(20, 3)
-    fast, radii = (
-        Wary(exact, NavigationProblem(u_max=(2.0, 1.0))),
-        np.array([0.3, 0.4, np.inf]),
-    )
-    for v, expected in (
-        (0.0, 0.0),
-        (0.1, 0.1 * HEADWAY),
-        (-0.4, 0.4 * HEADWAY),
-        (1.5, LONGEST_HEADWAY),
+    fast = NavigationProblem(u_min=(-1.0, -1.0), u_max=(2.0, 1.0))
+    radii = np.array([0.3, 0.4, np.inf])
+    for problem, v, share in (
+        (PROBLEM, 0.0, 0.0),
+        (PROBLEM, 0.15, 0.25),
+        (PROBLEM, -0.6, 1.0),
+        (fast, 0.5, 0.25),
+        (fast, 2.0, 1.0),
     ):
-        for wary in (Wary(exact, PROBLEM), fast) if v <= 0.6 else (fast,):
-            own = of_noise(exact).margins(*plan(exact, v), normals)
-            np.testing.assert_allclose(wary.margins(*plan(exact, v), normals), own + expected)
-            per_circle = of_noise(exact).margins(*plan(exact, v), normals, radii=radii)
-            np.testing.assert_allclose(
-                wary.margins(*plan(exact, v), normals, radii=radii), per_circle + expected
-            )
+        wary, expected = Wary(exact, problem), share * HEADWAY
+        own = of_noise(exact).margins(*plan(exact, v), normals)
+        np.testing.assert_allclose(wary.margins(*plan(exact, v), normals), own + expected)
+        per_circle = of_noise(exact).margins(*plan(exact, v), normals, radii=radii)
+        np.testing.assert_allclose(
+            wary.margins(*plan(exact, v), normals, radii=radii), per_circle + expected
+        )
 
 
 def test_noise_that_needs_more_than_the_headway_is_not_given_more():
@@ -283,5 +280,5 @@ def test_headway_gives_way_to_a_narrow_path():
     wary, fast, normals = Wary(model), plan(model), directions(20, 4)
     roomy = wary.margins(*fast, normals)
     narrow = wary.margins(*fast, normals, path_clearance=0.03)
-    np.testing.assert_allclose(roomy - narrow, LONGEST_HEADWAY - 0.03, atol=1e-12)
+    np.testing.assert_allclose(roomy - narrow, HEADWAY - 0.03, atol=1e-12)
     np.testing.assert_array_equal(wary.margins(*fast, normals, path_clearance=1.0), roomy)
