@@ -345,7 +345,10 @@ def _restored(
     settings: dict[str, Any],
     state: ControllerState,
 ) -> Controller:
-    """Make a controller anew, without touching the state of its adaptation, and continue a drive."""
+    """Continue a drive with a new controller.
+
+    The state of its adaptation is not touched.
+    """
     adaptation = settings["adaptation"]
     controller = Controller(model, problem, **{**settings, "adaptation": False})
     controller.adaptation = adaptation or None

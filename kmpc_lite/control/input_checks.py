@@ -1,4 +1,7 @@
-"""Whether the numbers of one step can be meant: what a broken sensor sends must not reach the solver."""
+"""Whether the numbers of one step are plausible.
+
+What a broken sensor sends must not reach the solver.
+"""
 
 from __future__ import annotations
 

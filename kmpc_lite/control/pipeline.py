@@ -107,7 +107,10 @@ class Pipeline:
         )
 
     def estimate(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
-        """Find out where the robot is now, and whether its model was wrong about the past period."""
+        """Find the robot's present pose, and observe drift.
+
+        Drift means that the model was wrong about the past period.
+        """
         seen.place(self.scene, state.scene)
         if known.margins is not None:
             observe_drift(known.margins.drift_detector, state.drift, state.history, seen.here)
@@ -148,7 +151,10 @@ class Pipeline:
         known: Knowledge,
         clock: StepClock,
     ) -> SQPResult:
-        """Run the passes of the SQP from the last plan, or from a guess where that is worth nothing."""
+        """Run the passes of the SQP.
+
+        They start from the last plan, or from a guess where that plan is of no use.
+        """
         if guidance is None:
             reference = self._goal_reference.reference(state.goal, seen.here, seen.goal)
         else:

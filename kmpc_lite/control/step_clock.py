@@ -42,7 +42,10 @@ class StepClock:
         return math.inf if self._budget is None else self._start + share * self._budget
 
     def deadline(self, left_over: float) -> float:
-        """Time by which a solve must end so that `left_over` [s] is left; infinite without budget."""
+        """Time by which a solve must end so that `left_over` [s] is left.
+
+        It is infinite without a budget.
+        """
         return self.after(1.0) - left_over
 
     def timing(self) -> dict[str, float]:

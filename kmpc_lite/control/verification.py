@@ -1,4 +1,7 @@
-"""Whether what the solver found may be driven: does the model agree, and can the robot stop after it."""
+"""Whether the robot may drive what the solver found.
+
+The model must agree with it, and the robot must be able to stop after it.
+"""
 
 from __future__ import annotations
 

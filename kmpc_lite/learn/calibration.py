@@ -53,7 +53,8 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int = MEMORY) -> Array
     """
     if abs(held_out.dt - model.dt) > SAME_DT * model.dt:
         raise DataError(
-            f"the held-out dataset's dt is {held_out.dt:g} s, the model's {model.dt:g} s: resample it"
+            f"the held-out dataset's dt is {held_out.dt:g} s, the model's {model.dt:g} s: "
+            "resample it"
         )
     length = model.history
     parts: list[tuple[Array, Array, Array, Array | None]] = []
@@ -73,7 +74,8 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int = MEMORY) -> Array
     if not found:
         longest = max(len(e) for e in held_out.episodes)
         raise DataError(
-            f"no held-out episode is as long as a window of {length + steps} steps (longest {longest})"
+            f"no held-out episode is as long as a window of {length + steps} steps "
+            f"(longest {longest})"
         )
     return np.concatenate(found)
 
@@ -91,10 +93,10 @@ def _largest(model: KoopmanModel, parts: list[tuple[Array, Array, Array, Array |
 
 
 def conformal_quantile(values: Array, risk: float) -> float:
-    """Give the smallest bound that a fresh value exceeds with a probability of at most `risk`, whatever the distribution.
+    """Give the smallest bound that a fresh value exceeds with a probability of at most `risk`.
 
-    It is the ``ceil((n + 1)(1 - risk))``-th smallest of n values; infinite where n is too small for
-    that.
+    It holds for any distribution. It is the ``ceil((n + 1)(1 - risk))``-th smallest of n values;
+    infinite where n is too small for that.
 
     Examples
     --------
@@ -142,7 +144,8 @@ def calibrate(model: KoopmanModel, held_out: Dataset, risk: float) -> float:
     bound = conformal_quantile(values, risk)
     if not np.isfinite(bound):
         raise DataError(
-            f"{len(values)} held-out windows of {MEMORY} steps are too few for a risk of {risk:g}: {ceil(1 / risk - 1 - 1e-9)} are needed"
+            f"{len(values)} held-out windows of {MEMORY} steps are too few for a risk of {risk:g}: "
+            f"{ceil(1 / risk - 1 - 1e-9)} are needed"
         )
     return bound
 
@@ -150,10 +153,11 @@ def calibrate(model: KoopmanModel, held_out: Dataset, risk: float) -> float:
 def with_quantiles(
     model: KoopmanModel, held_out: Dataset, risks: Sequence[float] = RISKS
 ) -> KoopmanModel:
-    """Return the model with a table of calibrated quantiles in ``info["noise_quantiles"]``, which `save` keeps.
+    """Return the model with a table of calibrated quantiles.
 
-    Risks that the held-out drives are too few for are left out;
-    `kmpc_lite.control.margins.tightening` extends the table by its slope.
+    The table is ``info["noise_quantiles"]``, which `save` keeps. Risks that the held-out drives
+    are too few for are left out; `kmpc_lite.control.margins.tightening` extends the table by its
+    slope.
     """
     values = scores(model, held_out)
     table = [
@@ -163,7 +167,8 @@ def with_quantiles(
     ]
     if len(table) < 2:
         raise DataError(
-            f"{len(values)} held-out windows of {MEMORY} steps are too few to calibrate: drive longer"
+            f"{len(values)} held-out windows of {MEMORY} steps are too few to calibrate: "
+            "drive longer"
         )
     quantiles = {
         "risks": [r for r, _ in table],

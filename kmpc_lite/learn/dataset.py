@@ -54,14 +54,16 @@ class Episode:
             )
         if inputs.shape != (len(states) - 1, INPUTS):
             raise DataError(
-                f"episode inputs: expected shape ({len(states) - 1}, {INPUTS}), one row per step, got {inputs.shape}"
+                f"episode inputs: expected shape ({len(states) - 1}, {INPUTS}), one row per step, "
+                f"got {inputs.shape}"
             )
         dt = check_time("episode dt", self.dt)
         for name, array in (("states", states), ("inputs", inputs)):
             if not np.isfinite(array).all():
                 row, column = np.argwhere(~np.isfinite(array))[0]
                 raise DataError(
-                    f"episode {name}: row {row}, column {column} is {array[row, column]}; expected finite numbers"
+                    f"episode {name}: row {row}, column {column} is {array[row, column]}; "
+                    "expected finite numbers"
                 )
         if np.any(np.abs(np.diff(states[:, 2])) > np.pi):
             states = states.copy()
@@ -92,7 +94,10 @@ def check_time(name: str, value: float) -> float:
 
 
 def resample(time: Array, states: Array, inputs: Array, dt: float) -> Episode | None:
-    """Put states (T + 1, 3) at times (T + 1,) [s] and the inputs (T, 2) between them on an even grid."""
+    """Put a drive on an even grid of times.
+
+    The states (T + 1, 3) are at times (T + 1,) [s], and the inputs (T, 2) act between them.
+    """
     dt = check_time("dt", dt)
     elapsed = time - time[0]
     if elapsed[-1] > MAX_ROWS * dt:
@@ -109,7 +114,8 @@ def resample(time: Array, states: Array, inputs: Array, dt: float) -> Episode | 
     turn = np.abs(np.diff(poses[:, 2])).max()
     if turn > np.pi:  # an episode would take it for the shorter turn the other way
         raise DataError(
-            f"dt: within {dt:g} s the robot turns by {turn:.2f} rad, more than half a turn: choose a shorter period"
+            f"dt: within {dt:g} s the robot turns by {turn:.2f} rad, more than half a turn: "
+            "choose a shorter period"
         )
     return Episode(poses, np.diff(held, axis=0) / dt, dt)
 
@@ -152,14 +158,16 @@ class Dataset:
         self.episodes = () if isinstance(episodes, Episode) else tuple(episodes)
         if isinstance(episodes, Episode) or not all(isinstance(e, Episode) for e in self.episodes):
             raise DataError(
-                "a dataset is a list of episodes, each Episode(states, inputs, dt); Dataset.load(path) reads a log"
+                "a dataset is a list of episodes, each Episode(states, inputs, dt); "
+                "Dataset.load(path) reads a log"
             )
         if not self.episodes:
             raise DataError("a dataset needs at least one episode, got none")
         periods = sorted({e.dt for e in self.episodes})
         if periods[-1] - periods[0] > SAME_DT * periods[-1]:
             raise DataError(
-                f"episodes have different periods ({periods[0]:g} to {periods[-1]:g} s): resample them to one dt"
+                f"episodes have different periods ({periods[0]:g} to {periods[-1]:g} s): "
+                "resample them to one dt"
             )
         self.dt = periods[0]
 
@@ -201,7 +209,10 @@ class Dataset:
 
     def __repr__(self) -> str:
         """Episodes, steps and minutes."""
-        return f"Dataset({len(self)} episodes, {self.steps} steps of {self.dt:g} s, {self.steps * self.dt / 60:.1f} min)"
+        return (
+            f"Dataset({len(self)} episodes, {self.steps} steps of {self.dt:g} s, "
+            f"{self.steps * self.dt / 60:.1f} min)"
+        )
 
     @property
     def steps(self) -> int:
@@ -221,15 +232,18 @@ class Dataset:
         count = int(round(fraction * len(self)))
         if not 0 < count < len(self):
             raise DataError(
-                f"cannot split {len(self)} episode(s) at {fraction:g}: each side needs at least one; "
-                "cut the log with windows(seconds) first"
+                f"cannot split {len(self)} episode(s) at {fraction:g}: "
+                "each side needs at least one; cut the log with windows(seconds) first"
             )
         order = np.random.default_rng(seed).permutation(len(self))
         pick = [self.episodes[i] for i in order]
         return Dataset(pick[:count]), Dataset(pick[count:])
 
     def windows(self, seconds: float) -> Dataset:
-        """Cut every episode into pieces of at most `seconds` (one step at least), so that one long log can be split."""
+        """Cut every episode into pieces of at most `seconds`, one step at least.
+
+        One long log can then be split.
+        """
         length = max(1, int(min(check_time("windows", seconds) / self.dt + 1e-6, MAX_ROWS)))
         pieces = [
             Episode(e.states[k : k + length + 1], e.inputs[k : k + length], e.dt)
@@ -249,7 +263,10 @@ class Dataset:
         return Dataset(kept)
 
     def transitions(self, history: int = 0, chunk: int = CHUNK) -> Iterator[Transitions]:
-        """Yield all steps in chunks of about `chunk` rows; steps without a full input history are left out."""
+        """Yield all steps in chunks of about `chunk` rows.
+
+        Steps without a full input history are left out.
+        """
         batch: list[Transitions] = []
         rows = 0
         for episode in self.episodes:

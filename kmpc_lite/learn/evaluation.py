@@ -48,7 +48,8 @@ class FitReport:
             (f"{self.horizon:g} s", "nominal unicycle", self.nominal_multi_step),
         )
         lines = [
-            f"held-out RMS error from {self.starts} starts   longitudinal [m]  lateral [m]  heading [rad]"
+            f"held-out RMS error from {self.starts} starts   "
+            "longitudinal [m]  lateral [m]  heading [rad]"
         ]
         lines += [
             f"  {ahead:<9} {who:<32}{e[0]:>14.4g}{e[1]:>13.4g}{e[2]:>15.4g}"
@@ -105,7 +106,8 @@ def evaluate(
     if long_count == 0:
         longest = max(len(e) for e in dataset.episodes) * dataset.dt
         raise DataError(
-            f"no held-out episode is as long as {horizon:g} s plus an input history of {model.history} steps (longest {longest:g} s)"
+            f"no held-out episode is as long as {horizon:g} s "
+            f"plus an input history of {model.history} steps (longest {longest:g} s)"
         )
     sums, total = np.where(np.isnan(sums), np.inf, sums), np.inf if np.isnan(total) else total
     rms = np.sqrt(sums / np.array([count, count, long_count, long_count])[:, None])
@@ -128,7 +130,10 @@ def _triple(errors: Array) -> tuple[float, float, float]:
 def _segments(
     dataset: Dataset, history: int, steps: int, stride: int
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield starts (n, 3), commands (n, history + steps, 2) and final states (n, 3), in chunks over the episodes."""
+    """Yield starts (n, 3), commands (n, history + steps, 2) and final states (n, 3).
+
+    They come in chunks over the episodes.
+    """
     batch: list[tuple[Array, Array, Array]] = []
     rows = 0
     for episode in dataset.episodes:

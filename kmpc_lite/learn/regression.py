@@ -74,7 +74,8 @@ class Accumulator:
             method == "integral" and midpoint.continuous and _same(midpoint.dictionary, dictionary)
         ):
             raise DataError(
-                "midpoint: expected a continuous model of the same dictionary, for method 'integral'"
+                "midpoint: expected a continuous model of the same dictionary, "
+                "for method 'integral'"
             )
         self.dictionary, self.dt, self.method, self.midpoint = (
             dictionary,
@@ -237,14 +238,16 @@ class Accumulator:
             )
         if not np.isfinite(self._gram).all():
             raise DataError(
-                "the log's numbers are too large for this dictionary: put the origin near the drive, or choose a smaller one"
+                "the log's numbers are too large for this dictionary: "
+                "put the origin near the drive, or choose a smaller one"
             )
         mean, square = self._input_moments / self.count
         spread = np.sqrt(np.maximum(square - mean**2, 0.0))
         for i, name in enumerate(("v", "omega")):
             if spread[i] <= 1e-6 * max(1e-3, abs(mean[i])):
                 raise DataError(
-                    f"column {name} is constant ({mean[i]:g}) over {self.count} samples: the fit needs it to vary"
+                    f"column {name} is constant ({mean[i]:g}) over {self.count} samples: "
+                    "the fit needs it to vary"
                 )
 
     def _structural_rank(self) -> int:
@@ -264,7 +267,8 @@ class Accumulator:
         )
         if (missed > 1e-6 * power).any():
             raise DataError(
-                "method 'edmdc' needs x, y and theta in the span of the dictionary: choose the unicycle one, or the method 'integral'"
+                "method 'edmdc' needs x, y and theta in the span of the dictionary: "
+                "choose the unicycle one, or the method 'integral'"
             )
         return c
 
@@ -272,8 +276,9 @@ class Accumulator:
 def _too_alike(rank: int, full: int, samples: int) -> str:
     """Tell of inputs or poses that the log does not tell apart."""
     return (
-        f"the log does not excite the model: rank {rank} of {full} from {samples} samples; drive with "
-        "varied speeds, turns and headings, not far from the origin, or choose a smaller dictionary"
+        f"the log does not excite the model: rank {rank} of {full} from {samples} samples; "
+        "drive with varied speeds, turns and headings, not far from the origin, "
+        "or choose a smaller dictionary"
     )
 
 
@@ -287,7 +292,10 @@ def _same(one: Dictionary, other: Dictionary) -> bool:
 
 
 def _derivative_difference(model: KoopmanModel, z: Array, z_next: Array, w: Array) -> Array:
-    """Give f(x) - f(x+) at one command, (n, 3), for the Hermite midpoint: linear in z, so one product serves both."""
+    """Give f(x) - f(x+) at one command, (n, 3), for the Hermite midpoint.
+
+    The difference is linear in z, so one product serves both.
+    """
     blocks = np.concatenate([model.A, model.H], axis=1).reshape(STATES, 1 + w.shape[1], z.shape[1])
     products = ((z - z_next) @ blocks.transpose(2, 1, 0).reshape(z.shape[1], -1)).reshape(
         len(z), -1, STATES

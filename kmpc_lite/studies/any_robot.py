@@ -1,4 +1,4 @@
-"""``kmpc study anyrobot`` and ``scales``: does it drive a robot that nobody has tuned it for?
+"""``kmpc study anyrobot`` and ``scales``: whether it drives a robot that nobody has tuned it for.
 
 Size, speed, period, lag, slip, turning centre and noise of a robot are drawn at random from a seed.
 It is learned from its own log as the documentation says, and driven on a random map of its size.
@@ -184,7 +184,10 @@ def record(robot: Robot, seed: int) -> Dataset:
 
 
 def learn(robot: Robot, seed: int) -> KoopmanModel:
-    """Learn as ``kmpc fit`` does: the lag where the log shows one, margins from held-out driving."""
+    """Learn as ``kmpc fit`` does.
+
+    The model has a lag where the log shows one, and its margins come from held-out driving.
+    """
     if not robot.learned:
         return nominal_unicycle(robot.dt)
     log = record(robot, seed)

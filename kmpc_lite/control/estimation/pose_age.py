@@ -1,4 +1,7 @@
-"""A pose is old when it arrives: bring it forward over its age with the commands that were sent meanwhile."""
+"""Bring a pose forward over its age.
+
+A pose is old when it arrives; the commands that were sent meanwhile tell where the robot is now.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +35,8 @@ def advance_pose(model: MotionModel, pose: Array, sent: Array, age: float) -> Ar
     Examples
     --------
     >>> from kmpc_lite import nominal_unicycle
-    >>> advance_pose(nominal_unicycle(0.1), np.zeros(3), np.array([[0.2, 0.0], [0.4, 0.0]]), age=0.15).round(3)
+    >>> sent = np.array([[0.2, 0.0], [0.4, 0.0]])
+    >>> advance_pose(nominal_unicycle(0.1), np.zeros(3), sent, age=0.15).round(3)
     array([0.05, 0.  , 0.  ])
     """
     periods = max(age, 0.0) / model.dt

@@ -17,7 +17,10 @@ MOST_BYTES = 2**28
 
 
 def read_map(path: Path) -> tuple[NDArray[np.int8], float, tuple[float, ...]]:
-    """Cells (height, width) of -1, 0 and 100 with the lowest row first, resolution [m] and origin x, y, yaw.
+    """Read a map's cells, resolution and origin.
+
+    The cells (height, width) are -1, 0 or 100, with the lowest row first; the resolution is in [m],
+    and the origin is x, y [m] and yaw [rad].
 
     Raises
     ------
@@ -28,7 +31,8 @@ def read_map(path: Path) -> tuple[NDArray[np.int8], float, tuple[float, ...]]:
     for key in ("image", "resolution", "origin"):
         if key not in fields:
             raise ProblemError(
-                f"{path}: {key}: missing; expected image, resolution and origin, as map_server writes them"
+                f"{path}: {key}: missing; "
+                "expected image, resolution and origin, as map_server writes them"
             )
     if fields.get("mode", "trinary") != "trinary":
         raise ProblemError(f"{path}: mode: only trinary maps are read, got {fields['mode']!r}")

@@ -17,7 +17,9 @@ MOST_CELLS = 100_000_000
 
 
 class OccupancyGrid:
-    """Cells that are occupied or free, like ``nav_msgs/OccupancyGrid``; it must not be changed once it is made.
+    """Cells that are occupied or free, like ``nav_msgs/OccupancyGrid``.
+
+    A grid must not be changed once it is made.
 
     Parameters
     ----------
@@ -99,7 +101,9 @@ class OccupancyGrid:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], unknown_is_free: bool = False) -> OccupancyGrid:
-        """Read the pair of files that ROS's map_server writes: ``map.yaml``, and the PGM image that it names.
+        """Read the pair of files that ROS's map_server writes.
+
+        They are ``map.yaml`` and the PGM image that it names.
 
         Raises
         ------
@@ -132,11 +136,17 @@ class OccupancyGrid:
 
     def __repr__(self) -> str:
         height, width = self.occupied.shape
-        return f"OccupancyGrid({height} x {width} cells of {self.resolution:g} m, origin {self.origin})"
+        return (
+            f"OccupancyGrid({height} x {width} cells of {self.resolution:g} m, "
+            f"origin {self.origin})"
+        )
 
     @cached_property
     def rectangles(self) -> Array:
-        """Rectangles xmin, ymin, xmax, ymax that together are the occupied cells, (B, 4) [m], in the grid's own frame."""
+        """Rectangles that together cover the occupied cells, (B, 4) [m].
+
+        Each is xmin, ymin, xmax, ymax in the grid's own frame.
+        """
         rows, columns = _rectangles(self.occupied), _rectangles(self.occupied.T)[:, [1, 0, 3, 2]]
         fewest = rows if len(rows) <= len(columns) else columns
         found: Array = self.resolution * fewest
@@ -164,7 +174,10 @@ class OccupancyGrid:
 
 
 def _rectangles(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Column, row, and these one past the end, (B, 4), of runs in a row, joined with equal runs of the rows that follow."""
+    """Rectangles (B, 4) of occupied cells: first column and row, and one past the last of each.
+
+    Each is a run of cells in a row, joined with equal runs of the rows that follow.
+    """
     height, width = occupied.shape
     padded = np.zeros((height, width + 2), dtype=np.int8)
     padded[:, 1:-1] = occupied

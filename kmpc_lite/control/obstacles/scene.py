@@ -1,4 +1,7 @@
-"""The obstacles of a step: circles as rows of an array, solids prepared for as long as they last."""
+"""The obstacles of a step.
+
+Circles are rows of an array; solids are prepared once, and serve for as long as they last.
+"""
 
 from __future__ import annotations
 

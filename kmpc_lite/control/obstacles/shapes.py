@@ -66,7 +66,8 @@ class Polygon:
         turned = float(np.arctan2(sine, cosine).sum())
         if sine.min() < -BENT or turned > 3 * np.pi or _area(corners) < LEAST_EDGE**2:
             raise ProblemError(
-                f"polygon: expected a convex outline with an area, got {corners.tolist()}; cut it into convex ones"
+                f"polygon: expected a convex outline with an area, got {corners.tolist()}; "
+                "cut it into convex ones"
             )
         object.__setattr__(self, "vertices", tuple((float(x), float(y)) for x, y in corners))
 
@@ -115,7 +116,8 @@ class Wall:
             raise ProblemError(f"wall: expected finite numbers, got {values}")
         if values[4] < 0.0:
             raise ProblemError(
-                f"wall from ({values[0]:g}, {values[1]:g}): expected a thickness >= 0 m, got {values[4]:g}"
+                f"wall from ({values[0]:g}, {values[1]:g}): "
+                f"expected a thickness >= 0 m, got {values[4]:g}"
             )
         for name, value in zip(names, values, strict=True):
             object.__setattr__(self, name, value)

@@ -161,7 +161,10 @@ class Boxes:
         return Boxes(self.low[chosen], self.high[chosen], self.grid)
 
     def _away(self, points: Array, chosen: Array | None) -> tuple[Array, Array, Array]:
-        """Distances (n, B) [m], negative inside, and these times the normals, x and y (n, B), in the grid's frame."""
+        """Distances (n, B) [m], negative inside, and x and y (n, B) of the normals times them.
+
+        The normals are in the grid's frame.
+        """
         here = self.grid.to_grid(points)
         x_min, y_min, x_max, y_max = (
             self._sides if chosen is None else (side.take(chosen) for side in self._sides)
@@ -193,11 +196,17 @@ class Boxes:
         return distance, x, y
 
     def distances(self, points: Array, chosen: Array | None = None) -> Array:
-        """Distances (n, B) of points (n, 2) [m], negative inside; with `chosen` (n, K) only of these rectangles, (n, K)."""
+        """Distances (n, B) of points (n, 2) [m], negative inside.
+
+        With `chosen` (n, K) only the distances (n, K) of these rectangles are computed.
+        """
         return self._away(points, chosen)[0]
 
     def choose(self, points: Array) -> tuple[Array, Array, Array]:
-        """Numbers (n, K) of the rectangles that matter at points (n, 2), their distances (n, K) and normals (n, K, 2) in the map."""
+        """Choose the rectangles that matter at points (n, 2) [m].
+
+        Their numbers (n, K), distances (n, K) [m] and normals (n, K, 2) in the map are returned.
+        """
         distance, x, y = self._away(points, None)
         count, rows = distance.shape[1], np.arange(len(points))
         columns = min(GRID_COLUMNS, count)
@@ -237,7 +246,10 @@ class Nearby:
         return self.columns
 
     def measure(self, points: Array) -> tuple[Array, Array]:
-        """Distances (n, C) and normals (n, C, 2) of what matters at points (n, 2) [m]; `again` keeps to this choice."""
+        """Distances (n, C) and normals (n, C, 2) of the solids that matter at points (n, 2) [m].
+
+        `again` computes the distances of the same choice.
+        """
         distance, normals = (
             self._outlines.distances(points)
             if self._count
@@ -254,7 +266,10 @@ class Nearby:
         return distance, normals
 
     def again(self, points: Array) -> Array:
-        """Distances (n, C) of what the last `measure` chose, from as many other points (n, 2) [m]."""
+        """Distances (n, C) [m] of the solids that the last `measure` chose.
+
+        There must be as many points (n, 2) [m] as there were then.
+        """
         distance = (
             self._outlines.distances(points)[0] if self._count else np.empty((len(points), 0))
         )
@@ -263,7 +278,7 @@ class Nearby:
         return distance
 
     def least(self, points: Array) -> Array:
-        """Distance (n,) of points (n, 2) from the nearest of all that are near [m], negative inside."""
+        """Distance (n,) of points (n, 2) from the nearest of these solids [m], negative inside."""
         least = np.full(len(points), np.inf)
         if self._count:
             least = self._outlines.distances(points)[0].min(axis=1)
@@ -309,7 +324,10 @@ class Corners:
         """(P, 2) a point within each solid [m]."""
 
     def to_centre(self, point: Array) -> Array:
-        """Radius (V,) to which each corner can grow, and its edges with it, until its solid comes to a point (2,) [m]."""
+        """Radius (V,) to which each corner can grow until its solid reaches a point (2,) [m].
+
+        The edges of the solid grow with its corners.
+        """
         here = point[None]
         gaps = [self._outlines.distances(here)[0][0]] if len(self._outlines) else []
         distance = np.concatenate(

@@ -53,7 +53,8 @@ def _read_table(file: Path) -> Array:
     reader = READERS.get(file.suffix.lower())
     if reader is None:
         raise DataError(
-            f"{file}: unknown log format {file.suffix or '(no ending)'!r}; expected {' or '.join(READERS)}"
+            f"{file}: unknown log format {file.suffix or '(no ending)'!r}; "
+            f"expected {' or '.join(READERS)}"
         )
     try:
         table = reader(file)
@@ -103,7 +104,10 @@ def _read_csv(file: Path) -> Array:
 
 
 def _open(file: Path) -> TextIO:
-    """Open a text file of any line ends, with or without a byte order mark; what is no text becomes a bad value."""
+    """Open a text file of any line ends, with or without a byte order mark.
+
+    Bytes that are not text become a bad value.
+    """
     return open(file, encoding="utf-8-sig", errors="replace")
 
 
@@ -132,7 +136,8 @@ def _rows(file: Path, lines: TextIO, width: int) -> Iterator[str]:
         rows += 1
         if rows > MAX_ROWS:
             raise DataError(
-                f"{file}: more than {MAX_ROWS:,} rows; cut the log into files and join their datasets"
+                f"{file}: more than {MAX_ROWS:,} rows; "
+                "cut the log into files and join their datasets"
             )
         yield line
 
@@ -192,7 +197,8 @@ def _check_names(file: Path, names: Sequence[str], where: str) -> None:
             if which
         )
         raise DataError(
-            f"{file}: {where}: {what}; expected {','.join(COLUMNS)}, got {_short(','.join(names)) or 'nothing'}"
+            f"{file}: {where}: {what}; "
+            f"expected {','.join(COLUMNS)}, got {_short(','.join(names)) or 'nothing'}"
         )
 
 
@@ -203,7 +209,10 @@ def _short(text: str) -> str:
 
 
 def _where(file: Path, row: int) -> str:
-    """Name a row as its file does: lines of text from 1, header and blank ones counted; rows of arrays from 0."""
+    """Name a row as its file does.
+
+    Lines of text count from 1, with the header and blank lines; rows of arrays count from 0.
+    """
     if file.suffix.lower() != ".csv":
         return f"row {row}"
     with _open(file) as lines:
@@ -218,19 +227,22 @@ def _check_table(file: Path, table: Array) -> None:
     if not np.isfinite(table).all():
         row, column = np.argwhere(~np.isfinite(table))[0]
         raise DataError(
-            f"{file}: {_where(file, row)}, column {COLUMNS[column]}: expected a finite number in {UNITS[column]}, got {table[row, column]}"
+            f"{file}: {_where(file, row)}, column {COLUMNS[column]}: "
+            f"expected a finite number in {UNITS[column]}, got {table[row, column]}"
         )
     if (np.abs(table[:, 1:]) > LARGEST).any():
         row, column = np.argwhere(np.abs(table[:, 1:]) > LARGEST)[0] + (0, 1)
         raise DataError(
-            f"{file}: {_where(file, row)}, column {COLUMNS[column]}: expected at most {LARGEST:g} {UNITS[column]}, got {table[row, column]}"
+            f"{file}: {_where(file, row)}, column {COLUMNS[column]}: "
+            f"expected at most {LARGEST:g} {UNITS[column]}, got {table[row, column]}"
         )
     time = table[:, 0]
     back = np.diff(time) <= 0.0
     if back.any():
         row = int(np.argmax(back)) + 1
         raise DataError(
-            f"{file}: {_where(file, row)}, column t: time must grow, got {time[row]:.15g} s after {time[row - 1]:.15g} s"
+            f"{file}: {_where(file, row)}, column t: "
+            f"time must grow, got {time[row]:.15g} s after {time[row - 1]:.15g} s"
         )
 
 
@@ -252,7 +264,8 @@ def _episodes(file: Path, table: Array, dt: float | None, gap: float | None) -> 
     ]
     if not episodes:
         raise DataError(
-            f"{file}: no drive without a gap is as long as one period of {dt:g} s: nothing to learn from"
+            f"{file}: no drive without a gap is as long as one period of {dt:g} s: "
+            "nothing to learn from"
         )
     return episodes
 
@@ -264,14 +277,16 @@ def _even_period(file: Path, time: Array, whole: Array, median: float) -> float:
     if uneven.any():
         row = int(np.argmax(uneven)) + 1
         raise DataError(
-            f"{file}: {_where(file, row)}, column t: uneven sampling, a step of {steps[row - 1]:g} s where the median is {median:g} s; "
+            f"{file}: {_where(file, row)}, column t: "
+            f"uneven sampling, a step of {steps[row - 1]:g} s where the median is {median:g} s; "
             "give dt= (--dt) to resample"
         )
     count, pieces = int(whole.sum()), 1 + int(np.sum(~whole))
     mean = float(steps[whole].mean())
     if abs(mean - median) > DRIFT * median:
         raise DataError(
-            f"{file}: column t: uneven sampling, steps of {mean:g} s in the mean but {median:g} s in the median; "
+            f"{file}: column t: "
+            f"uneven sampling, steps of {mean:g} s in the mean but {median:g} s in the median; "
             "give dt= (--dt) to resample"
         )
     # the mean over a piece is known better than one step, by as many times as it has steps
@@ -279,7 +294,10 @@ def _even_period(file: Path, time: Array, whole: Array, median: float) -> float:
 
 
 def _tidy(period: float, resolution: float) -> float:
-    """Round to what the stamps can tell: 0.05 s rather than 0.0499999523 s where they count from 1970."""
+    """Round a period to what the time stamps can tell [s].
+
+    With stamps that count from 1970 it is 0.05 s rather than 0.0499999523 s.
+    """
     tolerance = max(1e-9 * period, resolution)
     candidates = (round(period, digits) for digits in range(16))
     return next((c for c in candidates if c > 0.0 and abs(c - period) <= tolerance), period)
@@ -300,7 +318,8 @@ def write_log(episodes: Sequence[Episode], path: str | os.PathLike[str]) -> None
     file = Path(path)
     if file.suffix.lower() not in READERS:
         raise DataError(
-            f"{file}: unknown log format {file.suffix or '(no ending)'!r}; expected {' or '.join(READERS)}"
+            f"{file}: unknown log format {file.suffix or '(no ending)'!r}; "
+            f"expected {' or '.join(READERS)}"
         )
     if (rows := sum(len(e) + 1 for e in episodes)) > MAX_ROWS:
         raise DataError(
