@@ -10,23 +10,17 @@ controller.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kmpc_lite.control import Circle, Controller, NavigationProblem
-from kmpc_lite.control.plan import PlanStatus
+from kmpc_lite.control import NavigationProblem
 from kmpc_lite.learn import Dataset, Episode, fit, with_quantiles
 from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
-from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.types import Array
 
 LOOKS = 10
 """Looks at a collision in a period."""
-HELD = 1.0
-"""How long the robot must hold its goal [s]."""
 UNIT_RADIUS, UNIT_SPEED, UNIT_TURN = 0.15, 0.6, math.pi / 4
 
 
@@ -193,93 +187,3 @@ def learn(robot: Robot, seed: int) -> KoopmanModel:
     log = record(robot, seed)
     train, held = log.windows(10.0).split(0.5, seed=0)
     return with_quantiles(fit(train, lags="auto"), held)
-
-
-@dataclass(frozen=True)
-class Row:
-    """What became of one drive."""
-
-    robot: str
-    seed: int
-    in_pose: bool
-    held_elsewhere: bool
-    collided: bool
-    seconds: float
-    ideal_seconds: float
-    clearance: float
-    stopped: float
-    """Share of steps without a plan."""
-    ended: str
-    """Progress that was told at the end, and its reason."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
-        return asdict(self)
-
-
-def drive(robot: Robot, seed: int, family: str = "open", model: KoopmanModel | None = None) -> Row:
-    """Learn a robot and drive it over one random map of its size."""
-    model = learn(robot, seed) if model is None else model
-    scenario, by = random_map(family, seed), robot.radius / UNIT_RADIUS
-    circles = [Circle(by * c.x, by * c.y, by * c.radius, 0.0, 0.0) for c in scenario.circles]
-    side = by * (scenario.bounds[2] - scenario.bounds[0])
-    unit = np.array((by, by, 1.0))
-    goal, pose = np.array(scenario.goal) * unit, np.array(scenario.start) * unit
-    controller, plant = Controller(model, robot.problem(side)), Plant(robot, seed)
-    random = np.random.default_rng([seed, 7])
-    spread = np.array((robot.noise[0], robot.noise[0], robot.noise[1]))
-    tolerance = max(0.1 * robot.radius, 3.0 * robot.noise[0])
-    turn_tolerance = max(0.1, 3.0 * robot.noise[1])
-    ideal = _ideal_seconds(robot, pose, goal)
-    limit, inside, stopped, k, clearance = 8.0 * ideal + 20.0, 0.0, 0, 0, np.inf
-    while k * robot.dt < limit and inside < HELD:
-        plan = controller.step(pose + spread * random.normal(size=3), goal, circles)
-        poses = plant.drive(pose, plan.command)
-        pose, k = poses[-1], k + 1
-        stopped += plan.status is PlanStatus.STOPPED
-        for circle in circles:
-            away = np.hypot(poses[:, 0] - circle.x, poses[:, 1] - circle.y)
-            clearance = min(clearance, float(away.min()) - circle.radius - robot.radius)
-        if clearance < 0.0:
-            break
-        error = pose - goal
-        near = math.hypot(error[0], error[1]) <= tolerance
-        turned = abs(math.remainder(error[2], math.tau)) <= turn_tolerance
-        inside = inside + robot.dt if near and turned else 0.0
-    return Row(
-        robot.name,
-        seed,
-        inside >= HELD,
-        plan.holding and inside < HELD,
-        clearance < 0.0,
-        k * robot.dt - HELD,
-        ideal,
-        clearance,
-        stopped / k,
-        f"{plan.progress.value}: {plan.reason}" if plan.reason else plan.progress.value,
-    )
-
-
-def _ideal_seconds(robot: Robot, start: Array, goal: Array) -> float:
-    """Straight line at full speed, and the turns at both ends."""
-    away = goal[:2] - start[:2]
-    along = math.atan2(away[1], away[0])
-    turns = min(
-        abs(math.remainder(along + back - start[2], math.tau))
-        + abs(math.remainder(goal[2] - along - back, math.tau))
-        for back in ((0.0, math.pi) if robot.reverse else (0.0,))
-    )
-    return math.hypot(*away) / robot.speed + turns / (robot.turn_rate * robot.turn_gain)
-
-
-def summary(rows: Sequence[Row]) -> dict[str, Any]:
-    """Counts of one robot's, or one study's, drives."""
-    times = [r.seconds / r.ideal_seconds for r in rows if r.in_pose]
-    return {
-        "drives": len(rows),
-        "in_pose": sum(r.in_pose for r in rows),
-        "collisions": sum(r.collided for r in rows),
-        "held_elsewhere": sum(r.held_elsewhere for r in rows),
-        "time_to_ideal": float(np.median(times)) if times else math.nan,
-        "stopped": float(np.mean([r.stopped for r in rows])),
-    }

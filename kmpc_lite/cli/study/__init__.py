@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from kmpc_lite.cli.command import Command
-from kmpc_lite.cli.study import faults, learning, maps, table1
+from kmpc_lite.cli.study import faults, learning, maps, robots, table1
 
 COMMAND = Command(
     text="Reproduce the paper's table 1 beside ours, drive random maps, or force failures.\n"
@@ -16,6 +16,7 @@ COMMAND = Command(
     commands={
         "table1": table1.COMMAND,
         **maps.COMMANDS,
+        **robots.COMMANDS,
         "faults": faults.COMMAND,
         "learning": learning.COMMAND,
     },

@@ -1,0 +1,61 @@
+"""`kmpc study anyrobot` and `kmpc study scales`: robots that nobody has tuned it for."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from functools import partial
+
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.numbers import count
+from kmpc_lite.cli.progress import Progress
+from kmpc_lite.studies.options import add_runner, runner
+
+STUDIES = {
+    "anyrobot": "Robots drawn at random from a seed: size, speed, period, lag, slip, turning "
+    "centre and noise. Each is learned from its own log and drives a map of its size.",
+    "scales": "The standard robot at six scales, and robots of other numbers: Husky-like, "
+    "Warthog-like, micro, forward only, slow to turn, fast.",
+}
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    add = parser.add_argument
+    add("--drives", type=count, default=40, metavar="N", help="robots, or maps of each robot")
+    add("--seed", type=int, default=2000, metavar="S", help="the first one (default: 2000)")
+    add("--only", nargs="+", metavar="WORD", help="robots whose names contain one of these words")
+    add_runner(parser)
+
+
+def run(options: argparse.Namespace, name: str) -> int:
+    """Drive the robots of a study."""
+    from kmpc_lite.studies.any_robot import KNOWN, SCALES, STANDARD, scaled
+    from kmpc_lite.studies.robot_drives import Row, drive_random, format_rows, study
+
+    seeds, rows = range(options.seed, options.seed + options.drives), list[Row]()
+    bar = Progress(name, quiet=options.json)
+    with runner(options) as executor:
+        if name == "anyrobot":
+            jobs = [executor.submit(drive_random, seed) for seed in seeds]
+            for done, job in enumerate(jobs, 1):
+                rows.append(job.result())
+                bar(done, len(jobs))
+        else:
+            robots = [*(scaled(STANDARD, by) for by in SCALES), *KNOWN]
+            words = options.only or [""]
+            chosen = [r for r in robots if any(word in r.name for word in words)]
+            rows = study(chosen, seeds, executor, bar)
+    print(json.dumps([row.as_dict() for row in rows]) if options.json else format_rows(rows))
+    return 0
+
+
+COMMANDS = {
+    name: Command(
+        text=text,
+        examples=(f"kmpc study {name} --drives 10", f"kmpc study {name} --json > {name}.json"),
+        add_options=add_options,
+        run=partial(run, name=name),
+    )
+    for name, text in STUDIES.items()
+}

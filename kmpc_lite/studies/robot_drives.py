@@ -1,0 +1,167 @@
+"""Drives of robots that nobody has tuned it for: judged by the truth, counted, and told.
+
+In pose means within a tenth of the radius (or three standard deviations of the pose's noise) and
+0.1 rad, held; there are ten looks at collisions a period.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.control import Circle, Controller
+from kmpc_lite.control.plan import PlanStatus
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.sim.maps.families import random_map
+from kmpc_lite.studies.any_robot import UNIT_RADIUS, Plant, Robot, learn, random_robot
+from kmpc_lite.types import Array
+
+HELD = 1.0
+"""How long the robot must hold its goal [s]."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of one drive."""
+
+    robot: str
+    seed: int
+    in_pose: bool
+    held_elsewhere: bool
+    collided: bool
+    seconds: float
+    ideal_seconds: float
+    clearance: float
+    stopped: float
+    """Share of steps without a plan."""
+    ended: str
+    """Progress that was told at the end, and its reason."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return asdict(self)
+
+
+def drive(robot: Robot, seed: int, family: str = "open", model: KoopmanModel | None = None) -> Row:
+    """Learn a robot and drive it over one random map of its size."""
+    model = learn(robot, seed) if model is None else model
+    scenario, by = random_map(family, seed), robot.radius / UNIT_RADIUS
+    circles = [Circle(by * c.x, by * c.y, by * c.radius, 0.0, 0.0) for c in scenario.circles]
+    side = by * (scenario.bounds[2] - scenario.bounds[0])
+    unit = np.array((by, by, 1.0))
+    goal, pose = np.array(scenario.goal) * unit, np.array(scenario.start) * unit
+    controller, plant = Controller(model, robot.problem(side)), Plant(robot, seed)
+    random = np.random.default_rng([seed, 7])
+    spread = np.array((robot.noise[0], robot.noise[0], robot.noise[1]))
+    tolerance = max(0.1 * robot.radius, 3.0 * robot.noise[0])
+    turn_tolerance = max(0.1, 3.0 * robot.noise[1])
+    ideal = _ideal_seconds(robot, pose, goal)
+    limit, inside, stopped, k, clearance = 8.0 * ideal + 20.0, 0.0, 0, 0, np.inf
+    while k * robot.dt < limit and inside < HELD:
+        plan = controller.step(pose + spread * random.normal(size=3), goal, circles)
+        poses = plant.drive(pose, plan.command)
+        pose, k = poses[-1], k + 1
+        stopped += plan.status is PlanStatus.STOPPED
+        for circle in circles:
+            away = np.hypot(poses[:, 0] - circle.x, poses[:, 1] - circle.y)
+            clearance = min(clearance, float(away.min()) - circle.radius - robot.radius)
+        if clearance < 0.0:
+            break
+        error = pose - goal
+        near = math.hypot(error[0], error[1]) <= tolerance
+        turned = abs(math.remainder(error[2], math.tau)) <= turn_tolerance
+        inside = inside + robot.dt if near and turned else 0.0
+    return Row(
+        robot.name,
+        seed,
+        inside >= HELD,
+        plan.holding and inside < HELD,
+        clearance < 0.0,
+        k * robot.dt - HELD,
+        ideal,
+        clearance,
+        stopped / k,
+        f"{plan.progress.value}: {plan.reason}" if plan.reason else plan.progress.value,
+    )
+
+
+def drive_random(seed: int) -> Row:
+    """Draw a robot, learn it and drive it."""
+    robot = random_robot(seed)
+    return replace(drive(robot, seed), robot="any robot")
+
+
+def _ideal_seconds(robot: Robot, start: Array, goal: Array) -> float:
+    """Straight line at full speed, and the turns at both ends."""
+    away = goal[:2] - start[:2]
+    along = math.atan2(away[1], away[0])
+    turns = min(
+        abs(math.remainder(along + back - start[2], math.tau))
+        + abs(math.remainder(goal[2] - along - back, math.tau))
+        for back in ((0.0, math.pi) if robot.reverse else (0.0,))
+    )
+    return math.hypot(*away) / robot.speed + turns / (robot.turn_rate * robot.turn_gain)
+
+
+def summary(rows: Sequence[Row]) -> dict[str, Any]:
+    """Counts of one robot's, or one study's, drives."""
+    times = [r.seconds / r.ideal_seconds for r in rows if r.in_pose]
+    return {
+        "drives": len(rows),
+        "in_pose": sum(r.in_pose for r in rows),
+        "collisions": sum(r.collided for r in rows),
+        "held_elsewhere": sum(r.held_elsewhere for r in rows),
+        "time_to_ideal": float(np.median(times)) if times else math.nan,
+        "stopped": float(np.mean([r.stopped for r in rows])),
+    }
+
+
+def study(
+    robots: Sequence[Robot],
+    seeds: Sequence[int],
+    executor: Executor,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Row]:
+    """Drive every robot over the maps of all seeds; rows in this order.
+
+    Parameters
+    ----------
+    robots : sequence of Robot
+        Whose model is learned anew for each seed, where it is learned.
+    seeds : sequence of int
+        Of maps, slip and noise.
+    executor : Executor
+        What runs it.
+    progress : callable, optional
+        Told how many drives of how many are done.
+    """
+    jobs = [executor.submit(drive, robot, seed) for robot in robots for seed in seeds]
+    rows = []
+    for done, job in enumerate(jobs, 1):
+        rows.append(job.result())
+        if progress is not None:
+            progress(done, len(jobs))
+    return rows
+
+
+def format_rows(rows: Sequence[Row]) -> str:
+    """Table with a row a robot, then every drive that did not end in pose."""
+    names = list(dict.fromkeys(row.robot for row in rows))
+    lines = [f"{'':16} drives  in pose  collisions  held elsewhere  time to ideal  stopped"]
+    for name in names:
+        s = summary([row for row in rows if row.robot == name])
+        lines.append(
+            f"{name:16} {s['drives']:6d} {s['in_pose']:8d} {s['collisions']:11d} "
+            f"{s['held_elsewhere']:15d} {s['time_to_ideal']:14.2f} {100 * s['stopped']:7.1f} %"
+        )
+    lines += [
+        f"{row.robot}, map {row.seed}: {'touched' if row.collided else row.ended}"
+        for row in rows
+        if row.collided or not row.in_pose
+    ]
+    return "\n".join(lines)
