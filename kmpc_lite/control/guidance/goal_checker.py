@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -139,4 +140,5 @@ def _has_arrived(error: Array, tolerances: GoalTolerances, stalled: bool) -> boo
 
 def _sizes(error: Array) -> tuple[float, float]:
     """Distance [m] and angle [rad] of an error (3,)."""
-    return float(np.hypot(error[0], error[1])), abs(float(error[2]))
+    x, y, turn = error.tolist()
+    return math.hypot(x, y), abs(turn)

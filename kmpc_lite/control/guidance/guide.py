@@ -165,6 +165,9 @@ class Guide:
         self, state: GuideState, capabilities: Capabilities, circles: Array, solids: Solids | None
     ) -> MovingObstacles | None:
         """The circles, if any of them moves."""
+        # circles at rest that were seen before are known again in a moment
+        if not len(circles) or circles.tobytes() == state.circles_at_rest:
+            return None
         if not circles[:, 3:].any():
             return None
         inflation = self._inflation + swing(state.turning_centre)
@@ -261,8 +264,8 @@ class Guide:
 def _lies_outside(goal: Array, low: list[float], high: list[float], tolerance: float) -> bool:
     """Whether a goal (3,) lies outside the area by more than a tolerance [m]."""
     x, y, _ = goal.tolist()
-    beyond = max(low[0] - x, x - high[0], low[1] - y, y - high[1])
-    return bool(beyond > tolerance)
+    inside_x = low[0] - tolerance <= x <= high[0] + tolerance
+    return not (inside_x and low[1] - tolerance <= y <= high[1] + tolerance)
 
 
 def _progress(state: GuideState, hold: bool, scale: float | None) -> tuple[GoalProgress, str]:

@@ -8,12 +8,12 @@ moved at all, whatever paths it was given meanwhile.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-
-import numpy as np
+from dataclasses import dataclass
 
 from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.types import Array
+
+NOWHERE = (math.inf, math.inf, math.inf)
 
 
 @dataclass(slots=True)
@@ -32,8 +32,8 @@ class ProgressState:
     """Largest one told since [s]."""
     since_best: float = 0.0
     """Time since the best [s]."""
-    anchor: Array = field(default_factory=lambda: np.full(3, np.inf))
-    """Pose (3,) that the robot has not moved away from."""
+    anchor: tuple[float, float, float] = NOWHERE
+    """Pose that the robot has not moved away from [m, m, rad]."""
     since_moved: float = 0.0
     """Time since it was there first [s]."""
     stalls: int = 0
@@ -95,7 +95,7 @@ class ProgressChecker:
     def expect_new_goal(self, state: ProgressState) -> None:
         """Begin anew: what was reached of another goal does not count."""
         state.best_left, state.stalls = math.inf, 0
-        state.anchor = np.full(3, np.inf)
+        state.anchor = NOWHERE
 
     def watch(self, state: ProgressState, pose: Array, left: float, period: float) -> bool:
         """Let a period pass, and tell whether the robot has stalled: something else is to be tried.
@@ -120,9 +120,11 @@ class ProgressChecker:
             state.best_left = state.worst_left = left
             state.since_best, state.stalls = 0.0, 0
         state.worst_left = max(state.worst_left, left)
-        dx, dy, turn = (pose - state.anchor).tolist()
-        if not (math.hypot(dx, dy) <= self._distance and abs(turn) <= self._turn):
-            state.anchor, state.since_moved = pose.copy(), 0.0
+        x, y, heading = pose.tolist()
+        x_then, y_then, heading_then = state.anchor
+        moved = math.hypot(x - x_then, y - y_then) > self._distance
+        if moved or abs(heading - heading_then) > self._turn:
+            state.anchor, state.since_moved = (x, y, heading), 0.0
         state.since_best += period
         state.since_moved += period
         detour = 2.0 * (state.worst_left - state.best_left)

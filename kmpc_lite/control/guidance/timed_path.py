@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 
 import numpy as np
 
@@ -47,7 +48,9 @@ class TimedPath:
         lengths = np.hypot(steps[:, 0], steps[:, 1])
         needed = np.maximum(lengths / speed[0], np.abs(steps[:, 2]) / speed[1])
         self.times = np.concatenate([[0.0], np.cumsum(np.maximum(needed, INSTANT))])
-        self._columns = np.ascontiguousarray(self.poses.T)
+        # as complex numbers, for both coordinates are interpolated in the time of one
+        self._places = self.poses[:, 0] + 1j * self.poses[:, 1]
+        self._headings, self._time_list = self.poses[:, 2].copy(), self.times.tolist()
         self.duration = float(self.times[-1])
         self.drive_end = float(self.times[-2])
         """When the goal's position is reached, and the last turn begins [s]."""
@@ -65,8 +68,9 @@ class TimedPath:
     def at(self, times: Array) -> Array:
         """Poses (n, 3) at times (n,) [s]; the ends are held."""
         poses = np.empty((len(times), 3))
-        for i, column in enumerate(self._columns):
-            poses[:, i] = np.interp(times, self.times, column)
+        places = np.interp(times, self.times, self._places)
+        poses[:, :2] = places.view(float).reshape(-1, 2)
+        poses[:, 2] = np.interp(times, self.times, self._headings)
         return poses
 
     def locate(self, pose: Array, place: float, least: float = 0.0) -> tuple[float, float]:
@@ -106,7 +110,12 @@ class TimedPath:
 
     def heading_at(self, time: float) -> float:
         """Heading [rad] at a time [s]."""
-        return float(np.interp(time, self.times, self.poses[:, 2]))
+        # one number: plain floats are faster than NumPy
+        after = min(max(bisect_right(self._time_list, time), 1), len(self._time_list) - 1)
+        begin, end = self._time_list[after - 1], self._time_list[after]
+        before, turned = self._headings.item(after - 1), self._headings.item(after)
+        share = min(max((time - begin) / (end - begin), 0.0), 1.0)
+        return float(before + share * (turned - before))
 
 
 def _poses(geometry: GeometricPath, start: Array, goal: Array, free_turn: float) -> Array:
