@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.sanity import refuse_car_like
+from kmpc_lite.learn.sanity import refuse_car_like, refuse_frozen
 from kmpc_lite.learn.selection import Selection, SelectionOptions, select
 from kmpc_lite.learn.symmetry import require_trigonometry, symmetric_generator
 from kmpc_lite.model.dictionary import Dictionary
@@ -31,6 +31,7 @@ def fit_automatically(
         How the choice is made.
     """
     require_trigonometry(base)
+    refuse_frozen(dataset)
     refuse_car_like(dataset)
     return build_model(select(dataset, options), base, dataset.dt)
 

@@ -133,7 +133,9 @@ def _tell_position(found: list[Estimate], v_max: float, options: DiagnosisOption
     angle = float(np.angle(motion.value))
     if abs(angle) > 0.5 * np.pi:
         told.append("v > 0 drives backwards: theta is off by half a turn, or v has the other sign")
-    elif abs(angle) > max(options.offset, options.sure * motion.error / abs(motion.value)):
+    elif abs(angle) > max(
+        options.offset, options.sure * motion.error / max(abs(motion.value), 1e-12)
+    ):
         told.append(
             f"the robot drives {np.degrees(angle):+.1f} degrees off its heading theta "
             "(learned, and no harm; the sensor's mount can be mended)"

@@ -35,6 +35,23 @@ class SanityOptions:
     """Seconds below which a log is short [s]."""
 
 
+def refuse_frozen(dataset: Dataset) -> None:
+    """Refuse a log whose poses never move though commands are given.
+
+    Raises
+    ------
+    DataError
+        Says so.
+    """
+    moved = max(float(np.abs(np.diff(e.states, axis=0)).max(initial=0.0)) for e in dataset.episodes)
+    asked = max(float(np.abs(e.inputs).max(initial=0.0)) for e in dataset.episodes)
+    if moved <= 1e-9 < asked:
+        raise DataError(
+            "the poses never move though the commands do, so the log does not excite the model: "
+            "expected x, y, theta of the driving robot"
+        )
+
+
 def refuse_car_like(dataset: Dataset, options: SanityOptions | None = None) -> None:
     """Refuse a robot that is told to turn on the spot and does not.
 

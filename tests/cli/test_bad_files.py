@@ -159,6 +159,9 @@ def refused(
     assert sorted(here.iterdir()) == before
 
 
+SHOWS_LITTLE = ("constant speed", "never turns")
+
+
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
@@ -171,10 +174,23 @@ def test_a_bad_log_is_refused(
 ) -> None:
     change, told = BAD_LOGS[name]
     (here / "run.csv").write_text("".join(",".join(line) + "\n" for line in change(log)))
-    refused(["fit", "run.csv", "-o", "robot.npz"], told, here, capsys)
+    # where a free fit cannot be had, the default leaves the nominal robot, and warns
+    free = ["--lags", "none"] if name in SHOWS_LITTLE else []
+    refused(["fit", "run.csv", "-o", "robot.npz", *free], told, here, capsys)
     refused(
         ["demo", "--log", "run.csv", "-o", "out"], told, here, capsys, begun="1  reading run.csv\n"
     )
+
+
+@pytest.mark.parametrize("name", SHOWS_LITTLE)
+def test_a_log_that_shows_little_leaves_the_nominal_robot_and_warns(
+    name: str, log: Rows, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change, _ = BAD_LOGS[name]
+    (here / "run.csv").write_text("".join(",".join(line) + "\n" for line in change(log)))
+    assert cli.main(["fit", "run.csv", "-o", "robot.npz"]) == 0
+    told = capsys.readouterr().out
+    assert "as commanded" in told and "warn " in told
 
 
 def test_the_good_log_is_taken(log: Rows, here: Path) -> None:

@@ -6,6 +6,7 @@ import json
 import sys
 
 import pytest
+from boards import until
 
 from firmware_bridge.cli.emulate import build_emulator
 from firmware_bridge.cli.main import main
@@ -74,7 +75,7 @@ def test_nothing_is_sent_unasked_armed_or_over_a_network(rover, capsys):
     assert main([*setup, "--link", "udp:192.168.7.7:14550", "--yes"]) == 2
     assert "the key would travel unencrypted" in capsys.readouterr().err
     assert rover._codec._mav.signing.secret_key is None
-    assert rover.pilot_arm()
+    assert until(rover.pilot_arm)  # once it has its position
     assert main([*setup, "--link", LINK, "--yes"]) == 2
     assert "while disarmed only" in capsys.readouterr().err
 

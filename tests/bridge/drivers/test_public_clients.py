@@ -18,6 +18,7 @@ import pytest
 from mavlink_rig import dialect, set_point_frame
 
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
+from firmware_bridge.emulator.rover.parameters import DEFAULTS
 from firmware_bridge.emulator.rover.rover import RoverEmulator
 
 WAIT = 30.0
@@ -118,7 +119,7 @@ def test_mavproxy(rover: Listening, tmp_path: Path) -> None:
     )
     try:
         wait(lambda: client.said("online system 1"), client.story)
-        wait(lambda: client.said("Received 25 parameters"), client.story)
+        wait(lambda: client.said(f"Received {len(DEFAULTS)} parameters"), client.story)
         client.say("mode GUIDED")
         wait(lambda: client.said("Mode GUIDED") and rover.mode == "GUIDED", client.story)
         client.say("arm throttle")
