@@ -113,19 +113,45 @@ class Guide:
             clock; the old path is kept meanwhile, and where there was none the robot stands.
         """
         self._take_over_centre(state, capabilities.turning_centre)
-        centre = state.turning_centre
+        state.age += self._dt
+        now = self._see(state, capabilities, pose, goal, circles, solids, rest, until)
+        self._begin_last_turn(state, now)
+        off = 0.0
+        if state.path is not None:
+            least = state.path.drive_end if state.turning else 0.0
+            state.place, off = state.path.locate(now.pose, state.place, least)
+        refreshed, switched = self._replanner.update(state, now, off)
+        if state.path is None:
+            guidance = self._wait(state, now, refreshed, switched)
+        else:
+            guidance = self._follow(state, now, state.path, refreshed, switched)
+        if state.turning_centre is None:
+            return guidance
+        return replace(guidance, states=seen_from(guidance.states, -state.turning_centre))
+
+    def _see(
+        self,
+        state: GuideState,
+        capabilities: Capabilities,
+        pose: Array,
+        goal: Array,
+        circles: Array,
+        solids: Solids | None,
+        rest: Array | None,
+        until: float,
+    ) -> Situation:
+        """See all from the turning centre; a goal outside the area is moved to its edge."""
         tolerance = capabilities.tolerances.enter_distance
         outside = _lies_outside(goal, self._low, self._high, tolerance)
         if outside:
             goal = np.array([*np.clip(goal[:2], self._low, self._high), goal[2]])
-        target = goal
+        target, centre = goal, state.turning_centre
         if centre is not None:
             pose, goal = point_of(pose, centre), point_of(goal, centre)
             rest = None if rest is None else point_of(rest, centre)
-        state.age += self._dt
         error = pose - goal
         error[2] -= nearest_turn(float(error[2]))
-        now = Situation(
+        return Situation(
             pose,
             goal,
             target,
@@ -139,19 +165,6 @@ class Guide:
             outside,
             until,
         )
-        self._begin_last_turn(state, now)
-        off = 0.0
-        if state.path is not None:
-            least = state.path.drive_end if state.turning else 0.0
-            state.place, off = state.path.locate(pose, state.place, least)
-        refreshed, switched = self._replanner.update(state, now, off)
-        if state.path is None:
-            guidance = self._wait(state, now, refreshed, switched)
-        else:
-            guidance = self._follow(state, now, state.path, refreshed, switched)
-        if centre is None:
-            return guidance
-        return replace(guidance, states=seen_from(guidance.states, -centre))
 
     def _take_over_centre(self, state: GuideState, centre: Array | None) -> None:
         """Plan for another turning centre; the path is kept until there is one for it."""

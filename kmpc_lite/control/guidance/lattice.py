@@ -81,7 +81,7 @@ class Lattice:
         self._distance = distance.reshape(self._shape)
 
     def path(
-        self, start: Array, goal: Array, keep: float, circles: Array, area: Array
+        self, start: Array, goal: Array, inflation: float, circles: Array, area: Array
     ) -> LatticePath | None:
         """Find the shortest path that keeps a distance from all solids and from circles at rest.
 
@@ -89,7 +89,7 @@ class Lattice:
         ----------
         start, goal : ndarray
             Points (2,), or poses.
-        keep : float
+        inflation : float
             Distance from the solids' edges [m].
         circles : ndarray
             (M, 5); those that move are not looked at.
@@ -99,11 +99,11 @@ class Lattice:
         self._cover(start, goal)
         still = circles[~circles[:, 3:].any(axis=1)]
         begin, end = self._node(start), self._node(goal)
-        key = (end, keep, still.tobytes(), area.tobytes())
+        key = (end, inflation, still.tobytes(), area.tobytes())
         if key not in self._searches:
             if len(self._searches) >= self.options.lattice_searches:
                 del self._searches[next(iter(self._searches))]
-            self._searches[key] = self._search(start, goal, keep, still, area)
+            self._searches[key] = self._search(start, goal, inflation, still, area)
         cost, towards = self._searches[key]
         if not np.isfinite(cost[begin]):
             return None
@@ -111,30 +111,32 @@ class Lattice:
         while nodes[-1] != end:
             nodes.append(int(towards[nodes[-1]]))
         points = np.concatenate([start[None, :2], self._places[nodes[1:-1]], goal[None, :2]])
-        return LatticePath(self, points, keep, min(self.clearance(start), self.clearance(goal)))
+        return LatticePath(
+            self, points, inflation, min(self.clearance(start), self.clearance(goal))
+        )
 
     def _node(self, point: Array) -> int:
         row, column = np.rint((point[:2] - self._low) / self.step).astype(int)
         return int(row * self._shape[1] + column)
 
     def _search(
-        self, start: Array, goal: Array, keep: float, still: Array, area: Array
+        self, start: Array, goal: Array, inflation: float, still: Array, area: Array
     ) -> tuple[Array, NDArray[np.int32]]:
         """Cost (n,) of every node to the goal [m], and the node that comes next (n,)."""
         distance = self._distance.ravel()
         for x, y, radius in still[:, :3]:
             away = np.hypot(self._places[:, 0] - x, self._places[:, 1] - y) - radius
             distance = np.minimum(distance, away)
-        free = distance >= keep
+        free = distance >= inflation
         free &= (self._places >= area[:2]).all(axis=1) & (self._places <= area[2:]).all(axis=1)
         # a robot may stand nearer to an obstacle than a path leads: from there outwards
         for point in (start, goal):
-            near = np.hypot(*(self._places - point[:2]).T) <= 2.0 * keep
-            allowed = min(float(distance[self._node(point)]) - self.step, keep)
+            near = np.hypot(*(self._places - point[:2]).T) <= 2.0 * inflation
+            allowed = min(float(distance[self._node(point)]) - self.step, inflation)
             free |= near & (distance >= allowed) & (distance > 0.0)
         tail, head, length = self._links(free.reshape(self._shape))
         # between obstacles, paths away from them are no longer than those along them, and better
-        near = np.maximum(1.0 - (distance[tail] - keep) / keep, 0.0)
+        near = np.maximum(1.0 - (distance[tail] - inflation) / inflation, 0.0)
         length *= 1.0 + self.options.lattice_near_cost * near
         graph = csr_matrix((length, (tail, head)), (free.size, free.size))
         cost, towards = dijkstra(
@@ -171,7 +173,7 @@ class Lattice:
         )
         return found
 
-    def lines_free(self, first: Array, last: Array, keep: float) -> Array:
+    def lines_free(self, first: Array, last: Array, inflation: float) -> Array:
         """Which lines (T,) from (T, 2) to (T, 2) keep a distance [m].
 
         They may cut what is allowed, and what the lattice does not resolve.
@@ -183,7 +185,7 @@ class Lattice:
         samples = min(2 + int(longest / o.lattice_sample), o.lattice_samples)
         along = np.linspace(0.0, 1.0, samples)[:, None, None]
         distances = self.distances(first + along * (last - first))
-        free: Array = np.all(distances >= keep - max(o.lattice_cut, 0.5 * self.step), axis=0)
+        free: Array = np.all(distances >= inflation - max(o.lattice_cut, 0.5 * self.step), axis=0)
         return free
 
     def clearance(self, point: Array) -> float:

@@ -21,13 +21,13 @@ class LatticePath:
         That it was found on.
     points : ndarray
         (n, 2) from start to goal [m].
-    keep : float
+    inflation : float
         Distance from the solids [m].
     ends : float
         Distance of start or goal from the solids, whichever is nearer [m].
     """
 
-    def __init__(self, lattice: Lattice, points: Array, keep: float, ends: float) -> None:
+    def __init__(self, lattice: Lattice, points: Array, inflation: float, ends: float) -> None:
         self._lattice = lattice
         bends = [0]
         while bends[-1] < len(points) - 1:
@@ -35,12 +35,12 @@ class LatticePath:
                 bends[-1] + 1, min(bends[-1] + lattice.options.lattice_look, len(points))
             )
             here = np.repeat(points[bends[-1] : bends[-1] + 1], len(ahead), axis=0)
-            seen = lattice.lines_free(here, points[ahead], keep)
+            seen = lattice.lines_free(here, points[ahead], inflation)
             bends.append(int(ahead[np.flatnonzero(seen)[-1]] if seen.any() else ahead[0]))
         self.points = points[bends]
         """(K, 2) [m]."""
-        self.radius = max(min(keep, ends - lattice.options.back_off), 0.0)
-        """Distance that the path keeps from the solids [m]: `keep`, where start and goal do."""
+        self.radius = max(min(inflation, ends - lattice.options.back_off), 0.0)
+        """Distance that the path keeps from solids [m]: `inflation`, where start and goal do."""
         between = self.points[1:-1]
         self.corners = lattice.touched(between)[1] if len(between) else np.empty((0, 2))
         """(C, 2) points on the edges of solids that the path goes around [m]."""

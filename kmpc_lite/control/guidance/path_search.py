@@ -218,9 +218,9 @@ class PathSearcher:
         search.best = None
         lattice = None if search.path_map is None else search.path_map.lattice
         if lattice is not None:
-            keep = self._inflation + search.clearance
+            inflation = self._inflation + search.clearance
             search.lattice_path = lattice.path(
-                search.pose, search.goal, keep, search.circles, obstacles.area
+                search.pose, search.goal, inflation, search.circles, obstacles.area
             )
             search.stage = Stage.LATTICE
             return
