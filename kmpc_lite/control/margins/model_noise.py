@@ -96,14 +96,21 @@ class ModelNoise:
             step_risk, limit = options.adapted_step_risk, options.adapted_step_quantile_limit
         step_quantile = max(self.quantile, model_quantile(info, step_risk))
         self.step_quantile = min(step_quantile, limit * self.quantile)
-        self._felt_for, self._felt = (1.0, False), self._inflated(1.0, False)
+        # of the state asked for last, since a step asks several times
+        self._level, self._drifting, self._felt_for = 1.0, False, (1.0, False)
+        self._felt = self._inflated(*self._felt_for)
 
     def felt(self, drift: DriftState) -> FeltNoise:
         """Return the noise as inflated by a state of the drift detector."""
-        detector = self.drift_detector
-        wanted = detector.inflation(drift), detector.is_unknown_floor(drift)
-        if wanted != self._felt_for:
-            self._felt_for, self._felt = wanted, self._inflated(*wanted)
+        if drift.level != self._level or drift.drifting != self._drifting:
+            detector = self.drift_detector
+            inflation, unknown = detector.inflation(drift), detector.is_unknown_floor(drift)
+            if (inflation, unknown) != self._felt_for:
+                self._felt_for, self._felt = (
+                    (inflation, unknown),
+                    self._inflated(inflation, unknown),
+                )
+            self._level, self._drifting = drift.level, drift.drifting
         return self._felt
 
     def _inflated(self, inflation: float, unknown_floor: bool) -> FeltNoise:

@@ -45,9 +45,9 @@ class Braking:
         """How many periods a ramp takes from a command [m/s, rad/s], as a fraction."""
         return max(abs(v) / self._slow_v, abs(omega) / self._slow_omega)
 
-    def distance(self, v: float, omega: float) -> float:
-        """How far a robot drives that executes a command for a period and is braked then [m]."""
-        return self._dt * abs(v) * (1.0 + 0.5 * self.periods(v, omega))
+    def distance(self, v: float, periods: float) -> float:
+        """How far a robot drives at a speed for a period, and then down a ramp [m]."""
+        return self._dt * abs(v) * (1.0 + 0.5 * periods)
 
     def ramp(self, command: Array) -> Array:
         """Commands (T, 2) that brake a robot after a command (2,); the last is zero.

@@ -140,10 +140,10 @@ class StopTrajectories:
         if share < 1.0:
             plan = self._slowed(plan, share, task)
         v, omega = plan.inputs[0].tolist()
-        distance = self._braking.distance(v, omega)
+        periods = self._braking.periods(v, omega)
+        distance = self._braking.distance(v, periods)
         if model.history:
             distance += self._dt * float(np.abs(task.past[:, 0]).sum())
-        periods = self._braking.periods(v, omega)
         margin = check.step_margin(drift, v, omega)
         # far from everything, which is most of the time, nothing needs to be rolled out
         approach = self._dt * closing * (periods + model.history + 1.0)

@@ -52,7 +52,11 @@ def test_the_braking_distance_is_that_of_command_and_ramp() -> None:
         commands = np.vstack([(v, 0.0), braking.ramp(np.array((v, 0.0)))])
         driven = MODEL.rollout(np.zeros(3), commands)[-1, 0]
         # never less than what the ramp drives, and at most half a period more
-        assert driven - 1e-9 <= braking.distance(v, 0.0) <= driven + 0.5 * DT * v + 1e-9
+        assert (
+            driven - 1e-9
+            <= braking.distance(v, braking.periods(v, 0.0))
+            <= driven + 0.5 * DT * v + 1e-9
+        )
 
 
 def test_the_pose_at_rest_is_that_of_braking_period_by_period() -> None:

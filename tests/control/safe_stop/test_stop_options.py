@@ -106,7 +106,7 @@ def test_what_is_far_is_not_looked_at(overspeed: float, monkeypatch: pytest.Monk
     kept = 0.005 + 0.001  # of the solver, and of the command check
     for beyond, expected in ((1e-3, 0), (-1e-3, 1)):
         looks.clear()
-        distance = overspeed * BRAKING.distance(0.6, 0.0) + kept + beyond
+        distance = overspeed * BRAKING.distance(0.6, BRAKING.periods(0.6, 0.0)) + kept + beyond
         stops.find(plan.states, plan.inputs, task(model, [0.35 + distance, 0.0, 0.2]))
         assert len(looks) == expected
 
