@@ -211,7 +211,7 @@ class Controller:
         phases.estimate(state, seen, self._known)
         guidance = phases.guide(state, seen, self._known, clock)
         if guidance is not None and guidance.hold:
-            return phases.hold(state, seen, guidance, clock)
+            return phases.hold(state, seen, guidance, self._known, clock)
         result = phases.solve(state, seen, guidance, self._known, clock)
         verified = phases.verify(state, seen, result, self._known, clock)
         if verified.trajectory is None or verified.stop is None:

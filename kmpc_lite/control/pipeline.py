@@ -247,12 +247,20 @@ class Pipeline:
         )
 
     def hold(
-        self, state: ControllerState, seen: Observation, guidance: Guidance, clock: StepClock
+        self,
+        state: ControllerState,
+        seen: Observation,
+        guidance: Guidance,
+        known: Knowledge,
+        clock: StepClock,
     ) -> Plan:
         """Stand at the goal, or as near to it as the area allows."""
-        plan = at_rest(self._sqp.qp, seen.here)
+        plan, history = at_rest(self._sqp.qp, seen.here), state.history
         if self._rates.active:
-            plan.inputs[0] = self._rates.limit(plan.inputs[0], state.history.command)
+            plan.inputs[0] = self._rates.limit(plan.inputs[0], history.command)
+            if plan.inputs[0].any():
+                # it still brakes
+                plan.states[:] = known.model.rollout(seen.here, plan.inputs, history.commands)
         state.trajectory = plan
         self._backup.accept(state.backup, plan.states, plan.inputs, StopTrajectory())
         state.history.remember(plan.inputs[0])

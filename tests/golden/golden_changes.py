@@ -23,13 +23,8 @@ FAR_WALLS = (
     "arcs that make room ask for walls within another reach, and the plan's walls were looked up "
     "anew after that: which walls beyond the reach of the plan count has changed, none within it"
 )
-HOLDING = (
-    "TO BE MENDED: with limits on the change of commands the plan of a robot that has just arrived "
-    "shows it at rest, though its first command still drives; it was rolled out with that command"
-)
 CHANGED: dict[int, str] = {
     38: FAR_WALLS,
-    44: HOLDING,
     56: OWN_COPY,
     87: SAME_MAP,
     277: PERIOD,
