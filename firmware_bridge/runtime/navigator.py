@@ -14,6 +14,9 @@ from firmware_bridge.messages import State, VelocityCommand
 Pose = tuple[float, float, float]
 PARTS = 4
 """Places between two poses at which the distance to obstacles is looked at."""
+STANDING = 1.0
+"""A command that would carry the robot out of its tolerances in so long is no standing still [s]:
+it would leave its goal again while it brakes."""
 Circles = Any
 """Rows x, y, radius [m], and whatever the planner wants to know more: an array or a list of
 lists."""
@@ -51,7 +54,7 @@ class Navigator:
     task : Task
         Goal and obstacles.
     settle : float
-        How long the goal must be held [s].
+        How long the robot must stand at the goal [s].
     seconds : float
         Give up after so long [s].
     wait : float, optional
@@ -86,6 +89,7 @@ class Navigator:
         self._began: float | None = None
         self._inside_since: float | None = None
         self._last: State | None = None
+        self._wanted = (0.0, 0.0)
         self.arrived_after: float | None = None
         """From the beginning until the goal was reached and then held [s]."""
         self.clearance = math.inf
@@ -102,6 +106,7 @@ class Navigator:
         if self._began is not None:
             self._judge(state, circles, now)
         v, omega, status = self._step((state.x, state.y, state.theta), circles)
+        self._wanted = (v, omega)
         if self._began is not None:
             self.statuses[status] += 1
         return VelocityCommand(v, omega, self._clock())
@@ -136,6 +141,15 @@ class Navigator:
         return distance <= self._task.tolerance and turn <= self._task.heading_tolerance
 
     @property
+    def _stands(self) -> bool:
+        """Whether the last command asks for hardly any motion."""
+        v, omega = self._wanted
+        return (
+            abs(v) * STANDING <= self._task.tolerance
+            and abs(omega) * STANDING <= self._task.heading_tolerance
+        )
+
+    @property
     def arrived(self) -> bool:
         """Whether the goal was held, and the robot has stayed there."""
         return self.arrived_after is not None and self.stays
@@ -158,8 +172,7 @@ class Navigator:
     def _judge(self, state: State, circles: Circles, now: float) -> None:
         before, self._last = self._last, state
         self.clearance = min(self.clearance, self._least_gap(before or state, state, circles, now))
-        distance, turn = self.errors()
-        if distance > self._task.tolerance or turn > self._task.heading_tolerance:
+        if not (self.stays and self._stands):
             self._inside_since = None
         elif self._inside_since is None:
             self._inside_since = now

@@ -100,6 +100,8 @@ def replay(number: Number, factor: float, every: bool) -> str:
             return f"stopped after {HUNG:g} s"
     if done.returncode == 0:
         return ""
+    if done.returncode < 0:
+        return f"the replay was ended by signal {-done.returncode}: try this one again"
     found = re.findall(r"^ *(\d+) (.{42})(.*)$", done.stdout, flags=re.MULTILINE)
     if not found:
         return f"no replay: {done.stderr.strip().splitlines()[-1:]}"
