@@ -666,10 +666,11 @@ def test_control_c_ends_it_at_once_without_a_traceback(tmp_path: Path) -> None:
         time.sleep(0.5)
         assert process.poll() is None
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=20)
+        out, err = process.communicate(timeout=60)
     finally:
         process.kill()
-    assert (process.returncode, out, err) == (130, "", "kmpc: stopped\n")
+    assert (process.returncode, err) == (130, "kmpc: stopped\n")
+    assert out in ("", "Solver interrupted\n")  # OSQP's own words
     assert [p.name for p in tmp_path.iterdir()] == ["endless.toml"]
 
 

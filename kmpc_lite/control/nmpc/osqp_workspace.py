@@ -8,6 +8,7 @@ exact type and length, checked before and after.
 from __future__ import annotations
 
 import math
+import signal
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from kmpc_lite.types import Array
 NO_TIME_LIMIT = 1e10
 """OSQP's own [s]."""
 SOLVED = int(osqp.SolverStatus.OSQP_SOLVED)
+INTERRUPTED = int(osqp.SolverStatus.OSQP_SIGINT)
 EARLY = frozenset(
     int(s)
     for s in (
@@ -176,6 +178,9 @@ class OSQPWorkspace:
         elif status in EARLY:
             outcome, reason = QPStatus.STOPPED_EARLY, info.status
         else:
+            if status == INTERRUPTED:
+                # OSQP catches Ctrl-C while it solves and tells nobody: the program hears it here
+                signal.raise_signal(signal.SIGINT)
             return self._failed(f"OSQP: {info.status}")
         solution = solver.solution
         primal, dual = np.array(solution.x), np.array(solution.y)

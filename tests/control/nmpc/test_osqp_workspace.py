@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
 from typing import Any
 
 import numpy as np
@@ -396,3 +399,41 @@ def test_without_scaling_and_adaptation_nothing_is_learned() -> None:
     mine, other = first.solve(q=q, Ax=scale), second.solve(q=q, Ax=scale)
     np.testing.assert_array_equal(mine.x, other.x)
     np.testing.assert_array_equal(mine.y, other.y)
+
+
+def test_ctrl_c_in_the_middle_of_a_solve_reaches_the_program() -> None:
+    """OSQP catches the signal itself; the program went on as if nothing had been pressed."""
+    heard: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
+    random = np.random.default_rng(0)
+    n = 60
+    identity, row = sparse.csc_matrix(np.eye(n)), sparse.csc_matrix(random.normal(size=(n, n)))
+    # ends for no other reason: no iterate is as exact as is asked for here
+    endless = OSQPWorkspace(
+        identity,
+        np.ones(n),
+        row,
+        -np.ones(n),
+        np.ones(n),
+        eps_abs=1e-300,
+        eps_rel=1e-300,
+        max_iter=2_000_000_000,
+    )
+    over = threading.Event()
+
+    def press() -> None:
+        while not over.wait(0.2):
+            os.kill(os.getpid(), signal.SIGINT)
+
+    pressing = threading.Thread(target=press)
+    pressing.start()
+    try:
+        answer = endless.solve(
+            random.normal(size=n), -np.ones(n), np.ones(n), row.data, np.zeros(n), np.zeros(n)
+        )
+    finally:
+        over.set()
+        pressing.join()
+        signal.signal(signal.SIGINT, before)
+    assert_failed(answer)
+    assert heard
