@@ -9,9 +9,15 @@ from firmware_bridge.messages import State
 from firmware_bridge.runtime.navigator import Navigator, Task
 
 
-def navigator(clock, *, gap_at=None, circles=(), wait=None, seconds=20.0, settle=0.5):
+def navigator(
+    clock, *, gap_at=None, circles=(), wait=None, seconds=20.0, settle=0.5, command=(0.0, 0.0)
+):
     task = Task((1.0, 0.0, 0.0), 0.05, 0.1, 0.2, lambda t: list(circles), gap_at)
-    made = Navigator(lambda pose, circles: (0.1, 0.0, "SOLVED"), task, settle, seconds, clock, wait)
+
+    def step(pose, circles):
+        return (*(command(pose) if callable(command) else command), "SOLVED")
+
+    made = Navigator(step, task, settle, seconds, clock, wait)
     made.is_driving = lambda: True
     return made
 
@@ -85,3 +91,26 @@ def test_only_a_robot_that_stays_has_arrived():
     made.look(None)
     made.look(State(1.04, 0.0, 0.0, 0.0, 0.0, clock()))
     assert made.arrived
+
+
+@pytest.mark.parametrize("command", [(0.1, 0.0), (-0.1, 0.0), (0.0, 0.2), (0.0, -0.2)])
+def test_a_robot_that_moves_within_its_tolerances_has_not_arrived(command):
+    """It was stopped there, and left its goal again while it braked."""
+    clock = Clock()
+    made = navigator(clock, command=command)
+    for _ in range(30):
+        at(made, clock, 1.02)
+    assert made.stays
+    assert not made.finished()
+    assert not made.arrived
+
+
+def test_a_robot_that_stops_at_its_goal_has_arrived_from_then_on():
+    clock = Clock()
+    made = navigator(clock, command=lambda pose: (0.3 if pose[0] < 1.0 else 0.0, 0.0))
+    for x in (0.9, 0.96, 0.99, 1.0, 1.01, 1.02, *[1.02] * 5):
+        at(made, clock, x)
+        finished = made.finished()
+    assert finished
+    assert made.arrived
+    assert made.arrived_after == pytest.approx(0.4)  # at 1.01: the command before was the first 0
