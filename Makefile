@@ -9,7 +9,7 @@ export PYTHONDONTWRITEBYTECODE := 1
 export NO_MKDOCS_2_WARNING := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long check docs format study clean
+.PHONY: help demo test test-long coverage check docs format study clean
 
 help:  ## show what can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -49,7 +49,10 @@ docs: $(VENV)/docs  ## the documentation as a site, a warning being an error: ou
 	@echo "wrote out/site/index.html"
 
 test: check  ## check, then doctests, README, documentation, examples and all tests but the long ones
-	$(BIN)/python -m pytest -n auto -m "not long" --cov --cov-report=term:skip-covered $(ARGS)
+	$(BIN)/python -m pytest -n auto -m "not long" $(ARGS)
+
+coverage: $(VENV)/dev  ## the same tests, and which lines none of them runs
+	$(BIN)/python -m pytest -n auto -m "not long" --cov --cov-report=term-missing:skip-covered $(ARGS)
 
 test-long: $(VENV)/dev  ## the tests that take minutes
 	$(BIN)/python -m pytest -m long $(ARGS)
