@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+import io
+import math
 import os
 import zipfile
 from collections.abc import Collection, Iterator
@@ -14,9 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kmpc_lite.errors import KmpcError
+from kmpc_lite.reading import open_regular
 
-MAX_ARCHIVE_BYTES = 2**30
-"""An archive whose arrays unpack to more is refused before a byte of them is."""
+MAX_ARCHIVE_BYTES = 2**28
+"""An archive whose arrays take more memory is refused before a byte of them is unpacked."""
 SAME_DT = 1e-6
 """Relative difference up to which two periods count as one: the digits of a log's time stamps end
 somewhere."""
@@ -34,16 +37,20 @@ def real_array(value: ArrayLike, what: str, error: type[KmpcError]) -> NDArray[n
 
 
 def read_npz(
-    path: str | os.PathLike[str], wanted: Collection[str]
+    path: str | os.PathLike[str], wanted: Collection[str], most: int = MAX_ARCHIVE_BYTES
 ) -> tuple[dict[str, NDArray[Any]], list[str]]:
-    """Read an npz archive without trusting it: no pickle, every byte checked against its CRC.
+    """Read an npz archive without trusting it.
+
+    No pickle, and of each array its checksum; nothing is unpacked before its size is known.
 
     Parameters
     ----------
     path : path
-        The archive.
+        The archive, a regular file.
     wanted : collection of str
         Which arrays to unpack, where the archive has them.
+    most : int
+        Memory that these may take together [bytes], numbers counted as float64.
 
     Returns
     -------
@@ -58,30 +65,83 @@ def read_npz(
         For whatever is wrong with its content, in one line.
     """
     try:
-        with zipfile.ZipFile(path) as archive:
-            size = sum(entry.file_size for entry in archive.infolist())
-            if size > MAX_ARCHIVE_BYTES:
-                raise ValueError(
-                    f"its arrays take {size:,} bytes, at most {MAX_ARCHIVE_BYTES:,} are read"
-                )
-            # NumPy stops reading where the array ends, which may be before the CRC is checked
-            if (bad := archive.testzip()) is not None:
-                raise ValueError(f"{bad} fails its checksum")
-        with np.load(path, allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in wanted if name in arrays.files}, list(
-                arrays.files
-            )
+        with open_regular(path) as file, zipfile.ZipFile(_SmallReads(file)) as archive:
+            names = [name.removesuffix(".npy") for name in archive.namelist()]
+            arrays: dict[str, NDArray[Any]] = {}
+            for name in wanted:
+                if name in names:
+                    arrays[name] = _read_array(archive, name, most)
+                    most -= _memory(arrays[name].shape, arrays[name].dtype)
+            return arrays, names
     except OSError:
         raise
     except Exception as error:  # zipfile, zlib, ast and tokenize all have exceptions of their own
         raise ValueError(" ".join(str(error).split()) or type(error).__name__) from error
 
 
+class _SmallReads(io.BufferedIOBase):
+    """The file of an archive in portions.
+
+    Its directory says itself how long it is, and zipfile believes it: it must not be read at once.
+    """
+
+    PORTION = 2**20
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+
+    def read(self, size: int | None = -1) -> bytes:
+        """Read so many bytes, or a portion of them."""
+        return self._file.read(min(self.PORTION if size is None else size, self.PORTION))
+
+    def seek(self, place: int, whence: int = os.SEEK_SET) -> int:
+        """Go to a place."""
+        return self._file.seek(place, whence)
+
+    def tell(self) -> int:
+        """Tell the place."""
+        return self._file.tell()
+
+    def seekable(self) -> bool:
+        """Say yes: it is a regular file."""
+        return True
+
+
+def _read_array(archive: zipfile.ZipFile, name: str, most: int) -> NDArray[Any]:
+    """Read an array of an archive that takes at most so many bytes; ValueError for any other."""
+    try:
+        entry = archive.getinfo(f"{name}.npy")
+    except KeyError:
+        raise ValueError(f"{name} is no array") from None
+    if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise ValueError(f"{name} is packed in a way that NumPy does not use")
+    with archive.open(entry) as packed:
+        version = np.lib.format.read_magic(packed)
+        if version not in ((1, 0), (2, 0)):
+            raise ValueError(f"{name} is in version {version} of the npy format")
+        header = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
+        shape, _, dtype = header[version[0]](packed)
+    needed = _memory(shape, dtype)
+    if not 0 <= needed <= most:
+        raise ValueError(f"{name} of shape {shape} takes more than {most:,} bytes")
+    with archive.open(entry) as packed:
+        array: NDArray[Any] = np.lib.format.read_array(packed, allow_pickle=False)
+        if packed.read(1):  # which also reads on to where the checksum is compared
+            raise ValueError(f"{name} goes on behind its end")
+    return array
+
+
+def _memory(shape: tuple[int, ...], dtype: np.dtype[Any]) -> int:
+    """Bytes of an array, once its numbers are float64; less than zero for what is none."""
+    return -1 if min(shape, default=0) < 0 else math.prod(shape) * max(dtype.itemsize, 8)
+
+
 @contextmanager
 def write_whole(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """Open a file for writing that takes its name only when the block has ended well.
 
-    Symbolic links are followed.
+    Symbolic links to it are followed. What is written lies beside it until then, under a name that
+    nobody can foresee: a link that was put in its place would lead to another's file.
 
     Raises
     ------
@@ -91,8 +151,8 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():
         raise OSError(errno.EINVAL, "not a regular file")
-    temporary = target.with_name(f"{target.name}.{os.getpid()}.part")
-    file = open(temporary, "wb")
+    temporary = target.with_name(f".{os.urandom(8).hex()}.part")
+    file = open(temporary, "xb")
     try:
         with file:
             yield file

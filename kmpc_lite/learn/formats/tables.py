@@ -6,21 +6,26 @@ import csv
 import io
 import os
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from itertools import chain, islice
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import read_npz, real_array, write_whole
 from kmpc_lite.learn.dataset import CHUNK, MAX_ROWS, Episode, check_time, resample
+from kmpc_lite.reading import text_lines
 from kmpc_lite.types import Array
 
 COLUMNS = ("t", "x", "y", "theta", "v", "omega")
 UNITS = ("s", "m", "m", "rad", "m/s", "rad/s")
 MAX_HEADER = 10_000
 """Characters of the longest first line that is looked at."""
+MAX_LINE = 100_000
+"""Characters of the longest line: a file without line ends is no table."""
+MAX_NPZ_BYTES = 8 * 6 * MAX_ROWS
+"""Memory of the largest npz log."""
 JITTER = 0.1
 """Share of the period by which a time step may differ before the log counts as uneven."""
 DRIFT = 0.01
@@ -70,9 +75,9 @@ def _read_table(file: Path) -> Array:
 
 def _read_csv(file: Path) -> Array:
     """Rows (n, 6) in the order of COLUMNS."""
-    with _open(file) as lines:
-        line = lines.readline(MAX_HEADER)
-        if len(line) == MAX_HEADER or not line.strip():
+    with closing(text_lines(file, MAX_LINE)) as lines:
+        line = next(lines, "")
+        if len(line) >= MAX_HEADER or not line.strip():
             what = (
                 "line 1 is too long"
                 if line.strip()
@@ -103,14 +108,6 @@ def _read_csv(file: Path) -> Array:
             raise DataError(f"{file}: {_bad_value(file, header) or error}") from error
 
 
-def _open(file: Path) -> TextIO:
-    """Open a text file of any line ends, with or without a byte order mark.
-
-    Bytes that are not text become a bad value.
-    """
-    return open(file, encoding="utf-8-sig", errors="replace")
-
-
 def _values(line: str) -> list[str]:
     """Values of one line; quotes may hold commas."""
     try:
@@ -119,7 +116,7 @@ def _values(line: str) -> list[str]:
         return line.split(",")
 
 
-def _rows(file: Path, lines: TextIO, width: int) -> Iterator[str]:
+def _rows(file: Path, lines: Iterator[str], width: int) -> Iterator[str]:
     """Yield the lines that are not blank; each must have as many values as the header."""
     rows = 0
     for number, line in enumerate(lines, 2):
@@ -144,7 +141,7 @@ def _rows(file: Path, lines: TextIO, width: int) -> Iterator[str]:
 
 def _bad_value(file: Path, header: list[str]) -> str | None:
     """Find the first value that is no number: its line, column and text."""
-    with _open(file) as lines:
+    with closing(text_lines(file, MAX_LINE)) as lines:
         for number, line in islice(enumerate(lines, 1), 1, None):
             values = _values(line)
             for name in COLUMNS if line.strip() else ():
@@ -165,7 +162,7 @@ def _is_number(text: str) -> bool:
 def _read_npz(file: Path) -> Array:
     """Rows (n, 6) in the order of COLUMNS, from one array per column."""
     try:
-        arrays, names = read_npz(file, COLUMNS)
+        arrays, names = read_npz(file, COLUMNS, MAX_NPZ_BYTES)
     except OSError:
         raise
     except ValueError as error:
@@ -178,9 +175,10 @@ def _read_npz(file: Path) -> Array:
         raise DataError(
             f"{file}: more than {MAX_ROWS:,} rows; cut the log into files and join their datasets"
         )
-    return np.column_stack(
-        [real_array(arrays[name], f"{file}: array {name}", DataError) for name in COLUMNS]
-    )
+    table = np.empty((shapes["t"][0], len(COLUMNS)))
+    for column, name in enumerate(COLUMNS):
+        table[:, column] = real_array(arrays.pop(name), f"{file}: array {name}", DataError)
+    return table
 
 
 READERS: dict[str, Callable[[Path], Array]] = {".csv": _read_csv, ".npz": _read_npz}
@@ -215,7 +213,7 @@ def _where(file: Path, row: int) -> str:
     """
     if file.suffix.lower() != ".csv":
         return f"row {row}"
-    with _open(file) as lines:
+    with closing(text_lines(file, MAX_LINE)) as lines:
         numbers = (number for number, line in enumerate(lines, 1) if number > 1 and line.strip())
         return f"line {next(islice(numbers, row, None), row + 2)}"
 
