@@ -4,7 +4,6 @@ VENV := .venv
 BIN := $(VENV)/bin
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
-export PYTHONDONTWRITEBYTECODE := 1
 # mkdocs-material's advertisement for its successor
 export NO_MKDOCS_2_WARNING := 1
 
@@ -66,3 +65,4 @@ study: $(VENV)/dev  ## the paper's table 1 beside ours
 
 clean:  ## remove what was installed and made here
 	rm -rf $(VENV) out build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage
+	find kmpc_lite firmware_bridge tests examples -name __pycache__ -prune -exec rm -rf {} +

@@ -36,6 +36,8 @@ from kmpc_lite.sim import Scenario
 README = ROOT / "README.md"
 RESULTS = [page for page in sorted((DOCS / "results").glob("*.md")) if page.name != "index.md"]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+SLOW = ("animate_drive",)
+"""Examples that draw for long."""
 PROGRAMS = {"kmpc": "kmpc_lite.cli.main", "kmpc-bridge": "firmware_bridge.cli.main"}
 PATH = re.compile(r"`((?:kmpc_lite|firmware_bridge|tests|examples|docs)/[\w/.-]*)`")
 """Files and folders that a page names; those with NAME in capitals are to be made by the reader."""
@@ -189,7 +191,13 @@ def test_the_film_of_the_readme_is_small() -> None:
     assert (DOCS / "drive.gif").stat().st_size < 1e6
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=[e.stem for e in EXAMPLES])
+@pytest.mark.parametrize(
+    "example",
+    [
+        pytest.param(path, id=path.stem, marks=[pytest.mark.long] * (path.stem in SLOW))
+        for path in EXAMPLES
+    ],
+)
 def test_examples_run_and_end_in_a_number_or_a_picture(example: Path, tmp_path: Path) -> None:
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
     done = subprocess.run(

@@ -5,6 +5,7 @@ The same bytes as the driver's, data that learn, drives that end as they should.
 
 import json
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,7 +84,7 @@ def test_a_network_delays_commands_and_keeps_their_order():
 def folder(tmp_path_factory):
     """A small set of data, and what is learned from it."""
     folder = tmp_path_factory.mktemp("twin")
-    collect(folder / "fast", "fast", 700, seed=3)
+    collect(folder / "fast", "fast", 400, seed=3)
     learn(folder, "fast", lambda name: lambda done, total: None)
     return folder
 
@@ -98,13 +99,12 @@ def test_data_go_through_the_recorder_and_teach_how_little_a_skid_steer_robot_tu
 def test_a_trial_reaches_its_goal_untouched_twice_the_same(folder):
     ours = Contender("ours", "kmpc", kl.KoopmanModel.load(folder / "fast.npz"), (0.6, 0.785))
     scenario = Scenario.load("twin_a2")
-    first, again = (drive_trial(ours, scenario, FAST, 7) for _ in range(2))
+    first = drive_trial(ours, scenario, FAST, 7)
+    again = drive_trial(ours, replace(scenario, timeout=2.0), FAST, 7).run.path
     assert first.run.outcome is Outcome.REACHED and not first.touched and first.run.clearance > 0.0
     assert first.final_error < 0.02
-    assert (
-        first.run.path.shape == again.run.path.shape
-        and np.abs(first.run.path - again.run.path).max() < 1e-9
-    )
+    assert len(again) > 20
+    assert np.abs(first.run.path[: len(again)] - again).max() < 1e-9
     assert (len(first.run.path) - 1) % (len(first.run.states) - 1) == 0
     assert "| ours | a2 | 1 | 0 | 1 |" in table("a", [first])
     picture(folder / "a.png", [first])

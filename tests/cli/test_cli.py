@@ -304,9 +304,15 @@ def test_report_of_a_run_and_of_its_model(
     assert not re.search(r"""(?:src|href)\s*=\s*["']?(?:https?:)?//""", page)
 
 
+@pytest.fixture
+def blank(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is drawn on the pictures of a report: where only its words are looked at."""
+    monkeypatch.setattr("kmpc_lite.report.html.render", lambda figure, kind: b"<svg/>")
+
+
 @NEEDS_PICTURES
 def test_a_report_made_later_tells_how_the_run_was_driven(
-    made: Path, here: Path, monkeypatch: pytest.MonkeyPatch
+    made: Path, here: Path, monkeypatch: pytest.MonkeyPatch, blank: None
 ) -> None:
     drove = [
         "simulate",
@@ -401,12 +407,14 @@ def test_study_prints_the_table(
         "1",
         "--scenario",
         str(made / "short.toml"),
+        "--records",
+        "table.jsonl",
     ]
     assert cli.main(arguments) == 0
     out, err = capsys.readouterr()
     assert "paper: K-NMPC" in out and "exact" in out and "learned, trained at 0.1" in out
     assert err == ""  # no progress bar where there is no terminal
-    assert cli.main([*arguments, "--json"]) == 0
+    assert cli.main([*arguments, "--json", "--resume"]) == 0  # nothing is driven again
     cells = json.loads(capsys.readouterr().out)
     assert [(c["controller"], c["slip"], c["trials"]) for c in cells] == [
         ("exact", 0.0, 1),
@@ -567,7 +575,7 @@ def test_bad_input_is_told_in_one_line_and_nothing_is_left_behind(
     ],
 )
 def test_a_report_that_cannot_be_written_is_told_in_one_line(
-    line: str, made: Path, here: Path, capsys: pytest.CaptureFixture[str]
+    line: str, made: Path, here: Path, capsys: pytest.CaptureFixture[str], blank: None
 ) -> None:
     assert cli.main([word.format(made=made) for word in line.split()]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1

@@ -14,15 +14,16 @@ from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.types import Array
 
 FAMILIES = ("open", "narrow", "moving", "walls", "rooms")
-STEPS = 60
+STEPS, LATER = 60, 16
+"""Of a drive, and how many of them a copy goes on."""
 
 
 def commands(
     controller: kl.Controller, scenario: Scenario, x: Array, plant: kl.DifferentialDrive, first: int
 ) -> Array:
-    """Commands (T, 2) of the rest of a drive that begins with step `first`."""
+    """Plans (T, ...) of the next steps of a drive, which begin with step `first`."""
     found = []
-    for k in range(first, STEPS):
+    for k in range(first, first + LATER):
         plan = controller.step(x, scenario.goal, scenario.obstacles_at(0.1 * k))
         found.append(np.concatenate([plan.command, plan.states.ravel(), plan.inputs.ravel()]))
         x = plant.step(x, plan.command, 0.1)
@@ -44,7 +45,7 @@ def test_a_drive_goes_on_to_the_last_bit_after_a_copy_and_a_pickle(
     random = np.random.default_rng(number)
     scenario = random_map(FAMILIES[number % len(FAMILIES)], number)
     controller, plant = options(number, learned, lagging), kl.DifferentialDrive(0.2, seed=number)
-    x, until = np.array(scenario.start), int(random.integers(1, STEPS - 10))
+    x, until = np.array(scenario.start), int(random.integers(1, STEPS - LATER))
     for k in range(until):
         plan = controller.step(x, scenario.goal, scenario.obstacles_at(0.1 * k))
         x = plant.step(x, plan.command, 0.1)

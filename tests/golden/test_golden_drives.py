@@ -12,8 +12,8 @@ from golden_session import replay
 
 import kmpc_lite as kl
 
-CHUNKS = 40
-"""Tests that the drives are spread over."""
+CHUNKS, QUICK = 40, 9
+"""Tests that the drives are spread over, and how many of them `make test` runs."""
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,12 @@ def minor(version: str) -> list[str]:
     return version.split(".")[:2]
 
 
-@pytest.mark.parametrize("chunk", range(CHUNKS))
+def chunks() -> list[object]:
+    later = (pytest.param(chunk, marks=pytest.mark.long) for chunk in range(QUICK, CHUNKS))
+    return [*range(QUICK), *later]
+
+
+@pytest.mark.parametrize("chunk", chunks())
 def test_answers_are_those_recorded(
     recorded: tuple[list[kl.KoopmanModel], list[Drive]], chunk: int
 ) -> None:

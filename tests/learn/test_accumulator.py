@@ -98,7 +98,7 @@ class Counting(kl.UnicycleDictionary):
 
 
 @pytest.mark.parametrize("method", ["integral", "edmdc"])
-@pytest.mark.parametrize(("episodes", "steps"), [(1, 60_000), (60, 1000), (3, 20_001), (20_000, 3)])
+@pytest.mark.parametrize(("episodes", "steps"), [(1, 20_000), (20, 1000), (3, 9_001), (5_000, 3)])
 def test_work_is_the_same_for_every_step_and_chunks_stay_small(
     method: Any, episodes: int, steps: int
 ) -> None:
@@ -116,11 +116,15 @@ def test_work_is_the_same_for_every_step_and_chunks_stay_small(
     assert dictionary.largest < 2 * CHUNK
 
 
-def test_a_million_samples_take_a_few_megabytes() -> None:
-    data = kl.generate_dataset(kl.DifferentialDrive(), episodes=1000, steps=1000, dt=0.1, seed=0)
-    assert data.steps == 1_000_000
+@pytest.mark.parametrize("episodes", [250, pytest.param(1000, marks=pytest.mark.long)])
+def test_a_million_samples_take_a_few_megabytes(episodes: int) -> None:
+    data = kl.generate_dataset(
+        kl.DifferentialDrive(), episodes=episodes, steps=1000, dt=0.1, seed=0
+    )
     for method in ("integral", "edmdc"):
-        assert 0.5 <= memory_growth(data, method) <= 50.0  # the regressor alone would be 160
+        grown = memory_growth(data, method)
+        # the regressor alone would be 160 for a million
+        assert 0.5 <= grown <= (20.0 if episodes < 1000 else 50.0)
 
 
 @pytest.mark.long

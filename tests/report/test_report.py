@@ -107,6 +107,13 @@ def runs():
     return found
 
 
+@pytest.fixture
+def blank(monkeypatch):
+    """Nothing is drawn on the pictures of a report: where only its words are looked at."""
+    svg = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
+    monkeypatch.setattr("kmpc_lite.report.html.render", lambda figure, kind: svg)
+
+
 class Page(HTMLParser):
     """Reads a page as a browser would.
 
@@ -143,7 +150,12 @@ class Page(HTMLParser):
         ]
 
 
-@pytest.mark.parametrize("name", ["blind", "empty", "timeout", "collision"])
+def some(quick, more):
+    """Names of runs, of which some are for `make test-long`."""
+    return [*quick, *(pytest.param(name, marks=pytest.mark.long) for name in more)]
+
+
+@pytest.mark.parametrize("name", some(["blind", "empty"], ["timeout", "collision"]))
 def test_the_report_is_one_file_that_tells_the_numbers(runs, name, tmp_path):
     run = runs[name]
     write_report(tmp_path / "run.html", run, MODEL, FIT, command="kmpc simulate --seed 3", **LIMITS)
@@ -185,7 +197,7 @@ def test_the_report_is_one_file_that_tells_the_numbers(runs, name, tmp_path):
     assert all(getattr(again, f.name) == getattr(run.scenario, f.name) for f in fields(Scenario))
 
 
-def test_the_page_tells_what_the_robot_was_put_through(runs, tmp_path):
+def test_the_page_tells_what_the_robot_was_put_through(runs, tmp_path, blank):
     from kmpc_lite.sim.scenario.values import Floor
 
     changed = {
@@ -235,7 +247,7 @@ def test_the_page_tells_what_the_robot_was_put_through(runs, tmp_path):
         assert f"{name} none" in plain
 
 
-def test_what_users_name_is_shown_and_never_run(runs, tmp_path):
+def test_what_users_name_is_shown_and_never_run(runs, tmp_path, blank):
     run = replace(
         runs["single"],
         scenario=replace(runs["single"].scenario, name=HOSTILE),
@@ -255,21 +267,21 @@ def test_what_users_name_is_shown_and_never_run(runs, tmp_path):
 def test_the_same_input_gives_the_same_bytes(runs, tmp_path):
     before = dict(matplotlib.rcParams)
     write_report(tmp_path / "a.html", runs["blind"], MODEL, FIT, **LIMITS)
-    write_pictures(tmp_path / "a", runs["moving"], FIT)
+    picture = render(map_picture(runs["moving"]), "png")
     assert dict(matplotlib.rcParams) == before
     with matplotlib.rc_context(
         {"font.size": 30, "axes.facecolor": "black", "svg.hashsalt": None, "text.usetex": True}
     ):
         write_report(tmp_path / "b.html", runs["blind"], MODEL, FIT, **LIMITS)
-        write_pictures(tmp_path / "b", runs["moving"], FIT)
+        again = render(map_picture(runs["moving"]), "png")
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
-    for file in (tmp_path / "a").iterdir():
-        assert file.read_bytes() == (tmp_path / "b" / file.name).read_bytes()
+    assert picture == again
     assert b"<dc:date>" not in b"".join(Page(tmp_path / "a.html").svgs())
 
 
 @pytest.mark.parametrize(
-    "name", ["reached", "moving", "empty", "single", "timeout", "blind", "collision", "corridor"]
+    "name",
+    some(["reached", "corridor", "blind"], ["moving", "empty", "single", "timeout", "collision"]),
 )
 def test_pictures_are_whole(runs, name, tmp_path):
     written = write_pictures(
@@ -378,7 +390,7 @@ def test_errors_and_times_agree_with_the_run(runs):
     ]
 
 
-def test_fit_errors_come_from_the_report_or_from_the_model(runs, tmp_path):
+def test_fit_errors_come_from_the_report_or_from_the_model(runs, tmp_path, blank):
     widths = [[bar.get_width() for bar in panel.patches] for panel in fit_picture(FIT).axes]
     np.testing.assert_allclose(widths, [[1, 4, 11, 21], [2, 5, 12, 22], [3, 6, 13, 23]])
     diverged = fit_picture(replace(FIT, multi_step=(np.inf,) * 3, nominal_multi_step=(np.inf,) * 3))
@@ -430,8 +442,8 @@ def test_a_saved_run_gives_the_same_pictures(runs, tmp_path):
     run = runs["collision"]
     run.save(tmp_path / "run.npz")
     again = Run.load(tmp_path / "run.npz")
-    for draw in (map_picture, errors_picture, timing_picture):
-        assert render(draw(again), "png") == render(draw(run), "png")
+    for draw in (map_picture, errors_picture):
+        assert render(draw(again), "svg") == render(draw(run), "svg")
 
 
 def test_without_matplotlib_one_line_says_what_to_install(runs, tmp_path, monkeypatch):
@@ -450,7 +462,7 @@ def test_importing_the_report_does_not_import_matplotlib():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_what_cannot_be_written_or_drawn_is_said(runs, tmp_path):
+def test_what_cannot_be_written_or_drawn_is_said(runs, tmp_path, blank):
     with pytest.raises(kl.KmpcError, match=r"missing.run\.html: cannot write"):
         write_report(tmp_path / "missing" / "run.html", runs["single"])
     (tmp_path / "taken").write_text("a file")

@@ -58,7 +58,7 @@ def die(_: int) -> int:
 def slow(folder: Path, value: int) -> int:
     """Say who works on a task, and take a moment."""
     (folder / f"{value}-{os.getpid()}").touch()
-    time.sleep(0.2)
+    time.sleep(0.1)
     return 2 * value
 
 
@@ -96,7 +96,7 @@ def test_an_error_comes_out_and_the_rest_is_kept() -> None:
 
 
 def test_tasks_of_a_killed_process_run_again(tmp_path: Path) -> None:
-    with executor(2) as runner:
+    with executor(1) as runner:
         assert in_all(runner, partial(die_once, tmp_path / "flag"), range(6)) == [
             2 * value for value in range(6)
         ]
@@ -117,9 +117,10 @@ def test_an_interrupt_ends_the_work_at_once() -> None:
         sleeping, waiting = runner.submit(time.sleep, 600.0), runner.submit(double, 1)
         raise KeyboardInterrupt
     assert workers and waiting.cancelled()
-    for worker in workers:
-        worker.join(60.0)  # not the ten minutes that it would have slept
-        assert not worker.is_alive()
+    deadline = time.monotonic() + 60.0  # not the ten minutes that it would have slept
+    while any(worker.is_alive() for worker in workers):
+        assert time.monotonic() < deadline, "a worker sleeps on"
+        time.sleep(0.01)
     assert isinstance(sleeping.exception(timeout=60.0), kl.KmpcError)
 
 
@@ -183,20 +184,24 @@ def test_rows_are_the_same_whatever_runs_them(scheduler: str) -> None:
 
 
 def test_a_killed_worker_of_a_cluster_loses_nothing(scheduler: str, tmp_path: Path) -> None:
+    import distributed
+
     with ExitStack() as stack:
         runner = stack.enter_context(executor(cluster=scheduler))
         second = stack.enter_context(running(*worker_command(scheduler, tmp_path)))
+        with distributed.Client(scheduler, set_as_default=False) as client:
+            client.wait_for_workers(2, timeout=120)
         folder = tmp_path / "tasks"
         folder.mkdir()
         found: list[int] = []
-        jobs = {runner.submit(slow, folder, value): found.append for value in range(60)}
+        jobs = {runner.submit(slow, folder, value): found.append for value in range(40)}
         deadline = time.monotonic() + 120.0
         while not list(folder.glob(f"*-{second.pid}")):  # it has begun
             assert time.monotonic() < deadline, "the second worker does nothing"
             time.sleep(0.05)
         second.kill()
         gather(jobs)
-        assert sorted(found) == [2 * value for value in range(60)]
+        assert sorted(found) == [2 * value for value in range(40)]
 
 
 def test_a_cluster_that_does_not_answer_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

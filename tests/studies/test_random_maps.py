@@ -139,7 +139,7 @@ def test_outcomes_are_told_apart(records: list[dict[str, Any]]) -> None:
     follow = [r for r in records if r["controller"] == "follow" and r["slip"] == 0.0]
     assert sum(not failed(r) for r in follow) == 4
     assert all(failed(r) for r in records if r["controller"] in ("stand", "ram"))
-    assert any(r["collision_s"] is not None for r in study(specs=[RAM], slips=(0.0,), maps=30))
+    assert any(r["collision_s"] is not None for r in records if r["controller"] == "ram")
 
 
 def test_an_interrupted_study_goes_on_where_it_ended(
@@ -212,7 +212,7 @@ def test_a_drive_with_another_training_is_another_drive(tmp_path: Path) -> None:
 
 
 def test_a_failure_is_a_scenario_file_that_replays_it(tmp_path: Path) -> None:
-    found = study(specs=[RAM], slips=(0.0,), maps=30, failures=tmp_path / "failed")
+    found = study(specs=[RAM], slips=(0.0,), maps=5, failures=tmp_path / "failed")
     collided = [r for r in found if r["collision_s"] is not None]
     assert collided
     files = sorted((tmp_path / "failed").glob("*.toml"))
@@ -278,7 +278,7 @@ def test_a_failure_is_driven_again_by_the_command_in_its_file(
     late = Condition("late", lag=1.5, dead_time=1.0, pose_age=0.2)
     # a model that knows no lag drives a robot that lags: it hits things
     found = study(
-        specs=[spec], slips=(0.0,), maps=6, first_seed=3, conditions=(late,), failures=tmp_path
+        specs=[spec], slips=(0.0,), maps=1, first_seed=3, conditions=(late,), failures=tmp_path
     )
     record = next(r for r in found if r["collision_s"] is not None)
     (file,) = tmp_path.glob(f"open-{record['seed']}-*.toml")

@@ -555,7 +555,8 @@ class TestMotionCapture:
         assert ground.rover.autopilot.estimator.pose == ground.rover.pose
 
 
-def test_a_million_bytes_of_frames_with_random_content() -> None:
+@pytest.mark.parametrize("enough", [100_000, pytest.param(1_000_000, marks=pytest.mark.long)])
+def test_frames_with_random_content(enough: int) -> None:
     """Right CRC, random payloads of every kind, some junk between.
 
     The rover answers or ignores, and goes on.
@@ -566,7 +567,7 @@ def test_a_million_bytes_of_frames_with_random_content() -> None:
     handled = [kind for kind in kinds if kind.msgname in ground.rover._protocol._handlers]
     assert len(handled) == len(ground.rover._protocol._handlers)
     size = 0
-    while size < 1_000_000:
+    while size < enough:
         chunk = bytearray()
         for _ in range(50):
             kind = noise.choice(handled if noise.random() < 0.7 else kinds)
@@ -594,7 +595,7 @@ def test_a_million_bytes_of_frames_with_random_content() -> None:
         ground.rover.receive(bytes(chunk), ground.now)
         ground.run(0.02)
         assert all(map(math.isfinite, (*ground.rover.pose, *ground.rover.velocity)))
-    assert ground.rover.counters["frames_in"] > 8000
+    assert ground.rover.counters["frames_in"] > 0.008 * enough
     ground.run(10.0)
     assert ground.of("HEARTBEAT")
 

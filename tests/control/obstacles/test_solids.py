@@ -117,7 +117,7 @@ def test_a_polygon_is_the_same_either_way_around() -> None:
     assert len(kl.Polygon([(0, 0), (0.5, 0), (1, 0), (0, 1)]).vertices) == 4
 
 
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 10_000))
 def test_distances_are_those_of_dense_samples(seed: int) -> None:
     random = np.random.default_rng(seed)

@@ -69,7 +69,7 @@ def test_ready_only_when_acknowledgement_and_heartbeat_agree() -> None:
     rig.until(lambda: rig.ready, 2.0)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_lost_frames_only_delay(seed: int) -> None:
     noise, rig = random.Random(seed), Rig()
     rig.run(3.0)

@@ -25,8 +25,16 @@ def error(rig: Rig) -> tuple[float, float]:
     )
 
 
-@pytest.mark.parametrize("theta", [0.0, 1.0, -2.5, math.pi])
-@pytest.mark.parametrize(("v", "omega"), [(0.5, 0.3), (-0.4, 0.3), (0.5, -0.3), (0.0, 0.5)])
+@pytest.mark.parametrize(
+    ("theta", "v", "omega"),
+    [
+        (0.0, 0.5, 0.3),
+        (1.0, -0.4, 0.3),
+        (-2.5, 0.5, -0.3),
+        (math.pi, 0.0, 0.5),
+        (math.pi, -0.4, 0.3),
+    ],
+)
 def test_what_we_command_is_what_moves_and_what_we_see(
     theta: float, v: float, omega: float
 ) -> None:
@@ -281,11 +289,14 @@ class TestEstimate:
         took = rig.until(lambda: not rig.core.status(rig.now, True).pose_ok, 1.0)
         assert took <= 0.3
 
-    @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e6])
     @pytest.mark.parametrize("field", range(6))
-    def test_telemetry_that_cannot_be_is_refused(self, field: int, bad: float) -> None:
+    def test_telemetry_that_cannot_be_is_refused(self, field: int) -> None:
         rig = Rig()
         rig.take()
+        for count, bad in enumerate((math.nan, math.inf, -math.inf, 1e6), start=1):
+            self.refuses(rig, field, bad, count)
+
+    def refuses(self, rig: Rig, field: int, bad: float, count: int) -> None:
         before = rig.core.state
         values = [1.0, 2.0, 0.1, 0.2, 0.3, 0.1]
         values[field] = bad
@@ -301,7 +312,7 @@ class TestEstimate:
             ),
             rig.now,
         )
-        assert rig.core.counters["refused_telemetry"] == 1
+        assert rig.core.counters["refused_telemetry"] == count
         state = rig.core.state
         assert state is not None
         assert all(map(math.isfinite, (state.x, state.y, state.theta, state.v, state.omega)))
