@@ -16,9 +16,11 @@ from firmware_bridge.messages import BridgeError, LinkError, State, VelocityComm
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.session import open_driver
 from firmware_bridge.runtime.timing import Histogram
-from firmware_bridge.safety.estop import EmergencyStop, ask, default_socket
+from firmware_bridge.safety.estop_client import NoBridge, ask
 from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.gate_table import Reason
+from firmware_bridge.safety.latch import is_latched
+from firmware_bridge.safety.places import default_socket
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import paint
@@ -109,10 +111,12 @@ def _estop(robot: Robot) -> list[Finding]:
     path = default_socket() if robot.socket is None else robot.socket
     try:
         ask(path, "status")
-    except LinkError:
-        if EmergencyStop(path).latched:
+    except NoBridge:
+        if is_latched(path):
             return [Finding(False, "the emergency stop is pressed: kmpc estop --reset")]
         return [Finding(True, f"emergency stop: not pressed, at {path}")]
+    except LinkError as error:
+        return [Finding(False, f"emergency stop: {error}")]
     return [
         Finding(
             False, f"another bridge is running ({path}): two masters on one robot; stop it first"

@@ -7,13 +7,22 @@ import json
 from pathlib import Path
 from typing import Any
 
-from firmware_bridge.messages import BridgeError, LinkError
-from firmware_bridge.safety.estop import WORDS, ask, default_socket, latch_file, set_latch
+from firmware_bridge.messages import BridgeError, ConfigError, LinkError
+from firmware_bridge.safety.estop import WORDS
+from firmware_bridge.safety.estop_client import NoBridge, ask, press
+from firmware_bridge.safety.latch import is_latched, latch_file, set_latch
+from firmware_bridge.safety.places import default_socket, found_sockets, likely_sockets
 from kmpc_lite.cli.command import Command
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
+    parser.add_argument(
+        "robot",
+        nargs="?",
+        help="robot file: the bridge at its safety.socket; where not given, every bridge of yours "
+        "and of the service",
+    )
     what = parser.add_mutually_exclusive_group()
     for option, word, text in (
         ("--reset", "reset", "clear the stop; the robot stays still"),
@@ -26,37 +35,69 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         ("--status", "status", "say what the gate is doing"),
     ):
         what.add_argument(option, dest="word", action="store_const", const=word, help=text)
-    parser.add_argument(
-        "--socket", metavar="PATH", help="of the bridge, where it is not the default"
-    )
+    parser.add_argument("--socket", metavar="PATH", help="only the bridge that listens there")
     parser.set_defaults(word="stop")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Ask the running bridge; where none runs, keep the next one from driving."""
+    """Ask the running bridges; where none runs, keep the next one from driving."""
     assert options.word in WORDS
-    path = Path(options.socket) if options.socket else default_socket()
+    answers = [_ask(path, options.word) for path in _sockets(options)]
+    heard = any(answer["gate"] is not None for answer in answers)
+    answers = [a for a in answers if a["gate"] or a["latched"]] if heard else answers[:1]
+    for answer in answers:
+        print(json.dumps(answer) if options.json else _tell(answer, len(answers) > 1), flush=True)
+    return 0 if all(_is_done(options.word, answer) for answer in answers) else 1
+
+
+def _sockets(options: argparse.Namespace) -> list[Path]:
+    """Whom to ask: one where it is named; all that are found for a stop; else the only one."""
+    if options.socket:
+        return [Path(options.socket)]
+    if options.robot:
+        from firmware_bridge.robot_file import load_robot
+
+        return [load_robot(options.robot).socket or default_socket()]
+    found = found_sockets()
+    if options.word == "stop":
+        return found or likely_sockets()
+    if options.word == "reset":  # whatever `stop` may have pressed
+        return found + [path for path in likely_sockets() if path.resolve() not in found]
+    if options.word in ("enable", "confirm") and len(found) > 1:
+        places = ", ".join(map(str, found))
+        raise ConfigError(f"{len(found)} bridges may run: give --socket PATH, one of {places}")
+    return found or [default_socket()]
+
+
+def _ask(path: Path, word: str) -> dict[str, Any]:
+    """One bridge's answer, or what is known without it."""
     try:
-        answer = ask(path, options.word)
+        return {**(press(path) if word == "stop" else ask(path, word)), "socket": str(path)}
     except LinkError as error:
-        if options.word in ("stop", "reset"):
-            set_latch(path, options.word == "stop")
-        latched = latch_file(path).exists()
-        unknown = {"gate": None, "confirmed": False, "error": str(error)}
-        answer = {"ok": False, "latched": latched, **unknown}
-    print(json.dumps(answer) if options.json else _tell(answer), flush=True)
-    done = answer["ok"] and (options.word != "stop" or answer["confirmed"])
-    return 0 if done or (options.word == "reset" and not answer["latched"]) else 1
+        told = str(error)
+        if word == "reset" and isinstance(error, NoBridge):
+            try:
+                set_latch(path, False)
+            except OSError as disk:
+                told += f"; {latch_file(path)}: cannot remove: {disk.strerror or disk}"
+        unknown = {"gate": None, "confirmed": False, "error": told}
+        return {"ok": False, "latched": is_latched(path), **unknown, "socket": str(path)}
 
 
-def _tell(answer: dict[str, Any]) -> str:
+def _is_done(word: str, answer: dict[str, Any]) -> bool:
+    done: bool = answer["ok"] and (word != "stop" or answer["confirmed"])
+    return done or (word == "reset" and answer["gate"] is None and not answer["latched"])
+
+
+def _tell(answer: dict[str, Any], several: bool) -> str:
     """Put an answer into words."""
     if answer["gate"] is None:
-        next_one = "the next one will not drive before a reset"
-        return f"{answer['error']}; {next_one if answer['latched'] else 'no stop is pressed'}"
+        holds = "the stop is pressed: no bridge drives before a reset"
+        return f"{answer['error']}; {holds if answer['latched'] else 'no stop is pressed'}"
     pressed = "pressed" if answer["latched"] else "not pressed"
     reasons = "".join(f"\n  {why}" for why in answer.get("why", ()))
-    return f"emergency stop {pressed}, gate {answer['gate']}{reasons}"
+    where = f"{answer['socket']}: " if several else ""
+    return f"{where}emergency stop {pressed}, gate {answer['gate']}{reasons}"
 
 
 COMMAND = Command(
@@ -64,6 +105,7 @@ COMMAND = Command(
     examples=(
         "kmpc estop",
         "kmpc estop --reset        # then: kmpc estop --enable",
+        "kmpc estop robot.toml     # only the bridge of this robot file",
     ),
     add_options=add_options,
     run=run,

@@ -21,8 +21,9 @@ from firmware_bridge.recording.recorder import CsvRecorder, DurableFile
 from firmware_bridge.robot_file import Robot, check_period
 from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.loop import ControlLoop
-from firmware_bridge.safety.estop import EmergencyStop, default_socket
+from firmware_bridge.safety.estop import EmergencyStop
 from firmware_bridge.safety.gate import SafetyGate
+from firmware_bridge.safety.places import default_socket
 from firmware_bridge.sensors.placed import PlacedDriver
 from firmware_bridge.sensors.pose import PosedDriver
 

@@ -7,46 +7,43 @@ from __future__ import annotations
 
 import json
 import os
-import select
+import selectors
 import socket
-import stat
 import struct
-import tempfile
 import threading
 import time
 from collections import deque
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from firmware_bridge.messages import ConfigError, LinkError
 from firmware_bridge.safety.gate_table import GateState
+from firmware_bridge.safety.latch import is_latched, latch_file, set_latch
+from firmware_bridge.safety.listener import Listener, check_path
+from firmware_bridge.safety.places import link_here
 
 WORDS = ("stop", "reset", "enable", "confirm", "status")
-POLL = 0.1
-"""How often the latch file is brought up to date [s]; a request on the socket is served at once."""
-CLIENT_PATIENCE = 0.2
-"""How long a client may take to say its word [s]."""
-LONGEST_PATH = 107
+POLL = 0.02
+"""How often the latch file is looked at [s]; a request on the socket is served at once."""
+CLIENT_PATIENCE = 1.0
+"""How long a client may take to say its word [s]; it holds up nobody else."""
+CONFIRM_PATIENCE = 0.4
+"""How long the answer to a stop waits for the gate to obey [s]."""
+CLIENTS = 64
+"""One more connection than this closes the oldest: its client tries again."""
+LONGEST_WORD = 64
+ACCEPTED_AT_ONCE = 16
 
 
-def default_socket() -> Path:
-    """Where this user's bridge listens.
+@dataclass
+class Client:
+    """Somebody who is connected."""
 
-    In $RUNTIME_DIRECTORY (systemd), $XDG_RUNTIME_DIR, or a private folder for temporary files.
-    """
-    for name in ("RUNTIME_DIRECTORY", "XDG_RUNTIME_DIR"):
-        folder = os.environ.get(name, "").partition(":")[0]
-        if folder and os.path.isdir(folder):
-            return Path(folder) / "kmpc-bridge.sock"
-    private = Path(tempfile.gettempdir()) / f"kmpc-bridge-{os.geteuid()}"
-    private.mkdir(mode=0o700, exist_ok=True)
-    found = private.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
-        raise ConfigError(
-            f"{private}: expected a folder of your own with mode 0700: remove it, "
-            "or give --socket PATH"
-        )
-    return private / "kmpc-bridge.sock"
+    peer: socket.socket
+    until: float
+    """When its patience, or ours, is over [s]."""
+    said: bytes = b""
+    word: str | None = None
+    """What it asked for, once it has; nothing more is read from it then."""
 
 
 class EmergencyStop:
@@ -55,32 +52,35 @@ class EmergencyStop:
     Parameters
     ----------
     path : Path
-        Of the socket, made with mode 0600; the latch lies beside it as PATH.latched.
+        Of the socket, made with mode 0600; the latch lies beside it as PATH.latched. A latch that
+        somebody else writes is a stop like any other.
     """
 
     def __init__(self, path: Path) -> None:
+        check_path(path)
         self.path, self.latch_path = path, latch_file(path)
-        if len(os.fsencode(path)) > LONGEST_PATH:
-            raise ConfigError(
-                f"socket: expected a path of at most {LONGEST_PATH} bytes, got {path}"
-            )
-        self.problem = ""
-        """Why the latch could not be kept on disk; in memory it holds all the same."""
-        self._latched = self.latch_path.exists()
+        self._disk = self._astray = ""
+        self._latched = is_latched(path)
         # a deque needs no lock, so a signal handler may append in the middle of `take`
         self._requests: deque[str] = deque()
         self._gate = GateState.IDLE
         self._why: tuple[str, ...] = ()
         self._barred = ""
-        self._confirmed = threading.Event()
         self._quit = threading.Event()
-        self._socket: socket.socket | None = None
+        self._listener: Listener | None = None
+        self._link: Path | None = None
+        self._clients: list[Client] = []
         self._thread: threading.Thread | None = None
 
     @property
     def latched(self) -> bool:
         """Whether a stop was pressed and not reset, by this process or one before it."""
         return self._latched
+
+    @property
+    def problem(self) -> str:
+        """What `kmpc estop` cannot do on this disk; in memory a stop holds all the same."""
+        return "; ".join(filter(None, (self._disk, self._astray)))
 
     def press(self) -> None:
         """Stop the robot; safe in a signal handler."""
@@ -100,40 +100,22 @@ class EmergencyStop:
         `barred` tells why `enable` is refused, empty where it is not.
         """
         self._gate, self._why, self._barred = state, why, barred
-        if state is GateState.ESTOP:
-            self._confirmed.set()
-        else:
-            self._confirmed.clear()
 
     def open(self) -> None:
         """Listen, in a thread.
 
         Raises
         ------
+        ConfigError
+            Where a file lies there that is no socket.
         LinkError
             Where another bridge listens there, or the socket cannot be made.
         """
+        self._listener = Listener(self.path)
         try:
-            ask(self.path, "status")
-        except LinkError:
-            self.path.unlink(missing_ok=True)  # left behind by a bridge that was killed
-        else:
-            raise LinkError(
-                f"{self.path}: another bridge is running: stop it, or give --socket PATH"
-            )
-        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        mask = os.umask(0o177)
-        try:
-            listener.bind(str(self.path))
-            os.chmod(self.path, 0o600)
-            listener.listen(8)
+            self._link = link_here(self.path)
         except OSError as error:
-            listener.close()
-            raise LinkError(f"{self.path}: cannot listen: {error.strerror or error}") from error
-        finally:
-            os.umask(mask)
-        listener.setblocking(False)
-        self._socket = listener
+            self._astray = f"kmpc estop needs --socket {self.path}: {error.strerror or error}"
         self._thread = threading.Thread(target=self._serve, name="bridge-estop", daemon=True)
         self._thread.start()
 
@@ -142,121 +124,146 @@ class EmergencyStop:
         self._quit.set()
         if self._thread is not None:
             self._thread.join()
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
-            self.path.unlink(missing_ok=True)
-        self._keep_latch()
+        if self._link is not None:
+            self._link.unlink(missing_ok=True)
+        if self._listener is not None:
+            self._listener.close()
+            self._mind_latch()
 
     def _serve(self) -> None:
-        assert self._socket is not None
-        while not self._quit.is_set():
-            if select.select([self._socket], [], [], POLL)[0]:
+        """Hear all clients at once; none of them can keep another waiting."""
+        assert self._listener is not None
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._listener.socket, selectors.EVENT_READ)
+            while not self._quit.is_set():
                 try:
-                    client, _ = self._socket.accept()
-                except OSError:  # gone again before it was taken
-                    continue
-                with client:
-                    self._answer(client)
-            self._keep_latch()
+                    self._turn(selector)
+                except Exception as error:  # nothing that a client does may end this thread
+                    self._astray = f"emergency stop: {type(error).__name__}: {error}"
+                    self._quit.wait(POLL)
+            for client in list(self._clients):
+                self._drop(client, selector)
 
-    def _answer(self, client: socket.socket) -> None:
-        """Serve one request: one word in a line, one JSON object back."""
-        try:
-            _, uid, _ = struct.unpack(
-                "3i",
-                client.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i")),
-            )
-            if uid not in (0, os.geteuid()):
+    def _turn(self, selector: selectors.BaseSelector) -> None:
+        for key, _ in selector.select(POLL):
+            if key.data is None:
+                self._accept(selector)
+            elif key.data in self._clients:  # not closed a moment ago
+                self._hear(key.data, selector)
+        self._settle(selector)
+        self._mind_latch()
+
+    def _accept(self, selector: selectors.BaseSelector) -> None:
+        assert self._listener is not None
+        for _ in range(ACCEPTED_AT_ONCE):
+            try:
+                peer, _ = self._listener.socket.accept()
+            except OSError:  # no more, or gone again before it was taken
                 return
-            word = _line(client, CLIENT_PATIENCE)
-            known = word in WORDS
-            if word == "stop":
-                self.press()
-                self._confirmed.wait(2 * CLIENT_PATIENCE)
-            elif word == "reset":
-                self._latched = False
-                self._requests.append(word)
-            elif word == "confirm" or (word == "enable" and not self._barred):
-                self._requests.append(word)
-            elif word == "enable":
-                known = False
-            self._keep_latch()
-            reply = {
-                "ok": known,
-                "latched": self._latched,
-                "gate": self._gate.name,
-                "confirmed": self._confirmed.is_set(),
-                "why": [self._barred] if word == "enable" and self._barred else list(self._why),
-            }
-            client.sendall(json.dumps(reply).encode() + b"\n")
-        except OSError:  # whatever it had to say was done above; it will not hear the answer
-            return
+            peer.setblocking(False)
+            if not _may_ask(peer):
+                peer.close()
+                continue
+            if len(self._clients) >= CLIENTS:
+                self._drop(self._clients[0], selector)
+            client = Client(peer, time.monotonic() + CLIENT_PATIENCE)
+            self._clients.append(client)
+            selector.register(peer, selectors.EVENT_READ, client)
+            self._hear(client, selector)  # its word is mostly there already
 
-    def _keep_latch(self) -> None:
-        """Bring the latch file into line with the latch."""
-        if self._latched == self.latch_path.exists():
-            return
+    def _hear(self, client: Client, selector: selectors.BaseSelector) -> None:
+        """Take what a client says: one word, ended by a line break, a hang-up, or its length."""
         try:
-            set_latch(self.path, self._latched)
-            self.problem = ""
-        except OSError as error:
-            self.problem = (
-                f"{self.latch_path}: cannot keep the emergency stop on disk: "
-                f"{error.strerror or error}"
-            )
+            part = client.peer.recv(LONGEST_WORD)
+        except BlockingIOError:
+            return
+        except OSError:
+            part = b""
+        client.said += part
+        word, ended, _ = client.said.partition(b"\n")
+        if ended or not part or len(client.said) >= LONGEST_WORD:
+            selector.unregister(client.peer)
+            self._do(client, word.decode(errors="replace").strip())
+
+    def _do(self, client: Client, word: str) -> None:
+        """Do what a client asks for; `_settle` answers it."""
+        client.word = word
+        client.until = time.monotonic() + (CONFIRM_PATIENCE if word == "stop" else 0.0)
+        if word == "stop":
+            self.press()
+        elif word == "reset":
+            self._reset()
+        elif word == "confirm" or (word == "enable" and not self._barred):
+            self._requests.append(word)
+
+    def _reset(self) -> None:
+        self._latched = False
+        try:
+            set_latch(self.path, False)
+        except OSError as error:  # what cannot be removed still says "pressed"
+            self._latched = True
+            self._tell_disk(error)
+        else:
+            self._requests.append("reset")
+
+    def _settle(self, selector: selectors.BaseSelector) -> None:
+        """Answer those whose word was done, and let those go who said none in time."""
+        now, stopped = time.monotonic(), self._gate is GateState.ESTOP
+        for client in list(self._clients):
+            if client.word is not None and (
+                now >= client.until or (client.word == "stop" and stopped)
+            ):
+                self._mind_latch()
+                try:
+                    client.peer.send(json.dumps(self._answer(client.word)).encode() + b"\n")
+                except OSError:  # what it had to say was done; it will not hear the answer
+                    pass
+                self._drop(client, selector)
+            elif now >= client.until:
+                self._drop(client, selector)
+
+    def _answer(self, word: str) -> dict[str, object]:
+        refused = word == "enable" and bool(self._barred)
+        return {
+            "ok": word in WORDS and not refused and not (word == "reset" and self._latched),
+            "latched": self._latched,
+            "gate": self._gate.name,
+            "confirmed": self._gate is GateState.ESTOP,
+            "why": [self._barred] if refused else list(self._why),
+        }
+
+    def _drop(self, client: Client, selector: selectors.BaseSelector) -> None:
+        if client in self._clients:
+            self._clients.remove(client)
+            if client.word is None:
+                selector.unregister(client.peer)
+            client.peer.close()
+
+    def _mind_latch(self) -> None:
+        """Take a latch that somebody else wrote for a stop; write it where we have one."""
+        there = is_latched(self.path)
+        if there and not self._latched:
+            self.press()
+        elif self._latched and not there:
+            try:
+                set_latch(self.path, True)
+            except OSError as error:
+                self._tell_disk(error)
+        else:
+            self._disk = ""
+
+    def _tell_disk(self, error: OSError) -> None:
+        self._disk = (
+            f"{self.latch_path}: cannot keep the emergency stop on disk: {error.strerror or error}"
+        )
 
 
-def latch_file(socket_path: Path) -> Path:
-    """Where the latch of a socket lies."""
-    return socket_path.with_name(socket_path.name + ".latched")
-
-
-def set_latch(socket_path: Path, latched: bool) -> None:
-    """Write or remove the latch, down to the disk."""
-    path = latch_file(socket_path)
-    if latched:
-        descriptor = os.open(path, os.O_CREAT | os.O_WRONLY, 0o600)
-        os.fsync(descriptor)
-        os.close(descriptor)
-    else:
-        path.unlink(missing_ok=True)
-    folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
-    os.fsync(folder)
-    os.close(folder)
-
-
-def ask(path: Path, word: str, timeout: float = 1.0) -> dict[str, Any]:
-    """Send one of `WORDS` to a running bridge and give its answer.
-
-    Raises
-    ------
-    LinkError
-        Where none is running, or it does not answer within `timeout` [s].
-    """
-    until = time.monotonic() + timeout
+def _may_ask(peer: socket.socket) -> bool:
+    """Whether somebody is root or our own user."""
+    size = struct.calcsize("3i")
     try:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
-            client.settimeout(timeout)
-            client.connect(str(path))
-            client.sendall(word.encode() + b"\n")
-            answer = json.loads(_line(client, until - time.monotonic()))
-    except (FileNotFoundError, ConnectionRefusedError) as error:
-        raise LinkError(f"{path}: no bridge is running there") from error
-    except (OSError, ValueError) as error:
-        raise LinkError(f"{path}: no answer: {error}") from error
-    if not isinstance(answer, dict):
-        raise LinkError(f"{path}: no bridge: it answered {answer!r}")
-    return answer
-
-
-def _line(peer: socket.socket, patience: float) -> str:
-    """One short line, whole within `patience` [s]."""
-    data, until = b"", time.monotonic() + patience
-    while not data.endswith(b"\n") and len(data) < 1024:
-        peer.settimeout(max(0.001, until - time.monotonic()))
-        part = peer.recv(1024)
-        if not part:
-            break
-        data += part
-    return data.decode(errors="replace").strip()
+        credentials = peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size)
+    except OSError:
+        return False
+    _, user, _ = struct.unpack("3i", credentials)
+    return user in (0, os.geteuid())

@@ -23,7 +23,8 @@ from firmware_bridge.link import open_transport
 from firmware_bridge.messages import LinkError
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.session import open_driver
-from firmware_bridge.safety.estop import ask, latch_file
+from firmware_bridge.safety.estop_client import ask
+from firmware_bridge.safety.latch import latch_file
 from kmpc_lite.cli.fit import make_dictionary
 
 ROBOTS = Path(__file__).parents[3] / "docs" / "robots"
@@ -48,6 +49,9 @@ def desk(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
+    for name in ("SERVICES", "USERS"):  # no robot of this machine's is ours to stop
+        monkeypatch.setattr(f"firmware_bridge.safety.places.{name}", tmp_path / "none")
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     (tmp_path / "course.toml").write_text(COURSE)
     return tmp_path
 

@@ -1,6 +1,8 @@
 """The emergency stop's socket and latch."""
 
+import contextlib
 import os
+import shutil
 import signal
 import socket
 import stat
@@ -12,8 +14,24 @@ import time
 import pytest
 
 from firmware_bridge.messages import ConfigError, LinkError
-from firmware_bridge.safety.estop import EmergencyStop, ask, default_socket, latch_file, set_latch
+from firmware_bridge.safety.estop import CLIENTS, EmergencyStop
+from firmware_bridge.safety.estop_client import ask, press
 from firmware_bridge.safety.gate_table import GateState
+from firmware_bridge.safety.latch import latch_file, set_latch
+from firmware_bridge.safety.listener import Listener
+
+
+@pytest.fixture(autouse=True)
+def own_folder(tmp_path, monkeypatch):
+    """No bridge of this machine's is found, and none of ours is found by others."""
+    runtime = tmp_path / "runtime"
+    runtime.mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
+    monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
+    monkeypatch.delenv("SUDO_UID", raising=False)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    for name in ("SERVICES", "USERS"):
+        monkeypatch.setattr(f"firmware_bridge.safety.places.{name}", tmp_path / name)
 
 
 @pytest.fixture
@@ -117,6 +135,109 @@ def test_a_client_that_trickles_is_cut_short(stop):
                 time.sleep(0.05)
 
 
+def until(condition, seconds=10.0):
+    end = time.monotonic() + seconds
+    while not (met := condition()) and time.monotonic() < end:
+        time.sleep(0.002)
+    return met
+
+
+def connections(path, count):
+    """Connections that say nothing."""
+    made = []
+    for _ in range(count):
+        client = socket.socket(socket.AF_UNIX)
+        client.settimeout(5.0)
+        client.connect(str(path))
+        made.append(client)
+    return made
+
+
+def is_open(client):
+    client.setblocking(False)
+    try:
+        return client.recv(1) != b""
+    except BlockingIOError:
+        return True
+
+
+@pytest.mark.parametrize("idle", [9, CLIENTS - 1])
+def test_idle_connections_and_one_that_trickles_do_not_delay_a_stop(stop, idle):
+    with contextlib.ExitStack() as stack:
+        silent = [stack.enter_context(client) for client in connections(stop.path, idle)]
+        silent[-1].sendall(b"st")
+        stopper = stack.enter_context(socket.socket(socket.AF_UNIX))
+        stopper.connect(str(stop.path))
+        stopper.sendall(b"stop\n")
+        assert until(lambda: stop.take() == {"stop"})
+        assert any(map(is_open, silent)), "it was served while the others were waited for"
+
+
+def test_more_connections_than_are_kept_close_the_oldest_and_a_stop_acts(stop):
+    silent = connections(stop.path, CLIENTS + 5)
+    assert press(stop.path)["latched"] and stop.take() == {"stop"}
+    for client in silent:
+        client.close()
+
+
+def test_whoever_connects_without_end_does_not_keep_a_stop_away(stop):
+    """A process of its own: it is as fast as this machine lets it be."""
+    code = (
+        "import socket, sys\n"
+        "print('on', flush=True)\n"
+        "while True:\n"
+        "    with socket.socket(socket.AF_UNIX) as s:\n"
+        "        s.setblocking(False)\n"
+        "        try: s.connect(sys.argv[1]); s.send(b'x')\n"
+        "        except OSError: pass\n"
+    )
+    hog = subprocess.Popen([sys.executable, "-c", code, str(stop.path)], stdout=subprocess.PIPE)
+    try:
+        assert hog.stdout is not None and hog.stdout.readline() == b"on\n"
+        with contextlib.suppress(LinkError):  # whether it hears the answer or not, it acts
+            press(stop.path, timeout=0.5)
+        assert until(lambda: "stop" in stop.take()) and stop.latched
+    finally:
+        hog.kill()
+        hog.communicate()
+
+
+def test_a_latch_that_somebody_else_wrote_is_a_stop_and_only_a_reset_removes_it(stop):
+    set_latch(stop.path, True)
+    assert until(lambda: stop.take() == {"stop"})
+    time.sleep(0.1)  # several looks at it
+    assert stop.latched and stop.latch_path.exists() and stop.take() == set()
+    assert ask(stop.path, "reset")["ok"] and stop.take() == {"reset"}
+    time.sleep(0.1)
+    assert not stop.latched and not stop.latch_path.exists() and stop.take() == set()
+
+
+def test_a_stop_outlives_a_bridge_that_does_not_answer(tmp_path):
+    path = tmp_path / "b.sock"
+    busy = Listener(path)  # listens, and serves nobody
+    with pytest.raises(LinkError, match="no answer"):
+        press(path, timeout=0.1)
+    busy.close()
+    assert EmergencyStop(path).latched
+
+
+def test_a_stop_that_cannot_be_kept_on_disk_is_asked_for_and_told(tmp_path):
+    with pytest.raises(LinkError, match=r"no bridge is running there; .*not be kept on disk"):
+        press(tmp_path / "no" / "b.sock")
+
+
+def test_a_latch_that_cannot_be_removed_is_not_reset(stop, monkeypatch):
+    stop.press()
+    assert until(stop.latch_path.exists)
+
+    def refuse(path, latched):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr("firmware_bridge.safety.estop.set_latch", refuse)
+    answer = ask(stop.path, "reset")
+    assert not answer["ok"] and answer["latched"] and stop.take() == {"stop"}
+
+
 def test_a_second_bridge_is_refused_and_a_dead_ones_socket_is_taken_over(stop, tmp_path):
     with pytest.raises(LinkError, match="another bridge is running"):
         EmergencyStop(stop.path).open()
@@ -131,6 +252,67 @@ def test_a_second_bridge_is_refused_and_a_dead_ones_socket_is_taken_over(stop, t
     heir = EmergencyStop(dead)
     heir.open()
     assert ask(dead, "status")["ok"]
+    heir.close()
+
+
+def test_a_file_that_is_no_socket_is_left_alone(tmp_path):
+    for name in ("file", "folder", "link"):
+        path = tmp_path / name
+        if name == "file":
+            path.write_text("robot = 1")
+        elif name == "folder":
+            path.mkdir()
+        else:
+            path.symlink_to(tmp_path / "file")
+        with pytest.raises(ConfigError, match="left alone"):
+            EmergencyStop(path).open()
+    assert (tmp_path / "file").read_text() == "robot = 1" and (tmp_path / "link").is_symlink()
+    assert not list(tmp_path.glob("*.lock"))
+
+
+def test_a_busy_bridge_keeps_its_socket(tmp_path):
+    path = tmp_path / "b.sock"
+    busy = Listener(path)
+    try:
+        before = path.stat().st_ino
+        with pytest.raises(LinkError, match="another bridge is running"):
+            EmergencyStop(path).open()
+        assert path.stat().st_ino == before
+    finally:
+        busy.close()
+    assert list(tmp_path.glob("b.sock*")) == []
+
+
+def test_a_socket_at_which_another_program_listens_is_left_alone(tmp_path):
+    path = tmp_path / "other.sock"
+    with socket.socket(socket.AF_UNIX) as other:
+        other.bind(str(path))
+        other.listen()
+        with pytest.raises(LinkError, match="another bridge is running"):
+            EmergencyStop(path).open()
+        assert path.exists()
+
+
+def test_a_bridge_removes_its_own_socket_only(stop, tmp_path):
+    stop.path.rename(tmp_path / "moved")
+    with socket.socket(socket.AF_UNIX) as other:
+        other.bind(str(stop.path))
+        stop.close()
+        assert stop.path.exists()
+
+
+def test_the_lock_goes_with_its_process(tmp_path):
+    path = tmp_path / "b.sock"
+    code = (
+        "import os, sys; from pathlib import Path\n"
+        "from firmware_bridge.safety.listener import Listener\n"
+        "Listener(Path(sys.argv[1])); os._exit(9)"
+    )
+    subprocess.run([sys.executable, "-c", code, str(path)], check=False)
+    assert path.exists()
+    heir = EmergencyStop(path)
+    heir.open()
+    assert ask(path, "status")["ok"]
     heir.close()
 
 
@@ -157,7 +339,7 @@ def test_whoever_is_no_bridge_is_told_apart(tmp_path):
         with pytest.raises(LinkError, match="no bridge"):
             ask(path, "status")
         with pytest.raises(LinkError, match="no answer"):
-            ask(path, "status")
+            ask(path, "status", timeout=0.1)
         thread.join()
 
 
@@ -166,8 +348,7 @@ def test_a_latch_that_cannot_be_written_still_holds_and_is_told(tmp_path):
     folder.mkdir()
     stop = EmergencyStop(folder / "b.sock")
     stop.open()
-    stop.path.unlink()
-    folder.rmdir()
+    shutil.rmtree(folder)
     stop.press()
     stop.close()
     assert stop.latched and "cannot keep the emergency stop on disk" in stop.problem
@@ -178,17 +359,3 @@ def test_where_a_socket_cannot_be_made(tmp_path):
         EmergencyStop(tmp_path / "no" / "b.sock").open()
     with pytest.raises(ConfigError, match="107 bytes"):
         EmergencyStop(tmp_path / ("x" * 200))
-
-
-def test_the_default_socket_lies_where_only_the_user_may_write(tmp_path, monkeypatch):
-    monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    assert default_socket() == tmp_path / "kmpc-bridge.sock"
-    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path / "none"))
-    monkeypatch.delenv("XDG_RUNTIME_DIR")
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    private = default_socket().parent
-    assert stat.S_IMODE(private.stat().st_mode) == 0o700
-    private.chmod(0o777)
-    with pytest.raises(ConfigError, match="0700"):
-        default_socket()

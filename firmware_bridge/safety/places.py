@@ -1,0 +1,90 @@
+"""Where bridges listen for an emergency stop, and how one finds them all.
+
+A shell, a service and sudo have different runtime folders: who presses a stop looks in all of them.
+A bridge that listens elsewhere leaves a link to its socket in its own folder.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import tempfile
+from pathlib import Path
+
+from firmware_bridge.messages import ConfigError
+
+NAME, NAMES = "kmpc-bridge.sock", "kmpc-bridge*.sock"
+SERVICES, USERS = Path("/run/kmpc-bridge"), Path("/run/user")
+"""Runtime folders of the service (RuntimeDirectory=kmpc-bridge), and of those who are logged in."""
+
+
+def default_socket() -> Path:
+    """Where this user's bridge listens.
+
+    In $RUNTIME_DIRECTORY (systemd), $XDG_RUNTIME_DIR, or a private folder for temporary files.
+    """
+    for name in ("RUNTIME_DIRECTORY", "XDG_RUNTIME_DIR"):
+        folder = os.environ.get(name, "").partition(":")[0]
+        if folder and os.path.isdir(folder):
+            return Path(folder) / NAME
+    private = _private(os.geteuid())
+    private.mkdir(mode=0o700, exist_ok=True)
+    if not _is_private(private, os.geteuid()):
+        raise ConfigError(
+            f"{private}: expected a folder of your own with mode 0700: remove it, "
+            "or give --socket PATH"
+        )
+    return private / NAME
+
+
+def likely_sockets() -> list[Path]:
+    """Where a bridge of this user, of the user behind sudo, or of the service would listen.
+
+    This user's own place comes first.
+    """
+    users = [os.geteuid()]
+    behind = os.environ.get("SUDO_UID", "")
+    if os.geteuid() == 0 and behind.isascii() and behind.isdigit():
+        users.append(int(behind))
+    private = [folder for user in users if _is_private(folder := _private(user), user)]
+    folders = [SERVICES, *(USERS / str(user) for user in users), *private]
+    there = [folder / NAME for folder in folders if folder.is_dir()]
+    return list(dict.fromkeys([default_socket(), *there]))
+
+
+def found_sockets() -> list[Path]:
+    """Sockets that lie in the likely places, those behind links included; each once."""
+    found: dict[tuple[int, int], Path] = {}
+    for likely in likely_sockets():
+        for path in sorted(likely.parent.glob(NAMES)):
+            try:
+                status = path.stat()
+            except OSError:  # a link to a bridge that is gone, or a folder of somebody else
+                continue
+            if stat.S_ISSOCK(status.st_mode):
+                found.setdefault((status.st_dev, status.st_ino), path.resolve())
+    return list(found.values())
+
+
+def link_here(path: Path) -> Path | None:
+    """Leave a link to a socket where `found_sockets` looks, if it lies elsewhere."""
+    usual = default_socket()
+    if path.resolve() == usual.resolve():
+        return None
+    link = usual.with_name(f"kmpc-bridge-{os.getpid()}.sock")
+    link.unlink(missing_ok=True)
+    link.symlink_to(path.resolve())
+    return link
+
+
+def _private(user: int) -> Path:
+    return Path(tempfile.gettempdir()) / f"kmpc-bridge-{user}"
+
+
+def _is_private(folder: Path, user: int) -> bool:
+    """Whether a folder is a user's own, and closed to others."""
+    try:
+        status = folder.lstat()
+    except OSError:
+        return False
+    return stat.S_ISDIR(status.st_mode) and status.st_uid == user and not status.st_mode & 0o077
