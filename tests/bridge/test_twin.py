@@ -10,6 +10,7 @@ import time
 
 import pytest
 from boards import TABLES
+from courses import PATIENT
 from mavlink_rig import Rig
 
 from firmware_bridge.cli.main import main
@@ -130,7 +131,7 @@ def test_the_twin_is_driven_past_an_obstacle_through_a_pty(tmp_path, monkeypatch
         text=True,
     )
     try:
-        end = time.monotonic() + 15.0
+        end = time.monotonic() + 60.0
         while not os.path.exists("link") and time.monotonic() < end:
             time.sleep(0.05)
         robot = [
@@ -146,11 +147,20 @@ def test_the_twin_is_driven_past_an_obstacle_through_a_pty(tmp_path, monkeypatch
             "--latency",
             "0.15",
         ]
-        quick = ["--set", "safety.hold=0.3", "--settle", "0.3", "--seconds", "25", "--json"]
+        quick = [
+            *PATIENT,
+            "--set",
+            "safety.hold=0.3",
+            "--settle",
+            "0.3",
+            "--seconds",
+            "25",
+            "--json",
+        ]
         status = main(["run", *robot, *quick, "--scenario", "course.toml"])
     finally:
         emulator.send_signal(signal.SIGINT)
-        said, _ = emulator.communicate(timeout=10.0)
+        said, _ = emulator.communicate(timeout=60.0)
     report = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert status == 0 and report["outcome"] == "arrived" and report["clearance_m"] > 0.0, report
     x, y, _ = json.loads(said.splitlines()[-1])["pose"]

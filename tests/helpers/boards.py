@@ -94,7 +94,7 @@ class Rig:
         self.driver = DRIVERS[name].from_options(self.wire, table)
 
     def connect(self):
-        self.driver.connect(3.0)
+        self.driver.connect(20.0)
         return self
 
     def drive(self, v, omega, seconds, period=0.02):
@@ -103,6 +103,14 @@ class Rig:
         while time.monotonic() < end:
             self.driver.send(v, omega)
             time.sleep(period)
+
+    def starts(self, v, omega):
+        """Command until the robot moves."""
+        assert until(lambda: self.driver.send(v, omega) or not self.emulator.stopped)
+
+    def is_ready(self):
+        """Command zero until the robot can be driven."""
+        assert until(lambda: self.driver.send(0.0, 0.0) or self.driver.health().ready)
 
     def come_to_rest(self):
         """Command zero until the robot stands and its odometry knows where."""

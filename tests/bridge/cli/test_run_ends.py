@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from courses import PATIENT
 
 from firmware_bridge.cli.emulate import build_emulator
 from firmware_bridge.cli.main import main
@@ -26,7 +27,16 @@ def rover(tmp_path, monkeypatch):
 
 def test_a_vehicle_that_does_not_arm_ends_the_run_with_its_own_words(rover, capsys):
     rover.autopilot.arming_failure = LONG
-    command = ["run", "--driver", "mavlink", "--link", LINK, "--scenario", "four_circles_1"]
+    command = [
+        "run",
+        "--driver",
+        "mavlink",
+        "--link",
+        LINK,
+        *PATIENT,
+        "--scenario",
+        "four_circles_1",
+    ]
     assert main([*command, "--arm", "--wait", "2", "--json"]) == 1
     report = json.loads(capsys.readouterr().out)
     assert report["outcome"] == "never drove"
@@ -39,7 +49,7 @@ def test_a_vehicle_that_does_not_arm_ends_the_run_with_its_own_words(rover, caps
 
 def test_check_tells_what_the_autopilot_says_and_nothing_else_is_missing(rover, capsys):
     rover.autopilot.arming_failure = LONG
-    command = ["check", "--driver", "mavlink", "--link", LINK, "--seconds", "0.5"]
+    command = ["check", "--driver", "mavlink", "--link", LINK, *PATIENT, "--seconds", "0.5"]
     assert main(command) == 1
     missing = [line for line in capsys.readouterr().out.splitlines() if line.startswith("MISSING")]
     assert missing == [f"MISSING  the autopilot would not arm: PreArm: {LONG}"]

@@ -7,6 +7,7 @@ import sys
 
 import pytest
 from boards import until
+from courses import PATIENT
 
 from firmware_bridge.cli.emulate import build_emulator
 from firmware_bridge.cli.main import main
@@ -14,7 +15,7 @@ from firmware_bridge.drivers.mavlink.signing import others_may_listen
 from firmware_bridge.robot_file import load_robot
 
 LINK = "pty:link"
-ROBOT = ["--driver", "mavlink", "--link", LINK]
+ROBOT = ["--driver", "mavlink", "--link", LINK, *PATIENT]
 
 
 @pytest.fixture
@@ -47,11 +48,12 @@ def test_a_key_of_a_passphrase_is_that_of_the_ground_stations(tmp_path, monkeypa
     assert (tmp_path / "b.key").read_text() != (tmp_path / "c.key").read_text()
 
 
-def test_the_vehicle_takes_the_key_and_check_names_what_is_missing(rover, capsys):
+def test_the_vehicle_takes_the_key_and_check_names_what_is_missing(rover, capsys, monkeypatch):
+    monkeypatch.setattr("firmware_bridge.cli.check.PREARM", 0.1)  # nothing is kept from arming here
     make_key()
     assert main(["signing", "setup", *ROBOT, "--key", "signing.key", "--yes", "--json"]) == 0
     assert json.loads(capsys.readouterr().out.splitlines()[-1]) == {"ok": True}
-    short = ["--timeout", "3", "--seconds", "0.5"]
+    short = ["--timeout", "2", "--seconds", "0.3"]
     assert main(["check", *ROBOT, *short]) == 1
     assert "it signs its frames, and refuses ours" in capsys.readouterr().out
     key = ["--set", 'board.key_file="signing.key"']

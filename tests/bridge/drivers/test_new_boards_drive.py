@@ -8,6 +8,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from courses import COURSE, PATIENT
 
 from firmware_bridge.cli.emulate import build_emulator
 from firmware_bridge.cli.main import main
@@ -15,17 +16,6 @@ from firmware_bridge.emulator.mocap import MocapSender
 from firmware_bridge.robot_file import load_robot
 
 ROBOTS = Path(__file__).parents[3] / "docs" / "robots"
-COURSE = """
-[map]
-bounds = [-2.0, -2.0, 2.0, 2.0]
-circles = [[0.4, 0.45, 0.1]]
-[robot]
-radius = 0.15
-start = [0.0, 0.0, 0.0]
-goal = [0.7, 0.15, 0.0]
-[run]
-margin = 0.05
-"""
 
 
 def spoil(emulator, done, draw):
@@ -40,7 +30,9 @@ def spoil(emulator, done, draw):
             emulator.handle(draw.randbytes(draw.randint(1, 8)))
 
 
-@pytest.mark.parametrize("name", ["roboteq", "sabertooth", "arduino"])
+@pytest.mark.parametrize(
+    "name", ["sabertooth", "arduino", pytest.param("roboteq", marks=pytest.mark.long)]
+)
 def test_drives_past_the_obstacle_to_the_goal(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
@@ -59,7 +51,16 @@ def test_drives_past_the_obstacle_to_the_goal(name, tmp_path, monkeypatch, capsy
     done = threading.Event()
     spoiler = threading.Thread(target=spoil, args=(emulator, done, random.Random(3)))
     options = ["--link", "pty:link", "--v-max", "0.5", "--omega-max", "1.5"]
-    options += ["--settle", "0.3", "--seconds", "30", "--set", "safety.hold=0.3", "--json"]
+    options += [
+        "--settle",
+        "0.3",
+        "--seconds",
+        "30",
+        "--set",
+        "safety.hold=0.3",
+        *PATIENT,
+        "--json",
+    ]
     try:
         if name == "sabertooth":
             options += ["--pose", pose]
