@@ -134,7 +134,7 @@ class Controller:
             "time_budget": time_budget,
             "solver": solver,
         }
-        check_settings(model, problem, tightening, guidance, settings, options.step.oldest_pose)
+        check_settings(model, problem, tightening, guidance, settings, options.step)
         self._settings = {
             **settings,
             "guidance": bool(guidance),
@@ -162,7 +162,7 @@ class Controller:
         self._pipeline = Pipeline(
             problem, units, scale, options, self._sqp, self._guide, self._pose_age
         )
-        self._admission = Admission(scale, self._pipeline.scene)
+        self._admission = Admission(scale, self._pipeline.scene, options.obstacles)
         self._learned = model
         self._base_capabilities: tuple[KoopmanModel, Capabilities] | None = None
         self.reset()

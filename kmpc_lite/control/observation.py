@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.control.input_checks import POSITION_LIMIT, are_plausible, is_plausible
-from kmpc_lite.control.obstacles.scene import Obstacles, Scene, SceneState
+from kmpc_lite.control.obstacles.scene import Obstacles, Scene, SceneState, too_many
+from kmpc_lite.control.options import ObstacleOptions
 from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import INPUTS, STATES, Array
@@ -63,10 +64,12 @@ class Admission:
         The robot's units.
     scene : Scene
         Sorts obstacles.
+    most : ObstacleOptions
+        How many are looked at.
     """
 
-    def __init__(self, scale: Scale, scene: Scene) -> None:
-        self._scale, self._scene = scale, scene
+    def __init__(self, scale: Scale, scene: Scene, most: ObstacleOptions) -> None:
+        self._scale, self._scene, self._most = scale, scene, most
 
     def admit(
         self,
@@ -91,9 +94,12 @@ class Admission:
         command = None if sent is None else np.asarray(sent, dtype=float)
         if command is not None and command.shape != (INPUTS,):
             raise ValueError(f"sent: expected shape ({INPUTS},), got {command.shape}")
-        circles, solids = self._scene.sort(state, obstacles)
-        scale, refusal = self._scale, ""
-        if not are_plausible(circles):
+        refusal = too_many(obstacles, self._most)
+        circles, solids = self._scene.sort(state, () if refusal else obstacles)
+        scale = self._scale
+        if refusal:
+            pass
+        elif not are_plausible(circles):
             refusal, circles = f"obstacle not usable: {circles.ravel()[:5]}", circles[:0]
         elif not is_plausible(pose):
             refusal = f"pose not usable: {pose}"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
-from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
+from kmpc_lite.control.options import ControllerOptions, GuidanceOptions, StepOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import SAME_DT
@@ -39,7 +39,7 @@ def check_settings(
     tightening: Any,
     guidance: Any,
     numbers: dict[str, Any],
-    oldest_pose: float,
+    limits: StepOptions,
 ) -> None:
     """Raise ProblemError for arguments of a controller that cannot be meant."""
     if not isinstance(model, KoopmanModel):
@@ -57,8 +57,13 @@ def check_settings(
         raise ProblemError(f"tolerance: expected a number > 0, got {tolerance!r}")
     if budget is not None and not (np.isfinite(budget) and budget > 0):
         raise ProblemError(f"time_budget: expected a time > 0 s, got {budget!r}")
-    if not 0.0 <= age <= oldest_pose:
-        raise ProblemError(f"pose_age: expected a time from 0 to {oldest_pose:g} s, got {age!r}")
+    if problem.dt < limits.shortest_period:
+        raise ProblemError(
+            f"dt: expected a period of at least {limits.shortest_period:g} s, got {problem.dt:g} s"
+        )
+    oldest = min(limits.oldest_pose, limits.oldest_pose_periods * problem.dt)
+    if not 0.0 <= age <= oldest:
+        raise ProblemError(f"pose_age: expected a time from 0 to {oldest:g} s, got {age!r}")
     if tightening not in (None, "learned"):
         raise ProblemError(f"tightening: expected 'learned' or None, got {tightening!r}")
     if not isinstance(guidance, bool | GuidanceOptions):

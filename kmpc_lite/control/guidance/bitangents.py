@@ -18,6 +18,9 @@ TURNING = 4
 """Number of circles to turn on: left and right of the start, left and right of the goal."""
 ROUNDING = 1e-7
 """How deep a line may cut a circle [m], since lines touch circles."""
+PORTION = 2**17
+"""Tangents times obstacles that are looked at at once: a matter of memory, which changes nothing of
+what is found."""
 FIRST_SENSE = np.array([1.0, 1.0, -1.0, -1.0])
 SECOND_SENSE = np.array([1.0, -1.0, 1.0, -1.0])
 """Sense of rotation (1: counter-clockwise) at the first and the second circle of the four tangents
@@ -57,7 +60,7 @@ class Tangents:
     lengths: Array
     """(T,) [m]."""
 
-    def take(self, chosen: Array) -> Tangents:
+    def take(self, chosen: Array | slice) -> Tangents:
         """Some of them."""
         return Tangents(
             self.first[chosen],
@@ -86,6 +89,17 @@ def _pairs(count: int) -> tuple[Array, Array, Array]:
 def free_tangents(circles: Circles, lattice_path: LatticePath | None) -> Tangents:
     """Tangents that stay in the area and cut no obstacle."""
     tangents = _all_tangents(circles)
+    free = np.zeros(len(tangents.first), dtype=bool)
+    # in portions, so that no array is larger than the second-level cache by much
+    portion = max(PORTION // (1 + circles.count + len(circles.edges)), 1)
+    for begin in range(0, len(free), portion):
+        some = slice(begin, begin + portion)
+        free[some] = _free(tangents.take(some), circles, lattice_path)
+    return tangents.take(free)
+
+
+def _free(tangents: Tangents, circles: Circles, lattice_path: LatticePath | None) -> Array:
+    """Which of some tangents (T,) stay in the area and cut no obstacle."""
     within = (tangents.ends >= circles.area[:2] - ROUNDING) & (
         tangents.ends <= circles.area[2:] + ROUNDING
     )
@@ -109,7 +123,7 @@ def free_tangents(circles: Circles, lattice_path: LatticePath | None) -> Tangent
     if lattice_path is not None:
         look = np.flatnonzero(free)
         free[look] = lattice_path.lines_free(ends[look, 0], ends[look, 1])
-    return tangents.take(free)
+    return free
 
 
 def _all_tangents(circles: Circles) -> Tangents:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components
 
 from kmpc_lite.control.guidance.edges import cut_edges
 from kmpc_lite.types import Array
@@ -57,14 +55,16 @@ def with_corners(known: Array, edges: Array) -> Array:
 
 def with_walls(known: Array, centres: Array, radii: Array, edges: Array) -> Array:
     """Circles (M,) in one wall, of circles that overlap, or in one polygon, with a known one."""
-    away = centres[:, None] - centres
-    overlap = np.einsum("mki,mki->mk", away, away) < (radii[:, None] + radii) ** 2
-    if len(edges):
-        # a building's walls all hang together: of these only those that are met are looked at
-        corners = np.unique(edges)
-        overlap[corners], overlap[:, corners] = False, False
-        overlap[edges[:, 0], edges[:, 1]] = True
-        overlap[corners, corners] = True
-    _, wall = connected_components(csr_matrix(overlap), directed=False)
-    own: Array = np.isin(wall, wall[known])
-    return own
+    known = with_corners(known, edges)
+    # a building's walls all hang together: of these only those that are met are looked at
+    alone = np.ones(len(known), dtype=bool)
+    alone[edges] = False
+    new = known & alone
+    while new.any():
+        look = np.flatnonzero(alone & ~known)
+        away = centres[look, None] - centres[new]
+        overlap = np.einsum("mki,mki->mk", away, away) < (radii[look, None] + radii[new]) ** 2
+        new = np.zeros(len(known), dtype=bool)
+        new[look[overlap.any(axis=1)]] = True
+        known = known | new
+    return known

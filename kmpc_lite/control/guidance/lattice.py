@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
     from kmpc_lite.control.obstacles.solids import Solids
 
+PORTION = 2**18
+"""Nodes times edges that are looked at at once: a matter of memory alone."""
 NEIGHBOURS = ((1, 0), (0, 1), (1, 1), (1, -1))
 """Half of a node's neighbours: the others have it for theirs."""
 
@@ -45,20 +47,32 @@ class Lattice:
         self._searches: dict[tuple[object, ...], tuple[Array, NDArray[np.int32]]] = {}
         grids = [boxes.grid for boxes in solids.boxes]
         self._fields = [self._field(grid) for grid in grids]
-        self.landmarks = np.concatenate([_landmarks(grid) for grid in grids])
+        self.landmarks = np.concatenate([_landmarks(grid, self._joined(grid)) for grid in grids])
         """(L, 2) a point in each of the grids' pieces that hang together [m]."""
 
     def _field(self, grid: OccupancyGrid) -> tuple[OccupancyGrid, int, Array]:
         """A grid, the cells laid around it, and distances of the cells from occupied ones [m]."""
-        border = math.ceil(2.0 * self.options.lattice_border / grid.resolution)
-        cells = np.pad(grid.occupied, border)
-        distance = ndimage.distance_transform_edt(~cells, sampling=grid.resolution)
-        return grid, border, distance - 0.5 * grid.resolution
+        side = self._joined(grid) * grid.resolution
+        border = math.ceil(2.0 * self.options.lattice_border / side)
+        cells = np.pad(_blocks(grid.occupied, self._joined(grid)), border)
+        distance = ndimage.distance_transform_edt(~cells, sampling=side)
+        return grid, border, distance - 0.5 * side
+
+    def _joined(self, grid: OccupancyGrid) -> int:
+        """How many cells of a grid, along each axis, make one cell of its field.
+
+        More than one where they are finer than half a step of the lattice, or would be too many.
+        """
+        o = self.options
+        size = grid.resolution * np.array(grid.occupied.shape) + 4.0 * o.lattice_border
+        least = math.sqrt(float(size.prod()) / o.lattice_field_cells)
+        fine = int(0.5 * o.lattice_step / grid.resolution + 1e-9)
+        return max(1, fine, math.ceil(least / grid.resolution - 1e-9))
 
     def _cover(self, *points: Array) -> None:
         """Lay the lattice so that it holds the solids and points (2,)."""
         border = self.options.lattice_border
-        corners = np.concatenate([self._solids.all_corners.points, *(p[None, :2] for p in points)])
+        corners = np.concatenate([self._solids.outermost, *(p[None, :2] for p in points)])
         low, high = corners.min(axis=0) - border, corners.max(axis=0) + border
         if (low >= self._low).all() and (high <= self._high).all():
             return
@@ -72,12 +86,16 @@ class Lattice:
         self._places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
         distance = np.full(len(self._places), np.inf)
         for grid, pad, field in self._fields:
-            at = grid.to_grid(self._places).T[::-1] / grid.resolution - 0.5 + pad
+            side = self._joined(grid) * grid.resolution
+            at = grid.to_grid(self._places).T[::-1] / side - 0.5 + pad
             near = ndimage.map_coordinates(field, at, order=1, mode="nearest")
             np.minimum(distance, near, out=distance)
-        if len(self._solids.outlines):
-            outlines = self._solids.outlines.distances(self._places)[0]
-            np.minimum(distance, outlines.min(axis=1), out=distance)
+        for outlines in self._solids.outlines.walls_and_polygons():
+            portion = max(PORTION // outlines.edge_count, 1)
+            for begin in range(0, len(distance), portion):
+                some = slice(begin, begin + portion)
+                near = outlines.distances(self._places[some])[0].min(axis=1)
+                np.minimum(distance[some], near, out=distance[some])
         self._distance = distance.reshape(self._shape)
 
     def path(
@@ -123,10 +141,17 @@ class Lattice:
         self, start: Array, goal: Array, inflation: float, still: Array, area: Array
     ) -> tuple[Array, NDArray[np.int32]]:
         """Cost (n,) of every node to the goal [m], and the node that comes next (n,)."""
-        distance = self._distance.ravel()
+        distance = self._distance.copy()
+        places = self._places.reshape(*self._shape, 2)
         for x, y, radius in still[:, :3]:
-            away = np.hypot(self._places[:, 0] - x, self._places[:, 1] - y) - radius
-            distance = np.minimum(distance, away)
+            # farther away it changes nothing of what follows
+            reach = radius + 2.0 * inflation + 2.0 * self.step
+            low = np.maximum((np.array([x, y]) - reach - self._low) / self.step, 0.0).astype(int)
+            high = np.maximum((np.array([x, y]) + reach - self._low) / self.step + 2.0, 0.0)
+            some = slice(low[0], int(high[0])), slice(low[1], int(high[1]))
+            away = np.hypot(places[some][..., 0] - x, places[some][..., 1] - y) - radius
+            np.minimum(distance[some], away, out=distance[some])
+        distance = distance.ravel()
         free = distance >= inflation
         free &= (self._places >= area[:2]).all(axis=1) & (self._places <= area[2:]).all(axis=1)
         # a robot may stand nearer to an obstacle than a path leads: from there outwards
@@ -201,9 +226,17 @@ class Lattice:
         return least, points - least[:, None] * away
 
 
-def _landmarks(grid: OccupancyGrid) -> Array:
-    """A point (L, 2) in each piece of the occupied cells that hangs together [m]."""
-    labels, pieces = ndimage.label(grid.occupied, np.ones((3, 3)))
+def _blocks(occupied: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
+    """Blocks of so many cells a side, occupied where a cell of theirs is."""
+    if side == 1:
+        return occupied
+    rows, columns = (np.arange(0, length, side) for length in occupied.shape)
+    return np.logical_or.reduceat(np.logical_or.reduceat(occupied, rows, axis=0), columns, axis=1)
+
+
+def _landmarks(grid: OccupancyGrid, joined: int) -> Array:
+    """A point (L, 2) in each piece of the occupied blocks of cells that hangs together [m]."""
+    labels, pieces = ndimage.label(_blocks(grid.occupied, joined), np.ones((3, 3)))
     _, first = np.unique(labels, return_index=True)
     row, column = np.unravel_index(first[len(first) - pieces :], labels.shape)
-    return grid.to_map(grid.resolution * (np.column_stack([column, row]) + 0.5))
+    return grid.to_map(joined * grid.resolution * (np.column_stack([column, row]) + 0.5))

@@ -29,15 +29,15 @@ class PathMap:
         self.solids = solids
         self.lattice: Lattice | None = None
         """Where the grids have too many corners."""
-        self.corners = solids.all_corners
+        many = solids.rectangle_count > options.lattice_rectangles
+        self.corners = solids.outline_corners if many else solids.all_corners
         """What paths go around: all corners, but for those of grids with a lattice."""
         self.landmarks = self.corners.middles
         """(L, 2) a point in each obstacle [m]: paths differ by the sides on which they pass."""
-        if solids.rectangle_count > options.lattice_rectangles:
+        if many:
             # it takes image filters, which are slow to import
             from kmpc_lite.control.guidance.lattice import Lattice
 
-            self.corners = solids.outline_corners
             self.lattice = Lattice(solids, options)
             self.landmarks = np.concatenate([self.corners.middles, self.lattice.landmarks])
 

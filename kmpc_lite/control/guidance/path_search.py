@@ -102,6 +102,8 @@ class PathSearch:
     """What is taken if there is no other: a path like the one to avoid ..."""
     instead_clearance: float = math.inf
     """... and its clearance [m]."""
+    gave_up: bool = False
+    """Whether more obstacles were in the way than a search takes."""
     switched: bool = True
     """Whether it leads around some obstacle on another side than the previous one."""
 
@@ -210,7 +212,11 @@ class PathSearcher:
         """Begin with the next clearance; where none is left there is no path."""
         obstacles = search.obstacles
         if obstacles is None or not search.clearances:
-            search.reason = "no passage to the goal is wide enough"
+            search.reason = (
+                "too many obstacles are in the way to find a path around them"
+                if search.gave_up
+                else "no passage to the goal is wide enough"
+            )
             search.clearance = search.instead_clearance
             _choose(search, search.instead, True)
             return
@@ -255,6 +261,7 @@ class PathSearcher:
             if path is not None and self._takes(search, path, place):
                 return
             if tangents.part is Part.NOTHING:
+                search.gave_up = search.gave_up or tangents.gave_up
                 if search.best is not None:
                     _choose(search, search.best, True)
                 else:

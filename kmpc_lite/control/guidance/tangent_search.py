@@ -57,6 +57,8 @@ class TangentSearch:
         self._known = with_corners(self._cut(straight), query.edges)
         self._graph: TangentGraph | None = None
         self.part = Part.CIRCLES
+        self.gave_up = False
+        """Whether more is in the way than a graph takes."""
 
     def advance(self) -> GeometricPath | None:
         """Do one part of the work; the path that was found with it, if one was.
@@ -66,7 +68,7 @@ class TangentSearch:
         """
         graph = self._graph
         if self.part is Part.CIRCLES or graph is None:
-            self._begin_round()
+            return self._begin_round()
         elif self.part is Part.TANGENTS:
             graph.add_tangents()
             self.part = Part.ARCS
@@ -85,10 +87,16 @@ class TangentSearch:
             return self._next_candidate(graph)
         return None
 
-    def _begin_round(self) -> None:
-        """Begin a graph of the circles that are known to be in the way."""
+    def _begin_round(self) -> GeometricPath | None:
+        """Begin a graph of the circles that are known to be in the way.
+
+        Where these are too many, what is left is the lattice's own path, if there is one.
+        """
         query, known = self._query, self._known
         self._found = 0
+        if np.count_nonzero(known) + len(self._touched) > self._options.graph_circles:
+            self.part, self.gave_up = Part.NOTHING, True
+            return self._straight()
         edges = (np.cumsum(known) - 1)[query.edges[known[query.edges[:, 0]]]]
         centres, radii = query.centres[known], query.radii[known]
         if query.lattice_path is not None:
@@ -97,6 +105,7 @@ class TangentSearch:
             radii = np.concatenate([radii, size])
         self._graph = TangentGraph(query, centres, radii, edges, self._options)
         self.part = Part.TANGENTS
+        return None
 
     def _next_candidate(self, graph: TangentGraph) -> GeometricPath | None:
         """Go to the graph's next path; at its end, to what is left where it had none."""
@@ -125,8 +134,7 @@ class TangentSearch:
                 return self._straight()
         query = self._query
         self._known = with_walls(self._known | cut, query.centres, query.radii, query.edges)
-        self._begin_round()
-        return None
+        return self._begin_round()
 
     def _cut(self, points: Array) -> Array:
         """Which circles (M,) a line through points (K, 2) cuts."""

@@ -4,30 +4,38 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kmpc_lite.errors import ProblemError
+from kmpc_lite.reading import read_bytes
 
 OCCUPIED, FREE, UNKNOWN = 100, 0, -1
 LIMITS = {"occupied_thresh": 0.65, "free_thresh": 0.196}
 """map_server's own, for a file without them."""
-MOST_BYTES = 2**28
+MOST_YAML_BYTES = 2**13
+"""Longest map.yaml."""
+MOST_HEADER_BYTES = 2**16
+"""Longest header of an image."""
+HEADER = re.compile(rb"(P[25])" + 3 * rb"(?:\s++|#[^\n]*+\n)++(\d{1,9}+)" + rb"\s")
+"""Possessive: each byte is looked at once, whatever follows."""
 
 
-def read_map(path: Path) -> tuple[NDArray[np.int8], float, tuple[float, ...]]:
+def read_map(path: Path, most_cells: int) -> tuple[NDArray[np.int8], float, tuple[float, ...]]:
     """Read a map's cells, resolution and origin.
 
     The cells (height, width) are -1, 0 or 100, with the lowest row first; the resolution is in [m],
-    and the origin is x, y [m] and yaw [rad].
+    and the origin is x, y [m] and yaw [rad]. Of an image of more than `most_cells` no pixel is
+    read.
 
     Raises
     ------
     ProblemError
         Names the file, and what is wrong with it.
     """
-    fields = _fields(_read(path).decode("utf-8", "replace"))
+    fields = _fields(_read(path, MOST_YAML_BYTES).decode("utf-8", "replace"))
     for key in ("image", "resolution", "origin"):
         if key not in fields:
             raise ProblemError(
@@ -43,14 +51,16 @@ def read_map(path: Path) -> tuple[NDArray[np.int8], float, tuple[float, ...]]:
         key: _number(path, key, fields.get(key, str(default))) for key, default in LIMITS.items()
     }
     image = path.parent / fields["image"].strip("\"'")
-    dark = _read_pgm(image)
+    pixels, white = _read_pgm(image, most_cells)
+    # of each value, since there are fewer of these than pixels
+    dark = np.arange(white + 1) / white
     if _number(path, "negate", fields.get("negate", "0")) == 0.0:
         dark = 1.0 - dark
     cells = np.full(dark.shape, UNKNOWN, dtype=np.int8)
     cells[dark > limits["occupied_thresh"]] = OCCUPIED
     cells[dark < limits["free_thresh"]] = FREE
     # an image begins at the top, a grid at the bottom
-    return cells[::-1], _number(path, "resolution", fields["resolution"]), origin
+    return cells[pixels][::-1], _number(path, "resolution", fields["resolution"]), origin
 
 
 def _fields(text: str) -> dict[str, str]:
@@ -80,39 +90,46 @@ def _number(path: Path, key: str, value: str) -> float:
         raise ProblemError(f"{path}: {key}: expected a number, got {value.strip()!r}") from error
 
 
-def _read(path: Path) -> bytes:
+def _read(path: Path, most: int) -> bytes:
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise ProblemError(f"{path}: larger than {MOST_BYTES:,} bytes")
-        return path.read_bytes()
+        return read_bytes(path, most)
     except OSError as error:
         raise ProblemError(f"{path}: cannot read the map: {error.strerror or error}") from error
 
 
-def _read_pgm(path: Path) -> NDArray[np.float64]:
-    """Brightness (height, width) from 0 (black) to 1 of a PGM image, binary (P5) or plain (P2)."""
-    content = _read(path)
-    header = re.match(rb"(P[25])" + 3 * rb"(?:\s+|\s*#[^\n]*\n\s*)+(\d+)" + rb"\s", content)
+def _read_pgm(path: Path, most_cells: int) -> tuple[NDArray[Any], int]:
+    """Values (height, width) of a PGM image, binary (P5) or plain (P2), and the one of white."""
+    # as of plain values of three digits
+    content = _read(path, MOST_HEADER_BYTES + 4 * most_cells)
+    header = HEADER.match(content, 0, MOST_HEADER_BYTES)
     if header is None:
         raise ProblemError(f"{path}: expected a PGM image (P5 or P2); convert other formats first")
-    kind, width, height, most = header[1], *(int(v) for v in header.groups()[1:])
-    if not (0 < most < 65536 and 0 < width * height <= MOST_BYTES):
+    kind, width, height, white = header[1], *(int(v) for v in header.groups()[1:])
+    if not (0 < white < 65536 and 0 < width * height <= most_cells):
         raise ProblemError(
-            f"{path}: expected a PGM image, got {width} x {height} of values up to {most}"
+            f"{path}: expected a PGM image of at most {most_cells:,} pixels of values up to 65,535,"
+            f" got {width} x {height} of values up to {white}"
         )
-    body = content[header.end() :]
-    if kind == b"P5":
-        pixels = np.frombuffer(
-            body[: len(body) - len(body) % (2 if most > 255 else 1)],
-            dtype=">u2" if most > 255 else "u1",
-        )
-    else:
-        try:
-            pixels = np.array(body.split(), dtype=np.int64)
-        except ValueError as error:
-            raise ProblemError(f"{path}: expected whole numbers in a plain PGM image") from error
+    pixels = (_binary if kind == b"P5" else _plain)(content[header.end() :], white)
+    if pixels is None:
+        raise ProblemError(f"{path}: expected whole numbers in a plain PGM image")
     if len(pixels) < width * height:
         raise ProblemError(
             f"{path}: expected {width} x {height} pixels, the file ends after {len(pixels)}"
         )
-    return pixels[: width * height].reshape(height, width) / most
+    # what is brighter than white is white
+    return np.minimum(pixels[: width * height], white).reshape(height, width), white
+
+
+def _binary(body: bytes, white: int) -> NDArray[Any]:
+    """Values of a P5 image."""
+    kind = np.dtype(">u2" if white > 255 else "u1")
+    return np.frombuffer(body, kind, len(body) // kind.itemsize)
+
+
+def _plain(body: bytes, white: int) -> NDArray[Any] | None:
+    """Values of a P2 image; None for anything but whole numbers."""
+    if body.translate(None, b"0123456789 \t\r\n\v\f"):
+        return None
+    values = np.fromstring(body.decode("ascii"), dtype=np.float32, sep=" ")
+    return np.minimum(values, white).astype(np.uint16)

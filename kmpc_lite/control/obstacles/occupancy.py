@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from kmpc_lite.control.obstacles.shapes import FARTHEST
+from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import Array
-
-MOST_CELLS = 100_000_000
 
 
 class OccupancyGrid:
@@ -35,6 +35,8 @@ class OccupancyGrid:
         A cell with this value or more is occupied.
     unknown_is_free : bool
         Whether the robot may drive where nothing is known.
+    limits : ObstacleOptions
+        How many cells it may have, and how small and how ragged they may be.
 
     Raises
     ------
@@ -55,6 +57,7 @@ class OccupancyGrid:
         origin: ArrayLike = (0.0, 0.0, 0.0),
         threshold: float = 65.0,
         unknown_is_free: bool = False,
+        limits: ObstacleOptions = USUAL_OBSTACLES,
     ) -> None:
         try:
             cells, place = np.asarray(data), np.array(origin, dtype=float)
@@ -62,7 +65,12 @@ class OccupancyGrid:
             raise ProblemError(
                 f"grid: expected cells (height, width) and an origin x, y, yaw: {error}"
             ) from error
-        if cells.ndim != 2 or not 0 < cells.size <= MOST_CELLS or cells.dtype.kind not in "biuf":
+        if cells.size > limits.grid_cells:
+            raise ProblemError(
+                f"grid: expected at most {limits.grid_cells:,} cells, got {cells.size:,}: "
+                "make them larger"
+            )
+        if cells.ndim != 2 or not cells.size or cells.dtype.kind not in "biuf":
             raise ProblemError(
                 f"grid: expected numbers (height, width), got {cells.dtype} of shape {cells.shape}"
             )
@@ -72,7 +80,11 @@ class OccupancyGrid:
             or not 0.0 < resolution < np.inf
         ):
             raise ProblemError(f"grid: expected a resolution > 0 m, got {resolution!r}")
-        if place.shape not in ((2,), (3,)) or not np.isfinite(place).all():
+        if not limits.cell <= resolution <= FARTHEST:
+            raise ProblemError(
+                f"grid: expected a resolution of at least {limits.cell:g} m, got {resolution:g} m"
+            )
+        if place.shape not in ((2,), (3,)) or not (np.abs(place) <= FARTHEST).all():
             raise ProblemError(f"grid: expected a finite origin x, y, yaw, got {place.tolist()}")
         if not 0.0 < threshold <= 100.0:
             raise ProblemError(
@@ -98,9 +110,24 @@ class OccupancyGrid:
             self.occupied = self.occupied | self.unknown
         for array in (self.unknown, self.occupied):
             array.flags.writeable = False
+        self.runs = min(_runs(self.occupied), _runs(self.occupied.T))
+        """How many runs of occupied cells there are, along rows or columns as these are fewer."""
+        if self.runs > limits.grid_runs:
+            raise ProblemError(
+                f"grid: expected at most {limits.grid_runs:,} runs of occupied cells in its rows "
+                f"or columns, got {self.runs:,}: filter the noise, or make the cells larger"
+            )
+        # now, and not in the first step that sees the grid
+        rows, columns = _rectangles(self.occupied), _rectangles(self.occupied.T)[:, [1, 0, 3, 2]]
+        self._blocks = rows if len(rows) <= len(columns) else columns
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], unknown_is_free: bool = False) -> OccupancyGrid:
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        unknown_is_free: bool = False,
+        limits: ObstacleOptions = USUAL_OBSTACLES,
+    ) -> OccupancyGrid:
         """Read the pair of files that ROS's map_server writes.
 
         They are ``map.yaml`` and the PGM image that it names.
@@ -112,8 +139,8 @@ class OccupancyGrid:
         """
         from kmpc_lite.control.obstacles.map_server import read_map
 
-        cells, resolution, origin = read_map(Path(path))
-        return cls(cells, resolution, origin, unknown_is_free=unknown_is_free)
+        cells, resolution, origin = read_map(Path(path), limits.grid_cells)
+        return cls(cells, resolution, origin, unknown_is_free=unknown_is_free, limits=limits)
 
     def scaled(self, unit: float) -> OccupancyGrid:
         """Return the same in units of a length [m]; the cells are shared."""
@@ -147,9 +174,7 @@ class OccupancyGrid:
 
         Each is xmin, ymin, xmax, ymax in the grid's own frame.
         """
-        rows, columns = _rectangles(self.occupied), _rectangles(self.occupied.T)[:, [1, 0, 3, 2]]
-        fewest = rows if len(rows) <= len(columns) else columns
-        found: Array = self.resolution * fewest
+        found: Array = self.resolution * self._blocks
         return found
 
     def to_grid(self, points: Array) -> Array:
@@ -171,6 +196,12 @@ class OccupancyGrid:
         """Matrix (2, 2) that turns rows of the grid's frame into the map's."""
         cos, sin = np.cos(self.origin[2]), np.sin(self.origin[2])
         return np.array([[cos, sin], [-sin, cos]])
+
+
+def _runs(occupied: NDArray[np.bool_]) -> int:
+    """How many runs of occupied cells the rows have."""
+    begins = np.count_nonzero(occupied[:, 1:] & ~occupied[:, :-1])
+    return int(begins + np.count_nonzero(occupied[:, 0]))
 
 
 def _rectangles(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:

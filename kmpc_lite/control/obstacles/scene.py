@@ -5,7 +5,7 @@ Circles are rows of an array; solids are prepared once, and serve for as long as
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from kmpc_lite.control.obstacles.circles import Circle, circles_to_array
 from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
 from kmpc_lite.control.obstacles.shapes import Polygon, Wall
+from kmpc_lite.control.options import ObstacleOptions
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
@@ -36,6 +37,32 @@ class SceneState:
     """The same, prepared, in the robot's units."""
     looked_from: Array | None = None
     """(2,) where those that are near were looked up last."""
+
+
+def too_many(obstacles: Obstacles, most: ObstacleOptions) -> str:
+    """Say of which obstacles a step looks at fewer than are given; nothing where it bears them.
+
+    Told by their numbers alone, before any of them is looked at.
+    """
+    total = len(obstacles) if isinstance(obstacles, Sized) else 0
+    solids: list[Solid] = []
+    if not isinstance(obstacles, np.ndarray) and isinstance(obstacles, Sequence):
+        if total > most.circles + most.edges:
+            return f"{total:,} obstacles: at most {most.circles:,} circles are looked at"
+        solids = [o for o in obstacles if isinstance(o, SOLID)]
+    grids = [o for o in solids if isinstance(o, OccupancyGrid)]
+    corners = [len(o.vertices) for o in solids if isinstance(o, Polygon)]
+    walls = len(solids) - len(grids) - len(corners)
+    for count, allowed, what in (
+        (total - len(solids), most.circles, "circles"),
+        (walls + len(corners) * max(corners, default=0), most.edges, "edges of polygons and walls"),
+        (len(grids), most.grids, "grids"),
+        (sum(g.occupied.size for g in grids), most.grid_cells, "cells of grids"),
+        (sum(g.runs for g in grids), most.grid_runs, "runs of occupied cells of grids"),
+    ):
+        if count > allowed:
+            return f"{count:,} {what}: at most {allowed:,} are looked at"
+    return ""
 
 
 class Scene:

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import real_array
 from kmpc_lite.types import Array
 
 LEAST_EDGE = 1e-6
 """Corners nearer to each other than this are one [m]."""
+FARTHEST = 1e100
+"""Squares of farther coordinates overflow [m]."""
 BENT = 1e-9
 """Sine of a corner's turn that rounding may leave on a straight edge."""
 
@@ -25,12 +29,14 @@ class Polygon:
     ----------
     vertices : array_like
         Corners (K, 2) in order, either way around, K >= 3 [m].
+    limits : ObstacleOptions
+        How many corners it may have.
 
     Raises
     ------
     ProblemError
-        For fewer than three corners, an outline that is not convex or has no area, or values that
-        are not finite.
+        For fewer than three corners or too many, an outline that is not convex or has no area, or
+        values that are not finite.
 
     Examples
     --------
@@ -41,13 +47,17 @@ class Polygon:
     vertices: tuple[tuple[float, float], ...]
     """Counter-clockwise."""
 
-    def __init__(self, vertices: ArrayLike) -> None:
+    def __init__(self, vertices: ArrayLike, limits: ObstacleOptions = USUAL_OBSTACLES) -> None:
         corners = real_array(vertices, "polygon", ProblemError)
         if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
             raise ProblemError(
                 f"polygon: expected at least 3 corners (K, 2), got shape {corners.shape}"
             )
-        if not np.isfinite(corners).all():
+        if len(corners) > limits.polygon_corners:
+            raise ProblemError(
+                f"polygon: expected at most {limits.polygon_corners} corners, got {len(corners)}"
+            )
+        if not (np.abs(corners) <= FARTHEST).all():
             raise ProblemError(f"polygon: expected finite corners, got {corners.tolist()}")
         if _area(corners) < 0.0:
             corners = corners[::-1]
@@ -73,7 +83,10 @@ class Polygon:
 
     def scaled(self, unit: float) -> Polygon:
         """Return the same in units of a length [m]."""
-        return Polygon(np.array(self.vertices) / unit)
+        other = copy(self)
+        vertices = tuple((x / unit, y / unit) for x, y in self.vertices)
+        object.__setattr__(other, "vertices", vertices)
+        return other
 
 
 @dataclass(frozen=True)

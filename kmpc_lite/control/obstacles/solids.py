@@ -102,6 +102,17 @@ class Outlines:
             self.begins[chosen], self.steps[chosen], self.rounding[chosen], self.is_line[chosen]
         )
 
+    @property
+    def edge_count(self) -> int:
+        """Edges that are looked at for each point."""
+        return len(self._begin_x)
+
+    def walls_and_polygons(self) -> list[Outlines]:
+        """Give the same apart, where there are both: walls have one edge, and need not more."""
+        walls, polygons = self.take(self.is_line), self.take(~self.is_line)
+        walls = Outlines(walls.begins[:, :1], walls.steps[:, :1], walls.rounding, walls.is_line)
+        return [part for part in (walls, polygons) if len(part)]
+
     def distances(self, points: Array) -> tuple[Array, Array]:
         """Distances (n, P) of points (n, 2) [m], negative inside, and normals (n, P, 2)."""
         share = points @ self._along
@@ -155,6 +166,14 @@ class Boxes:
     def __init__(self, low: Array, high: Array, grid: OccupancyGrid) -> None:
         self.low, self.high, self.grid = low, high, grid
         self._sides = [np.ascontiguousarray(side) for side in (*low.T, *high.T)]
+
+    @property
+    def outermost(self) -> Array:
+        """Corners (4 B, 2) of the rectangles in the map [m]."""
+        (x_min, y_min), (x_max, y_max) = self.low.T, self.high.T
+        x = np.concatenate([x_min, x_max, x_max, x_min])
+        y = np.concatenate([y_min, y_min, y_max, y_max])
+        return self.grid.to_map(np.stack([x, y], axis=1))
 
     def take(self, chosen: Array) -> Boxes:
         """Some of the rectangles."""
@@ -372,6 +391,13 @@ class Solids:
     def outline_corners(self) -> Corners:
         """Corners of polygons and walls alone."""
         return Corners(self.outlines, self._outline_points, [])
+
+    @cached_property
+    def outermost(self) -> Array:
+        """Points (K, 2) among which the outermost corners of all solids are [m]."""
+        return np.concatenate(
+            [np.empty((0, 2)), *self._outline_points, *(b.outermost for b in self.boxes)]
+        )
 
     @property
     def _outline_points(self) -> list[Array]:

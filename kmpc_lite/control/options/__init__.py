@@ -9,6 +9,7 @@ from kmpc_lite.control.options.fields import in_metres
 from kmpc_lite.control.options.goal import GoalOptions
 from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.control.options.margins import MarginOptions
+from kmpc_lite.control.options.obstacles import ObstacleOptions
 from kmpc_lite.control.options.solver import OSQPOptions, SolverOptions
 from kmpc_lite.control.options.step import StepOptions
 from kmpc_lite.control.options.stop import StopOptions
@@ -21,6 +22,7 @@ __all__ = [
     "GuidanceOptions",
     "MarginOptions",
     "OSQPOptions",
+    "ObstacleOptions",
     "SolverOptions",
     "StepOptions",
     "StopOptions",

@@ -8,6 +8,7 @@ from typing import Any
 from kmpc_lite.control.options.goal import GoalOptions
 from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.control.options.margins import MarginOptions
+from kmpc_lite.control.options.obstacles import ObstacleOptions
 from kmpc_lite.control.options.solver import SolverOptions
 from kmpc_lite.control.options.step import StepOptions
 from kmpc_lite.control.options.stop import StopOptions
@@ -38,6 +39,8 @@ class ControllerOptions:
     """How the nonlinear program is solved."""
     stop: StopOptions = field(default_factory=StopOptions)
     """How a stop trajectory is found."""
+    obstacles: ObstacleOptions = field(default_factory=ObstacleOptions)
+    """How many obstacles it looks at."""
     step: StepOptions = field(default_factory=StepOptions)
     """What a step believes, and how it shares out its time."""
 

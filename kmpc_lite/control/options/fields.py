@@ -16,6 +16,11 @@ def radii(default: float) -> Any:
     return field(default=default, metadata={"unit": "radii"})
 
 
+def metres(default: float) -> Any:
+    """Length that does not follow from the robot's [m], >= 0."""
+    return field(default=default, metadata={"unit": "m"})
+
+
 def seconds(default: float) -> Any:
     """Time [s], >= 0."""
     return field(default=default, metadata={"unit": "s"})

@@ -110,6 +110,10 @@ class GuidanceOptions:
     corner_rounds: int = count(12, least=0)
     """How often corners that a path cuts are added before the lattice's own path is taken."""
 
+    graph_circles: int = count(150)
+    """Largest number of circles and corners that one graph takes: where more are in the way, no
+    path is looked for."""
+
     # the lattice
     lattice_rectangles: int = count(24)
     """Rectangles of occupancy grids up to which the tangent graph takes all of their corners; the
@@ -118,6 +122,9 @@ class GuidanceOptions:
     """Least distance between neighbours of the lattice [radii]."""
     lattice_nodes: int = count(40_000)
     """Largest number of nodes of the lattice: larger maps get wider steps."""
+    lattice_field_cells: int = count(1_000_000)
+    """Largest number of cells of which distances are worked out: those of a larger or finer grid
+    are joined to blocks, which count as occupied where a cell is."""
     lattice_border: float = radii(4.0)
     """How far a path may lead around the outermost obstacle, start or goal [radii]."""
     lattice_near_cost: float = share(0.2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.control.options.fields import check, radii, seconds, share
+from kmpc_lite.control.options.fields import check, count, radii, seconds, share
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,6 +13,11 @@ class StepOptions:
 
     oldest_pose: float = seconds(2.0)
     """Largest `pose_age` accepted [s]: of an older pose nothing follows for the present one."""
+    oldest_pose_periods: int = count(1000)
+    """The same in periods: each is rolled out in every step."""
+    shortest_period: float = seconds(1e-4)
+    """Least `dt` of a problem [s]: a ramp of a second would else have more stages than there is
+    memory for."""
     reach_beyond_plan: float = radii(2.0)
     """Polygons, walls and grids count as far as this beyond the reach of the fastest plan [radii]:
     for margins, and for a pose that is not where it was thought."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from kmpc_lite.control.obstacles.circles import Circle
+from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES
 from kmpc_lite.errors import ProblemError, ScenarioError
 from kmpc_lite.sim.scenario.shapes import read_grid, read_polygons, read_walls
 
@@ -123,6 +124,10 @@ def _circles(where: str, value: Any) -> tuple[Circle, ...]:
     expected = "[x, y, radius] or [x, y, radius, vx, vy]"
     if not isinstance(value, list):
         raise ScenarioError(f"{where}: expected a list of {expected}, got {value!r}")
+    if len(value) > USUAL_OBSTACLES.circles:
+        raise ScenarioError(
+            f"{where}: expected at most {USUAL_OBSTACLES.circles:,} circles, got {len(value):,}"
+        )
     circles = []
     for i, row in enumerate(value):
         place = f"{where}: circle {i}"

@@ -1,0 +1,39 @@
+"""How much of the world a step looks at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from kmpc_lite.control.options.fields import check, count, metres
+
+
+@dataclass(frozen=True, slots=True)
+class ObstacleOptions:
+    """Largest obstacles, and most of them: more would take seconds, or more memory than there is.
+
+    Polygons and grids are held to them where they are made, all obstacles together in each step,
+    which stops the robot where they are too many.
+    """
+
+    circles: int = count(1500)
+    """Circles of one step."""
+    edges: int = count(2000)
+    """Edges of all polygons and walls of one step; each polygon counts as the one with the most."""
+    polygon_corners: int = count(100)
+    """Corners of one polygon."""
+    grids: int = count(10)
+    """Grids of one step."""
+    grid_cells: int = count(2**24)
+    """Cells of one grid, and of all of one step."""
+    grid_runs: int = count(50_000)
+    """Runs of occupied cells, along rows or columns as these are fewer, of one grid and of all of
+    one step: noise has many, walls have few."""
+    cell: float = metres(1e-4)
+    """Least side of a grid's cell [m]: no sensor sees finer."""
+
+    def __post_init__(self) -> None:
+        check(self)
+
+
+USUAL_OBSTACLES = ObstacleOptions()
+"""What polygons and grids are held to where nothing else is asked for."""
