@@ -102,7 +102,7 @@ def tlog(path: Path) -> DurableFile[Chunk]:
         parts: list[bytes] = []
         for chunk in chunks:
             frames = (
-                [bytes(m.get_msgbuf()) for m in codec.feed(chunk.data, chunk.time)]
+                [bytes(frame) for frame in codec.frames(chunk.data, chunk.time)]
                 if chunk.incoming
                 else [chunk.data]
             )

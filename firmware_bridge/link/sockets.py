@@ -9,7 +9,10 @@ from firmware_bridge.link.threaded import Endpoint, Port
 from firmware_bridge.messages import LinkError
 
 CONNECT_TIMEOUT = 1.0
-READ_BYTES = 65536
+READ_BYTES, DATAGRAM_BYTES = 1024, 2048
+"""Read at once: little, so that whoever takes it in is soon done. Longer datagrams are cut."""
+RECEIVE_BUFFER = 65536
+"""What waits unread is old: no more than this of it [bytes]."""
 SEND_BUFFER = 8192
 """Small, so that a peer that stalls cannot pile up old commands [bytes]."""
 PEER_SILENCE = 1.0
@@ -23,6 +26,7 @@ class TcpPort:
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         self._socket = sock
 
     def fileno(self) -> int:
@@ -92,7 +96,7 @@ class UdpPort:
     def read(self) -> bytes:
         """One datagram."""
         try:
-            data, sender = self._socket.recvfrom(READ_BYTES)
+            data, sender = self._socket.recvfrom(DATAGRAM_BYTES)
         except (BlockingIOError, ConnectionRefusedError):
             # refused: a datagram sent before found nobody; it is lost, and silence is a matter of
             # the upper layers

@@ -10,6 +10,7 @@ from collections import deque
 from typing import Protocol
 
 from firmware_bridge.link.protocol import OnBytes
+from firmware_bridge.link.ration import Ration
 from firmware_bridge.messages import LinkError
 
 QUEUE_FRAMES = 32
@@ -25,7 +26,7 @@ class Port(Protocol):
         ...
 
     def read(self) -> bytes:
-        """Take what has arrived, empty if nothing; raises OSError when the other end is gone."""
+        """Take a little of what has arrived, empty if nothing; OSError: the other end is gone."""
         ...
 
     def write(self, data: memoryview) -> int:
@@ -58,6 +59,9 @@ class Endpoint:
 class ThreadedTransport:
     """A `Transport` over the ports of an endpoint.
 
+    It reads in small slices, between which commands leave, and no more than its `Ration`: what a
+    flood sends beyond that waits in the port, or is lost there.
+
     Parameters
     ----------
     endpoint : Endpoint
@@ -79,6 +83,7 @@ class ThreadedTransport:
         self._on_bytes: OnBytes = lambda data, stamp: None
         self._wake_read = self._wake_write = -1
         self._backoff, self._was_open = BACKOFF_FIRST, False
+        self._ration = Ration()
         self._last_error = ""
         self._counters = dict.fromkeys(
             ("bytes_in", "bytes_out", "reconnects", "dropped_frames", "refused_writes", "errors"), 0
@@ -178,25 +183,32 @@ class ThreadedTransport:
         if self._port is None:
             self._reopen()
             return
+        rest = self._ration.rest()
         door = self.endpoint.fileno()
-        ready = self._poll(self._port.fileno(), door, None)
+        ready = self._poll(self._port.fileno(), door, rest or None, reading=not rest)
         if door in ready:
             self.endpoint.turn_away()
-        if self._port.fileno() in ready:
+        if ready.get(self._port.fileno(), 0) & READABLE:
+            self._ration.begin()
             data = self._port.read()
             if data:
                 self._counters["bytes_in"] += len(data)
                 self._on_bytes(data, time.monotonic())
+            self._ration.end()
         self._send()
 
-    def _poll(self, port: int | None, door: int | None, timeout: float | None) -> set[int]:
+    def _poll(
+        self, port: int | None, door: int | None, timeout: float | None, reading: bool = True
+    ) -> dict[int, int]:
+        """Wait for something to do; gives the events of each descriptor that has any."""
         poll = select.poll()
         poll.register(self._wake_read, select.POLLIN)
         if door is not None:
             poll.register(door, select.POLLIN)
-        if port is not None:
-            poll.register(port, READABLE | (select.POLLOUT if self._sending else 0))
-        ready = {fd for fd, _ in poll.poll(None if timeout is None else timeout * 1000.0)}
+        wanted = (READABLE if reading else 0) | (select.POLLOUT if self._sending else 0)
+        if port is not None and wanted:
+            poll.register(port, wanted)
+        ready = dict(poll.poll(None if timeout is None else timeout * 1000.0))
         if self._wake_read in ready:
             os.read(self._wake_read, 4096)
         return ready

@@ -16,7 +16,8 @@ SPEEDS = {
     rate: getattr(termios, f"B{rate}")
     for rate in (9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, 576000, 921600)
 }
-READ_BYTES = 65536
+READ_BYTES = 1024
+"""Read at once: little, so that whoever takes it in is soon done."""
 
 
 def make_raw(fd: int, baud: int | None) -> None:

@@ -26,9 +26,9 @@ from firmware_bridge.safety.pose_watch import PoseWatch
 from firmware_bridge.safety.settings import GateSettings
 from firmware_bridge.safety.slowing import Slowing
 
-MAX_STEP = 0.05
-"""However long the gate was not asked, a command changes by no more than this much time allows
-[s]."""
+LONGEST_RISE = 0.05
+"""However long the gate was not asked, a command grows by no more than this much time allows [s];
+towards zero the whole time counts, or a machine that stalls would brake late."""
 RESEND = 0.5
 """How often the release is sent again until the board has obeyed [s]."""
 
@@ -123,7 +123,7 @@ class SafetyGate:
         status : LinkStatus
             Newest word on the link.
         """
-        dt = 0.0 if self._last is None else min(max(now - self._last, 0.0), MAX_STEP)
+        dt = 0.0 if self._last is None else max(now - self._last, 0.0)
         self._last = now
         reasons = judge(self.settings, now, command, state, status, self.state)
         if reasons:
@@ -191,7 +191,7 @@ class SafetyGate:
             assert command is not None
             share = self._slowing.share(now, command, state, status)
             wanted = limits.clip(command.v, command.omega, share)
-            output = limits.slew(self._output, wanted, dt)
+            output = limits.slew(self._output, wanted, dt, LONGEST_RISE)
         elif self.state is GateState.STOPPING:
             output = limits.slew(self._output, (0.0, 0.0), dt)
         elif self.state is GateState.WAITING:

@@ -70,15 +70,26 @@ class Limits:
         )
 
     def slew(
-        self, start: tuple[float, float], target: tuple[float, float], dt: float
+        self,
+        start: tuple[float, float],
+        target: tuple[float, float],
+        dt: float,
+        longest_rise: float = math.inf,
     ) -> tuple[float, float]:
-        """Go from one command towards another for `dt` [s], straight in the plane of speeds."""
+        """Go from one command towards another for `dt` [s], straight in the plane of speeds.
+
+        Away from zero it goes for `longest_rise` [s] at most.
+        """
         if dt <= 0.0:
             return start
+        rise = min(dt, longest_rise)
         share = min(
-            _share(start[0], target[0], self.acceleration * dt, self.deceleration * dt),
+            _share(start[0], target[0], self.acceleration * rise, self.deceleration * dt),
             _share(
-                start[1], target[1], self.angular_acceleration * dt, self.angular_deceleration * dt
+                start[1],
+                target[1],
+                self.angular_acceleration * rise,
+                self.angular_deceleration * dt,
             ),
         )
         if share >= 1.0:

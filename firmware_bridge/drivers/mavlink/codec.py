@@ -14,13 +14,14 @@ from __future__ import annotations
 import math
 import re
 import struct
+import threading
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-MARKER = re.compile(
-    bytes((ord("["), dialect.PROTOCOL_MARKER_V1, dialect.PROTOCOL_MARKER_V2, ord("]")))
-)
+MARKER = re.compile(rb"\xfd(?!.[^\x00\x01])|\xfe(?!\xfe.{3}\xfe)", re.DOTALL)
+"""First byte of a frame: not before flags that no frame has, nor in a run of itself."""
 HEADER = {dialect.PROTOCOL_MARKER_V1: 6, dialect.PROTOCOL_MARKER_V2: 10}
 CRC_BYTES, SIGNATURE_BYTES = 2, 13
 STALLED = 0.2
@@ -37,7 +38,10 @@ COUNTERS = (
     "signed",
     "unsigned",
     "bad_signature",
+    "passed_over",
 )
+Wanted = Callable[[int, int, int], bool]
+"""Whether a frame of this system and component with this message id is worth decoding."""
 
 
 def signing_time(wall_time: float) -> int:
@@ -47,6 +51,8 @@ def signing_time(wall_time: float) -> int:
 
 class MavlinkCodec:
     """One end of a MAVLink stream.
+
+    One thread may feed it while others encode.
 
     Parameters
     ----------
@@ -60,6 +66,9 @@ class MavlinkCodec:
     wall_time : float
         Unix time to start signature time stamps at [s]; signing is the one place where the protocol
         asks for it.
+    wanted : callable, optional
+        Frames that it does not want are counted and passed over: decoding costs ten times as much
+        as finding a frame.
     """
 
     def __init__(
@@ -70,8 +79,12 @@ class MavlinkCodec:
         wall_time: float = 0.0,
         *,
         accept_unsigned: bool = False,
+        wanted: Wanted | None = None,
     ) -> None:
         self._mav: Any = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._lock = threading.Lock()
+        """Held for one frame: signing, and checking signatures, share the time stamp."""
+        self._wanted = wanted
         self._buffer = bytearray()
         self._waiting_since = math.inf
         self.counters = dict.fromkeys(COUNTERS, 0)
@@ -92,38 +105,53 @@ class MavlinkCodec:
 
     def encode(self, message: Any, version: int = 2) -> bytes:
         """Frame a message; ValueError for a value that its field cannot hold."""
-        try:
-            frame = bytes(message.pack(self._mav, force_mavlink1=version == 1))
-        except (struct.error, OverflowError) as error:
-            raise ValueError(f"{message.get_type()}: {error}") from error
-        self._mav.seq = (self._mav.seq + 1) % 256
+        with self._lock:
+            try:
+                frame = bytes(message.pack(self._mav, force_mavlink1=version == 1))
+            except (struct.error, OverflowError) as error:
+                raise ValueError(f"{message.get_type()}: {error}") from error
+            self._mav.seq = (self._mav.seq + 1) % 256
         self.counters["frames_out"] += 1
         return frame
 
     def feed(self, data: bytes, now: float) -> list[Any]:
         """Take bytes as they came and give the messages now whole, in order; never raises."""
+        return list(self.messages(data, now))
+
+    def messages(self, data: bytes, now: float) -> Iterator[Any]:
+        """Take bytes as they came; each message is decoded when it is asked for."""
+        for frame in self.frames(data, now):
+            if self._wanted is not None and not self._wanted(*_origin(frame)):
+                self.counters["passed_over"] += 1
+                continue
+            message = self._decode(frame)
+            if message is not None:
+                self.counters["frames_in"] += 1
+                yield message
+
+    def frames(self, data: bytes, now: float) -> Iterator[bytearray]:
+        """Take bytes as they came and give the frames now whole, their CRC checked, in order."""
         self._buffer += data
-        messages, start = [], 0
-        while (start := self._next_marker(start)) < len(self._buffer):
-            size = self._frame_size(start)
-            if size > len(self._buffer) - start:
-                self._waiting_since = min(self._waiting_since, now)
-                if now - self._waiting_since < STALLED:
-                    break
-                size = 0
-            self._waiting_since = math.inf
-            message = self._decode(self._buffer[start : start + size]) if size else None
-            if message is None:
-                self.counters["bad_data"] += 1
-                self.counters["skipped_bytes"] += 1
-                start += 1
-            else:
-                start += size
-                if message is not _REFUSED:
-                    messages.append(message)
-        del self._buffer[:start]
-        self.counters["frames_in"] += len(messages)
-        return messages
+        start = 0
+        try:
+            while (start := self._next_marker(start)) < len(self._buffer):
+                size = self._frame_size(start)
+                if size > len(self._buffer) - start:
+                    self._waiting_since = min(self._waiting_since, now)
+                    if now - self._waiting_since < STALLED:
+                        break
+                    size = 0
+                self._waiting_since = math.inf
+                frame = self._buffer[start : start + size]
+                if size and _crc_is_right(frame):
+                    start += size
+                    yield frame
+                else:
+                    self.counters["bad_data"] += 1
+                    self.counters["skipped_bytes"] += 1
+                    start += 1
+        finally:
+            del self._buffer[:start]
 
     def _next_marker(self, start: int) -> int:
         """Index of the next possible start of a frame; the buffer's length if there is none."""
@@ -153,25 +181,18 @@ class MavlinkCodec:
         return header + int(buffer[start + 1]) + CRC_BYTES + (SIGNATURE_BYTES if flags else 0)
 
     def _decode(self, frame: bytearray) -> Any:
-        """Message of a frame, or None for bytes that are no frame.
-
-        A whole frame that does not count gives `_REFUSED`.
-        """
-        second = frame[0] == dialect.PROTOCOL_MARKER_V2
-        signed = second and bool(frame[2])
-        body = frame[: len(frame) - SIGNATURE_BYTES] if signed else frame
-        kind = dialect.mavlink_map[int.from_bytes(frame[7:10], "little") if second else frame[5]]
-        crc = dialect.x25crc(bytes(body[1:-CRC_BYTES]) + bytes((kind.crc_extra,))).crc
-        if crc != int.from_bytes(body[-CRC_BYTES:], "little"):
-            return None
+        """Message of a whole frame, None where its signature or its content does not count."""
+        signed = frame[0] == dialect.PROTOCOL_MARKER_V2 and bool(frame[2])
         self.counters["signed"] += signed
-        try:
-            return self._mav.decode(frame)
-        except dialect.MAVError:
-            if self._mav.signing.secret_key is None:
-                return None
-            self.counters["bad_signature" if signed else "unsigned"] += 1
-            return _REFUSED
+        with self._lock:
+            try:
+                return self._mav.decode(frame)
+            except dialect.MAVError:
+                if self._mav.signing.secret_key is None:
+                    self.counters["bad_data"] += 1
+                else:
+                    self.counters["bad_signature" if signed else "unsigned"] += 1
+        return None
 
     def _check_signature(self, frame: bytearray, system: int, component: int) -> bool:
         """Verify a frame's signature.
@@ -192,4 +213,17 @@ class MavlinkCodec:
         return good
 
 
-_REFUSED = object()
+def _origin(frame: bytearray) -> tuple[int, int, int]:
+    """System, component and message id of a frame."""
+    if frame[0] == dialect.PROTOCOL_MARKER_V1:
+        return frame[3], frame[4], frame[5]
+    return frame[5], frame[6], int.from_bytes(frame[7:10], "little")
+
+
+def _crc_is_right(frame: bytearray) -> bool:
+    """Whether bytes of the length of a frame are one."""
+    second = frame[0] == dialect.PROTOCOL_MARKER_V2
+    end = len(frame) - (SIGNATURE_BYTES if second and frame[2] else 0)
+    kind = dialect.mavlink_map[_origin(frame)[2]]
+    crc = dialect.x25crc(bytes(frame[1 : end - CRC_BYTES]) + bytes((kind.crc_extra,))).crc
+    return bool(crc == int.from_bytes(frame[end - CRC_BYTES : end], "little"))

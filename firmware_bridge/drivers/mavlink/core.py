@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 from firmware_bridge.drivers.mavlink.authority import HOLD, Aim, Authority
@@ -16,7 +17,7 @@ from firmware_bridge.drivers.mavlink.greeting import Greeting
 from firmware_bridge.drivers.mavlink.messages import MessageBuilder
 from firmware_bridge.drivers.mavlink.mocap_feed import MocapFeed
 from firmware_bridge.drivers.mavlink.options import MOCAP, MavlinkOptions
-from firmware_bridge.drivers.mavlink.others import OtherStations
+from firmware_bridge.drivers.mavlink.others import WATCHED, OtherStations
 from firmware_bridge.drivers.mavlink.streams import EKF_STATUS, StreamRequests, wanted_streams
 from firmware_bridge.drivers.mavlink.telemetry import PoseTracker
 from firmware_bridge.drivers.mavlink.words import Words, tells_failsafe
@@ -29,6 +30,7 @@ ARMED = 128
 CRITICAL = 5
 """HEARTBEAT.system_status while a failsafe of the autopilot acts."""
 TIMESYNC_PERIOD, ZERO_PERIOD, ORIGIN_PERIOD = 1.0, 0.1, 2.0
+ANSWER_PERIOD = 0.05
 TIMESYNC_FIRST = 0.1
 """Between requests until enough were answered [s]."""
 
@@ -36,7 +38,8 @@ TIMESYNC_FIRST = 0.1
 class MavlinkCore:
     """What is known of the vehicle and what it is to be told.
 
-    Not thread-safe: `MavlinkDriver` holds one lock around every call.
+    Not thread-safe: `MavlinkDriver` holds one lock around every call but `receive`, which takes it
+    for one message at a time.
 
     Parameters
     ----------
@@ -52,7 +55,15 @@ class MavlinkCore:
         self, options: MavlinkOptions, write: Callable[[bytes], object], wall_time: float
     ) -> None:
         self.options, self._write = options, write
-        self._codec = MavlinkCodec(*options.us, key=options.read_key(), wall_time=wall_time)
+        vehicle = (options.system, options.component)
+        self._codec = MavlinkCodec(
+            *options.us,
+            key=options.read_key(),
+            wall_time=wall_time,
+            wanted=lambda system, component, kind: (
+                (system, component) == vehicle or kind in WATCHED
+            ),
+        )
         self._build = MessageBuilder(options)
         self.clock, self.pose = VehicleClock(), PoseTracker()
         self.desk = CommandDesk(
@@ -84,7 +95,7 @@ class MavlinkCore:
             "STATUSTEXT": self._on_text,
             "GPS_GLOBAL_ORIGIN": self._on_origin,
         }
-        self._due = dict.fromkeys(("heartbeat", "timesync", "zero", "origin"), -math.inf)
+        self._due = dict.fromkeys(("heartbeat", "timesync", "answer", "zero", "origin"), -math.inf)
         names = (
             "unmatched_acks",
             "unmatched_timesync",
@@ -92,17 +103,23 @@ class MavlinkCore:
         )
         self._counters = dict.fromkeys(names, 0)
 
-    def receive(self, data: bytes, now: float) -> None:
-        """Take bytes from the link."""
-        for message in self._codec.feed(data, now):
+    def receive(
+        self, data: bytes, now: float, lock: AbstractContextManager[Any] | None = None
+    ) -> None:
+        """Take bytes from the link.
+
+        `lock` is held while a message is taken, not while bytes are searched and decoded: whoever
+        commands must not wait for a flood.
+        """
+        lock = nullcontext() if lock is None else lock
+        for message in self._codec.messages(data, now):
             header = message.get_header()
-            if (header.srcSystem, header.srcComponent) == (
-                self.options.system,
-                self.options.component,
-            ):
-                self._on_message(message, now)
-            else:
-                self.others.saw(message, now)
+            ours = (self.options.system, self.options.component)
+            with lock:
+                if (header.srcSystem, header.srcComponent) == ours:
+                    self._on_message(message, now)
+                else:
+                    self.others.saw(message, now)
 
     def _on_message(self, message: Any, now: float) -> None:
         """Take one message of our vehicle."""
@@ -146,7 +163,9 @@ class MavlinkCore:
 
     def _on_timesync(self, message: Any, now: float) -> None:
         if message.tc1 == 0:
-            self._send(self._build.timesync(int(now * 1e9), message.ts1))
+            # answered now and then: a flood of questions must not crowd commands out of the link
+            if self._is_due("answer", now, ANSWER_PERIOD):
+                self._send(self._build.timesync(int(now * 1e9), message.ts1))
         elif self.clock.answer(message.tc1, message.ts1, now):
             self.greeting.on_answer(now)
             self.frame.on_clock(self.clock.resets)
@@ -304,7 +323,9 @@ class MavlinkCore:
             "refused_poses": self.mocap.refused,
             "frame_doubts": self.frame.doubts,
         }
-        return {**self._codec.counters, **self._counters, **self.others.counters, **more}
+        counters = {**self._codec.counters, **self._counters, **self.others.counters, **more}
+        counters["others"] += counters.pop("passed_over")
+        return counters
 
     def _send(self, message: Any) -> None:
         self._write(self._codec.encode(message))

@@ -247,11 +247,11 @@ class MavlinkDriver:
 
     def _on_bytes(self, data: bytes, stamp: float) -> None:
         """Take what arrived (I/O thread); errors are counted and told, and the thread goes on."""
+        try:
+            self._core.receive(data, stamp, self._changed)
+        except Exception as error:
+            self._note(error)
         with self._changed:
-            try:
-                self._core.receive(data, stamp)
-            except Exception as error:
-                self._note(error)
             self._changed.notify_all()
 
     def _run(self) -> None:

@@ -8,6 +8,8 @@ from typing import Any
 SET_POINT_MESSAGES = frozenset(
     ("SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT", "SET_ATTITUDE_TARGET")
 )
+WATCHED = frozenset((0, 82, 84, 86))
+"""Ids of what is looked at of others: HEARTBEAT, and the set-points above."""
 MASTER_TOLD = 1.0
 """How long another's set-point makes a fault [s]."""
 STATION_TOLD = 5.0

@@ -11,6 +11,7 @@ CHUNK = 50
 PATIENCE = 1.0
 """A text whose other chunks have not come after this long is told as far as it is known [s]."""
 KEPT = 20
+"""So many texts are remembered, of each sort: whole, in chunks, and why it does not arm."""
 FRESH = 35.0
 """ArduPilot repeats why it does not arm every 30 s: older words have been dealt with [s]."""
 AT_ONCE = 1.5
@@ -54,6 +55,8 @@ class Words:
         self.tick(now)
         if not message.id:
             return self._keep(message.severity, message.text, now)
+        if message.id not in self._partial and len(self._partial) >= KEPT:
+            del self._partial[next(iter(self._partial))]
         entry = self._partial.setdefault(message.id, _Partial(message.severity, now))
         entry.chunks[message.chunk_seq] = message.text
         if not entry.whole:
@@ -84,6 +87,8 @@ class Words:
             words = text.partition(":")[2].strip()
             self._refusals.pop(words, None)  # PreArm and Arm may say the same
             self._refusals[words] = text, now
+            if len(self._refusals) > KEPT:
+                del self._refusals[next(iter(self._refusals))]
         return text
 
 
