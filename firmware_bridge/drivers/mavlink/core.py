@@ -11,18 +11,21 @@ from firmware_bridge.drivers.mavlink.authority import HOLD, Aim, Authority
 from firmware_bridge.drivers.mavlink.clock import VehicleClock
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
 from firmware_bridge.drivers.mavlink.commands import PREARM_CHECKS, CommandDesk
+from firmware_bridge.drivers.mavlink.due import Due
 from firmware_bridge.drivers.mavlink.failsafe import GcsFailsafe
 from firmware_bridge.drivers.mavlink.frame_watch import FrameWatch
 from firmware_bridge.drivers.mavlink.greeting import Greeting
 from firmware_bridge.drivers.mavlink.messages import MessageBuilder
 from firmware_bridge.drivers.mavlink.mocap_feed import MocapFeed
 from firmware_bridge.drivers.mavlink.options import MOCAP, MavlinkOptions
-from firmware_bridge.drivers.mavlink.others import WATCHED, OtherStations
+from firmware_bridge.drivers.mavlink.others import OtherStations, worth_decoding
 from firmware_bridge.drivers.mavlink.streams import EKF_STATUS, StreamRequests, wanted_streams
 from firmware_bridge.drivers.mavlink.telemetry import PoseTracker
 from firmware_bridge.drivers.mavlink.words import Words, tells_failsafe
 from firmware_bridge.messages import LinkStatus, State
 
+Lock = AbstractContextManager[Any]
+NO_LOCK: Lock = nullcontext()
 ARDUPILOT, ROVER_TYPES = 3, (10, 11)
 """MAV_AUTOPILOT, and MAV_TYPE of a ground rover and a surface boat."""
 ARMED = 128
@@ -55,15 +58,9 @@ class MavlinkCore:
         self, options: MavlinkOptions, write: Callable[[bytes], object], wall_time: float
     ) -> None:
         self.options, self._write = options, write
-        vehicle = (options.system, options.component)
-        self._codec = MavlinkCodec(
-            *options.us,
-            key=options.read_key(),
-            wall_time=wall_time,
-            wanted=lambda system, component, kind: (
-                (system, component) == vehicle or kind in WATCHED
-            ),
-        )
+        key, self._vehicle = options.read_key(), (options.system, options.component)
+        wanted = worth_decoding(*self._vehicle)
+        self._codec = MavlinkCodec(*options.us, key=key, wall_time=wall_time, wanted=wanted)
         self._build = MessageBuilder(options)
         self.clock, self.pose = VehicleClock(), PoseTracker()
         self.desk = CommandDesk(
@@ -95,28 +92,19 @@ class MavlinkCore:
             "STATUSTEXT": self._on_text,
             "GPS_GLOBAL_ORIGIN": self._on_origin,
         }
-        self._due = dict.fromkeys(("heartbeat", "timesync", "answer", "zero", "origin"), -math.inf)
-        names = (
-            "unmatched_acks",
-            "unmatched_timesync",
-            "held_back",
-        )
-        self._counters = dict.fromkeys(names, 0)
+        self._is_due = Due()
+        self._counters = dict.fromkeys(("unmatched_acks", "unmatched_timesync", "held_back"), 0)
 
-    def receive(
-        self, data: bytes, now: float, lock: AbstractContextManager[Any] | None = None
-    ) -> None:
+    def receive(self, data: bytes, now: float, lock: Lock = NO_LOCK) -> None:
         """Take bytes from the link.
 
         `lock` is held while a message is taken, not while bytes are searched and decoded: whoever
         commands must not wait for a flood.
         """
-        lock = nullcontext() if lock is None else lock
         for message in self._codec.messages(data, now):
             header = message.get_header()
-            ours = (self.options.system, self.options.component)
             with lock:
-                if (header.srcSystem, header.srcComponent) == ours:
+                if (header.srcSystem, header.srcComponent) == self._vehicle:
                     self._on_message(message, now)
                 else:
                     self.others.saw(message, now)
@@ -329,9 +317,3 @@ class MavlinkCore:
 
     def _send(self, message: Any) -> None:
         self._write(self._codec.encode(message))
-
-    def _is_due(self, what: str, now: float, period: float) -> bool:
-        if now < self._due[what]:
-            return False
-        self._due[what] = now + period
-        return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 SET_POINT_MESSAGES = frozenset(
@@ -16,6 +17,11 @@ STATION_TOLD = 5.0
 """How long after its last heartbeat a ground station counts as there [s]."""
 GCS = 6
 """MAV_TYPE of a ground station."""
+
+
+def worth_decoding(system: int, component: int) -> Callable[[int, int, int], bool]:
+    """Whether a frame is of our vehicle, or one of the few of others that are looked at."""
+    return lambda of, by, kind: (of, by) == (system, component) or kind in WATCHED
 
 
 class OtherStations:
