@@ -24,7 +24,6 @@ LONG_FILES = {
     "firmware_bridge/emulator/rover/autopilot.py": 325,
     "firmware_bridge/link/framing.py": 325,
     "firmware_bridge/link/loopback.py": 350,
-    "firmware_bridge/recording/recorder.py": 350,
     "firmware_bridge/runtime/loop.py": 400,
     "kmpc_lite/adaptation/online.py": 350,
     "kmpc_lite/bench/measure.py": 325,

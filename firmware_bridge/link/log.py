@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from firmware_bridge.link import OnBytes, Transport
 from firmware_bridge.messages import ConfigError
-from firmware_bridge.recording.recorder import DurableFile
+from firmware_bridge.recording.durable import DurableFile
 
 RAW_MAGIC = b"kmpc-bridge raw log 1\n"
 RAW_RECORD = struct.Struct(">QBH")
@@ -98,7 +98,7 @@ def tlog(path: Path) -> DurableFile[Chunk]:
     # Unix time as the format wants it, taken once: the log must not jump with the wall clock
     codec, unix = MavlinkCodec(255, 190), time.time() - time.monotonic()
 
-    def encode(chunks: Iterable[Chunk]) -> bytes:
+    def encode(chunks: Iterable[Chunk]) -> list[bytes]:
         parts: list[bytes] = []
         for chunk in chunks:
             frames = (
@@ -108,17 +108,17 @@ def tlog(path: Path) -> DurableFile[Chunk]:
             )
             stamp = TLOG_STAMP.pack(int((chunk.time + unix) * 1e6))
             parts += [stamp + frame for frame in frames]
-        return b"".join(parts)
+        return parts
 
     return DurableFile(path, encode)
 
 
-def _encode_raw(chunks: Iterable[Chunk]) -> bytes:
-    return b"".join(
+def _encode_raw(chunks: Iterable[Chunk]) -> list[bytes]:
+    return [
         RAW_RECORD.pack(int(chunk.time * 1e6), not chunk.incoming, len(piece)) + piece
         for chunk in chunks
         for piece in (chunk.data[i : i + LONGEST] for i in range(0, len(chunk.data), LONGEST))
-    )
+    ]
 
 
 def read_link_log(path: Path) -> Iterator[Chunk]:

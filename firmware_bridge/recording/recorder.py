@@ -1,32 +1,19 @@
-"""Records a drive: the bytes of the link both ways, and a CSV that `kmpc fit` reads.
-
-Nothing here can stop a robot: records go into bounded queues, a thread of each file's own writes
-and syncs them, and a full disk ends the log, not the drive.
-"""
+"""Records a drive in a CSV that `kmpc fit` reads."""
 
 from __future__ import annotations
 
 import math
 import os
-import threading
-import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
-from firmware_bridge.messages import ConfigError, State
+from firmware_bridge.messages import State
+from firmware_bridge.recording.durable import DurableFile
 from firmware_bridge.safety.gate import GateOutput
 from firmware_bridge.safety.gate_table import DRIVING
 
-T = TypeVar("T")
-WRITE_PERIOD = 0.25
-"""Between writes [s]."""
-SYNC_PERIOD = 0.5
-"""Between syncs to the disk [s]: with what waits for its turn, a power cut costs less than the last
-second."""
-QUEUE = 100_000
-"""Records that may wait for the disk."""
 HEADER = b"t,x,y,theta,v,omega\n"
 LATENESS = 0.3
 """A row is written this long after its time [s]: by then its pose has come, or the robot was
@@ -47,126 +34,6 @@ class Tick(NamedTuple):
     """Whether the robot is to be recorded: it obeys our commands."""
     fresh: bool = False
     """Whether the command is the first of a new plan."""
-
-
-class DurableFile(Generic[T]):
-    """A new file that grows by whole records, from any thread.
-
-    Parameters
-    ----------
-    path : Path
-        Must not exist: a log is never written over.
-    encode : callable
-        Records to bytes; called in the writing thread.
-    header : bytes
-        First bytes of the file.
-
-    Raises
-    ------
-    ConfigError
-        Where the file exists or cannot be made.
-    """
-
-    def __init__(
-        self, path: Path, encode: Callable[[Iterable[T]], bytes], header: bytes = b""
-    ) -> None:
-        self.path, self._encode = path, encode
-        try:
-            self._descriptor = os.open(
-                path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_CLOEXEC, 0o644
-            )
-        except FileExistsError as error:
-            raise ConfigError(
-                f"{path}: exists already: choose another name, or remove it"
-            ) from error
-        except OSError as error:
-            raise ConfigError(f"{path}: cannot write: {error.strerror or error}") from error
-        self._queue: deque[T] = deque()
-        self._quit = threading.Event()
-        self.problem = ""
-        """Why nothing is written any more."""
-        self.dropped = 0
-        """Records that were lost: the disk was too slow, or full."""
-        self.size = 0
-        """Bytes of whole records in the file."""
-        self._header_size = len(header)
-        self._write(header)
-        self._thread = threading.Thread(
-            target=self._run, name=f"bridge-log-{path.suffix}", daemon=True
-        )
-        self._thread.start()
-
-    def put(self, record: T) -> None:
-        """Add a record; returns at once and never raises."""
-        if self.problem or len(self._queue) >= QUEUE:
-            self.dropped += 1
-        else:
-            self._queue.append(record)
-
-    def close(self) -> None:
-        """Write what waits and close; idempotent."""
-        if not self._quit.is_set():
-            self._quit.set()
-            self._thread.join()
-            os.close(self._descriptor)
-
-    def discard_if_empty(self) -> None:
-        """Remove a closed file into which no record came."""
-        if self.size == self._header_size:
-            self.path.unlink(missing_ok=True)
-
-    def _run(self) -> None:
-        synced, due = time.monotonic(), False
-        while True:
-            last = self._quit.wait(WRITE_PERIOD)
-            records = [self._queue.popleft() for _ in range(len(self._queue))]
-            if records and not self.problem:
-                try:
-                    data = self._encode(records)
-                except (
-                    Exception
-                ) as error:  # a log that cannot be made sense of must not end the drive
-                    self.dropped += len(records)
-                    self.problem = (
-                        f"{self.path}: {type(error).__name__}: {error}: logging has ended"
-                    )
-                    data = b""
-                due = self._write(data) or due
-            elif records:
-                self.dropped += len(records)
-            if due and (last or time.monotonic() - synced >= SYNC_PERIOD):
-                synced, due = time.monotonic(), False
-                self._sync()
-            if last:
-                return
-
-    def _write(self, data: bytes) -> bool:
-        """Append whole records; what a full disk cut short is taken back."""
-        try:
-            left = memoryview(data)
-            while left:
-                left = left[os.write(self._descriptor, left) :]
-        except OSError as error:
-            self._fail(error)
-            try:
-                os.ftruncate(self._descriptor, self.size)
-            except OSError:  # the disk is gone: readers know how to stop at a torn record
-                return False
-            return False
-        self.size += len(data)
-        return bool(data)
-
-    def _sync(self) -> None:
-        try:
-            os.fsync(self._descriptor)
-        except OSError as error:
-            self._fail(error)
-
-    def _fail(self, error: OSError) -> None:
-        self.problem = (
-            f"{self.path}: {error.strerror or error}: logging has ended after {self.size} "
-            "bytes; the robot drives on"
-        )
 
 
 class RowSampler:
@@ -290,9 +157,13 @@ class CsvRecorder:
 
     def __init__(self, path: Path, period: float, by_hand: bool = False) -> None:
         self._sampler = RowSampler(period, by_hand)
-        self.rows = 0
         self._last = -math.inf
         self.file: DurableFile[Tick | None] = DurableFile(path, self._encode, HEADER)
+
+    @property
+    def rows(self) -> int:
+        """Rows in the file so far."""
+        return max(0, self.file.written)
 
     def on_tick(
         self, now: float, state: State | None, output: GateOutput, sent: bool, fresh: bool
@@ -307,12 +178,11 @@ class CsvRecorder:
         self.file.put(None)
         self.file.close()
 
-    def _encode(self, ticks: Iterable[Tick | None]) -> bytes:
+    def _encode(self, ticks: Iterable[Tick | None]) -> list[bytes]:
         rows: list[tuple[float, ...]] = []
         for tick in ticks:
             rows += self._sampler.finish(self._last) if tick is None else self._sampler.take(tick)
-        self.rows += len(rows)
-        return b"".join(map(csv_row, rows))
+        return list(map(csv_row, rows))
 
 
 def _finite(state: State) -> bool:

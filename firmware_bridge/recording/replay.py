@@ -10,9 +10,9 @@ from typing import Any
 
 from firmware_bridge.link.log import Chunk, play, read_link_log
 from firmware_bridge.messages import ConfigError, LinkError, State
+from firmware_bridge.recording.durable import DurableFile
 from firmware_bridge.recording.recorder import (
     HEADER,
-    DurableFile,
     RowSampler,
     Tick,
     csv_row,
@@ -112,7 +112,7 @@ def decode_tlog(chunks: list[Chunk], system: int) -> tuple[list[State], Counter[
 
 def write_csv(path: Path, states: list[State], period: float) -> int:
     """Write poses and measured speeds on an even grid; gives the number of rows."""
-    file: DurableFile[bytes] = DurableFile(path, b"".join, HEADER)
+    file: DurableFile[bytes] = DurableFile(path, list, HEADER)
     sampler, rows = RowSampler(period, by_hand=True), []
     for state in states:
         rows += sampler.take(Tick(state.stamp, state, None, True))

@@ -77,8 +77,9 @@ def run(
         report["outcome"] = _outcome(navigator, session.loop.stop_reason if interrupted else "")
         if not navigator.arrived:
             report["why"] = why or session.why()
-        if out is not None:
-            tell(report, session, out)
+    report["problems"] = session.problems()  # counted after the session has closed its files
+    if out is not None:
+        tell(report, session, out)
     if navigator.arrived and not navigator.touched:
         return report, DONE
     return report, INTERRUPTED if interrupted else NOT_DONE
@@ -141,9 +142,8 @@ def record(
         session.drive(finished)
         report = {"outcome": "recorded", **session.report()}
         interrupted = session.loop.stop_reason in SIGNALS
-        problems = session.problems()
     # counted after the session has closed its files
-    report["rows"] = session.rows
+    report["rows"], report["problems"] = session.rows, (problems := session.problems())
     if out is not None:
         out.write(f"{session.rows} rows every {period:g} s in {', '.join(report['files'])}\n")
         out.write("".join(f"{p}\n" for p in problems))

@@ -17,7 +17,8 @@ from firmware_bridge.link import Transport, open_transport
 from firmware_bridge.link.log import Chunk, RecordedTransport, raw_log, tlog
 from firmware_bridge.live.terminal import View
 from firmware_bridge.messages import BridgeError, ConfigError, Controller
-from firmware_bridge.recording.recorder import CsvRecorder, DurableFile
+from firmware_bridge.recording.durable import DurableFile
+from firmware_bridge.recording.recorder import CsvRecorder
 from firmware_bridge.robot_file import Robot, check_period
 from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.loop import ControlLoop

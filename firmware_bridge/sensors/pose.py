@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,6 +23,9 @@ WINDOW = 10.0
 RESTART = 1.0
 """A stamp that runs back, or ahead of ours, by more than this comes from a clock that was set anew
 [s]."""
+RESTARTS, STEADY = 2, 10.0
+"""A source's clock may be set anew so often within this time [s]: each time the age of its poses
+begins at nothing. One that jumps on is not believed until it has been steady for as long."""
 SLACK, FASTEST = 0.15, 3.0
 """A pose farther from the last than `SLACK` [m] and `FASTEST` [m/s] allow is a jump: exchanged
 markers, or a robot that is carried."""
@@ -42,6 +46,7 @@ COUNTERS = (
     "out_of_order",
     "jumps",
     "clock_jumps",
+    "unsteady",
     "silences",
     "refused_by_driver",
 )
@@ -100,6 +105,8 @@ class PoseFilter:
         """Newest that is believed, stamped with our clock."""
         self._heard: float | None = None
         self._source_stamp = -math.inf
+        self._restarts: deque[float] = deque(maxlen=RESTARTS + 1)
+        """When its clock was last set anew [s]."""
         self._ways: deque[tuple[float, float]] = deque()
         """Arrival [s] and arrival minus stamp [s], growing from the shortest of the window on."""
         self._doubted: SourcePose | None = None
@@ -121,6 +128,9 @@ class PoseFilter:
         if pose is None or (self.latest is not None and pose.stamp <= self.latest.stamp):
             self.counters["out_of_order"] += 1
             return None
+        if self.fault(now):
+            self.counters["unsteady"] += 1
+            return None
         if self.latest is not None and _jumps(self.latest, pose) and not self._settled(pose):
             self.counters["jumps"] += 1
             return None
@@ -135,6 +145,7 @@ class PoseFilter:
             self._ways and way < self._ways[0][1] - RESTART
         ):
             self.counters["clock_jumps"] += 1
+            self._restarts.append(now)
             self._ways.clear()
         elif said.stamp <= self._source_stamp:
             return None
@@ -145,6 +156,13 @@ class PoseFilter:
         while self._ways[0][0] < now - WINDOW:
             self._ways.popleft()
         return said._replace(stamp=min(now, said.stamp + self._ways[0][1]))
+
+    def fault(self, now: float) -> str:
+        """Why nothing is believed now, empty where that is not so."""
+        recent = sum(now - at < STEADY for at in tuple(self._restarts))
+        if recent <= RESTARTS:
+            return ""
+        return f"the clock of the pose source jumps: nothing of it is believed for {STEADY:g} s"
 
     def _settled(self, pose: SourcePose) -> bool:
         """Whether poses elsewhere have agreed with one another for long enough."""
@@ -227,7 +245,13 @@ class PosedDriver:
         stamp = -math.inf if pose is None else pose.stamp
         # an autopilot's own word counts too: its position may be older than what it was fed
         stamp = min(stamp, status.pose_stamp) if self._feed is not None else stamp
-        return replace(status, pose_stamp=stamp, counters={**status.counters, **counters, **others})
+        fault = self._filter.fault(time.monotonic())
+        return replace(
+            status,
+            pose_stamp=stamp,
+            faults=(*status.faults, fault) if fault else status.faults,
+            counters={**status.counters, **counters, **others},
+        )
 
     def close(self) -> None:
         """Close the driver, then the source, of which its last stop may have need."""

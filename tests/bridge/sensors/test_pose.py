@@ -15,7 +15,15 @@ from firmware_bridge.link import open_transport
 from firmware_bridge.messages import ConfigError, LinkError
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.session import open_driver
-from firmware_bridge.sensors.pose import COUNTERS, SETTLED, PosedDriver, PoseFilter, parse_pose
+from firmware_bridge.sensors.pose import (
+    COUNTERS,
+    RESTARTS,
+    SETTLED,
+    STEADY,
+    PosedDriver,
+    PoseFilter,
+    parse_pose,
+)
 
 PERIOD = 0.02
 
@@ -112,6 +120,23 @@ def test_a_source_whose_clock_jumps_is_believed_anew_with_stamps_that_go_on(step
     )
 
 
+@pytest.mark.parametrize("hop", [2.0, -2.0, 500.0])
+def test_stamps_that_hop_to_and_fro_are_a_fault_and_not_believed(hop):
+    """Each hop begins the age anew: all of them were believed, however old they were."""
+    source, now = fed()
+    at, believed = now, 0
+    for k in range(1, 200):
+        at = now + k * PERIOD
+        believed += source.take(line(at + 7000.0 + hop * (k // 5 % 2)), at) is not None
+    assert believed <= 5 * (RESTARTS + 1) and source.counters["unsteady"] > 150
+    assert "clock of the pose source jumps" in source.fault(at)
+    begin = at = at + PERIOD
+    while source.take(line(at + 7000.0), at) is None:
+        at += PERIOD
+        assert at - begin < 2 * STEADY
+    assert at - begin > 0.8 * STEADY, "steady again, it is believed again"
+
+
 def test_a_clock_that_drifts_does_not_make_poses_old():
     source, now = fed()
     worst = 0.0
@@ -170,11 +195,11 @@ def test_noise_of_any_kind_raises_nothing():
             good += 1
             assert all(map(math.isfinite, pose)) and pose.stamp <= now
     counts = source.counters
-    assert good == counts["poses"] > 9000 and counts["malformed"] > 1000
-    assert (
-        good + sum(counts[name] for name in ("malformed", "not_finite", "out_of_order", "jumps"))
-        == 20_000
-    )
+    # half of all stamps are damaged: a clock like that is a fault, and not to be believed
+    assert good == counts["poses"] > 0 and good + counts["unsteady"] > 9000
+    assert counts["malformed"] > 1000
+    refused = ("malformed", "not_finite", "out_of_order", "jumps", "unsteady")
+    assert good + sum(counts[name] for name in refused) == 20_000
 
 
 def posed(port, name="roboclaw", **more):
