@@ -10,7 +10,6 @@ import kmpc_lite as kl
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.fit import (
-    SHORTEST_PERIOD,
     calibrated,
     load_and_split,
     make_dictionary,
@@ -18,6 +17,7 @@ from kmpc_lite.cli.fit import (
 )
 from kmpc_lite.cli.output import command_line
 from kmpc_lite.cli.simulate import describe, simulate
+from kmpc_lite.defaults import SHORTEST_PERIOD
 
 SCENARIO = "four_circles_1"
 

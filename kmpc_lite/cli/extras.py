@@ -12,6 +12,8 @@ EXTRAS = {
     "matplotlib": "plot",
     "mujoco": "twin",
     "pymavlink": "bridge",
+    "pyulog": "logs",
+    "rosbags": "logs",
     "shtab": "completion",
 }
 """Extra of pyproject.toml that brings a module."""

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import kmpc_lite as kl
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.files import keep_inputs
+from kmpc_lite.cli.log_options import add_force, add_log_options, read_options
+from kmpc_lite.defaults import SHORTEST_PERIOD
 
-SHORTEST_PERIOD = 0.1
-"""Period of models [s] where neither the user nor a slower log says otherwise: the paper's."""
+if TYPE_CHECKING:
+    from kmpc_lite.learn.logs import ReadOptions
+
 DICTIONARIES = {
     "unicycle": "the paper's [1, x, y, theta, cos, sin]",
     "trig": "[1, cos, sin]: the same wherever the robot is; the choice for a real log",
@@ -24,14 +28,9 @@ DICTIONARIES = {
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
+    add_log_options(parser)
+    add_force(parser)
     add = parser.add_argument
-    add(
-        "log",
-        type=Path,
-        nargs="+",
-        metavar="LOG",
-        help=".csv or .npz with t,x,y,theta,v,omega in s, m, rad, m/s, rad/s",
-    )
     add(
         "-o",
         "--output",
@@ -105,8 +104,15 @@ def run(options: argparse.Namespace) -> int:
     from kmpc_lite.learn.noise_sources import check_sources
 
     keep_inputs(options.output, *options.log)
+    told: list[str] = []
     train, held = load_and_split(
-        options.log, options.dt, options.gap, options.holdout, options.seed
+        options.log,
+        options.dt,
+        options.gap,
+        options.holdout,
+        options.seed,
+        read_options(options),
+        told.append,
     )
     free = options.no_symmetry or options.method == "edmdc"
     lags = read_lags(options.lags, options.product, free)
@@ -129,17 +135,18 @@ def run(options: argparse.Namespace) -> int:
     model.save(options.output)
     info = model.info
     if options.json:
-        told = {
+        facts_told = {
             "model": str(options.output),
+            "logs": told,
             "train": repr(train),
             "held_out": report.as_dict(),
             "margins": calibration.removeprefix("margins: "),
             **({"learned": facts} if facts else {}),
         }
         keys = ("method", "samples", "rank", "features", "condition")
-        print(json.dumps({**told, **{key: info[key] for key in keys}}))
+        print(json.dumps({**facts_told, **{key: info[key] for key in keys}}))
         return 0
-    print(f"train  {train}\nheld   {held}")
+    print("\n".join([*(f"log    {line}" for line in told), f"train  {train}", f"held   {held}"]))
     rank = f"rank {info['rank']} of {info['features']}"
     print(f"fit    {info['method']}, {rank}, condition {info['condition']:.3g}")
     if facts:
@@ -188,50 +195,51 @@ def describe(model: kl.KoopmanModel, train: kl.Dataset, report: kl.FitReport) ->
 
 
 def load_and_split(
-    logs: list[Path], dt: float | None, gap: float | None, holdout: float, seed: int
+    logs: list[Path],
+    dt: float | None,
+    gap: float | None,
+    holdout: float,
+    seed: int,
+    how: ReadOptions | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> tuple[kl.Dataset, kl.Dataset]:
     """Read logs at one period; split their episodes into those to learn from and those to check on.
 
     Parameters
     ----------
     logs : list of Path
-        Files of one robot.
+        Files and folders of one robot, of any format.
     dt : float, optional
-        Period [s]; `SHORTEST_PERIOD`, or the first log's own if longer, where not given.
+        Period [s]; 0.1, or the first log's own if longer, where not given.
     gap : float, optional
         A longer time between rows ends an episode [s].
     holdout : float
         Share of the episodes that is kept for the check.
     seed : int
         Of the split.
+    how : ReadOptions, optional
+        How the logs are to be read.
+    tell : callable, optional
+        Takes lines about how each log was read.
 
     Raises
     ------
     DataError
-        Where the logs are too short to split, or one is given twice.
+        Where the logs are too short to split, something is suspect, or one is given twice.
     """
-    from kmpc_lite.learn.formats.tables import read_period
+    from kmpc_lite.learn.loading import load_logs
 
     if not 0.0 < holdout < 1.0:
         raise kl.DataError(f"--holdout: expected a share between 0 and 1, got {holdout}")
     if seed < 0:
         raise kl.DataError(f"--seed: expected a whole number >= 0, got {seed}")
-    seen: set[Path] = set()
-    for log in logs:
-        if log.resolve() in seen:
-            raise kl.DataError(
-                f"{log}: given twice: what is learned from would be checked against itself"
-            )
-        seen.add(log.resolve())
-    if dt is None:
-        dt = max(SHORTEST_PERIOD, read_period(logs[0]))
-    data = kl.Dataset([e for log in logs for e in kl.Dataset.load(log, dt=dt, gap=gap).episodes])
+    data = load_logs(logs, dt, gap, how, tell)
     if len(data) < 10:
-        data = data.windows(max(5.0, 50 * dt))
+        data = data.windows(max(5.0, 50 * data.dt))
     if len(data) < 2:
         where = ", ".join(map(str, logs))
         raise kl.DataError(
-            f"{where}: {data.steps * dt:g} s of driving are too few to learn from a part "
+            f"{where}: {data.steps * data.dt:g} s of driving are too few to learn from a part "
             "and check the other"
         )
     return data.split(1.0 - holdout, seed=seed)
@@ -277,6 +285,8 @@ COMMAND = Command(
     text="Learn a model from a log and check it on parts of the log that it has not seen.",
     examples=(
         "kmpc fit run.csv -o robot.npz",
+        "kmpc fit drives/ bag/ -o robot.npz --topics odom=/odom cmd=/cmd_vel",
+        "kmpc fit run.csv -o robot.npz --columns t=stamp theta=yaw --units t=ns theta=deg",
         "kmpc fit run.csv -o robot.npz --lags 0 1 2 --product",
     ),
     add_options=add_options,

@@ -11,9 +11,9 @@ import kmpc_lite as kl
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.files import keep_inputs
-from kmpc_lite.cli.fit import SHORTEST_PERIOD
 from kmpc_lite.cli.output import command_line
 from kmpc_lite.cli.scenario import DEFAULT, add_scenario_options, read_scenario
+from kmpc_lite.defaults import SHORTEST_PERIOD
 
 if TYPE_CHECKING:
     from kmpc_lite.sim import Run, Scenario

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -173,29 +174,65 @@ class Dataset:
 
     @classmethod
     def load(
-        cls, path: str | os.PathLike[str], dt: float | None = None, gap: float | None = None
+        cls,
+        path: str | os.PathLike[str],
+        dt: float | None = None,
+        gap: float | None = None,
+        columns: Mapping[str, str] | None = None,
+        topics: Mapping[str, str] | None = None,
+        units: Mapping[str, str] | None = None,
+        frame: str = "enu",
+        commands: str | os.PathLike[str] | None = None,
+        shift: float = 0.0,
     ) -> Dataset:
-        """Read a log with the columns t, x, y, theta, v, omega (s, m, rad, m/s, rad/s).
+        """Read a log of any format, or all logs in a folder.
 
         Parameters
         ----------
         path : path
-            A .csv file with a header, or an .npz file with one array per column; other columns are
-            not looked at.
+            A table (.csv, .tsv, .txt, .npz) with t, x, y, theta, v, omega, or names that mean them;
+            a rosbag2 folder, .mcap, .db3 or .bag; an ArduPilot .bin or .tlog; a PX4 .ulg; a TUM or
+            EuRoC trajectory with `commands` beside it.
         dt : float, optional
-            Period [s] to resample to; without it the log must be evenly sampled and keeps its own.
+            Period [s] to resample to; without it a table must be evenly sampled and keeps its own,
+            other logs get 0.1 s, or the period of their poses if it is longer.
         gap : float, optional
-            A longer time between rows [s] ends an episode; 2.5 times the median period where not
+            A longer time between poses [s] ends an episode; 2.5 times the median period where not
             given.
+        columns : mapping, optional
+            Of tables: ``{"theta": "yaw"}``.
+        topics : mapping, optional
+            Of bags: ``{"odom": "/odom", "cmd": "/cmd_vel"}``.
+        units : mapping, optional
+            ``{"t": "ns", "theta": "-deg+90"}``.
+        frame : {"enu", "ned", "swapped"}
+            How the poses lie.
+        commands : path, optional
+            A table of commands for logs that hold poses only.
+        shift : float
+            Added to the times of the commands [s].
 
         Raises
         ------
         DataError
             With file, line and column, for whatever is wrong.
         """
-        from kmpc_lite.learn.formats.tables import read_log
+        from kmpc_lite.learn.cutting import cut
+        from kmpc_lite.learn.formats.reading import find_logs, read_log
+        from kmpc_lite.learn.logs import ReadOptions
 
-        return cls(read_log(path, dt=dt, gap=gap))
+        dt = None if dt is None else check_time("dt", dt)
+        gap = None if gap is None else check_time("gap", gap)
+        how = ReadOptions(
+            columns=columns or {},
+            topics=topics or {},
+            units=units or {},
+            frame=frame,
+            commands=None if commands is None else Path(commands),
+            shift=shift,
+        )
+        logs = find_logs([path])
+        return cls([e for log in logs for e in cut(read_log(log, how), dt, gap)])
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the episodes as a .csv or .npz log that `load` reads; whole or not at all."""

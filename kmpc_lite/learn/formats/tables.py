@@ -1,323 +1,191 @@
-"""Log formats: one reader each, chosen by the file's ending."""
+"""Tables: CSV and npz files with a column each for time, pose and command."""
 
 from __future__ import annotations
 
 import csv
 import io
 import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
-from itertools import chain, islice
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import read_npz, real_array, write_whole
-from kmpc_lite.learn.dataset import CHUNK, MAX_ROWS, Episode, check_time, resample
-from kmpc_lite.reading import text_lines
+from kmpc_lite.learn.dataset import CHUNK, MAX_ROWS, Episode
+from kmpc_lite.learn.formats.columns import (
+    COLUMNS,
+    COMMANDS,
+    NAMES,
+    QUATERNION,
+    UNITS,
+    Found,
+    find_columns,
+)
+from kmpc_lite.learn.formats.csv_table import line_of, read_csv
+from kmpc_lite.learn.logs import Log, ReadOptions, Series, row_number
+from kmpc_lite.learn.units import parse_units
 from kmpc_lite.types import Array
 
-COLUMNS = ("t", "x", "y", "theta", "v", "omega")
-UNITS = ("s", "m", "m", "rad", "m/s", "rad/s")
-MAX_HEADER = 10_000
-"""Characters of the longest first line that is looked at."""
-MAX_LINE = 100_000
-"""Characters of the longest line: a file without line ends is no table."""
-MAX_NPZ_BYTES = 8 * 6 * MAX_ROWS
-"""Memory of the largest npz log."""
-JITTER = 0.1
-"""Share of the period by which a time step may differ before the log counts as uneven."""
-DRIFT = 0.01
-"""Share of the median step by which the mean may differ before the log counts as uneven."""
+ENDINGS = (".csv", ".npz", ".tsv", ".txt", ".tum")
+WRITTEN = (".csv", ".npz")
 LARGEST = 1e9
 """Beyond this a pose or a command [m, rad, m/s, rad/s] is none: differences of such numbers are
 lost to rounding, squares overflow."""
-GAP = 2.5
-"""A time step longer than this many periods ends an episode."""
 
 
-def read_log(
-    path: str | os.PathLike[str], dt: float | None = None, gap: float | None = None
-) -> list[Episode]:
-    """Read a log into episodes; see `Dataset.load`."""
-    dt = None if dt is None else check_time("dt", dt)
-    gap = None if gap is None else check_time("gap", gap)
-    file = Path(path)
-    return _episodes(file, _read_table(file), dt, gap)
+def read_table(file: Path, options: ReadOptions) -> Log:
+    """Read a table; its commands from another one, where the options name it.
 
-
-def read_period(path: str | os.PathLike[str]) -> float:
-    """Median time between the rows of a log [s], however uneven it is."""
-    time = _read_table(Path(path))[:, 0]
-    return _tidy(float(np.median(np.diff(time))), 2.0 * float(np.spacing(np.abs(time).max())))
-
-
-def _read_table(file: Path) -> Array:
-    """Rows (n, 6) in the order of COLUMNS: at least two, finite, with growing times."""
-    reader = READERS.get(file.suffix.lower())
-    if reader is None:
+    Raises
+    ------
+    DataError
+        With file, line and column, for whatever is wrong.
+    """
+    apart = options.commands is not None
+    found, columns, where = _read_columns(file, options)
+    poses = _as_poses(columns)
+    if not apart and not set(COMMANDS) <= set(columns):
+        missing = [name for name in COMMANDS if name not in columns]
         raise DataError(
-            f"{file}: unknown log format {file.suffix or '(no ending)'!r}; "
-            f"expected {' or '.join(READERS)}"
+            f"{file}: {where(-1)}{', '.join(missing)} missing; expected {','.join(COLUMNS)}, got "
+            f"{','.join(found.names.values())}; --commands FILE gives commands that lie elsewhere"
         )
+    _check(file, columns, found, where, options.force)
+    notes = found.notes
+    series = Series(columns["t"], poses, str(file))
+    if options.commands is None:
+        values = np.column_stack([columns["v"], columns["omega"]])
+        commands = Series(columns["t"], values, str(file))
+    else:
+        commands = read_commands(options.commands, options)
+    log = Log(str(file), series, commands, together=not apart, notes=notes, where=where)
+    return _in_header_units(log, found, options, apart)
+
+
+def read_commands(file: Path, options: ReadOptions) -> Series:
+    """Read a table of commands alone: t, v, omega."""
+    found, columns, where = _read_columns(file, options, poses=False)
+    _check(file, columns, found, where, options.force)
+    units = parse_units({k: u for k, u in found.units.items() if k not in options.units})
+    values = {k: units[k].apply(c) if k in units else c for k, c in columns.items()}
+    return Series(values["t"], np.column_stack([values["v"], values["omega"]]), str(file))
+
+
+def _in_header_units(log: Log, found: Found, options: ReadOptions, apart: bool) -> Log:
+    """A log in SI units, as far as its header tells others; what the user says goes first."""
+    from kmpc_lite.learn.logs import correct
+
+    units = {k: u for k, u in found.units.items() if k not in options.units}
+    if not units:
+        return log
+    told = correct(log, ReadOptions(units=units))
+    return Log(**{**vars(told), "commands": log.commands}) if apart else told
+
+
+def _read_columns(
+    file: Path, options: ReadOptions, poses: bool = True
+) -> tuple[Found, dict[str, Array], Callable[[int], str]]:
+    """Columns that are needed (n,) by our name, and how rows are named."""
+    if file.suffix.lower() == ".npz":
+        found, columns = _read_npz(file, options, poses)
+        return found, columns, _row_of_array
+    found, columns, header = read_csv(file, options, poses)
+    return found, columns, partial(_line_of_text, file, header)
+
+
+def _row_of_array(row: int) -> str:
+    """Name a row of arrays; -1 is what holds the names."""
+    return "arrays: " if row < 0 else row_number(row)
+
+
+def _line_of_text(file: Path, header: bool, row: int) -> str:
+    """Name a row of a text; -1 is its header."""
+    return "line 1: header: " if row < 0 else line_of(file, row, header)
+
+
+def _as_poses(columns: dict[str, Array]) -> Array:
+    """Poses (n, 3); the heading of quaternions is that of the robot's x axis."""
+    theta = columns.get("theta")
+    if theta is None:
+        theta = heading(*(columns[q] for q in QUATERNION))
+    return np.column_stack([columns["x"], columns["y"], theta])
+
+
+def heading(qx: Array, qy: Array, qz: Array, qw: Array) -> Array:
+    """Heading of the robot's x axis, from quaternions of any length [rad]."""
+    turned: Array = np.arctan2(2.0 * (qw * qz + qx * qy), qw**2 + qx**2 - qy**2 - qz**2)
+    return turned
+
+
+def _read_npz(file: Path, options: ReadOptions, poses: bool) -> tuple[Found, dict[str, Array]]:
+    """Columns from one array each."""
+    wanted = {*NAMES, *(a for names in NAMES.values() for a in names), *options.columns.values()}
     try:
-        table = reader(file)
-    except DataError:
-        raise
-    except (OSError, ValueError) as error:
-        raise DataError(
-            f"{file}: cannot read the log: {getattr(error, 'strerror', None) or error}"
-        ) from error
-    _check_table(file, table)
-    return table
-
-
-def _read_csv(file: Path) -> Array:
-    """Rows (n, 6) in the order of COLUMNS."""
-    with closing(text_lines(file, MAX_LINE)) as lines:
-        line = next(lines, "")
-        if len(line) >= MAX_HEADER or not line.strip():
-            what = (
-                "line 1 is too long"
-                if line.strip()
-                else "line 1 is blank"
-                if line
-                else "empty file"
-            )
-            raise DataError(f"{file}: {what}; expected the header {','.join(COLUMNS)}")
-        header = [name.strip() for name in _values(line)]
-        _check_names(file, header, "line 1: header")
-        rows = _rows(file, lines, len(header))
-        first = next(rows, None)
-        if first is None:
-            return np.empty((0, len(COLUMNS)))
-        try:
-            wanted = [header.index(c) for c in COLUMNS]
-            return np.loadtxt(
-                chain([first], rows),
-                delimiter=",",
-                usecols=wanted,
-                ndmin=2,
-                comments=None,
-                quotechar='"',
-            )
-        except DataError:
-            raise
-        except ValueError as error:
-            raise DataError(f"{file}: {_bad_value(file, header) or error}") from error
-
-
-def _values(line: str) -> list[str]:
-    """Values of one line; quotes may hold commas."""
-    try:
-        return next(csv.reader([line]), [])
-    except csv.Error:  # a value of more than 100,000 characters
-        return line.split(",")
-
-
-def _rows(file: Path, lines: Iterator[str], width: int) -> Iterator[str]:
-    """Yield the lines that are not blank; each must have as many values as the header."""
-    rows = 0
-    for number, line in enumerate(lines, 2):
-        quoted = '"' in line
-        if quoted and line.count('"') % 2:
-            raise DataError(f"{file}: line {number}: a quote without its end")
-        if quoted or line.count(",") != width - 1:
-            if not line.strip():
-                continue
-            if (count := len(_values(line))) != width:
-                raise DataError(
-                    f"{file}: line {number}: expected {width} values as in the header, got {count}"
-                )
-        rows += 1
-        if rows > MAX_ROWS:
-            raise DataError(
-                f"{file}: more than {MAX_ROWS:,} rows; "
-                "cut the log into files and join their datasets"
-            )
-        yield line
-
-
-def _bad_value(file: Path, header: list[str]) -> str | None:
-    """Find the first value that is no number: its line, column and text."""
-    with closing(text_lines(file, MAX_LINE)) as lines:
-        for number, line in islice(enumerate(lines, 1), 1, None):
-            values = _values(line)
-            for name in COLUMNS if line.strip() else ():
-                if not _is_number(text := values[header.index(name)].strip()):
-                    return f"line {number}, column {name}: expected a number, got {_short(text)!r}"
-    return None
-
-
-def _is_number(text: str) -> bool:
-    """Whether NumPy reads it: Python takes 1_000 and other scripts' digits too."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return text.isascii() and "_" not in text
-
-
-def _read_npz(file: Path) -> Array:
-    """Rows (n, 6) in the order of COLUMNS, from one array per column."""
-    try:
-        arrays, names = read_npz(file, COLUMNS, MAX_NPZ_BYTES)
+        arrays, names = read_npz(file, wanted)
     except OSError:
         raise
     except ValueError as error:
         raise DataError(f"{file}: not an npz log, or damaged: {error}") from error
-    _check_names(file, names, "arrays")
-    shapes = {name: arrays[name].shape for name in COLUMNS}
+    found = find_columns(file, names, options.columns, "arrays", poses)
+    got = {name: arrays[theirs] for name, theirs in found.names.items()}
+    shapes = {name: array.shape for name, array in got.items()}
     if len(set(shapes.values())) != 1 or len(shapes["t"]) != 1:
         raise DataError(f"{file}: expected one-dimensional arrays of one length, got {shapes}")
     if shapes["t"][0] > MAX_ROWS:
         raise DataError(
             f"{file}: more than {MAX_ROWS:,} rows; cut the log into files and join their datasets"
         )
-    table = np.empty((shapes["t"][0], len(COLUMNS)))
-    for column, name in enumerate(COLUMNS):
-        table[:, column] = real_array(arrays.pop(name), f"{file}: array {name}", DataError)
-    return table
+    return found, {
+        name: real_array(array, f"{file}: array {name}", DataError) for name, array in got.items()
+    }
 
 
-READERS: dict[str, Callable[[Path], Array]] = {".csv": _read_csv, ".npz": _read_npz}
-
-
-def _check_names(file: Path, names: Sequence[str], where: str) -> None:
-    """Every column once; others are not looked at."""
-    missing = [c for c in COLUMNS if c not in names]
-    doubled = [c for c in COLUMNS if list(names).count(c) > 1]
-    if missing or doubled:
-        what = " and ".join(
-            f"{', '.join(which)} {how}"
-            for which, how in ((missing, "missing"), (doubled, "doubled"))
-            if which
-        )
-        raise DataError(
-            f"{file}: {where}: {what}; "
-            f"expected {','.join(COLUMNS)}, got {_short(','.join(names)) or 'nothing'}"
-        )
-
-
-def _short(text: str) -> str:
-    """Make text fit for an error's one line, whatever it was read from."""
-    printable = "".join(c if c.isprintable() else "?" for c in text[:61])
-    return printable if len(printable) <= 60 else printable[:57] + "..."
-
-
-def _where(file: Path, row: int) -> str:
-    """Name a row as its file does.
-
-    Lines of text count from 1, with the header and blank lines; rows of arrays count from 0.
-    """
-    if file.suffix.lower() != ".csv":
-        return f"row {row}"
-    with closing(text_lines(file, MAX_LINE)) as lines:
-        numbers = (number for number, line in enumerate(lines, 1) if number > 1 and line.strip())
-        return f"line {next(islice(numbers, row, None), row + 2)}"
-
-
-def _check_table(file: Path, table: Array) -> None:
+def _check(
+    file: Path,
+    columns: dict[str, Array],
+    found: Found,
+    where: Callable[[int], str],
+    force: bool,
+) -> None:
     """Refuse a table that no episode can be made of, with the line."""
-    if len(table) < 2:
-        raise DataError(f"{file}: {len(table)} row(s); expected at least 2")
-    if not np.isfinite(table).all():
-        row, column = np.argwhere(~np.isfinite(table))[0]
-        raise DataError(
-            f"{file}: {_where(file, row)}, column {COLUMNS[column]}: "
-            f"expected a finite number in {UNITS[column]}, got {table[row, column]}"
-        )
-    if (np.abs(table[:, 1:]) > LARGEST).any():
-        row, column = np.argwhere(np.abs(table[:, 1:]) > LARGEST)[0] + (0, 1)
-        raise DataError(
-            f"{file}: {_where(file, row)}, column {COLUMNS[column]}: "
-            f"expected at most {LARGEST:g} {UNITS[column]}, got {table[row, column]}"
-        )
-    time = table[:, 0]
+    units = dict(zip(COLUMNS, UNITS, strict=True))
+    if len(columns["t"]) < 2:
+        raise DataError(f"{file}: {len(columns['t'])} row(s); expected at least 2")
+    for name, column in columns.items():
+        unit = f" in {units[name]}" if name in units and name not in found.units else ""
+        wrong = ~np.isfinite(column)
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise DataError(
+                f"{file}: {where(row)}, column {found.names[name]}: "
+                f"expected a finite number{unit}, got {column[row]}"
+            )
+        wrong = np.abs(column) > LARGEST
+        if name != "t" and wrong.any():
+            row = int(np.argmax(wrong))
+            raise DataError(
+                f"{file}: {where(row)}, column {found.names[name]}: "
+                f"expected at most {LARGEST:g}{unit.removeprefix(' in')}, got {column[row]}"
+            )
+    time = columns["t"]
     back = np.diff(time) <= 0.0
-    if back.any():
+    if back.any() and not force:
         row = int(np.argmax(back)) + 1
         raise DataError(
-            f"{file}: {_where(file, row)}, column t: "
-            f"time must grow, got {time[row]:.15g} s after {time[row - 1]:.15g} s"
+            f"{file}: {where(row)}, column {found.names['t']}: time must grow, got "
+            f"{time[row]:.15g} s after {time[row - 1]:.15g} s; --force cuts the log there"
         )
-
-
-def _episodes(file: Path, table: Array, dt: float | None, gap: float | None) -> list[Episode]:
-    """Cut rows (n, 6) at the gaps, check that they are even, resample."""
-    steps = np.diff(table[:, 0])
-    period = float(np.median(steps))
-    limit = GAP * period if gap is None else gap
-    whole = steps <= limit
-    if not whole.any():
-        raise DataError(
-            f"{file}: no two rows closer than {limit:g} s (the gap limit): nothing to learn from"
-        )
-    if dt is None:
-        period = _even_period(file, table[:, 0], whole, period)
-    parts = np.split(table, np.flatnonzero(~whole) + 1)
-    episodes = [
-        e for rows in parts if len(rows) >= 2 and (e := _episode(rows, period, dt)) is not None
-    ]
-    if not episodes:
-        raise DataError(
-            f"{file}: no drive without a gap is as long as one period of {dt:g} s: "
-            "nothing to learn from"
-        )
-    return episodes
-
-
-def _even_period(file: Path, time: Array, whole: Array, median: float) -> float:
-    """Give the period of an evenly sampled log [s]."""
-    steps = np.diff(time)
-    uneven = whole & (np.abs(steps - median) > JITTER * median)
-    if uneven.any():
-        row = int(np.argmax(uneven)) + 1
-        raise DataError(
-            f"{file}: {_where(file, row)}, column t: "
-            f"uneven sampling, a step of {steps[row - 1]:g} s where the median is {median:g} s; "
-            "give dt= (--dt) to resample"
-        )
-    count, pieces = int(whole.sum()), 1 + int(np.sum(~whole))
-    mean = float(steps[whole].mean())
-    if abs(mean - median) > DRIFT * median:
-        raise DataError(
-            f"{file}: column t: "
-            f"uneven sampling, steps of {mean:g} s in the mean but {median:g} s in the median; "
-            "give dt= (--dt) to resample"
-        )
-    # the mean over a piece is known better than one step, by as many times as it has steps
-    return _tidy(mean, 2.0 * float(np.spacing(np.abs(time).max())) * pieces / count)
-
-
-def _tidy(period: float, resolution: float) -> float:
-    """Round a period to what the time stamps can tell [s].
-
-    With stamps that count from 1970 it is 0.05 s rather than 0.0499999523 s.
-    """
-    tolerance = max(1e-9 * period, resolution)
-    candidates = (round(period, digits) for digits in range(16))
-    return next((c for c in candidates if c > 0.0 and abs(c - period) <= tolerance), period)
-
-
-def _episode(rows: Array, period: float, dt: float | None) -> Episode | None:
-    """One episode from rows without a gap: as logged, or on an even grid of its own."""
-    poses = rows[:, 1:4].copy()
-    poses[:, 2] = np.unwrap(poses[:, 2])
-    poses[:, 2] -= 2 * np.pi * np.round(poses[0, 2] / (2 * np.pi))
-    if dt is None:
-        return Episode(poses, rows[:-1, 4:], period)
-    return resample(rows[:, 0], poses, rows[:-1, 4:], dt)
 
 
 def write_log(episodes: Sequence[Episode], path: str | os.PathLike[str]) -> None:
     """Write episodes one after another, parted by gaps in time; see `Dataset.save`."""
     file = Path(path)
-    if file.suffix.lower() not in READERS:
+    if file.suffix.lower() not in WRITTEN:
         raise DataError(
             f"{file}: unknown log format {file.suffix or '(no ending)'!r}; "
-            f"expected {' or '.join(READERS)}"
+            f"expected {' or '.join(WRITTEN)}"
         )
     if (rows := sum(len(e) + 1 for e in episodes)) > MAX_ROWS:
         raise DataError(

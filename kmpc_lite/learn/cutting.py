@@ -1,0 +1,180 @@
+"""From a log to episodes: streams aligned by time, cut at gaps, put on an even grid."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kmpc_lite.defaults import SHORTEST_PERIOD
+from kmpc_lite.errors import DataError
+from kmpc_lite.learn.dataset import Episode, resample
+from kmpc_lite.learn.logs import Log
+from kmpc_lite.types import Array
+
+JITTER = 0.1
+"""Share of the period by which a time step may differ before the log counts as uneven."""
+DRIFT = 0.01
+"""Share of the median step by which the mean may differ before the log counts as uneven."""
+GAP = 2.5
+"""A time step longer than this many periods ends an episode."""
+LONGEST_HOLD = 1.0
+"""A command that is not repeated is taken to be held for this long, or for `GAP` of its stream's
+periods, if that is longer [s]."""
+
+
+def period_of(log: Log) -> float:
+    """Median time between the poses of a log [s], however uneven it is."""
+    time = log.poses.time
+    steps = np.diff(time)
+    growing = steps[steps > 0.0]
+    if not len(growing):
+        raise DataError(f"{log.name}: the time of its poses does not grow")
+    return _tidy(float(np.median(growing)), 2.0 * float(np.spacing(np.abs(time).max())))
+
+
+def cut(log: Log, dt: float | None = None, gap: float | None = None) -> list[Episode]:
+    """Make episodes of a log.
+
+    Parameters
+    ----------
+    log : Log
+        In SI units.
+    dt : float, optional
+        Period [s]. Without it a table must be evenly sampled and keeps its own; other logs get
+        0.1 s, or that of their poses if it is longer.
+    gap : float, optional
+        A longer time between poses [s] ends an episode.
+
+    Raises
+    ------
+    DataError
+        Where no episode is left.
+    """
+    if log.together:
+        time, values = log.poses.time, np.column_stack([log.poses.values, log.commands.values])
+        return _cut_table(log, np.column_stack([time, values]), dt, gap)
+    return _cut_streams(log, dt, gap)
+
+
+def _cut_table(log: Log, table: Array, dt: float | None, gap: float | None) -> list[Episode]:
+    """Cut rows (n, 6) at the gaps, check that they are even, resample."""
+    steps = np.diff(table[:, 0])
+    period = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    limit = GAP * period if gap is None else gap
+    whole = (steps > 0.0) & (steps <= limit)
+    if not whole.any():
+        raise DataError(
+            f"{log.name}: no two rows closer than {limit:g} s (the gap limit): nothing to learn "
+            "from"
+        )
+    if dt is None:
+        period = _even_period(log, table[:, 0], whole, period)
+    parts = np.split(table, np.flatnonzero(~whole) + 1)
+    episodes = [
+        e for rows in parts if len(rows) >= 2 and (e := _episode(rows, period, dt)) is not None
+    ]
+    if not episodes:
+        raise DataError(
+            f"{log.name}: no drive without a gap is as long as one period of {dt:g} s: "
+            "nothing to learn from"
+        )
+    return episodes
+
+
+def _even_period(log: Log, time: Array, whole: Array, median: float) -> float:
+    """Give the period of an evenly sampled log [s]."""
+    steps = np.diff(time)
+    uneven = whole & (np.abs(steps - median) > JITTER * median)
+    if uneven.any():
+        row = int(np.argmax(uneven)) + 1
+        raise DataError(
+            f"{log.name}: {log.where(row)}, column t: "
+            f"uneven sampling, a step of {steps[row - 1]:g} s where the median is {median:g} s; "
+            "give dt= (--dt) to resample"
+        )
+    count, pieces = int(whole.sum()), 1 + int(np.sum(~whole))
+    mean = float(steps[whole].mean())
+    if abs(mean - median) > DRIFT * median:
+        raise DataError(
+            f"{log.name}: column t: "
+            f"uneven sampling, steps of {mean:g} s in the mean but {median:g} s in the median; "
+            "give dt= (--dt) to resample"
+        )
+    # the mean over a piece is known better than one step, by as many times as it has steps
+    return _tidy(mean, 2.0 * float(np.spacing(np.abs(time).max())) * pieces / count)
+
+
+def _tidy(period: float, resolution: float) -> float:
+    """Round a period to what the time stamps can tell [s].
+
+    With stamps that count from 1970 it is 0.05 s rather than 0.0499999523 s.
+    """
+    tolerance = max(1e-9 * period, resolution)
+    candidates = (round(period, digits) for digits in range(16))
+    return next((c for c in candidates if c > 0.0 and abs(c - period) <= tolerance), period)
+
+
+def _episode(rows: Array, period: float, dt: float | None) -> Episode | None:
+    """One episode from rows without a gap: as logged, or on an even grid of its own."""
+    poses = unwrapped(rows[:, 1:4])
+    if dt is None:
+        return Episode(poses, rows[:-1, 4:], period)
+    return resample(rows[:, 0], poses, rows[:-1, 4:], dt)
+
+
+def unwrapped(poses: Array) -> Array:
+    """Poses (n, 3) with headings that do not jump, the first within half a turn."""
+    poses = poses.copy()
+    poses[:, 2] = np.unwrap(poses[:, 2])
+    poses[:, 2] -= 2 * np.pi * np.round(poses[0, 2] / (2 * np.pi))
+    return poses
+
+
+def _cut_streams(log: Log, dt: float | None, gap: float | None) -> list[Episode]:
+    """Episodes of poses and commands that came at times of their own."""
+    period = period_of(log)
+    dt = max(SHORTEST_PERIOD, period) if dt is None else dt
+    limit = max(GAP * period, dt) if gap is None else gap
+    begin, end = covered(log)
+    episodes = []
+    time = log.poses.time
+    steps = np.diff(time)
+    for rows in np.split(np.arange(len(time)), np.flatnonzero((steps <= 0) | (steps > limit)) + 1):
+        for first, last in zip(begin, end, strict=True):
+            inside = rows[(time[rows] >= first) & (time[rows] <= last)]
+            if len(inside) >= 2 and (made := _aligned(log, inside, dt)) is not None:
+                episodes.append(made)
+    if not episodes:
+        raise DataError(
+            f"{log.name}: {tell_overlap(log)}: no {dt:g} s without a gap in which poses and "
+            "commands are both known"
+        )
+    return episodes
+
+
+def covered(log: Log) -> tuple[Array, Array]:
+    """Begins and ends of the stretches in which the command is known [s]."""
+    time = log.commands.time
+    steps = np.diff(time)
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    hold = max(GAP * usual, LONGEST_HOLD)
+    breaks = np.flatnonzero((steps > hold) | (steps < 0.0))
+    begin = time[np.concatenate([[0], breaks + 1])]
+    return begin, time[np.concatenate([breaks, [len(time) - 1]])] + hold
+
+
+def tell_overlap(log: Log) -> str:
+    """When poses and commands came."""
+    (a, b), (c, d) = ((s.time.min(), s.time.max()) for s in (log.poses, log.commands))
+    return f"poses from {a:.15g} to {b:.15g} s, commands from {c:.15g} to {d:.15g} s"
+
+
+def _aligned(log: Log, rows: Array, dt: float) -> Episode | None:
+    """One episode: poses interpolated, commands held until the next."""
+    time, poses = log.poses.time[rows], unwrapped(log.poses.values[rows])
+    order = np.argsort(log.commands.time, kind="stable")
+    when, held = log.commands.time[order], log.commands.values[order]
+    within = when[(when > time[0]) & (when < time[-1])]
+    both = np.unique(np.concatenate([time, within]))
+    states = np.column_stack([np.interp(both, time, column) for column in poses.T])
+    acting = np.searchsorted(when, both[:-1], side="right") - 1
+    return resample(both, states, held[np.maximum(acting, 0)], dt)

@@ -1,0 +1,198 @@
+"""Tables of text: CSV of any delimiter, with a header; and TUM trajectories, which have none."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain, islice
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from kmpc_lite.errors import DataError
+from kmpc_lite.learn.dataset import MAX_ROWS
+from kmpc_lite.learn.formats.columns import COLUMNS, Found, find_columns, short
+from kmpc_lite.learn.logs import ReadOptions
+from kmpc_lite.types import Array
+
+MAX_HEADER = 10_000
+"""Characters of the longest first line that is looked at."""
+MAX_REMARKS = 100
+"""Lines before the header that begin with # and are no header."""
+DELIMITERS = (",", ";", "\t", "|")
+TUM = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
+"""Columns of a trajectory as the TUM benchmark has them."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How the text of a table is to be read."""
+
+    header: list[str]
+    delimiter: str | None
+    """None: blanks."""
+    skipped: int
+    """Lines before the first row."""
+    first: str
+    """The line that was taken for the first row where there is no header, or nothing."""
+    where: str
+    """Names the header in messages."""
+
+    def values(self, line: str) -> list[str]:
+        """Values of one line; quotes may hold delimiters."""
+        if self.delimiter is None:
+            return line.split()
+        try:
+            return next(csv.reader([line], delimiter=self.delimiter), [])
+        except csv.Error:  # a value of more than 100,000 characters
+            return line.split(self.delimiter)
+
+
+def read_csv(
+    file: Path, options: ReadOptions, poses: bool = True
+) -> tuple[Found, dict[str, Array], bool]:
+    """Read the columns of a text table that are needed.
+
+    Returns
+    -------
+    tuple
+        Which columns they are, their values (n,) by our name, and whether the table has a header.
+    """
+    with open_text(file) as lines:
+        layout = _layout(file, lines)
+        found = find_columns(file, layout.header, options.columns, layout.where, poses)
+        rows = _rows(file, lines, layout)
+        first = next(rows, None)
+        names = list(found.where)
+        if first is None:
+            return found, {name: np.empty(0) for name in names}, not layout.first
+        try:
+            table = np.loadtxt(
+                chain([first], rows),
+                delimiter=layout.delimiter,
+                usecols=list(found.where.values()),
+                ndmin=2,
+                comments=None,
+                quotechar='"',
+            )
+        except DataError:
+            raise
+        except ValueError as error:
+            raise DataError(f"{file}: {_bad_value(file, layout, found) or error}") from error
+    return found, dict(zip(names, table.T, strict=True)), not layout.first
+
+
+def open_text(file: Path) -> TextIO:
+    """Open a text file of any line ends, with or without a byte order mark.
+
+    Bytes that are not text become a bad value.
+    """
+    return open(file, encoding="utf-8-sig", errors="replace")
+
+
+def _layout(file: Path, lines: TextIO) -> Layout:
+    """Read the header, or see that there is none because it is a TUM trajectory."""
+    for number in range(1, MAX_REMARKS + 1):
+        line = lines.readline(MAX_HEADER)
+        if len(line) == MAX_HEADER or not line.strip():
+            what = "too long" if line.strip() else "blank" if line else ""
+            told = f"line {number} is {what}" if what else "empty file"
+            raise DataError(f"{file}: {told}; expected the header {','.join(COLUMNS)}")
+        if _is_tum(line):
+            return Layout(list(TUM), None, number - 1, line, f"line {number}")
+        remark = line.lstrip().startswith("#")
+        layout = _header(line.lstrip().lstrip("#%") if remark else line, number)
+        if not remark or _is_time(layout.header[0]):
+            return layout
+    raise DataError(f"{file}: {MAX_REMARKS} lines of remarks; expected {','.join(COLUMNS)}")
+
+
+def _is_time(name: str) -> bool:
+    """Whether a remark's first word begins a header: EuRoC's is #timestamp [ns]."""
+    return name.lower().partition("[")[0].strip() in ("t", "time", "stamp", "timestamp")
+
+
+def _is_tum(line: str) -> bool:
+    """Whether a line is a pose of a TUM trajectory."""
+    values = line.split()
+    return len(values) == len(TUM) and all(is_number(v) for v in values)
+
+
+def _header(line: str, number: int) -> Layout:
+    """Names of the columns, parted by what parts most of them."""
+    text = line.strip().lstrip("%")
+    most = max(DELIMITERS, key=text.count)
+    delimiter = most if most in text else None
+    values = Layout([], delimiter, number, "", "").values(line.strip("\r\n").lstrip("%"))
+    names = [name.strip() for name in values]
+    return Layout(names, delimiter, number, "", f"line {number}: header")
+
+
+def _rows(file: Path, lines: TextIO, layout: Layout) -> Iterator[str]:
+    """Yield the lines that are not blank; each must have as many values as the header."""
+    width, delimiter, rows = len(layout.header), layout.delimiter, 0
+    decimal_comma = delimiter == ";"
+    begin = chain([layout.first], lines) if layout.first else lines
+    for number, line in enumerate(begin, layout.skipped + 1):
+        quoted = '"' in line
+        if quoted and line.count('"') % 2:
+            raise DataError(f"{file}: line {number}: a quote without its end")
+        if delimiter is None or quoted or line.count(delimiter) != width - 1:
+            if not line.strip() or (delimiter is None and line.lstrip().startswith("#")):
+                continue
+            if (count := len(layout.values(line))) != width:
+                raise DataError(
+                    f"{file}: line {number}: expected {width} values as in the header, got {count}"
+                )
+        rows += 1
+        if rows > MAX_ROWS:
+            raise DataError(
+                f"{file}: more than {MAX_ROWS:,} rows; "
+                "cut the log into files and join their datasets"
+            )
+        yield line.replace(",", ".") if decimal_comma else line
+
+
+def _bad_value(file: Path, layout: Layout, found: Found) -> str | None:
+    """Find the first value that is no number: its line, column and text."""
+    with open_text(file) as lines:
+        for number, line in islice(enumerate(lines, 1), layout.skipped, None):
+            values = layout.values(line)
+            for name, place in found.where.items() if line.strip() else ():
+                text = values[place].strip() if place < len(values) else ""
+                if not is_number(text.replace(",", ".") if layout.delimiter == ";" else text):
+                    return f"line {number}, column {found.names[name]}: {_expected(text)}"
+    return None
+
+
+def _expected(text: str) -> str:
+    """What a value that is no number is told."""
+    return f"expected a number, got {short(text)!r}"
+
+
+def is_number(text: str) -> bool:
+    """Whether NumPy reads it: Python takes 1_000 and other scripts' digits too."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return text.isascii() and "_" not in text
+
+
+def line_of(file: Path, row: int, header: bool = True) -> str:
+    """Name a row as its file does: lines count from 1, with the header and blank lines."""
+    first = 1 if header else 0
+    with open_text(file) as lines:
+        numbers: Iterator[int] = (
+            number
+            for number, line in enumerate(lines, 1)
+            if number > first and line.strip() and not line.startswith("#")
+        )
+        return f"line {next(islice(numbers, row, None), row + 1 + first)}"
+
+
+def joined(columns: dict[str, Array], names: Sequence[str]) -> Array:
+    """Columns side by side, (n, k)."""
+    return np.column_stack([columns[name] for name in names])

@@ -1,0 +1,241 @@
+"""ArduPilot's .bin logs, streamed.
+
+pymavlink's DFReader keeps an index of all messages, which grows with the log; here a block of the
+file and four series are in memory.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from kmpc_lite.errors import DataError
+from kmpc_lite.learn.formats.merged import enu, held_together, local_metres, with_heading
+from kmpc_lite.learn.formats.thinned import Thinned
+from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
+from kmpc_lite.types import Array
+
+BLOCK = 1 << 20
+"""Bytes read at once."""
+HEAD, FMT = b"\xa3\x95", 0x80
+FORMAT = struct.Struct("<BB4s16s64s")
+"""Type, length, name, letters and columns of a message that describes others."""
+LETTERS: dict[str, tuple[str, float]] = {
+    **{c: (c, 1.0) for c in "bBhHiIfdqQ"},
+    **{"a": ("64s", 1.0), "n": ("4s", 1.0), "N": ("16s", 1.0), "Z": ("64s", 1.0), "M": ("B", 1.0)},
+    **{"c": ("h", 0.01), "C": ("H", 0.01), "e": ("i", 0.01), "E": ("I", 0.01), "L": ("i", 1e-7)},
+    "g": ("e", 1.0),
+}
+"""Of struct, and what a number is multiplied by."""
+FIELDS = {
+    "XKF1": ("PN", "PE", "Yaw"),
+    "NKF1": ("PN", "PE", "Yaw"),
+    "POS": ("Lat", "Lng"),
+    "ATT": ("Yaw",),
+    "THR": ("DesSpeed", "ThrOut"),
+    "STER": ("DesTurnRate", "SteerOut"),
+}
+"""What is read of which message; angles in degrees, turns to the right."""
+FULL_STEERING = 4500.0
+"""SteerOut of a robot that turns as fast as it can."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A message that is read."""
+
+    name: str
+    unpack: struct.Struct
+    places: tuple[int, ...]
+    """Of the time, the core and the fields among what is unpacked; -1: there is none."""
+    scales: tuple[float, ...]
+
+
+class _Formats:
+    """Messages that a log has described so far."""
+
+    def __init__(self) -> None:
+        self.lengths = {FMT: 3 + FORMAT.size}
+        self.kinds: dict[int, Kind] = {}
+        self.names: dict[int, str] = {}
+
+    def learn(self, body: bytes) -> None:
+        """Take in a description; one that contradicts itself is left out."""
+        number, length, raw_name, raw_letters, raw_columns = FORMAT.unpack(body)
+        name, letters, columns = (
+            raw.split(b"\0")[0].decode("ascii", "replace")
+            for raw in (raw_name, raw_letters, raw_columns)
+        )
+        if number == FMT or length < 3 or not set(letters) <= LETTERS.keys():
+            return
+        self.lengths[number], self.names[number] = length, name
+        made = struct.Struct("<" + "".join(LETTERS[c][0] for c in letters))
+        if name in FIELDS and made.size == length - 3:
+            self.kinds[number] = _kind(name, made, letters, columns.split(","))
+
+
+def _kind(name: str, made: struct.Struct, letters: str, columns: list[str]) -> Kind:
+    """Where a message's values are."""
+    stamp = "TimeUS" if "TimeUS" in columns else "TimeMS"
+    wanted = (stamp, "C", *FIELDS[name])
+    places = tuple(columns.index(c) if c in columns[: len(letters)] else -1 for c in wanted)
+    scales = tuple(LETTERS[letters[p]][1] if p >= 0 else 0.0 for p in places)
+    return Kind(name, made, places, (1e-6 if stamp == "TimeUS" else 1e-3, *scales[1:]))
+
+
+def messages(file: BinaryIO, counts: dict[str, int]) -> Iterator[tuple[str, Any, list[float]]]:
+    """Yield name, core, and time [s] with fields of the messages in `FIELDS`; count all others.
+
+    Bytes that are none are passed over: logs that were cut off or sent by radio have such.
+    """
+    formats, data, at = _Formats(), b"", 0
+    while True:
+        left = len(data) - at
+        length = formats.lengths.get(data[at + 2], 0) if left >= 3 else 3
+        if left < max(length, 3):
+            more = file.read(BLOCK)
+            if not more:
+                return
+            data, at = data[at:] + more, 0
+            continue
+        if data[at : at + 2] != HEAD or not length:
+            found = data.find(HEAD, at + 1)
+            at = found if found >= 0 else len(data) - 1
+            continue
+        number, body = data[at + 2], data[at + 3 : at + length]
+        at += length
+        if number == FMT:
+            formats.learn(body)
+            continue
+        name = formats.names.get(number, "?")
+        counts[name] = counts.get(name, 0) + 1
+        if (kind := formats.kinds.get(number)) is not None:
+            values = kind.unpack.unpack(body)
+            core = values[kind.places[1]] if kind.places[1] >= 0 else 0
+            picked = (0, *range(2, len(kind.places)))
+            yield (
+                name,
+                core,
+                [
+                    values[kind.places[k]] * kind.scales[k] if kind.places[k] >= 0 else np.nan
+                    for k in picked
+                ],
+            )
+
+
+def read_dataflash(path: Path, options: ReadOptions) -> Log:
+    """Read poses of the EKF, or of the GPS, and commands: wanted speeds, or shares of the motors.
+
+    Raises
+    ------
+    DataError
+        Where one of them is not logged.
+    """
+    counts: dict[str, int] = {}
+    kept = {name: Thinned(len(fields), options.spacing) for name, fields in FIELDS.items()}
+    cores: dict[str, Any] = {}
+    with open(path, "rb") as file:
+        begin = file.read(3)
+        if begin[:2] != HEAD:
+            got = begin.hex() or "nothing"
+            raise DataError(f"{path}: not an ArduPilot log: it begins with {got}")
+        file.seek(0)
+        for name, core, (time, *values) in messages(file, counts):
+            if cores.setdefault(name, core) == core and kept[name].wants(time):
+                if np.isfinite([time, values[0]]).all():
+                    kept[name].add(time, *values)
+    rows = {name: samples.rows() for name, samples in kept.items() if samples.seen}
+    poses = _poses(path, rows, options.topics, counts)
+    commands, note = _commands(path, rows, options.topics, counts)
+    seconds = float(np.ptp(poses.time)) or None
+    topics = tuple(
+        Topic(name, "DataFlash", count, count / seconds if seconds else None)
+        for name, count in sorted(counts.items())
+    )
+    notes = (f"poses: {poses.source}; commands: {commands.source}", *note)
+    return Log(str(path), poses, commands, topics=topics, notes=notes)
+
+
+def pick(path: Path, name: str, chosen: Mapping[str, str], there: list[str], seen: str) -> str:
+    """Choose a source: the user's, else the first that is there.
+
+    Raises
+    ------
+    DataError
+        Where it is not.
+    """
+    wanted = chosen.get(name)
+    if wanted is None and there:
+        return there[0]
+    if wanted in there:
+        return str(wanted)
+    what = "pose" if name == "odom" else "command"
+    told = f"topics: {name}={wanted}: not logged" if wanted else f"no {what} is logged"
+    raise DataError(f"{path}: {told}; here are {', '.join(there) or seen or 'no messages at all'}")
+
+
+def _seen(counts: Mapping[str, int]) -> str:
+    """Names of messages, as many as fit a line."""
+    return ", ".join(sorted(counts)[:12])
+
+
+def _poses(
+    path: Path, rows: Mapping[str, Array], chosen: Mapping[str, str], counts: Mapping[str, int]
+) -> Series:
+    """Poses with x east."""
+    there = [n for n in ("XKF1", "NKF1") if len(rows.get(n, ())) > 1]
+    if len(rows.get("POS", ())) > 1 and len(rows.get("ATT", ())) > 1:
+        there.append("POS")
+    name = pick(path, "odom", chosen, there, f"{_seen(counts)}")
+    if name == "POS":
+        metres = local_metres(rows["POS"][:, 1], rows["POS"][:, 2])
+        where = np.column_stack([rows["POS"][:, 0], metres])
+        turned = np.column_stack([rows["ATT"][:, 0], np.radians(rows["ATT"][:, 1])])
+        found = with_heading(where, turned)
+    else:
+        found = rows[name].copy()
+        found[:, 3] = np.radians(found[:, 3])
+    if len(found) < 2:
+        raise DataError(f"{path}: {name}: {len(found)} pose(s) with a heading; expected at least 2")
+    return Series(found[:, 0], enu(found), f"{name} (north, east, yaw)")
+
+
+def _commands(
+    path: Path, rows: Mapping[str, Array], chosen: Mapping[str, str], counts: Mapping[str, int]
+) -> tuple[Series, tuple[str, ...]]:
+    """Commands, turns to the left positive; with a note where they are no speeds."""
+    there = []
+    if all(len(rows.get(n, ())) > 1 for n in ("THR", "STER")):
+        moving = [np.nan_to_num(rows[n][:, 1]).any() for n in ("THR", "STER")]
+        there = ["desired", "output"] if all(moving) else ["output"]
+    name = pick(path, "cmd", chosen, there, f"{_seen(counts)}; THR and STER hold commands")
+    return _desired(rows) if name == "desired" else _output(rows)
+
+
+def _desired(rows: Mapping[str, Array]) -> tuple[Series, tuple[str, ...]]:
+    """Speeds that the autopilot wants."""
+    both = held_together(rows["THR"][:, :2], rows["STER"][:, :2])
+    values = np.column_stack([both[:, 1], -np.radians(both[:, 2])])
+    return Series(both[:, 0], values, "THR.DesSpeed, STER.DesTurnRate"), ()
+
+
+def _output(rows: Mapping[str, Array]) -> tuple[Series, tuple[str, ...]]:
+    """Shares of what the motors can do."""
+    both = held_together(rows["THR"][:, [0, 2]], rows["STER"][:, [0, 2]])
+    full = FULL_STEERING if np.abs(both[:, 2]).max() > 1.5 else 1.0
+    values = np.column_stack([both[:, 1] / 100.0, -both[:, 2] / full])
+    return (
+        Series(both[:, 0], values, "THR.ThrOut, STER.SteerOut"),
+        (SHARES,),
+    )
+
+
+SHARES = (
+    "commands are shares of full throttle and steering, not m/s and rad/s: the model is one of "
+    "those shares, and drives a robot that is commanded by them"
+)

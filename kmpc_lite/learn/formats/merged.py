@@ -1,0 +1,64 @@
+"""Two values that are logged in messages of their own, put beside each other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kmpc_lite.types import Array
+
+EARTH = 6_378_137.0
+"""Radius at the equator [m]."""
+
+
+def held_together(first: Array, second: Array) -> Array:
+    """Rows (n, 3) of time and two values that change apart: each held until its next.
+
+    Parameters
+    ----------
+    first, second : ndarray
+        Time [s] and value, (k, 2) and (m, 2).
+    """
+    time = np.unique(np.concatenate([first[:, 0], second[:, 0]]))
+    time = time[time >= max(first[0, 0], second[0, 0])]
+    columns = [_held(time, rows) for rows in (first, second)]
+    return np.column_stack([time, *columns])
+
+
+def _held(time: Array, rows: Array) -> Array:
+    """Last value at each time (n,)."""
+    places = np.searchsorted(rows[:, 0], time, side="right") - 1
+    values: Array = rows[np.clip(places, 0, len(rows) - 1), 1]
+    return values
+
+
+def with_heading(positions: Array, headings: Array, longest: float = 0.5) -> Array:
+    """Rows (n, 4) of time, x, y and a heading that is interpolated from messages of its own.
+
+    Parameters
+    ----------
+    positions : ndarray
+        Time [s], x and y [m], (n, 3).
+    headings : ndarray
+        Time [s] and heading [rad], (k, 2), two at least.
+    longest : float
+        Positions farther from the next heading are left out [s].
+    """
+    time = positions[:, 0]
+    known = headings[:, 0]
+    after = np.clip(np.searchsorted(known, time), 1, len(known) - 1)
+    near = np.minimum(np.abs(known[after - 1] - time), np.abs(known[after] - time))
+    turned = np.interp(time, known, np.unwrap(headings[:, 1]))
+    kept: Array = np.column_stack([positions, turned])[near <= longest]
+    return kept
+
+
+def local_metres(latitude: Array, longitude: Array) -> Array:
+    """Metres north and east of the first position, (n, 2), from degrees (n,)."""
+    north = np.radians(latitude - latitude[0]) * EARTH
+    east = np.radians(longitude - longitude[0]) * EARTH * np.cos(np.radians(latitude[0]))
+    return np.column_stack([north, east])
+
+
+def enu(rows: Array) -> Array:
+    """Poses (n, 3) with x east from rows (n, 4) of time, north, east and yaw from north."""
+    return np.column_stack([rows[:, 2], rows[:, 1], 0.5 * np.pi - rows[:, 3]])

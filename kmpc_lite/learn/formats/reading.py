@@ -1,0 +1,176 @@
+"""Which file is read by which reader; what is missing is told before anything is read."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from kmpc_lite.errors import DataError, did_you_mean
+from kmpc_lite.learn.formats.tables import LARGEST
+from kmpc_lite.learn.logs import Log, ReadOptions, correct
+
+
+class Reader(NamedTuple):
+    """Where a format is read."""
+
+    where: str
+    """``module:function`` within this folder."""
+    what: str
+    """Name of the format."""
+    needs: str = ""
+    """Module that it needs beside the core's."""
+    extra: str = "logs"
+    """Extra that brings it."""
+
+
+TABLE = Reader("tables:read_table", "a table")
+BAG = Reader("rosbag:read_bag", "a ROS bag", "rosbags")
+READERS: dict[str, Reader] = {
+    ".csv": TABLE,
+    ".npz": TABLE,
+    ".tsv": TABLE,
+    ".txt": TABLE,
+    ".tum": TABLE,
+    ".bag": BAG,
+    ".mcap": BAG,
+    ".db3": BAG,
+    ".bin": Reader("dataflash:read_dataflash", "an ArduPilot log"),
+    ".tlog": Reader("tlog:read_tlog", "a MAVLink log", "pymavlink"),
+    ".ulg": Reader("ulog:read_ulog", "a PX4 log", "pyulog"),
+}
+MAGIC = (
+    (b"\x89MCAP0\r\n", ".mcap"),
+    (b"#ROSBAG", ".bag"),
+    (b"SQLite format 3", ".db3"),
+    (b"\xa3\x95\x80\x80", ".bin"),
+    (b"ULog\x01\x12\x35", ".ulg"),
+    (b"PK\x03\x04", ".npz"),
+)
+"""First bytes of files whose ending says nothing."""
+
+
+def read_log(path: str | os.PathLike[str], options: ReadOptions | None = None) -> Log:
+    """Read one file, or a folder that is a rosbag2, in SI units and x east, y north.
+
+    Raises
+    ------
+    DataError
+        For whatever is wrong, in one line that names the file.
+    """
+    options = ReadOptions() if options is None else options
+    file = Path(path)
+    reader = reader_of(file)
+    need_reader(file, reader)
+    module, _, name = reader.where.partition(":")
+    read: Callable[[Path, ReadOptions], Log] = getattr(
+        import_module(f"kmpc_lite.learn.formats.{module}"), name
+    )
+    try:
+        return correct(_usable(read(file, options), options), options)
+    except DataError:
+        raise
+    except (OSError, ValueError, OverflowError) as error:
+        raise DataError(
+            f"{file}: cannot read the log: {getattr(error, 'strerror', None) or error}"
+        ) from error
+
+
+def _usable(log: Log, options: ReadOptions) -> Log:
+    """A log whose samples are all finite, of the size of poses and commands, and in order.
+
+    Tables have been checked line by line; of streams single samples are left out.
+    """
+    if log.together:
+        return log
+    parts, left_out = [], 0
+    for series in (log.poses, log.commands):
+        good = np.isfinite(series.time) & (np.abs(series.values) < LARGEST).all(axis=1)
+        left_out += int((~good).sum())
+        time = series.time[good]
+        if len(time) < 2:
+            raise DataError(f"{log.name}: {series.source}: {len(time)} sample(s); expected 2")
+        if (back := np.diff(time) < 0.0).any() and not options.force:
+            at = int(np.argmax(back))
+            raise DataError(
+                f"{log.name}: {series.source}: the clock steps back by "
+                f"{time[at] - time[at + 1]:.6g} s at {time[at]:.15g} s; --force cuts the log there"
+            )
+        parts.append(replace(series, time=time, values=series.values[good]))
+    notes = (f"{left_out} samples that are no numbers were left out",) if left_out else ()
+    return replace(log, poses=parts[0], commands=parts[1], notes=(*log.notes, *notes))
+
+
+def find_logs(paths: Iterable[str | os.PathLike[str]]) -> list[Path]:
+    """Files and bags that are meant: a folder that is no bag means the logs in it.
+
+    Raises
+    ------
+    DataError
+        For a folder without logs, an unknown ending, and a reader that is not installed.
+    """
+    found: list[Path] = []
+    for path in map(Path, paths):
+        if path.is_dir() and not is_bag(path):
+            inside = sorted(p for p in path.iterdir() if p.suffix.lower() in READERS or is_bag(p))
+            if not inside and path.suffix.lower() not in READERS:
+                raise DataError(f"{path}: a folder without a log; expected {endings()}")
+            found += inside or [path]
+        else:
+            found.append(path)
+    for file in found:
+        need_reader(file, reader_of(file))
+    return found
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a folder is a rosbag2."""
+    return (path / "metadata.yaml").is_file()
+
+
+def endings() -> str:
+    """Endings of all formats."""
+    return ", ".join(READERS) + " or a rosbag2 folder"
+
+
+def reader_of(file: Path) -> Reader:
+    """Choose by the ending, or by the first bytes where the ending says nothing."""
+    if is_bag(file):
+        return BAG
+    ending = file.suffix.lower()
+    if ending in READERS:
+        return READERS[ending]
+    begin = _first_bytes(file)
+    for magic, known in MAGIC:
+        if begin.startswith(magic):
+            return READERS[known]
+    hint = did_you_mean(ending, READERS) if len(ending) > 2 else ""
+    raise DataError(
+        f"{file}: unknown log format {file.suffix or '(no ending)'!r}; expected {endings()}{hint}"
+    )
+
+
+def _first_bytes(file: Path) -> bytes:
+    """The first bytes of a regular file; none where there is no such file."""
+    if not file.is_file():
+        return b""
+    with open(file, "rb") as opened:
+        return opened.read(16)
+
+
+def need_reader(file: Path, reader: Reader) -> None:
+    """Refuse where what a format needs is not installed, with the line that installs it."""
+    try:
+        missing = bool(reader.needs) and find_spec(reader.needs) is None
+    except (ImportError, ValueError):
+        missing = True
+    if missing:
+        raise DataError(
+            f"{file}: {reader.what} needs {reader.needs}: pip install 'kmpc-lite[{reader.extra}]'"
+        )

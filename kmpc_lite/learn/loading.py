@@ -1,0 +1,79 @@
+"""From files to a dataset that may be learned from: read, checked, cut, each file in its turn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from kmpc_lite.defaults import SHORTEST_PERIOD
+from kmpc_lite.errors import DataError
+from kmpc_lite.learn.checks.laws import find_suspects, refuse_suspects
+from kmpc_lite.learn.cutting import cut, period_of
+from kmpc_lite.learn.dataset import Dataset, check_time
+from kmpc_lite.learn.formats.reading import find_logs, read_log
+from kmpc_lite.learn.logs import ReadOptions
+
+SAMPLES_PER_PERIOD = 20.0
+"""Samples of a stream that are kept within one of the model's periods."""
+
+
+def load_logs(
+    paths: Sequence[Path],
+    dt: float | None = None,
+    gap: float | None = None,
+    how: ReadOptions | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> Dataset:
+    """Read logs of one robot at one period, and refuse what is suspect.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files and folders, of any format.
+    dt : float, optional
+        Period [s]; 0.1, or the first log's own if longer, where not given.
+    gap : float, optional
+        A longer time between poses ends an episode [s].
+    how : ReadOptions, optional
+        How the logs are to be read; with ``force`` suspects are told instead of refused.
+    tell : callable, optional
+        Takes lines about what each log is.
+
+    Raises
+    ------
+    DataError
+        For whatever is wrong, or suspect; where a log is given twice.
+    """
+    how = ReadOptions() if how is None else how
+    dt = None if dt is None else check_time("dt", dt)
+    gap = None if gap is None else check_time("gap", gap)
+    episodes = []
+    for file in once(find_logs(paths)):
+        if dt is not None:
+            how = replace(how, spacing=dt / SAMPLES_PER_PERIOD)
+        log = read_log(file, how)
+        if not how.force:
+            refuse_suspects(log)
+        elif tell is not None:
+            for suspect in find_suspects(log):
+                tell(f"{file}: suspect, and forced: {suspect.reason}")
+        dt = max(SHORTEST_PERIOD, period_of(log)) if dt is None else dt
+        made = cut(log, dt, gap)
+        if tell is not None:
+            for note in log.notes:
+                tell(f"{file}: {note}")
+        episodes += made
+    return Dataset(episodes)
+
+
+def once(files: Sequence[Path]) -> Sequence[Path]:
+    """Refuse a file that is given twice."""
+    seen: set[Path] = set()
+    for file in files:
+        if file.resolve() in seen:
+            raise DataError(
+                f"{file}: given twice: what is learned from would be checked against itself"
+            )
+        seen.add(file.resolve())
+    return files

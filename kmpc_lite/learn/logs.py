@@ -1,0 +1,148 @@
+"""What a log holds, in whatever format it came: poses, commands, and what else is in the file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from kmpc_lite.errors import DataError
+from kmpc_lite.learn.units import FRAMES, Unit, parse_units
+from kmpc_lite.types import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Values and the times at which they were true."""
+
+    time: Array
+    """(n,) [s]."""
+    values: Array
+    """Poses x, y, theta or commands v, omega, (n, 3) or (n, 2)."""
+    source: str
+    """Where they were found: ``/odom (nav_msgs/msg/Odometry)``."""
+
+
+class Topic(NamedTuple):
+    """One stream of messages in a file."""
+
+    name: str
+    kind: str
+    """Type of its messages."""
+    messages: int
+    rate: float | None
+    """Messages a second; None where the file does not tell [Hz]."""
+
+
+def row_number(row: int) -> str:
+    """Name a row, counted from 0."""
+    return f"row {row}"
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """One file's poses and commands, as they were logged: nothing resampled, nothing unwrapped."""
+
+    name: str
+    """The file, for messages."""
+    poses: Series
+    commands: Series
+    together: bool = False
+    """Whether row k of both is one row of a table, whose command is held until the next row."""
+    measured: bool = False
+    """Whether the commands are measured speeds, for lack of commands."""
+    topics: tuple[Topic, ...] = ()
+    """All that is in the file, used or not."""
+    notes: tuple[str, ...] = ()
+    """What a user should know of how the file was read, one line each."""
+    where: Callable[[int], str] = row_number
+    """Names a row as the file does: ``line 7``."""
+
+    @property
+    def span(self) -> float:
+        """Time between the first and the last pose [s]."""
+        return float(self.poses.time[-1] - self.poses.time[0])
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """How files are to be read, as far as they do not tell themselves.
+
+    Raises
+    ------
+    DataError
+        For units, frames or names that nobody knows.
+    """
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    """Of tables: our name to the file's, ``{"theta": "yaw"}``."""
+    topics: Mapping[str, str] = field(default_factory=dict)
+    """Of bags and autopilots' logs: ``{"odom": "/odom", "cmd": "/cmd_vel"}``."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """``{"t": "ns", "theta": "-deg+90"}``; see `parse_units`."""
+    frame: str = "enu"
+    """How the poses lie: enu, ned or swapped; see `FRAMES`."""
+    commands: Path | None = None
+    """A table of commands, for logs that hold poses only."""
+    shift: float = 0.0
+    """Added to the times of the commands, where their clock is another [s]."""
+    force: bool = False
+    """Whether times that run back are cut rather than refused."""
+    spacing: float = 0.005
+    """Messages of a stream that come closer than this are left out [s]."""
+
+    def __post_init__(self) -> None:
+        """Check the names once."""
+        for name in self.topics:
+            if name not in ("odom", "cmd"):
+                raise DataError(f"topics: expected odom=... or cmd=..., got {name!r}")
+        if self.frame not in FRAMES:
+            raise DataError(f"frame: expected {', '.join(FRAMES)}, got {self.frame!r}")
+        if not np.isfinite(self.shift):
+            raise DataError(f"shift: expected a time in s, got {self.shift}")
+        parse_units(self.units)
+
+    @property
+    def parsed_units(self) -> dict[str, Unit]:
+        """Units by column."""
+        return parse_units(self.units)
+
+
+def correct(log: Log, options: ReadOptions) -> Log:
+    """Bring a log into s, m, rad, x east, y north, theta counter-clockwise from east."""
+    units = options.parsed_units
+    return replace(
+        log,
+        poses=_in_frame(_in_units(log.poses, ("x", "y", "theta"), units), options.frame),
+        commands=_shifted(_in_units(log.commands, ("v", "omega"), units), options.shift),
+        together=log.together and options.shift == 0.0,
+    )
+
+
+def _in_units(series: Series, names: tuple[str, ...], units: Mapping[str, Unit]) -> Series:
+    """Values in SI units."""
+    if not units.keys() & {"t", *names}:
+        return series
+    values = series.values.copy()
+    for k, name in enumerate(names):
+        if name in units:
+            values[:, k] = units[name].apply(values[:, k])
+    time = units["t"].apply(series.time) if "t" in units else series.time
+    return replace(series, time=time, values=values)
+
+
+def _in_frame(series: Series, frame: str) -> Series:
+    """Poses with x east and y north."""
+    if frame == "enu":
+        return series
+    x, y, theta = series.values.T
+    heading = 0.5 * np.pi - theta if frame == "ned" else theta
+    return replace(series, values=np.column_stack([y, x, heading]))
+
+
+def _shifted(series: Series, shift: float) -> Series:
+    """The same at times that are `shift` [s] later."""
+    return series if shift == 0.0 else replace(series, time=series.time + shift)

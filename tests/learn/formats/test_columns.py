@@ -1,0 +1,95 @@
+"""Tables of other people: names, delimiters, units in the header, quaternions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_logs import drive, rows
+
+import kmpc_lite as kl
+from kmpc_lite.learn.formats.reading import read_log
+from kmpc_lite.learn.formats.tables import heading
+
+TABLE = rows(drive(4.0, rate=20.0))
+DIALECTS = {
+    "time;x;y;yaw;cmd_v;cmd_w": ";",
+    "stamp\tpos_x\tpos_y\theading\tlinear\tangular": "\t",
+    "%time,field.pose.pose.position.x,field.pose.pose.position.y,yaw,field.cmd.linear.x,"
+    "field.cmd.angular.z": ",",
+    "/odom/header/stamp|/odom/position/x|/odom/position/y|/odom/yaw|/cmd_vel/linear/x|"
+    "/cmd_vel/angular/z": "|",
+    "t x y theta v omega": " ",
+    "Timestamp [s], X [m], Y [m], Theta [rad], V [m/s], Omega [rad/s]": ",",
+}
+
+
+def written(path: Path, header: str, delimiter: str, table: np.ndarray = TABLE) -> Path:
+    lines = [delimiter.join(f"{v:.9f}" for v in row) for row in table]
+    path.write_text("\n".join([header, *lines, ""]))
+    return path
+
+
+@pytest.mark.parametrize(("header", "delimiter"), DIALECTS.items())
+def test_a_table_is_known_by_any_header(tmp_path: Path, header: str, delimiter: str) -> None:
+    log = read_log(written(tmp_path / "run.csv", header, delimiter))
+    np.testing.assert_allclose(log.poses.values, TABLE[:, 1:4], atol=1e-8)
+    np.testing.assert_allclose(log.commands.values, TABLE[:, 4:], atol=1e-8)
+
+
+def test_a_decimal_comma_beside_semicolons(tmp_path: Path) -> None:
+    path = written(tmp_path / "run.csv", "t;x;y;theta;v;omega", ";")
+    path.write_text(path.read_text().replace(".", ","))
+    np.testing.assert_allclose(read_log(path).poses.values, TABLE[:, 1:4], atol=1e-8)
+
+
+def test_units_in_the_header_are_taken_and_told(tmp_path: Path) -> None:
+    header = "stamp_ns,x [mm],y [mm],yaw_deg,v [km/h],omega (deg/s)"
+    scale = [1e9, 1e3, 1e3, 180 / np.pi, 3.6, 180 / np.pi]
+    log = read_log(written(tmp_path / "run.csv", header, ",", TABLE * scale))
+    np.testing.assert_allclose(log.poses.time, TABLE[:, 0], atol=1e-9)
+    np.testing.assert_allclose(log.poses.values, TABLE[:, 1:4], atol=1e-8)
+    np.testing.assert_allclose(log.commands.values, TABLE[:, 4:], atol=1e-8)
+    assert "theta=yaw_deg [deg]" in log.notes[0]
+
+
+def test_columns_and_units_that_the_user_names(tmp_path: Path) -> None:
+    path = written(tmp_path / "run.csv", "a,b,c,d,e,f", ",", TABLE * [1, 1, 1, -180 / np.pi, 1, 1])
+    with pytest.raises(kl.DataError, match=r"line 1: header: t, x, y, theta missing.*--columns t="):
+        kl.Dataset.load(path)
+    names = dict(zip(("t", "x", "y", "theta", "v", "omega"), "abcdef", strict=True))
+    data = kl.Dataset.load(path, columns=names, units={"theta": "-deg"})
+    np.testing.assert_allclose(data.episodes[0].states[:5], TABLE[:5, 1:4], atol=1e-7)
+    with pytest.raises(kl.DataError, match="columns: t=z: no such column; it has a,b,c"):
+        kl.Dataset.load(path, columns={**names, "t": "z"})
+    with pytest.raises(kl.DataError, match="columns: expected one of t, x"):
+        kl.Dataset.load(path, columns={"time": "a"})
+
+
+def test_two_columns_that_could_be_meant_are_both_named(tmp_path: Path) -> None:
+    table = np.column_stack([TABLE, TABLE[:, 3]])
+    path = written(tmp_path / "run.csv", "t,x,y,gps.yaw,v,omega,imu.yaw", ",", table)
+    with pytest.raises(kl.DataError, match="theta may be gps.yaw or imu.yaw"):
+        kl.Dataset.load(path)
+    assert kl.Dataset.load(path, columns={"theta": "imu.yaw"}).steps == len(TABLE) - 1
+
+
+def test_poses_without_commands_need_a_table_of_commands(tmp_path: Path) -> None:
+    poses = written(tmp_path / "poses.csv", "t,x,y,theta", ",", TABLE[:, :4])
+    with pytest.raises(kl.DataError, match="v, omega missing.*--commands FILE"):
+        kl.Dataset.load(poses)
+    beside = written(tmp_path / "cmd.csv", "t,v,omega", ",", TABLE[:, [0, 4, 5]])
+    assert kl.Dataset.load(poses, commands=beside).steps > 30
+    early = written(tmp_path / "early.csv", "t,v,omega", ",", TABLE[:, [0, 4, 5]] - [100, 0, 0])
+    with pytest.raises(kl.DataError, match="poses from 0 to .* s, commands from -100 to"):
+        kl.Dataset.load(poses, commands=early)
+    assert kl.Dataset.load(poses, commands=early, shift=100.0).steps > 30
+
+
+def test_headings_of_quaternions_of_any_length() -> None:
+    theta = np.linspace(-3.0, 3.0, 7)
+    for tilt in (0.0, 0.1):
+        q = [np.sin(tilt / 2) * np.cos(theta / 2), np.sin(tilt / 2) * np.sin(theta / 2)]
+        q += [np.cos(tilt / 2) * np.sin(theta / 2), np.cos(tilt / 2) * np.cos(theta / 2)]
+        np.testing.assert_allclose(heading(*(2.0 * np.array(q))), theta, atol=1e-9)
