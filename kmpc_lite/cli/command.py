@@ -19,6 +19,7 @@ from kmpc_lite.errors import KmpcError, did_you_mean
 ENTRY_POINTS = "kmpc.commands"
 OWN = {
     "demo": "kmpc_lite.cli.demo:COMMAND",
+    "inspect": "kmpc_lite.cli.inspect:COMMAND",
     "fit": "kmpc_lite.cli.fit:COMMAND",
     "simulate": "kmpc_lite.cli.simulate:COMMAND",
     "report": "kmpc_lite.cli.report:COMMAND",

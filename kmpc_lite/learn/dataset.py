@@ -218,7 +218,7 @@ class Dataset:
             With file, line and column, for whatever is wrong.
         """
         from kmpc_lite.learn.cutting import cut
-        from kmpc_lite.learn.formats.reading import find_logs, read_log
+        from kmpc_lite.learn.formats.readers import find_logs, read_log
         from kmpc_lite.learn.logs import ReadOptions
 
         dt = None if dt is None else check_time("dt", dt)

@@ -11,7 +11,7 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.laws import find_suspects, refuse_suspects
 from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.dataset import Dataset, check_time
-from kmpc_lite.learn.formats.reading import find_logs, read_log
+from kmpc_lite.learn.formats.readers import find_logs, read_log
 from kmpc_lite.learn.logs import ReadOptions
 
 SAMPLES_PER_PERIOD = 20.0

@@ -151,7 +151,7 @@ def test_options_are_not_abbreviated(capsys: pytest.CaptureFixture[str]) -> None
     [
         ("simulat", "no command named 'simulat'; did you mean 'simulate'?"),
         ("chekc", "did you mean 'check'?"),
-        ("xyz", "choose from demo, fit, simulate"),
+        ("xyz", "choose from demo, inspect, fit, simulate"),
         ("study mapps", "no study named 'mapps'; did you mean 'maps'?"),
         ("study maps --families opn", "did you mean 'open'?"),
         ("study maps --familis open", "--familis open; did you mean '--families'?"),

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 EXTRAS = ("matplotlib", "PIL", "pymavlink", "mujoco", "casadi", "shtab", "serial", "dask")
+EXTRAS += ("rosbags", "pyulog")
 BLOCKER = f"""
 import sys
 class Blocker:
@@ -64,6 +65,10 @@ def test_a_missing_extra_is_told_before_anything_is_done(tmp_path: Path) -> None
         "replay drive.tlog": "bridge",
         "latency --drivers mavlink": "bridge",
         "experiments a": "twin",
+        "fit run.mcap -o robot.npz": "logs",
+        "fit good.csv run.ulg -o robot.npz": "logs",
+        "inspect run.tlog": "logs",
+        "inspect run.csv --plot run.png": "plot",
     }
     for line, (status, text) in kmpc(tmp_path, *missing).items():
         assert status == 2 and text.count("\n") == 1, (line, text)

@@ -5,12 +5,16 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from foreign_logs import drive, write_csv, write_dataflash, write_tum
 
 import kmpc_lite as kl
 from kmpc_lite.cli import main as cli
 from kmpc_lite.cli.fit import read_lags
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
+
+HEADER = "t,x,y,theta,v,omega"
 
 
 @pytest.fixture(scope="module")
@@ -67,3 +71,81 @@ def test_what_lags_may_be() -> None:
             read_lags(["auto"], product, free)
     with pytest.raises(kl.DataError, match="--lags some: expected auto, none, or ages"):
         read_lags(["some"], False, False)
+
+
+# logs of every kind
+
+
+def test_a_suspect_log_is_refused_with_the_option_that_mends_it(
+    late: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = np.genfromtxt(late, delimiter=",", skip_header=1)
+    made, model = tmp_path / "run.csv", tmp_path / "model.npz"
+    np.savetxt(made, table * [1e3, 1, 1, 1, 1, 1], delimiter=",", header=HEADER, comments="")
+    assert cli.main(["fit", str(made), "-o", str(model)]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and "t is in ms; --units t=ms; --force learns" in told
+    assert not model.exists()
+    assert cli.main(["fit", str(made), "-o", str(model), "--units", "t=ms"]) == 0
+    mended = kl.KoopmanModel.load(model)
+    assert cli.main(["fit", str(late), "-o", str(model)]) == 0
+    assert kl.KoopmanModel.load(model).info["response"] == mended.info["response"]
+
+
+def test_what_is_forced_is_learned_and_told(
+    late: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = np.genfromtxt(late, delimiter=",", skip_header=1)
+    made, model = tmp_path / "run.csv", tmp_path / "model.npz"
+    np.savetxt(made, table * [1, 1, 1, 1, 1, -1], delimiter=",", header=HEADER, comments="")
+    assert cli.main(["fit", str(made), "-o", str(model), "--force"]) == 0
+    assert "suspect, and forced: omega > 0 lowers theta" in capsys.readouterr().out
+
+
+def test_a_clock_that_runs_back_is_cut_if_forced(
+    late: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = np.genfromtxt(late, delimiter=",", skip_header=1)
+    table[500:, 0] -= 7.0
+    made, model = tmp_path / "run.csv", tmp_path / "model.npz"
+    np.savetxt(made, table, delimiter=",", header=HEADER, comments="")
+    assert cli.main(["fit", str(made), "-o", str(model)]) == 2
+    assert "line 502, column t: time must grow" in capsys.readouterr().err
+    assert cli.main(["fit", str(made), "-o", str(model), "--force"]) == 0
+
+
+def test_logs_of_several_kinds_are_learned_from_together(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    d = drive(60.0, rate=20.0, delay=0.2)
+    logs = [write_csv(tmp_path / "a.csv", d), write_dataflash(tmp_path / "b.bin", d)]
+    logs.append(write_tum(tmp_path / "c.tum", d))
+    model = tmp_path / "model.npz"
+    words = ["fit", *map(str, logs[:2]), "-o", str(model), "--json"]
+    assert cli.main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert any("XKF1 (north, east, yaw)" in line for line in told["logs"])
+    assert told["learned"]["lag"]["speed"]["dead_time"] == pytest.approx(0.2, abs=0.06)
+    assert cli.main(["fit", str(logs[2]), "-o", str(model)]) == 2
+    assert "--commands FILE" in capsys.readouterr().err
+    beside = str(tmp_path / "c.commands.csv")
+    assert cli.main(["fit", str(logs[2]), "-o", str(model), "--commands", beside]) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--columns", "theta"], "--columns: expected words such as theta=yaw, got 'theta'"),
+        (["--units", "t=parsec"], "units: t=parsec"),
+        (["--units", "t=s", "t=ms"], "--units: t is given twice"),
+        (["--frame", "utm"], "frame: expected enu, ned, swapped"),
+        (["--topics", "laser=/scan"], "topics: expected odom=... or cmd=..."),
+        (["--shift", "nan"], "shift: expected a time in s"),
+    ],
+)
+def test_options_that_cannot_be_understood(
+    late: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], told: str
+) -> None:
+    model = tmp_path / "model.npz"
+    assert cli.main(["fit", str(late), "-o", str(model), *words]) == 2
+    assert told in capsys.readouterr().err and not model.exists()

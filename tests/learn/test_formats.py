@@ -16,7 +16,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.learn.cutting import period_of
-from kmpc_lite.learn.formats.reading import read_log
+from kmpc_lite.learn.formats.readers import read_log
 
 HEADER = "t,x,y,theta,v,omega"
 GOOD = [f"{0.1 * k:.1f},{k},2,0.5,1,0.25" for k in range(6)]

@@ -55,11 +55,15 @@ class Found:
     units: dict[str, str] = field(default_factory=dict)
     """As the header tells them, by our name, where they are not SI."""
 
+    def shown(self, name: str) -> str:
+        """Give the file's name of a column, fit for a message."""
+        return short(self.names[name])
+
     @property
     def notes(self) -> tuple[str, ...]:
         """Which columns were taken, where that is not plain."""
         told = [
-            f"{name}={theirs}" + (f" [{self.units[name]}]" if name in self.units else "")
+            f"{name}={short(theirs)}" + (f" [{self.units[name]}]" if name in self.units else "")
             for name, theirs in self.names.items()
             if name != theirs or name in self.units
         ]
@@ -125,7 +129,7 @@ def _places(file: Path, header: Sequence[str], name: str, chosen: Mapping[str, s
         places = [k for k, theirs in enumerate(header) if theirs == chosen[name]]
         if not places:
             hint = did_you_mean(chosen[name], header) or f"; it has {_listed(header)}"
-            raise DataError(f"{file}: columns: {name}={chosen[name]}: no such column{hint}")
+            raise DataError(f"{file}: columns: {name}={short(chosen[name])}: no such column{hint}")
         return places
     exact = [k for k, theirs in enumerate(header) if theirs == name]
     if exact:
@@ -168,7 +172,8 @@ def _refuse(
     for name, places in doubled.items():
         names = [header[k] for k in places]
         same = len(set(names)) == 1
-        told.append(f"{name} doubled" if same else f"{name} may be {' or '.join(names[:3])}")
+        may_be = " or ".join(short(n) for n in names[:3])
+        told.append(f"{name} doubled" if same else f"{name} may be {may_be}")
     raise DataError(
         f"{file}: {where}: {' and '.join(told)}; expected {','.join(COLUMNS)}, got "
         f"{_listed(header) or 'nothing'}; --columns {next(iter([*missing, *doubled]))}=NAME tells"

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 
@@ -15,10 +16,13 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.learn.dataset import MAX_ROWS
 from kmpc_lite.learn.formats.columns import COLUMNS, Found, find_columns, short
 from kmpc_lite.learn.logs import ReadOptions
+from kmpc_lite.reading import text_lines
 from kmpc_lite.types import Array
 
 MAX_HEADER = 10_000
 """Characters of the longest first line that is looked at."""
+MAX_LINE = 100_000
+"""Characters of the longest line: a file without line ends is no table."""
 MAX_REMARKS = 100
 """Lines before the header that begin with # and are no header."""
 DELIMITERS = (",", ";", "\t", "|")
@@ -60,7 +64,7 @@ def read_csv(
     tuple
         Which columns they are, their values (n,) by our name, and whether the table has a header.
     """
-    with open_text(file) as lines:
+    with closing(text_lines(file, MAX_LINE)) as lines:
         layout = _layout(file, lines)
         found = find_columns(file, layout.header, options.columns, layout.where, poses)
         rows = _rows(file, lines, layout)
@@ -84,19 +88,11 @@ def read_csv(
     return found, dict(zip(names, table.T, strict=True)), not layout.first
 
 
-def open_text(file: Path) -> TextIO:
-    """Open a text file of any line ends, with or without a byte order mark.
-
-    Bytes that are not text become a bad value.
-    """
-    return open(file, encoding="utf-8-sig", errors="replace")
-
-
-def _layout(file: Path, lines: TextIO) -> Layout:
+def _layout(file: Path, lines: Iterator[str]) -> Layout:
     """Read the header, or see that there is none because it is a TUM trajectory."""
     for number in range(1, MAX_REMARKS + 1):
-        line = lines.readline(MAX_HEADER)
-        if len(line) == MAX_HEADER or not line.strip():
+        line = next(lines, "")
+        if len(line) >= MAX_HEADER or not line.strip():
             what = "too long" if line.strip() else "blank" if line else ""
             told = f"line {number} is {what}" if what else "empty file"
             raise DataError(f"{file}: {told}; expected the header {','.join(COLUMNS)}")
@@ -104,14 +100,14 @@ def _layout(file: Path, lines: TextIO) -> Layout:
             return Layout(list(TUM), None, number - 1, line, f"line {number}")
         remark = line.lstrip().startswith("#")
         layout = _header(line.lstrip().lstrip("#%") if remark else line, number)
-        if not remark or _is_time(layout.header[0]):
+        if not remark or _is_time(line.lstrip(" #%")):
             return layout
     raise DataError(f"{file}: {MAX_REMARKS} lines of remarks; expected {','.join(COLUMNS)}")
 
 
-def _is_time(name: str) -> bool:
-    """Whether a remark's first word begins a header: EuRoC's is #timestamp [ns]."""
-    return name.lower().partition("[")[0].strip() in ("t", "time", "stamp", "timestamp")
+def _is_time(remark: str) -> bool:
+    """Whether a remark begins as a header does: EuRoC's with #timestamp [ns]."""
+    return re.match(r"(t|time|stamp|timestamp)\b", remark.lower()) is not None
 
 
 def _is_tum(line: str) -> bool:
@@ -130,7 +126,7 @@ def _header(line: str, number: int) -> Layout:
     return Layout(names, delimiter, number, "", f"line {number}: header")
 
 
-def _rows(file: Path, lines: TextIO, layout: Layout) -> Iterator[str]:
+def _rows(file: Path, lines: Iterator[str], layout: Layout) -> Iterator[str]:
     """Yield the lines that are not blank; each must have as many values as the header."""
     width, delimiter, rows = len(layout.header), layout.delimiter, 0
     decimal_comma = delimiter == ";"
@@ -157,13 +153,13 @@ def _rows(file: Path, lines: TextIO, layout: Layout) -> Iterator[str]:
 
 def _bad_value(file: Path, layout: Layout, found: Found) -> str | None:
     """Find the first value that is no number: its line, column and text."""
-    with open_text(file) as lines:
+    with closing(text_lines(file, MAX_LINE)) as lines:
         for number, line in islice(enumerate(lines, 1), layout.skipped, None):
             values = layout.values(line)
             for name, place in found.where.items() if line.strip() else ():
                 text = values[place].strip() if place < len(values) else ""
                 if not is_number(text.replace(",", ".") if layout.delimiter == ";" else text):
-                    return f"line {number}, column {found.names[name]}: {_expected(text)}"
+                    return f"line {number}, column {found.shown(name)}: {_expected(text)}"
     return None
 
 
@@ -184,7 +180,7 @@ def is_number(text: str) -> bool:
 def line_of(file: Path, row: int, header: bool = True) -> str:
     """Name a row as its file does: lines count from 1, with the header and blank lines."""
     first = 1 if header else 0
-    with open_text(file) as lines:
+    with closing(text_lines(file, MAX_LINE)) as lines:
         numbers: Iterator[int] = (
             number
             for number, line in enumerate(lines, 1)

@@ -18,6 +18,7 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.learn.formats.merged import enu, held_together, local_metres, with_heading
 from kmpc_lite.learn.formats.thinned import Thinned
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
+from kmpc_lite.reading import open_regular
 from kmpc_lite.types import Array
 
 BLOCK = 1 << 20
@@ -139,7 +140,7 @@ def read_dataflash(path: Path, options: ReadOptions) -> Log:
     counts: dict[str, int] = {}
     kept = {name: Thinned(len(fields), options.spacing) for name, fields in FIELDS.items()}
     cores: dict[str, Any] = {}
-    with open(path, "rb") as file:
+    with open_regular(path) as file:
         begin = file.read(3)
         if begin[:2] != HEAD:
             got = begin.hex() or "nothing"

@@ -15,6 +15,7 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.learn.formats.columns import short
 from kmpc_lite.learn.formats.thinned import Thinned
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
+from kmpc_lite.reading import open_regular
 from kmpc_lite.types import Array
 
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -26,6 +27,8 @@ TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
 POSE_TYPES = (ODOMETRY, POSE, POSE_COVARIANCE, *TF)
 """In the order in which they are preferred."""
 COMMAND_TYPES = (TWIST, TWIST_STAMPED)
+MAX_METADATA = 2**24
+"""Largest metadata.yaml that is read [bytes]."""
 USUAL = {"odom": ("/odom", "/odometry/filtered"), "cmd": ("/cmd_vel",)}
 """Names that are meant where there are several topics of a type."""
 BODIES = ("base_footprint", "base_link", "base", "body", "chassis")
@@ -68,8 +71,7 @@ def _opened(path: Path) -> Iterator[tuple[Any, Callable[[bytes, str], Any]]]:
     from rosbags.rosbag2 import Reader as Reader2
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    if not path.exists():
-        raise DataError(f"{path}: cannot read the log: No such file or directory")
+    _check_files(path)
     try:
         first = path.is_file() and _is_ros1(path)
         # the types that are read are the same in every distribution
@@ -84,6 +86,19 @@ def _opened(path: Path) -> Iterator[tuple[Any, Callable[[bytes, str], Any]]]:
         raise DataError(f"{path}: not a ROS bag, or damaged: {_one_line(error)}") from error
 
 
+def _check_files(path: Path) -> None:
+    """Refuse pipes, devices and endless descriptions, before rosbags opens them.
+
+    Raises
+    ------
+    OSError
+        Where one of the bag's files is none.
+    """
+    for part in sorted(path.iterdir()) if path.is_dir() else [path]:
+        if not part.is_dir():
+            open_regular(part, MAX_METADATA if part.suffix == ".yaml" else None).close()
+
+
 def _one_line(error: Exception) -> str:
     """What a library says, shortened to fit a line."""
     return short(" ".join(str(error).split()) or type(error).__name__)
@@ -91,7 +106,7 @@ def _one_line(error: Exception) -> str:
 
 def _is_ros1(path: Path) -> bool:
     """Whether a file is a ROS 1 bag."""
-    with open(path, "rb") as file:
+    with open_regular(path) as file:
         return file.read(7) == b"#ROSBAG"
 
 

@@ -17,11 +17,11 @@ from kmpc_lite.learn.dataset import CHUNK, MAX_ROWS, Episode
 from kmpc_lite.learn.formats.columns import (
     COLUMNS,
     COMMANDS,
-    NAMES,
     QUATERNION,
     UNITS,
     Found,
     find_columns,
+    short,
 )
 from kmpc_lite.learn.formats.csv_table import line_of, read_csv
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, row_number
@@ -30,6 +30,8 @@ from kmpc_lite.types import Array
 
 ENDINGS = (".csv", ".npz", ".tsv", ".txt", ".tum")
 WRITTEN = (".csv", ".npz")
+MAX_NPZ_BYTES = 8 * 6 * MAX_ROWS
+"""Memory of the largest npz log."""
 LARGEST = 1e9
 """Beyond this a pose or a command [m, rad, m/s, rad/s] is none: differences of such numbers are
 lost to rounding, squares overflow."""
@@ -48,9 +50,10 @@ def read_table(file: Path, options: ReadOptions) -> Log:
     poses = _as_poses(columns)
     if not apart and not set(COMMANDS) <= set(columns):
         missing = [name for name in COMMANDS if name not in columns]
+        got = short(",".join(found.names.values()))
         raise DataError(
             f"{file}: {where(-1)}{', '.join(missing)} missing; expected {','.join(COLUMNS)}, got "
-            f"{','.join(found.names.values())}; --commands FILE gives commands that lie elsewhere"
+            f"{got}; --commands FILE gives commands that lie elsewhere"
         )
     _check(file, columns, found, where, options.force)
     notes = found.notes
@@ -121,14 +124,14 @@ def heading(qx: Array, qy: Array, qz: Array, qw: Array) -> Array:
 
 def _read_npz(file: Path, options: ReadOptions, poses: bool) -> tuple[Found, dict[str, Array]]:
     """Columns from one array each."""
-    wanted = {*NAMES, *(a for names in NAMES.values() for a in names), *options.columns.values()}
     try:
-        arrays, names = read_npz(file, wanted)
-    except OSError:
+        names = read_npz(file, ())[1]
+        found = find_columns(file, names, options.columns, "arrays", poses)
+        arrays, _ = read_npz(file, found.names.values(), MAX_NPZ_BYTES)
+    except (OSError, DataError):
         raise
     except ValueError as error:
         raise DataError(f"{file}: not an npz log, or damaged: {error}") from error
-    found = find_columns(file, names, options.columns, "arrays", poses)
     got = {name: arrays[theirs] for name, theirs in found.names.items()}
     shapes = {name: array.shape for name, array in got.items()}
     if len(set(shapes.values())) != 1 or len(shapes["t"]) != 1:
@@ -159,14 +162,14 @@ def _check(
         if wrong.any():
             row = int(np.argmax(wrong))
             raise DataError(
-                f"{file}: {where(row)}, column {found.names[name]}: "
+                f"{file}: {where(row)}, column {found.shown(name)}: "
                 f"expected a finite number{unit}, got {column[row]}"
             )
         wrong = np.abs(column) > LARGEST
         if name != "t" and wrong.any():
             row = int(np.argmax(wrong))
             raise DataError(
-                f"{file}: {where(row)}, column {found.names[name]}: "
+                f"{file}: {where(row)}, column {found.shown(name)}: "
                 f"expected at most {LARGEST:g}{unit.removeprefix(' in')}, got {column[row]}"
             )
     time = columns["t"]
@@ -174,7 +177,7 @@ def _check(
     if back.any() and not force:
         row = int(np.argmax(back)) + 1
         raise DataError(
-            f"{file}: {where(row)}, column {found.names['t']}: time must grow, got "
+            f"{file}: {where(row)}, column {found.shown('t')}: time must grow, got "
             f"{time[row]:.15g} s after {time[row - 1]:.15g} s; --force cuts the log there"
         )
 

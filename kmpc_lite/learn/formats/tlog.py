@@ -15,6 +15,7 @@ from kmpc_lite.learn.formats.dataflash import SHARES, pick
 from kmpc_lite.learn.formats.merged import enu, local_metres, with_heading
 from kmpc_lite.learn.formats.thinned import Thinned
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
+from kmpc_lite.reading import open_regular
 from kmpc_lite.types import Array
 
 BLOCK = 1 << 20
@@ -86,7 +87,7 @@ def read_tlog(path: Path, options: ReadOptions) -> Log:
     kept = {name: Thinned(width, options.spacing) for name, width in WIDTHS.items()}
     counts: dict[int, int] = {}
     vehicle: int | None = None
-    with open(path, "rb") as file:
+    with open_regular(path) as file:
         for time, number, frame in frames(file):
             counts[number] = counts.get(number, 0) + 1
             if number not in numbers:

@@ -15,6 +15,7 @@ from kmpc_lite.learn.formats.columns import short
 from kmpc_lite.learn.formats.dataflash import SHARES, pick
 from kmpc_lite.learn.formats.merged import enu, held_together, with_heading
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
+from kmpc_lite.reading import open_regular
 from kmpc_lite.types import Array
 
 POSITION, ATTITUDE = "vehicle_local_position", "vehicle_attitude"
@@ -69,7 +70,7 @@ def _load(path: Path, names: list[str]) -> tuple[list[Any], str]:
     """Topics of a file, and the names of what was logged; pyulog prints, and raises many kinds."""
     from pyulog import ULog
 
-    with open(path, "rb") as file, contextlib.redirect_stdout(io.StringIO()):
+    with open_regular(path) as file, contextlib.redirect_stdout(io.StringIO()):
         try:
             log = ULog(file, names)
         except Exception as error:

@@ -12,7 +12,7 @@ from valid_logs import KINDS, WRONG, as_log, valid
 
 import kmpc_lite as kl
 from kmpc_lite.learn.checks.laws import find_suspects, refuse_suspects
-from kmpc_lite.learn.formats.reading import read_log
+from kmpc_lite.learn.formats.readers import read_log
 from kmpc_lite.learn.logs import ReadOptions, correct
 
 REAL = Path(__file__).parents[4] / "shared" / "data" / "norlab_drive"

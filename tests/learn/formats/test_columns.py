@@ -9,7 +9,7 @@ import pytest
 from foreign_logs import drive, rows
 
 import kmpc_lite as kl
-from kmpc_lite.learn.formats.reading import read_log
+from kmpc_lite.learn.formats.readers import read_log
 from kmpc_lite.learn.formats.tables import heading
 
 TABLE = rows(drive(4.0, rate=20.0))

@@ -21,7 +21,7 @@ from foreign_logs import (
 )
 
 import kmpc_lite as kl
-from kmpc_lite.learn.formats.reading import find_logs, read_log, reader_of
+from kmpc_lite.learn.formats.readers import find_logs, read_log, reader_of
 from kmpc_lite.learn.logs import ReadOptions
 
 DRIVE = drive(12.0)

@@ -15,6 +15,7 @@ import numpy as np
 from kmpc_lite.errors import DataError, did_you_mean
 from kmpc_lite.learn.formats.tables import LARGEST
 from kmpc_lite.learn.logs import Log, ReadOptions, correct
+from kmpc_lite.reading import open_regular
 
 
 class Reader(NamedTuple):
@@ -158,10 +159,11 @@ def reader_of(file: Path) -> Reader:
 
 def _first_bytes(file: Path) -> bytes:
     """The first bytes of a regular file; none where there is no such file."""
-    if not file.is_file():
+    try:
+        with open_regular(file) as opened:
+            return opened.read(16)
+    except OSError:
         return b""
-    with open(file, "rb") as opened:
-        return opened.read(16)
 
 
 def need_reader(file: Path, reader: Reader) -> None:

@@ -1,0 +1,88 @@
+"""`kmpc inspect`: what is in a log, before anything is learned from it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.files import keep_inputs
+from kmpc_lite.cli.log_options import add_log_options, read_options
+from kmpc_lite.cli.output import paint
+
+if TYPE_CHECKING:
+    from kmpc_lite.learn.inspection import Findings
+
+SUSPICIOUS = 1
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    add_log_options(parser)
+    parser.add_argument(
+        "--plot",
+        type=Path,
+        metavar="FILE",
+        help="draw path and commands of the first log (.svg or .png)",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Tell what each log holds and what is suspect in it; exit status 1 where something is."""
+    from kmpc_lite.learn.formats.readers import find_logs
+    from kmpc_lite.learn.inspection import inspect
+
+    if options.plot is not None:
+        need("a picture", "matplotlib")
+        keep_inputs(options.plot, *options.log)
+        check_picture(options.plot)
+    how = read_options(options)
+    found = [inspect(file, how) for file in find_logs(options.log)]
+    if options.plot is not None:
+        from kmpc_lite.report.log_picture import draw_log
+
+        draw_log(found[0].log, options.plot)
+    if options.json:
+        print(json.dumps({"logs": [f.as_dict() for f in found]}))
+    else:
+        print("\n\n".join(describe(f) for f in found))
+        if options.plot is not None:
+            print(f"wrote  {options.plot}")
+    return SUSPICIOUS if any(f.suspects for f in found) else 0
+
+
+def check_picture(file: Path) -> None:
+    """Refuse an ending that no picture has, before anything is read."""
+    from kmpc_lite.errors import DataError
+
+    if file.suffix.lower() not in (".svg", ".png"):
+        raise DataError(f"{file}: expected a picture's ending, .svg or .png")
+
+
+def describe(found: Findings) -> str:
+    """One log in a block of lines."""
+    lines = [f"log      {found.name}"]
+    width = max((len(t.name) for t in found.topics), default=0)
+    for topic in found.topics:
+        rate = f"{topic.rate:9.3g} Hz" if topic.rate is not None else ""
+        count = f"{topic.messages:>9} messages"
+        lines.append(f"topic    {topic.name:<{width}}  {topic.kind}  {count}{rate}".rstrip())
+    lines += [f"{name:<8} {text}" for name, text in found.lines]
+    lines += [f"note     {text}" for text in found.notes]
+    lines += [paint(f"suspect  {text}", "red", sys.stdout) for text in found.suspects]
+    return "\n".join(lines if found.suspects else [*lines, "good     nothing is suspect"])
+
+
+COMMAND = Command(
+    text="Show what is in a log, and what is suspect in it, before anything is learned from it.",
+    examples=(
+        "kmpc inspect run.csv",
+        "kmpc inspect rosbag2_2026_03_01/ --topics odom=/odom cmd=/cmd_vel --plot run.svg",
+    ),
+    add_options=add_options,
+    run=run,
+)

@@ -1,0 +1,92 @@
+"""What a log holds, in lines that a user reads before learning from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.defaults import SHORTEST_PERIOD
+from kmpc_lite.errors import DataError
+from kmpc_lite.learn.checks.evidence import examine
+from kmpc_lite.learn.checks.laws import delay_of, find_suspects
+from kmpc_lite.learn.checks.motion import gather
+from kmpc_lite.learn.cutting import cut, period_of
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.formats.readers import read_log
+from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """What was found in one log."""
+
+    name: str
+    log: Log
+    topics: tuple[Topic, ...]
+    lines: tuple[tuple[str, str], ...]
+    """What it is about, and what there is to say."""
+    notes: tuple[str, ...]
+    suspects: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """All of it as values that JSON can hold."""
+        return {
+            "log": self.name,
+            "topics": [topic._asdict() for topic in self.topics],
+            **dict(self.lines),
+            "notes": list(self.notes),
+            "suspects": list(self.suspects),
+        }
+
+
+def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
+    """Read a log and look at it.
+
+    Raises
+    ------
+    DataError
+        Where it cannot be read.
+    """
+    log = read_log(file, how)
+    suspects = [suspect.reason for suspect in find_suspects(log)]
+    try:
+        data = Dataset(cut(log, max(SHORTEST_PERIOD, period_of(log))))
+        drives = f"{data}; the longest {max(map(len, data.episodes)) * data.dt:.1f} s"
+    except DataError as error:
+        drives = "none"
+        if not suspects:
+            suspects.append(str(error).removeprefix(f"{log.name}: "))
+    lines = (
+        ("poses", _describe(log.poses, ("x", "y", "theta"), ("m", "m", "rad"))),
+        ("commands", _describe(log.commands, ("v", "omega"), ("m/s", "rad/s"))),
+        ("drives", drives),
+        ("delay", tell_delay(log)),
+    )
+    return Findings(str(file), log, log.topics, lines, log.notes, tuple(suspects))
+
+
+def _describe(series: Series, names: tuple[str, ...], units: tuple[str, ...]) -> str:
+    """Samples, rate, span and ranges of a series."""
+    steps = np.diff(series.time)
+    growing = steps[steps > 0.0]
+    rate = f" at {1.0 / np.median(growing):.3g} Hz" if len(growing) else ""
+    span = float(series.time.max() - series.time.min())
+    ranges = ", ".join(
+        f"{name} {low:.3g} to {high:.3g} {unit}"
+        for name, unit, low, high in zip(
+            names, units, series.values.min(axis=0), series.values.max(axis=0), strict=True
+        )
+    )
+    return f"{len(series.time)}{rate} over {span:.1f} s: {ranges}"
+
+
+def tell_delay(log: Log) -> str:
+    """How long after its command the motion comes."""
+    motion = gather(log)
+    delay = None if motion is None else delay_of(examine(motion))
+    if delay is None:
+        return "not known: the commands explain too little of the motion"
+    return f"the motion comes {delay:.2f} s after its command"

@@ -1,0 +1,65 @@
+"""`kmpc inspect`: what is in a log, in words, as JSON, and as a picture."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_logs import drive, write_bag, write_csv
+
+from kmpc_lite.cli import main as cli
+
+DRIVE = drive(60.0, rate=20.0, delay=0.3)
+
+
+def test_a_good_log_is_described(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = write_csv(tmp_path / "run.csv", DRIVE, "stamp,x,y,yaw,cmd_v,cmd_w")
+    assert cli.main(["inspect", str(made)]) == 0
+    told = capsys.readouterr().out
+    assert "1200 at 20 Hz over 60.0 s: x" in told and "good     nothing is suspect" in told
+    assert "columns: t=stamp, theta=yaw, v=cmd_v, omega=cmd_w" in told
+    assert "the motion comes 0.3" in told or "the motion comes 0.2" in told
+
+
+def test_topics_and_rates_of_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("rosbags")
+    made = write_bag(tmp_path / "bag", DRIVE, "mcap")
+    assert cli.main(["inspect", str(made), "--json"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["logs"]
+    rates = {t["name"]: t["rate"] for t in found["topics"]}
+    assert rates["/odom"] == pytest.approx(20.0, rel=0.01)
+    assert rates["/cmd_vel"] == pytest.approx(10.0, rel=0.01) and found["suspects"] == []
+
+
+def test_what_is_suspect_is_told_and_is_a_status(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = write_csv(tmp_path / "run.csv", DRIVE, scale={"theta": 180 / np.pi, "t": 1e9})
+    assert cli.main(["inspect", str(made)]) == 1
+    told = capsys.readouterr().out
+    assert "suspect  " in told and "--units theta=deg" in told and "--units t=ns" in told
+    assert cli.main(["inspect", str(made), "--units", "theta=deg", "t=ns"]) == 0
+
+
+@pytest.mark.parametrize("ending", ["svg", "png"])
+def test_a_picture_of_path_and_commands(tmp_path: Path, ending: str) -> None:
+    pytest.importorskip("matplotlib")
+    made = write_csv(tmp_path / "run.csv", DRIVE)
+    assert cli.main(["inspect", str(made), "--plot", str(tmp_path / f"run.{ending}")]) == 0
+    head = (tmp_path / f"run.{ending}").read_bytes()[:100]
+    assert b"<?xml" in head if ending == "svg" else head.startswith(b"\x89PNG")
+
+
+def test_a_picture_never_takes_the_place_of_a_log(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib")
+    made = write_csv(tmp_path / "run.csv", DRIVE)
+    before = made.read_bytes()
+    assert cli.main(["inspect", str(made), "--plot", str(made)]) == 2
+    assert cli.main(["inspect", str(made), "--plot", str(tmp_path / "run.doc")]) == 2
+    assert cli.main(["inspect", str(tmp_path / "none.csv")]) == 2
+    assert made.read_bytes() == before and [p.name for p in tmp_path.iterdir()] == ["run.csv"]
+    assert capsys.readouterr().err.count("\n") == 3
