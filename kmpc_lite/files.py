@@ -20,6 +20,8 @@ from kmpc_lite.reading import open_regular
 
 MAX_ARCHIVE_BYTES = 2**28
 """An archive whose arrays take more memory is refused before a byte of them is unpacked."""
+ARCHIVE = b"PK"
+"""What an archive begins with."""
 SAME_DT = 1e-6
 """Relative difference up to which two periods count as one: the digits of a log's time stamps end
 somewhere."""
@@ -66,6 +68,9 @@ def read_npz(
     """
     try:
         with open_regular(path) as file, zipfile.ZipFile(_SmallReads(file)) as archive:
+            file.seek(0)
+            if file.read(len(ARCHIVE)) != ARCHIVE:  # zipfile would look for one behind it
+                raise ValueError("no archive of NumPy's")
             names = [name.removesuffix(".npy") for name in archive.namelist()]
             arrays: dict[str, NDArray[Any]] = {}
             for name in wanted:

@@ -266,13 +266,13 @@ def test_what_users_name_is_shown_and_never_run(runs, tmp_path, blank):
 
 def test_the_same_input_gives_the_same_bytes(runs, tmp_path):
     before = dict(matplotlib.rcParams)
-    write_report(tmp_path / "a.html", runs["blind"], MODEL, FIT, **LIMITS)
+    write_report(tmp_path / "a.html", runs["single"], MODEL, FIT, **LIMITS)
     picture = render(map_picture(runs["moving"]), "png")
     assert dict(matplotlib.rcParams) == before
     with matplotlib.rc_context(
         {"font.size": 30, "axes.facecolor": "black", "svg.hashsalt": None, "text.usetex": True}
     ):
-        write_report(tmp_path / "b.html", runs["blind"], MODEL, FIT, **LIMITS)
+        write_report(tmp_path / "b.html", runs["single"], MODEL, FIT, **LIMITS)
         again = render(map_picture(runs["moving"]), "png")
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
     assert picture == again

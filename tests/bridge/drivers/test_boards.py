@@ -72,13 +72,10 @@ def test_drives_and_reads_back(name, url):
         ), distance(rig.driver, rig.emulator)
         assert math.hypot(*rig.emulator.pose[:2]) > 0.05
         counters = rig.counters
-        assert (
-            counters["frames"] > 10
-            and counters["unexpected_replies"]
-            == counters["driver_errors"]
-            == counters["bad_bytes"]
-            == 0
-        )
+        assert counters["frames"] > 10
+        assert counters["driver_errors"] == counters["bad_bytes"] == 0
+        # an answer that a busy machine gave too late is one that nobody waits for any more
+        assert counters["unexpected_replies"] <= counters["timeouts"]
     finally:
         rig.close()
 
@@ -308,7 +305,7 @@ def test_replies_that_nobody_asked_for_are_told(name, tmp_path):
 
 def test_a_board_that_restarts_is_set_up_again(rig):
     rig.connect()
-    rig.drive(0.4, 0.0, 0.2)
+    rig.drive(0.8, 0.0, 0.8)  # farther than it could be believed to come back meanwhile
     rig.driver.send(0.0, 0.0)
     assert until(lambda: abs(rig.driver.state().v) < 1e-3)
     x = rig.driver.state().x
