@@ -88,6 +88,8 @@ class MavlinkCodec:
         self._buffer = bytearray()
         self._waiting_since = math.inf
         self.counters = dict.fromkeys(COUNTERS, 0)
+        self.newest_stamp = 0
+        """Of all signatures that were right [10 us since 2015]."""
         self._check, self._mav.check_signature = self._mav.check_signature, self._check_signature
         if accept_unsigned:
             self._mav.signing.allow_unsigned_callback = lambda mav, message: True
@@ -206,7 +208,9 @@ class MavlinkCodec:
         )
         before = stamps.get(stream)
         good = bool(self._check(frame, system, component))
-        if not good:
+        if good:
+            self.newest_stamp = max(self.newest_stamp, stamps[stream])
+        else:
             stamps.pop(stream, None)
             if before is not None:
                 stamps[stream] = before

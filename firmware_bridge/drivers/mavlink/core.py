@@ -241,6 +241,11 @@ class MavlinkCore:
         self.mocap.feed(x, y, theta, stamp, now)
 
     @property
+    def newest_stamp(self) -> int:
+        """Newest time stamp of a right signature [10 us since 2015]."""
+        return self._codec.newest_stamp
+
+    @property
     def state(self) -> State | None:
         """Newest state."""
         return self.pose.state

@@ -15,6 +15,7 @@ from typing import Any
 
 from firmware_bridge.drivers.mavlink.core import MavlinkCore
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
+from firmware_bridge.drivers.mavlink.signing_stamp import SigningStamp
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import ConfigError, LinkError, LinkStatus, State
 
@@ -57,9 +58,10 @@ class MavlinkDriver:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._transport, self._clock = transport, clock
-        self._core = MavlinkCore(
-            MavlinkOptions() if options is None else options, transport.write, time.time()
-        )
+        options = MavlinkOptions() if options is None else options
+        self._stamp = SigningStamp(options.key_file)
+        wall_time = max(time.time(), self._stamp.unix_time)
+        self._core = MavlinkCore(options, transport.write, wall_time)
         self._changed = threading.Condition()
         self._started, self._closing = False, False
         self._thread: threading.Thread | None = None
@@ -174,7 +176,8 @@ class MavlinkDriver:
     def warnings(self) -> tuple[str, ...]:
         """What a user should know while the robot drives."""
         with self._changed:
-            return self._core.warnings(self._clock())
+            warnings = self._core.warnings(self._clock())
+        return (*warnings, self._stamp.problem) if self._stamp.problem else warnings
 
     def ask_prearm(self) -> None:
         """Ask the autopilot to say what keeps it from arming: `refusals` then tells."""
@@ -256,16 +259,21 @@ class MavlinkDriver:
 
     def _run(self) -> None:
         """Look at what is due, time and again."""
+        while self._turn():
+            self._stamp.keep(self._core.newest_stamp, time.monotonic())
+        self._stamp.keep(self._core.newest_stamp, float("inf"))
+
+    def _turn(self) -> bool:
+        """Do what is due now, and wait; whether to go on."""
         with self._changed:
-            due = time.monotonic()
-            while not self._closing:
-                try:
-                    self._core.tick(self._clock())
-                except Exception as error:
-                    self._note(error)
-                due = max(due + TICK, time.monotonic())
-                while not self._closing and (left := due - time.monotonic()) > 0.0:
-                    self._changed.wait(left)
+            try:
+                self._core.tick(self._clock())
+            except Exception as error:
+                self._note(error)
+            due = time.monotonic() + TICK
+            while not self._closing and (left := due - time.monotonic()) > 0.0:
+                self._changed.wait(left)
+            return not self._closing
 
     def _note(self, error: Exception) -> None:
         self._internal_errors += 1

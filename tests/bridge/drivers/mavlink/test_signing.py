@@ -8,10 +8,14 @@ from pathlib import Path
 import pytest
 from mavlink_rig import Rig, dialect
 
-from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
+from firmware_bridge.drivers.mavlink.codec import MavlinkCodec, signing_time
 from firmware_bridge.drivers.mavlink.core import MavlinkCore
+from firmware_bridge.drivers.mavlink.driver import MavlinkDriver
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
+from firmware_bridge.drivers.mavlink.signing_stamp import PERIOD, SigningStamp
 from firmware_bridge.emulator.rover.autopilot import HOLD
+from firmware_bridge.link import LoopbackWire
+from firmware_bridge.messages import ConfigError, LinkError
 
 KEY = bytes(range(32))
 FAILSAFE = {"FS_GCS_ENABLE": 1, "FS_GCS_TIMEOUT": 2, "FS_TIMEOUT": 0.5}
@@ -131,3 +135,60 @@ def test_a_key_is_taken_while_disarmed_only_and_adds_a_minute() -> None:
     codec: MavlinkCodec = rig.rover._codec
     assert codec._mav.signing.secret_key == KEY
     assert codec._mav.signing.timestamp >= 1000 + 60 * 100_000
+
+
+def test_a_recording_is_refused_after_a_start_without_a_clock(tmp_path: Path) -> None:
+    """The newest time stamp outlives the process; a frame of any age was accepted before."""
+    key_file, recorded = str(tmp_path / "key"), 1.7e9
+    vehicle = MavlinkCodec(1, 1, key=KEY, wall_time=recorded)
+    beat = dialect.MAVLink_heartbeat_message(10, 3, 0, 0, 4, 3)
+    recording = vehicle.encode(beat)
+    vehicle.sign(KEY, signing_time(recorded + 600.0))
+    ours = MavlinkCodec(255, 190, key=KEY, wall_time=0.0)
+    assert len(ours.feed(recording + vehicle.encode(beat), 0.0)) == 2
+    SigningStamp(key_file).keep(ours.newest_stamp, 5.0)
+
+    later = SigningStamp(key_file)
+    assert later.unix_time == pytest.approx(recorded + 600.0, abs=1e-3)
+    restarted = MavlinkCodec(255, 190, key=KEY, wall_time=max(0.0, later.unix_time))
+    assert restarted.feed(recording, 0.0) == [] and restarted.counters["bad_signature"] == 1
+    assert len(restarted.feed(vehicle.encode(beat), 0.0)) == 1
+    forgetful = MavlinkCodec(255, 190, key=KEY, wall_time=0.0)
+    assert len(forgetful.feed(recording, 0.0)) == 1, "what the stamp is for"
+
+
+def test_the_stamp_is_written_seldom_and_only_forwards(tmp_path: Path) -> None:
+    stamp, path = SigningStamp(str(tmp_path / "key")), tmp_path / "key.stamp"
+    for now, newest, kept in ((0.0, 50, 50), (1.0, 60, 50), (PERIOD, 40, 50), (PERIOD, 70, 70)):
+        stamp.keep(newest, now)
+        assert int(path.read_text()) == kept
+    stamp.keep(99, float("inf"))
+    assert int(path.read_text()) == 99 and path.stat().st_mode & 0o777 == 0o600
+    assert [entry.name for entry in tmp_path.iterdir()] == ["key.stamp"]
+    SigningStamp(None).keep(5, 0.0)
+
+
+def test_a_stamp_that_cannot_be_kept_or_read_is_told(tmp_path: Path) -> None:
+    stamp = SigningStamp(str(tmp_path / "none" / "key"))
+    stamp.keep(5, 0.0)
+    assert "cannot keep the signing time" in stamp.problem
+    for text in ("soon", "-5", "9" * 40, ""):
+        (tmp_path / "key.stamp").write_text(text)
+        with pytest.raises(ConfigError, match=r"key\.stamp: expected one number"):
+            SigningStamp(str(tmp_path / "key"))
+
+
+def test_the_driver_keeps_the_stamp(options: MavlinkOptions, tmp_path: Path) -> None:
+    wire, ahead = LoopbackWire(), time.time() + 60.0
+    vehicle = MavlinkCodec(1, 1, key=KEY, wall_time=ahead)
+    wire.board.start(lambda data, stamp: None)
+    driver = MavlinkDriver(wire.bridge, options)
+    with pytest.raises(LinkError):
+        driver.connect(0.01)
+    assert wire.board.write(vehicle.encode(dialect.MAVLink_heartbeat_message(10, 3, 0, 0, 4, 3)))
+    until = time.monotonic() + 10.0
+    while not (tmp_path / "key.stamp").exists() and time.monotonic() < until:
+        time.sleep(0.01)
+    driver.close()
+    wire.board.close()
+    assert int((tmp_path / "key.stamp").read_text()) == signing_time(ahead)
