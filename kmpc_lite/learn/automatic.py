@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from kmpc_lite.learn.checks.drives import refuse_car_like, refuse_frozen
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.sanity import refuse_car_like, refuse_frozen
 from kmpc_lite.learn.selection import Selection, SelectionOptions, select
 from kmpc_lite.learn.symmetry import require_trigonometry, symmetric_generator
 from kmpc_lite.model.dictionary import Dictionary

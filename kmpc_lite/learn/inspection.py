@@ -10,9 +10,7 @@ import numpy as np
 
 from kmpc_lite.defaults import SHORTEST_PERIOD
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.checks.evidence import examine
-from kmpc_lite.learn.checks.laws import delay_of, find_suspects
-from kmpc_lite.learn.checks.motion import gather
+from kmpc_lite.learn.checks.laws import judge
 from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.formats.readers import read_log
@@ -51,7 +49,8 @@ def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
         Where it cannot be read.
     """
     log = read_log(file, how)
-    suspects = [suspect.reason for suspect in find_suspects(log)]
+    verdict = judge(log)
+    suspects = [suspect.reason for suspect in verdict.suspects]
     try:
         data = Dataset(cut(log, max(SHORTEST_PERIOD, period_of(log))))
         drives = f"{data}; the longest {max(map(len, data.episodes)) * data.dt:.1f} s"
@@ -63,7 +62,7 @@ def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
         ("poses", _describe(log.poses, ("x", "y", "theta"), ("m", "m", "rad"))),
         ("commands", _describe(log.commands, ("v", "omega"), ("m/s", "rad/s"))),
         ("drives", drives),
-        ("delay", tell_delay(log)),
+        ("delay", tell_delay(verdict.delay)),
     )
     return Findings(str(file), log, log.topics, lines, log.notes, tuple(suspects))
 
@@ -83,10 +82,8 @@ def _describe(series: Series, names: tuple[str, ...], units: tuple[str, ...]) ->
     return f"{len(series.time)}{rate} over {span:.1f} s: {ranges}"
 
 
-def tell_delay(log: Log) -> str:
-    """How long after its command the motion comes."""
-    motion = gather(log)
-    delay = None if motion is None else delay_of(examine(motion))
+def tell_delay(delay: float | None) -> str:
+    """How long after its command the motion comes [s], in words."""
     if delay is None:
         return "not known: the commands explain too little of the motion"
     return f"the motion comes {delay:.2f} s after its command"

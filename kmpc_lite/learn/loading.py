@@ -8,11 +8,11 @@ from pathlib import Path
 
 from kmpc_lite.defaults import SHORTEST_PERIOD
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.checks.laws import find_suspects, refuse_suspects
+from kmpc_lite.learn.checks.laws import Verdict, judge
 from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.dataset import Dataset, check_time
 from kmpc_lite.learn.formats.readers import find_logs, read_log
-from kmpc_lite.learn.logs import ReadOptions
+from kmpc_lite.learn.logs import Log, ReadOptions
 
 SAMPLES_PER_PERIOD = 20.0
 """Samples of a stream that are kept within one of the model's periods."""
@@ -53,18 +53,22 @@ def load_logs(
         if dt is not None:
             how = replace(how, spacing=dt / SAMPLES_PER_PERIOD)
         log = read_log(file, how)
+        verdict = judge(log)
         if not how.force:
-            refuse_suspects(log)
-        elif tell is not None:
-            for suspect in find_suspects(log):
-                tell(f"{file}: suspect, and forced: {suspect.reason}")
+            verdict.refuse(log)
         dt = max(SHORTEST_PERIOD, period_of(log)) if dt is None else dt
-        made = cut(log, dt, gap)
+        episodes += cut(log, dt, gap)
         if tell is not None:
-            for note in log.notes:
-                tell(f"{file}: {note}")
-        episodes += made
+            _account(log, verdict, tell)
     return Dataset(episodes)
+
+
+def _account(log: Log, verdict: Verdict, tell: Callable[[str], None]) -> None:
+    """Tell how a log was read, and what is remarkable in it."""
+    delay = () if verdict.delay is None else (f"motion {verdict.delay:.2f} s after its command",)
+    forced = (f"suspect, and forced: {suspect.reason}" for suspect in verdict.suspects)
+    for line in (*log.notes, *delay, *forced):
+        tell(f"{log.name}: {line}")
 
 
 def once(files: Sequence[Path]) -> Sequence[Path]:

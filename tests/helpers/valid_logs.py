@@ -199,6 +199,18 @@ def _constant(column: int, value: float) -> Callable[[np.ndarray], np.ndarray]:
     return change
 
 
+def _counted(table: np.ndarray) -> np.ndarray:
+    """Rows instead of seconds."""
+    table[:, 0] = np.arange(len(table))
+    return table
+
+
+def _no_sign(table: np.ndarray) -> np.ndarray:
+    """Speeds without a direction."""
+    table[:, 4] = np.abs(table[:, 4])
+    return table
+
+
 MM, DEG = 1e3, 180.0 / np.pi
 MM_PATH = _all(_times("x", MM), _times("y", MM))
 NED = _all(_columns([0, 2, 1, 3, 4, 5]), _times("theta", -1.0), _turned(0.5 * np.pi))
@@ -229,6 +241,12 @@ WRONG: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
     "before": (_later(2.0), "--shift -"),
     "theta frozen": (_constant(3, 0.5), "theta never changes"),
     "exchanged": (_columns([0, 1, 2, 3, 5, 4]), "exchanged"),
+    "rows": (_counted, "t counts rows"),
+    "rpm": (_times("omega", 60.0 / (2.0 * np.pi)), "--units omega=rpm"),
+    "theta in cdeg": (_times("theta", 100.0 * DEG), "does not follow the commands"),
+    "latitude": (_all(_times("x", 1e-5), _times("y", 1e-5)), "longitude and latitude"),
+    "pixels": (_all(_times("x", 200.0), _times("y", -200.0)), "--units x=cm y=cm"),
+    "no sign": (_no_sign, "positions move neither"),
     "no commands": (_all(_constant(4, 0.0), _constant(5, 0.0)), "all commands are 0"),
 }
 """What is done to a valid log, and a word of the line that it must get."""

@@ -10,9 +10,10 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.learn.account import account, format_account, warn_of_errors
+from kmpc_lite.learn.checks.drives import refuse_car_like
 from kmpc_lite.learn.diagnosis import diagnose
 from kmpc_lite.learn.responses import AT_ONCE
-from kmpc_lite.learn.sanity import find_gaps, refuse_car_like, tell_inputs
+from kmpc_lite.learn.sanity import find_gaps, tell_inputs
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 
 NOISE = np.array([0.005, 0.005, 0.01])

@@ -192,13 +192,12 @@ def _refined_lag(motion: Motion, best: Explained, turn: bool, evidence: Evidence
     return top + 0.5 * (before - after) / curve
 
 
-def heading_offset(evidence: Evidence) -> tuple[float, float]:
-    """Direction of the motion off the heading, and how sure it is [rad].
+def heading_offset(evidence: Evidence, key: tuple[int, bool]) -> tuple[float, float]:
+    """Direction of the motion off the heading, and how sure it is [rad], for one reading of theta.
 
     Turning moves a sensor that does not stand on the turning centre; that is regressed too.
     """
-    motion, key = evidence.motion, evidence.best
-    best = evidence.moves[key]
+    motion, best = evidence.motion, evidence.moves[key]
     along = facing(motion, *key)
     whole = motion.whole & shifted(motion.whole, best.lag)
     steps = [np.where(whole, shifted(np.diff(a), best.lag) * along, 0.0) for a in motion.asked.T]

@@ -6,8 +6,9 @@ file and four series are in memory.
 
 from __future__ import annotations
 
+import os
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -89,7 +90,9 @@ def _kind(name: str, made: struct.Struct, letters: str, columns: list[str]) -> K
     return Kind(name, made, places, (1e-6 if stamp == "TimeUS" else 1e-3, *scales[1:]))
 
 
-def messages(file: BinaryIO, counts: dict[str, int]) -> Iterator[tuple[str, Any, list[float]]]:
+def messages(
+    file: BinaryIO, counts: dict[str, int], progress: Callable[[int, int], None] | None = None
+) -> Iterator[tuple[str, Any, list[float]]]:
     """Yield name, core, and time [s] with fields of the messages in `FIELDS`; count all others.
 
     Bytes that are none are passed over: logs that were cut off or sent by radio have such.
@@ -102,6 +105,8 @@ def messages(file: BinaryIO, counts: dict[str, int]) -> Iterator[tuple[str, Any,
             more = file.read(BLOCK)
             if not more:
                 return
+            if progress is not None:
+                progress(file.tell(), os.fstat(file.fileno()).st_size)
             data, at = data[at:] + more, 0
             continue
         if data[at : at + 2] != HEAD or not length:
@@ -146,7 +151,7 @@ def read_dataflash(path: Path, options: ReadOptions) -> Log:
             got = begin.hex() or "nothing"
             raise DataError(f"{path}: not an ArduPilot log: it begins with {got}")
         file.seek(0)
-        for name, core, (time, *values) in messages(file, counts):
+        for name, core, (time, *values) in messages(file, counts, options.progress):
             if cores.setdefault(name, core) == core and kept[name].wants(time):
                 if np.isfinite([time, values[0]]).all():
                     kept[name].add(time, *values)

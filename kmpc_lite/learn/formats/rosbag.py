@@ -27,6 +27,13 @@ TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
 POSE_TYPES = (ODOMETRY, POSE, POSE_COVARIANCE, *TF)
 """In the order in which they are preferred."""
 COMMAND_TYPES = (TWIST, TWIST_STAMPED)
+TELLING = 5000
+"""Messages between two looks at the progress."""
+OTHER = {
+    "odom": ("goal", "initial", "target", "setpoint", "waypoint", "clicked", "_static"),
+    "cmd": ("odom", "imu", "measured", "feedback", "local_position", "global_position", "actual"),
+}
+"""Parts of names of topics that hold something else than the robot's pose, or its command."""
 MAX_METADATA = 2**24
 """Largest metadata.yaml that is read [bytes]."""
 USUAL = {"odom": ("/odom", "/odometry/filtered"), "cmd": ("/cmd_vel",)}
@@ -54,7 +61,7 @@ def read_bag(path: Path, options: ReadOptions) -> Log:
         pose, command = _choose(path, topics, options.topics)
         if pose.kind in TF:
             pose = _with_frames(path, pose, reader, decode)
-        series, broken = _collect(reader, decode, pose, command, options.spacing)
+        series, broken = _collect(reader, decode, pose, command, options)
     poses, commands = (_series(path, w, s) for w, s in zip((pose, command), series, strict=True))
     notes = [f"poses: {poses.source}; commands: {commands.source}"]
     if measured := command.kind == ODOMETRY:
@@ -151,9 +158,8 @@ def _find(
             f"{', '.join(types)}, here {_listed([t for t in topics if t.kind in types])}"
         )
     for kind in types:
-        found = [
-            t for t in topics if t.kind == kind and t.messages and not t.name.endswith("_static")
-        ]
+        moving = [t for t in topics if t.messages and not any(o in t.name for o in OTHER[name])]
+        found = [t for t in moving if t.kind == kind]
         usual = [t for t in found if t.name in USUAL[name]]
         if len(found) == 1 or usual:
             best = min(usual, key=lambda t: USUAL[name].index(t.name)) if usual else found[0]
@@ -204,11 +210,16 @@ def _connections(reader: Any, *wanted: Wanted) -> list[Any]:
 
 
 def _collect(
-    reader: Any, decode: Any, pose: Wanted, command: Wanted, spacing: float
+    reader: Any, decode: Any, pose: Wanted, command: Wanted, options: ReadOptions
 ) -> tuple[tuple[Thinned, Thinned], int]:
     """Go through the messages once. Each sample keeps its stamp beside its time of recording."""
+    spacing, progress = options.spacing, options.progress
     poses, commands, broken = Thinned(4, spacing), Thinned(3, spacing), 0
-    for connection, nanoseconds, raw in reader.messages(_connections(reader, pose, command)):
+    wanted = _connections(reader, pose, command)
+    total = sum(c.msgcount for c in wanted)
+    for n, (connection, nanoseconds, raw) in enumerate(reader.messages(wanted)):
+        if progress is not None and n % TELLING == 0:
+            progress(n, max(total, n))
         time = nanoseconds * 1e-9
         here = (connection.topic, connection.msgtype)
         whole = pose.frames is not None  # which transforms it holds is known when it is read
@@ -228,6 +239,8 @@ def _collect(
                 commands.add(time, *values)
             else:
                 broken += 1
+    if progress is not None and total:
+        progress(total, total)
     return (poses, commands), broken
 
 

@@ -11,22 +11,26 @@ from foreign_logs import drive, rows
 from valid_logs import KINDS, WRONG, as_log, valid
 
 import kmpc_lite as kl
-from kmpc_lite.learn.checks.laws import find_suspects, refuse_suspects
+from kmpc_lite.learn.checks.laws import Suspect, judge
 from kmpc_lite.learn.formats.readers import read_log
-from kmpc_lite.learn.logs import ReadOptions, correct
+from kmpc_lite.learn.logs import Log, ReadOptions, correct
 
 REAL = Path(__file__).parents[4] / "shared" / "data" / "norlab_drive"
+
+
+def suspects_of(log: Log) -> list[Suspect]:
+    return list(judge(log).suspects)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_valid_log_passes(kind: str) -> None:
     for seed in (1001, 1002):
-        assert find_suspects(valid(seed, kind).log) == []
+        assert suspects_of(valid(seed, kind).log) == []
 
 
 @pytest.mark.long
 def test_at_most_one_valid_log_in_a_hundred_is_refused() -> None:
-    refused = [seed for seed in range(500) if find_suspects(valid(seed).log)]
+    refused = [seed for seed in range(500) if suspects_of(valid(seed).log)]
     assert len(refused) <= 5, refused
 
 
@@ -34,7 +38,7 @@ def test_at_most_one_valid_log_in_a_hundred_is_refused() -> None:
 def test_what_is_wrong_is_named(wrong: str) -> None:
     change, told = WRONG[wrong]
     table = rows(drive(90.0, rate=20.0, seed=3, delay=0.15, lag=0.1, noise=(0.003, 0.003)))
-    reasons = [s.reason for s in find_suspects(as_log(change(table.copy())))]
+    reasons = [s.reason for s in suspects_of(as_log(change(table.copy())))]
     assert any(told in reason for reason in reasons), reasons
     assert all("\n" not in reason for reason in reasons)
 
@@ -46,7 +50,7 @@ def test_the_option_that_is_named_mends_it(wrong: str) -> None:
     change, _ = WRONG[wrong]
     log = as_log(change(rows(drive(90.0, rate=20.0, seed=4, noise=(0.003, 0.003)))))
     for _ in range(3):
-        found = find_suspects(log)
+        found = suspects_of(log)
         if not found:
             break
         reason = found[0].reason
@@ -54,7 +58,7 @@ def test_the_option_that_is_named_mends_it(wrong: str) -> None:
         frame = re.search(r"--frame (\w+)", reason)
         pairs = dict(word.split("=") for word in units[1].split()) if units and not frame else {}
         log = correct(log, ReadOptions(units=pairs, frame=frame[1] if frame else "enu"))
-    assert find_suspects(log) == []
+    assert suspects_of(log) == []
 
 
 @pytest.mark.long
@@ -63,7 +67,7 @@ def test_wrong_logs_of_all_sorts_of_robots() -> None:
     for seed in range(0, 160, 5):
         for wrong, (change, _) in WRONG.items():
             made = valid(seed)
-            if not find_suspects(as_log(change(made.table.copy()))):
+            if not suspects_of(as_log(change(made.table.copy()))):
                 missed.append((seed, made.kind, wrong))
     # slow robots in mm could be fast ones in m; who hardly turns looks alike in a mirror
     count = len(WRONG) * 32
@@ -77,7 +81,7 @@ def test_wrong_logs_of_all_sorts_of_robots() -> None:
 @pytest.mark.skipif(not REAL.is_dir(), reason="needs the logs in ../shared/data/norlab_drive")
 @pytest.mark.parametrize("robot", ["husky", "warthog"])
 def test_real_skid_steered_robots_pass(robot: str) -> None:
-    assert find_suspects(read_log(REAL / f"{robot}.csv")) == []
+    assert suspects_of(read_log(REAL / f"{robot}.csv")) == []
 
 
 def test_a_refusal_is_one_line_with_the_file_and_the_way_on() -> None:
@@ -86,8 +90,14 @@ def test_a_refusal_is_one_line_with_the_file_and_the_way_on() -> None:
     with pytest.raises(
         kl.DataError, match=r"^run.csv .*--units theta=deg \(1 more: kmpc inspect\)"
     ):
-        refuse_suspects(both)
+        judge(both).refuse(both)
 
 
 def test_too_little_to_judge_is_not_judged() -> None:
-    assert find_suspects(as_log(rows(drive(1.0, rate=20.0)))) == []
+    assert suspects_of(as_log(rows(drive(1.0, rate=20.0)))) == []
+
+
+@pytest.mark.parametrize("delay", [0.1, 0.35, 0.8])
+def test_the_delay_is_estimated(delay: float) -> None:
+    table = rows(drive(90.0, rate=20.0, seed=6, delay=delay, noise=(0.003, 0.003)))
+    assert judge(as_log(table)).delay == pytest.approx(delay, abs=0.05)

@@ -129,6 +129,13 @@ def test_odometry_alone_gives_measured_speeds_and_says_so(tmp_path: Path, bags: 
     np.testing.assert_allclose(log.commands.values, 0.1)
 
 
+def test_goals_are_not_taken_for_poses_nor_odometry_for_commands(tmp_path: Path, bags: Any) -> None:
+    made = write_bag(tmp_path / "goals", DRIVE, pose="pose", odoms=["/goal_pose", "/slam/pose"])
+    assert read_log(made).poses.source.startswith("/slam/pose")
+    made = write_bag(tmp_path / "twists", DRIVE, cmds=["/base/odom_twist", "/base/velocity"])
+    assert read_log(made).commands.source.startswith("/base/velocity")
+
+
 def test_stamps_of_another_clock_are_not_used(tmp_path: Path, bags: Any) -> None:
     made = write_bag(tmp_path / "bag", DRIVE, clock=-900.0)
     log = read_log(made)
