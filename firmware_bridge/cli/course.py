@@ -131,4 +131,5 @@ def build_controller(robot: Robot, scenario: Any) -> Any:
         deceleration=(limits.deceleration, limits.angular_deceleration),
     )
     adaptation = None if model is not None and robot.control.adaptation else False
-    return kl.Controller(learned, scenario.problem(base), adaptation=adaptation)
+    problem, options = scenario.problem(base), scenario.options
+    return kl.Controller(learned, problem, adaptation=adaptation, options=options)

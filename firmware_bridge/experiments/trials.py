@@ -57,7 +57,8 @@ class Contender:
             from kmpc_lite.peers.ipopt import IpoptController
 
             return IpoptController(self.model, problem)
-        return kl.Controller(self.model, problem, adaptation=self.adaptation)
+        options = scenario.options
+        return kl.Controller(self.model, problem, adaptation=self.adaptation, options=options)
 
 
 @dataclass(frozen=True)

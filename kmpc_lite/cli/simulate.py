@@ -110,7 +110,12 @@ def simulate(
 
     problem = scenario.problem(kl.NavigationProblem(horizon=horizon, dt=model.dt))
     controller = kl.Controller(
-        model, problem, sqp_iterations=iterations, adaptation=adaptation, pose_age=scenario.pose_age
+        model,
+        problem,
+        sqp_iterations=iterations,
+        adaptation=adaptation,
+        pose_age=scenario.pose_age,
+        options=scenario.options,
     )
     robot = LearnedPlant(model, scenario.seed) if plant == "learned" else None
     u_min, u_max, _, _ = problem.bounds

@@ -17,6 +17,7 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.report.elements import image, table, text
 from kmpc_lite.report.made_by import made_rows
 from kmpc_lite.report.model_section import fit_section, held_out
+from kmpc_lite.report.option_rows import option_rows
 from kmpc_lite.report.page import MOVING_CAPTION, PAGE
 from kmpc_lite.report.pictures import run_pictures
 from kmpc_lite.report.scenario_rows import robot_rows, scenario_rows
@@ -97,7 +98,7 @@ def write_report(
         statuses=table(_status_rows(run)),
         fit=fit_section(model, report, pictures.get("fit", "")),
         robot_table=table(robot_rows(run)),
-        scenario_table=table(scenario_rows(run)),
+        scenario_table=table([*scenario_rows(run), *option_rows(run)]),
         toml=escape(run.scenario.to_toml()),
         made=table(made_rows(run, command)),
         kept=_kept(run.info),

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.control.obstacles.circles import circle_distances
+from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.geometry import distances, rotate, wrap
 from kmpc_lite.model.koopman import KoopmanModel
@@ -245,8 +246,15 @@ def drive(
         tuple(statuses),
         np.array(times),
         clearance,
-        dict(info or {}),
+        {**_tuned(controller), **(info or {})},
     )
+
+
+def _tuned(controller: Steps) -> dict[str, Any]:
+    """Options of a controller of ours that are not the usual ones, to be kept with a run."""
+    options = getattr(controller, "options", None)
+    changed = options.changed() if isinstance(options, ControllerOptions) else {}
+    return {"options": changed} if changed else {}
 
 
 def _is_there(x: Array, scenario: Scenario, stop_norm: float | None) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from kmpc_lite.control.controller import Controller
+from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.learn.regression import Method
 from kmpc_lite.model.koopman import KoopmanModel
@@ -50,7 +51,8 @@ class Contender:
     def build(self, model: KoopmanModel, scenario: Scenario) -> Any:
         """Make the controller for a scenario: its problem, with the contender's margin."""
         problem = replace(scenario.problem(), margin=self.margin)
-        return self.make(model, problem, scenario.obstacle_count, scenario.pose_age)
+        obstacles, age = scenario.obstacle_count, scenario.pose_age
+        return self.make(model, problem, obstacles, age, scenario.options)
 
     def make(
         self,
@@ -58,6 +60,7 @@ class Contender:
         problem: NavigationProblem,
         obstacles: int = 0,
         pose_age: float = 0.0,
+        options: ControllerOptions | None = None,
     ) -> Any:
         """Make the controller for a problem.
 
@@ -71,6 +74,8 @@ class Contender:
             Most obstacles that it will meet; only acados must know.
         pose_age : float
             Age of the poses it will get [s]; only ours makes use of it.
+        options : ControllerOptions, optional
+            What ours is tuned with.
 
         Returns
         -------
@@ -92,6 +97,7 @@ class Contender:
                 adaptation=self.adaptation,
                 pose_age=pose_age,
                 solver=self.solver,
+                options=options,
             )
         passes: dict[str, Any] = (
             {"sqp_iterations": 200, "tolerance": 1e-6} if self.form == "converged" else {}
@@ -103,6 +109,7 @@ class Contender:
             tightening=None,
             pose_age=pose_age,
             solver=self.solver,
+            options=options,
             **passes,
         )
 

@@ -84,10 +84,11 @@ class FaultyLoop:
         self.kind, self.counts = kind, counts
         self._random = np.random.default_rng([scenario.seed, KINDS.index(kind)])
         self._time, self._jump = 0.0, 0.0
-        options: dict[str, Any] = (
+        timed: dict[str, Any] = (
             {"time_budget": BUDGET, "clock": self._clock} if kind == "clock jumps" else {}
         )
-        self.controller = Controller(model, scenario.problem(), **options)
+        problem, options = scenario.problem(), scenario.options
+        self.controller = Controller(model, problem, options=options, **timed)
         workspace = self.controller._sqp.workspace
         assert isinstance(workspace, OSQPWorkspace)
         self._solver = workspace._solver = BrokenSolver(workspace._solver, self._random)

@@ -214,6 +214,18 @@ def test_simulate_tells_machines_the_same(
     assert told["outcome"] == "reached" and told["position_error_m"] < 0.05
 
 
+def test_simulate_drives_with_the_options_of_the_scenario(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (here / "tuned.toml").write_text(f"{SHORT}[controller.guidance]\nlead_time = 0.3\n")
+    assert cli.main(["simulate", "tuned.toml", "--json", "-o", "run.npz"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["options"] == {"guidance": {"lead_time": 0.3}}
+    (here / "wrong.toml").write_text(f"{SHORT}[controller.guidance]\nlead_tim = 0.3\n")
+    assert cli.main(["simulate", "wrong.toml"]) == 2
+    assert "did you mean 'lead_time'?" in capsys.readouterr().err
+
+
 def test_simulate_on_a_plant_like_the_model(
     made: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

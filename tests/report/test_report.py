@@ -247,6 +247,25 @@ def test_the_page_tells_what_the_robot_was_put_through(runs, tmp_path, blank):
         assert f"{name} none" in plain
 
 
+def test_the_page_tells_the_options_that_were_changed(runs, tmp_path, blank):
+    tuned = {"guidance": {"lead_time": 0.35}, "solver": {"real_time": {"max_iter": 80}}}
+    options = kl.ControllerOptions.from_dict(tuned)
+    scenario = replace(runs["single"].scenario, options=options)
+    controller = kl.Controller(MODEL, scenario.problem(), options=options)
+    driven = a_run(scenario, controller)
+    assert driven.info["options"] == tuned
+    driven.save(tmp_path / "run.npz")
+    again = Run.load(tmp_path / "run.npz")
+    assert again.scenario.options == options and again.info["options"] == tuned
+    write_report(tmp_path / "run.html", again)
+    words = Page(tmp_path / "run.html").words
+    assert "Option guidance.lead_time 0.35, usually 0.2" in words
+    assert "Option solver.real_time.max_iter 80, usually 60" in words
+    assert words.count("Option ") == 2
+    write_report(tmp_path / "run.html", runs["single"])
+    assert "Option " not in Page(tmp_path / "run.html").words
+
+
 def test_what_users_name_is_shown_and_never_run(runs, tmp_path, blank):
     run = replace(
         runs["single"],

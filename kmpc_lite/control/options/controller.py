@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from typing import Any
 
+from kmpc_lite.control.options.fields import check, group
 from kmpc_lite.control.options.goal import GoalOptions
 from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.control.options.margins import MarginOptions
@@ -13,7 +15,7 @@ from kmpc_lite.control.options.solver import SolverOptions
 from kmpc_lite.control.options.step import StepOptions
 from kmpc_lite.control.options.stop import StopOptions
 from kmpc_lite.control.options.traffic import TrafficOptions
-from kmpc_lite.errors import ProblemError
+from kmpc_lite.errors import ProblemError, did_you_mean
 
 
 @dataclass(frozen=True)
@@ -27,34 +29,28 @@ class ControllerOptions:
     (0.3, {'guidance': {'lead_time': 0.3}})
     """
 
-    guidance: GuidanceOptions = field(default_factory=GuidanceOptions)
+    guidance: GuidanceOptions = group(GuidanceOptions())
     """How paths are found, timed and followed."""
-    goal: GoalOptions = field(default_factory=GoalOptions)
+    goal: GoalOptions = group(GoalOptions())
     """When the robot has arrived."""
-    traffic: TrafficOptions = field(default_factory=TrafficOptions)
+    traffic: TrafficOptions = group(TrafficOptions())
     """What it does about moving obstacles."""
-    margins: MarginOptions = field(default_factory=MarginOptions)
+    margins: MarginOptions = group(MarginOptions())
     """How far it stays away for what its model does not know."""
-    solver: SolverOptions = field(default_factory=SolverOptions)
+    solver: SolverOptions = group(SolverOptions())
     """How the nonlinear program is solved."""
-    stop: StopOptions = field(default_factory=StopOptions)
+    stop: StopOptions = group(StopOptions())
     """How a stop trajectory is found."""
-    obstacles: ObstacleOptions = field(default_factory=ObstacleOptions)
+    obstacles: ObstacleOptions = group(ObstacleOptions())
     """How many obstacles it looks at."""
-    step: StepOptions = field(default_factory=StepOptions)
+    step: StepOptions = group(StepOptions())
     """What a step believes, and how it shares out its time."""
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            value, kind = getattr(self, f.name), f.default_factory
-            if not isinstance(value, kind):  # type: ignore[arg-type]
-                raise ProblemError(
-                    f"ControllerOptions.{f.name}: expected {kind.__name__}, "  # type: ignore[union-attr]
-                    f"got {type(value).__name__}"
-                )
+        check(self)
 
     @classmethod
-    def from_dict(cls, tables: dict[str, Any]) -> ControllerOptions:
+    def from_dict(cls, tables: Mapping[str, Any]) -> ControllerOptions:
         """Options from tables of a scenario or problem file: ``{room: {option: value}}``.
 
         Raises
@@ -62,29 +58,44 @@ class ControllerOptions:
         ProblemError
             Names the table or the option that is not there, or whose value is wrong.
         """
-        rooms = {f.name: f.default_factory for f in fields(cls)}
-        made: dict[str, Any] = {}
-        for room, given in tables.items():
-            if room not in rooms:
-                raise ProblemError(f"options.{room}: expected one of {', '.join(rooms)}")
-            kind: Any = rooms[room]
-            if not isinstance(given, dict):
-                raise ProblemError(f"options.{room}: expected a table, got {given!r}")
-            known = {f.name for f in fields(kind)}
-            for name in given:
-                if name not in known:
-                    raise ProblemError(
-                        f"options.{room}.{name}: expected one of {', '.join(sorted(known))}"
-                    )
-            values = {k: tuple(v) if isinstance(v, list) else v for k, v in given.items()}
-            made[room] = kind(**values)
-        return cls(**made)
+        made: ControllerOptions = _changed_by(cls(), tables, "options")
+        return made
 
-    def changed(self) -> dict[str, dict[str, Any]]:
+    def changed(self) -> dict[str, Any]:
         """What differs from the defaults, as `from_dict` takes it: kept with a run."""
-        own, usual = asdict(self), asdict(type(self)())
-        rooms = {
-            room: {k: v for k, v in values.items() if v != usual[room][k]}
-            for room, values in own.items()
-        }
-        return {room: values for room, values in rooms.items() if values}
+        return _difference(asdict(self), asdict(type(self)()))
+
+
+def _changed_by(options: Any, table: Mapping[str, Any], where: str) -> Any:
+    """Options (a dataclass) with the values of a table, in which those of a room are a table."""
+    known = [f.name for f in fields(options)]
+    values: dict[str, Any] = {}
+    for name, value in table.items():
+        place = f"{where}.{name}"
+        if name not in known:
+            hint = did_you_mean(name, known) or f"; expected one of {', '.join(known)}"
+            raise ProblemError(f"{place}: unknown{hint}")
+        before = getattr(options, name)
+        if is_dataclass(before):
+            if not isinstance(value, Mapping):
+                raise ProblemError(f"{place}: expected a table, got {value!r}")
+            values[name] = _changed_by(before, value, place)
+        else:
+            values[name] = tuple(value) if isinstance(value, list) else value
+    try:
+        return replace(options, **values)
+    except ProblemError as error:
+        raise ProblemError(f"{where}: {error}") from error
+
+
+def _difference(own: dict[str, Any], usual: dict[str, Any]) -> dict[str, Any]:
+    """Entries of a table that are others than in another one, table by table."""
+    found: dict[str, Any] = {}
+    for name, value in own.items():
+        if isinstance(value, dict):
+            value = _difference(value, usual[name])
+            if value:
+                found[name] = value
+        elif value != usual[name]:
+            found[name] = value
+    return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import field, fields, replace
 from typing import Any, TypeVar
 
@@ -11,29 +12,39 @@ from kmpc_lite.errors import ProblemError
 Options = TypeVar("Options")
 
 
-def radii(default: float) -> Any:
-    """Length in robot radii, >= 0."""
-    return field(default=default, metadata={"unit": "radii"})
+def radii(default: float, *, zero: bool = True) -> Any:
+    """Length in robot radii; may be zero where not told otherwise."""
+    return _number(default, "radii", zero)
 
 
-def metres(default: float) -> Any:
-    """Length that does not follow from the robot's [m], >= 0."""
-    return field(default=default, metadata={"unit": "m"})
+def metres(default: float, *, zero: bool = True) -> Any:
+    """Length that does not follow from the robot's [m]."""
+    return _number(default, "m", zero)
 
 
-def seconds(default: float) -> Any:
-    """Time [s], >= 0."""
-    return field(default=default, metadata={"unit": "s"})
+def seconds(default: float, *, zero: bool = True) -> Any:
+    """Time [s]."""
+    return _number(default, "s", zero)
 
 
-def angle(default: float) -> Any:
-    """Angle [rad], >= 0."""
-    return field(default=default, metadata={"unit": "rad"})
+def angle(default: float, *, zero: bool = True) -> Any:
+    """Angle [rad]."""
+    return _number(default, "rad", zero)
 
 
-def share(default: float) -> Any:
-    """Ratio of two values of the same unit, >= 0."""
-    return field(default=default, metadata={"unit": "1"})
+def share(default: float, *, zero: bool = True) -> Any:
+    """Ratio of two values of the same unit."""
+    return _number(default, "1", zero)
+
+
+def part(default: float) -> Any:
+    """Share from 0 to 1."""
+    return _number(default, "1", True, most=1.0)
+
+
+def probability(default: float) -> Any:
+    """Probability between 0 and 1, neither of them."""
+    return _number(default, "1", False, most=1.0, whole=False)
 
 
 def shares(*default: float) -> Any:
@@ -51,6 +62,24 @@ def count(default: int, least: int = 1) -> Any:
     return field(default=default, metadata={"unit": "count", "least": least})
 
 
+def switch(default: bool) -> Any:
+    """True or false."""
+    return field(default=default, metadata={"unit": "switch"})
+
+
+def group(default: Any) -> Any:
+    """Options of their own."""
+    return field(default=default, metadata={"unit": "group", "kind": type(default)})
+
+
+def _number(
+    default: float, unit: str, zero: bool, most: float = math.inf, whole: bool = True
+) -> Any:
+    """Finite number >= 0, or > 0, up to the most; without it where not the whole is allowed."""
+    limits = {"unit": unit, "zero": zero, "most": most, "whole": whole}
+    return field(default=default, metadata=limits)
+
+
 def check(options: Any) -> None:
     """Check every field of an options dataclass against its unit.
 
@@ -60,17 +89,33 @@ def check(options: Any) -> None:
         Names the class, the field, and the value that is wrong.
     """
     for f in fields(options):
-        value, unit = getattr(options, f.name), f.metadata["unit"]
-        where = f"{type(options).__name__}.{f.name}"
-        if unit == "count":
-            least = f.metadata["least"]
-            if isinstance(value, bool) or not isinstance(value, int) or value < least:
-                raise ProblemError(f"{where}: expected a whole number >= {least}, got {value!r}")
-        elif unit.endswith("each"):
-            if not (isinstance(value, tuple) and value and all(map(_is_number, value))):
-                raise ProblemError(f"{where}: expected a tuple of finite numbers, got {value!r}")
-        elif not (_is_number(value) and value >= 0):
-            raise ProblemError(f"{where}: expected a number >= 0 [{unit}], got {value!r}")
+        value = getattr(options, f.name)
+        if expected := _expected(value, f.metadata):
+            where = f"{type(options).__name__}.{f.name}"
+            raise ProblemError(f"{where}: expected {expected}, got {value!r:.80}")
+
+
+def _expected(value: Any, limits: Mapping[str, Any]) -> str:
+    """What a field takes instead of a value, in words; nothing where the value is right."""
+    unit = limits["unit"]
+    if unit == "count":
+        least = limits["least"]
+        right = not isinstance(value, bool) and isinstance(value, int) and value >= least
+        return "" if right else f"a whole number >= {least}"
+    if unit == "switch":
+        return "" if isinstance(value, bool) else "true or false"
+    if unit == "group":
+        return "" if isinstance(value, limits["kind"]) else limits["kind"].__name__
+    if unit.endswith("each"):
+        right = isinstance(value, tuple) and bool(value) and all(map(_is_number, value))
+        return "" if right else "a tuple of finite numbers"
+    zero, most, whole = limits["zero"], limits["most"], limits["whole"]
+    if _is_number(value) and (value > 0 or zero and value == 0):
+        if value < most or whole and value == most:
+            return ""
+    if most == math.inf:
+        return f"a number {'>=' if zero else '>'} 0 [{unit}]"
+    return "a share from 0 to 1" if whole else "a probability between 0 and 1"
 
 
 def in_metres(options: Options, unit: float) -> Options:

@@ -5,11 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from kmpc_lite.control.options.units import (
-    require_count,
-    require_not_negative,
-    require_positive,
-    require_share,
+from kmpc_lite.control.options.fields import (
+    angle,
+    check,
+    count,
+    group,
+    metres,
+    part,
+    radii,
+    seconds,
+    share,
+    switch,
 )
 
 
@@ -17,105 +23,98 @@ from kmpc_lite.control.options.units import (
 class OSQPOptions:
     """Settings of OSQP for one kind of QP, under OSQP's own names."""
 
-    tolerance: float = 1e-3
+    tolerance: float = share(1e-3, zero=False)
     """`eps_abs` and `eps_rel`. The plan is checked by the model after the QP, and corrected in the
     next period."""
-    max_iter: int = 60
+    max_iter: int = count(60)
     """What is not solved by then is near enough: later iterations change the command little."""
-    rho: float = 1.0
+    rho: float = share(1.0, zero=False)
     """Step size of ADMM, on rows that are scaled to suit it."""
-    alpha: float = 1.4
+    alpha: float = share(1.4, zero=False)
     """Over-relaxation of ADMM."""
-    adaptive_rho: bool = False
+    adaptive_rho: bool = switch(False)
     """Whether `rho` is adapted in a solve. Without that, all solves take nearly the same time."""
-    scaling: int = 0
+    scaling: int = count(0, least=0)
     """Rounds of scaling. None: the rows are scaled by `SolverOptions`, once for all QPs."""
-    check_termination: int = 10
+    check_termination: int = count(10)
     """Iterations between two looks at the residuals."""
 
     def __post_init__(self) -> None:
-        require_positive(self, "tolerance", "rho", "alpha")
-        require_count(self, "max_iter", "check_termination")
-        require_not_negative(self, "scaling")
+        check(self)
 
 
 @dataclass(frozen=True, slots=True)
 class SolverOptions:
     """How the nonlinear program is solved."""
 
-    real_time: OSQPOptions = OSQPOptions()
+    real_time: OSQPOptions = group(OSQPOptions())
     """For one pass a period."""
-    converged: OSQPOptions = OSQPOptions(
-        tolerance=1e-7,
-        max_iter=4000,
-        alpha=1.6,
-        adaptive_rho=True,
-        scaling=10,
-        check_termination=25,
+    converged: OSQPOptions = group(
+        OSQPOptions(
+            tolerance=1e-7,
+            max_iter=4000,
+            alpha=1.6,
+            adaptive_rho=True,
+            scaling=10,
+            check_termination=25,
+        )
     )
     """For passes to convergence, whose steps become as small as the tolerance of the passes."""
-    half_plane_scale: float = 4.0
+    half_plane_scale: float = share(4.0, zero=False)
     """Factor of the rows of half-planes: their multipliers are large, and settle in fewer
     iterations of ADMM where they are scaled down."""
-    slack_scale: float = 8.0
+    slack_scale: float = share(8.0, zero=False)
     """The same of the rows that keep slacks from being negative."""
 
-    cold_passes: int = 10
+    cold_passes: int = count(10)
     """Most passes of a step that has no warm start: the first linearisation, at rest, does not see
     that steering has an effect."""
-    new_path_passes: int = 2
+    new_path_passes: int = count(2)
     """Most passes of a step that begins along a new path."""
-    cold_tolerance: float = 0.02
+    cold_tolerance: float = share(0.02, zero=False)
     """Change of the trajectory that ends these passes [m, rad, m/s, rad/s]."""
-    lost_position: float = 10 / 3
+    lost_position: float = radii(10 / 3, zero=False)
     """A pose farther from the predicted one [radii] makes the last plan worthless as a start."""
-    lost_heading: float = 1.0
+    lost_heading: float = angle(1.0, zero=False)
     """The same of the heading [rad]."""
 
-    short_step: float = 2 / 3
+    short_step: float = radii(2 / 3, zero=False)
     """A solved pass that moves no stage by more [radii] takes its full step without a look at the
     model: there the linearisation holds."""
-    short_turn: float = 0.1
+    short_turn: float = angle(0.1, zero=False)
     """The same of the headings [rad]."""
-    short_speed_change: float = 2 / 3
+    short_speed_change: float = share(2 / 3, zero=False)
     """The same of the speeds, as a share of the fastest."""
-    short_turn_rate_change: float = 1.6 / math.pi
+    short_turn_rate_change: float = share(1.6 / math.pi, zero=False)
     """The same of the turn rates, as a share of the fastest."""
-    straight_defect: float = 1 / 30
+    straight_defect: float = radii(1 / 30, zero=False)
     """A pass after which the model contradicts the plan by no more over a period [radii] takes its
     full step too."""
-    straight_turn_defect: float = 5e-3
+    straight_turn_defect: float = angle(5e-3, zero=False)
     """The same of the headings [rad]."""
-    armijo: float = 1e-4
+    armijo: float = part(1e-4)
     """Share of the predicted decrease of the merit function that a step must bring."""
-    shortest_step: float = 0.1
+    shortest_step: float = part(0.1)
     """Where a line search ends, as a share of the full step: what is left waits for the next
     period, which knows more."""
-    shortest_converging_step: float = 1e-3
+    shortest_converging_step: float = part(1e-3)
     """The same for passes to convergence."""
 
-    gauss_newton_passes: int = 10
+    gauss_newton_passes: int = count(10)
     """From this pass to convergence on every other one uses the exact Hessian, before that only
     after a shortened step: where constraints settle everything, Gauss-Newton converges in five
     passes."""
-    least_curvature: float = 0.1
+    least_curvature: float = share(0.1, zero=False)
     """Smallest eigenvalue of a stage's exact Hessian: steps stay finite."""
-    penalty_growth: float = 10.0
+    penalty_growth: float = share(10.0, zero=False)
     """Factor by which the linear slack weight grows while a converged plan stands in an obstacle,
     and the last growth has halved its depth."""
-    largest_penalty: float = 1e5
+    largest_penalty: float = share(1e5, zero=False)
     """Largest linear slack weight [1/m]."""
-    accepted_depth: float = 1e-5
+    accepted_depth: float = metres(1e-5, zero=False)
     """How deep in an obstacle a converged plan may stand [m]: the accuracy of its QP."""
-    least_solve_time: float = 5e-5
+    least_solve_time: float = seconds(5e-5, zero=False)
     """Time that a QP gets even past a deadline [s]: the iterate that it starts from is no plan."""
 
     def __post_init__(self) -> None:
-        require_positive(self, "half_plane_scale", "slack_scale", "cold_tolerance")
-        require_count(self, "cold_passes", "new_path_passes", "gauss_newton_passes")
-        require_positive(self, "lost_position", "lost_heading", "short_step", "short_turn")
-        require_positive(self, "short_speed_change", "short_turn_rate_change")
-        require_positive(self, "straight_defect", "straight_turn_defect")
-        require_positive(self, "least_curvature", "largest_penalty")
-        require_share(self, "armijo", "shortest_step", "shortest_converging_step")
-        require_positive(self, "penalty_growth", "accepted_depth", "least_solve_time")
+        check(self)

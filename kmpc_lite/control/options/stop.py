@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.control.options.units import (
-    require_not_negative,
-    require_positive,
-    require_share,
-)
+from kmpc_lite.control.options.fields import check, part, radii, seconds, share, shares
 from kmpc_lite.errors import ProblemError
 
 
@@ -16,34 +12,32 @@ from kmpc_lite.errors import ProblemError
 class StopOptions:
     """How a stop trajectory is looked for, and what clearance it must keep."""
 
-    further_time: float = 0.5
+    further_time: float = seconds(0.5)
     """How much of the plan's rest is tried before the brake [s]: a robot that lags may have to
     drive on to stop clear of what it passes."""
-    slower_shares: tuple[float, ...] = (0.5, 0.25, 0.0)
+    slower_shares: tuple[float, ...] = shares(0.5, 0.25, 0.0)
     """Shares of the coming command that are tried, in this order, where the whole one has no clear
     stop trajectory."""
-    spend_share: float = 0.25
+    spend_share: float = part(0.25)
     """Share of the present clearance that a stop trajectory may use up where that clearance is less
     than the margin: a robot near an obstacle may pass by, one that touches may get free."""
-    turn_only_share: float = 0.05
+    turn_only_share: float = part(0.05)
     """A command that must be slowed to less than this share turns on the spot at its full turn
     rate: turning moves a round robot by a fraction of a millimetre, standing still would be for
     ever."""
-    overspeed: float = 1.25
+    overspeed: float = share(1.25, zero=False)
     """How much farther than its commands say a robot is taken to drive where nothing is looked at
     more closely."""
-    quick_look_error: float = 1 / 30
+    quick_look_error: float = radii(1 / 30)
     """What the quick look at a robot that lags is taken to be wrong by [radii]; a robot that is
     nearer to an obstacle is rolled out instead."""
-    quick_look_error_share: float = 0.05
+    quick_look_error_share: float = share(0.05)
     """The same as a share of the distance driven."""
-    longest_ramp: float = 10.0
+    longest_ramp: float = seconds(10.0, zero=False)
     """Longest braking ramp [s]; a robot that brakes more slowly is told to stand by then."""
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "further_time", "quick_look_error", "quick_look_error_share")
-        require_share(self, "spend_share", "turn_only_share")
-        require_positive(self, "overspeed", "longest_ramp")
+        check(self)
         shares = self.slower_shares
         if not isinstance(shares, tuple) or not all(0.0 <= share < 1.0 for share in shares):
             raise ProblemError(

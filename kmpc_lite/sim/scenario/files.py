@@ -20,11 +20,19 @@ from kmpc_lite.control.obstacles.circles import Circle
 from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
 from kmpc_lite.control.obstacles.scene import Solid
 from kmpc_lite.control.obstacles.shapes import Polygon, Wall
+from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
 from kmpc_lite.sim.scenario.bundled import bundled, bundled_file
 from kmpc_lite.sim.scenario.shapes import grid_to_toml
-from kmpc_lite.sim.scenario.values import KEYS, Floor, read_value
+from kmpc_lite.sim.scenario.values import (
+    CONTROLLER,
+    KEYS,
+    Floor,
+    options_to_toml,
+    read_options,
+    read_value,
+)
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
@@ -85,6 +93,8 @@ class Scenario:
     grid: OccupancyGrid | None = None
     """In a file the path of a map.yaml, from the file's own folder, or a table with rows that draw
     it."""
+    options: ControllerOptions = ControllerOptions()
+    """What the controller is tuned with; in a file tables [controller.ROOM]."""
 
     def __post_init__(self) -> None:
         x_min, y_min, x_max, y_max = self.bounds
@@ -161,11 +171,14 @@ class Scenario:
     @classmethod
     def from_table(cls, table: Mapping[str, Any], name: str, where: str) -> Scenario:
         """Check a parsed scenario, section by section."""
+        sections = (*KEYS, CONTROLLER)
         for section, content in table.items():
+            if section == CONTROLLER:
+                continue
             if section not in KEYS:
                 raise ScenarioError(
-                    f"{where}: unknown section [{section}]{did_you_mean(section, KEYS)}; "
-                    f"expected {', '.join(f'[{s}]' for s in KEYS)}"
+                    f"{where}: unknown section [{section}]{did_you_mean(section, sections)}; "
+                    f"expected {', '.join(f'[{s}]' for s in sections)}"
                 )
             if not isinstance(content, Mapping):
                 raise ScenarioError(f"{where}: [{section}] must be a section, got {content!r}")
@@ -185,7 +198,8 @@ class Scenario:
                 values[key] = read_value(
                     f"{where}: [{section}] {key}", key, given.get(key, default)
                 )
-        return cls(name=name, **values)
+        options = read_options(f"{where}: [{CONTROLLER}]", table.get(CONTROLLER, {}))
+        return cls(name=name, options=options, **values)
 
     def to_toml(self) -> str:
         """Render as a scenario file that `load` reads back."""
@@ -221,7 +235,7 @@ class Scenario:
                 if section == "map" and self.grid is not None
                 else [""]
             )
-        return "\n".join(lines)
+        return "\n".join([*lines, *options_to_toml(self.options.changed())])
 
     def problem(self, base: NavigationProblem | None = None) -> NavigationProblem:
         """Navigation problem of this map and robot, the rest as in `base` or the paper."""

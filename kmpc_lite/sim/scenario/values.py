@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from kmpc_lite.control.obstacles.circles import Circle
+from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES
 from kmpc_lite.errors import ProblemError, ScenarioError
 from kmpc_lite.sim.scenario.shapes import read_grid, read_polygons, read_walls
@@ -41,6 +43,8 @@ KEYS: Mapping[str, Mapping[str, Any]] = {
     },
 }
 """Sections, keys and defaults; None means that the key must be given."""
+CONTROLLER = "controller"
+"""Section of the controller's options: a table for each room, `ControllerOptions.from_dict`."""
 FLOAT_LISTS = {"bounds": 4, "start": 3, "goal": 3, "turning_point": 2, "du_max": 2, "pose_noise": 3}
 GROUND_ROWS = {"ground_changes": ("time", "name"), "ground_patches": ("name", "x", "y", "radius")}
 POSITIVE = frozenset({"radius", "turn_gain", "timeout", "tolerance", "heading_tolerance"})
@@ -65,6 +69,31 @@ class Floor(NamedTuple):
     """Mean of the three slip ratios."""
     turn_gain: float = 1.0
     """Share of a commanded turn that happens."""
+
+
+def read_options(where: str, value: Any) -> ControllerOptions:
+    """Read the controller's options, room by room; ScenarioError says what is wrong."""
+    if not isinstance(value, Mapping):
+        raise ScenarioError(f"{where}: expected a section, got {value!r:.40}")
+    try:
+        return ControllerOptions.from_dict(value)
+    except ProblemError as error:
+        raise ScenarioError(f"{where} {error}") from error
+
+
+def options_to_toml(changed: Mapping[str, Any], section: str = CONTROLLER) -> list[str]:
+    """Lines of the sections that `read_options` reads back, from `ControllerOptions.changed`."""
+    tables = {name: value for name, value in changed.items() if isinstance(value, Mapping)}
+    lines: list[str] = []
+    for name, value in changed.items():
+        if name not in tables:
+            # JSON writes numbers, lists and switches as TOML does
+            lines.append(f"{name} = {json.dumps(value)}")
+    if lines:
+        lines = [f"[{section}]", *lines, ""]
+    for name, table in tables.items():
+        lines += options_to_toml(table, f"{section}.{name}")
+    return lines
 
 
 def read_value(where: str, key: str, value: Any) -> Any:

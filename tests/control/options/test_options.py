@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import re
 from dataclasses import FrozenInstanceError, fields, replace
 from typing import Any
 
@@ -16,21 +17,19 @@ from kmpc_lite.control.options import fastest, unit_length
 GROUPS = [
     getattr(rooms, name)() for name in rooms.__all__ if isinstance(getattr(rooms, name), type)
 ]
-NUMBERS = [
-    (group, field.name)
-    for group in GROUPS
-    for field in fields(group)
-    if isinstance(getattr(group, field.name), int | float)
-]
 
 
-@pytest.mark.parametrize(("group", "name"), NUMBERS, ids=lambda value: str(value)[:30])
-def test_a_number_that_is_none_is_refused_by_its_name(group: Any, name: str) -> None:
-    if isinstance(getattr(group, name), bool):
-        pytest.skip("a switch")
-    for value in (float("nan"), float("inf"), -1.0, "much", None, True):
-        with pytest.raises(kl.ProblemError, match=f"{type(group).__name__}.{name}: expected"):
-            replace(group, **{name: value})
+@pytest.mark.parametrize("group", GROUPS, ids=lambda group: type(group).__name__)
+def test_a_value_that_is_none_is_refused_by_its_name(group: Any) -> None:
+    for field in fields(group):
+        wrong: list[Any] = ["much", None, (), [1.0]]
+        if not isinstance(getattr(group, field.name), bool):
+            wrong += [float("nan"), float("inf"), -1.0, True]
+        for value in wrong:
+            with pytest.raises(
+                kl.ProblemError, match=f"{type(group).__name__}.{field.name}: expected"
+            ):
+                replace(group, **{field.name: value})
 
 
 @pytest.mark.parametrize("group", GROUPS, ids=lambda group: type(group).__name__)
@@ -60,3 +59,34 @@ def test_a_radius_is_the_robots_and_a_points_the_papers() -> None:
 def test_the_fastest_speeds_are_those_of_either_direction() -> None:
     problem = kl.NavigationProblem(u_min=(-0.8, -0.3), u_max=(0.5, 1.0))
     np.testing.assert_array_equal(fastest(problem), (0.8, 1.0))
+
+
+def test_tables_of_a_file_make_options_and_what_was_changed_makes_the_tables() -> None:
+    tables = {
+        "guidance": {"lead_time": 0.3},
+        "solver": {"real_time": {"max_iter": 80}, "cold_passes": 5},
+        "stop": {"slower_shares": [0.5, 0.0]},
+    }
+    options = kl.ControllerOptions.from_dict(tables)
+    assert options.solver.real_time == replace(rooms.OSQPOptions(), max_iter=80)
+    assert options.stop.slower_shares == (0.5, 0.0)
+    assert kl.ControllerOptions.from_dict(options.changed()) == options
+    assert set(options.changed()) == set(tables)
+    assert kl.ControllerOptions().changed() == {}
+
+
+@pytest.mark.parametrize(
+    ("tables", "words"),
+    [
+        ({"gidance": {}}, "options.gidance: unknown; did you mean 'guidance'?"),
+        ({"moon": {}}, "options.moon: unknown; expected one of guidance, goal"),
+        ({"solver": {"reel_time": {}}}, "options.solver.reel_time: unknown; did you mean"),
+        ({"solver": 3}, "options.solver: expected a table, got 3"),
+        ({"guidance": {"lead_time": -1.0}}, "options.guidance: GuidanceOptions.lead_time: expec"),
+        ({"solver": {"real_time": {"max_iter": 0}}}, "expected a whole number >= 1, got 0"),
+    ],
+)
+def test_what_is_wrong_in_a_table_is_told_in_one_line(tables: dict[str, Any], words: str) -> None:
+    with pytest.raises(kl.ProblemError, match=re.escape(words)) as refused:
+        kl.ControllerOptions.from_dict(tables)
+    assert "\n" not in str(refused.value)

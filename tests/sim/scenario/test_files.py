@@ -291,4 +291,51 @@ def test_a_scenario_made_in_code_is_checked_as_a_file_is() -> None:
 
 def test_every_key_of_a_file_is_a_field() -> None:
     fields = set(vars(Scenario.load("mehrez")))
-    assert {key for keys in KEYS.values() for key in keys} == fields - {"name"}
+    assert {key for keys in KEYS.values() for key in keys} == fields - {"name", "options"}
+
+
+TUNED = """
+[controller.guidance]
+lead_time = 0.3
+
+[controller.solver]
+cold_passes = 5
+
+[controller.solver.real_time]
+max_iter = 80
+adaptive_rho = true
+
+[controller.stop]
+slower_shares = [0.5, 0.0]
+"""
+
+
+def test_the_controllers_options_are_read_and_written(tmp_path: Path) -> None:
+    scenario = Scenario.load(write(tmp_path, GOOD + TUNED))
+    changed = scenario.options.changed()
+    assert changed == {
+        "guidance": {"lead_time": 0.3},
+        "solver": {"cold_passes": 5, "real_time": {"max_iter": 80, "adaptive_rho": True}},
+        "stop": {"slower_shares": (0.5, 0.0)},
+    }
+    again = Scenario.from_table(tomllib.loads(scenario.to_toml()), "field", "text")
+    assert again.options == scenario.options
+    assert "[controller" not in Scenario.load(write(tmp_path, GOOD)).to_toml()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[controller.gidance]", "gidance: unknown; did you mean 'guidance'?"),
+        ("[controller.guidance]\nled_time = 1", "guidance.led_time: unknown; did you mean 'lead_t"),
+        ("[controller]\nguidance = 3", "guidance: expected a table, got 3"),
+        ("[controller.guidance]\nlead_time = -1", "lead_time: expected a number >= 0 [s], got -1"),
+        ("[controler.guidance]", "unknown section [controler]; did you mean 'controller'?"),
+    ],
+)
+def test_a_wrong_option_is_told_with_its_file(tmp_path: Path, text: str, words: str) -> None:
+    file = write(tmp_path, f"{GOOD}\n{text}\n")
+    with pytest.raises(kl.ScenarioError) as refused:
+        Scenario.load(file)
+    told = str(refused.value)
+    assert told.startswith(str(file)) and words in told and "\n" not in told
