@@ -4,7 +4,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kmpc_lite.sim.closed_loop import LearnedPlant, Outcome, Run, drive
+    from kmpc_lite.sim.closed_loop import Outcome, Run, drive
+    from kmpc_lite.sim.plants.learned import LearnedPlant
     from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
     from kmpc_lite.sim.scenario.files import Scenario
 
@@ -20,7 +21,7 @@ __all__ = [
 
 LATER = {
     "DifferentialDrive": "plants.robots",
-    "LearnedPlant": "closed_loop",
+    "LearnedPlant": "plants.learned",
     "Outcome": "closed_loop",
     "Run": "closed_loop",
     "Scenario": "scenario.files",
