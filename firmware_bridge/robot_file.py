@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -19,6 +18,7 @@ from firmware_bridge.runtime.loop import TICK
 from firmware_bridge.safety.limits import Limits
 from firmware_bridge.safety.settings import GateSettings
 from firmware_bridge.sensors.pose import check_pose_url
+from kmpc_lite.reading import read_toml
 
 DRIVERS = ("mavlink", "roboclaw", "odrive", "vesc", "roboteq", "sabertooth", "arduino")
 SECTIONS = ("link", "board", "geometry", "limits", "safety", "frame", "control")
@@ -158,12 +158,12 @@ def load_robot(
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return read_toml(path)
     except OSError as error:
         raise ConfigError(
             f"{path}: cannot read the robot file: {error.strerror or error}"
         ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise ConfigError(f"{path}: not TOML: {error}") from error
 
 

@@ -147,6 +147,18 @@ def parse_toml(text: str) -> dict[str, Any]:
     if any(token.lastgroup for token in _TOKENS.finditer(text)):
         raise ValueError(f"a key of more than {MAX_KEY_PARTS} parts")
     try:
-        return tomllib.loads(text)
+        table = tomllib.loads(text)
     except RecursionError:
         raise ValueError("nested too deeply") from None
+    _check_whole_numbers(table)
+    return table
+
+
+def _check_whole_numbers(value: Any) -> None:
+    """Refuse whole numbers that no float holds, and some of which Python could not even print."""
+    if isinstance(value, int) and value.bit_length() > 1000:
+        raise ValueError("a whole number of more than 300 digits")
+    items = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    for item in items:
+        if isinstance(item, int | list | dict):
+            _check_whole_numbers(item)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-import tomllib
 from typing import Any, TextIO
 
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import DRIVERS, Robot, load_robot
 from kmpc_lite.cli.extras import need
+from kmpc_lite.reading import parse_toml
 
 
 def add_robot_options(parser: argparse.ArgumentParser) -> None:
@@ -153,7 +153,7 @@ def _assignment(item: str) -> tuple[str, str, Any]:
     try:
         if not (equals and dot):
             raise ValueError
-        return section, key, tomllib.loads(f"value = {value}")["value"]
+        return section, key, parse_toml(f"value = {value}")["value"]
     except ValueError:
         raise ConfigError(
             f"--set {item}: expected SECTION.KEY=VALUE with a TOML value "

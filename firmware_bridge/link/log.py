@@ -17,10 +17,13 @@ from typing import NamedTuple
 from firmware_bridge.link import OnBytes, Transport
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.recording.durable import DurableFile
+from kmpc_lite.reading import read_bytes
 
 RAW_MAGIC = b"kmpc-bridge raw log 1\n"
 RAW_RECORD = struct.Struct(">QBH")
 TLOG_STAMP = struct.Struct(">Q")
+MAX_BYTES, MAX_RECORDS = 2**28, 2**22
+"""Of the longest log that is read: it is held in memory."""
 LONGEST, LONGEST_PAUSE = 0xFFFF, 5.0
 V1, V2, SIGNED = 0xFE, 0xFD, 1
 """First bytes of MAVLink frames, and the flag of a signed one."""
@@ -127,17 +130,24 @@ def read_link_log(path: Path) -> Iterator[Chunk]:
     Raises
     ------
     ConfigError
-        For a file that is missing or neither.
+        For a file that is missing, too long, or neither.
     """
     try:
-        content = path.read_bytes()
+        content = read_bytes(path, MAX_BYTES)
     except OSError as error:
         raise ConfigError(f"{path}: cannot read: {error.strerror or error}") from error
     if content.startswith(RAW_MAGIC):
-        return _read_raw(content)
+        return _at_most(MAX_RECORDS, _read_raw(content), path)
     if len(content) > TLOG_STAMP.size and content[TLOG_STAMP.size] in (V1, V2):
-        return _read_tlog(content, path)
+        return _at_most(MAX_RECORDS, _read_tlog(content, path), path)
     raise ConfigError(f"{path}: neither a tlog nor a raw log of kmpc")
+
+
+def _at_most(most: int, chunks: Iterator[Chunk], path: Path) -> Iterator[Chunk]:
+    for number, chunk in enumerate(chunks):
+        if number >= most:
+            raise ConfigError(f"{path}: more than {most:,} records: cut the log")
+        yield chunk
 
 
 def _read_raw(content: bytes) -> Iterator[Chunk]:

@@ -18,6 +18,7 @@ from firmware_bridge.recording.recorder import (
     csv_row,
     torn_bytes,
 )
+from kmpc_lite.reading import open_regular
 
 LISTENER_WAIT = 30.0
 """How long to wait for somebody to play to [s]; a pseudo-terminal cannot tell, and plays at
@@ -85,12 +86,12 @@ def inspect_csv(path: Path, mend: bool) -> dict[str, Any]:
     ConfigError
         Where the file is no CSV of a recorder: it is left as it is.
     """
-    with open(path, "rb") as file:
-        if file.readline() != HEADER:
+    with open_regular(path) as file:
+        if file.readline(len(HEADER) + 1) != HEADER:
             raise ConfigError(
                 f"{path}: no recorded CSV: expected {HEADER.decode().strip()} in its first line"
             )
-        rows = sum(line.endswith(b"\n") for line in file)
+        rows = sum(part.count(b"\n") for part in iter(lambda: file.read(2**20), b""))
     return {"log": str(path), "rows": rows, "torn_bytes": torn_bytes(path, mend), "mended": mend}
 
 

@@ -21,6 +21,8 @@ from kmpc_lite.cli.extras import missing_extra  # noqa: E402
 from kmpc_lite.cli.output import clear_line, paint  # noqa: E402
 from kmpc_lite.errors import KmpcError  # noqa: E402
 
+LONGEST_LINE = 1000
+"""Characters of what is told of an error."""
 BAD_INPUT, INTERRUPTED, NOBODY_READS = 2, 130, 141
 
 
@@ -68,7 +70,10 @@ class _Complaint:
         self._machines = machines
 
     def __call__(self, text: str, status: int = BAD_INPUT, prog: str = "kmpc") -> int:
-        """Tell it and return the exit status."""
+        """Tell it in one line and return the exit status."""
+        # of what a file holds, some may be many pages, or meant for the terminal
+        text = "".join(c if c.isprintable() else "?" for c in " ".join(text.split("\n")))
+        text = text if len(text) <= LONGEST_LINE else f"{text[: LONGEST_LINE - 3]}..."
         clear_line(sys.stderr)
         if self._machines:
             print(json.dumps({"error": text}))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import math
-import tomllib
 from typing import TYPE_CHECKING, Any
 
 from kmpc_lite.errors import ScenarioError
+from kmpc_lite.reading import parse_toml
 from kmpc_lite.sim.scenario.bundled import bundled
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def read_scenario(options: argparse.Namespace) -> Scenario:
         name, table = "command line", _drawn(options)
     else:
         scenario = Scenario.load(named or DEFAULT)
-        name, table = scenario.name, tomllib.loads(scenario.to_toml())
+        name, table = scenario.name, parse_toml(scenario.to_toml())
         table["map"]["circles"] += options.obstacle
         for key in ("start", "goal"):
             if getattr(options, key) is not None:

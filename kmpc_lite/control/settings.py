@@ -57,9 +57,10 @@ def check_settings(
         raise ProblemError(f"tolerance: expected a number > 0, got {tolerance!r}")
     if budget is not None and not (np.isfinite(budget) and budget > 0):
         raise ProblemError(f"time_budget: expected a time > 0 s, got {budget!r}")
-    if problem.dt < limits.shortest_period:
+    if not limits.shortest_period <= problem.dt <= limits.longest_period:
         raise ProblemError(
-            f"dt: expected a period of at least {limits.shortest_period:g} s, got {problem.dt:g} s"
+            f"dt: expected a period from {limits.shortest_period:g} to "
+            f"{limits.longest_period:g} s, got {problem.dt:g} s"
         )
     oldest = min(limits.oldest_pose, limits.oldest_pose_periods * problem.dt)
     if not 0.0 <= age <= oldest:

@@ -24,6 +24,8 @@ TABLEAUX = {
 each."""
 
 
+LARGEST = 1e12
+"""Values of a model beyond this [SI units] are damage: products of them overflow."""
 _DIAGONAL = np.arange(STATES)
 
 
@@ -58,7 +60,7 @@ class NoiseModel:
     def check(self) -> None:
         """Raise ModelError unless the coefficients are three covariances."""
         s = real_array(self.coefficients, "model noise", ModelError)
-        if s.shape != (3, STATES, STATES) or not np.isfinite(s).all():
+        if s.shape != (3, STATES, STATES) or not (np.abs(s) <= LARGEST).all():
             raise ModelError(
                 f"model noise: expected finite values of shape (3, 3, 3), got {s.shape}"
             )
@@ -143,6 +145,8 @@ class KoopmanModel:
                 )
             if not np.isfinite(matrix).all():
                 raise ModelError(f"model matrix {name} holds NaN or infinity")
+            if not (np.abs(matrix) <= LARGEST).all():
+                raise ModelError(f"model matrix {name}: expected values of at most {LARGEST:g}")
             object.__setattr__(self, name, matrix)
         dt = real_array(self.dt, "model dt", ModelError)
         if dt.size != 1 or not (np.isfinite(dt).all() and (dt > 0.0).all()):

@@ -10,10 +10,13 @@ import numpy as np
 from kmpc_lite.errors import ModelError
 from kmpc_lite.files import read_npz, write_whole
 from kmpc_lite.model.dictionary import Dictionary, dictionary_from_config, dictionary_to_config
+from kmpc_lite.model.info import check_info
 from kmpc_lite.model.koopman import KoopmanModel, NoiseModel
 from kmpc_lite.model.noise_sources import NoiseSources
 
 FORMAT = "kmpc_lite.model"
+MAX_BYTES = 2**26
+"""Memory of the largest model: some thousand lifted coordinates."""
 VERSION = 1
 
 
@@ -54,7 +57,8 @@ def save_model(model: KoopmanModel, path: str | os.PathLike[str]) -> None:
 def load_model(path: str | os.PathLike[str], dictionary: Dictionary | None = None) -> KoopmanModel:
     """Read a model; see `KoopmanModel.load`."""
     try:
-        arrays, names = read_npz(path, ("header", "A", "B", "H", "C", "noise", "noise_sources"))
+        wanted = ("header", "A", "B", "H", "C", "noise", "noise_sources")
+        arrays, names = read_npz(path, wanted, MAX_BYTES)
     except OSError as error:
         raise ModelError(f"{path}: cannot read the model: {error.strerror or error}") from error
     except ValueError as error:
@@ -81,6 +85,7 @@ def load_model(path: str | os.PathLike[str], dictionary: Dictionary | None = Non
         told = None if sources is None else NoiseSources.from_array(sources)
         if not isinstance(header["info"], dict) or not isinstance(header["continuous"], bool):
             raise TypeError("expected info to be a table and continuous true or false")
+        check_info(header["info"])
         return KoopmanModel(
             dictionary=dictionary_from_config(header["dictionary"])
             if dictionary is None

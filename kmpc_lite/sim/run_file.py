@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.files import read_npz, real_array, write_whole
+from kmpc_lite.reading import parse_toml
 from kmpc_lite.sim.closed_loop import Outcome, Run
 from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.types import Array
 
+LEAST, LARGEST = 1e-6, 1e6
+"""Of a time that is not zero [s], and of all numbers of a drive [m, rad, s]."""
 FORMAT, VERSION = "kmpc_lite.run", 1
 ARRAYS = ("states", "path", "inputs", "plans", "step_times")
 
@@ -60,17 +64,20 @@ def load_run(path: Path) -> Run:
                 f"got {header['format']} version {header['version']}"
             )
         scenario = Scenario.from_table(
-            tomllib.loads(str(header["scenario"])), header["name"], str(path)
+            parse_toml(str(header["scenario"])), _name(header["name"]), str(path)
         )
+        statuses = _statuses(header["statuses"])
         return Run(
             scenario=scenario,
-            dt=float(header["dt"]),
+            dt=_number("dt", header["dt"], above_zero=True),
             outcome=Outcome(header["outcome"]),
-            duration=float(header["duration"]),
-            statuses=tuple(header["statuses"]),
-            clearance=np.inf if header["clearance"] is None else float(header["clearance"]),
-            info=dict(header["info"]),
-            **_checked(arrays, len(header["statuses"])),
+            duration=_number("duration", header["duration"], above_zero=True),
+            statuses=statuses,
+            clearance=np.inf
+            if header["clearance"] is None
+            else _number("clearance", header["clearance"]),
+            info=_table(header["info"]),
+            **_checked(arrays, len(statuses)),
         )
     except ScenarioError:
         raise
@@ -78,6 +85,33 @@ def load_run(path: Path) -> Run:
         raise ScenarioError(
             f"{path}: not a run that kmpc simulate wrote: {type(error).__name__} {error}"
         ) from error
+
+
+def _number(name: str, value: Any, above_zero: bool = False) -> float:
+    """Read a number in SI units that a drive can have."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not abs(value) <= LARGEST or (above_zero and not value >= LEAST):
+        raise ValueError(f"{name}: expected a number{' > 0' * above_zero}, got {value!r:.40}")
+    return float(value)
+
+
+def _statuses(names: Any) -> tuple[str, ...]:
+    known = {status.name for status in PlanStatus}
+    if not isinstance(names, list) or not all(isinstance(n, str) and n in known for n in names):
+        raise ValueError(f"statuses: expected a list of {', '.join(sorted(known))}")
+    return tuple(names)
+
+
+def _name(name: Any) -> str:
+    if not isinstance(name, str):
+        raise ValueError(f"name: expected a text, got {name!r:.40}")
+    return name
+
+
+def _table(info: Any) -> dict[str, Any]:
+    if not isinstance(info, dict):
+        raise ValueError("info: expected a table")
+    return info
 
 
 def _checked(arrays: dict[str, Array], steps: int) -> dict[str, Array]:
@@ -97,4 +131,6 @@ def _checked(arrays: dict[str, Array], steps: int) -> dict[str, Array]:
             raise ValueError(
                 f"{name}: expected shape {shape} for {steps} steps, got {checked[name].shape}"
             )
+        if not (np.abs(checked[name]) <= LARGEST).all():
+            raise ValueError(f"{name}: expected finite numbers of at most {LARGEST:g}")
     return checked

@@ -9,7 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from kmpc_lite.errors import DataError
+from kmpc_lite.reading import open_regular, read_bytes
 
+MAX_BYTES = 2**28
+"""Longest file of records that is read."""
 Record = dict[str, Any]
 """What was driven, in plain values."""
 
@@ -49,8 +52,10 @@ class RecordFile:
         if self.path is None:
             return {}
         source = Path(self.path)
+        if source.exists():
+            open_regular(source).close()  # what is none could not be added to
         source.open("a").close()
-        text = source.read_text(encoding="utf-8")
+        text = read_bytes(source, MAX_BYTES).decode("utf-8", errors="replace")
         whole, _, cut_off = text.rpartition("\n")
         if cut_off:
             source.write_text(whole + "\n" if whole else "", encoding="utf-8")
@@ -59,7 +64,7 @@ class RecordFile:
             try:
                 record = json.loads(line)
                 records[self.key(record)] = record
-            except (ValueError, KeyError, TypeError) as error:
+            except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
                 raise DataError(
                     f"{source}: line {number}: expected {self.what}, got {line[:60]!r}"
                 ) from error

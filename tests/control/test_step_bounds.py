@@ -87,7 +87,11 @@ def test_how_many_are_too_many_is_an_option() -> None:
         (lambda: speckled(1000, 1000, 0.05), "at most 50,000 runs of occupied cells"),
         (
             lambda: kl.Controller(kl.nominal_unicycle(1e-6), kl.NavigationProblem(dt=1e-6)),
-            "at least",
+            "dt: expected a period from 0.0001 to 100 s, got 1e-06 s",
+        ),
+        (
+            lambda: kl.Controller(kl.nominal_unicycle(1e300), kl.NavigationProblem(dt=1e300)),
+            "dt: expected a period from 0.0001 to 100 s",
         ),
         (
             lambda: kl.Controller(

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.messages import ConfigError
+from kmpc_lite.reading import read_bytes
 
 GCS, COMPANION = "gcs", "companion"
 EKF, MOCAP = "ekf", "mocap"
-KEY_BYTES = 32
+KEY_BYTES, MAX_KEY_BYTES = 32, 4096
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ class MavlinkOptions:
             return None
         path = Path(self.key_file)
         try:
-            mode, raw = path.stat().st_mode, path.read_bytes()
+            mode, raw = path.stat().st_mode, read_bytes(path, MAX_KEY_BYTES)
         except OSError as error:
             raise ConfigError(f"key_file: {path}: {error.strerror}") from None
         if mode & (stat.S_IRWXG | stat.S_IRWXO):

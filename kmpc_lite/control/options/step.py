@@ -18,6 +18,8 @@ class StepOptions:
     shortest_period: float = seconds(1e-4)
     """Least `dt` of a problem [s]: a ramp of a second would else have more stages than there is
     memory for."""
+    longest_period: float = seconds(100.0)
+    """Largest `dt` of a problem [s]: what is longer is no control period but a slip of the pen."""
     reach_beyond_plan: float = radii(2.0)
     """Polygons, walls and grids count as far as this beyond the reach of the fastest plan [radii]:
     for margins, and for a pose that is not where it was thought."""

@@ -7,7 +7,6 @@ A scenario is TOML; the ones that come with the package are named by their stem 
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -23,8 +22,9 @@ from kmpc_lite.control.obstacles.shapes import Polygon, Wall
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
+from kmpc_lite.reading import read_toml
 from kmpc_lite.sim.scenario.bundled import bundled, bundled_file
-from kmpc_lite.sim.scenario.shapes import grid_to_toml
+from kmpc_lite.sim.scenario.shapes import grid_to_toml, to_toml
 from kmpc_lite.sim.scenario.values import (
     CONTROLLER,
     KEYS,
@@ -156,12 +156,12 @@ class Scenario:
                 raise ScenarioError(f"no scenario named {str(source)!r}{hint}")
             path = bundled_file(path.name)
         try:
-            table = tomllib.loads(path.read_text(encoding="utf-8"))
+            table = read_toml(path)
         except OSError as error:
             raise ScenarioError(
                 f"{path}: cannot read the scenario: {error.strerror or error}"
             ) from error
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        except ValueError as error:
             raise ScenarioError(f"{path}: not TOML: {error}") from error
         area = table.get("map")
         if isinstance(area, dict) and isinstance(grid := area.get("grid"), str) and grid:
@@ -228,7 +228,7 @@ class Scenario:
         for section, keys in KEYS.items():
             lines += [
                 f"[{section}]",
-                *(f"{key} = {values[key]!r}" for key in keys if key not in left_out),
+                *(f"{key} = {to_toml(values[key])}" for key in keys if key not in left_out),
             ]
             lines += (
                 [f"grid = {grid_to_toml(self.grid)}", ""]

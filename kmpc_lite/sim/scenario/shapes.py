@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,6 +17,8 @@ FREE, OCCUPIED, UNKNOWN = ".", "#", "?"
 """Cells of a grid that is drawn in a scenario file, its highest row first."""
 CELLS = {FREE: 0, OCCUPIED: 100, UNKNOWN: -1}
 Made = TypeVar("Made")
+LARGEST_NUMBER = 1e6
+"""Farther [m], or later [s], no drive of a scenario gets."""
 GRID_KEYS = ("resolution", "origin", "rows", "unknown_is_free")
 
 
@@ -26,7 +28,11 @@ def read_polygons(where: str, value: Any) -> tuple[Polygon, ...]:
         raise ScenarioError(
             f"{where}: expected a list of polygons [[x, y], [x, y], [x, y], ...], got {value!r}"
         )
-    return tuple(_make(f"{where}: polygon {i}", Polygon, row) for i, row in enumerate(value))
+    polygons = tuple(_make(f"{where}: polygon {i}", Polygon, row) for i, row in enumerate(value))
+    for i, polygon in enumerate(polygons):
+        if not np.abs(polygon.vertices).max() <= LARGEST_NUMBER:
+            raise ScenarioError(f"{where}: polygon {i}: expected at most {LARGEST_NUMBER:g} m")
+    return polygons
 
 
 def read_walls(where: str, value: Any) -> tuple[Wall, ...]:
@@ -96,6 +102,24 @@ def grid_to_toml(grid: OccupancyGrid) -> str:
     )
 
 
+def to_toml(value: Any) -> str:
+    """Render a number, a text, or lists of them as a TOML value.
+
+    >>> to_toml([1, 2.5, "carpet", True])
+    '[1, 2.5, "carpet", true]'
+    """
+    if isinstance(value, str):
+        # as JSON, but for the one character that JSON leaves as it is
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, bool | np.bool_):
+        return str(bool(value)).lower()
+    if isinstance(value, int | np.integer):
+        return repr(int(value))
+    if isinstance(value, float):
+        return repr(float(value))
+    return f"[{', '.join(map(to_toml, value))}]"
+
+
 def _make(where: str, kind: Callable[..., Made], *values: Any, **options: Any) -> Made:
     try:
         return kind(*values, **options)
@@ -107,5 +131,5 @@ def _is_number(value: Any) -> bool:
     return (
         not isinstance(value, bool)
         and isinstance(value, int | float)
-        and abs(value) <= sys.float_info.max
+        and abs(value) <= LARGEST_NUMBER
     )

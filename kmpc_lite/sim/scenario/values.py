@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import sys
+import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -11,7 +11,7 @@ from kmpc_lite.control.obstacles.circles import Circle
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES
 from kmpc_lite.errors import ProblemError, ScenarioError
-from kmpc_lite.sim.scenario.shapes import read_grid, read_polygons, read_walls
+from kmpc_lite.sim.scenario.shapes import LARGEST_NUMBER, read_grid, read_polygons, read_walls
 
 KEYS: Mapping[str, Mapping[str, Any]] = {
     "map": {"bounds": None, "circles": [], "polygons": [], "walls": [], "grid": ""},
@@ -119,24 +119,19 @@ def read_value(where: str, key: str, value: Any) -> Any:
         return _ground(where, GROUND_ROWS[key], value)
     if key in FLOAT_LISTS:
         return _numbers(where, key, value)
-    number = read_number(where, value)
+    number = read_number(where, value, LARGEST.get(key, LARGEST_NUMBER))
     if number < 0 or (key in POSITIVE and number == 0):
         sign = ">" if key in POSITIVE else ">="
         raise ScenarioError(f"{where}: expected a number {sign} 0, got {value!r}")
-    if number > LARGEST.get(key, number):
-        raise ScenarioError(f"{where}: expected at most {LARGEST[key]:g}, got {value!r}")
     return number
 
 
-def read_number(where: str, value: Any) -> float:
-    """Read a finite number."""
-    # a whole number too large for a float is none
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | float)
-        or not abs(value) <= sys.float_info.max
-    ):
+def read_number(where: str, value: Any, most: float = LARGEST_NUMBER) -> float:
+    """Read a finite number, on either side of zero not beyond `most`."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < math.inf:
         raise ScenarioError(f"{where}: expected a finite number, got {value!r:.40}")
+    if abs(value) > most:
+        raise ScenarioError(f"{where}: expected at most {most:g}, got {value!r:.40}")
     return float(value)
 
 

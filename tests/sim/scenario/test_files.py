@@ -167,7 +167,7 @@ def test_everything_survives_being_written(tmp_path: Path) -> None:
         ("[0.5, 0.5, 0.15],", "[0.5, 0.5, 0.15, 0.1],", "[map] circles: circle 0"),
         ("0.2, 0.1, 0.0]]", "-0.2, 0.1, 0.0]]", "[map] circles: circle 1"),
         ("0.2, 0.1, 0.0]]", "0.2, nan, 0.0]]", "[map] circles: circle 1"),
-        ("0.2, 0.1, 0.0]]", f"1{'0' * 400}]]", "[map] circles: circle 1"),
+        ("0.2, 0.1, 0.0]]", f"1{'0' * 400}]]", "more than 300 digits"),
         ("[0.5, 0.5, 0.15],", "['a', 0.5, 0.15],", "[map] circles: circle 0"),
         (
             "circles = [[0.5, 0.5, 0.15], [1.0, -1.0, 0.2, 0.1, 0.0]]",
@@ -339,3 +339,17 @@ def test_a_wrong_option_is_told_with_its_file(tmp_path: Path, text: str, words: 
         Scenario.load(file)
     told = str(refused.value)
     assert told.startswith(str(file)) and words in told and "\n" not in told
+
+
+@pytest.mark.parametrize("name", ["both \" and '", "back\\slash", "\x1b\x7f\n", "\U0001f916 é", ""])
+def test_any_name_survives_being_written(name: str, tmp_path: Path) -> None:
+    scenario = replace(
+        Scenario.load("mehrez"),
+        ground=name,
+        ground_changes=((1.0, name),),
+        ground_patches=((name, 0.0, np.float64(0.5), 1.0),),
+    )
+    (tmp_path / "it.toml").write_text(scenario.to_toml(), encoding="utf-8")
+    again = Scenario.load(tmp_path / "it.toml")
+    assert again.ground == name and again.ground_patches == scenario.ground_patches
+    assert again.to_toml() == scenario.to_toml()

@@ -1,0 +1,74 @@
+"""What a model remembers of its making: the values that are used later, checked when it is read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from kmpc_lite.errors import ModelError
+
+
+def check_info(info: Mapping[str, Any]) -> None:
+    """Check what margins, guidance and reports read in a model's `info`; other values may be any.
+
+    Raises
+    ------
+    ModelError
+        Names the value that is not what a fit leaves there.
+    """
+    for name, (is_right, expected) in KNOWN.items():
+        if name in info and not is_right(info[name]):
+            raise ModelError(f"info.{name}: expected {expected}")
+
+
+def _is_number(value: Any) -> bool:
+    kind = isinstance(value, int | float) and not isinstance(value, bool)
+    return kind and abs(value) < 1e300 and math.isfinite(value)
+
+
+def _is_float(value: Any) -> bool:
+    """Any number that a float holds, infinity too."""
+    return isinstance(value, float) or _is_number(value)
+
+
+def _is_count(value: Any) -> bool:
+    return _is_number(value) and value > 0
+
+
+def _is_gains(value: Any) -> bool:
+    """Gains that were learned while driving, beside which other things may be told."""
+    names = ("ahead", "left", "turn")
+    return isinstance(value, Mapping) and all(_is_number(value.get(n, 0.0)) for n in names)
+
+
+def _is_errors(value: Any) -> bool:
+    """Held-out errors: numbers, and forward, left and heading."""
+    return isinstance(value, Mapping) and all(
+        _is_number(v) or (isinstance(v, list | tuple) and len(v) == 3 and all(map(_is_number, v)))
+        for v in value.values()
+    )
+
+
+def _is_quantiles(value: Any) -> bool:
+    """A table of calibrated quantiles by falling risks."""
+    if not isinstance(value, Mapping):
+        return False
+    risks, quantiles = value.get("risks"), value.get("quantiles")
+    if not isinstance(risks, list | tuple) or not isinstance(quantiles, list | tuple):
+        return False
+    return (
+        len(risks) == len(quantiles) >= 2
+        and all(map(_is_number, [*risks, *quantiles]))
+        and all(1.0 > a > b > 0.0 for a, b in zip(risks, risks[1:], strict=False))
+        and min(quantiles) >= 0.0
+    )
+
+
+KNOWN: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "samples": (_is_count, "a number of samples"),
+    "condition": (_is_float, "a number"),
+    "adaptation": (_is_gains, "a table of gains"),
+    "held_out": (_is_errors, "a table of errors"),
+    "noise_quantiles": (_is_quantiles, "risks and their quantiles: calibrate it anew"),
+}

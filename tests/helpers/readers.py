@@ -1,0 +1,275 @@
+"""Every reader of files, with files that it takes: `python readers.py --count 300 --seed 0`.
+
+Mutants of these files are read in a process of bounded memory: a file is taken, or refused with one
+of the project's own errors, in one line, within two seconds of the processor's time, and nothing is
+written.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mutants import Mutator
+
+import kmpc_lite as kl
+from firmware_bridge.drivers.mavlink.options import MavlinkOptions
+from firmware_bridge.link.log import RAW_MAGIC, RAW_RECORD, TLOG_STAMP, read_link_log
+from firmware_bridge.messages import BridgeError
+from firmware_bridge.recording.recorder import HEADER
+from firmware_bridge.recording.replay import decode_tlog, inspect_csv
+from firmware_bridge.robot_file import load_robot
+from kmpc_lite.errors import KmpcError
+from kmpc_lite.reading import parse_toml
+from kmpc_lite.sim import Run, Scenario, drive
+from kmpc_lite.studies.records import RecordFile
+
+MEMORY = 500 * 2**20
+"""What reading a file may take [bytes]."""
+SECONDS = 2.0
+"""Of the processor, for one file."""
+CSV = "t,x,y,theta,v,omega\n" + "".join(f"{0.1 * k:.1f},{k},2,0.5,1,0.25\n" for k in range(20))
+SCENARIO = """\
+[map]
+bounds = [-2.0, -2.0, 2.0, 2.0]
+circles = [[0.6, 0.6, 0.15], [-1.0, 1.0, 0.1, 0.1, 0.0]]
+polygons = [[[1.0, -1.0], [1.5, -1.0], [1.2, -0.5]]]
+walls = [[-1.5, -1.5, -1.0, -1.5, 0.1]]
+grid = {resolution = 0.1, origin = [-1.0, -1.0, 0.3], rows = ["..#", "?.#"]}
+[robot]
+radius = 0.15
+start = [0.0, 0.0, 0.0]
+goal = [1.5, 1.5, 0.0]
+[plant]
+slip = 0.05
+floors = [[1.0, 0.1, 0.9]]
+ground = "tile"
+ground_changes = [[2.0, "carpet"]]
+[run]
+seed = 3
+"""
+MAP = "image: map.pgm\nresolution: 0.05\norigin: [-1.0, -1.0, 0.0]\nnegate: 0\n"
+ROBOT = """\
+[link]
+url = "tcp:127.0.0.1:5760"
+driver = "roboclaw"
+[geometry]
+track = 0.3
+[limits]
+v_max = 0.5
+[safety]
+geofence = [-1.0, -1.0, 2.0, 2.0]
+[frame]
+origin = [0.0, 0.0, 0.0]
+[control]
+period = 0.1
+"""
+
+
+@dataclass(frozen=True)
+class Reader:
+    """What reads a kind of files."""
+
+    files: dict[str, bytes]
+    """Their names and contents; the first is the one that is opened."""
+    read: Callable[[Path], Any]
+    """Reads it, and uses what it has read."""
+
+
+def _log(path: Path) -> None:
+    for episode in kl.Dataset.load(path, dt=0.1).episodes:
+        assert np.isfinite(episode.states).all() and np.isfinite(episode.inputs).all()
+
+
+def _scenario(path: Path) -> None:
+    scenario = Scenario.load(path)
+    scenario.problem()
+    again = Scenario.from_table(parse_toml(scenario.to_toml()), scenario.name, "again")
+    assert again.to_toml() == scenario.to_toml()
+
+
+def _model(path: Path) -> None:
+    model = kl.KoopmanModel.load(path)
+    plan = kl.Controller(model, kl.NavigationProblem(dt=model.dt)).step((0, 0, 0), (1, 1, 0))
+    assert np.isfinite(plan.command).all()
+
+
+def _run(path: Path) -> None:
+    run = Run.load(path)
+    run.summary()
+    assert np.isfinite(run.position_error)
+
+
+def _robot(path: Path) -> None:
+    load_robot(path).driver_table()
+
+
+def _link_log(path: Path) -> None:
+    chunks = list(read_link_log(path))
+    if chunks and chunks[0].incoming is None:
+        decode_tlog(chunks, 1)
+
+
+def _records(path: Path) -> None:
+    text = path.read_bytes()
+    try:
+        RecordFile(path, lambda record: (record["seed"], float(record["time"])), "a drive").read()
+    finally:
+        path.write_bytes(text)  # what was torn off its end is cut off on purpose
+
+
+def _key(path: Path) -> None:
+    path.chmod(0o600)
+    MavlinkOptions(key_file=str(path)).read_key()
+
+
+def _tlog() -> bytes:
+    """A short log of a rover's telemetry."""
+    from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+    link, content = dialect.MAVLink(None, 1, 1), b""
+    for k in range(6):
+        for message in (
+            link.heartbeat_encode(10, 3, 209, 15, 4),
+            link.local_position_ned_encode(100 * k, 0.1 * k, 0.2, 0.0, 0.5, 0.0, 0.0),
+            link.attitude_encode(100 * k, 0.0, 0.0, 0.3, 0.0, 0.0, 0.1),
+            link.statustext_encode(4, b"EKF3 IMU0 is using GPS"),
+            link.param_value_encode(b"WP_SPEED", 1.0, 9, 1, 0),
+        ):
+            content += TLOG_STAMP.pack(10**15 + 10**5 * k) + message.pack(link)
+    return content
+
+
+class _Still:
+    """Stands where it is."""
+
+    def step(self, x: Any, goal: Any, obstacles: Any = ()) -> Any:
+        return kl.Controller(kl.nominal_unicycle(0.1)).step(x, goal)
+
+
+def make_readers(folder: Path) -> dict[str, Reader]:
+    """All readers; files that are not text are made in a folder."""
+    (folder / "scenario.toml").write_text(SCENARIO + "timeout = 0.3\n")
+    data = kl.generate_dataset(
+        kl.DifferentialDrive(0.05, seed=1), episodes=4, steps=60, dt=0.1, seed=1
+    )
+    kl.Dataset(data.episodes[:1]).save(folder / "log.npz")
+    model = kl.fit(data, kl.InputHistoryDictionary(kl.UnicycleDictionary(), (0, 1)))
+    kl.with_quantiles(model, data).save(folder / "model.npz")
+    drive(_Still(), Scenario.load(folder / "scenario.toml"), info={"u_min": [-1, -1]}).save(
+        folder / "run.npz"
+    )
+    made = {name: (folder / f"{name}.npz").read_bytes() for name in ("log", "model", "run")}
+    pixels = bytes(range(0, 250, 2))[:120]
+    plain = " ".join(map(str, pixels)).encode()
+    rows = b"".join(b"0.1,0.2,0.3,0.4,0.5,0.6\n" for _ in range(5))
+    return {
+        "csv": Reader({"log.csv": CSV.encode()}, _log),
+        "npz": Reader({"log.npz": made["log"]}, _log),
+        "model": Reader({"model.npz": made["model"]}, _model),
+        "run": Reader({"run.npz": made["run"]}, _run),
+        "scenario": Reader({"scenario.toml": SCENARIO.encode()}, _scenario),
+        "map": Reader(
+            {"map.yaml": MAP.encode(), "map.pgm": b"P5\n# made\n12 10\n255\n" + pixels},
+            kl.OccupancyGrid.load,
+        ),
+        "plain map": Reader(
+            {"map.yaml": MAP.encode(), "map.pgm": b"P2\n12 10 255\n" + plain},
+            kl.OccupancyGrid.load,
+        ),
+        "robot": Reader({"robot.toml": ROBOT.encode()}, _robot),
+        "tlog": Reader({"drive.tlog": _tlog()}, _link_log),
+        "raw log": Reader(
+            {"drive.raw": RAW_MAGIC + 9 * (RAW_RECORD.pack(10**6, 0, 3) + b"abc")}, _link_log
+        ),
+        "recorded csv": Reader(
+            {"drive.csv": HEADER + rows}, lambda path: inspect_csv(path, mend=False)
+        ),
+        "records": Reader({"records.jsonl": 3 * b'{"seed": 1, "time": 2.5}\n'}, _records),
+        "key": Reader({"signing.key": 32 * b"ab" + b"\n"}, _key),
+    }
+
+
+@contextmanager
+def bounded_memory(more: int) -> Iterator[None]:
+    """Let this process take so many bytes more than it has."""
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + more, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+def judge(reader: Reader, files: dict[str, bytes], folder: Path) -> str:
+    """Read files in an empty folder; what is wrong with how that went, or nothing."""
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+    begun, refused = time.process_time(), ""
+    try:
+        with bounded_memory(MEMORY), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            reader.read(folder / next(iter(files)))
+    except (KmpcError, BridgeError) as error:
+        refused = str(error)
+    except BaseException:  # it is told, and the next file is read
+        return traceback.format_exc()
+    took = time.process_time() - begun
+    if took > SECONDS:
+        return f"{took:.1f} s; {refused[:200]}"
+    if "\n" in refused:
+        return f"more than one line: {refused[:500]!r}"
+    left = {path.name: path.read_bytes() for path in folder.iterdir()}
+    return "" if left == files else f"files were changed: {sorted(left)}"
+
+
+def main() -> int:
+    """Read mutants of all readers' files in turn; status 1 where one is not borne."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", default="", help="name of a reader")
+    parser.add_argument("--keep", type=Path, help="folder for what is not borne")
+    given = parser.parse_args()
+    bad: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory() as scratch:
+        readers = make_readers(Path(scratch))
+    for name, reader in readers.items():
+        with tempfile.TemporaryDirectory() as folder:
+            if wrong := judge(reader, reader.files, Path(folder)):
+                sys.stderr.write(f"{name}: as it is: {wrong}\n")
+                return 1
+    names = [name for name in readers if given.only in name]
+    for number in range(given.count):
+        name = names[number % len(names)]
+        reader, mutator = readers[name], Mutator(given.seed + number)
+        changed = mutator.one_of(list(reader.files))
+        files = {**reader.files, changed: mutator.file(reader.files[changed])}
+        with tempfile.TemporaryDirectory() as folder:
+            if wrong := judge(reader, files, Path(folder)):
+                bad[name] += 1
+                sys.stderr.write(f"{name}, seed {given.seed + number}, {changed}: {wrong}\n")
+                if given.keep:
+                    given.keep.mkdir(exist_ok=True)
+                    (given.keep / f"{given.seed + number}_{changed}").write_bytes(files[changed])
+    sys.stdout.write(f"{given.count} files, {sum(bad.values())} not borne {dict(bad)}\n")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    sys.exit(main())
