@@ -133,7 +133,7 @@ class Mutator:
                 kind = self.one_of(("i1", "u8", "f2", "c16", "b1", "U5", "S3", "M8[s]", ">f8"))
                 try:
                     return array.astype(kind)
-                except (ValueError, TypeError):
+                except (ValueError, TypeError, RuntimeError):
                     return np.zeros(array.shape, kind)
             case 1:
                 return array[..., None] if self.below(2) else array[None]
