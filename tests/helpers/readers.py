@@ -58,6 +58,12 @@ slip = 0.05
 floors = [[1.0, 0.1, 0.9]]
 ground = "tile"
 ground_changes = [[2.0, "carpet"]]
+[controller.guidance]
+lead_time = 0.3
+[controller.solver.real_time]
+max_iter = 80
+[controller.stop]
+slower_shares = [0.5, 0.0]
 [run]
 seed = 3
 """
