@@ -144,7 +144,12 @@ class Controller:
         }
         self.scale = scale = problem.scale
         self.adaptation = choose_adaptation(model, adaptation, tightening is not None, scale)
-        self._units = units = scaled_problem(problem, scale).with_default_weights(bool(guidance))
+        units = scaled_problem(problem, scale)
+        if guidance:
+            units = units.with_default_weights(True, self._gains(model, units, options))
+        else:
+            units = units.with_default_weights(False)
+        self._units = units
         self._clock, self._time_budget = clock, time_budget
         self._pose_age, self._tightens = float(pose_age) / scale.time, tightening is not None
         self._guide = _make_guide(units, options, clock) if guidance else None
@@ -312,6 +317,20 @@ class Controller:
             found = capabilities(motion, units, margins, options.guidance, options.goal)
             self._base_capabilities = base, found
         return self._base_capabilities[1]
+
+    def _gains(
+        self, model: KoopmanModel, units: NavigationProblem, options: ControllerOptions
+    ) -> tuple[float, float]:
+        """Speed and rate of turn that the robot reaches, as shares of the command bounds."""
+        from kmpc_lite.control.guidance.capabilities import drivable_speeds
+
+        speeds = drivable_speeds(self._motion(model), units, options.guidance)
+        u_min, u_max, _, _ = units.bounds
+        ahead, turn = float(u_max[0]), float(min(u_max[1], -u_min[1]))
+        return (
+            float(speeds[0]) / ahead if ahead > 0.0 else 1.0,
+            float(speeds[2]) / turn if turn > 0.0 else 1.0,
+        )
 
     def _motion(self, model: KoopmanModel) -> MotionModel:
         # half the time of rk4, and far below what slip does; all phases share it

@@ -168,15 +168,23 @@ class NavigationProblem:
             np.zeros((STATES, STATES)) if self.Q_terminal is None else self.Q_terminal,
         )
 
-    def with_default_weights(self, guidance: bool) -> NavigationProblem:
+    def with_default_weights(
+        self, guidance: bool, gains: tuple[float, float] = (1.0, 1.0)
+    ) -> NavigationProblem:
         """Return the problem with the weights that are used in a mode, given or not.
 
         Parameters
         ----------
         guidance : bool
             Whether the weights are those of a guided reference, else of the goal itself.
+        gains : tuple, optional
+            Speed and rate of turn that a robot reaches, as shares of what it is told: the defaults
+            of R are those of the motion.
         """
         q, r = (TRACKING_Q, TRACKING_R) if guidance else (GOAL_Q, GOAL_R)
+        # what is weighed is the motion: a robot that turns by a third of what it is told needs
+        # three times the command for it
+        r = (r[0] * gains[0] ** 2, r[1] * gains[1] ** 2)
         terminal = np.zeros(STATES) if self.Q_terminal is None else self.Q_terminal
         return replace(
             self,

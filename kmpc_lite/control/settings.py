@@ -28,7 +28,7 @@ def choose_options(
     if risk is not None:
         if isinstance(risk, bool) or not isinstance(risk, int | float) or not 0.0 < risk < 1.0:
             raise ProblemError(f"risk: expected a probability between 0 and 1, got {risk!r}")
-        margins = replace(chosen.margins, risk=float(risk), lagging_risk=float(risk))
+        margins = replace(chosen.margins, risk=float(risk))
         chosen = replace(chosen, margins=margins)
     return chosen
 

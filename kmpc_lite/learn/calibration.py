@@ -18,7 +18,7 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.tube import MEMORY, window_deviations
+from kmpc_lite.model.tube import MEMORY, feedback_delay, window_deviations
 from kmpc_lite.types import Array
 
 RISKS = (0.3, 0.2, 0.1, 0.05, 0.03, 0.02, 0.01, 0.005, 0.003, 0.002, 0.001)
@@ -27,7 +27,7 @@ BATCH = 4096
 """Windows handled at once."""
 
 
-def scores(model: KoopmanModel, held_out: Dataset, steps: int = MEMORY) -> Array:
+def scores(model: KoopmanModel, held_out: Dataset, steps: int | None = None) -> Array:
     """Largest Mahalanobis distance from the plan within each window of held-out driving.
 
     Parameters
@@ -36,9 +36,10 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int = MEMORY) -> Array
         Its noise model gives the ellipses.
     held_out : Dataset
         Drives that the model was not fitted to.
-    steps : int
-        Length of a window [periods]; windows do not overlap, so that they are as independent as the
-        drives allow.
+    steps : int, optional
+        Length of a window [periods]: what the tube remembers, `MEMORY` and the feedback's delay,
+        where not given. Windows do not overlap, so that they are as independent as the drives
+        allow.
 
     Returns
     -------
@@ -57,6 +58,8 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int = MEMORY) -> Array
             "resample it"
         )
     length = model.history
+    if steps is None:
+        steps = MEMORY + feedback_delay(model)
     parts: list[tuple[Array, Array, Array, Array | None]] = []
     found = []
     for episode in held_out.episodes:
@@ -143,8 +146,10 @@ def calibrate(model: KoopmanModel, held_out: Dataset, risk: float) -> float:
     values = scores(model, held_out)
     bound = conformal_quantile(values, risk)
     if not np.isfinite(bound):
+        steps = MEMORY + feedback_delay(model)
         raise DataError(
-            f"{len(values)} held-out windows of {MEMORY} steps are too few for a risk of {risk:g}: "
+            f"{len(values)} held-out windows of {steps} steps are too few for a risk of "
+            f"{risk:g}: "
             f"{ceil(1 / risk - 1 - 1e-9)} are needed"
         )
     return bound
@@ -165,15 +170,16 @@ def with_quantiles(
         for r in sorted(risks, reverse=True)
         if np.isfinite(q := conformal_quantile(values, r))
     ]
+    steps = MEMORY + feedback_delay(model)
     if len(table) < 2:
         raise DataError(
-            f"{len(values)} held-out windows of {MEMORY} steps are too few to calibrate: "
+            f"{len(values)} held-out windows of {steps} steps are too few to calibrate: "
             "drive longer"
         )
     quantiles = {
         "risks": [r for r, _ in table],
         "quantiles": [q for _, q in table],
         "windows": len(values),
-        "steps": MEMORY,
+        "steps": steps,
     }
     return replace(model, info={**model.info, "noise_quantiles": quantiles})

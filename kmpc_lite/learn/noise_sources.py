@@ -134,11 +134,13 @@ def split_noise_sources(model: KoopmanModel, dataset: Dataset) -> NoiseSources |
     forward = _variances(own, errors[..., 0] ** 2)
     left = _variances(own, errors[..., 1] ** 2 - led @ heading)
     rows = np.stack([forward, left, heading], axis=1)
-    return NoiseSources(rows[0], rows[1:3], rows[3:5])
+    # at rest a position is as noisy ahead as aside
+    rows[0, :2] = rows[0, :2].mean()
+    return NoiseSources.from_array(rows)
 
 
 def _variances(terms: Array, squares: Array) -> Array:
-    """Five variances that explain squared errors (n, T) by terms (n, T, 5)."""
+    """Variances (m,) that explain squared errors (n, T) by terms (n, T, m)."""
     from scipy.optimize import nnls  # here, for it takes time to import
 
     # sums over starts would mix slow and fast driving: each square is one row
@@ -149,7 +151,7 @@ def _variances(terms: Array, squares: Array) -> Array:
         weighted = matrix * weights[:, None]
         scale = np.maximum(np.linalg.norm(weighted, axis=0), 1e-300)
         small = weighted / scale
-        # normal equations, factored: nnls on five rows instead of many thousand
+        # normal equations, factored: nnls on a few rows instead of many thousand
         gram = small.T @ small + 1e-12 * np.eye(len(scale))
         root = np.linalg.cholesky(gram).T
         aim = np.linalg.solve(root.T, small.T @ (target * weights))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.model.koopman import KoopmanModel, Linearization, NoiseModel
+from kmpc_lite.model.noise_sources import NoiseSources
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
 
@@ -82,7 +83,11 @@ class ScaledModel:
             powers = np.array((1.0, *scale.command**2))
             between = scale.state * scale.state[:, None]
             coefficients = model.noise_model.coefficients * powers[:, None, None] / between
-            self.noise_model = replace(model.noise_model, coefficients=coefficients)
+            found = model.noise_model.sources
+            sources = None if found is None else _sources_in_units(found, scale)
+            self.noise_model = replace(
+                model.noise_model, coefficients=coefficients, sources=sources
+            )
 
     def predict(self, x: ArrayLike, u: ArrayLike, history: ArrayLike | None = None) -> Array:
         """As `KoopmanModel.predict`, in units."""
@@ -123,6 +128,17 @@ class ScaledModel:
 
     def _past(self, history: ArrayLike | None) -> Array | None:
         return None if history is None else self._commands(history)
+
+
+def _sources_in_units(sources: NoiseSources, scale: Scale) -> NoiseSources:
+    """Give variances in metres and seconds in the robot's units."""
+    by_state, by_command = scale.state**2, (scale.command**2)[:, None]
+    return NoiseSources(
+        sources.pose / by_state,
+        sources.pose_by_speed * scale.command[0] ** 2 / by_state,
+        sources.white * by_command / by_state,
+        sources.lasting * (by_command * scale.time**2) / by_state,
+    )
 
 
 def in_units(model: KoopmanModel, scale: Scale) -> MotionModel:

@@ -1,9 +1,10 @@
 """Where a model's errors come from: the measured pose, noise of the motion, and gains that are off.
 
-After k periods an open-loop prediction from a measured pose errs with the variance ``2 R + Q (sum
-of u^2) + D (sum of u dt)^2``: the pose's noise R at both ends does not grow, white noise Q of the
-motion grows with time, gains that are off for a while (D) grow with its square. Feedback takes back
-what has grown; what the pose's noise adds it cannot tell from motion.
+After k periods an open-loop prediction from a measured pose errs with the variance ``R(v_0) +
+R(v_k) + Q (sum of u^2) + D (sum of u dt)^2``: the pose's noise R at both ends does not grow (but
+is larger at speed, for stamps jitter), white noise Q of the motion grows with time, gains that are
+off for a while (D) grow with its square. Feedback takes back what has grown; what the pose's noise
+adds it cannot tell from motion.
 """
 
 from __future__ import annotations
@@ -22,7 +23,10 @@ class NoiseSources:
     """Variances in the robot's frame: forward, left, heading."""
 
     pose: Array
-    """Of one measured pose, (3,) [m^2, m^2, rad^2]."""
+    """Of one measured pose at rest, (3,) [m^2, m^2, rad^2]."""
+    pose_by_speed: Array
+    """What is added to that by v^2, (3,): a stamp that jitters by 10 ms moves the pose by 10 ms
+    times v."""
     white: Array
     """Of one period's motion, by v^2 and by omega^2, (2, 3): independent from period to period."""
     lasting: Array
@@ -31,7 +35,12 @@ class NoiseSources:
 
     def check(self) -> None:
         """Raise ModelError unless all are variances."""
-        shapes = {"pose": (STATES,), "white": (INPUTS, STATES), "lasting": (INPUTS, STATES)}
+        shapes = {
+            "pose": (STATES,),
+            "pose_by_speed": (STATES,),
+            "white": (INPUTS, STATES),
+            "lasting": (INPUTS, STATES),
+        }
         for name, shape in shapes.items():
             values = real_array(getattr(self, name), f"model noise {name}", ModelError)
             if values.shape != shape or not (np.isfinite(values).all() and (values >= 0.0).all()):
@@ -40,15 +49,15 @@ class NoiseSources:
                 )
 
     def as_array(self) -> Array:
-        """All in one array, (5, 3): pose, white, lasting."""
-        return np.concatenate([self.pose[None], self.white, self.lasting])
+        """All in one array, (6, 3): pose, pose by speed, white, lasting."""
+        return np.concatenate([self.pose[None], self.pose_by_speed[None], self.white, self.lasting])
 
     @classmethod
     def from_array(cls, values: Array) -> NoiseSources:
         """Undo `as_array`."""
-        if values.shape != (1 + 2 * INPUTS, STATES):
-            raise ModelError(f"model noise sources: expected shape (5, 3), got {values.shape}")
-        sources = cls(values[0], values[1 : 1 + INPUTS], values[1 + INPUTS :])
+        if values.shape != (2 + 2 * INPUTS, STATES):
+            raise ModelError(f"model noise sources: expected shape (6, 3), got {values.shape}")
+        sources = cls(values[0], values[1], values[2 : 2 + INPUTS], values[2 + INPUTS :])
         sources.check()
         return sources
 
@@ -64,27 +73,25 @@ class NoiseSources:
         measured : bool
             Whether the end is told by a measured pose, whose noise counts too.
         """
-        terms = design(inputs, dt)
-        heading = np.concatenate([[self.pose[2]], self.white[:, 2], self.lasting[:, 2]])
-        position = [
-            np.concatenate([[self.pose[i]], self.white[:, i], self.lasting[:, i]]) for i in range(2)
-        ]
-        out = np.stack([terms @ position[0], terms @ position[1], terms @ heading], axis=-1)
-        out[..., 1] += design_across(inputs, dt) @ heading
+        terms, variances = design(inputs, dt), self.as_array()
+        out: Array = terms @ variances
+        out[..., 1] += design_across(inputs, dt) @ variances[:, 2]
         if not measured:
-            out -= self.pose
+            out -= self.pose + inputs[..., :1] ** 2 * self.pose_by_speed
         return out
 
 
 def design(inputs: Array, dt: float) -> Array:
-    """What multiplies each source after each period, (..., T, 5): commands (..., T, 2)."""
+    """What multiplies each source after each period, (..., T, 6): commands (..., T, 2)."""
     squares = np.cumsum(inputs**2, axis=-2)
     travelled = np.cumsum(inputs, axis=-2) * dt
-    return np.concatenate([np.full((*squares.shape[:-1], 1), 2.0), squares, travelled**2], axis=-1)
+    speeds = inputs[..., :1] ** 2
+    ends = np.concatenate([np.full_like(speeds, 2.0), speeds[..., :1, :] + speeds], axis=-1)
+    return np.concatenate([ends, squares, travelled**2], axis=-1)
 
 
 def design_across(inputs: Array, dt: float) -> Array:
-    """What multiplies the heading's sources in the variance across, (..., T, 5).
+    """What multiplies the heading's sources in the variance across, (..., T, 6).
 
     An error of the heading leads the robot aside over the distance that it drives afterwards.
     """
@@ -96,6 +103,7 @@ def design_across(inputs: Array, dt: float) -> Array:
     return np.stack(
         [
             travelled**2,
+            travelled**2 * v[..., :1] ** 2,
             (since**2 @ (v**2)[..., None])[..., 0],
             (since**2 @ (omega**2)[..., None])[..., 0],
             (since @ (v * dt)[..., None])[..., 0] ** 2,

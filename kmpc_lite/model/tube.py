@@ -7,10 +7,13 @@ at the last plan and stays outside the QP.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from kmpc_lite.model.koopman import KoopmanModel, NoiseModel
-from kmpc_lite.types import Array
+from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.types import INPUTS, STATES, Array
 
 MEMORY = 8
 """Steps of noise that a stage still feels, a power of two. The feedback has forgotten the older
@@ -23,12 +26,14 @@ reduced by per step at speed."""
 STILL = 0.03
 """Below this displacement per step [m] the lateral feedback fades: a robot that stands cannot move
 sideways."""
+HALF_EFFECT = 0.5
+"""Share of a command's effect from which on it takes errors back."""
 FLOOR = 1e-4
 """Standard deviation [m, rad] that is added to every noise: a model that fits to rounding has no
 smaller one."""
 
 
-def closed_loop(by_state: Array, cos: Array, sin: Array, feedback: bool = True) -> Array:
+def closed_loop(by_state: Array, cos: Array, sin: Array) -> Array:
     """Jacobians of one step under feedback, for deviations from the plan.
 
     Parameters
@@ -37,9 +42,6 @@ def closed_loop(by_state: Array, cos: Array, sin: Array, feedback: bool = True) 
         The model's derivative by the state, (..., 3, 3).
     cos, sin : ndarray
         Of the planned heading, (...).
-    feedback : bool
-        False for a model with input history: its commands act too late to take anything back within
-        the first steps.
 
     Returns
     -------
@@ -47,8 +49,6 @@ def closed_loop(by_state: Array, cos: Array, sin: Array, feedback: bool = True) 
         (..., 3, 3).
     """
     out: Array = by_state.copy()
-    if not feedback:
-        return out
     # how far sideways a unit of heading error leads, and from it the gain by which a lateral error
     # is steered back
     drift = cos * out[..., 1, 2] - sin * out[..., 0, 2]
@@ -65,6 +65,24 @@ def closed_loop(by_state: Array, cos: Array, sin: Array, feedback: bool = True) 
     return out
 
 
+def feedback_delay(model: MotionModel) -> int:
+    """Periods for which nothing takes an error back: until a command has had half of its effect.
+
+    A model with input history knows what earlier commands still do, so that its feedback acts late
+    but on what will be left then.
+    """
+    if not model.history:
+        return 0
+    rest = np.zeros((model.history, INPUTS))
+    lin = model.linearize(np.zeros(STATES), np.zeros(INPUTS), rest)
+    by_age = np.concatenate([lin.B[None], lin.B_past])
+    late = 0
+    for effect in (by_age[:, 0, 0], by_age[:, 2, 1]):
+        so_far = np.cumsum(effect)
+        late = max(late, int(np.argmax(so_far >= HALF_EFFECT * so_far[-1])))
+    return late
+
+
 def rotations(cos: Array, sin: Array) -> Array:
     """Matrices (..., 3, 3) from the robot's frame to the map's."""
     out = np.zeros((*cos.shape, 3, 3))
@@ -75,22 +93,54 @@ def rotations(cos: Array, sin: Array) -> Array:
     return out
 
 
-def split_noise(noise: NoiseModel | None) -> tuple[Array, Array]:
-    """Part the learned covariance into what the pose measurement adds and what the floor does.
+@dataclass(frozen=True, slots=True)
+class TubeNoise:
+    """What widens a tube, as covariances in the robot's frame."""
 
-    A robot that stands does not move, so what the residuals have left at zero command comes from
-    the measured poses at both ends: it does not add up along a plan. What grows with the commands
-    does.
+    pose: Array
+    """What the measured pose at which a plan begins adds to every stage, (3, 3)."""
+    pose_by_speed: Array
+    """The same for a robot that moves, to be multiplied by v^2, (3, 3)."""
+    poses: float
+    """How many such poses one residual holds: 2 where `pose` is that of a single one."""
+    white: Array
+    """Of one period, to be multiplied by v^2 and omega^2, (2, 3, 3): independent of the others'."""
+    lasting: Array
+    """The same of errors that are alike in all periods of a plan, (2, 3, 3): they add up."""
 
-    Returns
-    -------
-    measured, moved : ndarray
-        (3, 3), and (2, 3, 3) to be multiplied by v^2 and omega^2.
+    @property
+    def one_pose(self) -> Array:
+        """Covariance of one measured pose at rest, (3, 3)."""
+        return 0.5 * self.poses * self.pose
+
+
+def tube_noise(noise: NoiseModel | None, dt: float) -> TubeNoise:
+    """Part what a model says of its errors into what the pose's measurement and the floor add.
+
+    Noise sources tell it (`kmpc_lite.model.noise_sources`). Without them the covariance of single
+    residuals does: a robot that stands does not move, so what residuals have left at zero command
+    comes from the measured poses at both ends, and what grows with the commands is taken for white.
+
+    Parameters
+    ----------
+    noise : NoiseModel or None
+        Of the model.
+    dt : float
+        Its period [s].
     """
-    floor = FLOOR**2 * np.eye(3)
+    floor, none = FLOOR**2 * np.eye(STATES), np.zeros((INPUTS, STATES, STATES))
     if noise is None:
-        return floor, np.zeros((2, 3, 3))
-    return noise.coefficients[0] + floor, noise.coefficients[1:]
+        return TubeNoise(floor, none[0], 1.0, none, none)
+    if noise.sources is None:
+        return TubeNoise(noise.coefficients[0] + floor, none[0], 1.0, noise.coefficients[1:], none)
+    found = noise.sources
+    return TubeNoise(
+        np.diag(found.pose) + floor,
+        np.diag(found.pose_by_speed),
+        2.0,
+        np.array([np.diag(row) for row in found.white]),
+        np.array([np.diag(row) for row in found.lasting]) * dt**2,
+    )
 
 
 def window_deviations(
@@ -113,20 +163,66 @@ def window_deviations(
         Of the position after 1 to S steps, in the map's frame: (n, S, 2) and (n, S, 2, 2).
     """
     lin = model.linearize(x, u, history)
-    residual = x_next - lin.value
+    noise = tube_noise(model.noise_model, model.dt)
     cos, sin = np.cos(x[..., 2]), np.sin(x[..., 2])
-    jacobians = closed_loop(lin.A, cos, sin, feedback=not model.history)
     turned = rotations(cos, sin)
-    measured, moved = split_noise(model.noise_model)
-    noise = turned @ np.tensordot(u * u, moved, axes=(-1, 0)) @ turned.swapaxes(-1, -2)
-    still = turned @ measured @ turned.swapaxes(-1, -2)
-    error = np.zeros((len(x), 3))
-    spread = np.zeros((len(x), 3, 3))
+
+    def in_map(covariances: Array) -> Array:
+        return turned @ covariances @ turned.swapaxes(-1, -2)
+
+    squares = u * u
+    still = noise.pose + squares[..., 0, None, None] * noise.pose_by_speed
+    measured = noise.poses * in_map(still)
+    # what is alike in all periods adds up as the residuals do: one column for each of its causes
+    lasting = turned[..., None, :, :] * u[..., None, None]
+    lasting = lasting @ np.sqrt(noise.lasting)
+    columns = np.concatenate(
+        [(x_next - lin.value)[..., None], *np.moveaxis(lasting, -3, 0)], axis=-1
+    )
+    errors = _Carried(lin.A, closed_loop(lin.A, cos, sin), feedback_delay(model), columns, False)
+    white = in_map(np.tensordot(squares, noise.white, axes=(-1, 0)))
+    spreads = _Carried(errors.free, errors.steered, errors.delay, white, True)
     deviations, covariances = np.empty((*x.shape[:2], 2)), np.empty((*x.shape[:2], 2, 2))
     for k in range(x.shape[1]):
-        step = jacobians[:, k]
-        error = (step @ error[..., None])[..., 0] + residual[:, k]
-        spread = step @ spread @ step.swapaxes(-1, -2) + noise[:, k]
-        deviations[:, k] = error[:, :2]
-        covariances[:, k] = (spread + still[:, k])[:, :2, :2]
+        error, spread = errors.after(k), spreads.after(k)
+        deviations[:, k] = error[:, :2, 0]
+        led = error[:, :2, 1:]
+        covariances[:, k] = led @ led.swapaxes(-1, -2) + (spread + measured[:, k])[:, :2, :2]
     return deviations, covariances
+
+
+class _Carried:
+    """Carries what each period adds on through the later ones: feedback takes back what is old.
+
+    Parameters
+    ----------
+    free, steered : ndarray
+        Jacobians of the periods without and with feedback, (n, S, 3, 3).
+    delay : int
+        Periods until the feedback acts on what a period has added.
+    added : ndarray
+        By each period: columns (n, S, 3, c), or covariances (n, S, 3, 3).
+    squared : bool
+        Whether they are covariances.
+    """
+
+    def __init__(
+        self, free: Array, steered: Array, delay: int, added: Array, squared: bool
+    ) -> None:
+        self.free, self.steered, self.delay = free, steered, delay
+        self._added, self._squared = added, squared
+        self._old = np.zeros_like(added[:, 0])
+        self._fresh: list[Array] = []
+
+    def after(self, k: int) -> Array:
+        """Sum at the end of period k; periods are asked for in turn."""
+        self._old = self._on(self.steered[:, k], self._old)
+        self._fresh = [self._on(self.free[:, k], part) for part in self._fresh]
+        self._fresh.append(self._added[:, k])
+        if len(self._fresh) > self.delay:
+            self._old = self._old + self._fresh.pop(0)
+        return self._old + sum(self._fresh) if self._fresh else self._old
+
+    def _on(self, step: Array, part: Array) -> Array:
+        moved: Array = step @ part
+        return moved @ step.swapaxes(-1, -2) if self._squared else moved

@@ -266,7 +266,7 @@ def test_a_log_without_noise_does_not_make_margins_blind(
     assert margins.command_check.step_margin(drift, 0.6, 0.0) > single + 0.1
 
 
-def test_a_robot_that_lags_takes_less_risk(
+def test_a_robot_that_lags_takes_the_same_risk(
     learned: kl.KoopmanModel, lagging: kl.KoopmanModel
 ) -> None:
     def quantile(model: kl.KoopmanModel, **options: float) -> float:
@@ -274,5 +274,5 @@ def test_a_robot_that_lags_takes_less_risk(
         assert margins is not None
         return margins.noise.quantile
 
-    assert quantile(learned) < quantile(lagging)
+    assert quantile(learned) == quantile(lagging)
     assert quantile(learned, risk=0.1) == quantile(lagging, risk=0.1) < quantile(learned)

@@ -13,11 +13,12 @@ from kmpc_lite.learn.noise_sources import prediction_errors, split_noise_sources
 from kmpc_lite.model.koopman import NoiseModel
 from kmpc_lite.model.noise_sources import NoiseSources, design, design_across
 
-POSE, WHITE, LASTING = np.array([4e-6, 1e-6, 9e-6]), np.zeros((2, 3)), np.zeros((2, 3))
+POSE, AT_SPEED = np.array([4e-6, 4e-6, 9e-6]), np.array([2e-4, 0.0, 0.0])
+WHITE, LASTING = np.zeros((2, 3)), np.zeros((2, 3))
 WHITE[0] = 4e-5, 1e-5, 0.0
 WHITE[1, 2] = 1e-4
 LASTING[0, 0], LASTING[1, 2] = 0.0025, 0.0036
-TRUE = NoiseSources(POSE, WHITE, LASTING)
+TRUE = NoiseSources(POSE, AT_SPEED, WHITE, LASTING)
 
 
 def noisy_drives(sources: NoiseSources, episodes: int, seed: int, steps: int = 12) -> kl.Dataset:
@@ -36,7 +37,9 @@ def noisy_drives(sources: NoiseSources, episodes: int, seed: int, steps: int = 1
             cos, sin = np.cos(middle), np.sin(middle)
             x = x + [cos * moved[0] - sin * moved[1], sin * moved[0] + cos * moved[1], moved[2]]
             states.append(x)
-        noise = random.normal(size=(steps + 1, 3)) * np.sqrt(sources.pose)
+        speed = np.append(inputs[:1, 0], inputs[:, 0])
+        variance = sources.pose + speed[:, None] ** 2 * sources.pose_by_speed
+        noise = random.normal(size=(steps + 1, 3)) * np.sqrt(variance)
         data.append(kl.Episode(np.array(states) + noise, inputs, 0.1))
     return kl.Dataset(data)
 
@@ -45,7 +48,11 @@ def test_the_sources_that_made_a_log_are_found_again() -> None:
     found = split_noise_sources(kl.nominal_unicycle(0.1), noisy_drives(TRUE, 1500, 1))
     assert found is not None
     np.testing.assert_allclose(found.pose, TRUE.pose, rtol=0.3)
-    for mine, true in ((found.white, TRUE.white), (found.lasting, TRUE.lasting)):
+    for mine, true in (
+        (found.pose_by_speed, TRUE.pose_by_speed),
+        (found.white, TRUE.white),
+        (found.lasting, TRUE.lasting),
+    ):
         np.testing.assert_allclose(mine[true > 0.0], true[true > 0.0], rtol=0.35)
 
 
@@ -62,10 +69,11 @@ def test_a_heading_error_leads_aside_over_what_is_driven_afterwards() -> None:
     straight = np.tile([1.0, 0.0], (10, 1))
     across = design_across(straight, 0.1)
     np.testing.assert_allclose(across[:, 0], (0.1 * np.arange(1, 11)) ** 2)
-    assert across[0, 1] == 0.0 and across[1, 1] == pytest.approx(0.01)
+    assert across[0, 2] == 0.0 and across[1, 2] == pytest.approx(0.01)
     own = design(straight, 0.1)
-    np.testing.assert_allclose(own[:, 1], np.arange(1, 11))
-    np.testing.assert_allclose(own[:, 3], (0.1 * np.arange(1, 11)) ** 2)
+    np.testing.assert_allclose(own[:, 1], 2.0)
+    np.testing.assert_allclose(own[:, 2], np.arange(1, 11))
+    np.testing.assert_allclose(own[:, 4], (0.1 * np.arange(1, 11)) ** 2)
 
 
 def test_a_fit_with_auto_keeps_them_in_its_file(tmp_path: Path) -> None:

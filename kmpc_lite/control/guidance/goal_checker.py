@@ -9,7 +9,7 @@ import numpy as np
 
 from kmpc_lite.control.options.goal import GoalOptions
 from kmpc_lite.model.motion import MotionModel
-from kmpc_lite.model.tube import split_noise
+from kmpc_lite.model.tube import tube_noise
 from kmpc_lite.types import Array
 
 
@@ -52,8 +52,7 @@ def goal_tolerances(model: MotionModel, options: GoalOptions) -> GoalTolerances:
     GoalTolerances
         Wider by multiples of the standard deviations beyond the quiet ones.
     """
-    # a residual has the noise of the pose before and of the one after
-    measured = 0.5 * split_noise(model.noise_model)[0]
+    measured = tube_noise(model.noise_model, model.dt).one_pose
     noise = max(float(np.sqrt(0.5 * np.trace(measured[:2, :2]))) - options.quiet_position, 0.0)
     turn_noise = max(float(np.sqrt(measured[2, 2])) - options.quiet_heading, 0.0)
     o = options

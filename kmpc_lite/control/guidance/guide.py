@@ -189,7 +189,9 @@ class Guide:
     def _begin_last_turn(self, state: GuideState, now: Situation) -> None:
         """Begin the last turn where the robot comes to a stop; give it up where it has left."""
         tolerances = now.capabilities.tolerances
-        if state.turning:
+        if state.shuttle is not None:
+            state.turning = False
+        elif state.turning:
             state.turning = now.distance <= tolerances.turn_limit
         else:
             at_rest = math.hypot(now.rest_error[0], now.rest_error[1])

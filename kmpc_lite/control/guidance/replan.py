@@ -11,12 +11,14 @@ import numpy as np
 from kmpc_lite.control.guidance.path_map import PathMap
 from kmpc_lite.control.guidance.path_search import PathSearch, PathSearcher, Stage
 from kmpc_lite.control.guidance.progress_checker import ProgressChecker
+from kmpc_lite.control.guidance.shuttle import ShuttleFinder
 from kmpc_lite.control.guidance.situation import Situation
 from kmpc_lite.control.guidance.state import GuideState
 from kmpc_lite.control.guidance.timed_path import TimedPath
 from kmpc_lite.control.guidance.turning_centre import swing
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.obstacles.solids import Solids
@@ -44,6 +46,7 @@ class Replanner:
         self._moved = np.array([moved, moved, 0.0, 0.0, 0.0])
         self._progress = ProgressChecker(options)
         self._searcher = PathSearcher(problem, options)
+        self._shuttles = ShuttleFinder(problem, options)
 
     def update(self, state: GuideState, now: Situation, off: float) -> tuple[bool, bool]:
         """Look for another path where there is a reason.
@@ -64,9 +67,12 @@ class Replanner:
             leads another way around than the path before.
         """
         strayed = self._has_strayed(state, now, off)
+        is_new = self._is_new(state, now)
+        turned_back = self._turns_back(state, now, is_new)
         at_once = (
             off > self._options.lost_distance
-            or self._is_new(state, now)
+            or is_new
+            or turned_back
             or self._is_blocked(state, now)
         )
         stalled = self._has_stalled(state, now)
@@ -78,6 +84,27 @@ class Replanner:
             state.attempts = state.attempts + 1 if near else 0
         state.urgent = state.urgent or at_once
         return self._advance_search(state, now)
+
+    def _turns_back(self, state: GuideState, now: Situation, is_new: bool) -> bool:
+        """Whether a shuttle has come to its end, so that a path to the goal is needed."""
+        if is_new or now.distance > 2.0 * self._options.near_goal:
+            state.shuttle, state.shuttles = None, 0
+        if state.shuttle is None:
+            return False
+        distance = math.hypot(*(now.pose - state.shuttle)[:2].tolist())
+        if distance > self._options.shuttle_reach:
+            return False
+        state.shuttle = None
+        return True
+
+    def _leads_to(self, state: GuideState, now: Situation) -> Array:
+        """Pose (3,) that the next path leads to: the goal, or where a shuttle turns back."""
+        o = self._options
+        beside = now.capabilities.tolerances.turn_distance < now.distance < o.near_goal
+        if state.shuttle is None and beside and state.shuttles < o.shuttles:
+            state.shuttle = self._shuttles.find(now, state.path_map)
+            state.shuttles += state.shuttle is not None
+        return now.goal if state.shuttle is None else state.shuttle
 
     def _has_strayed(self, state: GuideState, now: Situation, off: float) -> bool:
         """Whether the robot's place is a reason: off its path, standing on it, or without one."""
@@ -150,7 +177,7 @@ class Replanner:
         state.circles_at_rest = b"" if now.moving is not None else now.circles.tobytes()
         state.search = PathSearch(
             pose=now.pose.copy(),
-            goal=now.goal.copy(),
+            goal=self._leads_to(state, now).copy(),
             target=state.goal,
             circles=state.circles if now.moving is None else now.moving.where_met(now.pose),
             path_map=state.path_map,
@@ -167,7 +194,10 @@ class Replanner:
         refreshed = switched = False
         parts = min(max(state.attempts - 1, 1), self._options.hurried_parts)
         while (search := state.search) is not None:
-            if search.stage is Stage.CHOSEN:
+            if search.stage is Stage.CHOSEN and search.path is None and state.shuttle is not None:
+                state.shuttle, state.shuttles = None, self._options.shuttles
+                self._begin_search(state, now)
+            elif search.stage is Stage.CHOSEN:
                 refreshed, switched = True, self._take_over(state, now, search)
                 state.search, state.urgent = None, False
             else:
@@ -188,6 +218,8 @@ class Replanner:
         state.waiting = None
         free_turn = self._free_turn(search)
         speed = now.capabilities.backward if path.reverse else now.capabilities.forward
+        if state.shuttles and now.distance < 2.0 * self._options.near_goal:
+            speed = speed * (self._options.shuttle_speed, 1.0)
         state.path = TimedPath(path, search.pose, search.goal, speed, self._options, free_turn)
         state.path_clearance = max(search.clearance - swing(state.turning_centre), 0.0)
         other = search.switched or previous is None or not search.same_goal

@@ -32,6 +32,10 @@ class GuideState:
     """Clearance beyond the problem's margin that it keeps [m]."""
     turning: bool = False
     """Whether the robot is on its last turn on the spot."""
+    shuttle: Array | None = None
+    """Pose (3,) at which a shuttle turns back: the path leads there; none: to the goal."""
+    shuttles: int = 0
+    """How many were driven for this goal."""
     why_none: str = ""
     """Why there is no path."""
     waiting: Array | None = None

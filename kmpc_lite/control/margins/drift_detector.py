@@ -15,7 +15,7 @@ import numpy as np
 from kmpc_lite.control.options import MarginOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.motion import MotionModel
-from kmpc_lite.model.tube import split_noise
+from kmpc_lite.model.tube import tube_noise
 from kmpc_lite.types import Array
 
 STANDING = 1e-9
@@ -64,15 +64,26 @@ class DriftDetector:
         self, model: MotionModel, problem: NavigationProblem, options: MarginOptions
     ) -> None:
         self._dt, self._options = model.dt, options
-        # the errors of a robot that lags last, so that their sum tells nothing
-        self._sums_errors = not model.history
+        # errors of a robot that lags last: unless it is known how much, their sum tells nothing
+        tube = tube_noise(model.noise_model, model.dt)
+        self._sums_errors = not model.history or bool(tube.lasting.any())
         unit = unit_length(problem)
         self._judged_step = options.judged_step * unit
         self._step_tolerance = options.step_tolerance * unit
-        measured, moved = split_noise(model.noise_model)
+        # of the poses at both ends of a period, and how much larger they are at speed
+        measured, at_speed = tube.poses * tube.pose, tube.poses * tube.pose_by_speed
+        moved = tube.white + tube.lasting
+        moved[0] += at_speed
         self._by_command = [
             [float(part[i, j]) for part in (measured, *moved)]
             for i, j in ((0, 0), (1, 1), (0, 1), (2, 2))
+        ]
+        # a fading sum of errors that last has so many times the variance of one of white ones
+        fading = options.drift_fading
+        summed = tube.white + (1.0 + fading) / (1.0 - fading) * tube.lasting
+        self._by_sum = [
+            [float(part[i, j]) for part in (measured, at_speed, *summed)]
+            for i, j in ((0, 0), (1, 1), (0, 1))
         ]
         by_distance = (options.step_tolerance_share * self._dt) ** 2
         # at rest errors are tolerated too, but what is too much of them was made while driving
@@ -122,14 +133,14 @@ class DriftDetector:
         error_x, error_y, turned = error.tolist()
         ahead, left = cos * error_x + sin * error_y, cos * error_y - sin * error_x
         v, omega = command.tolist()
-        own = self._step_tolerance**2 + (self._options.step_tolerance_share * self._dt * v) ** 2
+        own = self._own(v)
         xx, yy, xy, hh = (m + v * v * a + omega * omega * b for m, a, b in self._by_command)
         xx, yy = xx + own, yy + own
         self._update_level(state, _mahalanobis(ahead, left, xx, yy, xy), turned, hh, omega)
         if self._sums_errors:
             # backwards, a floor pushes the other way
             sign = math.copysign(1.0, v)
-            self._update_sums(state, sign * ahead, sign * left, xx, yy, xy)
+            self._update_sums(state, sign * ahead, sign * left, v, omega)
 
     def _update_level(
         self, state: DriftState, square: float, turned: float, variance: float, omega: float
@@ -145,24 +156,31 @@ class DriftDetector:
         state.level += weight * change
 
     def _update_sums(
-        self, state: DriftState, ahead: float, left: float, xx: float, yy: float, xy: float
+        self, state: DriftState, ahead: float, left: float, v: float, omega: float
     ) -> None:
         """Add an error and its expected variances to the fading sums, and judge them."""
         fading = self._options.drift_fading
+        own = self._own(v)
+        xx, yy, xy = (v * v * a + omega * omega * b for _, _, a, b in self._by_sum)
         state.ahead, state.left = fading * state.ahead + ahead, fading * state.left + left
-        (mx, _, _), (my, _, _), (mc, _, _), _ = self._by_command
-        state.ahead_variance = fading**2 * state.ahead_variance + (xx - mx)
-        state.left_variance = fading**2 * state.left_variance + (yy - my)
-        state.covariance = fading**2 * state.covariance + (xy - mc)
+        state.ahead_variance = fading**2 * state.ahead_variance + xx + own
+        state.left_variance = fading**2 * state.left_variance + yy + own
+        state.covariance = fading**2 * state.covariance + xy
         # noise of the poses does not add up: what it adds to one period, it takes from the next
+        mx, my, mc = ((m + v * v * a) / (1.0 + fading) for m, a, _, _ in self._by_sum)
         drift = _mahalanobis(
             state.ahead,
             state.left,
-            state.ahead_variance + mx / (1.0 + fading),
-            state.left_variance + my / (1.0 + fading),
-            state.covariance + mc / (1.0 + fading),
+            state.ahead_variance + mx,
+            state.left_variance + my,
+            state.covariance + mc,
         )
         state.drifting = drift > self._options.drift_threshold
+
+    def _own(self, v: float) -> float:
+        """Variance of a period's error that even a model without noise may have [m^2]."""
+        options = self._options
+        return self._step_tolerance**2 + (options.step_tolerance_share * self._dt * v) ** 2
 
 
 def _mahalanobis(x: float, y: float, xx: float, yy: float, xy: float) -> float:

@@ -1,7 +1,7 @@
 """What a model says of its own errors, and what becomes of that on a floor that it does not know.
 
-The learned covariance of a period is ``measured + v^2 moved[0] + omega^2 moved[1]``. The drift
-detector inflates the part that grows with the command; quantiles turn it into distances.
+What a period adds grows with its command, ``v^2 white[0] + omega^2 white[1]``, and so does what
+lasts longer than a plan. The drift detector inflates both; quantiles turn them into distances.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from kmpc_lite.control.margins.quantiles import default_quantile, model_quantile
 from kmpc_lite.control.options import MarginOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.motion import MotionModel
-from kmpc_lite.model.tube import split_noise
+from kmpc_lite.model.tube import feedback_delay, tube_noise
 from kmpc_lite.types import STATES, Array
 
 
@@ -29,6 +29,12 @@ class FeltNoise:
     """(3, 6) factors of these, side by side."""
     plan_trace: tuple[float, float]
     """Variance of the position, in all directions together [m^2]."""
+    lasting: Array
+    """(2, 9) covariances of what is alike in all periods of a plan, of a single period."""
+    lasting_factor: Array | None
+    """(3, 6) factors of these; None for a model that knows no such."""
+    lasting_trace: tuple[float, float]
+    """The same as `plan_trace`."""
     command: Array
     """(2, 9) covariances of the coming period: larger on an unknown floor."""
     command_trace: tuple[float, float]
@@ -55,12 +61,12 @@ class ModelNoise:
 
     Attributes
     ----------
-    measured, measured_factor : ndarray
-        (3, 3) covariance that measured poses add, and its factor.
+    tube : TubeNoise
+        What measured poses add, and what the floor does.
+    delay : int
+        Periods until the feedback acts.
     quantile, step_quantile : float
         Standard deviations that a plan, and a single command, keep.
-    lagging : bool
-        Whether the model has input history.
     drift_detector : DriftDetector
         Judges past periods by this noise.
 
@@ -77,22 +83,21 @@ class ModelNoise:
         options: MarginOptions,
         adapted: bool = False,
     ) -> None:
-        self.dt, self.lagging = model.dt, bool(model.history)
-        measured, moved = split_noise(model.noise_model)
-        self.measured, self.measured_factor = measured, factor(measured)
-        self._moved = np.ascontiguousarray(moved.reshape(2, 9))
+        self.dt, self.delay = model.dt, feedback_delay(model)
+        self.tube = tube_noise(model.noise_model, model.dt)
+        self._white = np.ascontiguousarray(self.tube.white.reshape(2, 9))
+        self._lasting = np.ascontiguousarray(self.tube.lasting.reshape(2, 9))
         self._learned = model.noise_model is not None
         self._unknown_floor_variance = (options.unknown_floor_slip * model.dt) ** 2
         self.drift_detector = DriftDetector(model, problem, options)
-        risk = options.lagging_risk if self.lagging else options.risk
+        risk = options.risk
         info = model.info
         # a log that is explained to rounding tells nothing of the tails that a floor may have later
         if model_quantile(info, risk) < default_quantile(risk):
             info = {}
         self.quantile = model_quantile(info, risk)
         step_risk, limit = options.step_risk, options.step_quantile_limit
-        # errors of a model of lag outlast a period: they tell less of floors, and its risk is less
-        if adapted and not self.lagging:
+        if adapted:
             step_risk, limit = options.adapted_step_risk, options.adapted_step_quantile_limit
         step_quantile = max(self.quantile, model_quantile(info, step_risk))
         self.step_quantile = min(step_quantile, limit * self.quantile)
@@ -115,19 +120,21 @@ class ModelNoise:
 
     def _inflated(self, inflation: float, unknown_floor: bool) -> FeltNoise:
         """Scale the noise, beyond 1 with what every model may be wrong by on top."""
-        plan = self._moved
+        plan, lasting = self._white, inflation**2 * self._lasting
         if inflation != 1.0:
             tolerated = self.drift_detector.tolerated
-            plan = inflation**2 * self._moved + (inflation**2 - 1.0) * tolerated
-        command = plan
+            plan = inflation**2 * self._white + (inflation**2 - 1.0) * tolerated
+        command = plan + lasting
         if unknown_floor:
-            command = plan.copy()
-            command[0, [0, 4]] = np.maximum(plan[0, [0, 4]], self._unknown_floor_variance)
+            command[0, [0, 4]] = np.maximum(command[0, [0, 4]], self._unknown_floor_variance)
         spreads = self._learned or inflation > 1.0
         return FeltNoise(
             plan,
-            np.hstack([factor(part.reshape(STATES, STATES)) for part in plan]),
+            _factors(plan),
             _trace(plan),
+            lasting,
+            _factors(lasting) if lasting.any() else None,
+            _trace(lasting),
             command,
             _trace(command),
             spreads,
@@ -146,6 +153,11 @@ def factor(covariance: Array) -> Array:
     values, vectors = np.linalg.eigh(covariance)
     out: Array = vectors * np.sqrt(np.maximum(values, 0.0))
     return out
+
+
+def _factors(noise: Array) -> Array:
+    """Factors (3, 6) of two covariances (2, 9), side by side."""
+    return np.hstack([factor(part.reshape(STATES, STATES)) for part in noise])
 
 
 def _trace(noise: Array) -> tuple[float, float]:

@@ -127,16 +127,22 @@ class Tightening:
         """Add up all noise at full speed, taken back by nothing but time."""
         v, omega = self._fastest
         dt, noise = self._noise.dt, self._noise
-        travel = v * dt
-        turned = v * v * float(felt.plan[0, 8]) + omega * omega * float(felt.plan[1, 8])
-        # how far a heading error leads aside: until it is steered back, or for good
-        longest = math.inf if noise.lagging else 1.0 / TURN
-        aside = [min(k, longest) for k in range(1, MEMORY + 1)]
-        moved = MEMORY * (v * v * felt.plan_trace[0] + omega * omega * felt.plan_trace[1])
+        travel, periods = v * dt, MEMORY + noise.delay
+        white, lasting = (
+            v * v * float(part[0]) + omega * omega * float(part[1])
+            for part in (felt.plan[:, 8], felt.lasting[:, 8])
+        )
+        # how far a heading error leads aside: until it is steered back
+        aside = [min(k, noise.delay + 1.0 / TURN) for k in range(1, periods + 1)]
+        moved, kept = (
+            v * v * by_speed + omega * omega * by_turn_rate
+            for by_speed, by_turn_rate in (felt.plan_trace, felt.lasting_trace)
+        )
         variance = (
-            moved
-            + travel * travel * turned * sum(a * a for a in aside)
-            + float(np.trace(noise.measured[:2, :2]))
+            periods * moved
+            + periods**2 * kept
+            + travel * travel * (white * sum(a * a for a in aside) + lasting * sum(aside) ** 2)
+            + float(np.trace((noise.tube.pose + v * v * noise.tube.pose_by_speed)[:2, :2]))
         )
         bulge = travel * omega * dt / 8
         chord = math.hypot(self._robot_radius + bulge, travel / 2) - self._robot_radius

@@ -1,14 +1,17 @@
 """How far a robot spreads around its plan: the covariance of its position, stage by stage.
 
-Each stage feels the noise of the last `MEMORY` periods, carried on by the model's Jacobians under
-the feedback that later steps give (`kmpc_lite.model.tube`, shared with calibration).
+Each stage feels the noise of the periods before, carried on by the model's Jacobians: without
+feedback for as long as commands take to act, then under the feedback that later steps give, which
+has forgotten what is older than `MEMORY` more periods (`kmpc_lite.model.tube`, shared with
+calibration). White noise of each period is a column of its own; what is alike in all periods is one
+column, to which each of them adds.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from kmpc_lite.control.margins.model_noise import FeltNoise, ModelNoise
+from kmpc_lite.control.margins.model_noise import FeltNoise, ModelNoise, factor
 from kmpc_lite.model.koopman import Linearization
 from kmpc_lite.model.tube import MEMORY, closed_loop, rotations
 from kmpc_lite.types import STATES, Array
@@ -24,9 +27,10 @@ class TubeSpread:
     """
 
     def __init__(self, noise: ModelNoise) -> None:
-        self._measured_factor = noise.measured_factor
-        # a robot that lags takes nothing back within the memory
-        self._feedback = not noise.lagging
+        tube = noise.tube
+        self._pose = factor(tube.pose)
+        self._pose_by_speed = factor(tube.pose_by_speed) if tube.pose_by_speed.any() else None
+        self._delay = noise.delay
         self._doublings = max(int(MEMORY).bit_length() - 1, 0)
         self._wide = np.empty((0, STATES, 0))
 
@@ -50,27 +54,52 @@ class TubeSpread:
         headings = states[:-1, 2]
         cos, sin = np.cos(headings), np.sin(headings)
         turned = rotations(cos, sin)
-        width, span = felt.plan_factor.shape[1], 1
-        if len(self._wide) != len(inputs):
-            self._wide = np.zeros((len(inputs), STATES, (width << self._doublings) + STATES))
-        wide = self._wide
-        own_noise = felt.plan_factor * inputs.repeat(STATES, axis=1)[:, None]
-        np.matmul(turned, own_noise, out=wide[..., :width])
-        jacobians = closed_loop(lin.A, cos, sin, self._feedback)
+        by_command = inputs.repeat(STATES, axis=1)[:, None]
+        added = turned @ (felt.plan_factor * by_command)
+        jacobians = closed_loop(lin.A, cos, sin)
+        width, steered = added.shape[2], added.shape[2] << self._doublings
+        fresh = steered + self._delay * width
+        wide = self._memory(len(inputs), fresh, felt)
+        for column in range(steered, fresh, width):
+            wide[..., column : column + width] = added
+            added = _carried(lin.A, added)
+        wide[..., :width] = added
+        kept, parts = None, []
+        if felt.lasting_factor is not None:
+            kept = turned @ (felt.lasting_factor * by_command)
+            for _ in range(self._delay):
+                parts.append(kept)
+                kept = _carried(lin.A, kept)
         # doubling: beside what m periods have spread, what the m periods before them did, moved on
         # by m periods
+        span = 1
         for level in range(self._doublings):
             if span >= len(wide):
                 break
             earlier = wide[:-span, :, :width]
             np.matmul(jacobians[span:], earlier, out=wide[span:, :, width : 2 * width])
+            if kept is not None:
+                kept[span:] += jacobians[span:] @ kept[:-span]
             if level + 1 < self._doublings:
                 longer = jacobians.copy()
                 np.matmul(jacobians[span:], jacobians[:-span], out=longer[span:])
                 jacobians = longer
             width, span = 2 * width, 2 * span
-        np.matmul(turned[:, :2], self._measured_factor, out=wide[:, :2, -STATES:])
+        if kept is not None:
+            wide[..., -kept.shape[2] :] = sum(parts, kept)
+        np.matmul(turned[:, :2], self._pose, out=wide[:, :2, fresh : fresh + STATES])
+        if self._pose_by_speed is not None:
+            by_speed = wide[:, :2, fresh + STATES : fresh + 2 * STATES]
+            np.matmul(turned[:, :2], self._pose_by_speed * inputs[:, :1, None], out=by_speed)
         return wide[:, :2]
+
+    def _memory(self, stages: int, fresh: int, felt: FeltNoise) -> Array:
+        """Give room for the columns: noise first, then the pose's, then what lasts."""
+        columns = fresh + (STATES if self._pose_by_speed is None else 2 * STATES)
+        columns += 0 if felt.lasting_factor is None else felt.lasting_factor.shape[1]
+        if self._wide.shape != (stages, STATES, columns):
+            self._wide = np.zeros((stages, STATES, columns))
+        return self._wide
 
     def covariances(
         self, felt: FeltNoise, lin: Linearization, states: Array, inputs: Array
@@ -79,3 +108,10 @@ class TubeSpread:
         factors = self.factors(felt, lin, states, inputs)
         out: Array = factors @ factors.transpose(0, 2, 1)
         return out
+
+
+def _carried(jacobians: Array, columns: Array) -> Array:
+    """Columns (N, 3, c) that stages hold, carried on by a period: none at the first stage."""
+    out = np.zeros_like(columns)
+    np.matmul(jacobians[1:], columns[:-1], out=out[1:])
+    return out

@@ -16,21 +16,21 @@ class GoalOptions:
     whose own deviation is a third, past as many of its own.
     """
 
-    turn_distance: float = radii(0.010 / 0.15)
+    turn_distance: float = radii(0.08)
     """Distance from the goal at which the last turn on the spot may begin [radii]."""
     turn_distance_noise: float = share(1.0)
     """What noise adds to it [standard deviations]."""
-    turn_limit: float = radii(0.015 / 0.15)
+    turn_limit: float = radii(0.1)
     """Distance at which a last turn is given up: the robot drives to its goal again [radii]."""
     turn_limit_noise: float = share(3.5)
     """What noise adds to it [standard deviations]."""
-    enter_distance: float = radii(0.015 / 0.15)
+    enter_distance: float = radii(0.09)
     """Distance at which the robot has arrived [radii]."""
     enter_angle: float = angle(0.025)
     """Error of the heading at which the robot has arrived [rad]."""
     enter_noise: float = share(1.0)
     """What noise adds to both [standard deviations]."""
-    leave_distance: float = radii(0.020 / 0.15)
+    leave_distance: float = radii(0.12)
     """Distance of the averaged pose at which a robot that had arrived drives again [radii]."""
     leave_distance_noise: float = share(2.5)
     """What noise adds to it [standard deviations]."""

@@ -56,6 +56,19 @@ class GuidanceOptions:
     switch_share: float = share(0.1)
     """... plus this share of the time that it takes itself."""
 
+    # parking
+    shuttle_length: float = radii(2.0)
+    """How far from its goal a robot that has stopped beside it drives, to come back along the
+    goal's axis [radii]."""
+    shuttle_reach: float = radii(0.5)
+    """Distance from that place at which it turns back [radii]."""
+    shuttle_gain: float = seconds(1.0)
+    """How much quicker than turning on the spot that must be [s]."""
+    shuttle_speed: float = share(0.5)
+    """Share of its speed at which it does so: what a robot slips grows with its speed."""
+    shuttles: int = count(3)
+    """How often it is tried for one goal."""
+
     # progress
     progress_time: float = seconds(0.05)
     """Progress towards the goal that counts [s of path]."""

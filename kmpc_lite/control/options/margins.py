@@ -15,9 +15,6 @@ class MarginOptions:
     """Probability of leaving the tube around a plan within its memory (0.8 s at dt = 0.1) that
     margins are made for. A collision is far rarer: the robot would have to leave the tube towards
     an obstacle that the plan touches, and no later step could correct it."""
-    lagging_risk: float = probability(0.01)
-    """The same for a model with input history: its robot does not correct itself within the memory,
-    so that leaving the tube is touching."""
     solver_margin: float = radii(1 / 30)
     """Added to every margin [radii]: what a QP that is stopped at its tolerance, and linearised
     once, may leave of a half-plane."""

@@ -229,16 +229,6 @@ def naive_feedback(lin, states):
     return np.array(out)
 
 
-def test_input_history_is_taken_without_feedback():
-    data = generate_dataset(DifferentialDrive(0.1, seed=1), episodes=40, steps=200, dt=0.1, seed=2)
-    model = fit(data, InputHistoryDictionary(UnicycleDictionary(), lags=(0, 1)))
-    inputs = np.tile([0.5, 0.2], (20, 1))
-    states = model.rollout((0, 0, 0), inputs)
-    lin = model.linearize(states[:-1], inputs, np.zeros((20, 1, 2)))
-    margins = of_noise(model).margins(lin, states, inputs, directions(20, 3))
-    assert np.isfinite(margins).all() and margins[-1].min() > margins[0].max()
-
-
 @pytest.mark.parametrize("history", [0, 3])
 @pytest.mark.parametrize("inflation", [1.0, 3.0])
 def test_no_plan_within_the_bounds_asks_for_more_than_the_widest_margin(history, inflation):
