@@ -45,7 +45,7 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int | None = None) -> 
     -------
     ndarray
         (n,) dimensionless: the position's deviation under feedback, measured by the ellipse of its
-        stage.
+        stage. For a model with noise sources two poses in a row must show it.
 
     Raises
     ------
@@ -91,6 +91,9 @@ def _largest(model: KoopmanModel, parts: list[tuple[Array, Array, Array, Array |
     squares = np.einsum(
         "nki,nki->nk", deviations, np.linalg.solve(covariances, deviations[..., None])[..., 0]
     )
+    if model.noise_model is not None and model.noise_model.sources is not None:
+        # no robot jumps and comes back: what a single pose shows is the pose's, and known
+        squares = np.minimum(squares[:, :-1], squares[:, 1:])
     largest: Array = np.sqrt(squares.max(axis=1))
     return largest
 

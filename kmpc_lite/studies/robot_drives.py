@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -47,43 +47,83 @@ class Row:
         return asdict(self)
 
 
+class Moves(Protocol):
+    """A robot as it is."""
+
+    def drive(self, pose: Array, command: Array) -> Array:
+        """Poses (n, 3) during one period from a pose (3,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Course:
+    """A map of a robot's size, with what is measured of the robot."""
+
+    start: Array
+    """(3,)."""
+    goal: Array
+    """(3,)."""
+    circles: list[Circle]
+    side: float
+    """Of the area [m]."""
+    spread: Array
+    """Standard deviations of a measured pose, (3,) [m, m, rad]."""
+    ideal: float
+    """Straight line at full speed, and the turns at both ends [s]."""
+
+
+def course_of(robot: Robot, seed: int, family: str = "open") -> Course:
+    """Give a random map the size of a robot."""
+    scenario, by = random_map(family, seed), robot.radius / UNIT_RADIUS
+    unit = np.array((by, by, 1.0))
+    start, goal = np.array(scenario.start) * unit, np.array(scenario.goal) * unit
+    return Course(
+        start,
+        goal,
+        [Circle(by * c.x, by * c.y, by * c.radius, 0.0, 0.0) for c in scenario.circles],
+        by * (scenario.bounds[2] - scenario.bounds[0]),
+        np.array((robot.noise[0], robot.noise[0], robot.noise[1])),
+        _ideal_seconds(robot, start, goal),
+    )
+
+
 def drive(robot: Robot, seed: int, family: str = "open", model: KoopmanModel | None = None) -> Row:
     """Learn a robot and drive it over one random map of its size."""
     model = learn(robot, seed) if model is None else model
-    scenario, by = random_map(family, seed), robot.radius / UNIT_RADIUS
-    circles = [Circle(by * c.x, by * c.y, by * c.radius, 0.0, 0.0) for c in scenario.circles]
-    side = by * (scenario.bounds[2] - scenario.bounds[0])
-    unit = np.array((by, by, 1.0))
-    goal, pose = np.array(scenario.goal) * unit, np.array(scenario.start) * unit
-    controller, plant = Controller(model, robot.problem(side)), Plant(robot, seed)
-    random = np.random.default_rng([seed, 7])
-    spread = np.array((robot.noise[0], robot.noise[0], robot.noise[1]))
-    tolerance = max(0.1 * robot.radius, 3.0 * robot.noise[0])
-    turn_tolerance = max(0.1, 3.0 * robot.noise[1])
-    ideal = _ideal_seconds(robot, pose, goal)
-    limit, inside, stopped, k, clearance = 8.0 * ideal + 20.0, 0.0, 0, 0, np.inf
-    while k * robot.dt < limit and inside < HELD:
-        plan = controller.step(pose + spread * random.normal(size=3), goal, circles)
+    course = course_of(robot, seed, family)
+    controller = Controller(model, robot.problem(course.side))
+    return judge(robot.name, seed, controller, Plant(robot, seed), course)
+
+
+def judge(name: str, seed: int, controller: Controller, plant: Moves, course: Course) -> Row:
+    """Drive over a course, and judge by the true poses."""
+    radius, dt = controller.problem.robot_radius, controller.problem.dt
+    random, goal, pose = np.random.default_rng([seed, 7]), course.goal, course.start
+    tolerance = max(0.1 * radius, 3.0 * float(course.spread[0]))
+    turn_tolerance = max(0.1, 3.0 * float(course.spread[2]))
+    limit, inside, stopped, k, clearance = 8.0 * course.ideal + 20.0, 0.0, 0, 0, np.inf
+    while k * dt < limit and inside < HELD:
+        plan = controller.step(pose + course.spread * random.normal(size=3), goal, course.circles)
         poses = plant.drive(pose, plan.command)
         pose, k = poses[-1], k + 1
         stopped += plan.status is PlanStatus.STOPPED
-        for circle in circles:
+        for circle in course.circles:
             away = np.hypot(poses[:, 0] - circle.x, poses[:, 1] - circle.y)
-            clearance = min(clearance, float(away.min()) - circle.radius - robot.radius)
+            clearance = min(clearance, float(away.min()) - circle.radius - radius)
         if clearance < 0.0:
             break
         error = pose - goal
         near = math.hypot(error[0], error[1]) <= tolerance
         turned = abs(math.remainder(error[2], math.tau)) <= turn_tolerance
-        inside = inside + robot.dt if near and turned else 0.0
+        inside = inside + dt if near and turned else 0.0
     return Row(
-        robot.name,
+        name,
         seed,
         inside >= HELD,
         plan.holding and inside < HELD,
         clearance < 0.0,
-        k * robot.dt - HELD,
-        ideal,
+        k * dt - HELD,
+        course.ideal,
         clearance,
         stopped / k,
         f"{plan.progress.value}: {plan.reason}" if plan.reason else plan.progress.value,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from kmpc_lite.cli.command import Command
-from kmpc_lite.cli.study import faults, learning, maps, robots, table1
+from kmpc_lite.cli.study import faults, learning, maps, real, robots, table1
 
 COMMAND = Command(
     text="Reproduce the paper's table 1 beside ours, drive random maps, or force failures.\n"
@@ -19,5 +19,6 @@ COMMAND = Command(
         **robots.COMMANDS,
         "faults": faults.COMMAND,
         "learning": learning.COMMAND,
+        "real": real.COMMAND,
     },
 )

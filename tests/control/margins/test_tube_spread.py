@@ -150,5 +150,5 @@ def test_the_same_robot_in_other_units_keeps_the_same_distances() -> None:
         states / by_state,
         inputs / by_command,
     )
-    # the first stage has had no feedback, which fades in units; the floor of 0.1 mm is in units, too
+    # the first stage has had no feedback, which fades in units; so is the floor of 0.1 mm
     np.testing.assert_allclose(inside[0] * scale.length**2, outer[0], rtol=2e-3)

@@ -1,0 +1,69 @@
+"""`kmpc study real`: drives of a plant made from one half of a real log, learned from the other."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.numbers import count, positive
+from kmpc_lite.cli.progress import Progress
+from kmpc_lite.studies.options import add_runner, runner
+
+MAPS_A_JOB = 5
+"""Maps that are driven with a model before it is learned again."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    add = parser.add_argument
+    add("log", type=Path, help="log of a real robot")
+    add("--radius", type=positive, required=True, metavar="M", help="of the robot")
+    add("--speed", type=positive, required=True, metavar="M/S", help="its fastest")
+    add("--turn-rate", type=positive, required=True, metavar="RAD/S", help="its fastest")
+    add("--maps", type=count, default=20, metavar="N", help="of each way (default: 20)")
+    add("--seed", type=int, default=300, metavar="S", help="of the first map (default: 300)")
+    add("--ways", nargs="+", metavar="WORD", help="ways whose names contain one of these words")
+    add_runner(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Drive every way over the same maps."""
+    from kmpc_lite.studies.real_robots import WAYS, WIDTHS, drive_real, real_robot, widths
+    from kmpc_lite.studies.robot_drives import Row, format_rows
+
+    real = real_robot(options.log, options.radius, options.speed, options.turn_rate)
+    real.halves()  # a log that cannot be read is told before any work
+    words, end = options.ways or [""], options.seed + options.maps
+    ways = [way for way in WAYS if any(word in way.name for word in words)]
+    rows, bar = list[Row](), Progress("real", quiet=options.json)
+    with runner(options) as executor:
+        jobs = [
+            executor.submit(drive_real, real, way, range(first, min(first + MAPS_A_JOB, end)))
+            for way in ways
+            for first in range(options.seed, end, MAPS_A_JOB)
+        ]
+        for done, job in enumerate(jobs, 1):
+            rows += job.result()
+            bar(done, len(jobs))
+    margins = widths(real)
+    if options.json:
+        told = {"margins": [asdict(w) for w in margins], "drives": [r.as_dict() for r in rows]}
+        print(json.dumps(told))
+    else:
+        print("\n".join([WIDTHS, *map(str, margins), "", format_rows(rows)]))
+    return 0
+
+
+COMMAND = Command(
+    text="Drives of a plant made from one half of a real log, with models learned from the other "
+    "half: with and without lags, with and without adaptation.",
+    examples=(
+        "kmpc study real husky.csv --radius 0.5 --speed 1 --turn-rate 1",
+        "kmpc study real husky.csv --radius 0.5 --speed 1 --turn-rate 1 --ways auto --maps 100",
+    ),
+    add_options=add_options,
+    run=run,
+)

@@ -1,0 +1,251 @@
+"""``kmpc study real``: the nearest that a simulation comes to a real robot.
+
+The plant is made from one half of a real log, the model of the controller from the other half. The
+plant moves as its own model says, and errs as the log did: whole windows of the model's residuals
+are drawn from the log, those of about the same speed. What the poses' own noise has put into
+residuals is taken out, and is in the measured poses instead. Where the log's inputs are measured
+speeds the motors' lag is not in it, and is added. Judged by the true pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from kmpc_lite.control import Controller
+from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.errors import DataError
+from kmpc_lite.geometry import rotate
+from kmpc_lite.learn.calibration import scores, with_quantiles
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.fitting import fit
+from kmpc_lite.learn.noise_sources import prediction_errors
+from kmpc_lite.learn.windows import largest_speeds
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.tube import tube_noise
+from kmpc_lite.studies.any_robot import LOOKS, Robot
+from kmpc_lite.studies.robot_drives import Row, course_of, judge
+from kmpc_lite.types import Array
+
+SPLIT_SEED = 7200
+"""Of the halves of a log."""
+WINDOW = 1.0
+"""How long residuals are taken from one place of the log [s]."""
+MOTOR_LAG = 0.1
+"""Time constant of motors that a log of measured speeds does not show [s]."""
+AHEAD = 0.5
+"""How far ahead the error is that margins are held against [s]."""
+SPEED_BINS = 4
+"""Groups of windows, by how fast they were driven."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a model is learned and driven."""
+
+    name: str
+    lags: object
+    """As `fit` takes them."""
+    adapts: bool = False
+
+
+WAYS = (
+    Way("auto", "auto"),
+    Way("auto, adapted", "auto", adapts=True),
+    Way("no lags", None),
+    Way("no lags, adapted", None, adapts=True),
+    Way("lags 0 1 2 3", (0, 1, 2, 3)),
+    Way("lags 0 1 2 3, adapted", (0, 1, 2, 3), adapts=True),
+)
+
+
+class RealPlant:
+    """Moves as a model of a log says, and errs as the log did.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        With noise sources.
+    log : Dataset
+        Where its errors come from.
+    seed : int
+        Of the windows that are drawn.
+    motor_lag : float
+        Time constant between commands and the log's inputs [s].
+    """
+
+    def __init__(self, model: KoopmanModel, log: Dataset, seed: int, motor_lag: float) -> None:
+        self._model, self._random = model, np.random.default_rng([seed, 13])
+        self._share = 1.0 - np.exp(-model.dt / motor_lag) if motor_lag else 1.0
+        self._input, self._past = np.zeros(2), np.zeros((model.history, 2))
+        windows = list(_residual_windows(model, log))
+        if len(windows) < SPEED_BINS:
+            raise DataError("the log is too short to draw errors from it")
+        speeds = np.array([np.abs(w[0]).mean(axis=0)[0] for w in windows])
+        order = np.argsort(speeds, kind="stable")
+        self._bins = [[windows[i] for i in part] for part in np.array_split(order, SPEED_BINS)]
+        self._edges = [float(np.abs(b[0][0]).mean(axis=0)[0]) for b in self._bins[1:]]
+        self._window, self._place = self._bins[0][0], len(self._bins[0][0][0])
+
+    def drive(self, pose: Array, command: Array) -> Array:
+        """Poses (LOOKS, 3) during one period from a pose (3,), evenly spaced between its ends."""
+        self._input = self._input + self._share * (command - self._input)
+        end = self._model.predict(pose, self._input, self._past)
+        error = self._error(self._input)
+        end = end + (*rotate(error[0], error[1], pose[2]), error[2])
+        self._past = np.concatenate([self._past, self._input[None]])[1:]
+        share = np.arange(1, LOOKS + 1)[:, None] / LOOKS
+        path: Array = pose + share * (end - pose)
+        return path
+
+    def _error(self, command: Array) -> Array:
+        """Error of this period in the robot's frame (3,), as large as the command allows."""
+        inputs, errors = self._window
+        if self._place >= len(inputs):
+            group = self._bins[int(np.searchsorted(self._edges, abs(float(command[0]))))]
+            inputs, errors = self._window = group[self._random.integers(len(group))]
+            self._place = 0
+        told, error = inputs[self._place], errors[self._place]
+        self._place += 1
+        # a robot that is slower than the log's errs by less, and one that stands does not move
+        size, was = (float(np.abs(u) @ (1.0, 0.3)) for u in (command, told))
+        out: Array = error * min(1.0, size / max(was, 1e-9))
+        return out
+
+
+def _residual_windows(model: KoopmanModel, log: Dataset) -> Iterator[tuple[Array, Array]]:
+    """Inputs (n, 2) and errors in the robot's frame (n, 3) of whole windows of a log."""
+    steps, past = max(1, round(WINDOW / model.dt)), model.history
+    noise = tube_noise(model.noise_model, model.dt)
+    for episode in log.episodes:
+        for first in range(past, len(episode) - steps + 1, steps):
+            rows = np.arange(first, first + steps)
+            history = episode.inputs[rows[:, None] + np.arange(-past, 0)] if past else None
+            x, u = episode.states[rows], episode.inputs[rows]
+            error = episode.states[rows + 1] - model.predict(x, u, history)
+            ahead, left = rotate(error[:, 0], error[:, 1], -x[:, 2])
+            # what measured poses put into a residual is no motion
+            squares = u**2
+            moved = np.tensordot(squares, noise.white + noise.lasting, axes=(-1, 0))
+            pose = noise.pose + squares[:, :1, None] * noise.pose_by_speed
+            motion, measured = (np.einsum("nii->ni", m) for m in (moved, noise.poses * pose))
+            kept = np.sqrt(motion / np.maximum(motion + measured, 1e-18))
+            yield u, kept * np.stack([ahead, left, error[:, 2]], axis=1)
+
+
+@dataclass(frozen=True)
+class RealRobot:
+    """A real robot as far as its log tells of it."""
+
+    robot: Robot
+    log: Path
+
+    def halves(self) -> tuple[Dataset, Dataset]:
+        """What the model is learned from, and what the plant is made of."""
+        data = Dataset.load(self.log, dt=self.robot.dt)
+        if len(data) < 20:
+            data = data.windows(5.0)
+        return data.split(0.5, seed=SPLIT_SEED)
+
+
+def real_robot(log: Path, radius: float, speed: float, turn_rate: float) -> RealRobot:
+    """Give a real robot from its log, which is driven at 10 Hz within these bounds.
+
+    Parameters
+    ----------
+    log : Path
+        Whatever `Dataset.load` reads.
+    radius, speed, turn_rate : float
+        [m], [m/s], [rad/s].
+    """
+    return RealRobot(Robot(log.stem, radius, speed, turn_rate), log)
+
+
+@dataclass(frozen=True)
+class Width:
+    """How wide the margins of a way are, and what they hold."""
+
+    way: str
+    ahead: float
+    """Margin ahead at 1 m/s, headway aside [m]."""
+    aside: float
+    """The same to the side [m]."""
+    error: float
+    """Root mean square of the position's error 0.5 s ahead, on driving that nothing saw [m]."""
+    coverage: float
+    """Share of that driving which stays within the tube of 95 %."""
+
+    def __str__(self) -> str:
+        """In one line."""
+        return (
+            f"{self.way:22} {100 * self.ahead:6.1f} {100 * self.aside:6.1f} "
+            f"{100 * self.error:8.1f} {100 * self.coverage:9.1f} %"
+        )
+
+
+WIDTHS = f"{'at 1 m/s, 95 %':22} {'ahead':>6} {'aside':>6} {'0.5 s':>8} {'within':>11}   [cm]"
+
+
+def widths(real: RealRobot) -> list[Width]:
+    """Margins of every way, and whether they hold on the half that nothing was fitted to."""
+    found = []
+    for way in WAYS:
+        if way.adapts:
+            continue
+        model, its = _learn(real, way)
+        problem = real.robot.problem(20.0 * real.robot.radius)
+        margins = Margins(model, problem)
+        count = problem.horizon
+        commands = np.tile((1.0, 0.0), (count, 1))
+        states = np.zeros((count + 1, 3))
+        states[:, 0] = model.dt * np.arange(count + 1)
+        past = np.tile(commands[0], (count, model.history, 1))
+        lin = model.linearize(states[:-1], commands, past)
+        ahead, aside = (
+            float(
+                margins.tightening.margins(
+                    DriftState(), lin, states, commands, np.tile(way_off, (count, 1, 1)), 0.0
+                )[-1, 0]
+            )
+            for way_off in ((1.0, 0.0), (0.0, 1.0))
+        )
+        errors, _ = prediction_errors(model, its, AHEAD)
+        error = float(np.sqrt((errors[:, -1, :2] ** 2).sum(axis=1).mean()))
+        within = float((scores(model, its) <= margins.noise.quantile).mean())
+        found.append(Width(way.name, ahead, aside, error, within))
+    return found
+
+
+def _learn(real: RealRobot, way: Way) -> tuple[KoopmanModel, Dataset]:
+    """Model of one half, with margins, and the other half."""
+    mine, its = real.halves()
+    train, held = mine.split(0.5, seed=SPLIT_SEED + 1)
+    return with_quantiles(fit(train, lags=way.lags), held), its  # type: ignore[arg-type]
+
+
+def drive_real(
+    real: RealRobot, way: Way, seeds: range, family: str = "open", motor_lag: float = MOTOR_LAG
+) -> list[Row]:
+    """Learn from one half, and drive over the maps of some seeds on a plant of the other half."""
+    model, its = _learn(real, way)
+    truth = fit(its, lags="auto")
+    limits = largest_speeds(its)
+    noise = tube_noise(truth.noise_model, truth.dt).one_pose.diagonal()
+    spread = float(np.sqrt(0.5 * (noise[0] + noise[1]))), float(np.sqrt(noise[2]))
+    turned = truth.predict(
+        np.zeros(3), (0.0, limits[1]), np.tile((0.0, limits[1]), (truth.history, 1))
+    )
+    gain = float(turned[2]) / (limits[1] * truth.dt)
+    robot = replace(real.robot, noise=spread, turn_gain=gain)
+    rows = []
+    for seed in seeds:
+        course = course_of(robot, seed, family)
+        problem = robot.problem(course.side)
+        controller = Controller(model, problem, adaptation=way.adapts)
+        plant = RealPlant(truth, its, seed, motor_lag)
+        rows.append(judge(f"{robot.name}, {way.name}", seed, controller, plant, course))
+    return rows
