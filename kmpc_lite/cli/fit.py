@@ -262,18 +262,18 @@ def make_dictionary(name: str, lags: list[int] | None, product: bool) -> kl.Dict
 
 def calibrated(model: kl.KoopmanModel, held: kl.Dataset) -> tuple[kl.KoopmanModel, str]:
     """Calibrate a model's margins on held-out drives, where those suffice; and tell in a line."""
-    from kmpc_lite.control.margins.drift_detector import DriftState
     from kmpc_lite.control.margins.margins import Margins
+    from kmpc_lite.learn.windows import largest_speeds
 
     try:
         model = kl.with_quantiles(model, held)
         how = f"calibrated on {model.info['noise_quantiles']['windows']} held-out windows"
     except kl.DataError as error:
         how = f"not calibrated, cautious ones will be used ({error})"
-    problem = kl.NavigationProblem(dt=model.dt)
-    widest = Margins(model, problem).tightening.widest(DriftState())
-    speed = problem.bounds[1][0]
-    return model, f"margins: {how}; up to {100 * widest:.0f} cm from obstacles at {speed:g} m/s"
+    speed = largest_speeds(held)[0]
+    ahead, aside = Margins(model, kl.NavigationProblem(dt=model.dt)).straight(speed)
+    told = f"{100 * aside:.0f} cm from what it passes, {100 * ahead:.0f} cm from what lies ahead"
+    return model, f"margins: {how}; {told} at {speed:.2g} m/s"
 
 
 def with_info(model: kl.KoopmanModel, more: dict[str, Any]) -> kl.KoopmanModel:

@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 
 from kmpc_lite.control import Controller
-from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.margins import Margins
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import rotate
@@ -199,20 +198,7 @@ def widths(real: RealRobot) -> list[Width]:
         model, its = _learn(real, way)
         problem = real.robot.problem(20.0 * real.robot.radius)
         margins = Margins(model, problem)
-        count = problem.horizon
-        commands = np.tile((1.0, 0.0), (count, 1))
-        states = np.zeros((count + 1, 3))
-        states[:, 0] = model.dt * np.arange(count + 1)
-        past = np.tile(commands[0], (count, model.history, 1))
-        lin = model.linearize(states[:-1], commands, past)
-        ahead, aside = (
-            float(
-                margins.tightening.margins(
-                    DriftState(), lin, states, commands, np.tile(way_off, (count, 1, 1)), 0.0
-                )[-1, 0]
-            )
-            for way_off in ((1.0, 0.0), (0.0, 1.0))
-        )
+        ahead, aside = margins.straight(1.0)
         errors, _ = prediction_errors(model, its, AHEAD)
         error = float(np.sqrt((errors[:, -1, :2] ** 2).sum(axis=1).mean()))
         within = float((scores(model, its) <= margins.noise.quantile).mean())

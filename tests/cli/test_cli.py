@@ -105,7 +105,7 @@ def test_fit_tells_how_much_room_the_margins_take(
         assert cli.main(["fit", str(log), "-o", "robot.npz"]) == 0
         told = re.search(
             r"^margins: calibrated on \d+ held-out windows; "
-            r"up to (\d+) cm from obstacles at 0.6 m/s$",
+            r"(\d+) cm from what it passes, \d+ cm from what lies ahead at 0\.\d+ m/s$",
             capsys.readouterr().out,
             re.M,
         )

@@ -9,7 +9,6 @@ import numpy as np
 
 from kmpc_lite.control.guidance.goal_checker import GoalTolerances, goal_tolerances
 from kmpc_lite.control.guidance.turning_centre import turning_centre
-from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.options import GoalOptions, GuidanceOptions, in_metres, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.motion import MotionModel
@@ -81,7 +80,7 @@ def capabilities(
     options = in_metres(options or GuidanceOptions(), unit)
     # a robot without lag is steered back before it needs the clearance
     clearance = (
-        clearance_at_speed(model, problem, margins, options)
+        clearance_at_speed(problem, margins, options)
         if margins is not None and model.history
         else 0.0
     )
@@ -156,7 +155,6 @@ def drivable_speeds(
 
 
 def clearance_at_speed(
-    model: MotionModel,
     problem: NavigationProblem,
     margins: Margins,
     options: GuidanceOptions | None = None,
@@ -165,25 +163,14 @@ def clearance_at_speed(
 
     Parameters
     ----------
-    model : MotionModel
-        Tells how errors spread along a straight drive.
     problem : NavigationProblem
-        Command bounds and horizon.
+        Command bounds.
     margins : Margins
         Asked for the last stage's margin.
     options : GuidanceOptions, optional
         In metres: what is spare, and the most.
     """
     options = options or in_metres(GuidanceOptions(), unit_length(problem))
-    _, u_max, _, _ = problem.bounds
-    commands = np.tile((u_max[0], 0.0), (problem.horizon, 1))
-    history = np.tile(commands[0], (problem.horizon, model.history, 1))
-    states = np.zeros((problem.horizon + 1, 3))
-    across = np.tile((0.0, 1.0), (problem.horizon, 1, 1))
-    states[:, 0] = u_max[0] * problem.dt * np.arange(problem.horizon + 1)
-    linearization = model.linearize(states[:-1], commands, history)
     # headway gives way to narrow passages, so it asks for no clearance
-    found = margins.tightening.margins(
-        DriftState(), linearization, states, commands, across, path_clearance=0.0
-    )
-    return min(options.spare_clearance + float(found[-1, 0]), options.speed_clearance_limit)
+    _, aside = margins.straight(float(problem.bounds[1][0]))
+    return min(options.spare_clearance + aside, options.speed_clearance_limit)

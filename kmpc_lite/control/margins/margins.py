@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from kmpc_lite.control.margins.command_check import CommandCheck
+from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_noise import ModelNoise
 from kmpc_lite.control.margins.tightening import Tightening
 from kmpc_lite.control.options import MarginOptions
@@ -72,3 +75,25 @@ class Margins:
         self.drift_detector = self.noise.drift_detector
         self.tightening = Tightening(self.noise, problem, options)
         self.command_check = CommandCheck(model, self.noise, problem, options)
+        self._model, self._horizon = model, problem.horizon
+
+    def straight(self, speed: float) -> tuple[float, float]:
+        """Margins ahead and aside [m] of the last stage of a straight drive, without headway.
+
+        Parameters
+        ----------
+        speed : float
+            [m/s], held for long before.
+        """
+        model, stages = self._model, self._horizon
+        command = np.array([speed, 0.0])
+        inputs = np.tile(command, (stages, 1))
+        states = np.zeros((stages + 1, 3))
+        states[:, 0] = speed * model.dt * np.arange(stages + 1)
+        past = np.tile(command, (stages, model.history, 1))
+        lin = model.linearize(states[:-1], inputs, past)
+        normals = np.tile(np.eye(2), (stages, 1, 1))
+        found = self.tightening.margins(
+            DriftState(), lin, states, inputs, normals, path_clearance=0.0
+        )
+        return float(found[-1, 0]), float(found[-1, 1])

@@ -66,7 +66,7 @@ class GuidanceOptions:
     """How much quicker than turning on the spot that must be [s]."""
     shuttle_speed: float = share(0.5)
     """Share of its speed at which it does so: what a robot slips grows with its speed."""
-    shuttles: int = count(3)
+    shuttles: int = count(3, least=0)
     """How often it is tried for one goal."""
 
     # progress

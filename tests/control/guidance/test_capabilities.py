@@ -103,9 +103,9 @@ def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(
     noise = NoiseModel(np.stack([np.zeros((3, 3)), np.diag([1e-3, 1e-3, 1e-3]), np.zeros((3, 3))]))
     model, nothing = replace(lagging, noise_model=noise), np.empty((0, 5))
     margins = Margins(model, PROBLEM)
-    room = clearance_at_speed(model, PROBLEM, margins)
+    room = clearance_at_speed(PROBLEM, margins)
     assert room > WIDE and room > clearance_at_speed(
-        replace(model, noise_model=None), PROBLEM, Margins(lagging, PROBLEM)
+        PROBLEM, Margins(replace(model, noise_model=None), PROBLEM)
     )
     circle, ends = (
         np.array([[0.0, -0.05, 0.2, 0.0, 0.0]]),
