@@ -111,7 +111,8 @@ def test_fit_tells_how_much_room_the_margins_take(
         )
         assert told is not None
         rooms.append(int(told[1]))
-    assert 2 <= rooms[0] <= 10 < rooms[1]
+    # three standard deviations of a pose that errs by 2 cm
+    assert 1 <= rooms[0] <= 5 < rooms[1]
 
 
 def test_fit_takes_every_dictionary_and_method(
