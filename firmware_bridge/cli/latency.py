@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from firmware_bridge.cli.course import course
-from firmware_bridge.messages import BridgeError, LinkError
+from firmware_bridge.messages import BridgeError, ConfigError, LinkError
 from firmware_bridge.robot_file import DRIVERS, Robot, load_robot
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
@@ -75,9 +75,19 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="of plans and commands [Hz] (default: 10 50)",
     )
 
+    add(
+        "--flood",
+        nargs="*",
+        metavar="WORD",
+        help="instead: flood each surface of a bridge that drives, and tell what that costs the\n"
+        "gate, the standstill and the emergency stop; only floods whose name has a WORD",
+    )
+
 
 def run(options: argparse.Namespace) -> int:
     """Measure and print the table."""
+    if options.flood is not None:
+        return _flood(options)
     if "mavlink" in options.drivers:
         need("the driver mavlink", "pymavlink")
     seconds: float = options.seconds
@@ -91,6 +101,21 @@ def run(options: argparse.Namespace) -> int:
 
     rows = measure(options.drivers, options.rates, drive, None if options.json else sys.stderr)
     print(json.dumps(rows) if options.json else table(rows))
+    return 0
+
+
+def _flood(options: argparse.Namespace) -> int:
+    """Measure and print the table of floods."""
+    from firmware_bridge.attacks import floods as known
+    from firmware_bridge.attacks import table as attacks
+
+    need("--flood", "pymavlink")
+    floods = attacks.chosen(options.flood)
+    if not floods:
+        names = "; ".join(f"{flood.surface.name}: {flood.name}" for flood in known.FLOODS)
+        raise ConfigError(f"--flood {' '.join(options.flood)}: no flood has this in: {names}")
+    rows = attacks.measure(floods, None if options.json else sys.stderr)
+    print(json.dumps([r.as_dict() for r in rows]) if options.json else attacks.table(rows))
     return 0
 
 
@@ -220,7 +245,11 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
 
 COMMAND = Command(
     text="Measure latency and jitter of every driver on emulated boards, over pseudo-terminals.",
-    examples=("kmpc latency --seconds 10", "kmpc latency --drivers roboclaw vesc --rates 50"),
+    examples=(
+        "kmpc latency --seconds 10",
+        "kmpc latency --drivers roboclaw vesc --rates 50",
+        "kmpc latency --flood",
+    ),
     add_options=add_options,
     run=run,
     errors=(BridgeError,),

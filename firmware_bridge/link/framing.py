@@ -14,6 +14,8 @@ from collections.abc import Mapping
 ROBOCLAW_ACK = 0xFF
 ROBOCLAW_GAP = 0.010
 """A longer gap within a packet makes the board discard it [s]."""
+ROBOCLAW_BYTES = 128
+"""An answer that lies deeper in noise than this is not looked for."""
 VESC_SHORT, VESC_LONG, VESC_STOP = 0x02, 0x03, 0x03
 VESC_GAP = 0.1
 """Half a frame that is older is given up [s]."""
@@ -72,6 +74,7 @@ class RoboClawReplies:
     def feed(self, data: bytes) -> bytes | None:
         """Take bytes; returns the payload of the answer once, then nothing until `expect`."""
         self._buffer += data
+        self._skip(len(self._buffer) - ROBOCLAW_BYTES)
         if self._sizes:
             for start in range(len(self._buffer)):
                 payload = self._match(start)
@@ -81,11 +84,13 @@ class RoboClawReplies:
                     self._sizes = ()
                     return payload
         keep = max(self._sizes, default=-2) + 1
-        spare = len(self._buffer) - max(0, keep)
-        if spare > 0:
-            self.bad += spare
-            del self._buffer[:spare]
+        self._skip(len(self._buffer) - max(0, keep))
         return None
+
+    def _skip(self, count: int) -> None:
+        if count > 0:
+            self.bad += count
+            del self._buffer[:count]
 
     def _match(self, start: int) -> bytes | None:
         for size in self._sizes:

@@ -60,7 +60,7 @@ class MavlinkCore:
         self.options, self._write = options, write
         key, self._vehicle = options.read_key(), (options.system, options.component)
         wanted = worth_decoding(*self._vehicle)
-        self._codec = MavlinkCodec(*options.us, key=key, wall_time=wall_time, wanted=wanted)
+        self.codec = MavlinkCodec(*options.us, key=key, wall_time=wall_time, wanted=wanted)
         self._build = MessageBuilder(options)
         self.clock, self.pose = VehicleClock(), PoseTracker()
         self.desk = CommandDesk(
@@ -95,19 +95,19 @@ class MavlinkCore:
         self._is_due = Due()
         self._counters = dict.fromkeys(("unmatched_acks", "unmatched_timesync", "held_back"), 0)
 
-    def receive(self, data: bytes, now: float, lock: Lock = NO_LOCK) -> None:
-        """Take bytes from the link.
+    def receive(self, data: bytes, now: float, lock: Lock = NO_LOCK) -> bool:
+        """Take bytes from the link; whether the vehicle said something.
 
         `lock` is held while a message is taken, not while bytes are searched and decoded: whoever
         commands must not wait for a flood.
         """
-        for message in self._codec.messages(data, now):
-            header = message.get_header()
+        spoke = False
+        for message in self.codec.messages(data, now):
+            ours = (message.get_srcSystem(), message.get_srcComponent()) == self._vehicle
+            spoke = spoke or ours
             with lock:
-                if (header.srcSystem, header.srcComponent) == self._vehicle:
-                    self._on_message(message, now)
-                else:
-                    self.others.saw(message, now)
+                (self._on_message if ours else self.others.saw)(message, now)
+        return spoke
 
     def _on_message(self, message: Any, now: float) -> None:
         """Take one message of our vehicle."""
@@ -241,11 +241,6 @@ class MavlinkCore:
         self.mocap.feed(x, y, theta, stamp, now)
 
     @property
-    def newest_stamp(self) -> int:
-        """Newest time stamp of a right signature [10 us since 2015]."""
-        return self._codec.newest_stamp
-
-    @property
     def state(self) -> State | None:
         """Newest state."""
         return self.pose.state
@@ -316,9 +311,9 @@ class MavlinkCore:
             "refused_poses": self.mocap.refused,
             "frame_doubts": self.frame.doubts,
         }
-        counters = {**self._codec.counters, **self._counters, **self.others.counters, **more}
+        counters = {**self.codec.counters, **self._counters, **self.others.counters, **more}
         counters["others"] += counters.pop("passed_over")
         return counters
 
     def _send(self, message: Any) -> None:
-        self._write(self._codec.encode(message))
+        self._write(self.codec.encode(message))

@@ -251,17 +251,19 @@ class MavlinkDriver:
     def _on_bytes(self, data: bytes, stamp: float) -> None:
         """Take what arrived (I/O thread); errors are counted and told, and the thread goes on."""
         try:
-            self._core.receive(data, stamp, self._changed)
+            changed = self._core.receive(data, stamp, self._changed)
         except Exception as error:
             self._note(error)
-        with self._changed:
-            self._changed.notify_all()
+            changed = True
+        if changed:
+            with self._changed:
+                self._changed.notify_all()
 
     def _run(self) -> None:
         """Look at what is due, time and again."""
         while self._turn():
-            self._stamp.keep(self._core.newest_stamp, time.monotonic())
-        self._stamp.keep(self._core.newest_stamp, float("inf"))
+            self._stamp.keep(self._core.codec.newest_stamp, time.monotonic())
+        self._stamp.keep(self._core.codec.newest_stamp, float("inf"))
 
     def _turn(self) -> bool:
         """Do what is due now, and wait; whether to go on."""

@@ -82,9 +82,9 @@ def test_runs_of_a_marker_are_passed_over_at_once(monkeypatch):
 def test_frames_of_others_are_counted_and_not_decoded(monkeypatch):
     core = MavlinkCore(MavlinkOptions(), lambda frame: None, 1.7e9)
     decoded = []
-    decode = core._codec._mav.decode
+    decode = core.codec._mav.decode
     monkeypatch.setattr(
-        core._codec._mav, "decode", lambda frame: decoded.append(frame) or decode(frame)
+        core.codec._mav, "decode", lambda frame: decoded.append(frame) or decode(frame)
     )
     core.receive(FLOODS["frames of another system"], 1.0)
     assert decoded == [] and core.counters["others"] == 1500

@@ -1,0 +1,128 @@
+"""What is sent against which surface of a bridge."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from dataclasses import dataclass
+
+SIZE = 65536
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Where a bridge can be reached."""
+
+    name: str
+    driver: str
+    """Of the robot that is driven meanwhile."""
+    between: str = ""
+    """Attacker (attacker.KINDS) that stands in the link, whether it attacks or not."""
+    poses: bool = False
+    """Whether the robot is driven by poses from outside."""
+
+
+@dataclass(frozen=True)
+class Flood:
+    """One attack."""
+
+    surface: Surface
+    name: str
+    rubbish: Callable[[], bytes]
+    beside: str = ""
+    """Attacker that comes from beside; none: the one that stands in the link floods it."""
+
+
+def noise() -> bytes:
+    """Random bytes, the same in every run."""
+    return random.Random(14).randbytes(SIZE)
+
+
+def markers() -> bytes:
+    """First bytes of frames, and nothing behind them."""
+    return b"\xfe" * SIZE
+
+
+def strangers() -> bytes:
+    """Valid MAVLink frames of another system."""
+    return _frames(77, 0)
+
+
+def torn() -> bytes:
+    """Frames of the vehicle, each without its last bytes."""
+    return _frames(1, 3)
+
+
+def questions() -> bytes:
+    """Requests that look as if they came from the vehicle, each to be answered."""
+    from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+    from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
+
+    codec = MavlinkCodec(1, 1)
+    ask = dialect.MAVLink_timesync_message
+    return b"".join(codec.encode(ask(0, i + 1)) for i in range(2000))
+
+
+def lines() -> bytes:
+    """Answers that nobody asked for, of boards that speak in lines."""
+    return b"0.0 0.0\r1.0\rC=1:2\r" * (SIZE // 20)
+
+
+def malformed() -> bytes:
+    """Datagrams that look like poses and are none."""
+    return b'{"stamp": 1e999, "x": [[[[[[1]]]]]], "y": "z"}'.ljust(100) * (SIZE // 100)
+
+
+def all_sorts() -> bytes:
+    """Everything that a MAVLink link may be flooded with, in turns."""
+    sorts = (strangers(), markers(), torn(), questions(), noise())
+    return b"".join(part[at : at + 4096] for at in range(0, SIZE // 5, 4096) for part in sorts)
+
+
+def nothing() -> bytes:
+    """Nothing: the attack lies in the connections."""
+    return b""
+
+
+def _frames(system: int, cut: int) -> bytes:
+    from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+    from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
+
+    codec = MavlinkCodec(system, 1)
+    attitude = dialect.MAVLink_attitude_message
+    frames = [codec.encode(attitude(i, 0.1, 0.2, 0.3, 0.0, 0.0, 0.5)) for i in range(SIZE // 40)]
+    return b"".join(frame[: len(frame) - cut] for frame in frames)
+
+
+TCP = Surface("MAVLink, TCP", "mavlink", "tcp")
+UDP = Surface("MAVLink, UDP", "mavlink", "udp")
+POSES = Surface("pose socket", "roboclaw", "tcp", poses=True)
+ESTOP = Surface("emergency stop's socket", "roboclaw", "tcp")
+BOARDS = tuple(
+    Surface(name, name.lower(), "tcp", poses=name == "Sabertooth")
+    for name in ("RoboClaw", "ODrive", "VESC", "Roboteq", "Arduino", "Sabertooth")
+)
+FLOODS = (
+    Flood(TCP, "frames of another system", strangers),
+    Flood(TCP, "0xFE", markers),
+    Flood(TCP, "torn frames", torn),
+    Flood(TCP, "questions in the vehicle's name", questions),
+    Flood(UDP, "frames of another system", strangers),
+    Flood(UDP, "0xFE", markers),
+    Flood(UDP, "noise", noise),
+    *(Flood(board, "noise", noise) for board in BOARDS),
+    Flood(BOARDS[1], "answers nobody asked for", lines),
+    Flood(POSES, "malformed, of the source itself", malformed, "poses"),
+    Flood(POSES, "a stranger's", malformed, "beside"),
+    Flood(ESTOP, "connections without end", nothing, "hog"),
+    Flood(ESTOP, "nine idle, one that trickles", nothing, "idle"),
+)
+EVERYTHING = (
+    Flood(Surface("all at once", "mavlink", "tcp", poses=True), "link", all_sorts),
+    Flood(POSES, "poses", malformed, "beside"),
+    Flood(ESTOP, "hog", nothing, "hog"),
+    Flood(ESTOP, "idle", nothing, "idle"),
+)
+"""To be run together, on the first one's surface."""

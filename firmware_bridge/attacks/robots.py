@@ -1,0 +1,26 @@
+"""The robots that are attacked: an emulated rover, and the emulated motor controllers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from firmware_bridge.cli.latency import BOARDS, GEOMETRY
+
+SPEED = 0.3
+"""At which they drive straight ahead [m/s]."""
+
+
+def sections(
+    driver: str, url: str, pose: str | None = None, socket: str | None = None
+) -> dict[str, dict[str, Any]]:
+    """Sections of a robot file of `driver` at `url`."""
+    board = {**BOARDS, "sabertooth": {"full_speed": 0.9}}[driver]
+    if driver == "mavlink" and pose is not None:
+        board = {**board, "origin": [47.0, 8.0, 400.0]}
+    return {
+        "link": {"url": url, "driver": driver, "pose": pose, "timeout": 20.0},
+        "board": board,
+        "geometry": {} if driver == "mavlink" else GEOMETRY,
+        "limits": {"v_max": SPEED, "v_reverse": SPEED},
+        "safety": {"socket": socket, "settle": 0.2},
+    }
