@@ -27,6 +27,8 @@ CHANCE = 1e-5
 """How seldom chance may explain as much as counts as explained."""
 LEAST_SHARE = 0.1
 """Share of a motion that has to be explained."""
+LITTLE = 0.4
+"""Share below which a motion counts as not explained, where chance could explain as much."""
 DEGREES = np.pi / 180.0
 SIGNS = (1, -1)
 
@@ -49,6 +51,11 @@ class Explained(NamedTuple):
     def sure(self) -> bool:
         """Whether it explains more than chance could."""
         return self.share > max(LEAST_SHARE, self.chance)
+
+    @property
+    def absent(self) -> bool:
+        """Whether there is enough of a log to say that it does not explain the motion."""
+        return self.chance < 1.0 and not self.sure and self.share < LITTLE
 
 
 NOTHING = Explained(0.0, 1.0, 0.0, 0, 1)

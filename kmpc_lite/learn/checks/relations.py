@@ -11,14 +11,14 @@ from kmpc_lite.learn.checks.evidence import LAGS, NOTHING, examine, headings
 from kmpc_lite.learn.checks.scales import time_unit
 from kmpc_lite.types import Array
 
-AHEAD, BEHIND = 0.3, 2.5
+AHEAD, BEHIND = 0.5, 2.5
 """How far a motion may come before its command, and after it [s]."""
 
 
 def unrelated(case: Case) -> str | None:
     """Neither displacements nor turns follow the commands."""
     seen = [e for e in (case.moves, case.turns) if e is not NOTHING]
-    if not seen or any(e.sure for e in seen):
+    if not seen or not all(e.absent for e in seen):
         return None
     if _exchanged(case):
         return (
@@ -70,13 +70,13 @@ def _peak(moved: Array, asked: Array) -> tuple[float, int]:
 
 def other_source(case: Case) -> str | None:
     """One of the two fits, the other does not though it would be seen."""
-    if case.moves.sure and not case.turns.sure and is_seen(case, 1) and varies(case, 1):
+    if case.moves.sure and case.turns.absent and is_seen(case, 1) and varies(case, 1):
         return (
             f"the heading does not follow omega ({percent(case.turns)} of the turns are "
             "explained), though the positions follow v: another column or topic was meant for "
             "theta or omega (--columns, --topics)"
         )
-    if case.turns.sure and not case.moves.sure and is_seen(case, 0) and varies(case, 0):
+    if case.turns.sure and case.moves.absent and is_seen(case, 0) and varies(case, 0):
         return (
             "the positions move neither along the heading nor across it "
             f"({percent(case.moves)} explained), though theta follows omega: x, y and theta are "

@@ -7,8 +7,8 @@ import numpy as np
 from kmpc_lite.learn.checks.case import Case, power_of
 from kmpc_lite.learn.checks.evidence import headings
 
-GRIP = 30.0
-"""Acceleration that no wheel can give, three times gravity [m/s^2]."""
+GRIP = 15.0
+"""Acceleration that no wheel can give, one and a half times gravity [m/s^2]."""
 PLAUSIBLE_PERIODS = (2e-4, 20.0)
 """Between the rows of a log [s]."""
 
