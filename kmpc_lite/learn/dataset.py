@@ -218,7 +218,7 @@ class Dataset:
             With file, line and column, for whatever is wrong.
         """
         from kmpc_lite.learn.cutting import cut
-        from kmpc_lite.learn.formats.readers import find_logs, read_log
+        from kmpc_lite.learn.formats.readers import find_logs, read_log, refuse_unused
         from kmpc_lite.learn.logs import ReadOptions
 
         dt = None if dt is None else check_time("dt", dt)
@@ -232,6 +232,7 @@ class Dataset:
             shift=shift,
         )
         logs = find_logs([path])
+        refuse_unused(logs, how)
         return cls([e for log in logs for e in cut(read_log(log, how), dt, gap)])
 
     def save(self, path: str | os.PathLike[str]) -> None:

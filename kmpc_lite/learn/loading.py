@@ -11,7 +11,7 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.laws import Verdict, judge
 from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.dataset import Dataset, check_time
-from kmpc_lite.learn.formats.readers import find_logs, read_log
+from kmpc_lite.learn.formats.readers import find_logs, read_log, refuse_unused
 from kmpc_lite.learn.logs import Log, ReadOptions
 
 SAMPLES_PER_PERIOD = 20.0
@@ -49,7 +49,9 @@ def load_logs(
     dt = None if dt is None else check_time("dt", dt)
     gap = None if gap is None else check_time("gap", gap)
     episodes = []
-    for file in once(find_logs(paths)):
+    files = once(find_logs(paths))
+    refuse_unused(files, how)
+    for file in files:
         if dt is not None:
             how = replace(how, spacing=dt / SAMPLES_PER_PERIOD)
         log = read_log(file, how)

@@ -140,6 +140,7 @@ def test_logs_of_several_kinds_are_learned_from_together(
         (["--units", "t=s", "t=ms"], "--units: t is given twice"),
         (["--frame", "utm"], "frame: expected enu, ned, swapped"),
         (["--topics", "laser=/scan"], "topics: expected odom=... or cmd=..."),
+        (["--topics", "odom=/odom"], "--topics: all of the logs are tables"),
         (["--shift", "nan"], "shift: expected a time in s"),
     ],
 )

@@ -69,6 +69,8 @@ def read_log(path: str | os.PathLike[str], options: ReadOptions | None = None) -
     file = Path(path)
     reader = reader_of(file)
     need_reader(file, reader)
+    if options.commands is not None and reader is not TABLE:
+        raise DataError(f"{file}: --commands goes with tables of poses; this is {reader.what}")
     module, _, name = reader.where.partition(":")
     read: Callable[[Path, ReadOptions], Log] = getattr(
         import_module(f"kmpc_lite.learn.formats.{module}"), name
@@ -128,6 +130,21 @@ def find_logs(paths: Iterable[str | os.PathLike[str]]) -> list[Path]:
     for file in found:
         need_reader(file, reader_of(file))
     return found
+
+
+def refuse_unused(files: Iterable[Path], options: ReadOptions) -> None:
+    """Refuse options that none of the logs can heed.
+
+    Raises
+    ------
+    DataError
+        Names the option.
+    """
+    tables = {reader_of(file) is TABLE for file in files}
+    if options.columns and True not in tables:
+        raise DataError("--columns: none of the logs is a table; --topics chooses of the others")
+    if options.topics and False not in tables:
+        raise DataError("--topics: all of the logs are tables; --columns chooses of those")
 
 
 def is_bag(path: Path) -> bool:

@@ -100,7 +100,7 @@ def read_tlog(path: Path, options: ReadOptions) -> Log:
             if name in POSES and vehicle is None:
                 vehicle = sender
             told = name in ("ATTITUDE", "RC_CHANNELS", *POSES)
-            if told and vehicle is not None and sender != vehicle:
+            if (told and sender != vehicle) or _is_for_another(message, vehicle):
                 continue
             values = _values(name, message)
             if values is not None and np.isfinite(values).all() and kept[name].wants(time):
@@ -108,6 +108,12 @@ def read_tlog(path: Path, options: ReadOptions) -> Log:
     if not counts:
         raise DataError(f"{path}: no MAVLink frame in it: not a tlog, or empty")
     return _log(path, options, {n: k.rows() for n, k in kept.items()}, _names(dialect, counts))
+
+
+def _is_for_another(message: Any, vehicle: int | None) -> bool:
+    """Whether a message is addressed to another vehicle."""
+    target = getattr(message, "target_system", getattr(message, "target", 0))
+    return vehicle is not None and target not in (0, vehicle)
 
 
 def _decoded(decoder: Any, frame: bytes) -> Any:

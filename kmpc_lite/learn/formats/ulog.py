@@ -50,6 +50,7 @@ def read_ulog(path: Path, options: ReadOptions) -> Log:
     names = {POSITION, ATTITUDE, *(t for row in (*SPEEDS, *SHARED) for t in row[::2] if t)}
     data, said = _load(path, sorted(names))
     rows = _rows_of(data)
+    pick(path, "odom", options.topics, [POSITION], said)
     poses = _poses(path, rows, said)
     there = {
         row[0]: row

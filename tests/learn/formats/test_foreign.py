@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -239,3 +240,36 @@ def test_torn_and_bent_logs_never_do_more_than_refuse(tmp_path: Path, name: str)
             kl.Dataset.load(tmp_path / name)
         except kl.DataError as error:
             assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize(
+    "ending", ["csv", "npz", "tum", "bin", "tlog", "ulg", "bag", "mcap", "db3"]
+)
+def test_pipes_and_devices_are_not_opened(tmp_path: Path, ending: str) -> None:
+    for needed in ("pymavlink", "pyulog", "rosbags"):
+        pytest.importorskip(needed)
+    os.mkfifo(tmp_path / f"pipe.{ending}")
+    (tmp_path / f"zero.{ending}").symlink_to("/dev/zero")
+    for name in ("pipe", "zero"):
+        with pytest.raises(kl.DataError, match="not a regular file"):
+            kl.Dataset.load(tmp_path / f"{name}.{ending}")
+
+
+def test_a_pipe_within_a_bag_is_not_opened(tmp_path: Path, bags: Any) -> None:
+    made = write_bag(tmp_path / "bag", DRIVE)
+    data = next(p for p in made.iterdir() if p.suffix == ".db3")
+    data.unlink()
+    os.mkfifo(data)
+    with pytest.raises(kl.DataError, match="not a regular file"):
+        kl.Dataset.load(made)
+
+
+def test_options_that_nothing_heeds_are_refused(tmp_path: Path) -> None:
+    made = write_dataflash(tmp_path / "a.bin", DRIVE)
+    for how, told in (
+        ({"columns": {"t": "x"}}, "none of the logs is a table"),
+        ({"commands": tmp_path / "c.csv"}, "--commands goes with tables of poses"),
+        ({"topics": {"odom": "NKF1"}}, "odom=NKF1: not logged; here are XKF1"),
+    ):
+        with pytest.raises(kl.DataError, match=told):
+            kl.Dataset.load(made, **how)
