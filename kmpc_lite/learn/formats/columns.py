@@ -38,6 +38,8 @@ ENDINGS: dict[str, tuple[str, ...]] = {
     **{f"q{a}": (f"orientation_{a}", f"rotation_{a}", f"q_rs_{a}", f"quat_{a}") for a in "xyzw"},
 }
 """Last words of longer names: ``pose.pose.position.x``."""
+WORDS = {"°": "deg", "degrees": "deg", "degree": "deg", "°/s": "deg/s", "degrees/s": "deg/s"}
+"""Units as headers spell them too."""
 COMMANDED = ("cmd", "command", "target", "setpoint", "desired", "ref")
 """Words that tell a command from a measured speed."""
 BRACKETS = re.compile(r"\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
@@ -54,6 +56,8 @@ class Found:
     """The file's name by ours."""
     units: dict[str, str] = field(default_factory=dict)
     """As the header tells them, by our name, where they are not SI."""
+    passed_over: tuple[str, ...] = ()
+    """Columns that look like commands though others were taken."""
 
     def shown(self, name: str) -> str:
         """Give the file's name of a column, fit for a message."""
@@ -67,7 +71,14 @@ class Found:
             for name, theirs in self.names.items()
             if name != theirs or name in self.units
         ]
-        return (f"columns: {', '.join(told)}",) if told else ()
+        lines = [f"columns: {', '.join(told)}"] if told else []
+        if self.passed_over:
+            others = ", ".join(map(short, self.passed_over[:4]))
+            lines.append(
+                f"v={self.shown('v')} and omega={self.shown('omega')} are learned from; commands "
+                f"may be in {others}, too (--columns v=... omega=...)"
+            )
+        return tuple(lines)
 
 
 def find_columns(
@@ -111,7 +122,11 @@ def find_columns(
         _refuse(file, header, where, missing, {n: several[n] for n in doubled})
     kept = [n for n in (*wanted, *COMMANDS) if n in found]
     units = {n: u for n in kept if (u := _unit(n, header[found[n]]))}
-    return Found({n: found[n] for n in kept}, {n: header[found[n]] for n in kept}, units)
+    names = {n: header[found[n]] for n in kept}
+    taken = set(names.values())
+    others = tuple(h for h in header if h not in taken and _is_commanded(h))
+    plain = all(n in names and n not in chosen and not _is_commanded(names[n]) for n in COMMANDS)
+    return Found({n: found[n] for n in kept}, names, units, others if plain else ())
 
 
 def _wanted(found: Mapping[str, int], several: Mapping[str, list[int]], poses: bool) -> list[str]:
@@ -128,7 +143,8 @@ def _places(file: Path, header: Sequence[str], name: str, chosen: Mapping[str, s
     if name in chosen:
         places = [k for k, theirs in enumerate(header) if theirs == chosen[name]]
         if not places:
-            hint = did_you_mean(chosen[name], header) or f"; it has {_listed(header)}"
+            names = [short(theirs) for theirs in header]
+            hint = did_you_mean(chosen[name], names) or f"; it has {_listed(header)}"
             raise DataError(f"{file}: columns: {name}={short(chosen[name])}: no such column{hint}")
         return places
     exact = [k for k, theirs in enumerate(header) if theirs == name]
@@ -145,6 +161,11 @@ def _places(file: Path, header: Sequence[str], name: str, chosen: Mapping[str, s
     return []
 
 
+def _is_commanded(name: str) -> bool:
+    """Whether a column's name says that it holds a command."""
+    return any(word in name.lower() for word in COMMANDED)
+
+
 def _plain(name: str) -> str:
     """A name without its unit, in lower case, words parted by underscores."""
     bare = BRACKETS.sub("", name)
@@ -155,7 +176,7 @@ def _plain(name: str) -> str:
 def _unit(name: str, theirs: str) -> str | None:
     """Unit that a header tells of a column, where it is not SI."""
     found = BRACKETS.search(theirs) or SUFFIX.search(theirs.lower().strip())
-    unit = found["unit"] if found else ""
+    unit = WORDS.get(found["unit"], found["unit"]) if found else ""
     sizes = KNOWN.get(name, {})
     return unit if sizes.get(unit, 1.0) != 1.0 else None
 

@@ -11,6 +11,7 @@ from foreign_logs import drive, rows
 import kmpc_lite as kl
 from kmpc_lite.learn.formats.readers import read_log
 from kmpc_lite.learn.formats.tables import heading
+from kmpc_lite.learn.logs import ReadOptions
 
 TABLE = rows(drive(4.0, rate=20.0))
 DIALECTS = {
@@ -45,13 +46,13 @@ def test_a_decimal_comma_beside_semicolons(tmp_path: Path) -> None:
 
 
 def test_units_in_the_header_are_taken_and_told(tmp_path: Path) -> None:
-    header = "stamp_ns,x [mm],y [mm],yaw_deg,v [km/h],omega (deg/s)"
+    header = "stamp_ns,x [mm],y [mm],yaw [°],v [km/h],omega (deg/s)"
     scale = [1e9, 1e3, 1e3, 180 / np.pi, 3.6, 180 / np.pi]
     log = read_log(written(tmp_path / "run.csv", header, ",", TABLE * scale))
     np.testing.assert_allclose(log.poses.time, TABLE[:, 0], atol=1e-9)
     np.testing.assert_allclose(log.poses.values, TABLE[:, 1:4], atol=1e-8)
     np.testing.assert_allclose(log.commands.values, TABLE[:, 4:], atol=1e-8)
-    assert "theta=yaw_deg [deg]" in log.notes[0]
+    assert "theta=yaw [°] [deg]" in log.notes[0]
 
 
 def test_columns_and_units_that_the_user_names(tmp_path: Path) -> None:
@@ -73,6 +74,15 @@ def test_two_columns_that_could_be_meant_are_both_named(tmp_path: Path) -> None:
     with pytest.raises(kl.DataError, match="theta may be gps.yaw or imu.yaw"):
         kl.Dataset.load(path)
     assert kl.Dataset.load(path, columns={"theta": "imu.yaw"}).steps == len(TABLE) - 1
+
+
+def test_commands_that_were_passed_over_are_told(tmp_path: Path) -> None:
+    table = np.column_stack([TABLE, TABLE[:, 4:]])
+    header = "t,x,y,theta,v,omega,cmd_v,cmd_w"
+    log = read_log(written(tmp_path / "run.csv", header, ",", table))
+    assert "commands may be in cmd_v, cmd_w, too" in log.notes[0]
+    chosen = ReadOptions(columns={"v": "cmd_v", "omega": "cmd_w"})
+    assert read_log(tmp_path / "run.csv", chosen).notes == ("columns: v=cmd_v, omega=cmd_w",)
 
 
 def test_poses_without_commands_need_a_table_of_commands(tmp_path: Path) -> None:
