@@ -15,8 +15,8 @@ from typing import Any
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check, from_table
 from firmware_bridge.runtime.loop import TICK
+from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.limits import Limits
-from firmware_bridge.safety.settings import GateSettings
 from firmware_bridge.sensors.pose import check_pose_url
 from kmpc_lite.reading import read_toml
 

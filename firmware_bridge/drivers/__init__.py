@@ -1,4 +1,7 @@
-"""One file per protocol; each is a `Driver`."""
+"""One file or folder for each board's protocol; each is a `Driver`.
+
+To add a board: "Add a motor board" in CONTRIBUTING.md lists the tables that must name it.
+"""
 
 from __future__ import annotations
 

@@ -19,9 +19,9 @@ from firmware_bridge.recording.recorder import CsvRecorder
 from firmware_bridge.runtime.controller_thread import Planner, Predict, unicycle_arc
 from firmware_bridge.runtime.loop import TICK, ControlLoop
 from firmware_bridge.safety.gate import SafetyGate
+from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import GateState
 from firmware_bridge.safety.limits import Limits
-from firmware_bridge.safety.settings import GateSettings
 from kmpc_lite.sim.twin import Twin
 from kmpc_lite.sim.twin.mjcf import TRACK, WHEEL_RADIUS
 

@@ -10,6 +10,8 @@ import math
 from dataclasses import dataclass
 
 from firmware_bridge.messages import LinkStatus, State, VelocityCommand
+from firmware_bridge.safety.gate_inputs import judge
+from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import (
     BY_STATE,
     DRIVING,
@@ -21,9 +23,7 @@ from firmware_bridge.safety.gate_table import (
     GateState,
     Reason,
 )
-from firmware_bridge.safety.judgement import judge
-from firmware_bridge.safety.pose_watch import PoseWatch
-from firmware_bridge.safety.settings import GateSettings
+from firmware_bridge.safety.lost_pose import LostPose
 from firmware_bridge.safety.slowing import Slowing
 
 LONGEST_RISE = 0.05
@@ -73,7 +73,7 @@ class SafetyGate:
     ) -> None:
         self.settings = GateSettings() if settings is None else settings
         self._slowing = Slowing(self.settings, late_after)
-        self._pose_watch = PoseWatch(self.settings)
+        self._lost_pose = LostPose(self.settings)
         self.state = GateState.IDLE
         self._requests: set[Event] = set()
         self._output = (0.0, 0.0)
@@ -131,7 +131,7 @@ class SafetyGate:
             self._final = self._final or (self.state in DRIVING and not FINAL.isdisjoint(reasons))
         elif self._clear_since is None:
             self._clear_since = now
-        if self._pose_watch.strayed(self.state, state, status, reasons):
+        if self._lost_pose.strayed(self.state, state, status, reasons):
             self._final = True
         # an emergency stop beats whatever is asked for in the same step
         events = {Event.ESTOP} if Event.ESTOP in self._requests else set(self._requests)
@@ -162,7 +162,7 @@ class SafetyGate:
                 waited = now - self._entered
                 # what is good again is given the time to prove it before the robot is given back
                 proving = self._clear_since is not None and not self._final
-                happened = waited >= self._pose_watch.patience(self._final) and not proving
+                happened = waited >= self._lost_pose.patience(self._final) and not proving
             else:
                 happened = event in events
             if happened:

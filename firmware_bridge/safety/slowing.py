@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from firmware_bridge.messages import LinkStatus, State, VelocityCommand
-from firmware_bridge.safety.settings import GateSettings
+from firmware_bridge.safety.gate_settings import GateSettings
 
 
 class Slowing:

@@ -262,7 +262,7 @@ def make_dictionary(name: str, lags: list[int] | None, product: bool) -> kl.Dict
 
 def calibrated(model: kl.KoopmanModel, held: kl.Dataset) -> tuple[kl.KoopmanModel, str]:
     """Calibrate a model's margins on held-out drives, where those suffice; and tell in a line."""
-    from kmpc_lite.control.margins.margins import Margins
+    from kmpc_lite.control.margins.model_margins import Margins
     from kmpc_lite.learn.windows import largest_speeds
 
     try:

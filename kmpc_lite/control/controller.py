@@ -14,7 +14,7 @@ from kmpc_lite.control.estimation.command_history import CommandHistory
 from kmpc_lite.control.estimation.estimator import adapt
 from kmpc_lite.control.guidance.goal_reference import GoalReferenceState
 from kmpc_lite.control.margins.drift_detector import DriftState
-from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.sqp_state import SQPState

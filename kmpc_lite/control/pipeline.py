@@ -16,7 +16,7 @@ from kmpc_lite.control.answers import Answers
 from kmpc_lite.control.estimation.estimator import observe_drift
 from kmpc_lite.control.estimation.pose_age import advance_pose
 from kmpc_lite.control.guidance.goal_reference import GoalReference
-from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.sqp_state import SQPResult
 from kmpc_lite.control.nmpc.task import Task

@@ -1,6 +1,8 @@
 """Whether the robot may drive what the solver found.
 
-The model must agree with it, and the robot must be able to stop after it.
+The model must agree with it, and the robot must be able to stop after it: `safe_stop` looks for the
+stop trajectory (`stop_trajectory.py`). A plan without one is not driven, and the pipeline turns to
+the last good plan's (`safe_stop/backup.py`).
 """
 
 from __future__ import annotations

@@ -164,7 +164,7 @@ def with_quantiles(
     """Return the model with a table of calibrated quantiles.
 
     The table is ``info["noise_quantiles"]``, which `save` keeps. Risks that the held-out drives
-    are too few for are left out; `kmpc_lite.control.margins.tightening` extends the table by its
+    are too few for are left out; `kmpc_lite.control.margins.quantiles` extends the table by its
     slope.
     """
     values = scores(model, held_out)

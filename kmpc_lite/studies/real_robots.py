@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from kmpc_lite.control import Controller
-from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import rotate
 from kmpc_lite.learn.calibration import scores, with_quantiles

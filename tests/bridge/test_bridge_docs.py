@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from firmware_bridge.robot_file import SECTIONS, ControlOptions, LinkOptions
+from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import diagram, legend
-from firmware_bridge.safety.settings import GateSettings
 
 DOCS = Path(__file__).parents[2] / "docs"
 BRIDGE = (DOCS / "howto" / "bridge.md").read_text()

@@ -41,9 +41,9 @@ from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.loop import ControlLoop
 from firmware_bridge.runtime.session import open_driver
 from firmware_bridge.safety.gate import SafetyGate
+from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import GateState
 from firmware_bridge.safety.limits import Limits
-from firmware_bridge.safety.settings import GateSettings
 
 TICK = 0.02
 LATEST = 0.3

@@ -10,7 +10,7 @@ from firmware_bridge.link import open_transport
 from firmware_bridge.messages import ConfigError, LinkStatus, State
 from firmware_bridge.robot_file import DRIVERS, check_period, load_robot
 from firmware_bridge.runtime.session import open_driver
-from firmware_bridge.safety.settings import GateSettings
+from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.sensors.placed import PlacedDriver
 
 ROBOTS = Path(__file__).parents[2] / "docs" / "robots"

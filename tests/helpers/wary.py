@@ -8,7 +8,7 @@ import numpy as np
 
 import kmpc_lite as kl
 from kmpc_lite.control.margins.drift_detector import DriftState
-from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.options import MarginOptions
 
 PROBLEM = kl.NavigationProblem()

@@ -1,6 +1,7 @@
 """Bring a pose forward over its age.
 
 A pose is old when it arrives; the commands that were sent meanwhile tell where the robot is now.
+The largest age that is accepted is `StepOptions.oldest_pose`.
 """
 
 from __future__ import annotations

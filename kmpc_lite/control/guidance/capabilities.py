@@ -15,7 +15,7 @@ from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import INPUTS, Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.margins.margins import Margins
+    from kmpc_lite.control.margins.model_margins import Margins
 
 ROUNDING = 1e-6
 """Relative difference of speeds that is rounding; and the speed of a robot that cannot drive, or

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from kmpc_lite.control.margins.drift_detector import DriftState
-from kmpc_lite.control.margins.tightening import Tightening
+from kmpc_lite.control.margins.obstacle_margins import Tightening
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import Array
 

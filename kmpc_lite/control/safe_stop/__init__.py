@@ -1,1 +1,5 @@
-"""The stop trajectory that every plan must have, and what is driven when there is no plan."""
+"""The stop trajectory that every plan must have, and what is driven when there is no plan.
+
+`stop_trajectory` checks a plan for a stop; `backup` drives the last stop trajectory, or brakes,
+when the QP solver fails or no stop is clear.
+"""

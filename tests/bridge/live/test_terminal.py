@@ -11,7 +11,7 @@ from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.loop import ControlLoop
 from firmware_bridge.runtime.navigator import Navigator, Task
 from firmware_bridge.safety.gate import SafetyGate
-from firmware_bridge.safety.settings import GateSettings
+from firmware_bridge.safety.gate_settings import GateSettings
 
 
 def driven(seconds: float = 2.0):

@@ -13,8 +13,8 @@ from firmware_bridge.runtime.controller_thread import Planner, SentCommands, uni
 from firmware_bridge.runtime.loop import ControlLoop
 from firmware_bridge.runtime.timing import Deadlines, Histogram, table
 from firmware_bridge.safety.gate import SafetyGate
+from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import GateState
-from firmware_bridge.safety.settings import GateSettings
 
 TICK = 0.02
 

@@ -7,6 +7,8 @@ import pytest
 
 from firmware_bridge.messages import ConfigError, LinkStatus, State, VelocityCommand
 from firmware_bridge.safety.gate import LONGEST_RISE, RESEND, GateOutput, SafetyGate
+from firmware_bridge.safety.gate_inputs import FUTURE
+from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import (
     BY_STATE,
     REQUESTS,
@@ -16,9 +18,7 @@ from firmware_bridge.safety.gate_table import (
     GateState,
     Reason,
 )
-from firmware_bridge.safety.judgement import FUTURE
 from firmware_bridge.safety.limits import Limits
-from firmware_bridge.safety.settings import GateSettings
 
 TICK = 0.02
 SETTINGS = GateSettings(geofence=(-5.0, -5.0, 5.0, 5.0))

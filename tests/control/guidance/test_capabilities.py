@@ -14,7 +14,7 @@ from kmpc_lite.control.guidance.capabilities import (
     clearance_at_speed,
     drivable_speeds,
 )
-from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.options import GuidanceOptions, in_metres
 from kmpc_lite.model.koopman import NoiseModel
 

@@ -12,7 +12,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.control.margins.drift_detector import DriftState
-from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.sqp_state import SQPState
 from kmpc_lite.control.nmpc.task import Task

@@ -10,7 +10,7 @@ from lagging_robot import BRAKING, PROBLEM, lagging, straight
 
 import kmpc_lite as kl
 from kmpc_lite.control.margins.drift_detector import DriftState
-from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.safe_stop.braking import Braking
 from kmpc_lite.control.safe_stop.quick_look import QuickLook

@@ -8,7 +8,7 @@ from lagging_robot import BRAKING, PROBLEM, lagging, straight
 
 import kmpc_lite as kl
 from kmpc_lite.control.margins.drift_detector import DriftState
-from kmpc_lite.control.margins.margins import Margins
+from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.safe_stop.backup import Backup, BackupState
 from kmpc_lite.control.safe_stop.stop_trajectory import (
     CheckedPlan,

@@ -1,18 +1,18 @@
-"""Whether a robot that stands has lost nothing but its pose, and finds it where it was lost."""
+"""A lost pose: how long a standing robot waits for it, and whether it comes back near by."""
 
 from __future__ import annotations
 
 import math
 
 from firmware_bridge.messages import LinkStatus, State
+from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import DRIVING, GateState, Reason
-from firmware_bridge.safety.settings import GateSettings
 
 POSE_LOST = frozenset({Reason.POSE, Reason.ESTIMATE, Reason.COMMAND})
 """What a lost pose alone makes wrong: nobody plans without one."""
 
 
-class PoseWatch:
+class LostPose:
     """Follows the poses of a robot that drives or has just been stopped.
 
     Parameters

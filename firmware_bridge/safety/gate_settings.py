@@ -1,4 +1,4 @@
-"""Limits and patience of the safety gate."""
+"""Settings of the safety gate: speed limits, how late its inputs may be, how long it waits."""
 
 from __future__ import annotations
 

@@ -1,12 +1,12 @@
-"""What is wrong with the inputs of the safety gate."""
+"""What is wrong with the inputs of the safety gate: late, missing, not finite, out of bounds."""
 
 from __future__ import annotations
 
 import math
 
 from firmware_bridge.messages import LinkStatus, State, VelocityCommand
+from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import GateState, Reason
-from firmware_bridge.safety.settings import GateSettings
 
 FUTURE = 0.05
 """A stamp may lie this far ahead of the time of a step [s]: another thread took it. Farther is no

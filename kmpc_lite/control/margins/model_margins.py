@@ -1,4 +1,4 @@
-"""All that a model's noise means for driving, worked out once for a model."""
+"""All that depends on a model's noise: margins of plans, check of commands, drift detector."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from kmpc_lite.control.margins.command_check import CommandCheck
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_noise import ModelNoise
-from kmpc_lite.control.margins.tightening import Tightening
+from kmpc_lite.control.margins.obstacle_margins import Tightening
 from kmpc_lite.control.options import MarginOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.motion import MotionModel
