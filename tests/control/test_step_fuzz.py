@@ -1,0 +1,137 @@
+"""Whatever a step is given: a finite command within bounds, or ValueError for wrong shapes.
+
+KMPC_STEPS of them where that is set, some hundreds each time, a million in the long run.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+
+STRANGE = (np.nan, np.inf, -np.inf, 1e308, -1e308, 1e5, -1e5, 1e-300, 0.0, -1.0, 1e4)
+SHAPES: tuple[Any, ...] = (
+    *(None, "x", 3, 1j, {}, [[1, 2], [3]], np.zeros((2, 4)), np.zeros((1, 1, 5)), object()),
+    *(np.zeros((3, 0)), [None], [kl.Circle(1, 1, 0.1), "x"], np.array(["a"]), b"x"),
+)
+KINDS: tuple[dict[str, Any], ...] = (
+    {},
+    {"guidance": False},
+    {"guidance": False, "tightening": None, "sqp_iterations": 3},
+    {"time_budget": 0.005},
+    {"pose_age": 0.15, "adaptation": True},
+    {"problem": kl.NavigationProblem(du_max=(0.5, 1.5), horizon=8)},
+    {"problem": kl.NavigationProblem(u_min=(0.0, -0.4), robot_radius=0.0, margin=0.05)},
+    {"problem": kl.NavigationProblem(x_min=[-np.inf] * 3, x_max=[np.inf] * 3)},
+)
+
+
+class Sender:
+    """Poses, goals and obstacles, most of which can be meant."""
+
+    def __init__(self, seed: int) -> None:
+        self.random = np.random.default_rng(seed)
+
+    def below(self, count: int) -> int:
+        return int(self.random.integers(count))
+
+    def one_of(self, things: Any) -> Any:
+        return things[self.below(len(things))]
+
+    def rarely(self) -> bool:
+        return bool(self.random.random() < 0.05)
+
+    def numbers(self, count: int, spread: float = 2.0) -> np.ndarray:
+        values = self.random.uniform(-spread, spread, count)
+        if self.rarely():
+            values[self.below(count)] = self.one_of(STRANGE)
+        return values
+
+    def circles(self) -> np.ndarray:
+        count = self.one_of((0, 1, 3, 10, 60, 200))
+        rows = self.random.uniform(-2.0, 2.0, (count, self.one_of((3, 5))))
+        rows[:, 2] = np.abs(rows[:, 2]) * self.one_of((0.02, 0.1, 1.0))
+        if count and self.rarely():
+            rows[self.below(count), self.below(rows.shape[1])] = self.one_of(STRANGE)
+        return rows
+
+    def solid(self) -> Any:
+        x, y = self.numbers(2)
+        match self.below(4):
+            case 0:
+                angles = np.sort(self.random.uniform(0, 2 * np.pi, self.one_of((3, 5, 20))))
+                size = self.one_of((1e-4, 0.1, 0.5, 50.0))
+                return kl.Polygon(
+                    np.stack([x + size * np.cos(angles), y + size * np.sin(angles)], 1)
+                )
+            case 1:
+                return kl.Wall(x, y, *self.numbers(2), thickness=abs(self.numbers(1, 0.3)[0]))
+            case 2:
+                return kl.Circle(x, y, abs(self.numbers(1, 0.3)[0]), *self.numbers(2))
+            case _:
+                shape = self.one_of(((1, 1), (3, 4), (30, 30), (1, 500)))
+                cells = self.random.random(shape) < self.one_of((0.0, 0.1, 0.5, 1.0))
+                side = self.one_of((1e-4, 0.01, 0.05, 1.0, 1e3))
+                return kl.OccupancyGrid(cells, side, (x, y, self.numbers(1)[0]))
+
+    def obstacles(self) -> Any:
+        if self.rarely():
+            return self.one_of(SHAPES)
+        if self.below(2):
+            return self.circles()
+        made = []
+        for _ in range(self.one_of((0, 1, 2, 5, 20))):
+            try:
+                made.append(self.solid())
+            except kl.ProblemError:
+                continue  # told where it is made
+        return made
+
+    def sent(self) -> Any:
+        return self.one_of((None, None, self.numbers(2), np.zeros(3))) if self.below(3) else None
+
+
+def fuzz(steps: int, seed: int) -> None:
+    """Drive all kinds of controllers through steps, with a new map and goal every few."""
+    sender = Sender(seed)
+    controllers = [kl.Controller(kl.nominal_unicycle(0.1), **kind) for kind in KINDS]
+    for number in range(steps):
+        controller = controllers[number % len(controllers)]
+        if number % 40 < len(controllers):
+            goal, obstacles = sender.numbers(3), sender.obstacles()
+            pose = sender.numbers(3, 1.0)
+        shown = sender.one_of(SHAPES) if sender.rarely() else obstacles
+        at = sender.numbers(3) if sender.rarely() else pose
+        begun = time.process_time()
+        try:
+            plan = controller.step(at, goal, shown, sent=sender.sent())
+        except ValueError:
+            continue
+        finally:
+            assert time.process_time() - begun < 5.0
+        low, high, _, _ = controller.problem.bounds
+        assert np.isfinite(plan.command).all(), (seed, number)
+        assert (plan.command >= low - 1e-9).all() and (plan.command <= high + 1e-9).all(), number
+        assert np.isfinite(plan.inputs).all() and np.isfinite(plan.states).all(), (seed, number)
+        assert plan.reason.isprintable() or "\n" in plan.reason
+        pose = plan.states[1]
+
+
+def test_fuzzed_steps_command_what_a_robot_can_do() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        fuzz(int(os.environ.get("KMPC_STEPS", "400")), seed=0)
+
+
+@pytest.mark.long
+def test_a_million_fuzzed_steps_too() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for seed in range(100):
+            fuzz(int(os.environ.get("KMPC_STEPS", "1000000")) // 100, seed=seed + 1)
