@@ -5,10 +5,16 @@ from __future__ import annotations
 import inspect
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 import kmpc_lite as kl
+
+ROOT = Path(__file__).parent.parent
 
 NEEDED = "import numpy, scipy.sparse, osqp"
 
@@ -107,3 +113,15 @@ def test_importing_costs_little_more_than_what_is_needed() -> None:
         f"{ours:.3f} s is {ours / needed:.2f} times the {needed:.3f} s of numpy, "
         "scipy.sparse and osqp"
     )
+
+
+def test_the_constraints_pin_all_that_the_package_asks_for() -> None:
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    pinned = dict(line.split("==") for line in lines if not line.startswith("#"))
+    versions = {canonicalize_name(name): version for name, version in pinned.items()}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    groups = [project["dependencies"], *project["optional-dependencies"].values()]
+    for wanted in (Requirement(text) for group in groups for text in group):
+        version = versions.get(canonicalize_name(wanted.name))
+        assert version is not None, f"{wanted.name} is not in constraints.txt: make constraints"
+        assert wanted.specifier.contains(version, prereleases=True), wanted

@@ -1,8 +1,8 @@
 """acados SQP_RTI with HPIPM: the same problem with the same soft obstacles, as generated C.
 
 acados is no dependency. `install` fetches the wheel ``comma-deps-acados`` (x86-64 Linux, acados
-0.2.2) into a folder of its own: the wheel brings a CasADi that would replace the real one, so that
-part is thrown away. A C compiler and make are needed.
+0.2.2), one version with one hash, into a folder of its own: the wheel brings a CasADi that would
+replace the real one, so that part is thrown away. A C compiler and make are needed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.peers.ipopt import symbolic_step
 from kmpc_lite.types import INPUTS, STATES, Array
 
-WHEEL = "comma-deps-acados"
+WHEEL = "comma-deps-acados==0.2.2.post92"
+WHEEL_HASH = "sha256:fb317ea65c68d410e19b46f824c333203a097d02dac6fbbdc1f378c2b32b456f"
+"""The one file that was tested: it brings programs that are run, so no other is installed."""
 FAR_AWAY = (1e3, 1e3, 0.0, 0.0, 0.0)
 
 
@@ -62,22 +64,15 @@ def install(folder: Path | None = None) -> Path:
     Raises
     ------
     KmpcError
-        Where pip fails; with pip's last line.
+        Where pip fails, as for a wheel of another hash; with pip's last line.
     """
     target = folder or default_folder()
     target.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=target.parent) as scratch:
-        command = [
-            sys.executable,
-            "-m",
-            "pip",
-            "install",
-            "--quiet",
-            "--no-deps",
-            "--target",
-            scratch,
-            WHEEL,
-        ]
+        wanted = Path(scratch) / "wanted.txt"
+        wanted.write_text(f"{WHEEL} --hash={WHEEL_HASH}\n", encoding="ascii")
+        checked = ("--no-deps", "--only-binary=:all:", "--require-hashes", "-r", str(wanted))
+        command = [sys.executable, "-m", "pip", "install", "--quiet", *checked, "--target", scratch]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             raise KmpcError(

@@ -35,6 +35,22 @@ def test_limits_on_the_change_of_commands_are_refused() -> None:
     assert "\n" not in str(caught.value)
 
 
+def test_only_the_wheel_that_was_tested_is_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+
+    def pip(command: list[str], **options: Any) -> subprocess.CompletedProcess[str]:
+        asked.extend([*command, Path(command[command.index("-r") + 1]).read_text()])
+        return subprocess.CompletedProcess(command, 1, "", "ERROR: THESE PACKAGES DO NOT MATCH")
+
+    monkeypatch.setattr(acados.subprocess, "run", pip)
+    with pytest.raises(kl.KmpcError, match="DO NOT MATCH"):
+        acados.install(tmp_path / "cache" / "acados")
+    assert {"--require-hashes", "--only-binary=:all:", "--no-deps"} <= set(asked)
+    assert asked[-1].startswith("comma-deps-acados==") and " --hash=sha256:" in asked[-1]
+
+
 def test_a_failed_installation_is_told_in_pips_last_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
