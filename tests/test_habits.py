@@ -13,8 +13,6 @@ FILES = sorted(
     path for room in ("kmpc_lite", "firmware_bridge") for path in (ROOT / room).rglob("*.py")
 )
 LINES, FUNCTION = 300, 60
-BEING_DIVIDED = ("kmpc_lite/control/", "kmpc_lite/learn/")
-"""Rooms whose files are at present being divided."""
 REASON = "# long: "
 """Stands beside the `def` of a function that is longer for a reason, with the reason."""
 LONG_FILES = {
@@ -27,27 +25,23 @@ LONG_FILES = {
     "firmware_bridge/runtime/loop.py": 400,
     "kmpc_lite/adaptation/online.py": 350,
     "kmpc_lite/bench/measure.py": 325,
+    # a quarter is the docstring of the controller's arguments, another how it is built of its rooms
+    "kmpc_lite/control/controller.py": 375,
+    # one step in the order in which it happens, each stage a method
+    "kmpc_lite/control/pipeline.py": 375,
+    "kmpc_lite/learn/dataset.py": 350,
+    "kmpc_lite/learn/regression.py": 325,
+    "kmpc_lite/learn/selection.py": 350,
     "kmpc_lite/model/dictionary.py": 425,
     "kmpc_lite/model/koopman.py": 475,
     "kmpc_lite/peers/acados.py": 350,
-    "kmpc_lite/report/html.py": 375,
-    "kmpc_lite/report/map_parts.py": 325,
-    "kmpc_lite/report/maps.py": 350,
-    "kmpc_lite/report/pictures.py": 450,
 }
 """Files that are still to be divided, and how many lines they may have until then."""
 LONG_FUNCTIONS = {
     "firmware_bridge/experiments/trials.py:drive_trial": 80,
-    "kmpc_lite/cli/bench.py:add_options": 90,
-    "kmpc_lite/cli/fit.py:add_options": 80,
     "kmpc_lite/peers/acados.py:_build": 80,
     "kmpc_lite/peers/acados.py:step": 70,
-    "kmpc_lite/report/map_parts.py:draw_scenario": 90,
     "kmpc_lite/report/maps.py:overlay_picture": 70,
-    "kmpc_lite/report/pictures.py:errors_picture": 70,
-    "kmpc_lite/report/pictures.py:timing_picture": 70,
-    "kmpc_lite/report/pictures.py:fit_picture": 70,
-    "kmpc_lite/sim/closed_loop.py:drive": 70,
 }
 """Functions that are still to be divided."""
 
@@ -70,17 +64,14 @@ def functions(text: str) -> list[ast.FunctionDef | ast.AsyncFunctionDef]:
     return [node for node in tree if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
 
 
-SETTLED = [path for path in FILES if not name_of(path).startswith(BEING_DIVIDED)]
-
-
 def test_files_are_short() -> None:
-    for path in SETTLED:
+    for path in FILES:
         lines = path.read_text(encoding="utf-8").splitlines()
         assert len(lines) <= LONG_FILES.get(name_of(path), LINES), name_of(path)
 
 
 def test_functions_are_short_or_say_why_not() -> None:
-    for path in SETTLED:
+    for path in FILES:
         text = path.read_text(encoding="utf-8")
         lines = text.splitlines()
         for function in functions(text):

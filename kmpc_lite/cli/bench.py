@@ -21,7 +21,7 @@ QUALITY_STEPS = 50
 OBSTACLES = 4
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of options
     """Add what `run` reads."""
     add = parser.add_argument
     add(

@@ -26,7 +26,7 @@ DICTIONARIES = {
 }
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of options
     """Add what `run` reads."""
     add_log_options(parser)
     add_force(parser)

@@ -106,7 +106,7 @@ class Controller:
     ('SOLVED', array([0.6, 0. ]))
     """
 
-    def __init__(
+    def __init__(  # long: builds the rooms, one after the other
         self,
         model: KoopmanModel,
         problem: NavigationProblem | None = None,

@@ -16,7 +16,8 @@ from kmpc_lite.scale import Scale
 from kmpc_lite.types import INPUTS, STATES, Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.obstacles.solids import Nearby, Solids
+    from kmpc_lite.control.obstacles.nearby import Nearby
+    from kmpc_lite.control.obstacles.solids import Solids
 
 
 @dataclass(slots=True)

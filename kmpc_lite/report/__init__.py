@@ -5,13 +5,11 @@ Matplotlib (``pip install 'kmpc-lite[plot]'``) is needed only when something is 
 
 from kmpc_lite.report.html import write_report
 from kmpc_lite.report.maps import map_picture, overlay_picture
-from kmpc_lite.report.pictures import (
-    commands_picture,
-    errors_picture,
-    fit_picture,
-    timing_picture,
-    write_pictures,
-)
+from kmpc_lite.report.pictures.commands import commands_picture
+from kmpc_lite.report.pictures.errors import errors_picture
+from kmpc_lite.report.pictures.files import write_pictures
+from kmpc_lite.report.pictures.fit import fit_picture
+from kmpc_lite.report.pictures.timing import timing_picture
 
 __all__ = [
     "commands_picture",

@@ -19,7 +19,7 @@ from kmpc_lite.report.made_by import made_rows
 from kmpc_lite.report.model_section import fit_section, held_out
 from kmpc_lite.report.option_rows import option_rows
 from kmpc_lite.report.page import MOVING_CAPTION, PAGE
-from kmpc_lite.report.pictures import run_pictures
+from kmpc_lite.report.pictures.files import run_pictures
 from kmpc_lite.report.scenario_rows import robot_rows, scenario_rows
 from kmpc_lite.report.style import render, write_picture
 from kmpc_lite.report.words import (

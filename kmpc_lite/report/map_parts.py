@@ -1,4 +1,4 @@
-"""What maps are made of: area, obstacles, footprints, and labels that find their own place."""
+"""What maps are made of: area, obstacles, footprints."""
 
 from __future__ import annotations
 
@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kmpc_lite.control.obstacles.circles import Circle
+from kmpc_lite.report.map_labels import TALLEST, Labels, write
 from kmpc_lite.report.solid_parts import draw_solids
-from kmpc_lite.report.style import BLUE, GREEN, INK, RED, SMALL, WIDTH, new_figure
+from kmpc_lite.report.style import BLUE, GREEN, INK, RED, WIDTH, new_figure
 from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-TALLEST = 7.0
-"""Of a map's axes [in]."""
 
 
 def map_axes(view: Array) -> tuple[Figure, Any]:
@@ -41,31 +39,8 @@ def draw_scenario(axes: Any, scenario: Scenario, times: Array, labels: Labels) -
     Moving obstacles are drawn at the start and at `times` [s].
     """
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Rectangle
 
-    x_min, y_min, x_max, y_max = scenario.bounds
-    side: dict[str, Any] = {"linewidth": 1.2, "linestyle": "-."}
-    axes.add_patch(
-        Rectangle(
-            (x_min, y_min),
-            x_max - x_min,
-            y_max - y_min,
-            fill=False,
-            edgecolor=INK,
-            zorder=1,
-            **side,
-        )
-    )
-    along = np.linspace(0.0, 1.0, 50)[:, None]
-    corners = np.array(
-        [(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max), (x_min, y_min)]
-    )
-    labels.avoid_lines(
-        np.concatenate(
-            [(1.0 - along) * a + along * b for a, b in zip(corners[:-1], corners[1:], strict=True)]
-        )
-    )
-    handles = [Line2D([], [], color=INK, label="area bounds", **side)]
+    handles = [_draw_area(axes, scenario, labels)]
     dot: dict[str, Any] = {
         "linestyle": "none",
         "marker": "o",
@@ -95,6 +70,44 @@ def draw_scenario(axes: Any, scenario: Scenario, times: Array, labels: Labels) -
         handles.append(
             Line2D([], [], markerfacecolor="#e4e4e4", label="moving, at the start", **dot)
         )
+    handles.append(_draw_goal(axes, scenario, labels))
+    return handles
+
+
+def _draw_area(axes: Any, scenario: Scenario, labels: Labels) -> Any:
+    """Draw the sides of the area; returns their legend entry."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Rectangle
+
+    x_min, y_min, x_max, y_max = scenario.bounds
+    side: dict[str, Any] = {"linewidth": 1.2, "linestyle": "-."}
+    axes.add_patch(
+        Rectangle(
+            (x_min, y_min),
+            x_max - x_min,
+            y_max - y_min,
+            fill=False,
+            edgecolor=INK,
+            zorder=1,
+            **side,
+        )
+    )
+    along = np.linspace(0.0, 1.0, 50)[:, None]
+    corners = np.array(
+        [(x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max), (x_min, y_min)]
+    )
+    labels.avoid_lines(
+        np.concatenate(
+            [(1.0 - along) * a + along * b for a, b in zip(corners[:-1], corners[1:], strict=True)]
+        )
+    )
+    return Line2D([], [], color=INK, label="area bounds", **side)
+
+
+def _draw_goal(axes: Any, scenario: Scenario, labels: Labels) -> Any:
+    """Draw the goal, its tolerance and its heading; returns their legend entry."""
+    from matplotlib.lines import Line2D
+
     goal = np.array(scenario.goal)
     disc(
         axes,
@@ -110,19 +123,16 @@ def draw_scenario(axes: Any, scenario: Scenario, times: Array, labels: Labels) -
     _arrow(axes, goal, goal_front(scenario), GREEN, 1.8)
     labels.avoid(goal, scenario.radius)
     labels.avoid(goal_front(scenario), 0.2 * scenario.radius)
-    handles.append(
-        Line2D(
-            [],
-            [],
-            color=GREEN,
-            marker="o",
-            markerfacecolor="none",
-            linestyle="none",
-            markersize=9,
-            label="goal pose",
-        )
+    return Line2D(
+        [],
+        [],
+        color=GREEN,
+        marker="o",
+        markerfacecolor="none",
+        linestyle="none",
+        markersize=9,
+        label="goal pose",
     )
-    return handles
 
 
 def goal_front(scenario: Scenario) -> Array:
@@ -166,7 +176,7 @@ def _draw_moving(axes: Any, circle: Circle, times: Array, labels: Labels) -> Non
                 linestyle=":",
                 zorder=2.4,
             )
-            _write(axes, point, f"{time:.4g} s", fontsize=7, color="#444444")
+            write(axes, point, f"{time:.4g} s", fontsize=7, color="#444444")
             labels.avoid(point, circle.radius)
     _arrow(axes, centre, centre + (end + 1.5 * circle.radius / speed) * velocity, "#555555", 0.9)
 
@@ -224,82 +234,3 @@ def _arrow(axes: Any, start: Any, end: Any, colour: str, width: float) -> None:
             zorder=5.5,
         )
     )
-
-
-def _write(axes: Any, where: Array, text: str, **look: Any) -> None:
-    """Text in the middle of a place, with a white rim so that it stays legible on lines."""
-    from matplotlib.patheffects import withStroke
-
-    written = axes.text(*where, text, ha="center", va="center", zorder=8, clip_on=True, **look)
-    written.set_path_effects([withStroke(linewidth=2.5, foreground="white")])
-
-
-class Labels:
-    """Puts short texts beside things, where the least lies under them.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Written on.
-    view : ndarray
-        (2, 2) what they show [m].
-    points : ndarray
-        (n, 2) of lines to stay away from [m].
-    """
-
-    def __init__(self, axes: Any, view: Array, points: Array) -> None:
-        self._axes, self._view = axes, view
-        width, height = view[1] - view[0]
-        self._metres_per_point = float(width) / (72.0 * min(WIDTH - 0.9, TALLEST * width / height))
-        self._points = points[:: max(1, len(points) // 300)]
-        self._discs: list[tuple[Array, float]] = []
-
-    def avoid(self, centre: Any, radius: float) -> None:
-        """Keep later texts away from a disc."""
-        self._discs.append((np.array(centre[:2], dtype=float), radius))
-
-    def avoid_lines(self, points: Array) -> None:
-        """Keep later texts away from points (n, 2) of lines."""
-        self._points = np.concatenate([self._points, points[np.isfinite(points).all(axis=1)]])
-
-    def put(self, text: str, centre: Any, radius: float, bold: bool = False) -> None:
-        """Write beside a disc of `radius` [m] around `centre`."""
-        letter = SMALL * self._metres_per_point
-        half = np.array([0.32 * len(text), 0.55]) * letter
-        point = np.array(centre[:2], dtype=float)
-        best, where, leader = -np.inf, point, None
-        for away in range(5):
-            for direction in np.linspace(0.0, 2 * np.pi, 16, endpoint=False):
-                unit = np.array([np.cos(direction), np.sin(direction)])
-                # far enough that the text's box just stays outside the disc
-                gap, inside = (
-                    (0.35 + 1.2 * away) * letter,
-                    float(np.min(half / np.maximum(np.abs(unit), 1e-9))),
-                )
-                spot = point + (radius + gap + inside) * unit
-                # a place farther off must be worth it
-                merit = self._room(spot, half, 0.8 * letter) - 0.6 * away * letter
-                if merit > best + 1e-9:
-                    best, where = merit, spot
-                    leader = (
-                        np.array([point + radius * unit, point + (radius + gap) * unit])
-                        if away
-                        else None
-                    )
-        if leader is not None:
-            self._axes.plot(leader[:, 0], leader[:, 1], color=INK, linewidth=0.8, zorder=6.5)
-        _write(self._axes, where, text, fontsize=SMALL, fontweight="bold" if bold else "normal")
-        for x in (-0.6, 0.0, 0.6):
-            self._discs.append((where + half * np.array([x, 0.0]), float(half[1])))
-
-    def _room(self, spot: Array, half: Array, enough: float) -> float:
-        """Distance [m] from a box of half sizes (2,) to the nearest thing, at most `enough`."""
-        box = spot + half * np.array([[x, y] for x in (-1, -0.5, 0, 0.5, 1) for y in (-1, 0, 1)])
-        if (box < self._view[0]).any() or (box > self._view[1]).any():
-            return -np.inf
-        free = float(
-            np.min(np.hypot(*(self._points[:, None] - box).transpose(2, 0, 1)), initial=enough)
-        )
-        for other, size in self._discs:
-            free = min(free, float(np.hypot(*(box - other).T).min()) - size)
-        return free

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.errors import KmpcError
-from kmpc_lite.report.map_parts import Labels, cross, draw_scenario, footprint, goal_front, map_axes
+from kmpc_lite.report.map_labels import Labels
+from kmpc_lite.report.map_legends import PLAN, robot_handles, series_handles
+from kmpc_lite.report.map_parts import cross, draw_scenario, footprint, goal_front, map_axes
 from kmpc_lite.report.solid_parts import solid_points
-from kmpc_lite.report.style import BLUE, INK, LINES, ORANGE, RED, legend_below, style
+from kmpc_lite.report.style import BLUE, INK, LINES, ORANGE, legend_below, style
 from kmpc_lite.report.words import clearance_words, outcome_title, substeps
 from kmpc_lite.sim.closed_loop import Outcome, Run
 from kmpc_lite.sim.scenario.files import Scenario
@@ -24,7 +26,6 @@ NICE_TIMES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.
 ENOUGH, MOMENTS = 4, 8
 """So many footprints between start and end are aimed at, and are the most."""
 NO_DISTANCES = np.empty((1, 0)), np.empty((1, 0, 2))
-PLAN: dict[str, Any] = {"color": ORANGE, "linewidth": 1.4, "linestyle": (0, (4, 1.5))}
 
 
 def map_picture(run: Run) -> Figure:
@@ -85,7 +86,7 @@ def map_picture(run: Run) -> Figure:
                 f"collision, {run.duration:.4g} s", point, 0.5 * run.scenario.radius, bold=True
             )
         axes.set_title(f"{outcome_title(run)}, {clearance_words(run)}")
-        legend_below(figure, [*_robot_handles(), *handles])
+        legend_below(figure, [*robot_handles(), *handles])
     return figure
 
 
@@ -162,7 +163,7 @@ def overlay_picture(runs: Sequence[Run], labels: Sequence[str]) -> Figure:
         )
         legend_below(
             figure,
-            [*_series_handles(names, list(labels), counts), *handles],
+            [*series_handles(names, list(labels), counts), *handles],
             2 if max(map(len, names)) > 14 else 3,
         )
     return figure
@@ -259,64 +260,3 @@ def _contact(run: Run, index: int) -> Array:
     hit = int(np.argmin(distances[0]))
     point: Array = here[0] - distances[0, hit] * normals[0, hit]
     return point
-
-
-def _robot_handles() -> list[Any]:
-    from matplotlib.lines import Line2D
-
-    return [
-        Line2D([], [], color=BLUE, linewidth=2.8, label="driven path"),
-        Line2D([], [], **PLAN, label="plan at that time"),
-        Line2D(
-            [],
-            [],
-            color=BLUE,
-            marker="o",
-            markerfacecolor="#cfe4f3",
-            linestyle="none",
-            markersize=9,
-            label="robot, heading",
-        ),
-    ]
-
-
-def _series_handles(names: list[str], labels: list[str], counts: list[int]) -> list[Any]:
-    """Legend entries: the runs' labels, and how runs ended (reached, collided, out of time)."""
-    from matplotlib.lines import Line2D
-
-    entries = []
-    for i, name in enumerate(names):
-        colour, line, marker = LINES[i % len(LINES)]
-        count = labels.count(name)
-        # a label that begins with an underscore would be left out of the legend
-        text = (f" {name}" if name.startswith("_") else name) + (f" ({count})" if count > 1 else "")
-        entries.append(
-            Line2D([], [], color=colour, linestyle=line, marker=marker, markersize=5, label=text)
-        )
-    if counts[1]:
-        entries.append(
-            Line2D(
-                [],
-                [],
-                color=RED,
-                marker="X",
-                markeredgecolor="white",
-                linestyle="none",
-                markersize=9,
-                label="collision",
-            )
-        )
-    if counts[2]:
-        entries.append(
-            Line2D(
-                [],
-                [],
-                color=INK,
-                marker="o",
-                markerfacecolor="white",
-                linestyle="none",
-                markersize=5,
-                label="out of time",
-            )
-        )
-    return entries

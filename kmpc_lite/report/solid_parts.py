@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
+from kmpc_lite.control.obstacles.outlines import corners_of
 from kmpc_lite.control.obstacles.scene import Solid
 from kmpc_lite.control.obstacles.shapes import Wall
-from kmpc_lite.control.obstacles.solids import corners_of
 from kmpc_lite.report.style import INK
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.report.map_parts import Labels
+    from kmpc_lite.report.map_labels import Labels
 
 SOLID_LOOK: dict[str, Any] = {"facecolor": "#a9a9a9", "edgecolor": INK, "linewidth": 0.9}
 MOST_POINTS = 2000

@@ -137,3 +137,14 @@ def write_picture(path: Path, content: bytes) -> None:
             file.write(content)
     except OSError as error:
         raise KmpcError(f"{path}: cannot write: {error.strerror or error}") from error
+
+
+def plain_log_ticks(axis: Any) -> None:
+    """Ticks at 1, 2, 5 in plain numbers, not as powers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axis.get_view_interval()
+    wide = high / low > 1e3
+    axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())

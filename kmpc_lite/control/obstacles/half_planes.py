@@ -15,7 +15,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.obstacles.solids import Nearby
+    from kmpc_lite.control.obstacles.nearby import Nearby
 
 NO_SOLIDS_AHEAD = np.zeros(2), np.empty(0), np.empty((0, 2))
 """`Clearances.solids_ahead` where there are no solids."""

@@ -74,16 +74,7 @@ class OccupancyGrid:
             raise ProblemError(
                 f"grid: expected numbers (height, width), got {cells.dtype} of shape {cells.shape}"
             )
-        if (
-            isinstance(resolution, bool)
-            or not isinstance(resolution, int | float | np.number)
-            or not 0.0 < resolution < np.inf
-        ):
-            raise ProblemError(f"grid: expected a resolution > 0 m, got {resolution!r}")
-        if not limits.cell <= resolution <= FARTHEST:
-            raise ProblemError(
-                f"grid: expected a resolution of at least {limits.cell:g} m, got {resolution:g} m"
-            )
+        _check_resolution(resolution, limits)
         if place.shape not in ((2,), (3,)) or not (np.abs(place) <= FARTHEST).all():
             raise ProblemError(f"grid: expected a finite origin x, y, yaw, got {place.tolist()}")
         if not 0.0 < threshold <= 100.0:
@@ -97,11 +88,8 @@ class OccupancyGrid:
                 f"grid: expected values from -1 to 100, got {cells.min()} to {cells.max()}"
             )
         self.resolution = float(resolution)
-        self.origin = (
-            float(place[0]),
-            float(place[1]),
-            float(place[2]) if len(place) == 3 else 0.0,
-        )
+        x, y, *heading = map(float, place)
+        self.origin = (x, y, heading[0] if heading else 0.0)
         self.unknown = cells < 0
         """(height, width) whether nothing is known."""
         self.occupied: NDArray[np.bool_] = cells >= threshold
@@ -196,6 +184,20 @@ class OccupancyGrid:
         """Matrix (2, 2) that turns rows of the grid's frame into the map's."""
         cos, sin = np.cos(self.origin[2]), np.sin(self.origin[2])
         return np.array([[cos, sin], [-sin, cos]])
+
+
+def _check_resolution(resolution: float, limits: ObstacleOptions) -> None:
+    """Raise ProblemError where the side of a cell is none, or finer or coarser than allowed."""
+    if (
+        isinstance(resolution, bool)
+        or not isinstance(resolution, int | float | np.number)
+        or not 0.0 < resolution < np.inf
+    ):
+        raise ProblemError(f"grid: expected a resolution > 0 m, got {resolution!r}")
+    if not limits.cell <= resolution <= FARTHEST:
+        raise ProblemError(
+            f"grid: expected a resolution of at least {limits.cell:g} m, got {resolution:g} m"
+        )
 
 
 def _runs(occupied: NDArray[np.bool_]) -> int:

@@ -19,7 +19,8 @@ from kmpc_lite.control.options import ObstacleOptions
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.obstacles.solids import Nearby, Solids
+    from kmpc_lite.control.obstacles.nearby import Nearby
+    from kmpc_lite.control.obstacles.solids import Solids
 
 SOLID = (Polygon, Wall, OccupancyGrid)
 Solid = Polygon | Wall | OccupancyGrid

@@ -44,7 +44,7 @@ from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.obstacles.solids import Nearby
+    from kmpc_lite.control.obstacles.nearby import Nearby
 
 NO_SOLIDS = np.zeros(2), np.empty(0), np.empty((0, 2))
 """`StopTask.solids_ahead` where there are none."""

@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kmpc_lite as kl
+from kmpc_lite.control.obstacles.boxes import BEHIND, GRID_COLUMNS
 from kmpc_lite.control.obstacles.scene import Scene, SceneState, Solid
-from kmpc_lite.control.obstacles.solids import BEHIND, GRID_COLUMNS, Solids
+from kmpc_lite.control.obstacles.solids import Solids
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 

@@ -1,0 +1,1 @@
+"""Pictures over time: commands, errors, step times; and how well the model predicts."""
