@@ -141,7 +141,7 @@ def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) 
         _input(vehicle).close()
         vehicle.wait()
         stood = _standstill(trace, script.stopped)
-        return Trial(script.late, stood, script.obeyed - pressed, read)
+        return Trial(script.late, stood, max(0.0, script.obeyed - pressed), read)
 
 
 def _ahead(state: State) -> VelocityCommand:

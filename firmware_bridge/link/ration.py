@@ -1,4 +1,4 @@
-"""How much of a processor a reader may use: a flood then waits, and the safety gate does not."""
+"""How much a reader may take in: a flood then waits, and the safety gate does not."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from collections.abc import Callable
 
 SHARE = 1.0 / 3.0
 """Share of one core that taking in one link may use for long; telemetry at 40 Hz needs 0.02."""
+BYTES = 1e6
+"""Bytes per second that may be read for long: ten times the fastest serial line. Whatever is read
+is recorded, and no flood is to fill the disk."""
 BURST = 0.01
 """Work that may be done at once after a pause [s]: half a period of the gate."""
 
@@ -29,7 +32,7 @@ class Ration:
     >>> ration = Ration(lambda: now[0], lambda: spent[0])
     >>> ration.begin()
     >>> spent[0] = 0.03
-    >>> ration.end()
+    >>> ration.end(100)
     >>> round(ration.rest(), 3)
     0.06
     >>> now[0] = 0.07
@@ -49,10 +52,10 @@ class Ration:
         """Begin to work."""
         self._from = self._work()
 
-    def end(self) -> None:
-        """Count the work since `begin`."""
+    def end(self, size: int) -> None:
+        """Count the work since `begin`, or the bytes that were read where these weigh more."""
         self._refill()
-        self._credit -= self._work() - self._from
+        self._credit -= max(self._work() - self._from, SHARE * size / BYTES)
 
     def rest(self) -> float:
         """How long to read nothing [s]."""

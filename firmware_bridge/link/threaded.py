@@ -194,7 +194,7 @@ class ThreadedTransport:
             if data:
                 self._counters["bytes_in"] += len(data)
                 self._on_bytes(data, time.monotonic())
-            self._ration.end()
+            self._ration.end(len(data))
         self._send()
 
     def _poll(

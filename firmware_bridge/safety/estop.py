@@ -16,6 +16,7 @@ from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
+from firmware_bridge.link.ration import Ration
 from firmware_bridge.safety.gate_table import GateState
 from firmware_bridge.safety.latch import is_latched, latch_file, set_latch
 from firmware_bridge.safety.listener import Listener, check_path
@@ -133,14 +134,19 @@ class EmergencyStop:
     def _serve(self) -> None:
         """Hear all clients at once; none of them can keep another waiting."""
         assert self._listener is not None
+        ration = Ration()
         with selectors.DefaultSelector() as selector:
             selector.register(self._listener.socket, selectors.EVENT_READ)
             while not self._quit.is_set():
+                ration.begin()
                 try:
                     self._turn(selector)
                 except Exception as error:  # nothing that a client does may end this thread
                     self._astray = f"emergency stop: {type(error).__name__}: {error}"
                     self._quit.wait(POLL)
+                ration.end(0)
+                if rest := ration.rest():  # whoever connects without end must not hold up the gate
+                    self._quit.wait(min(rest, POLL))
             for client in list(self._clients):
                 self._drop(client, selector)
 

@@ -36,7 +36,8 @@ def bridge(name):
     def gate():
         while not done.wait(0.001):
             words = stop.take()
-            asked.extend(sorted(words))
+            # a stop comes by its latch, and by its word
+            asked.extend(word for word in sorted(words) if asked[-1:] != [word])
             if "stop" in words:
                 stop.tell(GateState.ESTOP)
             elif "reset" in words:

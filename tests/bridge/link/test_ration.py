@@ -5,7 +5,7 @@ import socket
 import threading
 import time
 
-from firmware_bridge.link.ration import BURST, SHARE, Ration
+from firmware_bridge.link.ration import BURST, BYTES, SHARE, Ration
 from firmware_bridge.link.sockets import DATAGRAM_BYTES, READ_BYTES, TcpPort, UdpEndpoint, UdpPort
 from firmware_bridge.link.threaded import Endpoint, ThreadedTransport
 
@@ -18,14 +18,26 @@ def test_work_never_exceeds_its_share_and_a_stutter_costs_nothing():
         took = (0.001, 0.004, 0.0002)[slice_ % 3]
         spent[0] += took
         now[0] += took + (0.2 if slice_ % 100 == 0 else 0.0)  # the machine was busy elsewhere
-        ration.end()
+        ration.end(1000)
         rest = ration.rest()
         assert rest <= 0.004 / SHARE + 1e-9
         now[0] += rest
         assert spent[0] <= SHARE * (now[0] - 100.0) + BURST + 0.005
     ration.begin()
-    ration.end()
+    ration.end(0)
     assert ration.rest() == 0.0
+
+
+def test_bytes_that_cost_no_work_are_bounded_too():
+    """Noise that is soon thrown away came at 50 MB/s, into the record of the link as well."""
+    now, size = [100.0], 0
+    ration = Ration(lambda: now[0], lambda: 0.0)
+    for _ in range(5000):
+        ration.begin()
+        ration.end(READ_BYTES)
+        size += READ_BYTES
+        now[0] += ration.rest() + 1e-6
+    assert size <= BYTES * (now[0] - 100.0) + BYTES * BURST / SHARE + READ_BYTES
 
 
 class Pair(Endpoint):
