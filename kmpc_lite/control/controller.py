@@ -66,14 +66,15 @@ class Controller:
     adaptation : bool or OnlineAdaptation, optional
         Whether to correct the model while driving where the floor contradicts it. Where not given,
         it runs where there are learned margins and the model is continuous. `adaptation.model` is
-        the model now, to be saved. One of your own must have been made for `model`.
+        the corrected model, which can be saved. An `OnlineAdaptation` must have been made for
+        `model`.
     pose_age : float
         How old the pose is on arrival [s]; it is brought forward with the commands given meanwhile.
     sqp_iterations : int
         Passes per step: 1 is the real-time iteration, more run until the plan changes by less than
         `tolerance`.
     tolerance : float
-        See above.
+        Change of the plan from pass to pass below which no more passes are run.
     time_budget : float, optional
         Longest that a step may take [s]. Passes that would not end in time are not begun, and the
         QP solver is stopped; what it has by then is used if it passes the checks (FEASIBLE).
@@ -193,8 +194,8 @@ class Controller:
             as the same or equal objects.
         sent : array_like, optional
             Mean command (2,) of the past period where it was not the last plan's: from a gate with
-            acceleration limits, or a pilot. What is learned while driving would else take these for
-            the floor. NaN where nobody knows it: nothing is learned from that period.
+            acceleration limits, or a pilot. Adaptation would else take the difference for an effect
+            of the floor. NaN where nobody knows it: adaptation leaves that period out.
 
         Returns
         -------
@@ -259,7 +260,7 @@ class Controller:
         self._know(self._learned, self._learned)
 
     def update_model(self, model: KoopmanModel) -> None:
-        """Take over another model of the same robot between two steps.
+        """Replace the model by another one of the same robot, between two steps.
 
         Raises
         ------
@@ -279,7 +280,7 @@ class Controller:
             self._known.margins.drift_detector.carry_over(self._state.drift, before.drift_detector)
 
     def _learn(self, seen: Observation) -> str:
-        """Show the past period to the adaptation; why the model cannot be used, if so."""
+        """Adapt to the past period; return why the model cannot be used, empty where it can."""
         if self.adaptation is None:
             return ""
         model = adapt(self.adaptation, self._state.history, seen.pose, self.scale)
@@ -298,7 +299,7 @@ class Controller:
         if self._guide is not None:
             capabilities = self._learned_capabilities(base, margins)
             if adapted:
-                # what is learned while driving tells of speeds only
+                # adaptation corrects speeds; all else stays as the learned model says
                 from kmpc_lite.control.guidance.capabilities import drivable_speeds
 
                 speeds = drivable_speeds(motion, units, options.guidance)

@@ -45,7 +45,7 @@ class Observation:
 
     @property
     def pose_is_known(self) -> bool:
-        """Whether the measured pose can be meant."""
+        """Whether the measured pose is plausible."""
         return is_plausible(self.pose)
 
     def place(self, scene: Scene, state: SceneState) -> None:

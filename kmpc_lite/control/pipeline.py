@@ -1,7 +1,8 @@
 """What a step does, phase by phase: estimate, guide, solve, verify, command.
 
-The pipeline holds the rooms and what follows from model and problem; what is remembered lies in the
-`ControllerState` that every phase gets. All is in the robot's units.
+The pipeline holds what follows from problem and options. What a drive has to remember lies in the
+`ControllerState`, what follows from the model in `Knowledge`; every phase gets both. All numbers
+are in the robot's units.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from kmpc_lite.control.guidance.reference import Guidance
 
 FORGETTING = 0.95
-"""What the longest time after a solve that is remembered keeps of itself per step."""
+"""Factor per step by which the remembered time that the work after a solve takes shrinks."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -116,7 +117,7 @@ class Pipeline:
             observe_drift(known.margins.drift_detector, state.drift, state.history, seen.here)
 
     def bring_forward(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
-        """Correct what was sent, and bring an old pose forward over its age."""
+        """Note what was really sent in the command history; bring an old pose forward."""
         if seen.sent is not None:
             state.history.correct(seen.sent, known.model, self._problem)
         if self._pose_age:
@@ -209,7 +210,7 @@ class Pipeline:
         verified = self._verification.check(result, seen, task)
         state.trajectory = verified.trajectory
         took = clock.lap("verify") + LEAST_AFTER_SOLVE
-        # learned from the steps before, quickly upwards
+        # the longest of the recent steps counts: it grows at once and shrinks slowly
         state.after_solve = max(took, FORGETTING * state.after_solve)
         return verified
 
@@ -291,14 +292,14 @@ class Pipeline:
         here = seen.pose if seen.pose_is_known else state.backup.expected
         blocked = False
         if rest is not None and here is not None:
-            # from where the robot is, if that is known: what has happened since counts too
+            # checked again from where the robot is now, and against the obstacles that are seen now
             states = self._stops.rollout(known.model, here, rest, state.history.commands)
             blocked = not self._verification.clearance(states, seen) >= 0.0
             if not blocked and np.isfinite(states).all():
                 return self._replay(state, seen, states, rest, reason, clock, passes)
         state.trajectory = None
-        # where the ramp ends in an obstacle, a robot without lag can still stand; one with lag has
-        # asked for all that it has
+        # where the stop trajectory would end in an obstacle, zero is commanded at once: a robot
+        # without lag stands, and one with lag brakes as hard as it can
         command = self._backup.brake(state.backup, at_once=blocked)
         if self._rates.active:
             command = self._rates.limit(command, state.history.command)

@@ -22,7 +22,8 @@ class PlanStatus(Enum):
     SOLVED = "solved"
     """The QP was solved to its tolerance and the plan passed its checks."""
     FEASIBLE = "feasible"
-    """The solver was stopped early; what it had passed the checks."""
+    """The plan passed its checks, but the solver was stopped early or did not converge, or the plan's
+    states contradicted the model and were rolled out anew."""
     FALLBACK = "fallback"
     """No usable solution: the stop trajectory of the last good plan is driven."""
     STOPPED = "stopped"

@@ -28,9 +28,9 @@ class ControllerState:
     """
 
     base_model: KoopmanModel
-    """Learned."""
+    """The model as it was learned."""
     model: KoopmanModel
-    """In use: the learned one, or that with gains learned while driving."""
+    """The model in use: the learned one, or that one as corrected by adaptation."""
     history: CommandHistory
     """Commands sent, and the past period."""
     scene: SceneState
@@ -48,6 +48,6 @@ class ControllerState:
     trajectory: Trajectory | None = None
     """Last plan: the warm start of the next step."""
     adaptation: AdaptationState | None = None
-    """Of learning while driving."""
+    """Of adaptation; None without it."""
     after_solve: float = 0.0
-    """How long a step has taken after its QP lately [s]; it matters where there is a budget."""
+    """How long the work after a QP has taken lately [s]; a time budget leaves so much for it."""

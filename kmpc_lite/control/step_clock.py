@@ -26,7 +26,7 @@ class StepClock:
         self._phases: dict[str, float] = {}
 
     def lap(self, phase: str) -> float:
-        """End a phase; how long it has taken [s]."""
+        """End a phase, and return how long it has taken [s]."""
         now = self._clock()
         took, self._last = now - self._last, now
         self._phases[phase] = took

@@ -27,9 +27,9 @@ class Verified(NamedTuple):
     """A solver's answer after its checks."""
 
     trajectory: Trajectory | None
-    """What the next step starts from; none where there is nothing usable in it."""
+    """What the next step is warm started from; None where the answer is of no use."""
     stop: StopTrajectory | None
-    """What follows the plan if there is no other; none where the plan must not be driven."""
+    """What is driven next if no other plan is found; None: the plan must not be driven."""
     expected: Array
     """(3,) pose at the end of the coming period."""
     reason: str
@@ -59,7 +59,7 @@ class Verification:
         self._stops, self._rates = stops, RateLimit(problem)
 
     def check(self, result: SQPResult, seen: Observation, task: StopTask) -> Verified:
-        """Find out whether a result may be driven, slowed where that makes it safe."""
+        """Check whether a result may be driven; slow its first command where that makes it safe."""
         nothing = result.next_state
         if result.status is QPStatus.FAILED:
             return Verified(None, None, nothing, result.reason)

@@ -1,4 +1,4 @@
-"""A fit in words: what the robot does otherwise than commanded, in one readable block."""
+"""A summary of a fit for a terminal: lag, gains, slip and turning centre of the robot."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def account(model: KoopmanModel, train: Dataset) -> dict[str, Any]:
 
 
 def warn_of_errors(report: FitReport) -> list[str]:
-    """What a user must know of held-out errors: directions in which nominal would do better."""
+    """Warnings on held-out errors: directions in which the nominal unicycle predicts better."""
     told = []
     names = ("along", "across", "in heading")
     for name, ours, nominal in zip(

@@ -1,4 +1,4 @@
-"""A model of what the log supports, and an account of it."""
+"""``lags="auto"``: a model with the terms that a log supports, and a record of the choice."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from kmpc_lite.types import STATES
 def fit_automatically(
     dataset: Dataset, base: Dictionary, options: SelectionOptions | None = None
 ) -> KoopmanModel:
-    """Learn what the log supports: the nominal robot where it supports nothing.
+    """Learn the terms that a log supports; where it supports none, the nominal unicycle.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def fit_automatically(
 
 
 def build_model(selection: Selection, base: Dictionary, dt: float) -> KoopmanModel:
-    """Give the rows of a selection the paper's bilinear form, with as few inputs as they need."""
+    """Write the selected rows in the paper's bilinear form, with as few inputs as they need."""
     rows = np.array(selection.rows)
     used = [t for i, t in enumerate(TERMS) if t in LINEAR or rows[:, i].any()]
     speed = selection.speed.weights(dt, selection.longest)

@@ -2,8 +2,8 @@
 
 The slip of a wheel is heavy-tailed, so a Gaussian quantile of its covariance promises too much.
 Here the ellipse around a plan is scaled until it holds the wanted share of drives that the model
-has not seen (split conformal prediction, Vovk et al. 2005). That needs no distribution, only that
-what comes is like what was held out.
+has not seen (split conformal prediction, Vovk et al. 2005). No distribution is assumed, only that
+later drives are like those held out.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def _largest(model: KoopmanModel, parts: list[tuple[Array, Array, Array, Array |
         "nki,nki->nk", deviations, np.linalg.solve(covariances, deviations[..., None])[..., 0]
     )
     if model.noise_model is not None and model.noise_model.sources is not None:
-        # no robot jumps and comes back: what a single pose shows is the pose's, and known
+        # no robot jumps and comes back: what only one pose shows is that pose's noise
         squares = np.minimum(squares[:, :-1], squares[:, 1:])
     largest: Array = np.sqrt(squares.max(axis=1))
     return largest

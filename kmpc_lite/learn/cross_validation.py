@@ -31,9 +31,9 @@ class Candidate:
     columns: Array
     """Weights that are free; the others stay as they are in `base`."""
     base: Array
-    """Weights to start from, (p,)."""
+    """Weights of the columns that are not free, (p,)."""
     complexity: int
-    """Unknowns: of two that do alike, the simpler one is taken."""
+    """Number of unknowns: of two candidates that err alike, the simpler one is taken."""
 
     def solve(self, moment: Array) -> Array:
         """Weights (p,) that minimise the squared error of summed moments."""
@@ -49,7 +49,7 @@ class Verdict:
     score: float
     """Mean relative gain over the reference a block, in standard errors."""
     errors: Array
-    """Squared errors of each block, by a procedure that did not see its fold, (B,)."""
+    """Squared errors (B,) of each block, of weights chosen and fitted without its fold."""
 
 
 def solve_columns(moment: Array, columns: Array, base: Array) -> Array:
@@ -62,7 +62,7 @@ def solve_columns(moment: Array, columns: Array, base: Array) -> Array:
     columns : ndarray
         Which weights are free.
     base : ndarray
-        The weights as they are without, (p,).
+        All weights before; those not in `columns` keep these values, (p,).
 
     Returns
     -------
@@ -110,7 +110,7 @@ def cross_validate(candidates: Sequence[Candidate], folds: Array, reference: Arr
     inner = np.zeros((len(candidates), count, blocks))
     for c, candidate in enumerate(candidates):
         parts = np.array([candidate.fitted[folds == k].sum(axis=0) for k in range(count)])
-        # without one fold where both are the same, else without two
+        # leave out one fold where both are the same, else both
         left_out = parts[one] + np.where((one == other)[:, None, None], 0.0, parts[other])
         weights = candidate.solve(parts.sum(axis=0) - left_out)
         errors = squared_errors(candidate.judged, weights)

@@ -163,7 +163,7 @@ def covered(log: Log) -> tuple[Array, Array]:
 
 
 def tell_overlap(log: Log) -> str:
-    """When poses and commands came."""
+    """Say from when to when a log has poses, and commands."""
     (a, b), (c, d) = ((s.time.min(), s.time.max()) for s in (log.poses, log.commands))
     return f"poses from {a:.15g} to {b:.15g} s, commands from {c:.15g} to {d:.15g} s"
 

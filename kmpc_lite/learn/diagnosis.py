@@ -20,7 +20,7 @@ from kmpc_lite.types import Array
 
 @dataclass(frozen=True)
 class DiagnosisOptions:
-    """From when on something is told."""
+    """Thresholds above which a line is written."""
 
     sure: float = 4.0
     """Standard errors."""
@@ -62,7 +62,7 @@ def diagnose(
     speed, turn : Response
         How late the robot answers.
     options : DiagnosisOptions, optional
-        From when on what is told.
+        Thresholds above which a line is written.
     selection : SelectionOptions, optional
         How the log is cut.
     """

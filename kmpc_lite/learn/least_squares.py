@@ -1,4 +1,4 @@
-"""Weighted sums instead of samples: least squares from second moments."""
+"""Least squares from second moments: sums over the samples take the place of the samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far single steps stray from a model, by the command."""
+"""The covariance of a model's one-step errors, as a function of the command."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from kmpc_lite.model.koopman import KoopmanModel, NoiseModel
 from kmpc_lite.types import STATES, Array
 
 NOISE_SAMPLES = 250_000
-"""Residuals that the covariance is estimated from: its relative error is then below 1 %."""
+"""Most residuals that the covariance is estimated from: its relative error is then below 1 %."""
 NOISE_SWEEPS = 500
 """Passes over its three matrices, at most; ten to fifty do."""
 
@@ -50,8 +50,8 @@ def fit_noise(model: KoopmanModel, dataset: Dataset) -> NoiseModel:
 def _nearest_covariances(gram: Array, moments: Array, start: Array) -> Array:
     """Least squares over three positive semidefinite matrices, in turn until nothing moves.
 
-    Projecting each of the unconstrained ones alone would only ever add: too wide a tube by a fifth
-    on a real robot.
+    Projecting each unconstrained matrix by itself would only widen the covariances: the tube of a
+    real robot became too wide by a fifth.
     """
     s = np.array([_semidefinite(c) for c in start])
     for _ in range(NOISE_SWEEPS):

@@ -1,8 +1,8 @@
 """Tell the pose's noise, white noise of the motion and lasting errors of the gains apart.
 
 They grow differently with time, so errors one, two, three and more periods ahead tell them apart:
-variances that are not negative are fitted to the squares of such errors, each weighed by what is
-expected of it.
+non-negative variances are fitted to the squares of such errors, each weighted by its expected
+size.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from kmpc_lite.model.noise_sources import NoiseSources, design, design_across
 from kmpc_lite.types import Array
 
 LONGEST = 1.0
-"""How far ahead the errors look [s]: beyond, feedback has acted."""
+"""How far ahead predictions are compared with poses [s]: later than that, feedback has acted."""
 STARTS = 6000
-"""Predictions that are looked at, at most."""
+"""Largest number of predictions that are used."""
 ELLIPSE, ONE_SIDED = 5.991, 1.645
 """Squared radius of the ellipse that holds 95 % of a normal distribution in the plane, and the
 bound that 95 % of one on a line stay below."""
@@ -67,11 +67,11 @@ class NoiseCheck:
     error: float
     """Root mean square of the position's error [m]."""
     expected: float
-    """The same, as the sources have it [m]."""
+    """The same, as the noise sources predict it [m]."""
     coverage: float
     """Share of the positions within the ellipses that should hold 95 %."""
     across: float
-    """95 % bound of the true pose's error across, at 1 m/s straight ahead and `ahead` [m]."""
+    """95 % bound of the true pose's lateral error, `ahead` later, straight on at 1 m/s [m]."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for JSON."""
@@ -87,7 +87,7 @@ class NoiseCheck:
 
 
 def check_sources(model: KoopmanModel, held: Dataset, ahead: float = 0.5) -> NoiseCheck | None:
-    """Hold a model's noise sources against drives that they were not fitted to.
+    """Compare a model's noise sources with errors on drives that they were not fitted to.
 
     Parameters
     ----------

@@ -226,7 +226,7 @@ class Accumulator:
         return KoopmanModel(self.dictionary, self.dt, a, b, h, np.eye(STATES), True, info=info)
 
     def _check_excitation(self, unknowns: int) -> None:
-        """Tell of data that cannot determine a model, in terms of the log."""
+        """Refuse data that cannot determine a model, in terms of the log."""
         if self.count < unknowns:
             past = (
                 f" with an input history of {self.dictionary.history}"
@@ -274,7 +274,7 @@ class Accumulator:
 
 
 def _too_alike(rank: int, full: int, samples: int) -> str:
-    """Tell of inputs or poses that the log does not tell apart."""
+    """Message for inputs or poses that the log does not tell apart."""
     return (
         f"the log does not excite the model: rank {rank} of {full} from {samples} samples; "
         "drive with varied speeds, turns and headings, not far from the origin, "

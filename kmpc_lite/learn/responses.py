@@ -1,6 +1,7 @@
 """How late a robot answers: a dead time and a time constant, as weights of past commands.
 
-Free weights for every lag come out jagged, for a log holds its commands; two numbers do not.
+Free weights for every lag would come out jagged, since commands in a log change rarely; a response
+of two numbers is smooth.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ DEAD_TIMES = (0.0, 1.0, 2.0, 3.0, 5.0)
 TIME_CONSTANTS = (0.0, 0.5, 1.0, 2.0, 3.5)
 """Time constants that are tried first [periods]."""
 SETTLED = 3.0
-"""Time constants after which an answer counts as settled: 95 % of the way."""
+"""Time constants after which a response counts as settled: 95 % of its final value."""
 
 
 class Response(NamedTuple):
@@ -44,7 +45,7 @@ class Response(NamedTuple):
         if self.time_constant > 0.0:
             travelled = since + self.time_constant * np.expm1(-since / self.time_constant)
         answered: Array = np.diff(np.diff(travelled) / dt, prepend=0.0)
-        # what would act later still acts with the oldest
+        # what would act later than the longest history counts as acting with the oldest command
         answered[-1] += 1.0 - answered.sum()
         return tuple(float(k) for k in answered)
 

@@ -11,7 +11,7 @@ from kmpc_lite.learn.dataset import Dataset
 
 @dataclass(frozen=True)
 class SanityOptions:
-    """From when on something is told."""
+    """Thresholds above which a line is written."""
 
     slow: float = 0.1
     """Share of the largest speed below which a robot counts as standing."""
@@ -20,11 +20,11 @@ class SanityOptions:
     rare: float = 0.02
     """Share of the log below which something was not driven."""
     spread: float = 0.15
-    """Relative spread of speeds below which there is only one."""
+    """Relative spread below which all speeds of a log count as one."""
     held: float = 0.3
     """Share of unchanged rows from which on the inputs are commands."""
     short: float = 60.0
-    """Seconds below which a log is short [s]."""
+    """Duration below which a log is short [s]."""
 
 
 def find_gaps(dataset: Dataset, options: SanityOptions | None = None) -> list[str]:
@@ -62,7 +62,7 @@ def tell_inputs(dataset: Dataset, delay: float, options: SanityOptions | None = 
     delay : float
         How far the poses lag behind the inputs [s].
     options : SanityOptions, optional
-        From when on what is told.
+        Thresholds above which a line is written.
     """
     options = SanityOptions() if options is None else options
     steps = [np.diff(e.inputs, axis=0) for e in dataset.episodes if len(e) > 1]

@@ -1,9 +1,9 @@
-"""What a log supports: response, slip terms and rows, by one rule.
+"""Which terms of a model a log supports: response, slip terms and rows, by one rule.
 
-The robot that obeys its commands exactly stays, in each direction (heading, along, across), unless
-a richer explanation beats it on blocks that it was neither fitted to nor chosen by, beyond chance;
-of those that do, the simplest within a standard error of the best is taken. All candidates are
-judged on the same windows.
+In each direction (heading, along, across) the choice begins with the nominal unicycle. A richer
+candidate replaces it only where it beats it, beyond chance, on blocks that it was neither fitted to
+nor chosen by; of those that do, the simplest within a standard error of the best is taken. All
+candidates are judged on the same windows.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class SelectionOptions:
     longest: float = 1.0
     """Longest history [s]."""
     most_periods: int = 12
-    """Longest history [periods]: each adds columns to the quadratic program."""
+    """Longest history [periods]: each period adds columns to the quadratic program."""
     kept: float = 0.5
     """Share of the windows that must remain after the longest history."""
     significance: float = 0.001
@@ -101,7 +101,7 @@ class Selection:
     windows: int
     """Windows that the rows were fitted to."""
     condition: float
-    """Of the terms of the position, as columns of length one."""
+    """Condition number of the position's terms, as columns of length one."""
 
     @property
     def nominal(self) -> bool:

@@ -1,10 +1,10 @@
-"""Models that know space: a robot moves alike wherever it stands and whichever way it faces.
+"""Symmetric models: the robot moves alike wherever it stands and whichever way it faces.
 
 The generator ``xdot = R(theta) [a; b] w, thetadot = g w`` is the paper's bilinear form under linear
 constraints: with ``phi`` holding {1, cos, sin}, each input i has ``H[x, i, cos] = a_i, H[x, i, sin]
 = -b_i, H[y, i, sin] = a_i, H[y, i, cos] = b_i, H[theta, i, 1] = g_i``, all else is zero. ``A = B =
 0``: at zero command it stands still. The least squares under these constraints have a closed form
-in the same Gram matrix, since averaging that over all headings changes nothing of the minimiser.
+in the same Gram matrix, since averaging it over all headings does not move the minimiser.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from kmpc_lite.types import STATES, Array
 
 
 class Trigonometry(NamedTuple):
-    """Where a dictionary holds what the symmetry needs."""
+    """Places of 1, cos(theta) and sin(theta) in a dictionary's lifted state."""
 
     one: int
     cos: int
@@ -28,7 +28,7 @@ class Trigonometry(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """What the robot makes of each input."""
+    """The rows that the symmetric fit has found, for each input."""
 
     along: Array
     """Forward speed, (nw,)."""
@@ -39,7 +39,7 @@ class Solution(NamedTuple):
     rank: int
     """Inputs that the log tells apart, at most nw."""
     condition: float
-    """Of the inputs, as columns of length one."""
+    """Condition number of the inputs, as columns of length one."""
 
 
 def find_trigonometry(dictionary: Dictionary) -> Trigonometry | None:

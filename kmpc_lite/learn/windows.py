@@ -2,7 +2,7 @@
 
 Over a window the robot moves by ``d = sum_j dt mean(exp(i theta))_j (a + i b) w_j`` and turns by
 ``sum_j dt g w_j``: linear in the rows a (along), b (across) and g (heading) whatever the window's
-length, with measured headings. Long windows weigh the pose's noise down, and show lags that one
+length, with measured headings. In long windows the pose's noise weighs less, and lags show that one
 step hides. A log is cut into blocks; no window crosses a block's end, and every candidate is judged
 on the same windows: those that the longest history leaves.
 """
@@ -21,7 +21,7 @@ from kmpc_lite.types import Array
 
 
 class Rows(NamedTuple):
-    """What a robot makes of each of `TERMS`: the three rows of a generator that knows space."""
+    """Response of the robot to each of `TERMS`: the three rows of a symmetric generator."""
 
     along: Array
     """Forward speed by each term, (9,)."""
@@ -154,7 +154,7 @@ def _block(stretches: list[tuple[Array, Array]], length: int, longest: int, dt: 
 
 
 def answered_commands(block: Block, speed: Sequence[float], turn: Sequence[float]) -> Array:
-    """Commands of a block as the motors answer them, (T, 2), for weights newest first."""
+    """Commands (T, 2) of a block after the motors' response, given its weights, newest first."""
     answered = np.zeros((len(block.rows), 2))
     for column, weights in enumerate((speed, turn)):
         for age, weight in enumerate(weights):

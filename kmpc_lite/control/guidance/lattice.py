@@ -201,7 +201,7 @@ class Lattice:
     def lines_free(self, first: Array, last: Array, inflation: float) -> Array:
         """Which lines (T,) from (T, 2) to (T, 2) keep a distance [m].
 
-        They may cut what is allowed, and what the lattice does not resolve.
+        They may come nearer by `lattice_cut`, or by half a step of the lattice if that is larger.
         """
         if not len(first):
             return np.ones(0, dtype=bool)

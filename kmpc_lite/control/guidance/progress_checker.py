@@ -1,8 +1,8 @@
 """Whether the robot gets nearer to its goal, stands before something, or has stalled.
 
-Two clocks run. Patience is short: a robot that stands looks for a path from where it is. Stalling
-is what no such path has mended: the robot has not come nearer to its goal than before, or has not
-moved at all, whatever paths it was given meanwhile.
+Two times are counted. The short one is the patience of a robot that stands: then it looks for a
+path from where it is. The long one tells that it has stalled: it has not come nearer to its goal
+than before, or has not moved at all, whatever paths it was given meanwhile.
 """
 
 from __future__ import annotations

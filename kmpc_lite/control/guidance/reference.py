@@ -1,4 +1,4 @@
-"""What the guidance tells the controller in each step, and the cost that suits it."""
+"""What the guidance tells the controller in each step."""
 
 from __future__ import annotations
 

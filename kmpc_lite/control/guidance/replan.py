@@ -158,7 +158,7 @@ class Replanner:
         return bool((np.abs(change, out=change) > self._moved).any())
 
     def _is_blocked(self, state: GuideState, now: Situation) -> bool:
-        """Whether something that moves will be in the robot's way."""
+        """Whether a moving obstacle will block the path."""
         if now.moving is None or state.path is None or state.turning:
             return False
         recent = state.age <= self._options.replan_interval

@@ -174,7 +174,7 @@ class TangentGraph:
         )
 
     def solve(self) -> None:
-        """Find the quickest ways from the goal to all nodes, and rank those that reach the start.
+        """Find the quickest paths from the goal to all nodes, and rank those that reach the start.
 
         Candidates are tangents that end at the start, with a turn there first, and the circles
         beside it.

@@ -28,7 +28,7 @@ class TimedPath:
     speed : ndarray
         Speed [m/s] and rate of turn [rad/s] to drive at, (2,).
     options : GuidanceOptions
-        In metres: how the robot's place is found.
+        In metres: how the robot's place on the path is found.
     free_turn : float
         Part of the first turn that is left to the controller, to be made while driving [rad].
     """

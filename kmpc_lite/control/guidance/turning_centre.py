@@ -42,8 +42,8 @@ def turning_centre(
     Returns
     -------
     ndarray or None
-        (2,) ahead and to the left [m]; None where it is the pose itself, or nothing that a circle
-        explains.
+        (2,) ahead and to the left [m]; None where it is the pose itself, or where the motion is no
+        turn about a point.
 
     Examples
     --------

@@ -1,7 +1,8 @@
 """The command that is about to be sent: at what share of its speeds the coming period is safe.
 
-The margins of a plan are computed at the plan before; the command check looks at the very command.
-The noise grows with the speed, so that a slower robot may come nearer.
+Margins of a plan are computed for the trajectory that its QP is linearised at; the command check
+takes the command as it will be sent. The noise grows with the speed, so that a slower robot may
+come nearer to an obstacle.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ class CommandShare(NamedTuple):
 
 
 class CommandCheck:
-    """Slows commands that could end in an obstacle, but for errors rarer than the step risk.
+    """Slows a command that an error as rare as the step risk could end in an obstacle.
 
     Parameters
     ----------
@@ -127,7 +128,7 @@ class CommandCheck:
             if straight >= 0.0:
                 least = self._options.retreat_share
                 if clearance[worst] > 0.0:
-                    # the less, the more the command leads past the obstacle: floors push aside
+                    # less for a command that leads past the obstacle: floors push robots aside
                     least *= straight / float(before[worst])
                 return CommandShare(share * max(float(limits[worst]), least), nearest)
             # again, for a curve that is driven slowly turns less in the period than the share says

@@ -27,7 +27,7 @@ class DriftState:
     """What the drift detector remembers of past periods."""
 
     level: float = 1.0
-    """Fading mean of the squared errors, against the expected ones."""
+    """Fading mean of the squared errors, each as a multiple of what the model expects."""
     ahead: float = 0.0
     """Fading sum of the errors along the drive [m]; backwards they count with the other sign."""
     left: float = 0.0
@@ -104,7 +104,7 @@ class DriftDetector:
         return state.drifting or self.inflation(state) > limit
 
     def carry_over(self, state: DriftState, before: DriftDetector) -> None:
-        """Judge by another model from now on: what was unexpected may be what it expects."""
+        """Judge by another model from now on: it may expect what the model before did not."""
         state.level = max(1.0, state.level * before._expected / self._expected)
         state.ahead = state.left = 0.0
         state.ahead_variance = state.left_variance = state.covariance = 0.0

@@ -1,7 +1,8 @@
-"""What a model says of its own errors, and what becomes of that on a floor that it does not know.
+"""The errors that a model expects of itself, and how much larger they are on an unknown floor.
 
-What a period adds grows with its command, ``v^2 white[0] + omega^2 white[1]``, and so does what
-lasts longer than a plan. The drift detector inflates both; quantiles turn them into distances.
+The noise of one period grows with its command, ``v^2 white[0] + omega^2 white[1]``, and so do the
+errors that last longer than a plan. The drift detector inflates both; quantiles turn them into
+distances.
 """
 
 from __future__ import annotations
@@ -21,7 +22,10 @@ from kmpc_lite.types import STATES, Array
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FeltNoise:
-    """The noise of a model as inflated by a state of the drift detector; (2, 9) by v^2, omega^2."""
+    """The noise of a model as inflated by a state of the drift detector.
+
+    Rows of a (2, 9) array are covariances (3, 3) to be multiplied by v^2 and by omega^2.
+    """
 
     plan: Array
     """(2, 9) covariances of the later periods of a plan, in the robot's frame."""
@@ -30,9 +34,9 @@ class FeltNoise:
     plan_trace: tuple[float, float]
     """Variance of the position, in all directions together [m^2]."""
     lasting: Array
-    """(2, 9) covariances of what is alike in all periods of a plan, of a single period."""
+    """(2, 9) covariances that errors common to all periods of a plan have in a single one."""
     lasting_factor: Array | None
-    """(3, 6) factors of these; None for a model that knows no such."""
+    """(3, 6) factors of these; None for a model without such errors."""
     lasting_trace: tuple[float, float]
     """The same as `plan_trace`."""
     command: Array
@@ -66,7 +70,7 @@ class ModelNoise:
     delay : int
         Periods until the feedback acts.
     quantile, step_quantile : float
-        Standard deviations that a plan, and a single command, keep.
+        How many standard deviations the margins of plans, and those of single commands, are.
     drift_detector : DriftDetector
         Judges past periods by this noise.
 
@@ -92,7 +96,7 @@ class ModelNoise:
         self.drift_detector = DriftDetector(model, problem, options)
         risk = options.risk
         info = model.info
-        # a log that is explained to rounding tells nothing of the tails that a floor may have later
+        # a log that the model fits to rounding says nothing about the errors on a real floor
         if model_quantile(info, risk) < default_quantile(risk):
             info = {}
         self.quantile = model_quantile(info, risk)
@@ -119,7 +123,7 @@ class ModelNoise:
         return self._felt
 
     def _inflated(self, inflation: float, unknown_floor: bool) -> FeltNoise:
-        """Scale the noise, beyond 1 with what every model may be wrong by on top."""
+        """Scale the noise; inflated noise gets the errors that every model may have added to it."""
         plan, lasting = self._white, inflation**2 * self._lasting
         if inflation != 1.0:
             tolerated = self.drift_detector.tolerated

@@ -80,11 +80,11 @@ class Tightening:
             Unit vectors away from the obstacles, (N, S, 2).
         path_clearance : float
             What the path keeps from obstacles beyond the problem's margin [m]: headway is no more
-            than that, or the robot would be shy of narrow passages.
+            than that, or the robot would not drive through narrow passages.
         radii : ndarray, optional
             Distance of the robot's centre from each obstacle's centre at touch [m], (S,) or (N, S),
-            infinite for a wall. The robot's own radius where not given: the smallest that there is,
-            thus safe for all.
+            infinite for a wall. Where not given, the robot's own radius is used: no obstacle has a
+            smaller one, and the smallest asks for the widest margin.
 
         Returns
         -------

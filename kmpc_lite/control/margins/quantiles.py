@@ -13,7 +13,8 @@ from kmpc_lite.errors import ProblemError
 def default_quantile(risk: float) -> float:
     """Quantile for noise that was never calibrated.
 
-    It is the heavier tail of a normal distribution in the plane, and of two exponential ones.
+    It is the larger of two quantiles: of a normal distribution in the plane, and of one with
+    exponential tails.
     """
     return float(max(np.sqrt(-2.0 * np.log(risk)), np.log(2.0 / risk) - 1.0))
 
@@ -28,7 +29,7 @@ def model_quantile(info: Mapping[str, Any], risk: float) -> float:
     Raises
     ------
     ProblemError
-        For a table that is none.
+        For a damaged table.
     """
     table = info.get("noise_quantiles")
     if table is None:

@@ -2,8 +2,8 @@
 
 One pass per period from the shifted last solution is the real-time iteration; more passes converge
 to a Karush-Kuhn-Tucker point of the nonlinear problem. Long steps end in a line search
-(`line_search.py`). Passes to convergence look at how the dynamics bend where they get on badly
-(`exact_hessian.py`), as far as the model has no input history.
+(`line_search.py`). Passes to convergence that make little progress use the exact Hessian
+(`exact_hessian.py`), unless the model has an input history.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.types import INPUTS, STATES, Array
 
 FORGETTING = 0.95
-"""What the longest search remembered keeps of itself per pass."""
+"""Factor per pass by which the remembered time of the longest line search shrinks."""
 
 
 class SQP:

@@ -11,7 +11,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
 
 ROUNDING = 1e-9
-"""What a count of periods may be off by."""
+"""Rounding error of a count of periods."""
 UNLIMITED = 1e6
 """Largest change of a command in a period that is reckoned with: more than any speed [m/s]."""
 

@@ -1,6 +1,7 @@
-"""Whether a braking ramp is clear, told without rolling it out: good enough in most steps.
+"""A quick check whether a braking ramp is clear, without a rollout: it suffices in most steps.
 
-What the quick looks call clear is clear. What they do not is looked at more closely.
+A ramp that it calls clear is clear; any other ramp may still be. For a robot that lags,
+`stop_trajectory` then rolls it out; a robot without lag brakes at once instead.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ class QuickLook:
     braking : Braking
         The ramp.
     options : StopOptions
-        What the look at a robot that lags may be wrong by.
+        How wrong the check of a robot that lags may be.
     """
 
     def __init__(self, problem: NavigationProblem, braking: Braking, options: StopOptions) -> None:

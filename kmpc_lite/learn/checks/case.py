@@ -1,4 +1,4 @@
-"""What the checks look at: a log, and under which reading of theta its motion makes sense."""
+"""The input of all checks: a log, and the reading of theta (sign, unit) that fits its motion."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ BETTER = 0.6
 FITS = 0.3
 """Share that the better reading has to explain."""
 OFFSET = 25.0
-"""Direction of the motion off the heading from which on it is told [degrees]."""
+"""Angle between motion and heading above which it is reported [degrees]."""
 NOISE = 3.0
 """An expected motion is seen where a tenth of it is this many times its measurement's noise."""
 
 
 class Case(NamedTuple):
-    """What the checks look at."""
+    """A log, its motion, and the reading of theta that fits best."""
 
     log: Log
     evidence: Evidence

@@ -18,7 +18,7 @@ NEVER_MOVES = (
 
 @dataclass(frozen=True)
 class CarOptions:
-    """From when on a robot counts as car-like."""
+    """Thresholds by which a robot counts as car-like."""
 
     slow: float = 0.1
     """Share of the largest speed below which a robot counts as standing."""

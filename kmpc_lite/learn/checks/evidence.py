@@ -24,7 +24,7 @@ LAGS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 FEWEST_WINDOWS = 12.0
 """Windows that do not overlap and are needed of one length."""
 CHANCE = 1e-5
-"""How seldom chance may explain as much as counts as explained."""
+"""Probability that chance explains as much as counts as explained."""
 LEAST_SHARE = 0.1
 """Share of a motion that has to be explained."""
 LITTLE = 0.4
@@ -63,7 +63,7 @@ NOTHING = Explained(0.0, 1.0, 0.0, 0, 1)
 
 @dataclass(frozen=True)
 class Evidence:
-    """Regressions of a log's motion."""
+    """How well commands explain a log's motion, under each reading of theta."""
 
     motion: Motion
     moves: dict[tuple[int, bool], Explained]

@@ -50,7 +50,7 @@ CHECKS: dict[str, Callable[[Case], str | None]] = {
 
 
 class Suspect(NamedTuple):
-    """Something in a log that cannot be meant."""
+    """Something in a log that is hardly meant."""
 
     name: str
     """Of the check."""
@@ -59,7 +59,7 @@ class Suspect(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What a look at a log gives."""
+    """Result of all checks of a log."""
 
     suspects: tuple[Suspect, ...]
     delay: float | None

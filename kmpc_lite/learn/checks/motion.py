@@ -11,7 +11,7 @@ from kmpc_lite.learn.logs import Log
 from kmpc_lite.types import Array
 
 MOST_ROWS = 200_000
-"""Rows that are looked at; of a longer log, stretches over all of it."""
+"""Most rows that are used; of a longer log, stretches spread over all of it."""
 STRETCHES = 8
 ROWS_PER_CHANGE = 8
 """Rows that are kept of the time in which commands change: windows need no more."""
