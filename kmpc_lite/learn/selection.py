@@ -54,7 +54,7 @@ class SelectionOptions:
     """Length of the windows that are predicted [s]: about what a plan looks ahead."""
     block: float = 5.0
     """Length of a block [s]: longer than what a disturbance lasts."""
-    fewest_blocks: int = 8
+    fewest_blocks: int = 16
     """Short logs are cut into shorter blocks until there are as many."""
     longest: float = 1.0
     """Longest history [s]."""
