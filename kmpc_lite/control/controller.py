@@ -66,8 +66,7 @@ class Controller:
     adaptation : bool or OnlineAdaptation, optional
         Whether to correct the model while driving where the floor contradicts it. Where not given,
         it runs where there are learned margins and the model is continuous. `adaptation.model` is
-        the corrected model, which can be saved. An `OnlineAdaptation` must have been made for
-        `model`.
+        the corrected model, to be saved. An `OnlineAdaptation` must have been made for `model`.
     pose_age : float
         How old the pose is on arrival [s]; it is brought forward with the commands given meanwhile.
     sqp_iterations : int

@@ -22,8 +22,8 @@ class PlanStatus(Enum):
     SOLVED = "solved"
     """The QP was solved to its tolerance and the plan passed its checks."""
     FEASIBLE = "feasible"
-    """The plan passed its checks, but the solver was stopped early or did not converge, or the plan's
-    states contradicted the model and were rolled out anew."""
+    """The plan passed its checks, but the solver was stopped early or did not converge, or the
+    plan's states contradicted the model and were rolled out anew."""
     FALLBACK = "fallback"
     """No usable solution: the stop trajectory of the last good plan is driven."""
     STOPPED = "stopped"
