@@ -104,6 +104,8 @@ CORPUS: dict[str, dict[str, Make]] = {
     "fit run.csv -o robot.npz": {
         **ANY,
         "one endless line": endless,
+        "a header of brackets": text("t," + 9000 * "[" + "\n1,2\n"),
+        "a header of blanks": text("t,a" + 9000 * " " + "b\n1,2\n"),
         "a header without an end": text("t,x,y," + 10**6 * "a"),
         "a line without an end": text("t,x,y,theta,v,omega\n" + 10**6 * "1,"),
     },

@@ -19,9 +19,11 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import foreign_logs
 import numpy as np
 from mutants import Mutator
 
@@ -33,6 +35,8 @@ from firmware_bridge.recording.recorder import HEADER
 from firmware_bridge.recording.replay import decode_tlog, inspect_csv
 from firmware_bridge.robot_file import load_robot
 from kmpc_lite.errors import KmpcError
+from kmpc_lite.learn.formats.readers import read_log
+from kmpc_lite.learn.logs import ReadOptions
 from kmpc_lite.reading import parse_toml
 from kmpc_lite.sim import Run, Scenario, drive
 from kmpc_lite.studies.records import RecordFile
@@ -159,6 +163,36 @@ def _tlog() -> bytes:
     return content
 
 
+def _foreign(folder: Path) -> dict[str, Reader]:
+    """Logs as other tools write them."""
+    ride = foreign_logs.drive(seconds=3.0, rate=10.0)
+    written = [foreign_logs.write_dataflash(folder / "drive.bin", ride)]
+    if find_spec("rosbags"):
+        kinds = (("one.bag", "ros1"), ("one.mcap", "mcap"), ("one.db3", "sqlite3"))
+        written += [foreign_logs.write_bag(folder / name, ride, kind) for name, kind in kinds]
+    if find_spec("pyulog"):
+        written.append(foreign_logs.write_ulog(folder / "drive.ulg", ride))
+    if find_spec("pymavlink"):
+        written.append(foreign_logs.write_tlog(folder / "rover.tlog", ride))
+    single = [f for path in written for f in ([path] if path.is_file() else path.rglob("*.*"))]
+    found = {
+        f"log {path.suffix}": Reader({f"drive{path.suffix}": path.read_bytes()}, read_log)
+        for path in single
+        if path.suffix != ".yaml"
+    }
+    aliases = CSV.replace("t,x,y,theta,v,omega", "stamp,pos_x,pos_y,yaw,cmd_v,cmd_w")
+    tum = "".join(f"{0.1 * k:.1f} {k} 2 0 0 0 0.1 0.9\n" for k in range(20))
+    commands = CSV.replace("t,x,y,theta,v,omega", "t,a,b,c,v,omega")
+    return {
+        **found,
+        "other names": Reader({"log.csv": aliases.replace(",", ";").encode()}, read_log),
+        "TUM": Reader(
+            {"log.tum": tum.encode(), "commands.csv": commands.encode()},
+            lambda path: read_log(path, ReadOptions(commands=path.parent / "commands.csv")),
+        ),
+    }
+
+
 class _Still:
     """Stands where it is."""
 
@@ -183,6 +217,7 @@ def make_readers(folder: Path) -> dict[str, Reader]:
     plain = " ".join(map(str, pixels)).encode()
     rows = b"".join(b"0.1,0.2,0.3,0.4,0.5,0.6\n" for _ in range(5))
     return {
+        **_foreign(folder),
         "csv": Reader({"log.csv": CSV.encode()}, _log),
         "npz": Reader({"log.npz": made["log"]}, _log),
         "model": Reader({"model.npz": made["model"]}, _model),
@@ -221,11 +256,16 @@ def bounded_memory(more: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, before)
 
 
+def _peak() -> int:
+    """Largest memory that this process has really used [bytes]."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
 def judge(reader: Reader, files: dict[str, bytes], folder: Path) -> str:
     """Read files in an empty folder; what is wrong with how that went, or nothing."""
     for name, content in files.items():
         (folder / name).write_bytes(content)
-    begun, refused = time.process_time(), ""
+    begun, refused, before = time.process_time(), "", _peak()
     try:
         with bounded_memory(MEMORY), warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -237,6 +277,8 @@ def judge(reader: Reader, files: dict[str, bytes], folder: Path) -> str:
     took = time.process_time() - begun
     if took > SECONDS:
         return f"{took:.1f} s; {refused[:200]}"
+    if _peak() - before > MEMORY // 2:
+        return f"{_peak() - before:,} bytes; {refused[:200]}"
     if "\n" in refused:
         return f"more than one line: {refused[:500]!r}"
     left = {path.name: path.read_bytes() for path in folder.iterdir()}

@@ -42,6 +42,8 @@ WORDS = {"°": "deg", "degrees": "deg", "degree": "deg", "°/s": "deg/s", "degre
 """Units as headers spell them too."""
 COMMANDED = ("cmd", "command", "target", "setpoint", "desired", "ref")
 """Words that tell a command from a measured speed."""
+LONGEST_NAME = 100
+"""Characters of a column's name that are looked at: searches for brackets take their square."""
 BRACKETS = re.compile(r"\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
 SUFFIX = re.compile(r"_(?P<unit>ns|us|ms|sec|deg|rad|mm|cm)$")
 
@@ -168,13 +170,14 @@ def _is_commanded(name: str) -> bool:
 
 def _plain(name: str) -> str:
     """A name without its unit, in lower case, words parted by underscores."""
-    bare = BRACKETS.sub("", name)
+    bare = BRACKETS.sub("", name[:LONGEST_NAME])
     words = re.sub(r"[^0-9a-z]+", "_", bare.lower()).strip("_")
     return SUFFIX.sub("", words)
 
 
 def _unit(name: str, theirs: str) -> str | None:
     """Unit that a header tells of a column, where it is not SI."""
+    theirs = theirs[:LONGEST_NAME]
     found = BRACKETS.search(theirs) or SUFFIX.search(theirs.lower().strip())
     unit = WORDS.get(found["unit"], found["unit"]) if found else ""
     sizes = KNOWN.get(name, {})

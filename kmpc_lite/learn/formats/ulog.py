@@ -78,7 +78,8 @@ def _load(path: Path, names: list[str]) -> tuple[list[Any], str]:
             told = short(" ".join(str(error).split()) or type(error).__name__)
             raise DataError(f"{path}: not a PX4 log, or damaged: {told}") from error
     seen = ", ".join(sorted(log.message_formats)[:8])
-    return log.data_list, f"messages such as {seen}" if seen else ""
+    timed = [topic for topic in log.data_list if "timestamp" in topic.data]
+    return timed, f"messages such as {seen}" if seen else ""
 
 
 def _rows_of(data: list[Any]) -> dict[tuple[str, str], Array]:
