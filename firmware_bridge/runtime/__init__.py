@@ -1,1 +1,1 @@
-"""The loop on the robot, the controller in its thread, one drive from connect to end."""
+"""The control loop on the robot, the controller's thread, and one drive from connect to release."""

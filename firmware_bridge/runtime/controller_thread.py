@@ -1,4 +1,4 @@
-"""The controller in a thread of its own: it may crash or hang, and the gate goes on."""
+"""The controller in a thread of its own: the gate goes on where it crashes or hangs."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from firmware_bridge.runtime.timing import Deadlines, Histogram
 Predict = Callable[[State, float, float, float], State]
 """State after holding v [m/s] and omega [rad/s] for dt [s]."""
 RECENT = 21
-"""So many steps tell how long the next one will take."""
+"""Number of recent steps from which the time of the next one is estimated."""
 OLDEST_POSE = 0.5
-"""A controller is not asked to plan from an older pose [s]."""
+"""Oldest pose that a controller is asked to plan from [s]."""
 
 
 def unicycle_arc(state: State, v: float, omega: float, dt: float) -> State:
@@ -57,9 +57,9 @@ class SentCommands:
     def carry(
         self, state: State, until: float, latency: float = 0.0, predict: Predict = unicycle_arc
     ) -> State:
-        """Predict a state on to `until` [s] with the commands that act from its stamp on.
+        """Predict a state forward to `until` [s], with the commands that act from its stamp on.
 
-        These were sent `latency` [s] before.
+        A command acts `latency` [s] after it was sent.
 
         Before the first command that is remembered, the state's own speeds hold.
         """
@@ -127,13 +127,13 @@ class Planner:
         self._quit = threading.Event()
         self._thread: threading.Thread | None = None
         self.sent = SentCommands()
-        """To be told what goes out."""
+        """Commands on the wire; whoever sends adds them."""
         self.latest: tuple[VelocityCommand, float] | None = None
         """Newest command, stamped with the beginning of its computation, and the stamp of the pose
         behind it [s]."""
         self.held: tuple[float, float] | None = None
-        """Mean command on the wire since the controller was asked before, for a controller that
-        asks; None where that is not known."""
+        """Mean command on the wire since the controller's last step, for a controller that uses
+        it; None where it is not known."""
         self._asked = -math.inf
         self.errors = 0
         """How often the controller raised."""
@@ -147,7 +147,7 @@ class Planner:
     def step(self, now: float) -> None:
         """Ask the controller once.
 
-        What it raises is counted and told, and the last command is left to grow old.
+        An exception is counted and reported; the last command then ages until the gate stops.
         """
         try:
             state = self._poses()
@@ -167,8 +167,8 @@ class Planner:
             took = self._clock() - now
             self.step_time.add(took)
             self._took.append(took)
-            # the age of an output counts from the beginning of the computation: that is how old its
-            # grounds are
+            # the age of an output counts from the beginning of its computation, for its pose is
+            # that old
             self.latest = replace(command, stamp=min(command.stamp, now)), state.stamp
         except Exception as error:  # whatever a controller raises, the gate must go on
             self.errors += 1
@@ -178,17 +178,18 @@ class Planner:
     def lead(self) -> float:
         """How long a step is expected to take [s]: the median of the last ones, at most a period.
 
-        No learned lag holds it: a log's commands count from when they were on the wire.
+        A model's learned lag does not contain it: the commands of a log have the times at which
+        they were on the wire.
         """
         return min(median(self._took), self.period) if self._took else 0.0
 
     def start(self) -> None:
-        """Begin to ask, in a daemon thread."""
+        """Begin to ask the controller, in a daemon thread."""
         self._thread = threading.Thread(target=self._run, name="bridge-planner", daemon=True)
         self._thread.start()
 
     def stop(self, timeout: float = 0.5) -> bool:
-        """Ask no more; False where the controller still hangs after `timeout` [s]."""
+        """Stop asking; False where the controller still hangs after `timeout` [s]."""
         self._quit.set()
         if self._thread is not None:
             self._thread.join(timeout)

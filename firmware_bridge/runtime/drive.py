@@ -1,4 +1,4 @@
-"""What `kmpc run` and `record` do with a session, and what they tell afterwards."""
+"""What `kmpc run` and `kmpc record` do with a session, and their reports."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def run(
     out: TextIO | None,
     note: str = "",
 ) -> tuple[dict[str, Any], int]:
-    """Drive to the goal; gives the report and the exit status.
+    """Drive to the goal; return the report and the exit status.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def run(
 
 
 def _outcome(navigator: Navigator, signal: str) -> str:
-    """What came of a run, in words; `signal` ended it, if one did."""
+    """Outcome of a run, in words; `signal` is the one that ended it, if any."""
     if navigator.arrived:
         outcome = "arrived"
     elif navigator.arrived_after is not None:
@@ -107,7 +107,7 @@ def record(
     excitation: tuple[float, int] | None,
     out: TextIO | None,
 ) -> tuple[dict[str, Any], int]:
-    """Record a drive to learn from; gives the report and the exit status.
+    """Record a drive to learn from; return the report and the exit status.
 
     Parameters
     ----------
@@ -192,5 +192,5 @@ def _fence(robot: Robot) -> tuple[float, float, float, float]:
 
 
 def _nothing(state: State) -> VelocityCommand:
-    """Want to stand still: the gate is idle while somebody drives by hand, and asks nobody."""
+    """Command zero: somebody drives by hand, and the idle gate passes no command."""
     return VelocityCommand(0.0, 0.0, state.stamp)

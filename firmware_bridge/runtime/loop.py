@@ -1,4 +1,4 @@
-"""The control loop on the robot: read the state, ask the gate, send, log; at absolute deadlines."""
+"""The control loop on the robot: at absolute deadlines it reads the state, asks the gate, sends."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from firmware_bridge.safety.gate import GateOutput, SafetyGate
 from firmware_bridge.safety.gate_table import Action, GateState, Reason
 
 TICK = 0.02
-"""Period of the gate [s]: what is lost is noticed this much after its time, and stops are sent this
+"""Period of the gate [s]: a lost input is noticed at most this much late, and stops are sent this
 often."""
 GIVE_UP = 2.0
 """How long after the ramp and the hold a board may take to obey the release [s]."""
 LATE_PLAN = 1.5
 """After this many periods a command is sent again although no new plan has come."""
 DEAD = LinkStatus(connected=False, heartbeat_stamp=-math.inf, pose_stamp=-math.inf, ready=False)
-"""What is known of a driver that raises."""
+"""Status of a driver that raises."""
 
 
 class Observer(Protocol):
-    """Whoever wants to see each tick: a recorder. Must return at once."""
+    """Sees each tick, as a recorder does; must return at once."""
 
     def on_tick(
         self, now: float, state: State | None, output: GateOutput, sent: bool, fresh: bool
@@ -42,7 +42,7 @@ class Observer(Protocol):
 
 
 class Operator(Protocol):
-    """Where people's requests come from: see estop.py."""
+    """Gives the requests of people: see estop.py."""
 
     def take(self) -> set[str]:
         """Give the requests since the last call: any of stop, reset, enable, confirm."""
@@ -67,7 +67,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """What the loop last did, for whoever looks on from another thread."""
+    """What the loop did last, for displays in other threads."""
 
     now: float
     state: State | None
@@ -77,18 +77,18 @@ class Snapshot:
 
 @dataclass
 class Statistics:
-    """What is counted while driving; no list that grows."""
+    """Counts of a drive; their memory does not grow."""
 
     ticks: int = 0
     skipped: int = 0
-    """Ticks that a stall swallowed."""
+    """Ticks left out after a stall."""
     sent: int = 0
     refused: int = 0
     """Commands that the driver would not take."""
     driver_errors: int = 0
     last_error: str = ""
     reasons: Counter[str] = field(default_factory=Counter)
-    """Ticks for which each thing was wrong."""
+    """Number of ticks at which each reason held."""
     late: Histogram = field(default_factory=Histogram)
     work: Histogram = field(default_factory=Histogram)
     pose_to_wire: Histogram = field(default_factory=Histogram)
@@ -112,7 +112,7 @@ class ControlLoop:
     tick : float
         Period of the gate [s].
     observers : sequence of Observer
-        Told of each tick.
+        Called at each tick.
     operator : Operator, optional
         Emergency stop, reset, enable.
     take : callable, optional
@@ -151,7 +151,7 @@ class ControlLoop:
         self.changes: deque[Change] = deque(maxlen=1000)
         """The gate's last changes of state."""
         self.changes_total = 0
-        """How many there were."""
+        """Number of all changes."""
         self.snapshot: Snapshot | None = None
         self.stop_reason = ""
         """Why the loop ends, once it does."""
@@ -282,7 +282,7 @@ class ControlLoop:
             ]()
 
     def why(self) -> tuple[str, ...]:
-        """What keeps the robot from driving, in words: the gate's reasons, then the board's own."""
+        """Why the robot does not drive, in words: the gate's reasons, then the board's own."""
         shot = self.snapshot
         if shot is None:
             return ()
@@ -290,7 +290,7 @@ class ControlLoop:
         return (*reasons, *shot.status.faults, *filter(None, (shot.status.frame_doubt,)))
 
     def _do(self, now: float, output: GateOutput, latest: object) -> bool:
-        """Carry out what the gate decided; whether v and omega went out."""
+        """Carry out what the gate decided; return whether v and omega went out."""
         if output.action is Action.RELEASE:
             self.planner.sent.add(now, 0.0, 0.0)
             self._guarded(self.driver.stop)
@@ -360,7 +360,7 @@ class ControlLoop:
         }
 
     def histograms(self) -> dict[str, Histogram]:
-        """What was timed, by name."""
+        """Histograms of times, by name."""
         counts = self.statistics
         return {
             "pose age when planning": self.planner.pose_age,

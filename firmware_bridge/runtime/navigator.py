@@ -1,4 +1,4 @@
-"""From a planner of poses to the bridge's controller, watching goal and obstacles."""
+"""Makes a planner the bridge's controller, and watches goal and obstacles."""
 
 from __future__ import annotations
 
@@ -13,20 +13,19 @@ from firmware_bridge.messages import State, VelocityCommand
 
 Pose = tuple[float, float, float]
 PARTS = 4
-"""Places between two poses at which the distance to obstacles is looked at."""
+"""Places between two poses at which the distance to obstacles is checked."""
 STANDING = 1.0
-"""A command that would carry the robot out of its tolerances in so long is no standing still [s]:
-it would leave its goal again while it brakes."""
+"""A robot counts as moving while its command would carry it out of its tolerances within this time
+[s]: it would leave its goal again while it brakes."""
 Circles = Any
-"""Rows x, y, radius [m], and whatever the planner wants to know more: an array or a list of
-lists."""
+"""Rows x, y, radius [m], and what else the planner takes: an array or a list of lists."""
 Step = Callable[[Pose, Circles], tuple[float, float, str]]
 """Pose and obstacles -> v [m/s], omega [rad/s] and a word on how the plan came about."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """Where to go, and past what."""
+    """The goal of a drive, its tolerances, and the obstacles."""
 
     goal: Pose
     tolerance: float
@@ -116,7 +115,7 @@ class Navigator:
         return 0.0 if self._began is None else now - self._began
 
     def finished(self) -> bool:
-        """Whether the goal is held, or time is up; the time counts from the first question."""
+        """Whether the goal is held, or time is up; the time counts from the first call."""
         now = self._clock()
         if self._started is None:
             self._started = now
@@ -155,7 +154,7 @@ class Navigator:
         return self.arrived_after is not None and self.stays
 
     def look(self, state: State | None) -> None:
-        """Judge a pose without planning from it: the one at which the robot came to rest."""
+        """Check a pose without planning from it: the one at which the robot came to rest."""
         if state is not None and self._began is not None:
             now = self._clock()
             self._judge(state, self._task.circles_at(self.elapsed(now)), now)
@@ -181,7 +180,7 @@ class Navigator:
             self.arrived_after = self._inside_since - self._began
 
     def _least_gap(self, before: State, state: State, circles: Circles, now: float) -> float:
-        """Smallest distance to an obstacle on the way from one pose to the next [m]."""
+        """Smallest distance to an obstacle between one pose and the next [m]."""
         least, time_now, task = math.inf, self.elapsed(now), self._task
         for part in range(1, PARTS + 1):
             share = part / PARTS

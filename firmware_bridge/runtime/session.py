@@ -1,4 +1,4 @@
-"""One drive, from connecting to giving back: link, gate, loop, emergency stop, logs, signals."""
+"""One drive from connect to release: link, gate, loop, emergency stop, logs, signals."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
 """Each brakes and releases: Ctrl-C, the service manager, a lost terminal, and Ctrl-Z, which would
 freeze us with the robot moving."""
 FAREWELL = 0.1
-"""For the last bytes to leave before the link is closed [s]."""
+"""Time for the last bytes to leave before the link is closed [s]."""
 DRIVER_CLASSES = {
     "mavlink": "MavlinkDriver",
     "roboclaw": "RoboClawDriver",
@@ -42,7 +42,7 @@ DRIVER_CLASSES = {
     "sabertooth": "SabertoothDriver",
     "arduino": "ArduinoDriver",
 }
-"""By the name of their modules: only the one that is needed is imported."""
+"""Driver classes by the names of their modules, of which only the one needed is imported."""
 LATE_STEPS = 1.3
 """A controller's output that is older than this many periods is late: the robot is slowed."""
 SWITCH = 0.0005
@@ -229,11 +229,11 @@ class Session:
         return 0 if self._csv is None else self._csv.rows
 
     def problems(self) -> list[str]:
-        """What a user must know and no robot must stop for."""
+        """Problems that a user must know of, but that stop no robot."""
         return [p for p in (self.estop.problem, *(log.problem for log in self._logs())) if p]
 
     def why(self) -> list[str]:
-        """What keeps the robot from driving, and the autopilot's own words on it, whole."""
+        """Why the robot does not drive, with the autopilot's own words, uncut."""
         return list(dict.fromkeys((*self.loop.why(), *self.words())))
 
     def words(self) -> tuple[str, ...]:
@@ -242,7 +242,7 @@ class Session:
         return refusals()
 
     def _notes(self) -> list[str]:
-        """What a terminal tells once, in whole lines."""
+        """Lines that a terminal shows once."""
         warnings: Callable[[], tuple[str, ...]] = getattr(self._inner, "warnings", tuple)
         words = (f"autopilot: {text}" for text in self.words())
         return [*self.problems(), *warnings(), *words]

@@ -1,4 +1,4 @@
-"""Absolute deadlines, and statistics of times that take no memory as they grow."""
+"""Absolute deadlines, and statistics of times in constant memory."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Histogram:
         self.maximum = max(self.maximum, seconds)
 
     def quantile(self, share: float) -> float:
-        """Time [s] that `share` of all are no longer than; NaN for none."""
+        """Time [s] that a `share` of all counted times do not exceed; NaN where there are none."""
         if not self.count:
             return math.nan
         rank, seen = max(1, math.ceil(share * self.count)), 0

@@ -1,6 +1,6 @@
-"""The latched emergency stop: a local socket, a signal, and a file that outlives the process.
+"""The latched emergency stop: requested over a local socket or by a signal, kept in a file.
 
-It stays until somebody resets it.
+The file outlives the process, so that a stop holds until somebody resets it.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Client:
 
     peer: socket.socket
     until: float
-    """When its patience, or ours, is over [s]."""
+    """When the connection is closed, or its answer sent, at the latest [s]."""
     said: bytes = b""
     word: str | None = None
     """What it asked for, once it has; nothing more is read from it then."""
@@ -80,7 +80,7 @@ class EmergencyStop:
 
     @property
     def problem(self) -> str:
-        """What `kmpc estop` cannot do on this disk; in memory a stop holds all the same."""
+        """Why `kmpc estop` or the disk cannot do its part; in memory a stop holds all the same."""
         return "; ".join(filter(None, (self._disk, self._astray)))
 
     def press(self) -> None:
@@ -178,7 +178,7 @@ class EmergencyStop:
             self._hear(client, selector)  # its word is mostly there already
 
     def _hear(self, client: Client, selector: selectors.BaseSelector) -> None:
-        """Take what a client says: one word, ended by a line break, a hang-up, or its length."""
+        """Read a client's request: a word, ended by a line break, a hang-up, or its length."""
         try:
             part = client.peer.recv(LONGEST_WORD)
         except BlockingIOError:
@@ -213,7 +213,7 @@ class EmergencyStop:
             self._requests.append("reset")
 
     def _settle(self, selector: selectors.BaseSelector) -> None:
-        """Answer those whose word was done, and let those go who said none in time."""
+        """Answer clients whose request was carried out; drop those who sent none in time."""
         now, stopped = time.monotonic(), self._gate is GateState.ESTOP
         for client in list(self._clients):
             if client.word is not None and (
@@ -246,7 +246,7 @@ class EmergencyStop:
             client.peer.close()
 
     def _mind_latch(self) -> None:
-        """Take a latch that somebody else wrote for a stop; write it where we have one."""
+        """Take a latch that somebody else wrote as a stop; write ours again if it was removed."""
         there = is_latched(self.path)
         if there and not self._latched:
             self.press()
@@ -265,7 +265,7 @@ class EmergencyStop:
 
 
 def _may_ask(peer: socket.socket) -> bool:
-    """Whether somebody is root or our own user."""
+    """Whether a client is root or our own user."""
     size = struct.calcsize("3i")
     try:
         credentials = peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size)

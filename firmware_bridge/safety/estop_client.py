@@ -1,4 +1,4 @@
-"""Pressing an emergency stop from another process: the latch first, then the socket, repeatedly."""
+"""Presses an emergency stop from another process: writes the latch, then asks over the socket."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class NoBridge(LinkError):
 
 
 def press(path: Path, timeout: float = PATIENCE) -> dict[str, Any]:
-    """Press the emergency stop of the bridge at `path`, and hear whether its gate has obeyed.
+    """Press the emergency stop of the bridge at `path`, and wait until its gate has obeyed.
 
     The latch is written first: whoever keeps the socket busy, the bridge sees that file.
 
@@ -43,7 +43,7 @@ def press(path: Path, timeout: float = PATIENCE) -> dict[str, Any]:
 
 
 def ask(path: Path, word: str, timeout: float = PATIENCE) -> dict[str, Any]:
-    """Send a word (estop.WORDS) to a running bridge, again until it answers; gives its answer.
+    """Send a request (estop.WORDS) to a running bridge until it answers; return the answer.
 
     Raises
     ------

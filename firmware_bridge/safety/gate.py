@@ -1,7 +1,8 @@
-"""The safety gate: what no command passes without.
+"""The safety gate, through which every command passes.
 
-A pure state machine on the times it is given: no thread, no clock, no link. Its transitions are the
-table in gate_table.py, from which docs/howto/bridge.md and the tests are drawn too.
+It is a pure state machine on the times that it is given: no thread, no clock, no link. Its
+transitions are the table in gate_table.py, from which docs/howto/bridge.md and the tests are made
+too.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ from firmware_bridge.safety.lost_pose import LostPose
 from firmware_bridge.safety.slowing import Slowing
 
 LONGEST_RISE = 0.05
-"""However long the gate was not asked, a command grows by no more than this much time allows [s];
-towards zero the whole time counts, or a machine that stalls would brake late."""
+"""Longest time for which a command may grow in one step, however long the last step is ago [s]; it
+shrinks for the whole time, or a machine that stalls would brake late."""
 RESEND = 0.5
 """How often the release is sent again until the board has obeyed [s]."""
 
@@ -85,7 +86,7 @@ class SafetyGate:
         self._acknowledged = False
 
     def enable(self) -> None:
-        """Let the robot drive once all is good; also after a release, a take-over or a reset."""
+        """Let the robot drive once nothing is wrong, after a release, take-over or reset too."""
         self._requests.add(Event.ENABLE)
 
     def stop(self) -> None:
@@ -102,7 +103,7 @@ class SafetyGate:
 
     @property
     def done(self) -> bool:
-        """Whether nothing more is owed to the board: not driving, and a release was obeyed."""
+        """Whether the gate has no more to send: it is not driving, and a release was obeyed."""
         return self.state in (GateState.IDLE, GateState.YIELDED) or (
             self.state in (GateState.RELEASED, GateState.ESTOP) and self._acknowledged
         )
@@ -121,7 +122,7 @@ class SafetyGate:
         state : State or None
             Newest pose.
         status : LinkStatus
-            Newest word on the link.
+            Newest status of the link and the board.
         """
         dt = 0.0 if self._last is None else max(now - self._last, 0.0)
         self._last = now
@@ -147,7 +148,7 @@ class SafetyGate:
         return self._act(now, dt, command, state, status, reasons)
 
     def _next(self, now: float, events: set[Event]) -> GateState | None:
-        """Where the table leads, or None."""
+        """The state that the table gives for these events; None: no change."""
         for transition in BY_STATE[self.state]:
             event = transition.event
             if event is Event.CLEAR:
@@ -160,7 +161,7 @@ class SafetyGate:
                 happened = self._output == (0.0, 0.0)
             elif event is Event.HELD:
                 waited = now - self._entered
-                # what is good again is given the time to prove it before the robot is given back
+                # inputs that are good again get `settle` to prove it before the robot is given back
                 proving = self._clear_since is not None and not self._final
                 happened = waited >= self._lost_pose.patience(self._final) and not proving
             else:

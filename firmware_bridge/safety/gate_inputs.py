@@ -9,11 +9,11 @@ from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import GateState, Reason
 
 FUTURE = 0.05
-"""A stamp may lie this far ahead of the time of a step [s]: another thread took it. Farther is no
-stamp to trust."""
+"""How far a stamp may lie ahead of the time of a step [s], since another thread took it. A stamp
+farther ahead is not trusted."""
 GRACE = 1.5
-"""A robot that drives brakes past `pose_age`; after this many times that age it has stopped for
-good: what comes back is driven on after `settle` only."""
+"""Multiple of `pose_age` at which a late pose is a fault for a robot that drives: from `pose_age`
+on it brakes, and past this it drives on only after `settle`."""
 
 
 def judge(
@@ -54,7 +54,7 @@ def judge(
 
 
 def place(s: GateSettings, state: State) -> Reason | None:
-    """What is wrong with where the robot is: numbers that are none, or the geofence."""
+    """What is wrong with the robot's pose: not finite, or outside the geofence."""
     if not all(map(math.isfinite, (state.x, state.y, state.theta, state.v, state.omega))):
         return Reason.POSE_INVALID
     if s.geofence is not None:

@@ -11,7 +11,7 @@ from firmware_bridge.safety.limits import Limits
 
 @dataclass(frozen=True)
 class GateSettings:
-    """Limits and patience of a gate.
+    """Settings of a gate.
 
     Raises
     ------
@@ -28,12 +28,12 @@ class GateSettings:
     heartbeat_age: float = 0.25
     """How long the board may be silent [s]."""
     hold: float = 1.0
-    """Zeros before the release [s]."""
+    """How long zeros are sent before the release [s]."""
     settle: float = 0.5
-    """How long all must be good before the robot drives (again) [s]."""
+    """How long nothing may be wrong before the robot drives (again) [s]."""
     slow_from: float = 0.6
-    """Share of `watchdog` and of `pose_age` from which on the robot is slowed, to zero at the
-    whole; 1 for none."""
+    """Share of `watchdog` and of `pose_age` from which on the robot is slowed, down to zero at the
+    whole; 1 slows nothing."""
     resume: float = 0.0
     """How long a robot that stands may wait for a lost pose, and then drive on by itself [s]; 0:
     no longer than `hold`."""
@@ -42,8 +42,8 @@ class GateSettings:
     geofence: tuple[float, float, float, float] | None = None
     """xmin, ymin, xmax, ymax [m]: outside the robot stops, and is given back."""
     pilot: bool = True
-    """Whether somebody else can take the robot: an autopilot's modes. Without, a board that is not
-    ready is a fault."""
+    """Whether somebody else can take the robot, as a pilot does by an autopilot's mode. If not, a
+    board that is not ready is a fault."""
 
     def __post_init__(self) -> None:
         for item in fields(self):

@@ -65,9 +65,9 @@ class Reason(Enum):
 
 
 FINAL = frozenset({Reason.GEOFENCE, Reason.FRAME})
-"""What does not go away by itself: such a stop ends in a release."""
+"""Reasons that do not go away by themselves: such a stop ends in a release."""
 UNHEARD = frozenset({Reason.LINK, Reason.HEARTBEAT})
-"""While one of these holds, what the board is doing is not known."""
+"""Reasons for which it is not known what the board is doing."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Limits on speed and on its change; one scale for both speeds keeps the curve."""
+"""Limits on commands and on their change; one factor scales both speeds, to keep the curve."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Limits:
     def clip(self, v: float, omega: float, share: float = 1.0) -> tuple[float, float]:
         """Scale finite speeds [m/s, rad/s] by one factor until both are within bounds.
 
-        With a `share` below 1 the bounds are that much narrower: what is slow already stays.
+        With a `share` below 1 the bounds are that much narrower; slower commands are unchanged.
         """
         v_max, v_reverse, omega_max = (
             share * bound for bound in (self.v_max, self.v_reverse, self.omega_max)
@@ -76,7 +76,7 @@ class Limits:
         dt: float,
         longest_rise: float = math.inf,
     ) -> tuple[float, float]:
-        """Go from one command towards another for `dt` [s], straight in the plane of speeds.
+        """Move from one command towards another for `dt` [s], on a straight line in (v, omega).
 
         Away from zero it goes for `longest_rise` [s] at most.
         """

@@ -1,4 +1,4 @@
-"""One socket for one bridge: taken under a lock, and given back only by who made it."""
+"""One socket for one bridge: taken under a lock, and removed only by the bridge that made it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Listener:
         self._made = _inode(path)
 
     def close(self) -> None:
-        """Listen no more; what somebody else has put in our place stays. Idempotent."""
+        """Stop listening; a socket that somebody else has put at the path stays. Idempotent."""
         if self._lock < 0:
             return
         self.socket.close()
@@ -126,7 +126,7 @@ class Listener:
 
 
 def _inode(path: Path) -> tuple[int, int] | None:
-    """Which file lies at a path, None for none."""
+    """Identity of the file at a path; None where there is none."""
     try:
         status = path.lstat()
     except OSError:

@@ -9,7 +9,7 @@ from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import DRIVING, GateState, Reason
 
 POSE_LOST = frozenset({Reason.POSE, Reason.ESTIMATE, Reason.COMMAND})
-"""What a lost pose alone makes wrong: nobody plans without one."""
+"""What is wrong when only the pose is lost; without a pose there is no new command either."""
 
 
 class LostPose:
@@ -18,7 +18,7 @@ class LostPose:
     Parameters
     ----------
     settings : GateSettings
-        `resume` and `resume_within` count here.
+        `resume` and `resume_within` are used.
     """
 
     def __init__(self, settings: GateSettings) -> None:
@@ -33,11 +33,11 @@ class LostPose:
         status: LinkStatus,
         reasons: tuple[Reason, ...],
     ) -> bool:
-        """Take a step's inputs; whether the pose has come back too far from where it was lost."""
+        """Take a step's inputs; tell whether the pose came back too far from where it was lost."""
         if gate not in DRIVING:
             self._pose_only, self._good = False, None
             return False
-        # an estimate that the board distrusts is told among its faults, too
+        # a board that distrusts its estimate reports that as a fault, too
         excused = POSE_LOST if status.pose_ok else POSE_LOST | {Reason.BOARD}
         before = gate is GateState.ACTIVE or self._pose_only
         self._pose_only = before and excused.issuperset(reasons)

@@ -1,6 +1,6 @@
 """Where bridges listen for an emergency stop, and how one finds them all.
 
-A shell, a service and sudo have different runtime folders: who presses a stop looks in all of them.
+A shell, a service and sudo have different runtime folders; `kmpc estop` looks in all of them.
 A bridge that listens elsewhere leaves a link to its socket in its own folder.
 """
 

@@ -1,4 +1,4 @@
-"""How fast a robot may drive on a pose, or on a command, that is not quite fresh."""
+"""How fast a robot may drive while its pose, or its command, is late."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Slowing:
     Parameters
     ----------
     settings : GateSettings
-        `watchdog`, `pose_age` and `slow_from` count here.
+        `watchdog`, `pose_age` and `slow_from` are used.
     late_after : float, optional
         Age at which a command is late, if later than the settings say [s].
     """
@@ -27,7 +27,7 @@ class Slowing:
     def share(
         self, now: float, command: VelocityCommand, state: State | None, status: LinkStatus
     ) -> float:
-        """Share of its fastest speeds that the robot may drive now."""
+        """Share of its speed limits that the robot may drive now."""
         s = self._settings
         pose = min(status.pose_stamp, -math.inf if state is None else state.stamp)
         return min(

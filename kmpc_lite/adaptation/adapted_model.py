@@ -1,4 +1,4 @@
-"""A learned model under gains: what becomes of its matrices, and which gains a floor can cause."""
+"""Applies gains to a learned model, and refuses gains that no floor can cause."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def adapted_model(
 
 
 def refuse(gains: Gains, options: AdaptationOptions, length: float) -> str:
-    """Say why gains are none that a floor could cause; empty where they are.
+    """Say why no floor can cause these gains; empty where one can.
 
     `length` is the robot's unit of length [m].
     """

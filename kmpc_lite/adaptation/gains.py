@@ -1,11 +1,11 @@
-"""Four gains on a learned model: their estimate, how sure it is, and the noise that they leave.
+"""Four gains on a learned model: their estimate, its certainty, and the noise that remains.
 
 A step is kept as 20 numbers: the displacement that the model gives (px, py) [m], in the map's
 frame, and the measured one (dx, dy); the turn that the model gives h [rad], the way ahead g [m],
 the measured turn; the weights a of position and b of heading; cos and sin of the heading before;
-v^2 and omega^2; and the first seven once more, for there they are whitened, and here as measured.
-Sums over steps are twelve: a (p.p, p.d, p x d, d.d), b (h h, h g, g g, h turned, g turned, turned
-turned), and how many steps had a weight a, and b.
+v^2 and omega^2; and the first seven once more: the first time they are whitened, the second time as
+measured. Twelve sums over steps are kept: a (p.p, p.d, p x d, d.d), b (h h, h g, g g, h turned,
+g turned, turned turned), and how many steps had a weight a, and b.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from kmpc_lite.types import STATES, Array
 ONE = Scale()
 
 QUIETEST = 0.4
-"""Least variance of the residuals, as a share of the expected one, that a test believes in: few
-steps may be quiet by chance."""
+"""Least variance of the residuals that a test assumes, as a share of the expected one: a few steps
+may be quiet by chance."""
 FEWEST = 6
-"""Steps with a weight that gains are estimated from: of fewer, which a robot that turns on the spot
-leaves, chance makes anything."""
+"""Least number of steps with a weight that gains are estimated from: a robot that turns on the spot
+leaves fewer, and from those any gain may come out by chance."""
 PRIOR = (0.3, 0.3, 0.1)
-"""Standard deviations of the velocity's gains, the turn gain and the pull [rad per unit of length]
-before anything is measured: what a drive does not show stays as it was."""
+"""Prior standard deviations of the velocity's gains, the turn gain and the pull [rad per unit of
+length]: a gain that a drive does not show stays as it was."""
 
 USUAL = (0.3, 0.4)
 """Speeds at which the noise of poses is compared with that of the floor, in the robot's units:
 0.3 m/s and 0.4 rad/s of a robot of 0.15 m and 0.6 m/s."""
 RESTLESS = 0.1
-"""What a floor is taken to do at the least, as a share of a step (standard deviation): so soon is a
-pose forgotten."""
+"""Least noise that a floor is assumed to have, as a share of a step (standard deviation): the more,
+the sooner an old pose is forgotten."""
 
 
 class Gains(NamedTuple):
@@ -146,9 +146,9 @@ def whitening(
 
 
 def residual_covariance(steps: Array, gains: Gains, learned: Array, scale: Scale = ONE) -> Array:
-    """Covariance of the residuals of the steps since the change, (3, 3, 3) by the command.
+    """Covariance of the residuals since the change, (3, 3, 3) by the command.
 
-    It is drawn towards the learned one.
+    With few steps it stays near the learned one.
     """
     count = steps.shape[1]
     cosine, sine, v2, omega2 = steps[9:13]
@@ -173,7 +173,7 @@ def residual_covariance(steps: Array, gains: Gains, learned: Array, scale: Scale
 
 
 def residuals(steps: Array, gains: Gains) -> tuple[Array, Array, Array]:
-    """What gains leave of steps (7 or more, n): x [m], y [m], heading [rad], (n,) each."""
+    """Residuals of steps (7 or more, n) under gains: x [m], y [m], heading [rad], (n,) each."""
     px, py, dx, dy, h, g, turned = steps[:7]
     return (
         dx - gains.ahead * px + gains.left * py,
@@ -183,7 +183,7 @@ def residuals(steps: Array, gains: Gains) -> tuple[Array, Array, Array]:
 
 
 def scores(steps: Array, gains: Gains) -> Array:
-    """How each step pulls at each gain, (4, n)."""
+    """Scores (4, n): by how much each step asks for a larger value of each gain."""
     px, py, _, _, h, g, _, a, b = steps[:9]
     ex, ey, turned = residuals(steps, gains)
     return np.stack(
@@ -194,7 +194,7 @@ def scores(steps: Array, gains: Gains) -> Array:
 def reweighed_sums(
     steps: Array, noise: Array, floors: Array, white: Array, even: float
 ) -> tuple[Array, tuple[float, float]]:
-    """Sums of steps whose weights are worked out anew from what is now known of their noise.
+    """Sums of steps with weights computed anew from the present noise estimate.
 
     Parameters
     ----------
@@ -225,9 +225,9 @@ def reweighed_sums(
 
 
 def contradiction(steps: Array, now: Gains, new: Gains) -> float:
-    """How much steps contradict the gains in use, by their own scatter around new ones.
+    """Squared distance of the gains in use from new ones, by the steps' own scatter around these.
 
-    Squared, in standard errors over the gains that enough of the steps tell something of.
+    It is in standard errors, over the gains that enough of the steps depend on.
     """
     pulls = scores(steps, now).sum(axis=1)
     own = scores(steps, new)

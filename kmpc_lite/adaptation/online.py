@@ -9,8 +9,7 @@ information, so that no drive along a straight line can upset the turns. After a
 turn gain of 0.6, 20 steps of them predict within 1.09 times a fresh fit's error (median; worst of
 12 drives 1.35); all coefficients, fitted to the same steps, need 400 for 1.23 (1.94).
 
-It stands beside model and tube because the controller runs it: learning and control do not know
-each other.
+It has a folder of its own because the controller runs it, and `control` must not import `learn`.
 """
 
 from __future__ import annotations
@@ -50,9 +49,9 @@ class OnlineAdaptation:
     Standing still, steps within the noise, and broken measurements change nothing, however long
     they last.
 
-    The adapted model is held against the learned one on the newest drive: where it predicts worse,
-    the learned one returns. Gains that no floor can cause are refused; found again from fresh steps
-    they say that the model is another robot's, and `wrong_model` says how.
+    The adapted model is compared with the learned one on the newest drive: where it predicts worse,
+    the learned one returns. Gains that no floor can cause are refused; if they are found again from
+    fresh steps, the model must be another robot's, and `wrong_model` says why.
 
     The covariance of the residuals is measured anew with every model given, so that margins grow on
     a floor that slips more.
@@ -116,12 +115,12 @@ class OnlineAdaptation:
 
     @property
     def gains(self) -> Gains:
-        """In use."""
+        """The gains in use."""
         return self.state.gains
 
     @property
     def counts(self) -> AdaptationCounts:
-        """What became of the steps."""
+        """How many steps were used, left out and rejected."""
         return self.state.counts
 
     @property
@@ -184,8 +183,8 @@ class OnlineAdaptation:
             following = 2 * state.next_model
             state.next_model = following if following < 0.9 * self._memory else 0
             return self._give(self._estimate(state.slow).gains)
-        # what the window is too short to see; it cannot come suddenly, so it need not be looked for
-        # at every step
+        # changes that the window is too short to show: they cannot come suddenly, so it is enough
+        # to look for them now and then
         if state.count % 8 == 0 and state.since > 2 * self._window:
             slow = self._estimate(state.slow)
             if slow.distance > options.memory_alarm and self._confirmed(
@@ -245,7 +244,7 @@ class OnlineAdaptation:
         return self._give(self._estimate(state.slow).gains)
 
     def _kept(self, count: int) -> Array:
-        """Where the newest steps stand, newest first."""
+        """Indices of the newest steps in the ring, newest first."""
         kept: Array = (self.state.count - 1 - np.arange(count)) % self._memory
         return kept
 
@@ -255,7 +254,7 @@ class OnlineAdaptation:
         return contradiction(steps, self.state.gains, gains) > self.options.confirmation
 
     def _give(self, gains: Gains) -> KoopmanModel | None:
-        """Put gains into use, if they are any that a floor could cause."""
+        """Put gains into use, if a floor can cause them."""
         refusal = refuse(gains, self.options, self.scale.length)
         if refusal:
             self._refuse(gains, refusal)
@@ -294,14 +293,14 @@ class OnlineAdaptation:
             state.wrong_model = f"the model is not of this robot: {refusal}"
 
     def _set_noise(self, coefficients: Array) -> None:
-        """Weigh steps by a covariance from now on."""
+        """Weigh coming steps by another covariance."""
         self.state.position_noise = [float(c[0, 0] + c[1, 1]) / 2 for c in coefficients]
         self.state.heading_noise = [float(c[2, 2]) for c in coefficients]
 
     def _reweigh(self, coefficients: Array) -> None:
-        """Weigh the steps since the change by what is now known of their noise.
+        """Weigh the steps since the change anew, by the present estimate of their noise.
 
-        Else its tails would look like changes.
+        With the old weights, the tails of a larger noise would look like changes.
         """
         self._set_noise(coefficients)
         state = self.state

@@ -1,4 +1,4 @@
-"""What can be tuned of learning while driving: every number with its unit and its reason."""
+"""Options of adaptation, each with its unit and its reason."""
 
 from __future__ import annotations
 
@@ -9,38 +9,38 @@ from kmpc_lite.errors import ProblemError
 
 @dataclass(frozen=True)
 class AdaptationOptions:
-    """How fast, and how far, a model follows its floor.
+    """How fast, and how far, adaptation corrects a model.
 
     Lengths are in robot radii, speeds in shares of the fastest, times in seconds; `noise_floor` and
     `least_turn` are what poses are measured to, in the robot's units too.
     """
 
     window: float = 2.0
-    """Newest drive that a change is looked for in [s]; 20 steps of 0.1 s tell gains well enough to
-    predict 1 s ahead."""
+    """Length of the newest drive in which a change is looked for [s]: 20 steps of 0.1 s determine
+    gains well enough to predict 1 s ahead."""
     memory: float = 30.0
-    """What the slow estimate remembers [s]: short enough to follow a floor that wears."""
+    """Memory of the slow estimate [s]: short enough to follow a floor that wears."""
     fewest_steps: int = 8
-    """Fewest steps since a change that are worth a model."""
+    """Least number of steps since a change from which a model is given."""
     window_alarm: float = 40.0
     """Squared distance, in standard errors over four gains, between the window's estimate and the
     gains in use that counts as a change. Chance alone gives 4, but few steps are heavy-tailed."""
     memory_alarm: float = 30.0
     """The same for the slow estimate."""
     confirmation: float = 20.0
-    """The same with the noise taken from the very steps, which an alarm must pass too: where poses
-    are noisier than the log's, few slow steps would else count for more than they know."""
+    """The same, with the noise estimated from these steps alone; an alarm must exceed it too, or a
+    few slow steps would count too much where poses are noisier than in the log."""
     even_noise: float = 0.3
-    """Share of the usual noise that every step has on top of its own: else the few slowest would
-    outweigh all others where poses are noisy."""
+    """Share of the usual noise that is added to every step's own: without it, the few slowest steps
+    would outweigh all others where poses are noisy."""
     noise_floor: float = 1.0 / 300.0
     """Smallest noise that a step has [radii], and a tenth of a turn of as much [rad]."""
     turn_noise_floor: float = 5e-4
     """Smallest noise that the turn of a step has [rad]."""
     least_step: float = 1.0 / 75.0
-    """A step that should move the robot less tells nothing of the floor [radii]."""
+    """A step that should move the robot less says nothing about the floor [radii]."""
     least_turn: float = 2e-3
-    """A step that should turn it less tells nothing of turns [rad]."""
+    """A step that should turn the robot less says nothing about turns [rad]."""
     jump_factor: float = 3.0
     """A pose that moved more than this many times what was commanded, and ..."""
     jump: float = 1.0 / 3.0
@@ -58,16 +58,16 @@ class AdaptationOptions:
     """A floor leaves at least this share of a commanded speed or turn; mud or ice that takes more
     is no floor to drive on."""
     largest_gain: float = 2.5
-    """Nothing makes a robot drive farther than its wheels roll by more than this: even a log from
-    half the speed explains a factor of two."""
+    """No robot drives farther than its model says by a larger factor: even a log driven at half the
+    speed explains only a factor of two."""
     largest_drift: float = 0.6
     """Sideways drift as a share of the speed, a crab angle of 31 degrees: a floor that slopes or
     slips more makes the robot undrivable."""
     largest_pull: float = 0.3
     """Turn to one side per radius driven [rad]: a flat tyre gives a tenth."""
     refusals_for_wrong: int = 2
-    """How many times in a row gains that no floor can cause must be found, each from fresh steps,
-    until the model counts as another robot's."""
+    """How many times in a row gains that no floor can cause must be found, each time from fresh
+    steps, before the model counts as another robot's."""
     worse: float = 1.1
     """The adapted model returns to the learned one where its squared errors, over the memory, are
     this many times those of the learned one."""

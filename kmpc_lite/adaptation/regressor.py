@@ -1,4 +1,4 @@
-"""One period as a row of the regression: what the learned model gives of it, and what was measured.
+"""One period as a row of the regression: the motion that the model predicts, and the measured one.
 
 The model's displacement is its generator integrated between the two measured poses (Simpson's
 rule), as in the integral fit.
@@ -22,14 +22,14 @@ SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 
 
 class Regressor:
-    """Turns periods into rows, and says which of them tell nothing.
+    """Turns periods into rows of the regression, and leaves out those without information.
 
     Parameters
     ----------
     model : KoopmanModel
         The learned one.
     options : AdaptationOptions
-        What is still, held, broken.
+        Thresholds below which a step counts as still or held, and above which as broken.
     scale : Scale
         The robot's units.
     memory : int
@@ -94,12 +94,12 @@ class Regressor:
         state.counts.used += 1
         v, omega = numbers[6:]
         a, b = self._weigh(state, v * v, omega * omega)
-        # what hardly moves, or turns, tells nothing of that
+        # a step that hardly moves, or turns, says nothing about moving, or turning
         if not moved >= self._least_step:
             a = 0.0
         if not (abs(h) >= self._least_turn or abs(g) >= self._least_step):
             b = 0.0
-        # noise of a pose makes one step longer and the next one shorter: sums that fade take that
+        # noise of a pose makes one step longer and the next one shorter: the fading sums take that
         # back
         own, earlier, (c, d) = (px, py, dx, dy, h, g, turned), state.earlier, self._carried
         px, py, dx, dy = (

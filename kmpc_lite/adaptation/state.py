@@ -19,10 +19,10 @@ NO_STEPS = (0.0,) * 7
 
 @dataclass
 class AdaptationCounts:
-    """What became of the steps."""
+    """How many steps were used, left out and rejected."""
 
     used: int = 0
-    """Steps that told something."""
+    """Steps that entered the sums."""
     still: int = 0
     """Steps left out since the robot hardly moved."""
     rejected: int = 0
@@ -58,7 +58,7 @@ class AdaptationState:
     earlier: tuple[float, ...] = NO_STEPS
     """Fading sum of the steps before, which whitens the next one."""
     gains: Gains = Gains()
-    """In use."""
+    """The gains in use."""
     errors: tuple[float, float] = (0.0, 0.0)
     """Fading squared errors of the learned model and of the adapted one."""
     judged: int = 0
