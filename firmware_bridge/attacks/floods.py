@@ -31,6 +31,8 @@ class Flood:
     rubbish: Callable[[], bytes]
     beside: str = ""
     """Attacker that comes from beside; none: the one that stands in the link floods it."""
+    also: tuple[Flood, ...] = ()
+    """What comes at the same time, on this one's surface."""
 
 
 def noise() -> bytes:
@@ -104,6 +106,16 @@ BOARDS = tuple(
     Surface(name, name.lower(), "tcp", poses=name == "Sabertooth")
     for name in ("RoboClaw", "ODrive", "VESC", "Roboteq", "Arduino", "Sabertooth")
 )
+EVERYTHING = Flood(
+    Surface("MAVLink with poses", "mavlink", "tcp", poses=True),
+    "all of these at once",
+    all_sorts,
+    also=(
+        Flood(POSES, "poses", malformed, "beside"),
+        Flood(ESTOP, "hog", nothing, "hog"),
+        Flood(ESTOP, "idle", nothing, "idle"),
+    ),
+)
 FLOODS = (
     Flood(TCP, "frames of another system", strangers),
     Flood(TCP, "0xFE", markers),
@@ -118,11 +130,5 @@ FLOODS = (
     Flood(POSES, "a stranger's", malformed, "beside"),
     Flood(ESTOP, "connections without end", nothing, "hog"),
     Flood(ESTOP, "nine idle, one that trickles", nothing, "idle"),
+    EVERYTHING,
 )
-EVERYTHING = (
-    Flood(Surface("all at once", "mavlink", "tcp", poses=True), "link", all_sorts),
-    Flood(POSES, "poses", malformed, "beside"),
-    Flood(ESTOP, "hog", nothing, "hog"),
-    Flood(ESTOP, "idle", nothing, "idle"),
-)
-"""To be run together, on the first one's surface."""

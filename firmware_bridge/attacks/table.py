@@ -85,7 +85,7 @@ def measure(floods: Sequence[Flood], progress: TextIO | None) -> list[Row]:
             progress.flush()
         if flood.surface not in quiet:
             quiet[flood.surface] = run(flood.surface, ())
-        rows.append(Row(flood, quiet[flood.surface], run(flood.surface, (flood,))))
+        rows.append(Row(flood, quiet[flood.surface], run(flood.surface, (flood, *flood.also))))
     if progress is not None and progress.isatty():
         progress.write("\r\x1b[2K")
     return rows

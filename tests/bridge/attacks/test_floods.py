@@ -15,7 +15,7 @@ from firmware_bridge.robot_file import DRIVERS, load_robot
 
 
 @pytest.mark.parametrize(
-    "flood", [*FLOODS, *EVERYTHING], ids=lambda flood: f"{flood.surface.name}-{flood.name}"
+    "flood", [*FLOODS, *EVERYTHING.also], ids=lambda flood: f"{flood.surface.name}-{flood.name}"
 )
 def test_a_flood_has_its_attacker_and_enough_to_say(flood):
     assert (flood.beside or flood.surface.between) in KINDS
