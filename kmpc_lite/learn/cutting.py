@@ -134,15 +134,18 @@ def _cut_streams(log: Log, dt: float | None, gap: float | None) -> list[Episode]
     period = period_of(log)
     dt = max(SHORTEST_PERIOD, period) if dt is None else dt
     limit = max(GAP * period, dt) if gap is None else gap
-    begin, end = covered(log)
-    episodes = []
-    time = log.poses.time
+    order = np.argsort(log.commands.time, kind="stable")
+    when, held = log.commands.time[order], log.commands.values[order]
+    time, stretch = log.poses.time, stretches(log)
     steps = np.diff(time)
-    for rows in np.split(np.arange(len(time)), np.flatnonzero((steps <= 0) | (steps > limit)) + 1):
-        for first, last in zip(begin, end, strict=True):
-            inside = rows[(time[rows] >= first) & (time[rows] <= last)]
-            if len(inside) >= 2 and (made := _aligned(log, inside, dt)) is not None:
-                episodes.append(made)
+    broken = (steps <= 0.0) | (steps > limit) | (stretch[1:] != stretch[:-1])
+    parts = np.split(np.arange(len(time)), np.flatnonzero(broken) + 1)
+    episodes = [
+        made
+        for rows in parts
+        if len(rows) >= 2 and stretch[rows[0]] >= 0
+        if (made := _aligned(time[rows], log.poses.values[rows], when, held, dt)) is not None
+    ]
     if not episodes:
         raise DataError(
             f"{log.name}: {tell_overlap(log)}: no {dt:g} s without a gap in which poses and "
@@ -151,15 +154,19 @@ def _cut_streams(log: Log, dt: float | None, gap: float | None) -> list[Episode]
     return episodes
 
 
-def covered(log: Log) -> tuple[Array, Array]:
-    """Begins and ends of the stretches in which the command is known [s]."""
-    time = log.commands.time
-    steps = np.diff(time)
+def stretches(log: Log) -> Array:
+    """Number of the stretch of commands that holds at each pose (n,); -1 where none does."""
+    times = np.sort(log.commands.time)
+    steps = np.diff(times)
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     hold = max(GAP * usual, LONGEST_HOLD)
-    breaks = np.flatnonzero((steps > hold) | (steps < 0.0))
-    begin = time[np.concatenate([[0], breaks + 1])]
-    return begin, time[np.concatenate([breaks, [len(time) - 1]])] + hold
+    breaks = np.flatnonzero(steps > hold)
+    begin = times[np.concatenate([[0], breaks + 1])]
+    end = times[np.concatenate([breaks, [len(times) - 1]])] + hold
+    at = np.searchsorted(begin, log.poses.time, side="right") - 1
+    known = (at >= 0) & (log.poses.time <= end[np.maximum(at, 0)])
+    numbers: Array = np.where(known, at, -1)
+    return numbers
 
 
 def tell_overlap(log: Log) -> str:
@@ -168,13 +175,10 @@ def tell_overlap(log: Log) -> str:
     return f"poses from {a:.15g} to {b:.15g} s, commands from {c:.15g} to {d:.15g} s"
 
 
-def _aligned(log: Log, rows: Array, dt: float) -> Episode | None:
-    """One episode: poses interpolated, commands held until the next."""
-    time, poses = log.poses.time[rows], unwrapped(log.poses.values[rows])
-    order = np.argsort(log.commands.time, kind="stable")
-    when, held = log.commands.time[order], log.commands.values[order]
-    within = when[(when > time[0]) & (when < time[-1])]
-    both = np.unique(np.concatenate([time, within]))
-    states = np.column_stack([np.interp(both, time, column) for column in poses.T])
+def _aligned(time: Array, poses: Array, when: Array, held: Array, dt: float) -> Episode | None:
+    """One episode: poses (n, 3) at `time` interpolated, commands (m, 2) held from `when` on."""
+    first, last = np.searchsorted(when, (time[0], time[-1]), side="right")
+    both = np.unique(np.concatenate([time, when[first:last]]))
+    states = np.column_stack([np.interp(both, time, column) for column in unwrapped(poses).T])
     acting = np.searchsorted(when, both[:-1], side="right") - 1
     return resample(both, states, held[np.maximum(acting, 0)], dt)

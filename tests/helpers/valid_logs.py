@@ -241,6 +241,8 @@ WRONG: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
     "before": (_later(2.0), "--shift -"),
     "theta frozen": (_constant(3, 0.5), "theta never changes"),
     "exchanged": (_columns([0, 1, 2, 3, 5, 4]), "exchanged"),
+    "s as ns": (_times("t", 1e-9), "--units t=s"),
+    "place frozen": (_all(_constant(1, 3.0), _constant(2, 4.0)), "x and y never change"),
     "rows": (_counted, "t counts rows"),
     "rpm": (_times("omega", 60.0 / (2.0 * np.pi)), "--units omega=rpm"),
     "theta in cdeg": (_times("theta", 100.0 * DEG), "does not follow the commands"),

@@ -109,6 +109,14 @@ def find_still(log: Log) -> str | None:
         return f"all commands are 0 ({log.commands.source}): expected v and omega of a drive"
     if moved <= 1e-9:
         return NEVER_MOVES
+    if (
+        np.ptp(log.poses.values[:, :2], axis=0).max() <= 1e-9
+        and np.abs(log.commands.values[:, 0]).max() > 0.0
+    ):
+        return (
+            "x and y never change though v is asked for and theta changes: other columns or topics "
+            "were meant (--columns, --topics)"
+        )
     turned = float(np.ptp(log.poses.values[:, 2]))
     if turned <= 1e-9 and np.abs(log.commands.values[:, 1]).max() > 0.0:
         return (

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kmpc_lite.learn.cutting import GAP, covered
+from kmpc_lite.learn.cutting import GAP, stretches
 from kmpc_lite.learn.logs import Log
 from kmpc_lite.types import Array
 
-MOST_ROWS = 200_000
+MOST_ROWS = 100_000
 """Most rows that are used; of a longer log, stretches spread over all of it."""
 STRETCHES = 8
 ROWS_PER_CHANGE = 8
@@ -43,7 +43,7 @@ class Motion:
 def gather(log: Log) -> Motion | None:
     """Put a log into rows, or give None where too little of it has poses and commands."""
     time, poses = log.poses.time, log.poses.values
-    inside = _inside(log, time)
+    inside = np.ones(len(time), dtype=bool) if log.together else stretches(log) >= 0
     if inside.sum() < 8:
         return None
     asked = _integrals(log, time)
@@ -65,17 +65,6 @@ def gather(log: Log) -> Motion | None:
         unbroken,
         max(1.0, change / stride),
     )
-
-
-def _inside(log: Log, time: Array) -> Array:
-    """Whether the command is known at each time (n,) bool."""
-    if log.together:
-        return np.ones(len(time), dtype=bool)
-    begin, end = covered(log)
-    order = np.argsort(begin)
-    at = np.searchsorted(begin[order], time, side="right") - 1
-    known: Array = (at >= 0) & (time <= end[order][np.maximum(at, 0)])
-    return known
 
 
 def _integrals(log: Log, time: Array) -> Array:

@@ -26,6 +26,12 @@ def time_unit(case: Case) -> str | None:
                 f"the robot would move and turn by 1e{-power} of what speed times time gives, with "
                 f"{period:.3g} s between poses: t is in {unit}; --units t={unit}"
             )
+    if len(powers) == 2 and min(powers) > 2.0 and abs(powers[0] - powers[1]) < 1.0:
+        return (
+            f"the robot would move and turn by 1e{round(powers[0])} of what speed times time "
+            f"gives, with {period:.3g} s between poses: t is in a larger unit than was said; "
+            "--units t=s"
+        )
     return None
 
 
