@@ -1,6 +1,6 @@
-"""Who has the robot: the bridge takes it when asked, never from a pilot, and gives it back.
+"""Who controls the robot: the bridge takes it when asked, never from a pilot, and gives it back.
 
-Giving back is repeated until it is confirmed.
+To give it back, HOLD is asked for until the vehicle confirms it.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ MODES = {
 """Custom modes of ArduPilot Rover."""
 HOLD, GUIDED = 4, 15
 PILOT = 0.5
-"""A failsafe's word and the HOLD that it chooses come within this time [s]: who chooses HOLD
-without a word is a pilot."""
+"""A failsafe's text and the HOLD that it chooses come within this time [s]: a HOLD without such a
+text was chosen by a pilot."""
 NOT_GREETED = "the vehicle has accepted nothing from us yet"
 OVERRULED = (
     "the autopilot's failsafe chose HOLD before anything was driven: waiting until it clears"
@@ -44,12 +44,12 @@ OVERRULED = (
 CUSTOM_MODE_ENABLED = 1
 """Flag of DO_SET_MODE."""
 HEARTBEAT_LOST = 2.5
-"""Without a HEARTBEAT for this long the mode is not known any more [s]: at the protocol's 1 Hz one
+"""Silence after which the mode is not known any more [s]: of HEARTBEATs at the protocol's 1 Hz, one
 may be lost and the next be late."""
 
 
 class Aim(Enum):
-    """What we are about."""
+    """What the bridge wants of the vehicle now."""
 
     WATCH = "the robot is whose it is"
     TAKE = "asking for GUIDED, then for arming"
@@ -57,7 +57,7 @@ class Aim(Enum):
 
 
 class Authority:
-    """Follows mode and arming, and asks for them.
+    """Follows the vehicle's mode and arming, and asks for changes of them.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class Authority:
         self.armed = False
         self.heard = -float("inf")
         self.refusal = ""
-        """Why the vehicle does not give itself to us, in words; empty if it does or was not
+        """Why the vehicle refuses to be controlled, in words; empty if it does not, or was not
         asked."""
         self.yielded = 0
         """How often somebody else changed mode or arming while we had the robot."""
@@ -92,11 +92,11 @@ class Authority:
         return self.armed and self.mode == GUIDED and self.aim is not Aim.TAKE
 
     def fresh(self, now: float) -> bool:
-        """Whether that last word is young enough to count."""
+        """Whether its last HEARTBEAT is young enough for that to count."""
         return now - self.heard < HEARTBEAT_LOST
 
     def take(self, now: float) -> None:
-        """Ask for GUIDED and arming, as soon as the vehicle accepts what we say."""
+        """Ask for GUIDED and arming, as soon as the vehicle accepts our frames."""
         self.aim, self.refusal = Aim.TAKE, NOT_GREETED
         self._asked, self._guided_seen, self._untouched = False, False, True
         self._lost = -float("inf")
@@ -104,11 +104,11 @@ class Authority:
         self._desk.cancel(ARM)
 
     def drove(self) -> None:
-        """Note that the robot was told to move: from now on who chooses HOLD means it."""
+        """Note that the robot was told to move: any HOLD from now on is meant to stop it."""
         self._untouched = False
 
     def on_failsafe(self, now: float) -> None:
-        """Note that the autopilot tells of a failsafe of its own."""
+        """Note that the autopilot reports a failsafe of its own."""
         self._failsafe = now
         if self.aim is Aim.WATCH and self._untouched and now - self._lost < PILOT:
             self._take_again()
@@ -126,7 +126,7 @@ class Authority:
             self._desk.request(SET_MODE, CUSTOM_MODE_ENABLED, HOLD, now=now, patient=True)
 
     def on_heartbeat(self, mode: int, armed: bool, now: float, greeted: bool = True) -> None:
-        """Take what the vehicle says of itself."""
+        """Take mode and arming from a HEARTBEAT."""
         ours = self.mode == GUIDED and self.armed and self.aim is Aim.WATCH
         self.mode, self.armed, self.heard = mode, armed, now
         if ours and not (mode == GUIDED and armed):
@@ -139,7 +139,7 @@ class Authority:
         self.tick(now, greeted)
 
     def tick(self, now: float, greeted: bool = True) -> None:
-        """Take the next step towards the aim; `greeted`: the vehicle accepts what we say."""
+        """Take the next step towards the aim; `greeted`: the vehicle accepts our frames."""
         if self.aim is Aim.TAKE:
             if not self._asked:
                 self._begin(now, greeted)
@@ -178,7 +178,7 @@ class Authority:
             self.refusal = "arming is refused for now"
 
     def _taken_back(self, now: float) -> None:
-        """GUIDED was left while we armed: by the autopilot's failsafe, or by a pilot."""
+        """React to a vehicle that left GUIDED while we armed it: by its failsafe, or by a pilot."""
         if self._lost == -float("inf"):
             self._lost = now
         if self.mode == HOLD and now - self._failsafe < PILOT:
@@ -189,7 +189,7 @@ class Authority:
             self._finish()
 
     def _take_again(self) -> None:
-        """The failsafe waited for a heartbeat of ours: once it has cleared, ask anew."""
+        """Ask anew once the failsafe, which waited for a heartbeat of ours, has cleared."""
         self.overruled += 1
         self._asked = self._guided_seen = False
         self.aim, self.refusal, self._lost = Aim.TAKE, OVERRULED, -float("inf")

@@ -1,4 +1,4 @@
-"""The vehicle's clock in terms of ours: TIMESYNC, and `time_boot_ms` that wraps after 49.7 days."""
+"""Converts the vehicle's time to ours: TIMESYNC, and `time_boot_ms` that wraps after 49.7 days."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from dataclasses import dataclass
 WRAP = 2.0**32 / 1000.0
 """Period of `time_boot_ms` [s]."""
 WINDOW = 20
-"""Round trips to choose the best from."""
+"""Number of recent round trips of which the shortest is used."""
 SETTLED = 10
 PENDING = 8
 """Requests that may still be answered."""
 LONGEST = 0.5
-"""A round trip beyond this says too little [s]."""
+"""Longest round trip that is used [s]."""
 REBOOT = 1.0
-"""`time_boot_ms` running back by more than this is another boot [s]."""
+"""The autopilot was restarted if `time_boot_ms` runs back by more than this [s]."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class VehicleClock:
         self._trips: deque[RoundTrip] = deque(maxlen=WINDOW)
         self._last_boot: float | None = None
         self.resets = 0
-        """How often it began anew: the autopilot was restarted."""
+        """How often the vehicle's clock began anew, since the autopilot was restarted."""
         self.jumps = 0
         """How often the vehicle's clock was set or began anew."""
 

@@ -25,8 +25,8 @@ MARKER = re.compile(rb"\xfd(?!.[^\x00\x01])|\xfe(?!\xfe.{3}\xfe)", re.DOTALL)
 HEADER = {dialect.PROTOCOL_MARKER_V1: 6, dialect.PROTOCOL_MARKER_V2: 10}
 CRC_BYTES, SIGNATURE_BYTES = 2, 13
 STALLED = 0.2
-"""A frame whose rest has not come after this long was none: the longest takes 0.05 s at 57600 baud
-[s]."""
+"""Bytes count as no frame if the rest has not come after this long [s]: the longest frame takes
+0.05 s at 57600 baud."""
 SIGNING_EPOCH = 1420070400
 """Signature time stamps count 10 us from 2015-01-01 UTC; this is that day in Unix time [s]."""
 
@@ -57,7 +57,7 @@ class MavlinkCodec:
     Parameters
     ----------
     system, component : int
-        What our frames say they come from.
+        Ids that our frames are sent with.
     key : bytes or None
         32 bytes: sign what is sent, refuse and count what comes unsigned or wrongly signed.
     accept_unsigned : bool
@@ -67,8 +67,8 @@ class MavlinkCodec:
         Unix time to start signature time stamps at [s]; signing is the one place where the protocol
         asks for it.
     wanted : callable, optional
-        Frames that it does not want are counted and passed over: decoding costs ten times as much
-        as finding a frame.
+        Tells which frames to decode; others are counted and passed over, since decoding costs ten
+        times as much as finding a frame.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class MavlinkCodec:
         self._waiting_since = math.inf
         self.counters = dict.fromkeys(COUNTERS, 0)
         self.newest_stamp = 0
-        """Of all signatures that were right [10 us since 2015]."""
+        """Newest time stamp of all correct signatures [10 us since 2015]."""
         self._check, self._mav.check_signature = self._mav.check_signature, self._check_signature
         if accept_unsigned:
             self._mav.signing.allow_unsigned_callback = lambda mav, message: True
@@ -97,12 +97,12 @@ class MavlinkCodec:
             self.sign(key, signing_time(wall_time))
 
     def sign(self, key: bytes, timestamp: int) -> None:
-        """Sign from now on, and want what comes signed; time stamps start at this one [10 us]."""
+        """Sign from now on, and require signatures; time stamps start at this one [10 us]."""
         signing = self._mav.signing
         signing.secret_key, signing.sign_outgoing, signing.timestamp = key, True, timestamp
 
     def sign_no_more(self) -> None:
-        """Send unsigned, and take whatever comes."""
+        """Stop signing, and take unsigned frames."""
         self._mav.signing.secret_key, self._mav.signing.sign_outgoing = None, False
 
     def encode(self, message: Any, version: int = 2) -> bytes:
@@ -165,8 +165,8 @@ class MavlinkCodec:
     def _frame_size(self, start: int) -> int:
         """Bytes of the frame that would begin here, as far as is known; 0 where none can.
 
-        An id that the dialect has not is no frame for us: its CRC cannot be checked without the
-        definition.
+        A message id that the dialect does not know counts as no frame: without its definition the
+        CRC cannot be checked.
         """
         buffer, known = self._buffer, len(self._buffer) - start
         header = HEADER[buffer[start]]
@@ -183,7 +183,7 @@ class MavlinkCodec:
         return header + int(buffer[start + 1]) + CRC_BYTES + (SIGNATURE_BYTES if flags else 0)
 
     def _decode(self, frame: bytearray) -> Any:
-        """Message of a whole frame, None where its signature or its content does not count."""
+        """Message of a whole frame; None where its signature or its content is refused."""
         signed = frame[0] == dialect.PROTOCOL_MARKER_V2 and bool(frame[2])
         self.counters["signed"] += signed
         with self._lock:
@@ -225,7 +225,7 @@ def _origin(frame: bytearray) -> tuple[int, int, int]:
 
 
 def _crc_is_right(frame: bytearray) -> bool:
-    """Whether bytes of the length of a frame are one."""
+    """Whether the CRC of a frame's bytes is right."""
     second = frame[0] == dialect.PROTOCOL_MARKER_V2
     end = len(frame) - (SIGNATURE_BYTES if second and frame[2] else 0)
     kind = dialect.mavlink_map[_origin(frame)[2]]

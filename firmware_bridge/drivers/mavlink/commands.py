@@ -32,7 +32,7 @@ class _Request:
 class CommandDesk:
     """Sends one request per command at a time, until it is acknowledged.
 
-    An acknowledgement names only the command; so it names the request, too.
+    An acknowledgement names only the command, hence one request per command.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class CommandDesk:
         self._requests: dict[int, _Request] = {}
 
     def request(self, command: int, *parameters: float, now: float, patient: bool = False) -> None:
-        """Ask now, in place of an earlier request of this command.
+        """Send a request now; it replaces an earlier one of this command.
 
         A patient request is repeated while it is refused for now, and after it was accepted until
         it is cancelled: what the vehicle says it did and what its heartbeat shows may differ.
@@ -54,7 +54,7 @@ class CommandDesk:
         self.tick(now)
 
     def say(self, command: int, *parameters: float) -> None:
-        """Send a command once, and wait for nothing."""
+        """Send a command once, without waiting for an acknowledgement."""
         self._send(command, tuple(parameters), 0)
 
     def cancel(self, command: int) -> None:
@@ -75,7 +75,7 @@ class CommandDesk:
                 request.due = now + SILENCE
 
     def on_ack(self, command: int, result: int, now: float) -> bool:
-        """Take an acknowledgement; False where nothing like it was asked."""
+        """Take an acknowledgement; False where no such command was requested."""
         request = self._requests.get(command)
         if request is None or not request.sent:
             return False

@@ -39,7 +39,7 @@ TIMESYNC_FIRST = 0.1
 
 
 class MavlinkCore:
-    """What is known of the vehicle and what it is to be told.
+    """The state of one vehicle, and the messages that are due to it.
 
     Not thread-safe: `MavlinkDriver` holds one lock around every call but `receive`, which takes it
     for one message at a time.
@@ -47,7 +47,7 @@ class MavlinkCore:
     Parameters
     ----------
     options : MavlinkOptions
-        Who is who.
+        System ids, and what to ask of the vehicle.
     write : callable
         Takes one whole frame.
     wall_time : float
@@ -96,7 +96,7 @@ class MavlinkCore:
         self._counters = dict.fromkeys(("unmatched_acks", "unmatched_timesync", "held_back"), 0)
 
     def receive(self, data: bytes, now: float, lock: Lock = NO_LOCK) -> bool:
-        """Take bytes from the link; whether the vehicle said something.
+        """Take bytes from the link; return whether they held a message of the vehicle.
 
         `lock` is held while a message is taken, not while bytes are searched and decoded: whoever
         commands must not wait for a flood.
@@ -192,9 +192,9 @@ class MavlinkCore:
             self._send(self._build.set_point(0.0, 0.0, now))
 
     def set_point(self, v: float, omega: float, now: float) -> None:
-        """Command a velocity: zeros always go out, others only to a vehicle that is ours.
+        """Command a velocity: zeros are always sent, others only to a vehicle that we control.
 
-        A vehicle that is being given back is not ours any more.
+        A vehicle that is being given back is not controlled by us any more.
         """
         message = self._build.set_point(v, omega, now)
         moving = v != 0.0 or omega != 0.0
@@ -213,7 +213,7 @@ class MavlinkCore:
         self.authority.take(now)
 
     def confirm_frame(self) -> None:
-        """Believe the vehicle's frame again, after a restart: somebody has looked."""
+        """Trust the vehicle's frame again, after somebody has checked it on the map."""
         self.frame.confirm()
 
     def ask_prearm(self, now: float) -> None:
@@ -233,7 +233,7 @@ class MavlinkCore:
 
     @property
     def owes_stop(self) -> bool:
-        """Whether the vehicle may still be moving by our word."""
+        """Whether the vehicle may still be moving on our command."""
         return self._moved and self.authority.mode != HOLD
 
     def feed_pose(self, x: float, y: float, theta: float, stamp: float, now: float) -> None:
@@ -278,7 +278,7 @@ class MavlinkCore:
         )
 
     def notes(self, now: float) -> tuple[str, ...]:
-        """What a user may want to know and no robot must stop for."""
+        """Remarks for the user that stop no robot."""
         return (
             self.failsafe.note,
             *self.others.notes(now, self.failsafe.watched),

@@ -20,8 +20,8 @@ from firmware_bridge.link import Transport
 from firmware_bridge.messages import ConfigError, LinkError, LinkStatus, State
 
 TICK = 0.047
-"""Between looks at what is due: no multiple of an autopilot's loop period, or all TIMESYNC requests
-would wait equally long in it [s]."""
+"""Period of the driver's thread [s]: no multiple of an autopilot's loop period, or all TIMESYNC
+requests would wait equally long in that loop."""
 FAREWELL = 1.0
 """How long `close` waits for HOLD to be confirmed [s]."""
 
@@ -38,7 +38,7 @@ class MavlinkDriver:
     transport : Transport
         The link, not yet started.
     options : MavlinkOptions
-        Who is who, and whether to arm.
+        System ids, and whether to arm.
     clock : callable
         Monotonic time [s].
 
@@ -82,12 +82,10 @@ class MavlinkDriver:
         return cls(transport, MavlinkOptions.from_table(table.get("board", {})))
 
     def connect(self, timeout: float) -> None:
-        """Open the link, find the vehicle, request telemetry, see to its failsafe.
+        """Open the link, find the vehicle, request telemetry, turn its failsafe on.
 
-        With `arm`, begin to take the vehicle.
-
-        Taking goes on after the return: arming may be refused for 45 s after boot. `health().ready`
-        tells when it is done.
+        With `arm`, begin to take control of the vehicle. That goes on after the return: arming may
+        be refused for 45 s after boot. `health().ready` tells when it is done.
 
         Raises
         ------
@@ -123,8 +121,8 @@ class MavlinkDriver:
     def send(self, v: float, omega: float) -> None:
         """Command forward speed [m/s] and turn rate, counter-clockwise [rad/s].
 
-        Zeros always go out. Anything else is held back and counted while the vehicle is not ours
-        (not armed, not in GUIDED) or is being given back.
+        Zeros are always sent. Anything else is held back and counted while we do not control the
+        vehicle (not armed, not in GUIDED, or being given back).
         """
         with self._changed:
             self._core.set_point(v, omega, self._clock())
@@ -164,7 +162,7 @@ class MavlinkDriver:
         return replace(status, faults=faults, counters=counters)
 
     def notes(self) -> tuple[str, ...]:
-        """Remarks that stop no robot: set-up of the failsafe, last words of the vehicle."""
+        """Remarks that stop no robot: set-up of the failsafe, last texts of the vehicle."""
         with self._changed:
             return self._core.notes(self._clock())
 
@@ -185,12 +183,12 @@ class MavlinkDriver:
             self._core.ask_prearm(self._clock())
 
     def confirm_frame(self) -> None:
-        """Believe the vehicle's frame again, after a restart: somebody has looked."""
+        """Trust the vehicle's frame again, after somebody has checked it on the map."""
         with self._changed:
             self._core.confirm_frame()
 
     def close(self) -> None:
-        """Stop a vehicle that moves by our word and close the link; idempotent.
+        """Stop a vehicle that moves on our command, and close the link; idempotent.
 
         It waits up to a second until the vehicle confirms HOLD.
         """
@@ -260,13 +258,13 @@ class MavlinkDriver:
                 self._changed.notify_all()
 
     def _run(self) -> None:
-        """Look at what is due, time and again."""
+        """Do what is due, period after period, until the driver is closed."""
         while self._turn():
             self._stamp.keep(self._core.codec.newest_stamp, time.monotonic())
         self._stamp.keep(self._core.codec.newest_stamp, float("inf"))
 
     def _turn(self) -> bool:
-        """Do what is due now, and wait; whether to go on."""
+        """Do what is due now, and wait a period; return whether to go on."""
         with self._changed:
             try:
                 self._core.tick(self._clock())

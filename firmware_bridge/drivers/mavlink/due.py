@@ -1,4 +1,4 @@
-"""What is to be done again and again, each thing in its own period."""
+"""Periodic jobs: when each is due next."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 
 class Due:
-    """Remembers when each thing is next to be done.
+    """Remembers when each job is due next.
 
     Examples
     --------
@@ -19,7 +19,7 @@ class Due:
         self._next: dict[str, float] = {}
 
     def __call__(self, what: str, now: float, period: float) -> bool:
-        """Whether a thing is to be done now [s]; the next time is `period` [s] later."""
+        """Whether a job is due at `now` [s]; if so, it is due again `period` [s] later."""
         if now < self._next.get(what, -math.inf):
             return False
         self._next[what] = now + period

@@ -1,6 +1,6 @@
 """ArduPilot's GCS failsafe, the vehicle's own watchdog on the bridge.
 
-It is off as delivered, and counts the heartbeats of one system id only.
+It is off by default, and watches the heartbeats of one system id only.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 ENABLE, WATCHED = "FS_GCS_ENABLE", "SYSID_MYGCS"
 PERIOD, TRIES = 1.0, 5
-"""Time between requests [s], and how many."""
+"""Time between requests [s], and the largest number of them."""
 
 
 class GcsFailsafe:
@@ -71,7 +71,7 @@ class GcsFailsafe:
 
     @property
     def note(self) -> str:
-        """How far the vehicle watches us, in words."""
+        """Whether the vehicle watches our heartbeats, in words."""
         if ENABLE not in self._values or WATCHED not in self._values:
             return f"GCS failsafe: {ENABLE} and {WATCHED} not read" + (
                 ": no answer" if self._tries >= TRIES else " yet"

@@ -1,4 +1,4 @@
-"""Whether the vehicle's local frame still lies where it lay when we began.
+"""Whether the vehicle's local frame still has the origin that it had when the drive began.
 
 After a restart the autopilot makes its origin anew, wherever it then stands; another station may
 set
@@ -13,13 +13,13 @@ FARTHEST = 10
 
 
 class FrameWatch:
-    """Doubts the frame after a restart, a jump of the clock or of the origin, until confirmed."""
+    """Doubts the frame after a restart or a jump of clock or origin, until it is confirmed."""
 
     def __init__(self) -> None:
         self.doubt = ""
         """Why the frame may have moved, empty where nothing says so."""
         self.doubts = 0
-        """How often it was doubted."""
+        """How often the frame was doubted."""
         self._resets = 0
         self._origin: tuple[int, int] | None = None
 
@@ -39,7 +39,7 @@ class FrameWatch:
             self._doubt("the autopilot's origin has moved")
 
     def confirm(self) -> None:
-        """Believe the frame again: somebody has looked."""
+        """Trust the frame again, after somebody has checked it on the map."""
         self.doubt = ""
 
     def _doubt(self, why: str) -> None:

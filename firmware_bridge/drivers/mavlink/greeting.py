@@ -1,4 +1,4 @@
-"""Whether the vehicle accepts what we say: nothing may be asked of it before it has heard us.
+"""Whether the vehicle accepts our frames: nothing may be asked of it before it does.
 
 A signed link refuses every frame that is older than the newest the vehicle has seen. Its clock runs
 up to a minute ahead of ours, so the first frames of a new process are refused until we have heard
@@ -19,7 +19,7 @@ FORGET = 5.0
 
 
 class Greeting:
-    """Counts on answers: whoever answers a question has accepted it, and what is sent after it."""
+    """Concludes from answers: a vehicle that answers a question accepts it, and all sent later."""
 
     def __init__(self) -> None:
         self._answered = -math.inf

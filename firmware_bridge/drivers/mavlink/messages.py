@@ -24,7 +24,7 @@ class MessageBuilder:
     Parameters
     ----------
     options : MavlinkOptions
-        Names the vehicle and says what we are.
+        Ids of the vehicle, and ours.
     """
 
     def __init__(self, options: MavlinkOptions) -> None:
@@ -34,7 +34,7 @@ class MessageBuilder:
         )
 
     def heartbeat(self) -> Any:
-        """We are here."""
+        """HEARTBEAT of ours."""
         return dialect.MAVLink_heartbeat_message(
             self._type, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3
         )
@@ -42,7 +42,7 @@ class MessageBuilder:
     def set_point(self, v: float, omega: float, now: float) -> Any:
         """Speed along the nose [m/s] and turn rate, counter-clockwise [rad/s], both finite.
 
-        A NaN speed makes ArduPilot abort, so this is the last place where one is stopped.
+        A NaN speed makes ArduPilot abort; here is the last check against one.
         """
         if not (math.isfinite(v) and math.isfinite(omega)):
             raise ValueError(

@@ -12,12 +12,12 @@ from firmware_bridge.drivers.mavlink.options import MOCAP, MavlinkOptions
 FUTURE = 0.05
 """A stamp may lie this far ahead of the time at which it is given [s]."""
 PERIOD = 0.02
-"""Motion capture may be faster than this: the rest is left out, a serial link has no room for it
-[s]."""
+"""Least time between poses that are passed on [s]: a serial link has no room for all poses of a
+faster motion capture."""
 
 
 class MocapFeed:
-    """Passes poses on, and refuses those that cannot be.
+    """Passes poses on, and refuses bad ones.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class MocapFeed:
     ) -> None:
         self._options, self._build, self._send = options, build, send
         self.stamp = -math.inf
-        """Of the newest pose [s]."""
+        """Stamp of the newest pose [s]."""
         self.refused = 0
         self.has_origin = False
         """Whether the vehicle has an origin."""

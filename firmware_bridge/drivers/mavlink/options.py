@@ -19,7 +19,7 @@ KEY_BYTES, MAX_KEY_BYTES = 32, 4096
 
 @dataclass(frozen=True)
 class MavlinkOptions:
-    """Who is who on the link, and what we ask of the vehicle.
+    """Ids on the link, and what is asked of the vehicle.
 
     Raises
     ------
@@ -41,7 +41,7 @@ class MavlinkOptions:
     rate: float = 40.0
     """Pose telemetry to ask for [Hz]; less is taken where it is denied."""
     arm: bool = False
-    """Take GUIDED and arm on connect; else the pilot does both."""
+    """Whether to switch to GUIDED and arm on connect; if not, the pilot does both."""
     pose: str = EKF
     """"ekf": the vehicle's own sensors; "mocap": poses given to `feed_pose`."""
     origin: tuple[float, float, float] | None = None

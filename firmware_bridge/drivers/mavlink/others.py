@@ -1,4 +1,4 @@
-"""Who else talks on the link: other masters, which are a fault, and other ground stations."""
+"""Who else sends on the link: other masters, which are a fault, and other ground stations."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ SET_POINT_MESSAGES = frozenset(
     ("SET_POSITION_TARGET_LOCAL_NED", "SET_POSITION_TARGET_GLOBAL_INT", "SET_ATTITUDE_TARGET")
 )
 WATCHED = frozenset((0, 82, 84, 86))
-"""Ids of what is looked at of others: HEARTBEAT, and the set-points above."""
+"""Message ids that are decoded of other systems: HEARTBEAT, and the set-points above."""
 MASTER_TOLD = 1.0
-"""How long another's set-point makes a fault [s]."""
+"""How long a set-point of another master counts as a fault [s]."""
 STATION_TOLD = 5.0
 """How long after its last heartbeat a ground station counts as there [s]."""
 GCS = 6
@@ -27,8 +27,8 @@ def worth_decoding(system: int, component: int) -> Callable[[int, int, int], boo
 class OtherStations:
     """Remembers who else was heard.
 
-    Only those whom the vehicle forwards to our port, or who share it: a master on another port of
-    the autopilot is invisible here.
+    It sees only those that the vehicle forwards to our port, or that share it: a master on another
+    port of the autopilot stays unseen.
 
     Parameters
     ----------

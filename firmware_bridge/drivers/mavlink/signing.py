@@ -19,7 +19,7 @@ from firmware_bridge.messages import LinkError
 
 ARMED = 128
 REPEAT, TIMES = 0.2, 3
-"""The key is sent so often, so far apart [s]: the vehicle acknowledges nothing."""
+"""Time between repeats of the key [s], and their number: the vehicle acknowledges none."""
 TICK = 0.1
 """Between heartbeats and questions [s]."""
 
@@ -54,7 +54,7 @@ def others_may_listen(url: str) -> bool:
 
 
 class _Link:
-    """A transport whose messages are waited for."""
+    """A transport, and a codec, on which one can wait for a message."""
 
     def __init__(self, transport: Transport, options: MavlinkOptions) -> None:
         self._transport, self._options = transport, options

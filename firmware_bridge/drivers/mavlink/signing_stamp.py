@@ -1,6 +1,6 @@
 """The newest signing time that was accepted, on disk: recordings stay refused after a restart.
 
-A computer without a clock of its own begins in 1970: to it, every recorded frame would look new.
+A computer without a battery-backed clock starts in 1970, where every recorded frame looks new.
 """
 
 from __future__ import annotations

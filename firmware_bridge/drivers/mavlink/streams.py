@@ -1,4 +1,4 @@
-"""The telemetry that is asked for, how often it comes, and asking again where somebody lowers it.
+"""Requests telemetry, measures how often it comes, and asks again where somebody lowers its rate.
 
 A ground station that asks for its own stream rates (MAVProxy does so every 15 s) lowers ours, where
 both talk over one port.
@@ -17,21 +17,21 @@ from firmware_bridge.drivers.mavlink.commands import (
 
 EKF_STATUS = 193
 EKF_RATE, HEARTBEAT_RATE, ORIGIN_RATE = 20.0, 5.0, 1.0
-"""Rates to ask for at the most [Hz]."""
+"""Largest rates that are asked for [Hz]."""
 LATE_PERIODS, LATE = 3.0, 0.03
-"""A stream is late after so many of its periods, and so much for the way [s]."""
+"""A stream is late after this many of its periods, plus this time on the link [s]."""
 ENOUGH = 0.75
 """Less than this share of the rate that was asked for is too little."""
 WINDOW = 1.0
 """Rates are counted over this time [s]."""
 AGAIN, RAREST = 0.3, 5.0
-"""A stream that is too slow is asked for again after this long, and twice as long each time that
-it does not help [s]."""
+"""First and longest time after which a stream that is too slow is asked for again [s]; it doubles
+each time that asking does not help."""
 TOLD = 10.0
-"""How long it is told that a stream was lowered [s]."""
+"""How long a lowered stream is reported [s]."""
 CAUSE = "another station lowers it (MAVProxy: --streamrate -1), or the link is too slow"
 ALIVE = 3.0
-"""A stream that was seen within this time comes, though perhaps too slowly [s]."""
+"""A stream seen within this time counts as coming, though perhaps too slowly [s]."""
 
 
 @dataclass
@@ -97,7 +97,7 @@ class Stream:
 
 @dataclass
 class StreamRequests:
-    """Asks for one kind after the other, takes less where more is denied, and asks again."""
+    """Asks for one stream after the other, at a lower rate where a higher one is denied."""
 
     desk: CommandDesk
     streams: tuple[Stream, ...]

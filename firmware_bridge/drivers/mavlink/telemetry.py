@@ -1,4 +1,4 @@
-"""LOCAL_POSITION_NED, ATTITUDE and EKF_STATUS_REPORT -> State and whether to trust it."""
+"""Makes a State of LOCAL_POSITION_NED and ATTITUDE; EKF_STATUS_REPORT tells whether to trust it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class PoseTracker:
         """When the older of the position and the attitude behind `state` was true [s]."""
         self.flags: int | None = None
         self.refused = 0
-        """Messages with values that cannot be."""
+        """Messages refused for impossible values."""
         self.unpaired = 0
         """Positions without an attitude near them in time."""
         self._flags_stamp = -float("inf")

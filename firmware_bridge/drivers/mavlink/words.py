@@ -1,4 +1,4 @@
-"""What the autopilot says in plain text: whole texts out of chunks, and why it does not arm."""
+"""The autopilot's STATUSTEXTs: puts chunks together, and keeps the reasons why it does not arm."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 CHUNK = 50
 """Characters of one STATUSTEXT; longer texts come in several."""
 PATIENCE = 1.0
-"""A text whose other chunks have not come after this long is told as far as it is known [s]."""
+"""Time after which a text with missing chunks is given out as far as it has come [s]."""
 KEPT = 20
-"""So many texts are remembered, of each sort: whole, in chunks, and why it does not arm."""
+"""Texts that are remembered of each sort: whole, in chunks, and reasons for not arming."""
 FRESH = 35.0
-"""ArduPilot repeats why it does not arm every 30 s: older words have been dealt with [s]."""
+"""Oldest reason for not arming that still counts [s]: ArduPilot repeats it every 30 s."""
 AT_ONCE = 1.5
-"""ArduPilot says all that keeps it from arming within this time [s]."""
+"""ArduPilot sends all its reasons for not arming within this time [s]."""
 REFUSALS = ("PreArm:", "Arm:")
 GAP = " ... "
 
@@ -36,7 +36,7 @@ class _Partial:
 
     @property
     def text(self) -> str:
-        """What is known of it."""
+        """The chunks that have come, joined; a mark stands for each missing one."""
         known = (self.chunks.get(i, GAP) for i in range(max(self.chunks) + 1))
         return "".join(known).strip()
 
@@ -65,7 +65,7 @@ class Words:
         return self._keep(entry.severity, entry.text, now)
 
     def tick(self, now: float) -> None:
-        """Tell texts as far as they are known whose other chunks do not come."""
+        """Give out texts whose other chunks do not come, as far as they have come."""
         for key, entry in list(self._partial.items()):
             if now - entry.since > PATIENCE:
                 del self._partial[key]
@@ -93,7 +93,7 @@ class Words:
 
 
 def tells_failsafe(text: str) -> bool:
-    """Whether a text says that a failsafe acts.
+    """Whether a text reports that a failsafe acts.
 
     Examples
     --------
