@@ -90,7 +90,7 @@ def test_false_starts_cost_mavlink_no_frame(stray):
         + codec.feed(frames[2], 0.02 + STALLED)
     )
     assert [message.time_boot_ms for message in found] == [1, 2, 3]
-    assert codec.counters["skipped_bytes"] == len(stray) and codec.counters["bad_data"] > 0
+    assert codec.counters["skipped_bytes"] == len(stray)
 
 
 @pytest.fixture(params=["roboclaw", "odrive", "vesc"])
