@@ -10,7 +10,7 @@ import numpy as np
 
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.errors import ScenarioError
-from kmpc_lite.files import read_npz, real_array, write_whole
+from kmpc_lite.files import MAX_ARCHIVE_BYTES, read_npz, real_array, write_whole
 from kmpc_lite.reading import parse_toml
 from kmpc_lite.sim.closed_loop import Outcome, Run
 from kmpc_lite.sim.scenario.files import Scenario
@@ -49,7 +49,9 @@ def save_run(run: Run, path: Path) -> None:
 def load_run(path: Path) -> Run:
     """Read a run; ScenarioError for anything else."""
     try:
-        arrays, _ = read_npz(path, ("header", *ARRAYS))
+        # a drive of a day takes more, but its plans are no zeros, which pack a thousand times
+        most = max(MAX_ARCHIVE_BYTES, 20 * path.stat().st_size)
+        arrays, _ = read_npz(path, ("header", *ARRAYS), most)
     except OSError as error:
         raise ScenarioError(f"{path}: cannot read the run: {error.strerror or error}") from error
     except ValueError as error:
