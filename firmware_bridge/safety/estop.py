@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from firmware_bridge.link.ration import Ration
+from firmware_bridge.messages import ConfigError
 from firmware_bridge.safety.gate_table import GateState
 from firmware_bridge.safety.latch import is_latched, latch_file, set_latch
 from firmware_bridge.safety.listener import Listener, check_path
@@ -115,8 +116,8 @@ class EmergencyStop:
         self._listener = Listener(self.path)
         try:
             self._link = link_here(self.path)
-        except OSError as error:
-            self._astray = f"kmpc estop needs --socket {self.path}: {error.strerror or error}"
+        except (OSError, ConfigError) as error:
+            self._astray = f"kmpc estop needs --socket {self.path}: {error}"
         self._thread = threading.Thread(target=self._serve, name="bridge-estop", daemon=True)
         self._thread.start()
 

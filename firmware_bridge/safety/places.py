@@ -49,7 +49,12 @@ def likely_sockets() -> list[Path]:
     private = [folder for user in users if _is_private(folder := _private(user), user)]
     folders = [SERVICES, *(USERS / str(user) for user in users), *private]
     there = [folder / NAME for folder in folders if folder.is_dir()]
-    return list(dict.fromkeys([default_socket(), *there]))
+    try:
+        there.insert(0, default_socket())
+    except ConfigError:  # a folder that somebody planted must not hide the bridges elsewhere
+        if not there:
+            raise
+    return list(dict.fromkeys(there))
 
 
 def found_sockets() -> list[Path]:

@@ -86,3 +86,18 @@ def test_a_planted_folder_for_temporary_files_is_not_looked_into(machine, monkey
     planted.mkdir()
     planted.chmod(0o777)
     assert planted / NAME not in likely_sockets()
+
+
+def test_a_planted_folder_hides_no_bridge_and_stops_no_bridge_elsewhere(machine):
+    """Anybody may make a folder of that name among the temporary files."""
+    planted = machine / "tmp" / f"kmpc-bridge-{os.geteuid()}"
+    planted.mkdir()
+    planted.chmod(0o777)
+    with bridge(machine / "service" / NAME):
+        assert found_sockets() == [machine / "service" / NAME]
+    with bridge(machine / "own.sock") as stop:
+        assert f"needs --socket {machine / 'own.sock'}" in stop.problem
+    for folder in (machine / "service", machine / "users" / str(os.geteuid())):
+        folder.rmdir()
+    with pytest.raises(ConfigError, match="0700"):
+        likely_sockets()
