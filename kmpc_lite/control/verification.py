@@ -68,14 +68,13 @@ class Verification:
         found, reason, expected = result.trajectory, result.reason, result.next_state
         if not result.defect <= self._accepted_defect:
             # the model contradicts the plan: its commands are good for what the model makes of them
-            states = task.model.rollout(found.states[0], found.inputs, task.past)
             reason = f"rolled out anew: the model contradicted the plan by {result.defect:.3g}"
-            found = Trajectory(states, found.inputs, found.duals)
-            usable = np.isfinite(states).all() and self.clearance(states, seen) >= (
-                -self._accepted_depth
-            )
-            if not usable:
+            found, periods = self._rolled_out(found, seen, task)
+            if not periods:
                 return Verified(found, None, expected, reason)
+            if periods < len(found.inputs):
+                reason += f", and shortened to {periods} periods"
+            expected = found.states[1]
         checked = self._stops.find(found.states, found.inputs, task)
         if checked.slowed:
             found = Trajectory(checked.states, checked.inputs, found.duals)
@@ -86,6 +85,29 @@ class Verification:
         if limited is not found:
             found, expected = limited, limited.states[1]
         return Verified(found, checked.stop, expected, reason)
+
+    def _rolled_out(
+        self, plan: Trajectory, seen: Observation, task: StopTask
+    ) -> tuple[Trajectory, int]:
+        """What the model makes of a plan's commands, and for how many periods they may be driven.
+
+        From the first stage that would cut into an obstacle on the robot is to stand.
+        """
+        inputs = plan.inputs
+        states = task.model.rollout(plan.states[0], inputs, task.past)
+        if not np.isfinite(states).all():
+            return Trajectory(states, inputs, plan.duals), 0
+        least, most = 0, len(inputs)
+        while least < most:
+            middle = (least + most + 1) // 2
+            if self.clearance(states[: middle + 1], seen) >= -self._accepted_depth:
+                least = middle
+            else:
+                most = middle - 1
+        if 0 < least < len(inputs):
+            inputs = np.where(np.arange(len(inputs))[:, None] < least, inputs, 0.0)
+            states = task.model.rollout(plan.states[0], inputs, task.past)
+        return Trajectory(states, inputs, plan.duals), least
 
     def clearance(self, states: Array, seen: Observation) -> float:
         """Smallest distance between the edges of robot and obstacles along states (K, 3)."""

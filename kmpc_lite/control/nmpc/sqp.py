@@ -95,6 +95,7 @@ class SQP:
         self._u_min, self._u_max, _, _ = problem.bounds
         self._rates = RateLimit(problem)
         self._short, self._straight = _limits(problem, options)
+        self._contradicted = options.contradicted_defect * unit_length(problem)
 
     def solve(self, state: SQPState, guess: Trajectory, task: Task, passes: int = 1) -> SQPResult:
         """Run the passes from a guess whose first state is the present one.
@@ -122,6 +123,9 @@ class SQP:
                 run.reason = run.reason or "time budget"
                 break
             self._pass(state, run, task, begin)
+            if run.limit == 1 and run.defect > self._contradicted:
+                # what the model contradicts is linearised again where the plan has come to
+                run.limit = self.options.contradicted_passes
             if run.status is QPStatus.FAILED or self._has_ended(run, task):
                 break
         if (
