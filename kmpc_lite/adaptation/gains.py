@@ -182,6 +182,17 @@ def residuals(steps: Array, gains: Gains) -> tuple[Array, Array, Array]:
     )
 
 
+def went_back_and_forth(steps: Array, share: float) -> bool:
+    """Whether the commands of steps (20, n) took back most of what they had driven and turned.
+
+    Where both net distance and net turn are less than a share of the whole, a robot whose motors
+    are later than its model knows has come as far as if it were another one.
+    """
+    ahead = steps[9] * steps[13] + steps[10] * steps[14]
+    turns = steps[17]
+    return all(abs(float(m.sum())) < share * float(np.abs(m).sum()) for m in (ahead, turns))
+
+
 def scores(steps: Array, gains: Gains) -> Array:
     """Scores (4, n): by how much each step asks for a larger value of each gain."""
     px, py, _, _, h, g, _, a, b = steps[:9]

@@ -28,6 +28,7 @@ from kmpc_lite.adaptation.gains import (
     residual_covariance,
     residuals,
     reweighed_sums,
+    went_back_and_forth,
 )
 from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.adaptation.regressor import Regressor, one_period
@@ -288,6 +289,8 @@ class OnlineAdaptation:
         state.forget()
         if not left < 0.5 * usual:
             return  # nor was it a robot of another kind: those gains explain nothing
+        if went_back_and_forth(steps, self.options.back_and_forth):
+            return  # an unknown lag looks like any gain there
         state.refusals += 1
         if state.refusals >= self.options.refusals_for_wrong:
             state.wrong_model = f"the model is not of this robot: {refusal}"

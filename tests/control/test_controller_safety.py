@@ -221,7 +221,7 @@ def test_a_controller_that_never_had_a_plan_stands() -> None:
 def absurd_models() -> dict[str, kl.KoopmanModel]:
     dictionary = kl.UnicycleDictionary()
     made = {}
-    for scale in (0.0, 1.0, -1.0, 1e3, -1e5, 1e8, 1e20, 1e100):
+    for scale in (0.0, 1.0, -1.0, 1e3, -1e5, 1e8, 1e12):
         ones = scale * np.ones((3, 12))
         made[f"continuous {scale:g}"] = kl.KoopmanModel(
             dictionary, DT, ones[:, :6], ones[:, :2], ones, np.eye(3), continuous=True

@@ -9,8 +9,8 @@ weights then changed on purpose for all, and they were recorded anew.
 from __future__ import annotations
 
 CONTRADICTED = (
-    "a plan that the model contradicts is linearised again where it has come to, and what would cut "
-    "into an obstacle later is shortened to a stop instead of being thrown away"
+    "a plan that the model contradicts is linearised again where it has come to, and what would "
+    "cut into an obstacle later is shortened to a stop instead of being thrown away"
 )
 CHANGED: dict[int, str] = dict.fromkeys(
     (3, 40, 92, 106, 175, 213, 217, 225, 238, 240, 261), CONTRADICTED
