@@ -73,9 +73,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=positive,
         metavar="S",
         default=50.0,
-        help="of random driving of the rover to learn from [s] (default: 50)",
+        help="length of the rover's random drive, which is learned from [s] (default: 50)",
     )
-    add("--seed", type=int, default=0, help="of the rover's driving and slip (default: 0)")
+    add(
+        "--seed",
+        type=int,
+        default=0,
+        help="seed of the rover's random driving and slip (default: 0)",
+    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -70,13 +70,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="URL",
         help="pty:PATH, tcp:HOST:PORT or udp:HOST:PORT; the robot file's where not given",
     )
-    add("--scenario", metavar="NAME", help="start where this one starts, on its floor")
+    add("--scenario", metavar="NAME", help="scenario whose start and floor are used")
     add(
         "--start",
         nargs=3,
         type=float,
         metavar=("X", "Y", "THETA"),
-        help="where it stands [m, m, rad]",
+        help="pose at which the robot starts [m, m, rad]",
     )
     add(
         "--physics",
@@ -86,17 +86,22 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "mujoco: the digital twin of a ROSbot 2, among the scenario's obstacles",
     )
     add("--slip", type=float, help="mean slip ratio of the floor")
-    add("--turn-gain", type=float, metavar="SHARE", help="share of a turn that happens")
-    add("--seed", type=int, default=0, help="of the slip (default: 0)")
-    add("--pose", metavar="URL", help="also be its motion capture: send poses to udp:HOST:PORT")
+    add(
+        "--turn-gain",
+        type=float,
+        metavar="SHARE",
+        help="share of a commanded turn that the robot makes",
+    )
+    add("--seed", type=int, default=0, help="seed of the slip (default: 0)")
+    add("--pose", metavar="URL", help="emulate motion capture, too: send poses to udp:HOST:PORT")
     add(
         "--arm-after",
         type=float,
         metavar="S",
         default=2.0,
-        help="arming is refused so long after boot [s] (default: 2)",
+        help="time after boot in which arming is refused [s] (default: 2)",
     )
-    add("--seconds", type=positive, metavar="S", help="end after so long [s]")
+    add("--seconds", type=positive, metavar="S", help="end after this time [s]")
 
 
 def run(options: argparse.Namespace) -> int:

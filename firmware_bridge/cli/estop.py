@@ -30,12 +30,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         (
             "--confirm-frame",
             "confirm",
-            "after a restart of the autopilot: you have seen that the robot is shown where it is",
+            "after a restart of the autopilot: confirm that the map shows the robot where it is",
         ),
         ("--status", "status", "say what the gate is doing"),
     ):
         what.add_argument(option, dest="word", action="store_const", const=word, help=text)
-    parser.add_argument("--socket", metavar="PATH", help="only the bridge that listens there")
+    parser.add_argument(
+        "--socket", metavar="PATH", help="ask only the bridge that listens at this socket"
+    )
     parser.set_defaults(word="stop")
 
 

@@ -39,16 +39,16 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=Path("twin"),
         metavar="DIR",
-        help="for data, models and pictures (default: twin)",
+        help="folder for data, models and pictures (default: twin)",
     )
-    add("--trials", type=count, metavar="N", help="for each map (default: the experiment's)")
-    add("--tuning", action="store_true", help="the tuning seeds instead of the reporting ones")
+    add("--trials", type=count, metavar="N", help="trials on each map (default: the experiment's)")
+    add("--tuning", action="store_true", help="use the tuning seeds instead of the reporting ones")
     add(
         "--robot",
         type=int,
         default=0,
         metavar="N",
-        help="which robot, with a --folder of its own (default: 0, the even one)",
+        help="number of the robot; each needs its own --folder (default: 0, the even one)",
     )
     add(
         "--only",

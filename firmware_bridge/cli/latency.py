@@ -56,7 +56,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=positive,
         metavar="S",
         default=10.0,
-        help="for each row of the table [s] (default: 10)",
+        help="measuring time for each row of the table [s] (default: 10)",
     )
     add(
         "--drivers",
@@ -64,7 +64,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         choices=MEASURED,
         metavar="DRIVER",
         default=list(MEASURED),
-        help=f"which (default: all): {', '.join(MEASURED)}",
+        help=f"drivers to measure (default: all): {', '.join(MEASURED)}",
     )
     add(
         "--rates",
@@ -72,7 +72,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=positive,
         metavar="HZ",
         default=[10.0, 50.0],
-        help="of plans and commands [Hz] (default: 10 50)",
+        help="rates of plans and commands [Hz] (default: 10 50)",
     )
 
     add(

@@ -58,7 +58,7 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
         metavar=("XMIN", "YMIN", "XMAX", "YMAX"),
         help="safety.geofence [m]",
     )
-    add("--socket", metavar="PATH", help="safety.socket: of the emergency stop")
+    add("--socket", metavar="PATH", help="safety.socket: path of the emergency stop's socket")
     add(
         "--set",
         action="append",
@@ -76,12 +76,17 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="arm an autopilot and choose GUIDED; else the pilot does both",
     )
-    add("--period", type=float, metavar="S", help="control.period [s]; the model's where not given")
+    add(
+        "--period",
+        type=float,
+        metavar="S",
+        help="control.period: of the controller [s]; the model's where not given",
+    )
     add(
         "--command-period",
         type=float,
         metavar="S",
-        help="control.command_period: of commands on the wire [s] (default: 0.02)",
+        help="control.command_period: time between commands on the wire [s] (default: 0.02)",
     )
     add(
         "--realtime",

@@ -45,7 +45,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=positive,
         metavar="S",
         default=300.0,
-        help="for how long [s] (default: 300)",
+        help="length of the recording [s] (default: 300)",
     )
     add(
         "--hold",
@@ -54,7 +54,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default=0.5,
         help="how long a random command is held [s] (default: 0.5)",
     )
-    add("--seed", type=int, default=0, help="of the random commands (default: 0)")
+    add("--seed", type=int, default=0, help="seed of the random commands (default: 0)")
 
 
 def run(options: argparse.Namespace) -> int:

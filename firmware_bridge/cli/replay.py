@@ -19,7 +19,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--mend",
         action="store_true",
-        help="of NAME.csv: cut off the row that a power cut tore",
+        help="cut off the last row of NAME.csv where a power cut tore it",
     )
     add(
         "--csv",
@@ -31,11 +31,20 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=positive,
         metavar="S",
         default=0.1,
-        help="of the CSV's rows [s] (default: 0.1)",
+        help="time between the CSV's rows [s] (default: 0.1)",
     )
     add("--system", type=int, default=1, help="MAVLink id of the vehicle (default: 1)")
-    add("--link", metavar="URL", help="serve what came from the board here, for a ground station")
-    add("--speed", type=positive, default=1.0, help="pace on --link (default: 1)")
+    add(
+        "--link",
+        metavar="URL",
+        help="replay what the board sent on this link, for a ground station",
+    )
+    add(
+        "--speed",
+        type=positive,
+        default=1.0,
+        help="speed of the replay on --link, as a multiple of real time (default: 1)",
+    )
 
 
 def run(options: argparse.Namespace) -> int:

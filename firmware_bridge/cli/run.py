@@ -41,7 +41,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=positive,
         metavar="S",
         default=DRIVE_TIME,
-        help=f"give up after so long of driving, or of waiting [s] (default: {DRIVE_TIME:g})",
+        help=f"give up after this time of driving, or of waiting [s] (default: {DRIVE_TIME:g})",
     )
     add(
         "--wait",

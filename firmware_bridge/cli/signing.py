@@ -22,11 +22,11 @@ TOLD = (
 
 
 def _add_key(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", help="where the key goes; readable by its owner only")
+    parser.add_argument("file", help="file to write the key to; only its owner can read it")
     parser.add_argument(
         "--passphrase",
         action="store_true",
-        help="make it of a passphrase, as ground stations do; asked for, or read from a pipe",
+        help="make the key of a passphrase, as ground stations do; asked for, or read from a pipe",
     )
 
 
@@ -52,8 +52,10 @@ def _key(options: argparse.Namespace) -> int:
 
 def _add_setup(parser: argparse.ArgumentParser) -> None:
     add_robot_options(parser)
-    parser.add_argument("--key", required=True, metavar="FILE", help="of `kmpc signing key`")
-    parser.add_argument("--yes", action="store_true", help="do not ask")
+    parser.add_argument(
+        "--key", required=True, metavar="FILE", help="key file that `kmpc signing key` wrote"
+    )
+    parser.add_argument("--yes", action="store_true", help="do not ask for confirmation")
     parser.add_argument(
         "--over-network",
         action="store_true",

@@ -31,12 +31,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
         metavar="N",
         help=f"recorded drives of {STEPS} states (default: 20)",
     )
-    add("--tuning", action="store_true", help="the tuning seeds instead of the reporting ones")
+    add("--tuning", action="store_true", help="use the tuning seeds instead of the reporting ones")
     add(
         "--only",
         nargs="+",
         metavar="WORD",
-        help="contenders whose names contain one of these words",
+        help="time only contenders whose names contain one of these words",
     )
     add("--picture", type=Path, metavar="FILE", help="picture of the distributions to write (.png)")
     what = parser.add_mutually_exclusive_group()
@@ -45,35 +45,36 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
         dest="job",
         action="store_const",
         const=_scaling,
-        help="how the time grows with horizon and obstacles, ours only",
+        help="show how the time grows with horizon and obstacles, for this controller only",
     )
     what.add_argument(
         "--settings",
         dest="job",
         action="store_const",
         const=_settings,
-        help="the study behind the solver's settings, on tuning drives",
+        help="repeat the study behind the solver's settings, on tuning drives",
     )
     what.add_argument(
         "--solvers",
         dest="job",
         action="store_const",
         const=_solvers,
-        help="every QP solver that qpsolvers finds here beside OSQP, on the same states",
+        help="time every QP solver that qpsolvers finds here beside OSQP, on the same states",
     )
     what.add_argument(
         "--quality",
         dest="job",
         action="store_const",
         const=_quality,
-        help=f"what the passes converge to, against IPOPT, {QUALITY_STEPS} states of each drive",
+        help="compare what the passes converge to with IPOPT, "
+        f"on {QUALITY_STEPS} states of each drive",
     )
     what.add_argument(
         "--fit",
         dest="job",
         action="store_const",
         const=_fit,
-        help="time and memory of fitting 1,000,000 samples, against a bare Gram product",
+        help="measure time and memory of fitting 1,000,000 samples, and of a bare Gram product",
     )
     what.add_argument(
         "--install-acados",
@@ -93,7 +94,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
         type=positive,
         default=600.0,
         metavar="S",
-        help="how long, with --loop (default: 600)",
+        help="with --loop: for how long [s] (default: 600)",
     )
     add("--no-load", action="store_true", help="with --loop: leave the other cores alone")
     add(

@@ -96,7 +96,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
         metavar="S",
         help="how far ahead the check looks [s] (default: 1)",
     )
-    add("--seed", type=int, default=0, help="of the split (default: 0)")
+    add("--seed", type=int, default=0, help="seed of the split (default: 0)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -43,7 +43,7 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="COLUMN=UNIT",
-        help="t=ns theta=deg v=km/h; theta=-deg+90 turns the other way and begins elsewhere",
+        help="units of columns: t=ns theta=deg v=km/h; theta=-deg+90 is a compass heading",
     )
     add(
         "--frame",

@@ -52,7 +52,7 @@ def add_scenario_options(parser: argparse.ArgumentParser) -> None:
     )
     add("--slip", type=float, help="mean slip ratio")
     add("--margin", type=float, metavar="M", help="distance to keep beyond the radii [m]")
-    add("--seed", type=int, help="of the slip and of the noise of poses")
+    add("--seed", type=int, help="seed of the slip and of the noise of poses")
     add(
         "--timeout",
         type=float,

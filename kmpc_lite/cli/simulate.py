@@ -46,7 +46,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--no-adaptation",
         action="store_true",
-        help="leave the model as it was learned while driving",
+        help="do not correct the model while driving",
     )
     add(
         "--iterations",

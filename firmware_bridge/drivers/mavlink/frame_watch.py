@@ -1,8 +1,7 @@
 """Whether the vehicle's local frame still has the origin that it had when the drive began.
 
-After a restart the autopilot makes its origin anew, wherever it then stands; another station may
-set
-it, too. Poses look as good as before, but the map is shifted: nothing may move until somebody has
+After a restart the autopilot sets a new origin where it then stands; another station may set one,
+too. Poses look as good as before, but the map is shifted: nothing may move until somebody has
 looked.
 """
 

@@ -14,7 +14,7 @@ from kmpc_lite.studies.options import add_runner, runner
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
-    add("--maps", type=count, default=100, metavar="N", help="maps (default: 100)")
+    add("--maps", type=count, default=100, metavar="N", help="number of maps (default: 100)")
     add(
         "--slips",
         type=float,
@@ -22,7 +22,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="SLIP",
         help="mean slip ratios (default: the study's)",
     )
-    add("--tuning", action="store_true", help="the tuning seeds instead of the reporting ones")
+    add("--tuning", action="store_true", help="use the tuning seeds instead of the reporting ones")
     add_runner(parser)
 
 

@@ -15,8 +15,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
     add("log", type=Path, nargs="*", help="logs of real robots, ten splits each")
-    add("--robots", type=count, default=200, help="nominal robots (default: 200)")
-    add("--lagging", type=count, default=10, help="lagging robots (default: 10)")
+    add("--robots", type=count, default=200, help="number of nominal robots (default: 200)")
+    add("--lagging", type=count, default=10, help="number of lagging robots (default: 10)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -74,7 +74,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="slip at which models are learned (default: the one driven at; mismatch: 0.1)",
     )
     add("--failures", type=Path, metavar="DIR", help="scenario files of drives that failed")
-    add("--tuning", action="store_true", help="the tuning seeds instead of the reporting ones")
+    add("--tuning", action="store_true", help="use the tuning seeds instead of the reporting ones")
     add_runner(parser)
 
 

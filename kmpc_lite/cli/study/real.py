@@ -20,12 +20,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
     add("log", type=Path, help="log of a real robot")
-    add("--radius", type=positive, required=True, metavar="M", help="of the robot")
-    add("--speed", type=positive, required=True, metavar="M/S", help="its fastest")
-    add("--turn-rate", type=positive, required=True, metavar="RAD/S", help="its fastest")
-    add("--maps", type=count, default=20, metavar="N", help="of each way (default: 20)")
-    add("--seed", type=int, default=300, metavar="S", help="of the first map (default: 300)")
-    add("--ways", nargs="+", metavar="WORD", help="ways whose names contain one of these words")
+    add("--radius", type=positive, required=True, metavar="M", help="radius of the robot")
+    add("--speed", type=positive, required=True, metavar="M/S", help="its largest speed")
+    add("--turn-rate", type=positive, required=True, metavar="RAD/S", help="its largest turn rate")
+    add("--maps", type=count, default=20, metavar="N", help="maps of each way (default: 20)")
+    add("--seed", type=int, default=300, metavar="S", help="seed of the first map (default: 300)")
+    add(
+        "--ways", nargs="+", metavar="WORD", help="only ways whose names contain one of these words"
+    )
     add_runner(parser)
 
 

@@ -23,7 +23,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
     add("--drives", type=count, default=40, metavar="N", help="robots, or maps of each robot")
-    add("--seed", type=int, default=2000, metavar="S", help="the first one (default: 2000)")
+    add(
+        "--seed",
+        type=int,
+        default=2000,
+        metavar="S",
+        help="seed of the first robot (default: 2000)",
+    )
     add("--only", nargs="+", metavar="WORD", help="robots whose names contain one of these words")
     add_runner(parser)
 
