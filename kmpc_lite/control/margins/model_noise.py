@@ -91,6 +91,7 @@ class ModelNoise:
         self.tube = tube_noise(model.noise_model, model.dt)
         self._white = np.ascontiguousarray(self.tube.white.reshape(2, 9))
         self._lasting = np.ascontiguousarray(self.tube.lasting.reshape(2, 9))
+        self._lasts = bool(self._lasting.any())
         self._learned = model.noise_model is not None
         self._unknown_floor_variance = (options.unknown_floor_slip * model.dt) ** 2
         self.drift_detector = DriftDetector(model, problem, options)
@@ -124,10 +125,12 @@ class ModelNoise:
 
     def _inflated(self, inflation: float, unknown_floor: bool) -> FeltNoise:
         """Scale the noise; inflated noise gets the errors that every model may have added to it."""
-        plan, lasting = self._white, inflation**2 * self._lasting
+        plan, lasting = self._white, self._lasting
         if inflation != 1.0:
             tolerated = self.drift_detector.tolerated
             plan = inflation**2 * self._white + (inflation**2 - 1.0) * tolerated
+        if self._lasts:
+            lasting = inflation**2 * lasting
         command = plan + lasting
         if unknown_floor:
             command[0, [0, 4]] = np.maximum(command[0, [0, 4]], self._unknown_floor_variance)
@@ -137,7 +140,7 @@ class ModelNoise:
             _factors(plan),
             _trace(plan),
             lasting,
-            _factors(lasting) if lasting.any() else None,
+            _factors(lasting) if self._lasts else None,
             _trace(lasting),
             command,
             _trace(command),

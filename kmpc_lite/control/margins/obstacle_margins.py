@@ -53,6 +53,8 @@ class Tightening:
         self._fastest = fastest(problem)
         self._headway = options.headway * unit / self._fastest[0]
         """Time of driving on at a speed that is the least margin [s]."""
+        pose = noise.tube.pose + self._fastest[0] ** 2 * noise.tube.pose_by_speed
+        self._pose_variance = float(pose[0, 0] + pose[1, 1])
         felt = noise.felt(DriftState())
         self._widest_for, self._widest = felt, self._work_out_widest(felt)
 
@@ -128,22 +130,20 @@ class Tightening:
         v, omega = self._fastest
         dt, noise = self._noise.dt, self._noise
         travel, periods = v * dt, MEMORY + noise.delay
-        white, lasting = (
-            v * v * float(part[0]) + omega * omega * float(part[1])
-            for part in (felt.plan[:, 8], felt.lasting[:, 8])
-        )
         # how far a heading error leads aside: until it is steered back
         aside = [min(k, noise.delay + 1.0 / TURN) for k in range(1, periods + 1)]
-        moved, kept = (
-            v * v * by_speed + omega * omega * by_turn_rate
-            for by_speed, by_turn_rate in (felt.plan_trace, felt.lasting_trace)
-        )
+        by_speed, by_turn_rate = felt.plan_trace
+        turned = felt.plan.item(0, 8) * v * v + felt.plan.item(1, 8) * omega * omega
         variance = (
-            periods * moved
-            + periods**2 * kept
-            + travel * travel * (white * sum(a * a for a in aside) + lasting * sum(aside) ** 2)
-            + float(np.trace((noise.tube.pose + v * v * noise.tube.pose_by_speed)[:2, :2]))
+            periods * (v * v * by_speed + omega * omega * by_turn_rate)
+            + travel * travel * turned * sum(a * a for a in aside)
+            + self._pose_variance
         )
+        if felt.lasting_factor is not None:
+            by_speed, by_turn_rate = felt.lasting_trace
+            turned = felt.lasting.item(0, 8) * v * v + felt.lasting.item(1, 8) * omega * omega
+            variance += periods**2 * (v * v * by_speed + omega * omega * by_turn_rate)
+            variance += travel * travel * turned * sum(aside) ** 2
         bulge = travel * omega * dt / 8
         chord = math.hypot(self._robot_radius + bulge, travel / 2) - self._robot_radius
         headway = self._headway * float(v)

@@ -47,10 +47,15 @@ def too_many(obstacles: Obstacles, most: ObstacleOptions) -> str:
     """
     total = len(obstacles) if isinstance(obstacles, Sized) else 0
     solids: list[Solid] = []
+    if not total:
+        return ""
     if not isinstance(obstacles, np.ndarray) and isinstance(obstacles, Sequence):
         if total > most.circles + most.edges:
             return f"{total:,} obstacles: at most {most.circles:,} circles are looked at"
         solids = [o for o in obstacles if isinstance(o, SOLID)]
+    if not solids:
+        beyond = total > most.circles
+        return f"{total:,} circles: at most {most.circles:,} are looked at" if beyond else ""
     grids = [o for o in solids if isinstance(o, OccupancyGrid)]
     corners = [len(o.vertices) for o in solids if isinstance(o, Polygon)]
     walls = len(solids) - len(grids) - len(corners)
