@@ -48,7 +48,7 @@ docs: $(VENV)/docs  ## the documentation as a site, a warning being an error: ou
 	@echo "wrote out/site/index.html"
 
 test: check  ## check, then doctests, README, documentation, examples and all tests but the long ones
-	$(BIN)/python -m pytest -n auto -m "not long" $(ARGS)
+	$(BIN)/python -m pytest -n auto --timeout 240 -m "not long" $(ARGS)
 
 coverage: $(VENV)/dev  ## the same tests, and which lines none of them runs
 	$(BIN)/python -m pytest -n auto -m "not long" --cov --cov-report=term-missing:skip-covered $(ARGS)

@@ -10,11 +10,12 @@ import numpy as np
 from kmpc_lite.types import Array
 
 POSITION_LIMIT = 1e4
-"""A pose, a goal or an obstacle farther out [m] is taken for a broken sensor."""
+"""A pose, a goal or an obstacle farther out [m], or a faster speed [m/s, rad/s], is taken for a
+broken sensor."""
 
 
 def is_plausible(pose: Array) -> bool:
-    """Whether a pose (3,) is finite and within reach."""
+    """Whether a pose (3,), or a command (2,), is finite and within reach."""
     # also false for NaN; three numbers are looked at faster one by one than as an array
     return all(abs(value) <= POSITION_LIMIT for value in pose.tolist())
 

@@ -95,6 +95,8 @@ class Admission:
         command = None if sent is None else np.asarray(sent, dtype=float)
         if command is not None and command.shape != (INPUTS,):
             raise ValueError(f"sent: expected shape ({INPUTS},), got {command.shape}")
+        if command is not None and not is_plausible(command):
+            command = np.full(INPUTS, np.nan)  # nobody knows what was sent
         refusal = too_many(obstacles, self._most)
         circles, solids = self._scene.sort(state, () if refusal else obstacles)
         scale = self._scale

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import os
 import re
 import signal
 import subprocess
@@ -658,9 +657,14 @@ def test_a_reader_that_leaves_is_no_error(made: Path) -> None:
 
 
 def test_control_c_ends_it_at_once_without_a_traceback(tmp_path: Path) -> None:
-    # a pipe in the scenario's place tells when the program is at work: it opens the pipe to read
-    pipe = tmp_path / "endless.toml"
-    os.mkfifo(pipe)
+    # it can never arrive: the goal is behind a wall of obstacles
+    wall = ", ".join(f"[1.0, {y:.2f}, 0.15]" for y in np.arange(-2.0, 2.01, 0.2))
+    endless = tmp_path / "endless.toml"
+    endless.write_text(
+        SHORT.replace("[[0.5, 0.6, 0.15]]", f"[{wall}]")
+        .replace("0.7, 0.0, 0.0", "1.5, 0.0, 0.0")
+        .replace("4.0", "1e5")
+    )
     process = subprocess.Popen(
         [
             sys.executable,
@@ -668,7 +672,7 @@ def test_control_c_ends_it_at_once_without_a_traceback(tmp_path: Path) -> None:
             "kmpc_lite.cli.main",
             "simulate",
             "--scenario",
-            str(pipe),
+            str(endless),
             "-o",
             str(tmp_path / "run.npz"),
         ],
@@ -679,13 +683,10 @@ def test_control_c_ends_it_at_once_without_a_traceback(tmp_path: Path) -> None:
         preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
     )
     try:
-        # it can never arrive: the goal is behind a wall of obstacles
-        wall = ", ".join(f"[1.0, {y:.2f}, 0.15]" for y in np.arange(-2.0, 2.01, 0.2))
-        pipe.write_text(
-            SHORT.replace("[[0.5, 0.6, 0.15]]", f"[{wall}]")
-            .replace("0.7, 0.0, 0.0", "1.5, 0.0, 0.0")
-            .replace("4.0", "1e5")
-        )
+        # at work once the solver's library is loaded
+        maps = Path(f"/proc/{process.pid}/maps")
+        while process.poll() is None and "osqp" not in maps.read_text():
+            time.sleep(0.05)
         time.sleep(0.5)
         assert process.poll() is None
         process.send_signal(signal.SIGINT)

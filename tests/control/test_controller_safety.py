@@ -351,3 +351,12 @@ def test_a_file_name_is_no_model() -> None:
         kl.ProblemError, match=r"expected a KoopmanModel, got str; KoopmanModel\.load"
     ):
         kl.Controller("robot.npz")  # type: ignore[arg-type]
+
+
+def test_a_command_that_cannot_have_been_sent_counts_as_unknown() -> None:
+    controller = kl.Controller(MODEL, pose_age=0.15)
+    for sent in ((1e308, 0.0), (0.0, -1e308), (np.nan, 0.0)):
+        for _ in range(3):
+            plan = controller.step((0.0, 0.0, 0.0), (1.0, 1.0, 0.0), sent=sent)
+            assert np.isfinite(plan.states).all() and np.abs(plan.states).max() < 10.0
+            assert plan.status is kl.PlanStatus.SOLVED or plan.status is kl.PlanStatus.FEASIBLE

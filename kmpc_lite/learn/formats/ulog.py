@@ -6,7 +6,7 @@ import contextlib
 import io
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -73,13 +73,38 @@ def _load(path: Path, names: list[str]) -> tuple[list[Any], str]:
 
     with open_regular(path) as file, contextlib.redirect_stdout(io.StringIO()):
         try:
-            log = ULog(file, names)
+            log = ULog(_Bounded(file), names)
         except Exception as error:
             told = short(" ".join(str(error).split()) or type(error).__name__)
             raise DataError(f"{path}: not a PX4 log, or damaged: {told}") from error
     seen = ", ".join(sorted(log.message_formats)[:8])
     timed = [topic for topic in log.data_list if "timestamp" in topic.data]
     return timed, f"messages such as {seen}" if seen else ""
+
+
+class _Bounded:
+    """A file that is read so often at most: pyulog reads the end of some damaged logs for ever."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        # two reads a message, and at most one message a byte where it looks for the next whole one
+        self._left = 2 * file.seek(0, io.SEEK_END) + 1000
+        file.seek(0)
+
+    def read(self, size: int = -1) -> bytes:
+        self._left -= 1
+        if self._left < 0:
+            raise OSError("it has no end")
+        return self._file.read(size)
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def close(self) -> None:
+        self._file.close()
 
 
 def _rows_of(data: list[Any]) -> dict[tuple[str, str], Array]:

@@ -23,6 +23,7 @@ from foreign_logs import (
 
 import kmpc_lite as kl
 from kmpc_lite.learn.formats.readers import find_logs, read_log, reader_of
+from kmpc_lite.learn.formats.ulog import _Bounded
 from kmpc_lite.learn.logs import ReadOptions
 
 DRIVE = drive(12.0)
@@ -273,3 +274,14 @@ def test_options_that_nothing_heeds_are_refused(tmp_path: Path) -> None:
     ):
         with pytest.raises(kl.DataError, match=told):
             kl.Dataset.load(made, **how)
+
+
+def test_a_damaged_px4_log_is_not_read_for_ever(tmp_path: Path) -> None:
+    """pyulog goes back from the end of some damaged logs again and again."""
+    (tmp_path / "log.ulg").write_bytes(10 * b"log")
+    with (tmp_path / "log.ulg").open("rb") as file:
+        bounded = _Bounded(file)
+        with pytest.raises(OSError, match="no end"):
+            while True:
+                bounded.seek(0)
+                assert bounded.read(30) == 10 * b"log"
