@@ -362,14 +362,15 @@ def test_a_rejected_plan_is_no_reason_to_stand_for_ever() -> None:
         kl.Circle(0.1, 0.9, 0.15),
         kl.Circle(1.5, 0.6, 0.1),
     ]
-    model, plant = kl.nominal_unicycle(1.0), kl.DifferentialDrive(0.02, seed=0)
-    controller, x, statuses = (
-        kl.Controller(model, kl.NavigationProblem(dt=1.0, margin=0.05)),
-        np.zeros(3),
-        [],
-    )
-    for _ in range(20):
-        plan = controller.step(x, (1.5, 1.5, 1.5708), circles)
-        statuses.append(plan.status)
-        x = plant.step(x, plan.command, 1.0)
-    assert kl.PlanStatus.SOLVED in statuses[-5:]
+    arrived = 0
+    for seed in range(6):
+        plant, x = kl.DifferentialDrive(0.02, seed=seed), np.zeros(3)
+        problem = kl.NavigationProblem(dt=1.0, margin=0.05)
+        controller = kl.Controller(kl.nominal_unicycle(1.0), problem)
+        for _ in range(40):
+            plan = controller.step(x, (1.5, 1.5, 1.5708), circles)
+            if plan.holding:
+                arrived += 1
+                break
+            x = plant.step(x, plan.command, 1.0)
+    assert arrived >= 5

@@ -123,8 +123,10 @@ class SQP:
                 run.reason = run.reason or "time budget"
                 break
             self._pass(state, run, task, begin)
-            if run.limit == 1 and run.defect > self._contradicted:
-                # what the model contradicts is linearised again where the plan has come to
+            watched = task.tightening is not None
+            if run.limit == 1 and watched and run.defect > self._contradicted:
+                # what the model contradicts is linearised again where the plan has come to; without
+                # margins nothing but the contradiction would keep a far goal from an obstacle
                 run.limit = self.options.contradicted_passes
             if run.status is QPStatus.FAILED or self._has_ended(run, task):
                 break

@@ -71,7 +71,7 @@ class SolverOptions:
     that steering has an effect."""
     new_path_passes: int = count(2)
     """Most passes of a step that begins along a new path."""
-    contradicted_passes: int = count(3)
+    contradicted_passes: int = count(4)
     """Most passes of a step whose plan the model contradicts after the first."""
     contradicted_defect: float = radii(1 / 3, zero=False)
     """How much that must be, over one period [radii, and 0.15 rad a radius]."""
