@@ -73,8 +73,11 @@ class _Formats:
             raw.split(b"\0")[0].decode("ascii", "replace")
             for raw in (raw_name, raw_letters, raw_columns)
         )
-        if number == FMT or length < 3 or not set(letters) <= LETTERS.keys():
+        known = set(letters) <= LETTERS.keys() and name.isprintable()
+        if number == FMT or length < 3 or not known:
             return
+        # what was said of it before, of another length perhaps, holds no more
+        self.kinds.pop(number, None)
         self.lengths[number], self.names[number] = length, name
         made = struct.Struct("<" + "".join(LETTERS[c][0] for c in letters))
         if name in FIELDS and made.size == length - 3:
