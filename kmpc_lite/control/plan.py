@@ -58,20 +58,25 @@ class PlannedAround:
     unit: float = 1.0
     """Metres of one unit in which the solids are told."""
 
-    def clearance(self, states: Array) -> float:
-        """Smallest distance between the edges of robot and obstacles along states (K, 3) [m]."""
+    def clearances(self, states: Array) -> Array:
+        """Distances (K,) between the edges of robot and obstacles at states (K, 3) [m]."""
         # here, for a plan is imported before obstacles are
         from kmpc_lite.control.obstacles.circles import circle_distances
 
-        least = np.inf
+        least = np.full(len(states), np.inf)
         if len(self.circles):
             times = self.dt * np.arange(len(states))
             distances, _ = circle_distances(self.circles, states[:, :2], times)
-            least = float(distances.min())
+            least = distances.min(axis=1)
         if self.solids is not None:
             distances = self.solids.whole.least(states[:, :2] / self.unit)
-            least = min(least, self.unit * float(distances.min()))
-        return least - self.radius
+            least = np.minimum(least, self.unit * distances)
+        out: Array = least - self.radius
+        return out
+
+    def clearance(self, states: Array) -> float:
+        """Smallest of the `clearances` [m]."""
+        return float(self.clearances(states).min())
 
 
 NOTHING_AROUND = PlannedAround(np.empty((0, 5)), None, 0.0, 1.0)

@@ -98,22 +98,19 @@ class Verification:
         states = task.model.rollout(plan.states[0], inputs, task.past)
         if not np.isfinite(states).all():
             return Trajectory(states, inputs, plan.duals), 0
-        least, most = 0, len(inputs)
-        while least < most:
-            middle = (least + most + 1) // 2
-            if self.clearance(states[: middle + 1], seen) >= -self._accepted_depth:
-                least = middle
-            else:
-                most = middle - 1
-        if 0 < least < len(inputs):
-            inputs = np.where(np.arange(len(inputs))[:, None] < least, inputs, 0.0)
+        cut = np.flatnonzero(~(self._around(seen).clearances(states) >= -self._accepted_depth))
+        periods = max(int(cut[0]) - 1, 0) if len(cut) else len(inputs)
+        if 0 < periods < len(inputs):
+            inputs = np.where(np.arange(len(inputs))[:, None] < periods, inputs, 0.0)
             states = task.model.rollout(plan.states[0], inputs, task.past)
-        return Trajectory(states, inputs, plan.duals), least
+        return Trajectory(states, inputs, plan.duals), periods
 
     def clearance(self, states: Array, seen: Observation) -> float:
         """Smallest distance between the edges of robot and obstacles along states (K, 3)."""
-        around = PlannedAround(seen.circles, seen.solids, self._radius, self._dt)
-        return around.clearance(states)
+        return self._around(seen).clearance(states)
+
+    def _around(self, seen: Observation) -> PlannedAround:
+        return PlannedAround(seen.circles, seen.solids, self._radius, self._dt)
 
     def _within_reach(self, plan: Trajectory, task: StopTask) -> Trajectory:
         """Bring the command within reach of the one sent last, and roll the plan out anew."""
