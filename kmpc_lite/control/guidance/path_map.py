@@ -44,3 +44,10 @@ class PathMap:
     def distance(self, point: Array) -> float:
         """Exact distance of a point (2,) from the nearest solid [m]."""
         return float(self.solids.whole.least(point[None, :2])[0])
+
+
+def distance_around(point: Array, circles: Array, path_map: PathMap | None) -> float:
+    """Distance of a point (2,) from the edge of the nearest circle (M, 5) or solid [m]."""
+    away = np.hypot(*(circles[:, :2] - point).T) - circles[:, 2]
+    distance = float(away.min(initial=np.inf))
+    return distance if path_map is None else min(distance, path_map.distance(point))

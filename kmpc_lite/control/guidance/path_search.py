@@ -15,7 +15,7 @@ import numpy as np
 
 from kmpc_lite.control.guidance.capabilities import Capabilities
 from kmpc_lite.control.guidance.lattice_path import LatticePath
-from kmpc_lite.control.guidance.path_map import PathMap
+from kmpc_lite.control.guidance.path_map import PathMap, distance_around
 from kmpc_lite.control.guidance.tangent_graph import GeometricPath, PathQuery
 from kmpc_lite.control.guidance.tangent_search import Part, TangentSearch
 from kmpc_lite.control.guidance.timed_path import TimedPath, same_side
@@ -195,11 +195,7 @@ class PathSearcher:
 
     def _why_blocked(self, search: PathSearch, tolerance: float) -> str:
         """Why the robot cannot stand within a tolerance [m] of its goal; nothing if it can."""
-        target, circles = search.target[:2], search.circles
-        away = np.hypot(*(circles[:, :2] - target).T) - circles[:, 2]
-        distance = float(away.min(initial=np.inf))
-        if search.path_map is not None:
-            distance = min(distance, search.path_map.distance(target))
+        distance = distance_around(search.target[:2], search.circles, search.path_map)
         if distance < self._radius:
             return "the goal lies so near to an obstacle that the robot would touch it"
         if distance < self._inflation - tolerance:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.guidance.path_map import PathMap
+from kmpc_lite.control.guidance.path_map import PathMap, distance_around
 from kmpc_lite.control.guidance.path_search import PathSearch, PathSearcher, Stage
 from kmpc_lite.control.guidance.progress_checker import ProgressChecker
 from kmpc_lite.control.guidance.shuttle import ShuttleFinder
@@ -235,7 +235,8 @@ class Replanner:
             return 0.0
         o = self._options
         length = float(np.hypot(*np.diff(search.path.points, axis=0).T).sum())
-        around = max(_distance_around(search) - self._inflation, 0.0)
+        nearest = distance_around(search.pose[:2], search.circles, search.path_map)
+        around = max(nearest - self._inflation, 0.0)
         shares = length / o.free_turn_length, around / o.free_turn_clearance
         return o.free_turn * min(1.0, *shares)
 
@@ -245,12 +246,3 @@ def _same_solids(first: Solids | None, second: Solids | None) -> bool:
     if first is second:
         return True
     return first is not None and second is not None and first.solids == second.solids
-
-
-def _distance_around(search: PathSearch) -> float:
-    """Distance from where a path begins to the edge of what is nearest [m]."""
-    away = np.hypot(*(search.circles[:, :2] - search.pose[:2]).T) - search.circles[:, 2]
-    distance = float(away.min(initial=np.inf))
-    if search.path_map is not None:
-        distance = min(distance, search.path_map.distance(search.pose))
-    return distance

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from kmpc_lite.control.guidance.path_map import PathMap
+from kmpc_lite.control.guidance.path_map import PathMap, distance_around
 from kmpc_lite.control.guidance.situation import Situation
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.problem import NavigationProblem
@@ -71,11 +71,7 @@ class ShuttleFinder:
         """Whether the robot can stand at a pose (3,): in the area, and off all obstacles."""
         if not ((pose[:2] >= self._low).all() and (pose[:2] <= self._high).all()):
             return False
-        away = np.hypot(*(circles[:, :2] - pose[:2]).T) - circles[:, 2]
-        distance = float(away.min(initial=np.inf))
-        if path_map is not None:
-            distance = min(distance, path_map.distance(pose))
-        return distance >= self._inflation
+        return distance_around(pose[:2], circles, path_map) >= self._inflation
 
 
 def _time_of_leg(begin: Array, end: Array, speed: Array, turned: float) -> float:
