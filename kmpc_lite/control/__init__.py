@@ -3,6 +3,7 @@
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.obstacles.circles import Circle
 from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
+from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.obstacles.shapes import Polygon, Wall
 from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
 from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
@@ -14,6 +15,7 @@ __all__ = [
     "ControllerOptions",
     "GoalProgress",
     "GuidanceOptions",
+    "LaserScan",
     "NavigationProblem",
     "OccupancyGrid",
     "Plan",

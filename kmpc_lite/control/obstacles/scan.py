@@ -1,0 +1,229 @@
+"""What a laser scanner saw from the robot, beam by beam."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kmpc_lite.control.obstacles.shapes import FARTHEST
+from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES, ObstacleOptions
+from kmpc_lite.errors import ProblemError
+from kmpc_lite.files import real_array
+from kmpc_lite.types import Array
+
+Sector = tuple[float, float]
+"""From one direction counter-clockwise to another [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class LaserScan:
+    """One scan, like ``sensor_msgs/LaserScan``: seen from the pose of the step that it is given to.
+
+    A range between `range_min` and `range_max` is a hit. Infinity, and a range of exactly
+    `range_max`, mean that nothing is within `range_max`. NaN, 0, -1, minus infinity, and all other
+    ranges outside the limits tell nothing: what lies along such a beam stays unknown.
+
+    Parameters
+    ----------
+    ranges : array_like
+        (B,) [m].
+    angle_min : float
+        Direction of the first beam, in the scanner's frame [rad].
+    angle_increment : float
+        From beam to beam [rad]; negative for a scanner that turns clockwise.
+    range_max : float
+        How far the scanner sees [m].
+    range_min : float
+        Ranges below tell nothing [m].
+    mount : array_like
+        x, y [m] and heading [rad] of the scanner in the robot's frame: x ahead, y to the left.
+    mirrored : bool
+        Whether the scanner is mounted upside down, so that its angles count clockwise as seen from
+        above.
+    noise : float
+        Standard deviation of a range [m].
+    age : float
+        How much older than the pose the last beam is [s].
+    time_increment : float
+        From beam to beam [s]; zero where all beams count as of one moment.
+    self_radius : float
+        Hits nearer than this to the robot's centre are the robot itself [m]: its mast, its arm.
+        What lies behind them is unknown. The controller counts hits within the robot's radius as
+        such in any case.
+    ignore : sequence of tuple
+        Directions that tell nothing, each from one counter-clockwise to another, as seen from the
+        scanner in the robot's frame (0 is ahead) [rad].
+    limits : ObstacleOptions
+        How many beams it may have.
+
+    Raises
+    ------
+    ProblemError
+        Names the field that is wrong. The values of `ranges` are not looked at: what arrives while
+        driving must not raise.
+
+    Examples
+    --------
+    >>> scan = LaserScan([1.0, np.inf, np.nan], angle_min=0.0, angle_increment=1.0, range_max=4.0)
+    >>> scan.points.tolist()
+    [[1.0, 0.0]]
+    >>> scan.reach.tolist()
+    [1.0, 4.0, 0.0]
+    """
+
+    ranges: Array
+    angle_min: float
+    angle_increment: float
+    range_max: float
+    range_min: float = 0.0
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    mirrored: bool = False
+    noise: float = 0.01
+    age: float = 0.0
+    time_increment: float = 0.0
+    self_radius: float = 0.0
+    ignore: tuple[Sector, ...] = ()
+
+    def __init__(
+        self,
+        ranges: ArrayLike,
+        angle_min: float,
+        angle_increment: float,
+        range_max: float,
+        range_min: float = 0.0,
+        mount: ArrayLike = (0.0, 0.0, 0.0),
+        mirrored: bool = False,
+        noise: float = 0.01,
+        age: float = 0.0,
+        time_increment: float = 0.0,
+        self_radius: float = 0.0,
+        ignore: Iterable[Sector] = (),
+        limits: ObstacleOptions = USUAL_OBSTACLES,
+    ) -> None:
+        values = np.array(real_array(ranges, "scan: ranges", ProblemError))
+        if values.ndim != 1 or not 1 <= len(values) <= limits.scan_beams:
+            raise ProblemError(
+                f"scan: expected ranges (B,), B from 1 to {limits.scan_beams:,}, "
+                f"got shape {values.shape}"
+            )
+        values.flags.writeable = False
+        fields: dict[str, Any] = {
+            "ranges": values,
+            "angle_min": _number("angle_min", angle_min, -np.inf),
+            "angle_increment": _number("angle_increment", angle_increment, -np.inf),
+            "range_max": _number("range_max", range_max, 0.0),
+            "range_min": _number("range_min", range_min, 0.0),
+            "mirrored": bool(mirrored),
+            "noise": _number("noise", noise, 0.0),
+            "age": _number("age", age, 0.0),
+            "time_increment": _number("time_increment", time_increment, 0.0),
+            "self_radius": _number("self_radius", self_radius, 0.0),
+        }
+        if not fields["range_min"] < fields["range_max"]:
+            raise ProblemError(
+                f"scan: expected range_min below range_max, got {fields['range_min']:g} m and "
+                f"{fields['range_max']:g} m"
+            )
+        place = real_array(mount, "scan: mount", ProblemError)
+        if place.shape not in ((2,), (3,)) or not (np.abs(place) <= FARTHEST).all():
+            raise ProblemError(f"scan: expected a finite mount x, y, yaw, got {place.tolist()}")
+        x, y, *heading = place.tolist()
+        fields["mount"] = x, y, heading[0] if heading else 0.0
+        sectors = real_array(list(ignore), "scan: ignore", ProblemError).reshape(-1, 2)
+        if not np.isfinite(sectors).all():
+            raise ProblemError(f"scan: ignore: expected finite angles, got {sectors.tolist()}")
+        fields["ignore"] = tuple((float(a), float(b)) for a, b in sectors)
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.ranges)
+
+    @cached_property
+    def directions(self) -> Array:
+        """Directions (B,) of the beams in the robot's frame [rad]."""
+        own = self.angle_min + self.angle_increment * np.arange(len(self.ranges))
+        found: Array = self.mount[2] + (-own if self.mirrored else own)
+        return found
+
+    @cached_property
+    def ages(self) -> Array:
+        """How much older than the pose each beam is, (B,) [s]."""
+        found: Array = self.age + self.time_increment * np.arange(len(self.ranges) - 1, -1, -1)
+        return found
+
+    @cached_property
+    def ends(self) -> Array:
+        """Where the beams end in the robot's frame, (B, 2) [m]; the scanner, where unknown."""
+        along = np.stack([np.cos(self.directions), np.sin(self.directions)], axis=1)
+        found: Array = self.reach[:, None] * along + self.mount[:2]
+        return found
+
+    @cached_property
+    def points(self) -> Array:
+        """End points of the hits in the robot's frame, (M, 2) [m]."""
+        found: Array = self.ends[self.hits]
+        return found
+
+    @cached_property
+    def hits(self) -> NDArray[np.bool_]:
+        """Which beams hit something that is not the robot, (B,)."""
+        return self._kinds[0]
+
+    @cached_property
+    def clear(self) -> NDArray[np.bool_]:
+        """Which beams saw nothing within `range_max`, (B,)."""
+        return self._kinds[1]
+
+    @property
+    def unknown(self) -> NDArray[np.bool_]:
+        """Which beams tell nothing, (B,)."""
+        return ~(self.hits | self.clear)
+
+    @cached_property
+    def reach(self) -> Array:
+        """How far each beam saw nothing, (B,) [m]: zero where it tells nothing."""
+        return np.where(self.hits, self.ranges, np.where(self.clear, self.range_max, 0.0))
+
+    @cached_property
+    def _kinds(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which beams hit something, and which saw nothing."""
+        ranges, directions = self.ranges, self.directions
+        clear = (ranges == np.inf) | (ranges == self.range_max)
+        hits = (ranges >= self.range_min) & (ranges > 0.0) & (ranges < self.range_max)
+        told = np.ones(len(ranges), dtype=bool)
+        for begin, end in self.ignore:
+            told &= np.mod(directions - begin, 2.0 * np.pi) > np.mod(end - begin, 2.0 * np.pi)
+        hits, clear = hits & told, clear & told
+        if self.self_radius > 0.0:
+            near = np.where(hits, ranges, 0.0)
+            x = self.mount[0] + near * np.cos(directions)
+            y = self.mount[1] + near * np.sin(directions)
+            hits &= np.hypot(x, y) > self.self_radius
+        return hits, clear
+
+    def with_self_radius(self, radius: float) -> LaserScan:
+        """Return the scan with a `self_radius` [m] of at least this."""
+        if radius <= self.self_radius:
+            return self
+        other = copy(self)
+        for name in ("hits", "reach", "ends", "points", "_kinds"):
+            other.__dict__.pop(name, None)
+        object.__setattr__(other, "self_radius", float(radius))
+        return other
+
+
+def _number(name: str, value: Any, least: float) -> float:
+    """Finite number of at least a least one."""
+    is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    number = float(value) if is_number else np.nan
+    if not (least <= number and abs(number) <= FARTHEST):
+        bound = "" if least == -np.inf else f" >= {least:g}"
+        raise ProblemError(f"scan: {name}: expected a finite number{bound}, got {value!r:.80}")
+    return number
