@@ -5,6 +5,7 @@ from kmpc_lite.control.obstacles.circles import Circle
 from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
 from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.obstacles.shapes import Polygon, Wall
+from kmpc_lite.control.obstacles.tracker import ObstacleTracker
 from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
 from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
@@ -17,6 +18,7 @@ __all__ = [
     "GuidanceOptions",
     "LaserScan",
     "NavigationProblem",
+    "ObstacleTracker",
     "OccupancyGrid",
     "Plan",
     "PlanStatus",

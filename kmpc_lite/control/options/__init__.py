@@ -13,6 +13,7 @@ from kmpc_lite.control.options.obstacles import ObstacleOptions
 from kmpc_lite.control.options.solver import OSQPOptions, SolverOptions
 from kmpc_lite.control.options.step import StepOptions
 from kmpc_lite.control.options.stop import StopOptions
+from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.control.options.traffic import TrafficOptions
 from kmpc_lite.control.options.units import fastest, unit_length
 
@@ -26,6 +27,7 @@ __all__ = [
     "SolverOptions",
     "StepOptions",
     "StopOptions",
+    "TrackerOptions",
     "TrafficOptions",
     "fastest",
     "in_metres",

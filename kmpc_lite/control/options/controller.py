@@ -14,6 +14,7 @@ from kmpc_lite.control.options.obstacles import ObstacleOptions
 from kmpc_lite.control.options.solver import SolverOptions
 from kmpc_lite.control.options.step import StepOptions
 from kmpc_lite.control.options.stop import StopOptions
+from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.control.options.traffic import TrafficOptions
 from kmpc_lite.errors import ProblemError, did_you_mean
 
@@ -35,6 +36,8 @@ class ControllerOptions:
     """When the robot has arrived."""
     traffic: TrafficOptions = group(TrafficOptions())
     """What it does about moving obstacles."""
+    tracker: TrackerOptions = group(TrackerOptions())
+    """When circles count as moving otherwise than told."""
     margins: MarginOptions = group(MarginOptions())
     """How far it stays away for what its model does not know."""
     solver: SolverOptions = group(SolverOptions())

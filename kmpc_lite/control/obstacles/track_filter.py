@@ -1,0 +1,116 @@
+"""Kalman filter of many circles at once: constant velocity that turns.
+
+A state is x, y [m], vx, vy [m/s] and the turn rate of the velocity [rad/s]. Accelerations are
+white; a turn rate fades to zero, since nobody turns for ever. All functions take M states (M, 5)
+and their covariances (M, 5, 5), and return new ones.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from kmpc_lite.control.options.tracker import TrackerOptions
+from kmpc_lite.types import Array
+
+STATES = 5
+SEEN = 2
+"""How many of them are seen: the position."""
+STRAIGHT = 1e-9
+"""Turn rate that counts as none [rad/s]."""
+
+
+class TrackFilter:
+    """The filter of one period.
+
+    Parameters
+    ----------
+    dt : float
+        Period [s].
+    options : TrackerOptions
+        Noise and motion; lengths in metres.
+    fastest : float
+        Speed that options are shares of [m/s].
+    """
+
+    def __init__(self, dt: float, options: TrackerOptions, fastest: float) -> None:
+        self.dt = dt
+        self._fading = math.exp(-dt / options.turn_memory)
+        pushed = np.array([0.5 * dt * dt, dt])
+        spread = (options.acceleration * fastest) ** 2 * np.outer(pushed, pushed)
+        self._motion = np.zeros((STATES, STATES))
+        for axis in (0, 1):
+            self._motion[axis::SEEN, axis::SEEN][:2, :2] = spread
+        self._motion[4] = self._motion[:, 4] = 0.0
+        self._motion[4, 4] = (1.0 - self._fading**2) * options.turn_rate**2
+        self._noise = options.noise**2 * np.eye(SEEN)
+        speed = (options.first_speed * fastest) ** 2
+        seen = options.noise**2
+        self._first = np.diag([seen, seen, speed, speed, options.turn_rate**2])
+
+    def first(self, positions: Array, velocities: Array) -> tuple[Array, Array]:
+        """States and covariances of what is seen for the first time, at (M, 2) with (M, 2)."""
+        count = len(positions)
+        states = np.hstack([positions, velocities, np.zeros((count, 1))])
+        return states, np.tile(self._first, (count, 1, 1))
+
+    def predict(self, states: Array, covariances: Array) -> tuple[Array, Array]:
+        """One period later."""
+        dt, count = self.dt, len(states)
+        vx, vy, turn = states[:, 2], states[:, 3], states[:, 4]
+        angle = dt * turn
+        cos, sin = np.cos(angle), np.sin(angle)
+        # along and across the velocity before, by how far the arc leads
+        ahead = dt * np.sinc(angle / math.pi)
+        aside = 0.5 * dt * angle * np.sinc(angle / (2.0 * math.pi)) ** 2
+        after = np.empty_like(states)
+        after[:, 0] = states[:, 0] + ahead * vx - aside * vy
+        after[:, 1] = states[:, 1] + ahead * vy + aside * vx
+        after[:, 2], after[:, 3] = cos * vx - sin * vy, sin * vx + cos * vy
+        after[:, 4] = self._fading * turn
+        change = np.zeros((count, STATES, STATES))
+        change[:, 0, 0] = change[:, 1, 1] = 1.0
+        change[:, 0, 2] = change[:, 1, 3] = ahead
+        change[:, 0, 3], change[:, 1, 2] = -aside, aside
+        change[:, 2, 2] = change[:, 3, 3] = cos
+        change[:, 2, 3], change[:, 3, 2] = -sin, sin
+        change[:, 2, 4], change[:, 3, 4] = -dt * after[:, 3], dt * after[:, 2]
+        change[:, 0, 4], change[:, 1, 4] = 0.5 * dt * change[:, 2, 4], 0.5 * dt * change[:, 3, 4]
+        change[:, 4, 4] = self._fading
+        return after, change @ covariances @ change.transpose(0, 2, 1) + self._motion
+
+    def distances(self, states: Array, covariances: Array, seen: Array) -> tuple[Array, Array]:
+        """Squared Mahalanobis distances (M, N) of positions (N, 2), and log determinants (M,)."""
+        spread = covariances[:, :SEEN, :SEEN] + self._noise
+        away = seen - states[:, None, :SEEN]
+        squares = np.einsum("mni,mij,mnj->mn", away, np.linalg.inv(spread), away)
+        return squares, np.log(np.linalg.det(spread))
+
+    def update(self, states: Array, covariances: Array, seen: Array) -> tuple[Array, Array]:
+        """Take in the positions (M, 2) that were seen of the M states."""
+        spread = covariances[:, :SEEN, :SEEN] + self._noise
+        gains = covariances[:, :, :SEEN] @ np.linalg.inv(spread)
+        after = states + np.einsum("mij,mj->mi", gains, seen - states[:, :SEEN])
+        kept = np.eye(STATES) - gains @ np.eye(SEEN, STATES)
+        # Joseph's form: symmetric and positive whatever is rounded
+        left = kept @ covariances @ kept.transpose(0, 2, 1)
+        return after, left + gains @ self._noise @ gains.transpose(0, 2, 1)
+
+
+def moving(states: Array, covariances: Array, velocities: Array, limit: float) -> Array:
+    """Whether (M,) velocities differ from the given ones (M, 2) by more than chance makes them.
+
+    Parameters
+    ----------
+    states, covariances : ndarray
+        (M, 5) and (M, 5, 5).
+    velocities : ndarray
+        What they are compared with (M, 2) [m/s].
+    limit : float
+        Squared Mahalanobis distance beyond which they differ.
+    """
+    change = states[:, 2:4] - velocities
+    spread = np.linalg.inv(covariances[:, 2:4, 2:4])
+    differ: Array = np.einsum("mi,mij,mj->m", change, spread, change) > limit
+    return differ
