@@ -115,6 +115,12 @@ def _with_latency(robot: Robot, history: int) -> tuple[Robot, str]:
     return replace(robot, control=replace(robot.control, latency=latency)), note if latency else ""
 
 
+def _wheels(robot: Robot) -> dict[str, float]:
+    """What the wheels of a board's robot can do together; an autopilot mixes them itself."""
+    geometry = robot.sections.get("geometry", {})
+    return {key: geometry[key] for key in ("track", "max_wheel_speed") if key in geometry}
+
+
 def build_controller(robot: Robot, scenario: Any) -> Any:
     """kmpc_lite's controller for this map, within the robot's limits."""
     import kmpc_lite as kl
@@ -129,6 +135,7 @@ def build_controller(robot: Robot, scenario: Any) -> Any:
         u_min=(-limits.v_reverse, -limits.omega_max),
         u_max=(limits.v_max, limits.omega_max),
         deceleration=(limits.deceleration, limits.angular_deceleration),
+        **_wheels(robot),
     )
     adaptation = None if model is not None and robot.control.adaptation else False
     problem, options = scenario.problem(base), scenario.options

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.plan import GoalProgress, Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
@@ -50,7 +48,7 @@ class Answers:
         )
         commands = inputs * scale.command
         return Plan(
-            command=np.clip(commands[0], problem.u_min, problem.u_max),
+            command=problem.within_bounds(commands[0]),
             states=states * scale.state,
             inputs=commands,
             status=status,

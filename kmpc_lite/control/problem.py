@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from kmpc_lite.control.problem_fields import scalar, vector, weight
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import INPUTS, STATES, Array
@@ -59,6 +60,10 @@ class NavigationProblem:
     du_max : array_like
         How fast commands may change (2,) [m/s^2, rad/s^2]; infinite where not given, as in the
         paper. Speeds that shrink in an emergency may do so at `deceleration` where that is more.
+    track, max_wheel_speed : float
+        Distance between the wheels [m] and how fast one turns at its rim [m/s], for robots whose
+        wheels saturate together: ``|v| + track / 2 |omega| <= max_wheel_speed``. Infinite where not
+        given: the command bounds alone.
     slack_weights : array_like, optional
         Weights (2,) of the linear [1/m] and the quadratic [1/m^2] penalty on entering an obstacle
         or leaving the area. Where not given, 100 and 1000 for a robot of 0.15 m, less for larger
@@ -85,6 +90,8 @@ class NavigationProblem:
     deceleration: Any = None
     du_max: Any = (np.inf, np.inf)
     slack_weights: Any = None
+    track: float = 0.0
+    max_wheel_speed: float = np.inf
 
     def __post_init__(self) -> None:
         if (
@@ -95,23 +102,24 @@ class NavigationProblem:
             raise ProblemError(
                 f"horizon: expected a whole number of stages from 1 to 1000, got {self.horizon!r}"
             )
-        for name in ("dt", "robot_radius", "margin"):
-            _scalar(name, getattr(self, name), above_zero=name == "dt")
+        for name in ("dt", "robot_radius", "margin", "track"):
+            scalar(name, getattr(self, name), above_zero=name == "dt")
+        self._check_wheels()
 
         def set_field(name: str, value: Array) -> None:
             object.__setattr__(self, name, value)
 
         for name, length in (("Q", STATES), ("R", INPUTS), ("Q_terminal", STATES)):
             if (value := getattr(self, name)) is not None:
-                set_field(name, _weight(name, value, length))
+                set_field(name, weight(name, value, length))
         for name, length in (
             ("u_min", INPUTS),
             ("u_max", INPUTS),
             ("x_min", STATES),
             ("x_max", STATES),
         ):
-            set_field(name, _vector(name, getattr(self, name), length))
-        set_field("du_max", _vector("du_max", self.du_max, INPUTS))
+            set_field(name, vector(name, getattr(self, name), length))
+        set_field("du_max", vector("du_max", self.du_max, INPUTS))
         if not (self.du_max > 0).all():
             raise ProblemError(f"du_max: expected numbers > 0, or infinity, got {self.du_max}")
         self._check_bounds()
@@ -123,7 +131,7 @@ class NavigationProblem:
         }
         for name, usual in follows.items():
             given = getattr(self, name)
-            value = _vector(name, usual if given is None else given, 2)
+            value = vector(name, usual if given is None else given, 2)
             if not (np.isfinite(value).all() and (value > 0).all()):
                 raise ProblemError(f"{name}: expected finite numbers > 0, got {value}")
             set_field(name, value)
@@ -147,6 +155,40 @@ class NavigationProblem:
                 "x_min, x_max: the heading cannot be bounded; use -inf and inf, "
                 f"got {x_min[2]} and {x_max[2]}"
             )
+
+    def _check_wheels(self) -> None:
+        """Raise ProblemError for half a pair of wheels."""
+        speed = self.max_wheel_speed
+        if not isinstance(speed, bool) and speed == np.inf:
+            if self.track:
+                raise ProblemError(
+                    "max_wheel_speed: missing: a track limits commands together with it"
+                )
+            return
+        scalar("max_wheel_speed", speed, above_zero=True)
+        if not self.track:
+            raise ProblemError("track: missing: expected the distance between the wheels [m] > 0")
+
+    @property
+    def limits_wheels(self) -> bool:
+        """Whether the wheels limit speed and turn rate together."""
+        return bool(np.isfinite(self.max_wheel_speed))
+
+    def within_bounds(self, commands: Array) -> Array:
+        """Bring commands (..., 2) within the command bounds; what wheels cannot do keeps its curve.
+
+        Examples
+        --------
+        >>> problem = NavigationProblem(track=0.4, max_wheel_speed=0.6)
+        >>> problem.within_bounds(np.array((0.6, 9.0))).round(3)
+        array([0.475, 0.622])
+        """
+        inside = np.clip(commands, self.u_min, self.u_max)
+        if self.limits_wheels:
+            faster = np.abs(inside[..., 0]) + 0.5 * self.track * np.abs(inside[..., 1])
+            share = self.max_wheel_speed / np.maximum(faster, self.max_wheel_speed)
+            inside = inside * share[..., None]
+        return inside
 
     @property
     def scale(self) -> Scale:
@@ -214,49 +256,3 @@ class NavigationProblem:
         return float(
             np.vdot(on_way @ q, on_way) + np.vdot(inputs @ r, inputs) + end @ q_terminal @ end
         )
-
-
-def _scalar(name: str, value: Any, above_zero: bool) -> None:
-    number = not isinstance(value, bool) and isinstance(value, int | float | np.number)
-    if not number or not np.isfinite(value) or value < 0 or (above_zero and value == 0):
-        raise ProblemError(
-            f"{name}: expected a number {'> 0' if above_zero else '>= 0'}, got {value!r}"
-        )
-
-
-def _vector(name: str, value: Any, length: int) -> Array:
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ProblemError(f"{name}: expected {length} numbers, got {_shown(value)}") from error
-    if array.shape != (length,) or np.isnan(array).any():
-        raise ProblemError(f"{name}: expected {length} numbers, got {_shown(value)}")
-    return array
-
-
-def _weight(name: str, value: Any, size: int) -> Array:
-    """Symmetric positive semidefinite (size, size) matrix from a diagonal or a full matrix."""
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ProblemError(
-            f"{name}: expected {size} weights or a ({size}, {size}) matrix, got {_shown(value)}"
-        ) from error
-    matrix = np.diag(array) if array.ndim == 1 else array
-    if matrix.shape != (size, size) or not np.isfinite(matrix).all():
-        raise ProblemError(
-            f"{name}: expected {size} finite weights or a ({size}, {size}) matrix, "
-            f"got {_shown(value)}"
-        )
-    if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix).min() < -1e-9 * max(
-        1.0, np.abs(matrix).max()
-    ):
-        raise ProblemError(
-            f"{name}: must be symmetric and positive semidefinite, got {_shown(value)}"
-        )
-    return matrix
-
-
-def _shown(value: Any) -> str:
-    """Value as one line of an error."""
-    return repr(value.tolist() if isinstance(value, np.ndarray) else value)

@@ -37,4 +37,6 @@ def scaled_problem(problem: NavigationProblem, scale: Scale) -> NavigationProble
         deceleration=problem.deceleration / scale.acceleration,
         du_max=problem.du_max / scale.acceleration,
         slack_weights=slack * (scale.length, scale.length**2),
+        track=problem.track / scale.length,
+        max_wheel_speed=problem.max_wheel_speed / scale.speed,
     )

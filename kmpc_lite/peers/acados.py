@@ -147,6 +147,8 @@ class AcadosController:
             raise ProblemError(
                 "the acados peer knows no limits on the change of commands: du_max must be infinite"
             )
+        if problem is not None and problem.limits_wheels:
+            raise ProblemError("the acados peer knows no wheels: max_wheel_speed must be infinite")
         reason = why_not(folder)
         if reason:
             raise KmpcError(f"acados: {reason}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from time import perf_counter
 from typing import Any
 
@@ -89,6 +89,17 @@ class IpoptController:
         self._inputs = np.zeros((self.problem.horizon, INPUTS))
         self._last = np.zeros(INPUTS)
 
+    def _command_limits(self, command: Any, before: Any) -> Iterator[tuple[Any, float, float]]:
+        """Expressions of a command and the one before it, with their least and largest values."""
+        problem = self.problem
+        for i in np.flatnonzero(np.isfinite(problem.du_max)).tolist():
+            most = float(problem.dt * problem.du_max[i])
+            yield command[i] - before[i], -most, most
+        if problem.limits_wheels:
+            fastest = float(problem.max_wheel_speed)
+            for half in (-0.5 * problem.track, 0.5 * problem.track):
+                yield command[0] + half * command[1], -fastest, fastest
+
     def _build(self, count: int) -> None:
         """Set up the nonlinear programme for a number of obstacles.
 
@@ -101,7 +112,6 @@ class IpoptController:
         u = [ca.SX.sym(f"u{k}", INPUTS) for k in range(n)]
         goal, circles = ca.SX.sym("goal", STATES), ca.SX.sym("o", 5, count)
         last = ca.SX.sym("last", INPUTS)
-        limited = np.flatnonzero(np.isfinite(problem.du_max))
         cost, constraints, g_lower, g_upper = 0, [], [], []
         for k in range(n + 1):
             error = x[k] - goal
@@ -110,11 +120,10 @@ class IpoptController:
                 constraints.append(x[k + 1] - self._step_function(x[k], u[k]))
                 g_lower += [0.0] * STATES
                 g_upper += [0.0] * STATES
-                if len(limited):
-                    change = u[k] - (u[k - 1] if k else last)
-                    constraints.append(ca.vertcat(*[change[int(i)] for i in limited]))
-                    g_lower += list(-problem.dt * problem.du_max[limited])
-                    g_upper += list(problem.dt * problem.du_max[limited])
+                for expression, least, most in self._command_limits(u[k], u[k - 1] if k else last):
+                    constraints.append(expression)
+                    g_lower.append(least)
+                    g_upper.append(most)
             else:
                 cost += error.T @ q_terminal @ error
             for i in range(count if k else 0):
@@ -190,8 +199,7 @@ class IpoptController:
         )
         elapsed = perf_counter() - start
         statistics = self._solver.stats()
-        u_min, u_max, _, _ = self.problem.bounds
-        command = np.clip(np.where(np.isfinite(inputs[0]), inputs[0], 0.0), u_min, u_max)
+        command = self.problem.within_bounds(np.where(np.isfinite(inputs[0]), inputs[0], 0.0))
         if self._rates.active:
             command = np.clip(command, *self._rates.first(self._last))
         self._last = command.copy()

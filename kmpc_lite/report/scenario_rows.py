@@ -64,6 +64,9 @@ def robot_rows(run: Run) -> Iterable[tuple[str, str]]:
             "Commands change by at most",
             f"{scenario.du_max[0]:g} m/s², {scenario.du_max[1]:g} rad/s²",
         )
+    if scenario.wheels is not None:
+        track, fastest = scenario.wheels
+        yield "Wheels", f"{length(track)} apart, at most {fastest:g} m/s each"
     if plant not in kinds:
         return
     if plant == SCENARIOS_OWN:

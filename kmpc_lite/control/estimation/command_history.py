@@ -81,7 +81,7 @@ class CommandHistory:
         if not np.isfinite(command).all():
             self.driven = self.planned = None
             return
-        self.command = np.clip(command, problem.u_min, problem.u_max)
+        self.command = problem.within_bounds(command)
         for earlier in (self.commands, self.given):
             if len(earlier):
                 earlier[-1] = command

@@ -41,6 +41,9 @@ class Capabilities:
     """Of the goal checker."""
     clearance: float
     """Clearance that a path must keep so that it can be driven at full speed [m]."""
+    wheels: tuple[float, float] = (0.0, np.inf)
+    """How far a wheel drives for each radian that the robot turns [m], and its fastest speed
+    [m/s]."""
 
     def with_speeds(self, speeds: Array, options: GuidanceOptions) -> Capabilities:
         """Return the same for other speeds (3,): ahead, backwards [m/s], rate of turn [rad/s]."""
@@ -84,9 +87,8 @@ def capabilities(
         if margins is not None and model.history
         else 0.0
     )
-    forward, backward, evasive, backward_share = _timing(
-        drivable_speeds(model, problem, options), options
-    )
+    speeds = drivable_speeds(model, problem, options)
+    forward, backward, evasive, backward_share = _timing(speeds, options)
     return Capabilities(
         forward,
         backward,
@@ -95,7 +97,19 @@ def capabilities(
         turning_centre(model, problem, options),
         goal_tolerances(model, in_metres(goal_options or GoalOptions(), unit)),
         clearance,
+        _wheels(problem, float(speeds[2])),
     )
+
+
+def _wheels(problem: NavigationProblem, turn_rate: float) -> tuple[float, float]:
+    """How far a wheel drives for a radian of turn [m], and its fastest speed [m/s].
+
+    A robot that makes a third of a turn it is told drives its wheels three times as far for it.
+    """
+    u_min, u_max, _, _ = problem.bounds
+    told = float(problem.within_bounds(np.array((0.0, min(u_max[1], -u_min[1]))))[1])
+    half = 0.5 * problem.track * (told / turn_rate if turn_rate > 0.0 else 1.0)
+    return half, problem.max_wheel_speed
 
 
 def _timing(speeds: Array, options: GuidanceOptions) -> tuple[Array, Array, Array, float]:
@@ -141,10 +155,11 @@ def drivable_speeds(
     u_min, u_max, _, _ = problem.bounds
     held = np.zeros((4, INPUTS))
     held[0, 0], held[1, 0], held[2, 1], held[3, 1] = u_max[0], u_min[0], u_max[1], u_min[1]
+    held = problem.within_bounds(held)
     history = np.repeat(held[:, None], model.history, axis=1)
     ends = model.predict(np.zeros((4, 3)), held, history)
     signed = np.array([ends[0, 0], -ends[1, 0], ends[2, 2], -ends[3, 2]]) / model.dt
-    bounds = np.array([u_max[0], -u_min[0], u_max[1], -u_min[1]])
+    bounds = np.array([held[0, 0], -held[1, 0], held[2, 1], -held[3, 1]])
     # rounding must not decide between two paths that are equally quick
     speeds = np.where(
         signed > (1.0 - ROUNDING) * bounds,

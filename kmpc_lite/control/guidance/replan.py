@@ -220,7 +220,10 @@ class Replanner:
         speed = now.capabilities.backward if path.reverse else now.capabilities.forward
         if state.shuttles and now.distance < 2.0 * self._options.near_goal:
             speed = speed * (self._options.shuttle_speed, 1.0)
-        state.path = TimedPath(path, search.pose, search.goal, speed, self._options, free_turn)
+        wheels = now.capabilities.wheels
+        state.path = TimedPath(
+            path, search.pose, search.goal, speed, self._options, free_turn, wheels
+        )
         state.path_clearance = max(search.clearance - swing(state.turning_centre), 0.0)
         other = search.switched or previous is None or not search.same_goal
         begin, _ = state.path.locate(search.pose, 0.0)

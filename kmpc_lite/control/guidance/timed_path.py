@@ -31,6 +31,9 @@ class TimedPath:
         In metres: how the robot's place on the path is found.
     free_turn : float
         Part of the first turn that is left to the controller, to be made while driving [rad].
+    wheels : tuple
+        How far a wheel drives for each radian that the robot turns [m], and its fastest speed
+        [m/s].
     """
 
     def __init__(
@@ -41,12 +44,16 @@ class TimedPath:
         speed: Array,
         options: GuidanceOptions,
         free_turn: float = 0.0,
+        wheels: tuple[float, float] = (0.0, math.inf),
     ) -> None:
         self.geometry = geometry
         self.poses = _poses(geometry, start, goal, free_turn)
         steps = np.diff(self.poses, axis=0)
         lengths = np.hypot(steps[:, 0], steps[:, 1])
-        needed = np.maximum(lengths / speed[0], np.abs(steps[:, 2]) / speed[1])
+        turns = np.abs(steps[:, 2])
+        needed = np.maximum(lengths / speed[0], turns / speed[1])
+        # the outer wheel drives both
+        needed = np.maximum(needed, (lengths + wheels[0] * turns) / wheels[1])
         self.times = np.concatenate([[0.0], np.cumsum(np.maximum(needed, INSTANT))])
         # as complex numbers, for both coordinates are interpolated in the time of one
         self._places = self.poses[:, 0] + 1j * self.poses[:, 1]

@@ -3,7 +3,7 @@
 Variables: states X_1 .. X_N, commands U_0 .. U_{N-1}, one slack S_1 .. S_N per stage. The present
 state is data. Rows: dynamics (3 per stage), half-planes that keep the robot away from obstacles
 (`slots` per stage), command bounds, slack >= 0, and, where the problem limits them, changes of the
-commands from stage to stage, the first from the command sent last.
+commands from stage to stage, the first from the command sent last, and the speeds of both wheels.
 """
 
 from __future__ import annotations
@@ -59,13 +59,16 @@ class NavigationQP:
         self.slack_columns = (STATES + INPUTS) * n + np.arange(n)
         self.size = (STATES + INPUTS + 1) * n
         self._limited = np.flatnonzero(np.isfinite(problem.du_max))
-        rows = np.cumsum([0, STATES * n, slots * n, INPUTS * n, n, len(self._limited) * n])
+        wheels = 2 if problem.limits_wheels else 0
+        counts = STATES, slots, INPUTS, 1, len(self._limited), wheels
+        rows = np.cumsum([0, *counts]) * n
         self.dynamics_rows = np.arange(rows[0], rows[1]).reshape(n, STATES)
         self.half_plane_rows = np.arange(rows[1], rows[2]).reshape(n, slots)
         self.input_rows = np.arange(rows[2], rows[3]).reshape(n, INPUTS)
         self.slack_rows = np.arange(rows[3], rows[4])
         self.change_rows = np.arange(rows[4], rows[5]).reshape(n, len(self._limited))
-        self.row_count = int(rows[5])
+        self.wheel_rows = np.arange(rows[5], rows[6]).reshape(n, wheels)
+        self.row_count = int(rows[6])
         self._next_stage = np.empty(self.row_count, dtype=np.intp)
         for part in (
             self.dynamics_rows,
@@ -73,6 +76,7 @@ class NavigationQP:
             self.input_rows,
             self.slack_rows,
             self.change_rows,
+            self.wheel_rows,
         ):
             self._next_stage[part] = np.concatenate([part[1:], part[-1:]])
         self._build_constraints()
@@ -88,6 +92,8 @@ class NavigationQP:
         self._half_plane_lower = self.lower[rows[1] : rows[2]].reshape(n, slots)
         self._change = problem.dt * problem.du_max[self._limited]
         self.lower[self.change_rows], self.upper[self.change_rows] = -self._change, self._change
+        fastest = problem.max_wheel_speed
+        self.lower[self.wheel_rows], self.upper[self.wheel_rows] = -fastest, fastest
 
     def __reduce__(self) -> tuple[Any, ...]:
         # its arrays are views of each other, which copies would not be
@@ -117,6 +123,10 @@ class NavigationQP:
         block(self.slack_rows, self.slack_columns, self.slack_scale)
         block(self.change_rows, inputs[:, self._limited], 1.0)
         block(self.change_rows[1:], inputs[:-1, self._limited], -1.0)
+        if self.problem.limits_wheels:
+            half = 0.5 * self.problem.track
+            both = np.array(((1.0, -half), (1.0, half)))
+            block(self.wheel_rows[..., None], inputs[:, None, :], both)
 
         row, column, value = (np.concatenate(part) for part in zip(*blocks, strict=True))
         order = np.lexsort((row, column))

@@ -255,6 +255,8 @@ class SQP:
             least, most = self._rates.first(task.last)
             np.maximum(np.minimum(inputs[0], most, out=inputs[0]), least, out=inputs[0])
         np.maximum(np.minimum(inputs, self._u_max, out=inputs), self._u_min, out=inputs)
+        if self.qp.problem.limits_wheels:
+            inputs = self.qp.problem.within_bounds(inputs)
         return Trajectory(states, inputs, solution.y), slack
 
     def _is_short(self, change: Array) -> bool:

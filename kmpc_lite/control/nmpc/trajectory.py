@@ -42,8 +42,7 @@ def along(qp: NavigationQP, reference: Array, pose: Array) -> Trajectory:
     steps = np.diff(states, axis=0)
     forward = np.cos(states[:-1, 2]) * steps[:, 0] + np.sin(states[:-1, 2]) * steps[:, 1]
     inputs = np.column_stack([forward, steps[:, 2]]) / qp.problem.dt
-    u_min, u_max, _, _ = qp.problem.bounds
-    return Trajectory(states, np.clip(inputs, u_min, u_max), qp.duals_in_the_open())
+    return Trajectory(states, qp.problem.within_bounds(inputs), qp.duals_in_the_open())
 
 
 def command_windows(history: int, past: Array, inputs: Array) -> Array | None:

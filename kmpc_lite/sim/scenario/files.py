@@ -85,6 +85,10 @@ class Scenario:
     du_max: tuple[float, float] | None = None
     """How fast commands may change [m/s^2, rad/s^2]; as the problem has it where not given. In a
     file [] is the same."""
+    wheels: tuple[float, float] | None = None
+    """Distance between the wheels [m] and how fast one turns at its rim [m/s], where they limit
+    speed and turn rate together; as the problem has it where not given. In a file [] is the
+    same."""
     turning_point: tuple[float, float] = (0.0, 0.0)
     """Where the point lies about which the plant turns on the spot, as seen from its pose: ahead,
     left [m]."""
@@ -220,8 +224,9 @@ class Scenario:
             [list(c) for c in self.ground_changes],
             [list(p) for p in self.ground_patches],
         )
-        values["du_max"] = list(self.du_max or ())
-        left_out = {"grid"} if self.du_max else {"grid", "du_max"}
+        pairs = {"du_max": self.du_max, "wheels": self.wheels}
+        values.update({key: list(pair or ()) for key, pair in pairs.items()})
+        left_out = {"grid"} | {key for key, pair in pairs.items() if not pair}
         values["polygons"] = [[list(corner) for corner in p.vertices] for p in self.polygons]
         values["walls"] = [[w.x1, w.y1, w.x2, w.y2, w.thickness] for w in self.walls]
         lines: list[str] = []
@@ -241,6 +246,7 @@ class Scenario:
         """Navigation problem of this map and robot, the rest as in `base` or the paper."""
         x_min, y_min, x_max, y_max = self.bounds
         base = base or NavigationProblem()
+        track, max_wheel_speed = self.wheels or (base.track, base.max_wheel_speed)
         try:
             return replace(
                 base,
@@ -249,6 +255,8 @@ class Scenario:
                 robot_radius=self.radius,
                 margin=self.margin,
                 du_max=base.du_max if self.du_max is None else self.du_max,
+                track=track,
+                max_wheel_speed=max_wheel_speed,
             )
         except ProblemError as error:
             raise ScenarioError(f"{self.name}: {error}") from error

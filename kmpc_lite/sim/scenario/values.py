@@ -21,6 +21,7 @@ KEYS: Mapping[str, Mapping[str, Any]] = {
         "goal": None,
         "turning_point": [0.0, 0.0],
         "du_max": [],
+        "wheels": [],
     },
     "plant": {
         "slip": 0.0,
@@ -45,7 +46,9 @@ KEYS: Mapping[str, Mapping[str, Any]] = {
 """Sections, keys and defaults; None means that the key must be given."""
 CONTROLLER = "controller"
 """Section of the controller's options: a table for each room, `ControllerOptions.from_dict`."""
-FLOAT_LISTS = {"bounds": 4, "start": 3, "goal": 3, "turning_point": 2, "du_max": 2, "pose_noise": 3}
+FLOAT_LISTS = {"bounds": 4, "start": 3, "goal": 3, "turning_point": 2, "pose_noise": 3}
+PAIRS = frozenset({"du_max", "wheels"})
+"""Two numbers > 0, or [] for none."""
 GROUND_ROWS = {"ground_changes": ("time", "name"), "ground_patches": ("name", "x", "y", "radius")}
 POSITIVE = frozenset({"radius", "turn_gain", "timeout", "tolerance", "heading_tolerance"})
 LARGEST = {
@@ -195,10 +198,12 @@ def _numbers(where: str, key: str, value: Any) -> tuple[float, ...]:
     return numbers
 
 
-def _du_max(where: str, value: Any) -> tuple[float, ...] | None:
+def _pair(where: str, value: Any) -> tuple[float, float] | None:
     if value == []:
         return None
-    numbers = _numbers(where, "du_max", value)
+    if not isinstance(value, list) or len(value) != 2:
+        raise ScenarioError(f"{where}: expected 2 numbers, got {value!r}")
+    numbers = read_number(where, value[0]), read_number(where, value[1])
     if min(numbers) <= 0:
         raise ScenarioError(f"{where}: expected numbers > 0, got {value!r}")
     return numbers
@@ -212,7 +217,7 @@ def _seed(where: str, value: Any) -> int:
 
 READERS: Mapping[str, Callable[[str, Any], Any]] = {
     "circles": _circles,
-    "du_max": _du_max,
+    "du_max": _pair,
     "floors": _floors,
     "grid": read_grid,
     "ground": _name,
@@ -220,6 +225,7 @@ READERS: Mapping[str, Callable[[str, Any], Any]] = {
     "polygons": read_polygons,
     "seed": _seed,
     "walls": read_walls,
+    "wheels": _pair,
     "x": read_number,
     "y": read_number,
 }

@@ -1,0 +1,58 @@
+"""Reads the fields of a problem: an error names the field, what was expected, and what came."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.errors import ProblemError
+from kmpc_lite.types import Array
+
+
+def scalar(name: str, value: Any, above_zero: bool) -> None:
+    """Raise ProblemError for what is no finite number >= 0, or > 0."""
+    number = not isinstance(value, bool) and isinstance(value, int | float | np.number)
+    if not number or not np.isfinite(value) or value < 0 or (above_zero and value == 0):
+        raise ProblemError(
+            f"{name}: expected a number {'> 0' if above_zero else '>= 0'}, got {value!r}"
+        )
+
+
+def vector(name: str, value: Any, length: int) -> Array:
+    """Array of so many numbers, infinite ones too."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ProblemError(f"{name}: expected {length} numbers, got {_shown(value)}") from error
+    if array.shape != (length,) or np.isnan(array).any():
+        raise ProblemError(f"{name}: expected {length} numbers, got {_shown(value)}")
+    return array
+
+
+def weight(name: str, value: Any, size: int) -> Array:
+    """Symmetric positive semidefinite (size, size) matrix from a diagonal or a full matrix."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ProblemError(
+            f"{name}: expected {size} weights or a ({size}, {size}) matrix, got {_shown(value)}"
+        ) from error
+    matrix = np.diag(array) if array.ndim == 1 else array
+    if matrix.shape != (size, size) or not np.isfinite(matrix).all():
+        raise ProblemError(
+            f"{name}: expected {size} finite weights or a ({size}, {size}) matrix, "
+            f"got {_shown(value)}"
+        )
+    if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix).min() < -1e-9 * max(
+        1.0, np.abs(matrix).max()
+    ):
+        raise ProblemError(
+            f"{name}: must be symmetric and positive semidefinite, got {_shown(value)}"
+        )
+    return matrix
+
+
+def _shown(value: Any) -> str:
+    """Value as one line of an error."""
+    return repr(value.tolist() if isinstance(value, np.ndarray) else value)
