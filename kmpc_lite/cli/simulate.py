@@ -16,6 +16,7 @@ from kmpc_lite.cli.scenario import DEFAULT, add_scenario_options, read_scenario
 from kmpc_lite.defaults import SHORTEST_PERIOD
 
 if TYPE_CHECKING:
+    from kmpc_lite.recording.simulated import SimulationRecorder
     from kmpc_lite.sim import Run, Scenario
 
 
@@ -58,6 +59,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument_group("what to write").add_argument
     add("-o", "--output", type=Path, metavar="FILE", help="run file to write (.npz)")
     add("--report", type=Path, metavar="FILE", help="report to write (.html)")
+    add(
+        "--record",
+        type=Path,
+        metavar="DIR",
+        help="folder for the drive as MCAP, for Foxglove, kmpc report and kmpc fit",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -78,21 +85,23 @@ def run(options: argparse.Namespace) -> int:
         else kl.nominal_unicycle(SHORTEST_PERIOD)
     )
     adaptation = False if options.no_adaptation else None
-    drive = simulate(
+    drive, recorder = simulate(
         model, scenario, options.plant, options.horizon, options.iterations, adaptation
     )
     drive.info["command"] = command_line()
+    recorded = recorder.write(options.record, drive) if options.record else None
     if options.output:
         drive.save(options.output)
     if options.report:
         from kmpc_lite.report import write_report
 
+        drive = recorder.with_details(drive)
         write_report(options.report, drive, model=model, command=command_line())
     if options.json:
         print(json.dumps(drive.summary()))
     else:
         print(describe(drive) + hint(drive, model))
-        for name in filter(None, (options.output, options.report)):
+        for name in filter(None, (options.output, options.report, recorded)):
             print(f"wrote  {name}")
     return 0 if drive.outcome is Outcome.REACHED else 1
 
@@ -104,8 +113,9 @@ def simulate(
     horizon: int,
     iterations: int,
     adaptation: bool | None = None,
-) -> Run:
-    """Drive one scenario with our controller at the model's period."""
+) -> tuple[Run, SimulationRecorder]:
+    """Drive one scenario with our controller at the model's period; watched by a recorder."""
+    from kmpc_lite.recording.simulated import SimulationRecorder
     from kmpc_lite.sim import LearnedPlant, drive
 
     problem = scenario.problem(kl.NavigationProblem(horizon=horizon, dt=model.dt))
@@ -125,7 +135,8 @@ def simulate(
         "u_min": u_min.tolist(),
         "u_max": u_max.tolist(),
     }
-    return drive(controller, scenario, robot, dt=model.dt, info=info)
+    recorder = SimulationRecorder(controller)
+    return drive(controller, scenario, robot, model.dt, info=info, watch=recorder), recorder
 
 
 def describe(run: Run) -> str:
