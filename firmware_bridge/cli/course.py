@@ -28,6 +28,9 @@ class Course(NamedTuple):
     origin: tuple[float, float, float]
     note: str
     """What a user should know before it drives."""
+    scenario: Any
+    controller: Any
+    """kmpc_lite's."""
 
 
 def course(
@@ -97,7 +100,7 @@ def course(
     )
     period = robot.control.period or controller.problem.dt
     navigator = Navigator(step, task, settle, seconds, wait=wait)
-    return Course(scenario.name, robot, navigator, period, origin, note)
+    return Course(scenario.name, robot, navigator, period, origin, note, scenario, controller)
 
 
 def _with_latency(robot: Robot, history: int) -> tuple[Robot, str]:

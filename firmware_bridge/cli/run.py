@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
+from contextlib import ExitStack
+from functools import partial
 
 from firmware_bridge.cli.course import course
+from firmware_bridge.cli.live import Page
 from firmware_bridge.cli.options import (
     add_drive_options,
     add_robot_options,
@@ -14,7 +18,9 @@ from firmware_bridge.cli.options import (
     read_robot,
 )
 from firmware_bridge.messages import BridgeError
+from firmware_bridge.safety.places import default_socket
 from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.live_options import add_live_options, live_address, tell_links
 from kmpc_lite.cli.numbers import positive
 
 DRIVE_TIME = 120.0
@@ -57,23 +63,36 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="how long the goal must be held [s] (default: 1)",
     )
     add("--record", metavar="NAME", help="record to NAME.csv and NAME.tlog or NAME.raw")
+    add_live_options(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Drive to the goal; status 1 where the robot does not arrive."""
     from firmware_bridge.runtime.drive import run as drive
 
-    job = course(read_robot(options), options.settle, options.seconds, wait=options.wait)
+    robot, address = read_robot(options), live_address(options)
+    page = None if address is None else Page(address, robot.socket or default_socket())
+    saw = None if page is None else page.saw
+    job = course(robot, options.settle, options.seconds, saw, wait=options.wait)
     prepare(options)
-    report, status = drive(
-        job.robot,
-        job.navigator,
-        job.period,
-        job.origin,
-        options.record,
-        people(options),
-        job.note,
-    )
+    with ExitStack() as stack:
+        watching = {}
+        if page is not None:
+            page.controller = job.controller
+            tell_links(stack.enter_context(page.feed).links)
+            watching["watched"] = partial(page.watch, job=job)
+        report, status = drive(
+            job.robot,
+            job.navigator,
+            job.period,
+            job.origin,
+            options.record,
+            people(options),
+            job.note,
+            **watching,
+        )
+    if page is not None and page.feed.problem:
+        sys.stderr.write(f"kmpc: {page.feed.problem}\n")
     if options.json:
         print(json.dumps({"scenario": job.name, **report}))
     return status

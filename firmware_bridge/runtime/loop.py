@@ -156,7 +156,8 @@ class ControlLoop:
         self.stop_reason = ""
         """Why the loop ends, once it does."""
         self._abort = False
-        self._started = clock()
+        self.started = clock()
+        """When the loop began [s]."""
         self._last_sent = -math.inf
         self._last_plan: object = None
         """Newest plan that was sent, or that was there while none was asked for."""
@@ -194,7 +195,7 @@ class ControlLoop:
         if output.state is not before:
             self.changes.append(
                 Change(
-                    now - self._started,
+                    now - self.started,
                     before,
                     output.state,
                     tuple(r.value for r in output.reasons),
@@ -214,9 +215,9 @@ class ControlLoop:
 
         Whatever ends it, the last thing on the wire is a stop.
         """
-        self._started = self._clock()
+        self.started = self._clock()
         self.planner.start()
-        deadlines, stopping_since = Deadlines(self._tick, self._started), None
+        deadlines, stopping_since = Deadlines(self._tick, self.started), None
         try:
             while True:
                 deadline = deadlines.next

@@ -11,12 +11,13 @@ import kmpc_lite as kl
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.files import keep_inputs
+from kmpc_lite.cli.live_options import add_live_options, live_address, tell_links
 from kmpc_lite.cli.output import command_line
 from kmpc_lite.cli.scenario import DEFAULT, add_scenario_options, read_scenario
 from kmpc_lite.defaults import SHORTEST_PERIOD
 
 if TYPE_CHECKING:
-    from kmpc_lite.recording.simulated import SimulationRecorder
+    from kmpc_lite.live.address import LiveAddress
     from kmpc_lite.sim import Run, Scenario
 
 
@@ -59,12 +60,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument_group("what to write").add_argument
     add("-o", "--output", type=Path, metavar="FILE", help="run file to write (.npz)")
     add("--report", type=Path, metavar="FILE", help="report to write (.html)")
-    add(
-        "--record",
-        type=Path,
-        metavar="DIR",
-        help="folder for the drive as MCAP, for Foxglove, kmpc report and kmpc fit",
-    )
+    add_live_options(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -85,23 +81,22 @@ def run(options: argparse.Namespace) -> int:
         else kl.nominal_unicycle(SHORTEST_PERIOD)
     )
     adaptation = False if options.no_adaptation else None
-    drive, recorder = simulate(
-        model, scenario, options.plant, options.horizon, options.iterations, adaptation
+    address = live_address(options)
+    drive = simulate(
+        model, scenario, options.plant, options.horizon, options.iterations, adaptation, address
     )
     drive.info["command"] = command_line()
-    recorded = recorder.write(options.record, drive) if options.record else None
     if options.output:
         drive.save(options.output)
     if options.report:
         from kmpc_lite.report import write_report
 
-        drive = recorder.with_details(drive)
         write_report(options.report, drive, model=model, command=command_line())
     if options.json:
         print(json.dumps(drive.summary()))
     else:
         print(describe(drive) + hint(drive, model))
-        for name in filter(None, (options.output, options.report, recorded)):
+        for name in filter(None, (options.output, options.report)):
             print(f"wrote  {name}")
     return 0 if drive.outcome is Outcome.REACHED else 1
 
@@ -113,9 +108,9 @@ def simulate(
     horizon: int,
     iterations: int,
     adaptation: bool | None = None,
-) -> tuple[Run, SimulationRecorder]:
-    """Drive one scenario with our controller at the model's period; watched by a recorder."""
-    from kmpc_lite.recording.simulated import SimulationRecorder
+    live: LiveAddress | None = None,
+) -> Run:
+    """Drive one scenario with our controller at the model's period; with `live` in real time."""
     from kmpc_lite.sim import LearnedPlant, drive
 
     problem = scenario.problem(kl.NavigationProblem(horizon=horizon, dt=model.dt))
@@ -135,8 +130,31 @@ def simulate(
         "u_min": u_min.tolist(),
         "u_max": u_max.tolist(),
     }
-    recorder = SimulationRecorder(controller)
-    return drive(controller, scenario, robot, model.dt, info=info, watch=recorder), recorder
+    if live is not None:
+        return _simulate_live(controller, scenario, robot, info, live)
+    return drive(controller, scenario, robot, dt=model.dt, info=info)
+
+
+def _simulate_live(
+    controller: kl.Controller,
+    scenario: Scenario,
+    robot: Any,
+    info: dict[str, Any],
+    address: LiveAddress,
+) -> Run:
+    """Drive in real time, shown on a page."""
+    from kmpc_lite.live.feed import Feed
+    from kmpc_lite.live.moment import map_packet
+    from kmpc_lite.live.simulated import WatchedController
+    from kmpc_lite.sim import drive
+
+    watched = WatchedController(controller)
+    with Feed(address, "kmpc_lite.live", on_word=watched.hear) as feed:
+        tell_links(feed.links)
+        feed.start(watched.packet, map_packet(scenario, f"simulation of {scenario.name}"))
+        run = drive(watched, scenario, robot, dt=controller.problem.dt, info=info)
+        feed.say({**watched.packet(), "over": f"{run.outcome.value} after {run.duration:.2f} s"})
+    return run
 
 
 def describe(run: Run) -> str:
@@ -182,6 +200,7 @@ COMMAND = Command(
         "kmpc simulate map.toml --model robot.npz --report drive.html",
         "kmpc simulate mehrez                   # the exact unicycle as the model",
         "kmpc simulate --goal 1.5 1 0 --obstacle 0.7 0.5 0.2 --obstacle 1 -1 0.2 0 0.2",
+        "kmpc simulate walls_door --live        # in real time, in a browser",
     ),
     add_options=add_options,
     run=run,

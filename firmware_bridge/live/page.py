@@ -1,0 +1,43 @@
+"""Serves the page of a bridge: ``python -m firmware_bridge.live.page DESCRIPTOR``.
+
+Its STOP takes the way of `kmpc estop`: the latch on disk first, then the bridge's own socket. It is
+another process than the bridge's: whatever browsers do, the gate keeps its pace.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from firmware_bridge.messages import LinkError
+from firmware_bridge.safety.estop_client import ask, press
+from firmware_bridge.safety.latch import is_latched
+from kmpc_lite.live.channel import Channel
+from kmpc_lite.live.picture import Picture
+from kmpc_lite.live.server import Ask, serve
+
+
+def ask_the_bridge(channel: Channel, picture: Picture, settings: dict[str, Any]) -> Ask:
+    """Make the way by which a button reaches the bridge: the socket of its emergency stop."""
+    path = Path(settings["socket"])
+
+    def carry_out(word: str) -> dict[str, Any]:
+        try:
+            return press(path) if word == "stop" else ask(path, word)
+        except LinkError as error:
+            holds = is_latched(path)
+            more = "; the stop is pressed all the same: it holds once a bridge sees it"
+            return {
+                "ok": False,
+                "latched": holds,
+                "gate": None,
+                "confirmed": False,
+                "why": [f"{error}{more if holds else ''}"],
+            }
+
+    return carry_out
+
+
+if __name__ == "__main__":
+    serve(int(sys.argv[1]), ask_the_bridge)

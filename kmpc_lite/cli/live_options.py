@@ -1,0 +1,63 @@
+"""Options of a page on which a drive is watched and stopped; several commands share them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from kmpc_lite.live.address import LiveAddress
+
+LAST_PORT = 65535
+HOST, PORT = "127.0.0.1", 8764
+"""As `kmpc_lite.live.address` has them: a help need not wait for that."""
+
+
+def add_live_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `live_address` reads."""
+    add = parser.add_argument_group("watch and stop it in a browser").add_argument
+    add(
+        "--live",
+        action="store_true",
+        help="serve a page with map, numbers and STOP to browsers of this computer; its link is\n"
+        "printed",
+    )
+    add(
+        "--live-port",
+        type=port,
+        metavar="PORT",
+        help=f"--live at this port (default: {PORT}; 0: any that is free)",
+    )
+    add(
+        "--live-host",
+        metavar="HOST",
+        help="--live at this address, 0.0.0.0 for all: other computers and phones of the network\n"
+        f"then need the token in the link (default: {HOST})",
+    )
+
+
+def port(text: str) -> int:
+    """Read a port."""
+    if not (text.isascii() and text.isdigit() and int(text) <= LAST_PORT):
+        raise argparse.ArgumentTypeError(f"expected a port from 0 to {LAST_PORT}, got {text}")
+    return int(text)
+
+
+def live_address(options: argparse.Namespace) -> LiveAddress | None:
+    """Where the page is to be served; None where none is asked for."""
+    if not (options.live or options.live_port is not None or options.live_host):
+        return None
+    from kmpc_lite.live.address import LiveAddress
+
+    return LiveAddress(
+        options.live_host or HOST, PORT if options.live_port is None else options.live_port
+    )
+
+
+def tell_links(links: Sequence[str]) -> None:
+    """Print the links to open."""
+    for link in links:
+        sys.stderr.write(f"live   {link}\n")
+    sys.stderr.flush()

@@ -1,0 +1,122 @@
+"""What a page is shown of a map, a pose and a plan: plain data, made beside the driving loop."""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from kmpc_lite.control.plan import Plan
+from kmpc_lite.live.channel import Packet
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.guidance.timed_path import TimedPath
+    from kmpc_lite.sim.scenario.files import Scenario
+
+MOST_CIRCLES, MOST_POSES = 300, 300
+"""Obstacles, the nearest, and poses of a path that are shown: a page draws no more in time."""
+MOST_SOLIDS, MOST_CELLS = 400, 256
+"""Polygons and walls that are shown, and cells of a grid along each side."""
+FREE, OCCUPIED, UNKNOWN = 0, 1, 2
+"""Cells of a grid, as the page reads them."""
+
+
+class Sight(NamedTuple):
+    """What the thread that plans leaves for others, in one assignment; nothing in it changes."""
+
+    pose: tuple[float, float, float]
+    plan: Plan
+    path: TimedPath | None
+    """In units of `unit`."""
+    unit: float
+    """[m]"""
+
+
+def numbers(values: Array) -> bytes:
+    """Pack an array as a channel takes it."""
+    return np.ascontiguousarray(values, dtype=np.float64).tobytes()
+
+
+def map_packet(scenario: Scenario, title: str) -> Packet:
+    """Give what does not change: area, robot, goal, polygons, walls and grid."""
+    packet: Packet = {
+        "title": title,
+        "bounds": list(scenario.bounds),
+        "radius": scenario.radius,
+        "goal": list(scenario.goal),
+        "tolerance": scenario.tolerance,
+        "polygons": [numbers(np.asarray(p.vertices)) for p in scenario.polygons[:MOST_SOLIDS]],
+        "walls": [
+            numbers(_corners(w.x1, w.y1, w.x2, w.y2, w.thickness))
+            for w in scenario.walls[:MOST_SOLIDS]
+        ],
+    }
+    if scenario.grid is not None:
+        grid = scenario.grid
+        cells, step = _thinned(grid.occupied, grid.unknown)
+        x, y, theta = grid.origin
+        packet["grid"] = {
+            "x": x,
+            "y": y,
+            "theta": theta,
+            "resolution": grid.resolution * step,
+            "width": cells.shape[1],
+            "height": cells.shape[0],
+            "cells": base64.b64encode(cells.tobytes()).decode(),
+        }
+    return packet
+
+
+def plan_packet(sight: Sight, goal: Sequence[float]) -> Packet:
+    """Give what a plan leads along and past, and how it came about."""
+    plan, here = sight.plan, np.array([sight.pose])
+    circles = plan.around.circles
+    if len(circles) > MOST_CIRCLES:
+        distances = np.hypot(circles[:, 0] - here[0, 0], circles[:, 1] - here[0, 1])
+        circles = circles[np.argsort(distances - circles[:, 2])[:MOST_CIRCLES]]
+    clearance = plan.around.clearance(here)
+    return {
+        "plan": numbers(plan.states),
+        "path": None if sight.path is None else numbers(_path(sight.path, sight.unit)),
+        "circles": numbers(circles),
+        "distance": math.dist(sight.pose[:2], tuple(goal)[:2]),
+        "clearance": clearance if math.isfinite(clearance) else None,
+        "status": plan.status.name,
+        "progress": plan.progress.name,
+        "reason": plan.reason,
+    }
+
+
+def _path(path: TimedPath, unit: float) -> Array:
+    """Places (K, 2) of a path [m], at most `MOST_POSES`."""
+    places = unit * path.poses[:, :2]
+    every = -(-len(places) // MOST_POSES)
+    return np.vstack([places[::every], places[-1:]])
+
+
+def _corners(x1: float, y1: float, x2: float, y2: float, thickness: float) -> Array:
+    """Corners (4, 2) of a wall."""
+    along = np.array([x2 - x1, y2 - y1])
+    length = float(np.hypot(*along)) or 1.0
+    aside = 0.5 * thickness / length * np.array([-along[1], along[0]])
+    ends = np.array([[x1, y1], [x2, y2]])
+    return np.vstack([ends + aside, ends[::-1] - aside])
+
+
+def _thinned(occupied: Array, unknown: Array) -> tuple[Array, int]:
+    """Cells of a grid, so many of them made one that few are left; and how many along a side."""
+    step = -(-max(occupied.shape) // MOST_CELLS)
+    cells = np.where(unknown, UNKNOWN, np.where(occupied, OCCUPIED, FREE)).astype(np.uint8)
+    if step == 1:
+        return cells, 1
+    height, width = (-(-side // step) for side in cells.shape)
+    padded = np.full((height * step, width * step), FREE, dtype=np.uint8)
+    padded[: cells.shape[0], : cells.shape[1]] = cells
+    blocks = padded.reshape(height, step, width, step)
+    full = (blocks == OCCUPIED).any(axis=(1, 3))
+    hidden = (blocks == UNKNOWN).any(axis=(1, 3))
+    return np.where(full, OCCUPIED, np.where(hidden, UNKNOWN, FREE)).astype(np.uint8), step

@@ -1,0 +1,204 @@
+// What the bridge tells, as text and map; STOP, and letting the robot drive again.
+// Whatever comes from a vehicle is put in as text, never as HTML.
+
+import { Drawing } from "./map.js";
+
+const LOST = 1500, RETRY = 400, UNCONFIRMED = 1500, HOLD = 1200, CONFIRM = 5000, ANSWER = 3000;  // [ms]
+const ENDED = ["IDLE", "RELEASED", "YIELDED", "ESTOP"];
+const id = (name) => document.getElementById(name);
+const drawing = new Drawing(id("map"));
+let state = {}, heard = 0, opened = performance.now(), source = null, dirty = true, silence = 0;
+
+// ---- what comes in
+
+function open() {
+  if (source || document.hidden) return;
+  source = new EventSource("events");
+  source.onmessage = (event) => take(JSON.parse(event.data));
+  source.onerror = () => {
+    if (source && source.readyState === EventSource.CLOSED) { source = null; setTimeout(open, 1000); }
+  };
+}
+
+function take(news) {
+  heard = performance.now();
+  if ("silence" in news) { silence = news.silence; return; }
+  silence = 0;
+  const trail = "trail" in news ? news.trail : state.trail || [];
+  Object.assign(state, news);
+  if (news.pose && !("trail" in news)) trail.push(news.pose[0], news.pose[1]);
+  if (trail.length > 8000) trail.splice(0, 2000);
+  state.trail = trail;
+  dirty = true;
+}
+
+// a hidden tab watches nothing: a browser has few connections, and STOP needs one
+document.addEventListener("visibilitychange", () => {
+  if (document.hidden) { if (source) source.close(); source = null; } else { opened = performance.now(); open(); }
+});
+
+// ---- what is shown
+
+const SHOWN = { plan: "plan", path: "path", trail: "trail", margin: "margins", circle: "circles", scan: "scan", goal: "goal" };
+
+const number = (value, digits, unit) =>
+  typeof value === "number" ? `${value.toFixed(digits)} ${unit}` : "–";
+const say = (name, text) => { if (id(name).textContent !== text) id(name).textContent = text; };
+
+function words() {
+  const { step = {}, link = {}, command, pose } = state;
+  say("title", state.title || "kmpc live");
+  say("gate", state.over ? "over" : state.gate || "connecting");
+  const bad = state.latched || (state.wrong || []).length > 0;
+  id("gate").className = bad ? "bad" : state.gate === "ACTIVE" ? "good" : "";
+  say("distance", number(state.distance, 2, "m"));
+  say("clearance", state.clearance === null ? "no obstacle" : number(state.clearance, 2, "m"));
+  say("speed", command ? number(command[0], 2, "m/s") : "–");
+  say("turn", command ? number(command[1], 2, "rad/s") : "–");
+  say("status", [state.status, state.progress].filter(Boolean).join(", ") || "–");
+  say("step", step.p50 ? `${step.p50.toFixed(1)} ms, p99 ${step.p99.toFixed(1)} ms` : "–");
+  say("pose", pose ? `${pose[0].toFixed(2)}, ${pose[1].toFixed(2)} m, ${(pose[2] * 180 / Math.PI).toFixed(0)}°` : "none yet");
+  say("link", link.text || "–");
+  say("time", number(state.time, 1, "s"));
+  for (const [name, key] of Object.entries(SHOWN)) {
+    document.querySelector(`#legend .${name}`).hidden = !(state[key] && state[key].length);
+  }
+  say("reason", state.over || state.reason || state.gate_text || "");
+  const wrong = state.wrong || [];
+  const list = id("wrong");
+  if (list.dataset.shown !== JSON.stringify(wrong)) {
+    list.dataset.shown = JSON.stringify(wrong);
+    list.replaceChildren(...wrong.map((text) => {
+      const item = document.createElement("li");
+      item.textContent = text;
+      return item;
+    }));
+  }
+}
+
+function lostFor(now) {
+  if (document.hidden || state.over) return 0;
+  const since = heard || opened;
+  if (now - since > LOST) return (now - since) / 1000;
+  return silence > 1 ? silence : 0;
+}
+
+function frame() {
+  const now = performance.now();
+  const lost = state.lost ? "" : lostFor(now);
+  const gone = Boolean(lost) || Boolean(state.lost && !state.over);
+  id("lost").hidden = !gone;
+  document.body.classList.toggle("lost", gone);
+  if (gone) {
+    say("lost", (lost ? `NOT HEARD for ${Math.floor(lost)} s` : "THE BRIDGE HAS ENDED")
+      + ": what you see is old, and STOP may not arrive. Use the switch on the robot.");
+  }
+  if (dirty || gone) words();
+  if (gone) { say("gate", "not heard"); id("gate").className = "bad"; }
+  if (dirty) drawing.draw(state);
+  dirty = false;
+  stopLook(now, gone);
+  againLook(now);
+  requestAnimationFrame(frame);
+}
+
+// ---- STOP: sent again until the bridge has confirmed it
+
+let asked = 0, trying = false, confirmed = false, refused = "";
+
+async function post(path, body, patience = ANSWER) {
+  const answer = await fetch(path, {
+    method: "POST", cache: "no-store", signal: AbortSignal.timeout(patience),
+    headers: { "Content-Type": "application/json", "X-Kmpc": "1" }, body: JSON.stringify(body || {}),
+  });
+  const text = await answer.text();
+  if (!answer.ok) throw new Error(text.trim());
+  return JSON.parse(text);
+}
+
+async function stop() {
+  if (trying) return;
+  trying = true; confirmed = false; refused = ""; asked = performance.now();
+  stopLook(asked, false);
+  while (!confirmed) {
+    try {
+      const answer = await post("stop");
+      confirmed = Boolean(answer.confirmed);
+      if (!confirmed) refused = (answer.why || []).join("; ");
+    } catch (error) { refused = String(error.message || error); }
+    if (state.latched && state.gate === "ESTOP") confirmed = true;
+    if (state.over) break;
+    if (!confirmed) await new Promise((done) => setTimeout(done, RETRY));
+  }
+  trying = false;
+}
+
+function stopLook(now, gone) {
+  const holds = state.latched && state.gate === "ESTOP" && !gone;
+  if (!holds && !trying && confirmed && !gone && now - asked > 2000) { confirmed = false; asked = 0; }
+  const late = trying && now - asked > UNCONFIRMED;
+  const held = holds || (confirmed && !trying);
+  id("stop").className = held ? "held" : late ? "failed" : trying ? "asked" : "";
+  say("word", held ? "STOPPED" : trying ? (late ? "NOT CONFIRMED" : "STOP …") : "STOP");
+  say("holds", held ? "confirmed: it holds until somebody lets it drive"
+    : late ? "use the switch on the robot; still trying" + (refused ? `: ${refused}` : "")
+    : trying ? "asked for, not yet confirmed" : "stops the robot and holds it");
+}
+
+id("stop").addEventListener("pointerdown", stop);  // a finger that comes down is enough
+id("stopper").addEventListener("submit", (event) => { event.preventDefault(); stop(); });
+document.addEventListener("keydown", (event) => { if (event.key === "Escape") stop(); });
+
+// ---- letting it drive again: hold, then confirm within 5 s
+
+let holding = 0, code = "", until = 0;
+
+function againLook(now) {
+  const may = !state.over && ENDED.includes(state.gate);
+  if (id("again").hidden !== !may) id("again").hidden = !may;
+  if (!may) { code = ""; holding = 0; }
+  if (code && now > until) { code = ""; say("told", "not confirmed in time: hold again"); }
+  if (id("confirm").disabled !== !code) id("confirm").disabled = !code;
+  say("confirm", code ? `Confirm within ${Math.ceil((until - now) / 1000)} s: it drives` : "then confirm");
+  if (holding && now - holding >= HOLD) held();
+}
+
+function begin(event) {
+  if (event.type === "keydown" && (event.repeat || ![" ", "Enter"].includes(event.key))) return;
+  event.preventDefault();
+  holding = performance.now();
+  id("hold").classList.add("held");
+}
+
+function end() { holding = 0; id("hold").classList.remove("held"); }
+
+async function held() {
+  end();
+  try {
+    code = (await post("first")).code;
+    until = performance.now() + CONFIRM;
+    say("told", "");
+  } catch (error) { say("told", String(error.message || error)); }
+}
+
+async function confirmIt() {
+  const shown = code;
+  code = "";
+  if (!shown) return;
+  try {
+    const answer = await post("second", { code: shown }, 6000);
+    say("told", answer.ok ? "" : "refused: " + ((answer.why || []).join("; ") || "no reason was told"));
+    if (answer.ok) { confirmed = false; asked = 0; }
+  } catch (error) { say("told", String(error.message || error)); }
+}
+
+for (const name of ["pointerdown", "keydown"]) id("hold").addEventListener(name, begin);
+for (const name of ["pointerup", "pointerleave", "pointercancel", "keyup", "blur"]) {
+  id("hold").addEventListener(name, end);
+}
+id("hold").addEventListener("contextmenu", (event) => event.preventDefault());
+id("confirm").addEventListener("click", confirmIt);
+window.addEventListener("resize", () => { dirty = true; });
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { dirty = true; });
+open();
+requestAnimationFrame(frame);

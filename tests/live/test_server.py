@@ -1,0 +1,153 @@
+"""The page's process: what it serves, to whom, and who is dropped."""
+
+import contextlib
+import socket
+import time
+from urllib.parse import urlsplit
+
+import pytest
+from browsing import Stream, ask, press, state, wait_for
+
+from kmpc_lite.live.address import LiveAddress, LiveError, is_loopback
+from kmpc_lite.live.feed import Feed
+from kmpc_lite.live.watchers import MOST
+
+
+class Robot:
+    """What a simulated drive leaves for the page."""
+
+    def __init__(self) -> None:
+        self.words: list[str] = []
+        self.more: dict = {}
+
+    def hear(self, word: str) -> None:
+        self.words.append(word)
+
+    def packet(self) -> dict:
+        last = self.words[-1] if self.words else "enable"
+        gate = {"stop": "ESTOP", "reset": "IDLE", "enable": "ACTIVE"}[last]
+        return {"latched": last == "stop", "gate": gate, **self.more}
+
+
+@contextlib.contextmanager
+def served(host: str = "127.0.0.1"):
+    robot = Robot()
+    with Feed(LiveAddress(host, 0), "kmpc_lite.live", on_word=robot.hear) as feed:
+        feed.start(robot.packet, {"title": "a"})
+        link = feed.links[0]
+        if host == "0.0.0.0":
+            url = urlsplit(link)
+            link = f"http://127.0.0.1:{url.port}{url.path}"
+        wait_for(link, lambda shown: "gate" in shown)
+        yield link, robot, feed
+
+
+def test_stop_is_confirmed_and_driving_again_takes_two_actions():
+    with served() as (link, robot, _):
+        assert press(link, "stop")["confirmed"]
+        code = press(link, "first")["code"]
+        time.sleep(0.3)
+        assert press(link, "second", {"code": code})["ok"]
+        wait_for(link, lambda shown: shown["gate"] == "ACTIVE")
+        assert robot.words == ["stop", "reset", "enable"]
+        url = urlsplit(link)
+        own = {"X-Kmpc": "1", "Origin": f"http://{url.netloc}"}
+        for path, body, status in (("second", {"code": code}, 409), ("second", {}, 409)):
+            assert ask(link, path, "POST", body, **own)[0] == status
+        bare = f"http://{url.netloc}/"
+        assert ask(bare, "first", "POST", {}, **own)[0] == 403  # without the token
+        assert ask(link, "first", "POST", {})[0] == 403  # by another program's page
+        assert ask(bare, "stop", "POST")[0] == 200  # anybody on this computer may stop it
+        assert robot.words == ["stop", "reset", "enable", "stop"]
+
+
+def test_the_page_runs_no_script_but_its_own_and_says_so_to_the_browser():
+    with served() as (link, _, _):
+        for path in ("", "page.js", "map.js", "page.css"):
+            status, text, headers = ask(link, path)
+            assert status == 200 and text
+            assert "script-src 'self'" in headers["Content-Security-Policy"]
+            assert headers["X-Content-Type-Options"] == "nosniff"
+            assert "Access-Control-Allow-Origin" not in headers
+        html = ask(link)[1]
+        assert "<script>" not in html and "onclick" not in html and "style=" not in html
+        script = ask(link, "page.js")[1] + ask(link, "map.js")[1]
+        assert "innerHTML" not in script and "eval(" not in script
+        for path, method in (("../server.py", "GET"), ("etc", "GET"), ("stop", "PUT")):
+            assert ask(link, path, method)[0] in (403, 404, 405)
+
+
+def test_on_other_interfaces_nothing_is_told_without_the_token():
+    with served("0.0.0.0") as (link, robot, _):
+        url = urlsplit(link)
+        for path in ("", "state", "events", "page.js"):
+            assert ask(f"http://{url.netloc}/", path)[0] == 403
+        assert ask(f"http://{url.netloc}/", "stop", "POST")[0] == 403 and not robot.words
+        assert state(link)["title"] == "a"
+
+
+def test_watchers_are_told_when_the_drive_falls_silent_and_when_it_ends():
+    with served() as (link, robot, feed):
+        stream = Stream(link)
+        assert "title" in stream.next()
+        feed._quit.set()
+        while "silence" not in (told := stream.next()):
+            pass
+        assert told["silence"] >= 0.5
+        feed.say({"over": "reached"})
+        while "over" not in stream.next():
+            pass
+        stream.close()
+
+
+def test_a_program_that_dies_is_told_as_lost():
+    with served() as (link, _, feed):
+        stream = Stream(link)
+        feed._quit.set()
+        feed._thread.join()
+        feed._channel.close()
+        told = []
+        while (event := stream.next()) is not None:
+            told.append(event)
+        assert told[-1] == {"lost": True}
+        stream.close()
+
+
+def test_a_stuck_watcher_holds_up_nobody_and_too_many_are_turned_away():
+    with served() as (link, robot, _):
+        stuck = Stream(link)
+        stuck.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        many = [Stream(link) for _ in range(MOST - 1)]
+        late = Stream(link)
+        assert late.next() == {"full": True} and late.next() is None
+        robot.more = {"filling": "x" * 400, "numbers": [float(k) for k in range(2000)]}
+        wait_for(link, lambda shown: "filling" in shown)
+        for k in range(5):
+            robot.more = {"k": k, "numbers": [float(k + j) for j in range(2000)]}
+            wait_for(link, lambda shown, k=k: shown.get("k") == k)
+        while (told := many[0].next()).get("k") != 4:
+            assert told is not None
+        assert press(link, "stop")["confirmed"]
+        for stream in (stuck, late, *many):
+            stream.close()
+
+
+def test_connections_that_say_nothing_do_not_keep_a_stop_out():
+    with served() as (link, robot, _):
+        url = urlsplit(link)
+        held = [socket.create_connection((url.hostname, url.port)) for _ in range(300)]
+        for sock in held:
+            with contextlib.suppress(OSError):
+                sock.sendall(b"POST /stop HTTP/1.1\r\nHost: ")
+        assert press(link, "stop")["confirmed"] and robot.words == ["stop"]
+        for sock in held:
+            sock.close()
+
+
+def test_an_address_that_cannot_be_had_is_told_with_its_option():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        with pytest.raises(LiveError, match="--live-port"):
+            LiveAddress("127.0.0.1", taken.getsockname()[1]).bind()
+    with pytest.raises(LiveError, match="--live-host"):
+        LiveAddress("no such host", 0).bind()
+    assert is_loopback("::1") and not is_loopback("192.168.1.4") and not is_loopback("::")
