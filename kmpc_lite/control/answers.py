@@ -44,7 +44,12 @@ class Answers:
         # where the robot is not known, nor is its distance to anything
         circles = seen.circles[:0] if pose_is_lost else seen.circles
         around = PlannedAround(
-            circles * scale.circle, solids, problem.robot_radius, problem.dt, scale.length
+            circles * scale.circle,
+            solids,
+            problem.robot_radius,
+            problem.dt,
+            scale.length,
+            None if pose_is_lost or seen.view is None else seen.view.hits,
         )
         commands = inputs * scale.command
         return Plan(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.control.input_checks import POSITION_LIMIT, are_plausible, is_plausible
+from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.obstacles.scene import Obstacles, Scene, SceneState, too_many
 from kmpc_lite.control.options import ObstacleOptions
 from kmpc_lite.geometry import nearest_turn
@@ -17,6 +18,7 @@ from kmpc_lite.types import INPUTS, STATES, Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.obstacles.nearby import Nearby
+    from kmpc_lite.control.obstacles.sight.view import View
     from kmpc_lite.control.obstacles.solids import Solids
 
 
@@ -41,7 +43,14 @@ class Observation:
     turns: float = 0.0
     """By how much that heading differs [rad]."""
     nearby: Nearby | None = None
-    """Solids that the robot can come to."""
+    """Solids that the robot can come to, and what it has not seen to be free."""
+    scans: tuple[LaserScan, ...] = ()
+    """Seen from the pose as measured; in metres."""
+    view: View | None = None
+    """What was seen up to now; none without scans."""
+
+    measured: Array = field(default_factory=lambda: np.zeros(STATES))
+    """(3,) the pose as measured, not brought forward."""
 
     @property
     def pose_is_known(self) -> bool:
@@ -98,7 +107,7 @@ class Admission:
         if command is not None and not is_plausible(command):
             command = np.full(INPUTS, np.nan)  # nobody knows what was sent
         refusal = too_many(obstacles, self._most)
-        circles, solids = self._scene.sort(state, () if refusal else obstacles)
+        circles, solids, scans = self._scene.sort(state, () if refusal else obstacles)
         scale = self._scale
         if refusal:
             pass
@@ -120,4 +129,6 @@ class Admission:
             solids,
             None if command is None else command / scale.command,
             refusal,
+            scans=scans,
+            measured=pose / scale.state,
         )

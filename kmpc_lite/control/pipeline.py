@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from kmpc_lite.control.guidance.capabilities import Capabilities
     from kmpc_lite.control.guidance.guide import Guide
     from kmpc_lite.control.guidance.reference import Guidance
+    from kmpc_lite.control.obstacles.sight.sight import Sight
 
 FORGETTING = 0.95
 """Factor per step by which the remembered time that the work after a solve takes shrinks."""
@@ -103,9 +104,10 @@ class Pipeline:
         unit = unit_length(units)
         fastest = max(float(units.u_max[0]), -float(units.u_min[0]))
         reach = units.horizon * units.dt * fastest + units.robot_radius + units.margin
-        self.scene = Scene(
-            scale.length, reach + step.reach_beyond_plan * unit, step.lookup_distance * unit
-        )
+        reach += step.reach_beyond_plan * unit
+        self.scene = Scene(scale.length, reach, step.lookup_distance * unit)
+        self._reach, self._scale = reach, scale
+        self._sight: Sight | None = None
 
     def estimate(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
         """Find the robot's present pose, and observe drift.
@@ -113,8 +115,25 @@ class Pipeline:
         Drift means that the model was wrong about the past period.
         """
         seen.place(self.scene, state.scene)
+        if seen.scans or state.seen is not None:
+            self._look(state, seen, known)
         if known.margins is not None:
             observe_drift(known.margins.drift_detector, state.drift, state.history, seen.here)
+
+    def _look(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
+        """Look around: what scans show, and what they have shown before."""
+        # here, since most robots have no scanner
+        from kmpc_lite.control.obstacles.sight.sight import Sight
+        from kmpc_lite.control.obstacles.sight.view import View
+
+        if self._sight is None:
+            self._sight = Sight(self._problem, self._scale, self._options.sight, self._reach)
+        noise = 0.0 if known.margins is None else known.margins.tightening.pose_deviation
+        state.seen = self._sight.look(state.seen, seen.scans, seen.measured, noise)
+        if state.seen is not None:
+            speed = float(state.history.command[0])
+            seen.view = View(self._sight, state.seen, seen.here, speed)
+            seen.nearby = seen.view.around(seen.nearby)
 
     def bring_forward(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
         """Note what was really sent in the command history; bring an old pose forward."""
@@ -142,6 +161,7 @@ class Pipeline:
             seen.solids,
             rest,
             until,
+            seen.view,
         )
 
     def solve(

@@ -13,6 +13,7 @@ import numpy as np
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
+    from kmpc_lite.control.obstacles.nearby import Nearby
     from kmpc_lite.control.obstacles.solids import Solids
 
 
@@ -57,6 +58,8 @@ class PlannedAround:
     """Period of the plan [s]."""
     unit: float = 1.0
     """Metres of one unit in which the solids are told."""
+    hits: Nearby | None = None
+    """What scans have hit near the robot, in the same units."""
 
     def clearances(self, states: Array) -> Array:
         """Distances (K,) between the edges of robot and obstacles at states (K, 3) [m]."""
@@ -70,6 +73,9 @@ class PlannedAround:
             least = distances.min(axis=1)
         if self.solids is not None:
             distances = self.solids.whole.least(states[:, :2] / self.unit)
+            least = np.minimum(least, self.unit * distances)
+        if self.hits is not None:
+            distances = self.hits.least(states[:, :2] / self.unit)
             least = np.minimum(least, self.unit * distances)
         out: Array = least - self.radius
         return out

@@ -17,6 +17,7 @@ from kmpc_lite.model.koopman import KoopmanModel
 
 if TYPE_CHECKING:
     from kmpc_lite.control.guidance.state import GuideState
+    from kmpc_lite.control.obstacles.sight.local_map import LocalMap
 
 
 @dataclass(slots=True)
@@ -49,5 +50,7 @@ class ControllerState:
     """Last plan: the warm start of the next step."""
     adaptation: AdaptationState | None = None
     """Of adaptation; None without it."""
+    seen: LocalMap | None = None
+    """What scans have shown; None without any."""
     after_solve: float = 0.0
     """How long the work after a QP has taken lately [s]; a time budget leaves so much for it."""

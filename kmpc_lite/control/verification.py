@@ -110,7 +110,8 @@ class Verification:
         return self._around(seen).clearance(states)
 
     def _around(self, seen: Observation) -> PlannedAround:
-        return PlannedAround(seen.circles, seen.solids, self._radius, self._dt)
+        hits = None if seen.view is None else seen.view.hits
+        return PlannedAround(seen.circles, seen.solids, self._radius, self._dt, hits=hits)
 
     def _within_reach(self, plan: Trajectory, task: StopTask) -> Trajectory:
         """Bring the command within reach of the one sent last, and roll the plan out anew."""

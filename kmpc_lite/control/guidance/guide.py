@@ -37,6 +37,7 @@ from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
+    from kmpc_lite.control.obstacles.sight.view import View
     from kmpc_lite.control.obstacles.solids import Solids
 
 ORIGIN = np.zeros(2)
@@ -91,6 +92,7 @@ class Guide:
         solids: Solids | None = None,
         rest: Array | None = None,
         until: float = math.inf,
+        view: View | None = None,
     ) -> Guidance:
         """Give the reference of the coming stages.
 
@@ -111,10 +113,13 @@ class Guide:
         until : float
             When to leave a search that is needed at once to the next step [s], on the guide's
             clock; the old path is kept meanwhile, and where there was none the robot stands.
+        view : View, optional
+            What scans have shown: another path is looked for where that stands on the one driven.
         """
         self._take_over_centre(state, capabilities.turning_centre)
         state.age += self._dt
         now = self._see(state, capabilities, pose, goal, circles, solids, rest, until)
+        now.view = view
         self._begin_last_turn(state, now)
         off = 0.0
         if state.path is not None:
@@ -206,11 +211,13 @@ class Guide:
         states = np.tile(np.array([place[0], place[1], now.pose[2]]), (len(self._times), 1))
         if now.moving is not None and not now.moving.spares(now.pose):
             states = self._evade(state, now, now.moving)
+        # what was seen from afar, or long ago, does not tell that there is no path
+        may_be = state.urgent or now.view is not None
         return Guidance(
             states=states,
-            reachable=state.urgent,
+            reachable=may_be,
             hold=False,
-            progress=GoalProgress.WAITING if state.urgent else GoalProgress.UNREACHABLE,
+            progress=GoalProgress.WAITING if may_be else GoalProgress.UNREACHABLE,
             reason="a path is being looked for" if state.urgent else state.why_none,
             path=place[None, :2],
             time_left=np.inf,

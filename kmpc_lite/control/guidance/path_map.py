@@ -23,10 +23,12 @@ class PathMap:
         At rest.
     options : GuidanceOptions
         In metres.
+    coarseness : float
+        How far the solids may stand out of what they were made of: they are cells [m].
     """
 
-    def __init__(self, solids: Solids, options: GuidanceOptions) -> None:
-        self.solids = solids
+    def __init__(self, solids: Solids, options: GuidanceOptions, coarseness: float = 0.0) -> None:
+        self.solids, self._coarseness = solids, coarseness
         self.lattice: Lattice | None = None
         """Where the grids have too many corners."""
         many = solids.rectangle_count > options.lattice_rectangles
@@ -42,8 +44,8 @@ class PathMap:
             self.landmarks = np.concatenate([self.corners.middles, self.lattice.landmarks])
 
     def distance(self, point: Array) -> float:
-        """Exact distance of a point (2,) from the nearest solid [m]."""
-        return float(self.solids.whole.least(point[None, :2])[0])
+        """Distance of a point (2,) from the nearest solid [m]; of what that was made of at most."""
+        return float(self.solids.whole.least(point[None, :2])[0]) + self._coarseness
 
 
 def distance_around(point: Array, circles: Array, path_map: PathMap | None) -> float:

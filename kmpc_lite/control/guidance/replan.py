@@ -74,6 +74,7 @@ class Replanner:
             or is_new
             or turned_back
             or self._is_blocked(state, now)
+            or self._is_cut(state, now)
         )
         stalled = self._has_stalled(state, now)
         if at_once:
@@ -116,6 +117,9 @@ class Replanner:
         if state.centre_moved:
             return True
         o, least = self._options, now.capabilities.tolerances.off_path
+        far = now.distance > o.near_goal
+        if now.view is not None and far and state.age > now.view.refresh_interval:
+            return True
         allowed = min(max(least, o.off_path_share * now.distance), o.off_path_limit)
         too_far = state.age > o.replan_interval and off > allowed
         return self._progress.wait(state.progress, self._dt) or too_far
@@ -164,11 +168,29 @@ class Replanner:
         recent = state.age <= self._options.replan_interval
         return not recent and now.moving.blocks(state.path, state.place)
 
+    def _is_cut(self, state: GuideState, now: Situation) -> bool:
+        """Whether something that scans have shown lately stands on the path."""
+        view, path = now.view, state.path
+        if view is None or path is None or state.turning:
+            return False
+        state.unwatched += self._dt
+        if state.unwatched < view.blocked_interval or state.age <= self._options.replan_interval:
+            return False
+        state.unwatched = 0.0
+        points = path.at(np.arange(state.place, path.drive_end, self._options.grid_step))[:, :2]
+        # where the robot is, and where it is to stand, it may come as near as it must
+        ends = [np.hypot(*(points - pose[:2]).T) for pose in (now.pose, now.goal)]
+        away = np.minimum(*ends) > self._inflation
+        return view.blocks(points[away], self._inflation)
+
     def _begin_search(self, state: GuideState, now: Situation) -> None:
         """Begin a search from here; one that is under way is given up."""
         same_goal = bool((now.target == state.goal).all())
         stuck = state.progress.stuck
-        if not _same_solids(now.solids, state.solids):
+        if now.view is not None:
+            known, coarse = now.view.solids(now.solids), now.view.coarseness
+            state.path_map = None if known is None else PathMap(known, self._options, coarse)
+        elif not _same_solids(now.solids, state.solids):
             state.path_map = None
         if state.path_map is None and now.solids is not None:
             state.path_map = PathMap(now.solids, self._options)

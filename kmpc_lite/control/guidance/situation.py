@@ -10,6 +10,7 @@ from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
+    from kmpc_lite.control.obstacles.sight.view import View
     from kmpc_lite.control.obstacles.solids import Solids
 
 
@@ -39,3 +40,5 @@ class Situation:
     """Whether the goal lies outside the area; then `goal` is the nearest pose inside."""
     until: float
     """When to leave a search to the next step [s]."""
+    view: View | None = None
+    """What scans have shown; none without any."""

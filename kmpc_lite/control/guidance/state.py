@@ -68,6 +68,9 @@ class GuideState:
     age: float = 0.0
     """Time since then [s]."""
 
+    unwatched: float = 0.0
+    """Time since what scans show was last looked at for what stands on the path [s]."""
+
     # the search that is under way
     search: PathSearch | None = None
     urgent: bool = False

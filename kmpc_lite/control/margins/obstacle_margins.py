@@ -38,6 +38,8 @@ class Tightening:
     ----------
     side_margin, far_clearance : float
         As in the options [m].
+    pose_deviation : float
+        Standard deviation of a measured position, at full speed [m].
     """
 
     def __init__(
@@ -55,6 +57,7 @@ class Tightening:
         """Time of driving on at a speed that is the least margin [s]."""
         pose = noise.tube.pose + self._fastest[0] ** 2 * noise.tube.pose_by_speed
         self._pose_variance = float(pose[0, 0] + pose[1, 1])
+        self.pose_deviation = math.sqrt(max(0.5 * self._pose_variance, 0.0))
         felt = noise.felt(DriftState())
         self._widest_for, self._widest = felt, self._work_out_widest(felt)
 

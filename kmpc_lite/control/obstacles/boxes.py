@@ -12,7 +12,7 @@ GRID_COLUMNS = 4
 """Half-planes that a grid has at each stage: the nearest rectangle, then the nearest that does not
 lie behind those taken."""
 BEHIND = 1e-3
-"""How far a rectangle's nearest point may stand out of a half-plane and count as behind it [m]."""
+"""`behind` of rectangles that are exact [m]."""
 
 
 class Boxes:
@@ -24,10 +24,15 @@ class Boxes:
         Corners (B, 2), (B, 2) [m], in the grid's frame.
     grid : OccupancyGrid
         Whose.
+    behind : float
+        How far a rectangle's nearest point may stand out of another one's half-plane and count as
+        behind it [m].
     """
 
-    def __init__(self, low: Array, high: Array, grid: OccupancyGrid) -> None:
-        self.low, self.high, self.grid = low, high, grid
+    def __init__(
+        self, low: Array, high: Array, grid: OccupancyGrid, behind: float = BEHIND
+    ) -> None:
+        self.low, self.high, self.grid, self._behind = low, high, grid, behind
         self._sides = [np.ascontiguousarray(side) for side in (*low.T, *high.T)]
 
     @property
@@ -40,7 +45,7 @@ class Boxes:
 
     def take(self, chosen: Array) -> Boxes:
         """Some of the rectangles."""
-        return Boxes(self.low[chosen], self.high[chosen], self.grid)
+        return Boxes(self.low[chosen], self.high[chosen], self.grid, self._behind)
 
     def _away(self, points: Array, chosen: Array | None) -> tuple[Array, Array, Array]:
         """Distances (n, B) [m], negative inside, and x and y (n, B) of the normals times them.
@@ -106,7 +111,7 @@ class Boxes:
                     near = distance.take(nearest)
                     along = x * (x.take(nearest) / near)[:, None]
                     along += y * (y.take(nearest) / near)[:, None]
-                    np.putmask(left, along >= (near - BEHIND)[:, None], np.inf)
+                    np.putmask(left, along >= (near - self._behind)[:, None], np.inf)
             place = chosen + (count * rows)[:, None]
             distance, x, y = distance.take(place), x.take(place), y.take(place)
         normals = np.empty((*distance.shape, 2))

@@ -24,6 +24,10 @@ class Nearby:
     def __len__(self) -> int:
         return self.columns
 
+    def with_boxes(self, boxes: Sequence[Boxes]) -> Nearby:
+        """Return these and more rectangles."""
+        return Nearby(self._outlines, [*self._boxes, *boxes])
+
     def measure(self, points: Array) -> tuple[Array, Array]:
         """Distances (n, C) and normals (n, C, 2) of the solids that matter at points (n, 2) [m].
 

@@ -106,7 +106,8 @@ class OccupancyGrid:
                 f"or columns, got {self.runs:,}: filter the noise, or make the cells larger"
             )
         # now, and not in the first step that sees the grid
-        rows, columns = _rectangles(self.occupied), _rectangles(self.occupied.T)[:, [1, 0, 3, 2]]
+        rows = rectangles_of(self.occupied)
+        columns = rectangles_of(self.occupied.T)[:, [1, 0, 3, 2]]
         self._blocks = rows if len(rows) <= len(columns) else columns
 
     @classmethod
@@ -206,7 +207,7 @@ def _runs(occupied: NDArray[np.bool_]) -> int:
     return int(begins + np.count_nonzero(occupied[:, 0]))
 
 
-def _rectangles(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
+def rectangles_of(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Rectangles (B, 4) of occupied cells: first column and row, and one past the last of each.
 
     Each is a run of cells in a row, joined with equal runs of the rows that follow.

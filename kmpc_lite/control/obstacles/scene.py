@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from kmpc_lite.control.obstacles.circles import Circle, circles_to_array
 from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
+from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.obstacles.shapes import Polygon, Wall
 from kmpc_lite.control.options import ObstacleOptions
 from kmpc_lite.types import Array
@@ -23,8 +24,9 @@ if TYPE_CHECKING:
     from kmpc_lite.control.obstacles.solids import Solids
 
 SOLID = (Polygon, Wall, OccupancyGrid)
+PREPARED = (*SOLID, LaserScan)
 Solid = Polygon | Wall | OccupancyGrid
-Obstacle = Circle | Solid
+Obstacle = Circle | Solid | LaserScan
 Obstacles = Sequence[Obstacle] | ArrayLike
 
 
@@ -47,20 +49,23 @@ def too_many(obstacles: Obstacles, most: ObstacleOptions) -> str:
     """
     total = len(obstacles) if isinstance(obstacles, Sized) else 0
     solids: list[Solid] = []
+    scans = 0
     if not total:
         return ""
     if not isinstance(obstacles, np.ndarray) and isinstance(obstacles, Sequence):
         if total > most.circles + most.edges:
             return f"{total:,} obstacles: at most {most.circles:,} circles are looked at"
         solids = [o for o in obstacles if isinstance(o, SOLID)]
-    if not solids:
+        scans = sum(isinstance(o, LaserScan) for o in obstacles)
+    if not solids and not scans:
         beyond = total > most.circles
         return f"{total:,} circles: at most {most.circles:,} are looked at" if beyond else ""
     grids = [o for o in solids if isinstance(o, OccupancyGrid)]
     corners = [len(o.vertices) for o in solids if isinstance(o, Polygon)]
     walls = len(solids) - len(grids) - len(corners)
     for count, allowed, what in (
-        (total - len(solids), most.circles, "circles"),
+        (total - len(solids) - scans, most.circles, "circles"),
+        (scans, most.scans, "scans"),
         (walls + len(corners) * max(corners, default=0), most.edges, "edges of polygons and walls"),
         (len(grids), most.grids, "grids"),
         (sum(g.occupied.size for g in grids), most.grid_cells, "cells of grids"),
@@ -88,8 +93,10 @@ class Scene:
         self._unit, self._reach, self._lookup_distance = unit, reach, lookup_distance
         self._nearby: tuple[Solids, Array, Nearby] | None = None
 
-    def sort(self, state: SceneState, obstacles: Obstacles) -> tuple[Array, Solids | None]:
-        """Circles (M, 5) in metres, and solids in units if there are any.
+    def sort(
+        self, state: SceneState, obstacles: Obstacles
+    ) -> tuple[Array, Solids | None, tuple[LaserScan, ...]]:
+        """Circles (M, 5) and scans in metres, and solids in units if there are any.
 
         Raises
         ------
@@ -97,11 +104,15 @@ class Scene:
             For what is neither circles, nor solids, nor an array of circles.
         """
         if isinstance(obstacles, np.ndarray) or not isinstance(obstacles, Sequence):
-            return circles_to_array(cast(ArrayLike, obstacles)), None
-        solids = tuple(o for o in obstacles if isinstance(o, SOLID))
+            return circles_to_array(cast(ArrayLike, obstacles)), None, ()
+        others = tuple(o for o in obstacles if isinstance(o, PREPARED))
+        if not others:
+            return circles_to_array(cast(ArrayLike, obstacles)), None, ()
+        scans = tuple(o for o in others if isinstance(o, LaserScan))
+        solids = tuple(o for o in others if not isinstance(o, LaserScan))
+        circles = circles_to_array([o for o in obstacles if not isinstance(o, PREPARED)])
         if not solids:
-            return circles_to_array(cast(ArrayLike, obstacles)), None
-        circles = circles_to_array([o for o in obstacles if not isinstance(o, SOLID)])
+            return circles, None, scans
         # sequences compare their items by identity first, which is all it takes for the same ones
         if state.solids is None or state.given != solids:
             # here, since most maps have none
@@ -112,7 +123,7 @@ class Scene:
                 [o if self._unit == 1.0 else o.scaled(self._unit) for o in solids]
             )
             state.looked_from = None
-        return circles, state.solids
+        return circles, state.solids, scans
 
     def near(self, state: SceneState, solids: Solids | None, point: Array) -> Nearby | None:
         """Solids within reach of a point (2,), and perhaps some farther ones.

@@ -10,6 +10,7 @@ from kmpc_lite.control.options.goal import GoalOptions
 from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.control.options.margins import MarginOptions
 from kmpc_lite.control.options.obstacles import ObstacleOptions
+from kmpc_lite.control.options.sight import SightOptions
 from kmpc_lite.control.options.solver import OSQPOptions, SolverOptions
 from kmpc_lite.control.options.step import StepOptions
 from kmpc_lite.control.options.stop import StopOptions
@@ -24,6 +25,7 @@ __all__ = [
     "MarginOptions",
     "OSQPOptions",
     "ObstacleOptions",
+    "SightOptions",
     "SolverOptions",
     "StepOptions",
     "StopOptions",

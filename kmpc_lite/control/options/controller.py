@@ -11,6 +11,7 @@ from kmpc_lite.control.options.goal import GoalOptions
 from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.control.options.margins import MarginOptions
 from kmpc_lite.control.options.obstacles import ObstacleOptions
+from kmpc_lite.control.options.sight import SightOptions
 from kmpc_lite.control.options.solver import SolverOptions
 from kmpc_lite.control.options.step import StepOptions
 from kmpc_lite.control.options.stop import StopOptions
@@ -46,6 +47,8 @@ class ControllerOptions:
     """How a stop trajectory is found."""
     obstacles: ObstacleOptions = group(ObstacleOptions())
     """How many obstacles it looks at."""
+    sight: SightOptions = group(SightOptions())
+    """What is remembered of scans."""
     step: StepOptions = group(StepOptions())
     """What a step believes, and how it shares out its time."""
 

@@ -27,6 +27,11 @@ def seconds(default: float, *, zero: bool = True) -> Any:
     return _number(default, "s", zero)
 
 
+def speed(default: float, *, zero: bool = True) -> Any:
+    """Speed [m/s]."""
+    return _number(default, "m/s", zero)
+
+
 def angle(default: float, *, zero: bool = True) -> Any:
     """Angle [rad]."""
     return _number(default, "rad", zero)

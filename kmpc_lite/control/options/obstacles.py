@@ -28,6 +28,8 @@ class ObstacleOptions:
     grid_runs: int = count(50_000)
     """Runs of occupied cells, along rows or columns as these are fewer, of one grid and of all of
     one step: noise has many, walls have few."""
+    scans: int = count(10)
+    """Laser scans of one step."""
     scan_beams: int = count(2**14)
     """Beams of one scan."""
     cell: float = metres(1e-4)

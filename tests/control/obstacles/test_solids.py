@@ -239,7 +239,7 @@ def test_the_same_solids_are_prepared_once() -> None:
     cells = np.zeros((20, 20), dtype=bool)
     cells[5, 5] = True
     first = [kl.Circle(1, 1, 0.1), kl.Polygon(SQUARE), kl.OccupancyGrid(cells, 0.1)]
-    circles, solids = scene.sort(state, first)
+    circles, solids, _ = scene.sort(state, first)
     assert circles.tolist() == [[1.0, 1.0, 0.1, 0.0, 0.0]] and solids is not None
     # the same objects, and equal ones, with a circle that has moved on
     assert scene.sort(state, [kl.Circle(0.9, 1, 0.1), *first[1:]])[1] is solids

@@ -1,0 +1,164 @@
+"""The map of what scans have shown around the robot: cells that are free, occupied, or unknown.
+
+It is plain data, which copies and pickles. All lengths are in the robot's units.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kmpc_lite.types import Array
+
+UNKNOWN = -1
+"""State of a cell of which nothing is known; see `LocalMap.state`."""
+NO_POSES = np.empty((0, 4))
+
+
+@dataclass(slots=True)
+class LocalMap:
+    """Cells along the axes of the world; row and column count with y and x."""
+
+    cell: float
+    """Side of a cell."""
+    column: int
+    """Of the map's first column among all columns of the world: its side lies at column * cell."""
+    row: int
+    """The same of the first row."""
+    state: NDArray[np.int8]
+    """(H, W) UNKNOWN; 0: seen to be free; n: occupied, until n more scans have passed through."""
+    seen: NDArray[np.float32]
+    """(H, W) when it was seen last, on `clock`."""
+    offset: NDArray[np.float32]
+    """(H, W, 2) where in an occupied cell the last hit lay, from the cell's corner."""
+    is_fixed: bool
+    """Whether it holds the whole area, so that it need not follow the robot."""
+    clock: float = 0.0
+    """Time since the map was begun."""
+    rounding: float = 0.0
+    """How much nearer than they were seen hits may be."""
+    forgotten: float = 0.0
+    """When cells were forgotten last."""
+    trail: Array = field(default_factory=lambda: NO_POSES)
+    """(K, 4) time and pose of the steps before."""
+
+    @classmethod
+    def around(cls, low: Array, high: Array, cell: float, is_fixed: bool) -> LocalMap:
+        """Begin a map, of which nothing is known, from a corner (2,) to another."""
+        column, row = np.floor(low / cell).astype(int).tolist()
+        width, height = (np.ceil(high / cell).astype(int) - (column, row)).tolist()
+        shape = height, width
+        return cls(
+            cell,
+            column,
+            row,
+            np.full(shape, UNKNOWN, dtype=np.int8),
+            np.zeros(shape, dtype=np.float32),
+            np.zeros((*shape, 2), dtype=np.float32),
+            is_fixed,
+        )
+
+    @property
+    def corner(self) -> Array:
+        """Where the first cell begins (2,)."""
+        return self.cell * np.array([self.column, self.row])
+
+    def follow(self, point: Array) -> None:
+        """Move the map along, where a point (2,) lies too near to its edge."""
+        if self.is_fixed:
+            return
+        height, width = self.state.shape
+        column, row = np.floor(point / self.cell).astype(int).tolist()
+        inside_x = width // 4 <= column - self.column < width - width // 4
+        inside_y = height // 4 <= row - self.row < height - height // 4
+        if inside_x and inside_y:
+            return
+        to_column, to_row = column - width // 2, row - height // 2
+        right, up = to_column - self.column, to_row - self.row
+        for name, empty in (("state", UNKNOWN), ("seen", 0.0), ("offset", 0.0)):
+            setattr(self, name, _shifted(getattr(self, name), up, right, empty))
+        self.column, self.row = to_column, to_row
+
+    def window(self, point: Array, distance: float) -> tuple[slice, slice]:
+        """Rows and columns of the cells within a distance of a point (2,), along each axis."""
+        low = np.floor((point - distance) / self.cell).astype(int) - (self.column, self.row)
+        high = np.floor((point + distance) / self.cell).astype(int) + 1 - (self.column, self.row)
+        (left, bottom), (right, top) = low.tolist(), high.tolist()
+        height, width = self.state.shape
+        rows = slice(min(max(bottom, 0), height), min(max(top, 0), height))
+        return rows, slice(min(max(left, 0), width), min(max(right, 0), width))
+
+    def centres(self, rows: slice, columns: slice) -> tuple[Array, Array]:
+        """X (W,) and y (H,) of the middles of a window's cells."""
+        x = self.cell * (self.column + 0.5 + np.arange(columns.start, columns.stop))
+        y = self.cell * (self.row + 0.5 + np.arange(rows.start, rows.stop))
+        return x, y
+
+    def cells_of(self, points: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+        """Flat numbers (n,) of the cells of points (n, 2), and which points lie on the map."""
+        place = np.floor(points / self.cell).astype(np.intp) - (self.column, self.row)
+        height, width = self.state.shape
+        column, row = place[:, 0], place[:, 1]
+        inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
+        return np.where(inside, row * width + column, 0), inside
+
+    def points(self, cells: NDArray[np.intp]) -> Array:
+        """Where the last hits in cells with flat numbers (n,) lay, (n, 2)."""
+        row, column = np.divmod(cells, self.state.shape[1])
+        corner = np.stack([column + self.column, row + self.row], axis=1) * self.cell
+        found: Array = corner + self.offset.reshape(-1, 2)[cells]
+        return found
+
+    def mark(self, points: Array, level: int) -> None:
+        """Mark the cells of hits (n, 2) as occupied."""
+        cells, inside = self.cells_of(points)
+        cells, points = cells[inside], points[inside]
+        self.state.ravel()[cells] = level
+        self.seen.ravel()[cells] = self.clock
+        self.offset.reshape(-1, 2)[cells] = points - self.cell * np.floor(points / self.cell)
+
+    def forget(self, memory: float) -> None:
+        """Forget what was seen longer ago than the memory reaches; at times, not in each step."""
+        if self.clock - self.forgotten < memory / 16:
+            return
+        self.forgotten = self.clock
+        self.state[self.seen < self.clock - memory] = UNKNOWN
+
+    def remember_pose(self, pose: Array, most: int) -> None:
+        """Remember where the robot (3,) is now."""
+        row = np.array([[self.clock, *pose.tolist()]])
+        self.trail = np.concatenate([self.trail[-(most - 1) :], row])
+
+    def poses_at(self, ages: Array) -> Array:
+        """Where the robot was before, (..., 3): now where an age is zero."""
+        times, poses = self.trail[:, 0], self.trail[:, 1:]
+        moments = self.clock - ages
+        x, y = (np.interp(moments, times, poses[:, i]) for i in (0, 1))
+        heading = np.interp(moments, times, np.unwrap(poses[:, 2]))
+        return np.stack([x, y, heading], axis=-1)
+
+
+def _shifted(cells: NDArray[np.generic], up: int, right: int, empty: float) -> NDArray[np.generic]:
+    """Cells (H, W, ...) as seen from a corner that many rows and columns farther up and right."""
+    moved = np.full_like(cells, empty)
+    height, width = cells.shape[:2]
+    if abs(up) < height and abs(right) < width:
+        to_rows, rows = _overlap(up, height)
+        to_columns, columns = _overlap(right, width)
+        moved[to_rows, to_columns] = cells[rows, columns]
+    return moved
+
+
+def _overlap(shift: int, length: int) -> tuple[slice, slice]:
+    """Where the cells that stay go to, and where they come from."""
+    to = slice(max(-shift, 0), length - max(shift, 0))
+    return to, slice(to.start + shift, to.stop + shift)
+
+
+def side_of(cell: float, noise: float, share: float) -> float:
+    """Side of a cell that suits a robot and a scanner: never finer than the scanner sees."""
+    least = share * noise
+    return cell if least <= cell else cell * math.ceil(least / cell)

@@ -1,0 +1,207 @@
+"""How a step looks around: scans into the map, and from it what must not be driven into."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from kmpc_lite.control.obstacles.boxes import Boxes
+from kmpc_lite.control.obstacles.occupancy import OccupancyGrid, rectangles_of
+from kmpc_lite.control.obstacles.scan import LaserScan
+from kmpc_lite.control.obstacles.sight.local_map import UNKNOWN, LocalMap, side_of
+from kmpc_lite.control.obstacles.sight.rays import Rays
+from kmpc_lite.control.obstacles.solids import Solids
+from kmpc_lite.control.options import SightOptions, in_metres, unit_length
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.scale import Scale
+from kmpc_lite.types import Array
+
+WORLD = OccupancyGrid([[0]], 1.0)
+"""A grid in the world's own frame, for rectangles that belong to none."""
+
+
+class Seen(NamedTuple):
+    """What a step needs of what was seen, near the robot."""
+
+    hits: list[Boxes]
+    """What was hit."""
+    unknown: list[Boxes]
+    """What was never seen to be free."""
+
+
+class Sight:
+    """Keeps a local map up to date; what it remembers is the map alone.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Radius, area and period, in the robot's units.
+    scale : Scale
+        The robot's units.
+    options : SightOptions
+        How long what is believed.
+    reach : float
+        How far from the robot what was seen matters to a plan.
+    """
+
+    def __init__(
+        self, problem: NavigationProblem, scale: Scale, options: SightOptions, reach: float
+    ) -> None:
+        self.options = in_metres(options, unit_length(problem))
+        self._scale, self._reach, self._dt = scale, reach, problem.dt
+        self._radius = problem.robot_radius
+        self._area = problem.x_min[:2], problem.x_max[:2]
+        self._emerging = options.emerging_speed / scale.speed
+        self._deceleration = float(problem.deceleration[0])
+
+    def look(
+        self, before: LocalMap | None, scans: Sequence[LaserScan], pose: Array, pose_noise: float
+    ) -> LocalMap | None:
+        """Bring the map up to date.
+
+        Parameters
+        ----------
+        before : LocalMap or None
+            Changed.
+        scans : sequence of LaserScan
+            Taken at the pose; in metres. None at all is a step without a scan.
+        pose : ndarray
+            (3,) as measured.
+        pose_noise : float
+            Standard deviation of its position.
+        """
+        begins = before is None
+        if before is None:
+            if not scans:
+                return None
+            before = self._begin(scans, pose)
+        here, options = before, self.options
+        here.clock += self._dt
+        here.follow(pose[:2])
+        here.remember_pose(pose, options.trail)
+        here.forget(options.memory)
+        scans = [s.with_self_radius(self._radius * self._scale.length) for s in scans]
+        rays = [Rays(s, self._pose_of(here, s, pose), self._scale.length) for s in scans]
+        for ray in rays:
+            error = math.hypot(ray.noise, pose_noise)
+            here.rounding = max(here.rounding, options.certainty * error)
+            self._clear(here, ray)
+        for ray in rays:
+            here.mark(ray.hits, options.passes)
+        # what the robot overlaps by a part is free where it begins; later it must have been seen
+        self._stand(here, pose, self._radius + begins * math.sqrt(0.5) * here.cell)
+        return here
+
+    def seen(self, here: LocalMap, pose: Array, speed: float) -> Seen:
+        """What a robot at a pose (3,) with a speed must not drive into."""
+        window = here.window(pose[:2], self._reach)
+        rows, columns = window
+        state = here.state[window]
+        width = here.state.shape[1]
+        row, column = np.nonzero(state > 0)
+        cells = (row + rows.start) * width + column + columns.start
+        hits = here.points(cells)
+        unknown = state == UNKNOWN
+        grow = 0.0
+        if self._emerging > 0.0:
+            # somebody may come out of what is not seen now, until the robot stands
+            unknown = unknown | ((state == 0) & (here.seen[window] < here.clock - self._dt))
+            unknown &= self._distance(here, window, pose) > self._radius + here.cell
+            grow = self._emerging * (self._dt + abs(speed) / self._deceleration)
+        blocks = rectangles_of(unknown) + np.tile([columns.start, rows.start], 2)
+        corner = np.tile([here.column, here.row], 2)
+        sides = here.cell * (blocks + corner)
+        behind = self.options.level * here.cell
+        occupied = _boxes(hits - here.rounding, hits + here.rounding, behind)
+        dark = _boxes(sides[:, :2] - grow, sides[:, 2:] + grow, behind)
+        return Seen(occupied, dark)
+
+    def solids(self, here: LocalMap, given: Solids | None) -> Solids | None:
+        """All that is known to be occupied, as solids for a path search."""
+        rows, columns = (np.flatnonzero((here.state > 0).any(axis=axis)) for axis in (1, 0))
+        others = [] if given is None else list(given.solids)
+        if not len(rows):
+            return given
+        (top, bottom), (left, right) = rows[[-1, 0]] + (1, 0), columns[[0, -1]] + (0, 1)
+        occupied = here.state[bottom:top, left:right] > 0
+        corner = here.cell * np.array([here.column + left, here.row + bottom])
+        return Solids([*others, OccupancyGrid(occupied, here.cell, corner)])
+
+    def blocks(self, here: LocalMap, points: Array, distance: float) -> bool:
+        """Whether something stands nearer than a distance to any of the points (n, 2)."""
+        reach = math.ceil(distance / here.cell) + 1
+        row, column = (a.ravel() for a in np.mgrid[-reach : reach + 1, -reach : reach + 1])
+        around = np.stack([column, row], axis=1)[np.hypot(row, column) <= reach] * here.cell
+        places = (points[:, None] + around).reshape(-1, 2)
+        cells, inside = here.cells_of(places)
+        inside &= here.state.ravel()[cells] > 0
+        hits = here.points(cells[inside])
+        whose = np.repeat(np.arange(len(points)), len(around))[inside]
+        return bool((np.hypot(*(hits - points[whose]).T) < distance).any())
+
+    def _begin(self, scans: Sequence[LaserScan], pose: Array) -> LocalMap:
+        """Begin a map that holds the whole area where that is small, else the neighbourhood."""
+        options, length = self.options, self._scale.length
+        noise = max(scan.noise for scan in scans) / length
+        cell = side_of(options.cell, noise, options.cell_noise)
+        low, high = self._area
+        low, high = low - self._reach - cell, high + self._reach + cell
+        most = options.most_cells * cell
+        if (high - low <= most).all():
+            return LocalMap.around(low, high, cell, True)
+        reach = max(scan.range_max for scan in scans) / length
+        half = min(max(options.map_reach * reach, 2.0 * self._reach), 0.5 * most)
+        return LocalMap.around(pose[:2] - half, pose[:2] + half, cell, False)
+
+    def _pose_of(self, here: LocalMap, scan: LaserScan, pose: Array) -> Array:
+        """Where the robot was when a scan was taken, (3,) or (B, 3)."""
+        if not scan.age and not scan.time_increment:
+            return pose
+        ages = scan.ages if scan.time_increment else np.array(scan.age)
+        return here.poses_at(ages / self._scale.time)
+
+    def _clear(self, here: LocalMap, rays: Rays) -> None:
+        """Take note of what rays passed through."""
+        distance = min(self.options.free_distance, rays.farthest)
+        window = here.window(rays.origin, distance)
+        x, y = here.centres(*window)
+        passed = rays.passed(x[None, :], y[:, None], here.cell)
+        state = here.state[window]
+        # one pass less for what was occupied; what was unknown is free
+        np.copyto(state, np.maximum(state - 1, 0), where=passed)
+        np.copyto(here.seen[window], np.float32(here.clock), where=passed)
+        if rays.farthest <= distance:
+            return
+        # farther away only what was occupied
+        cells = np.flatnonzero(here.state > 0)
+        row, column = np.divmod(cells, here.state.shape[1])
+        rows, columns = window
+        far = (row < rows.start) | (row >= rows.stop)
+        far |= (column < columns.start) | (column >= columns.stop)
+        cells = cells[far]
+        x, y = here.points(cells).T
+        # beyond what was hit there
+        gone = cells[rays.passed(x, y, here.cell)]
+        here.state.ravel()[gone] -= 1
+
+    def _stand(self, here: LocalMap, pose: Array, reach: float) -> None:
+        """Where the robot stands, within a reach of its centre, nothing else does."""
+        window = here.window(pose[:2], reach)
+        distance = self._distance(here, window, pose)
+        state, under = here.state[window], distance <= reach
+        state[under & (state == UNKNOWN)] = 0
+        state[distance <= self._radius - here.cell] = 0
+        here.seen[window][under] = here.clock
+
+    def _distance(self, here: LocalMap, window: tuple[slice, slice], pose: Array) -> Array:
+        """Distance of the middles of a window's cells from the robot."""
+        x, y = here.centres(*window)
+        away: Array = np.hypot(x[None, :] - pose[0], y[:, None] - pose[1])
+        return away
+
+
+def _boxes(low: Array, high: Array, behind: float) -> list[Boxes]:
+    return [Boxes(low, high, WORLD, behind)] if len(low) else []

@@ -1,0 +1,108 @@
+"""A simulated laser scanner: rays against circles and straight edges, worked out exactly.
+
+It shares no code with what the controller makes of a scan.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from kmpc_lite.types import Array
+
+
+@dataclass(frozen=True)
+class LidarSpec:
+    """A scanner as its data sheet has it."""
+
+    reach: float = 4.0
+    """How far it sees [m]."""
+    beams: int = 360
+    """All around, evenly."""
+    noise: float = 0.01
+    """Standard deviation of a range [m]."""
+    dropout: float = 0.01
+    """Share of beams that come back without a range."""
+    nearest: float = 0.05
+    """Least range [m]."""
+
+
+class World:
+    """What rays meet: circles that may move, and edges at rest.
+
+    Parameters
+    ----------
+    circles : ndarray
+        (M, 5) rows x, y, radius, vx, vy [m, m/s].
+    edges : ndarray
+        (S, 4) rows x1, y1, x2, y2 [m].
+    """
+
+    def __init__(self, circles: Array, edges: Array) -> None:
+        self.circles = np.asarray(circles, dtype=float).reshape(-1, 5)
+        self.edges = np.asarray(edges, dtype=float).reshape(-1, 4)
+
+    def ranges(self, origin: Array, directions: Array, time: float = 0.0) -> Array:
+        """How far rays (B,) from a point (2,) go until they meet something, (B,) [m]."""
+        cos, sin = np.cos(directions), np.sin(directions)
+        nearest = np.full(len(directions), np.inf)
+        if len(self.circles):
+            x = self.circles[:, 0] + time * self.circles[:, 3] - origin[0]
+            y = self.circles[:, 1] + time * self.circles[:, 4] - origin[1]
+            along = np.outer(cos, x) + np.outer(sin, y)
+            aside = np.outer(sin, x) - np.outer(cos, y)
+            half = self.circles[:, 2] ** 2 - aside**2
+            enters = along - np.sqrt(np.maximum(half, 0.0))
+            met = (half >= 0.0) & (enters >= 0.0)
+            nearest = np.where(met, enters, np.inf).min(axis=1)
+        if len(self.edges):
+            x1, y1, x2, y2 = (self.edges - np.tile(origin, 2)).T
+            step_x, step_y = x2 - x1, y2 - y1
+            across = np.outer(cos, step_y) - np.outer(sin, step_x)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                distance = (x1 * step_y - y1 * step_x) / across
+                share = (np.outer(sin, x1) - np.outer(cos, y1)) / across
+                # no comparison is true of a ray along an edge: it meets the next one
+                met = (distance >= 0.0) & (share >= 0.0) & (share <= 1.0)
+            nearest = np.minimum(nearest, np.where(met, distance, np.inf).min(axis=1))
+        return nearest
+
+    def clearance(self, points: Array, times: Array) -> Array:
+        """Distance (n,) from points (n, 2) at times (n,) to the nearest edge or circle [m]."""
+        nearest = np.full(len(points), np.inf)
+        if len(self.circles):
+            x = points[:, :1] - self.circles[:, 0] - times[:, None] * self.circles[:, 3]
+            y = points[:, 1:] - self.circles[:, 1] - times[:, None] * self.circles[:, 4]
+            nearest = (np.hypot(x, y) - self.circles[:, 2]).min(axis=1)
+        if len(self.edges):
+            begin, step = self.edges[:, :2], self.edges[:, 2:] - self.edges[:, :2]
+            away = points[:, None] - begin
+            squares = np.maximum((step * step).sum(axis=1), 1e-300)
+            share = np.clip((away * step).sum(axis=2) / squares, 0.0, 1.0)
+            away -= share[..., None] * step
+            nearest = np.minimum(nearest, np.hypot(away[..., 0], away[..., 1]).min(axis=1))
+        return nearest
+
+
+def scan_ranges(
+    world: World, spec: LidarSpec, pose: Array, random: np.random.Generator, time: float = 0.0
+) -> tuple[Array, Array]:
+    """What the scanner sends from a pose (3,), and its directions in its own frame, (B,), (B,).
+
+    Ranges are infinite where nothing is within reach, and NaN where a beam does not come back.
+    """
+    directions = 2.0 * math.pi / spec.beams * np.arange(spec.beams) - math.pi
+    ranges = world.ranges(pose[:2], pose[2] + directions, time)
+    ranges = ranges + spec.noise * random.normal(size=spec.beams)
+    ranges = np.where(ranges > spec.reach, np.inf, np.maximum(ranges, 0.0))
+    ranges[ranges < spec.nearest] = 0.0
+    ranges[random.random(spec.beams) < spec.dropout] = np.nan
+    return ranges, directions
+
+
+def box_edges(x1: float, y1: float, x2: float, y2: float) -> Array:
+    """The four sides (4, 4) of a rectangle along the axes."""
+    corners = np.array([(x1, y1), (x2, y1), (x2, y2), (x1, y2)])
+    return np.hstack([corners, np.roll(corners, -1, axis=0)])
