@@ -20,7 +20,7 @@ from kmpc_lite.control.guidance.goal_checker import GoalChecker
 from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, TrafficTable
 from kmpc_lite.control.guidance.reference import Guidance
 from kmpc_lite.control.guidance.replan import Replanner
-from kmpc_lite.control.guidance.situation import Situation
+from kmpc_lite.control.guidance.situation import Situation, lies_outside
 from kmpc_lite.control.guidance.state import GuideState
 from kmpc_lite.control.guidance.timed_path import TimedPath
 from kmpc_lite.control.guidance.turning_centre import point_of, seen_from, swing
@@ -147,7 +147,7 @@ class Guide:
     ) -> Situation:
         """See all from the turning centre; a goal outside the area is moved to its edge."""
         tolerance = capabilities.tolerances.enter_distance
-        outside = _lies_outside(goal, self._low, self._high, tolerance)
+        outside = lies_outside(goal, self._low, self._high, tolerance)
         if outside:
             goal = np.array([*np.clip(goal[:2], self._low, self._high), goal[2]])
         target, centre = goal, state.turning_centre
@@ -281,13 +281,6 @@ class Guide:
         """States (N + 1, 3) on an arc that makes room."""
         state.evasive_arc, states = moving.evasive_arc(now.pose, state.evasive_arc, self._times)
         return states
-
-
-def _lies_outside(goal: Array, low: list[float], high: list[float], tolerance: float) -> bool:
-    """Whether a goal (3,) lies outside the area by more than a tolerance [m]."""
-    x, y, _ = goal.tolist()
-    inside_x = low[0] - tolerance <= x <= high[0] + tolerance
-    return not (inside_x and low[1] - tolerance <= y <= high[1] + tolerance)
 
 
 def _progress(state: GuideState, hold: bool, scale: float | None) -> tuple[GoalProgress, str]:

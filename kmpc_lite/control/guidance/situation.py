@@ -42,3 +42,10 @@ class Situation:
     """When to leave a search to the next step [s]."""
     view: View | None = None
     """What scans have shown; none without any."""
+
+
+def lies_outside(goal: Array, low: list[float], high: list[float], tolerance: float) -> bool:
+    """Whether a goal (3,) lies outside the area by more than a tolerance [m]."""
+    x, y, _ = goal.tolist()
+    inside_x = low[0] - tolerance <= x <= high[0] + tolerance
+    return not (inside_x and low[1] - tolerance <= y <= high[1] + tolerance)
