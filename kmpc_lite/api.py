@@ -23,7 +23,8 @@ from kmpc_lite.model.dictionary import (
     InputHistoryDictionary,
     UnicycleDictionary,
 )
-from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
 
 __all__ = [

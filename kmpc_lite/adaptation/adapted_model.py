@@ -9,7 +9,8 @@ import numpy as np
 
 from kmpc_lite.adaptation.gains import Gains
 from kmpc_lite.adaptation.options import AdaptationOptions
-from kmpc_lite.model.koopman import KoopmanModel, NoiseModel
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.scale import UNIT_RADIUS
 from kmpc_lite.types import Array
 

@@ -34,7 +34,8 @@ from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.adaptation.regressor import Regressor, one_period
 from kmpc_lite.adaptation.state import STEP_SIZE, SUMS, AdaptationCounts, AdaptationState
 from kmpc_lite.errors import ModelError
-from kmpc_lite.model.koopman import KoopmanModel, NoiseModel
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES, Array
 

@@ -13,8 +13,8 @@ from kmpc_lite.learn.evaluation import FitReport
 from kmpc_lite.learn.responses import Response
 from kmpc_lite.learn.sanity import find_gaps, tell_inputs
 from kmpc_lite.learn.windows import largest_speeds
+from kmpc_lite.model.dictionary.response import evaluate_terms
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.response import evaluate_terms
 
 CHOSEN = {
     "nominal": "as commanded: the log supports no more",

@@ -8,11 +8,12 @@ import numpy as np
 
 from kmpc_lite.learn.checks.drives import refuse_car_like, refuse_frozen
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.selection import Selection, SelectionOptions, select
+from kmpc_lite.learn.selection import Selection, select
+from kmpc_lite.learn.selection_options import SelectionOptions
 from kmpc_lite.learn.symmetry import require_trigonometry, symmetric_generator
 from kmpc_lite.model.dictionary import Dictionary
+from kmpc_lite.model.dictionary.response import LINEAR, TERMS, ResponseDictionary
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.response import LINEAR, TERMS, ResponseDictionary
 from kmpc_lite.types import STATES
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from kmpc_lite.defaults import SHORTEST_PERIOD
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.dataset import Episode, resample
+from kmpc_lite.learn.episode import Episode, resample
 from kmpc_lite.learn.logs import Log
 from kmpc_lite.types import Array
 

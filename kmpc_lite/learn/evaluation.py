@@ -10,8 +10,10 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
-from kmpc_lite.learn.dataset import CHUNK, Dataset, check_time
-from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
+from kmpc_lite.learn.dataset import CHUNK, Dataset
+from kmpc_lite.learn.episode import check_time
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.types import Array
 
 

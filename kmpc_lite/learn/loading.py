@@ -10,7 +10,8 @@ from kmpc_lite.defaults import SHORTEST_PERIOD
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.laws import Verdict, judge
 from kmpc_lite.learn.cutting import cut, period_of
-from kmpc_lite.learn.dataset import Dataset, check_time
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.episode import check_time
 from kmpc_lite.learn.formats.readers import find_logs, read_log, refuse_unused
 from kmpc_lite.learn.logs import Log, ReadOptions
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.least_squares import least_squares
-from kmpc_lite.model.koopman import KoopmanModel, NoiseModel
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.types import STATES, Array
 
 NOISE_SAMPLES = 250_000

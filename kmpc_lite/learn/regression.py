@@ -12,7 +12,9 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
-from kmpc_lite.learn.dataset import Dataset, check_time
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.episode import check_time
+from kmpc_lite.learn.excitation import check_excitation, too_alike
 from kmpc_lite.learn.least_squares import least_squares
 from kmpc_lite.learn.symmetry import solve_symmetric, symmetric_generator, wants_symmetry
 from kmpc_lite.model.dictionary import Dictionary, dictionary_to_config
@@ -182,13 +184,16 @@ class Accumulator:
         if not (np.isfinite(ridge) and ridge >= 0.0):
             raise DataError(f"ridge: expected a share >= 0, got {ridge}")
         symmetric = wants_symmetry(symmetric, self.method, self.dictionary)
-        self._check_excitation(2 * self.dictionary.input_size if symmetric else self._features)
+        unknowns = 2 * self.dictionary.input_size if symmetric else self._features
+        check_excitation(
+            self.count, unknowns, self.dictionary.history, self._gram, self._input_moments
+        )
         if symmetric:
             return self._solve_symmetric(ridge)
         p, nz, nw = self._features, self.dictionary.size, self.dictionary.input_size
         weights, rank, condition = least_squares(self._gram[:p, :p], self._gram[:p, p:], ridge)
         if rank < self._structural_rank():
-            raise DataError(_too_alike(rank, self._structural_rank(), self.count))
+            raise DataError(too_alike(rank, self._structural_rank(), self.count))
         rows = nz if self.method == "edmdc" else STATES
         a, h = weights[:rows, :nz], weights[:rows, nz : nz + nw * nz]
         b = weights[:rows, nz + nw * nz :] if self._with_inputs else np.zeros((rows, nw))
@@ -212,7 +217,7 @@ class Accumulator:
             raise DataError(f"the log does not excite the model: {still} never changes")
         found = solve_symmetric(self._gram, self.dictionary, ridge)
         if found.rank < nw:
-            raise DataError(_too_alike(found.rank, nw, self.count))
+            raise DataError(too_alike(found.rank, nw, self.count))
         info = {
             "method": self.method,
             "symmetric": True,
@@ -224,31 +229,6 @@ class Accumulator:
         h = symmetric_generator(self.dictionary, found.along, found.across, found.heading)
         a, b = np.zeros((STATES, nz)), np.zeros((STATES, nw))
         return KoopmanModel(self.dictionary, self.dt, a, b, h, np.eye(STATES), True, info=info)
-
-    def _check_excitation(self, unknowns: int) -> None:
-        """Refuse data that cannot determine a model, in terms of the log."""
-        if self.count < unknowns:
-            past = (
-                f" with an input history of {self.dictionary.history}"
-                if self.dictionary.history
-                else ""
-            )
-            raise DataError(
-                f"too few samples: {self.count} steps{past} for {unknowns} unknowns per state"
-            )
-        if not np.isfinite(self._gram).all():
-            raise DataError(
-                "the log's numbers are too large for this dictionary: "
-                "put the origin near the drive, or choose a smaller one"
-            )
-        mean, square = self._input_moments / self.count
-        spread = np.sqrt(np.maximum(square - mean**2, 0.0))
-        for i, name in enumerate(("v", "omega")):
-            if spread[i] <= 1e-6 * max(1e-3, abs(mean[i])):
-                raise DataError(
-                    f"column {name} is constant ({mean[i]:g}) over {self.count} samples: "
-                    "the fit needs it to vary"
-                )
 
     def _structural_rank(self) -> int:
         """Rank that ample data would have: the paper's regressor holds `w` twice."""
@@ -271,15 +251,6 @@ class Accumulator:
                 "choose the unicycle one, or the method 'integral'"
             )
         return c
-
-
-def _too_alike(rank: int, full: int, samples: int) -> str:
-    """Message for inputs or poses that the log does not tell apart."""
-    return (
-        f"the log does not excite the model: rank {rank} of {full} from {samples} samples; "
-        "drive with varied speeds, turns and headings, not far from the origin, "
-        "or choose a smaller dictionary"
-    )
 
 
 def _same(one: Dictionary, other: Dictionary) -> bool:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.model.response import TERMS, evaluate_terms
+from kmpc_lite.model.dictionary.response import TERMS, evaluate_terms
 from kmpc_lite.types import Array
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -12,21 +12,11 @@ from numpy.typing import ArrayLike
 
 from kmpc_lite.errors import ModelError
 from kmpc_lite.files import real_array
-from kmpc_lite.model.dictionary import Dictionary, UnicycleDictionary
-from kmpc_lite.model.noise_sources import NoiseSources
+from kmpc_lite.model.arguments import broadcast
+from kmpc_lite.model.bilinear import TABLEAUX, BilinearForm, integrate
+from kmpc_lite.model.dictionary import Dictionary
+from kmpc_lite.model.noise_model import LARGEST, NoiseModel
 from kmpc_lite.types import INPUTS, STATES, Array
-
-TABLEAUX = {
-    "rk4": ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)),
-    "midpoint": ((0.0, 0.0), (0.5, 1.0)),
-}
-"""Explicit Runge-Kutta methods whose stages depend on the stage before only: node and weight of
-each."""
-
-
-LARGEST = 1e12
-"""Values of a model beyond this [SI units] are damage: products of them overflow."""
-_DIAGONAL = np.arange(STATES)
 
 
 class Linearization(NamedTuple):
@@ -43,41 +33,6 @@ class Linearization(NamedTuple):
     """Derivative by the present command, (..., 3, 2)."""
     B_past: Array
     """Derivative by past commands, newest first, (..., L, 3, 2)."""
-
-
-@dataclass(frozen=True)
-class NoiseModel:
-    """Covariance of the one-step residual in the robot's frame, as a function of the command.
-
-    ``cov(u) = S[0] + S[1] v^2 + S[2] omega^2`` for (forward [m], left [m], heading [rad]), each S
-    symmetric and positive semidefinite, (3, 3).
-    """
-
-    coefficients: Array
-    sources: NoiseSources | None = None
-    """What the covariance comes from, where a log was long enough to tell."""
-
-    def check(self) -> None:
-        """Raise ModelError unless the coefficients are three covariances."""
-        s = real_array(self.coefficients, "model noise", ModelError)
-        if s.shape != (3, STATES, STATES) or not (np.abs(s) <= LARGEST).all():
-            raise ModelError(
-                f"model noise: expected finite values of shape (3, 3, 3), got {s.shape}"
-            )
-        tolerance = 1e-9 * np.abs(s).max()
-        if (
-            np.abs(s - s.transpose(0, 2, 1)).max() > tolerance
-            or np.linalg.eigvalsh(s).min() < -tolerance
-        ):
-            raise ModelError("model noise: expected symmetric positive semidefinite matrices")
-        if self.sources is not None:
-            self.sources.check()
-
-    def covariance(self, u: Array) -> Array:
-        """Covariances (..., 3, 3) for commands (..., 2)."""
-        terms = np.stack([np.ones(u.shape[:-1]), u[..., 0] ** 2, u[..., 1] ** 2], axis=-1)
-        covariance: Array = np.tensordot(terms, self.coefficients, axes=(-1, 0))
-        return covariance
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,28 +113,10 @@ class KoopmanModel:
             )
         if self.noise_model is not None:
             self.noise_model.check()
-        # C is folded into the other matrices once. H is kept in two layouts: by input, to form the
-        # state-dependent matrix M(w), and by lifted coordinate, to form the derivative by w.
-        h_blocks = (self.C @ self.H).reshape(STATES, nw, nz)
-        object.__setattr__(self, "_A", np.ascontiguousarray(self.C @ self.A))
-        object.__setattr__(self, "_B", np.ascontiguousarray(self.C @ self.B))
-        object.__setattr__(self, "_has_B", bool(self.B.any()))
-        object.__setattr__(
-            self,
-            "_H_by_input",
-            np.ascontiguousarray(h_blocks.transpose(1, 0, 2).reshape(nw, STATES * nz)),
-        )
-        object.__setattr__(
-            self,
-            "_H_by_lift",
-            np.ascontiguousarray(h_blocks.transpose(2, 0, 1).reshape(nz, STATES * nw)),
-        )
+        form = BilinearForm.fold(self.dictionary, self.A, self.B, self.H, self.C)
+        object.__setattr__(self, "_form", form)
 
-    _A: Array = field(init=False, repr=False)
-    _B: Array = field(init=False, repr=False)
-    _has_B: bool = field(init=False, repr=False)
-    _H_by_input: Array = field(init=False, repr=False)
-    _H_by_lift: Array = field(init=False, repr=False)
+    _form: BilinearForm = field(init=False, repr=False)
 
     @property
     def history(self) -> int:
@@ -206,33 +143,18 @@ class KoopmanModel:
         ValueError
             For wrong shapes.
         """
-        x, u, past = self._check(x, u, history)
+        x, u, past = broadcast(x, u, history, self.history)
         return self.advance(x, self.dictionary.inputs(u, past))
 
     def advance(self, x: Array, w: Array) -> Array:
         """Next states (..., 3) for bilinear inputs (..., nw) of any dtype, symbols included."""
-        matrix, offset = self._input_terms(w)
+        return self._integrate(self._form.slope(w), x)
 
-        def f(state: Array) -> Array:
-            derivative: Array = (matrix @ self.dictionary.lift(state)[..., None])[..., 0]
-            return derivative if offset is None else derivative + offset
-
+    def _integrate(self, f: Callable[[Array], Array], start: Array) -> Array:
+        """One period from a start of any shape: `f` itself, or its integral."""
         if not self.continuous:
-            return f(x)
-        total, slope = x, x
-        for node, weight in TABLEAUX[self.integrator]:
-            slope = f(x + (node * self.dt) * slope if node else x)
-            if weight:
-                total = total + (weight * self.dt) * slope
-        return total
-
-    def _input_terms(self, w: Array) -> tuple[Array, Array | None]:
-        """Matrix and offset that inputs make of the model: ``M(w) phi(x) + offset``.
-
-        There is no offset where B is zero.
-        """
-        matrix = (w @ self._H_by_input).reshape(*w.shape[:-1], *self._A.shape) + self._A
-        return matrix, w @ self._B.T if self._has_B else None
+            return f(start)
+        return integrate(f, start, self.dt, self.integrator)
 
     def rollout(self, x0: ArrayLike, inputs: ArrayLike, history: ArrayLike | None = None) -> Array:
         """Predict a whole path.
@@ -257,7 +179,8 @@ class KoopmanModel:
         commands = np.asarray(inputs, dtype=float)
         if commands.ndim < 2 or commands.shape[-1] != INPUTS:
             raise ValueError(f"inputs: expected shape (T, {INPUTS}), got {commands.shape}")
-        x, _, past = self._check(x0, np.zeros((*commands.shape[:-2], INPUTS)), history)
+        now = np.zeros((*commands.shape[:-2], INPUTS))
+        x, _, past = broadcast(x0, now, history, self.history)
         steps, length = commands.shape[-2], self.history
         commands = np.broadcast_to(commands, (*x.shape[:-1], steps, INPUTS))
         before = np.zeros((*x.shape[:-1], length, INPUTS)) if past is None else past
@@ -289,53 +212,17 @@ class KoopmanModel:
         ValueError
             For wrong shapes.
         """
-        x, u, past = self._check(x, u, history)
+        x, u, past = broadcast(x, u, history, self.history)
         w = self.dictionary.inputs(u, past)
         lead = w.shape[:-1]
-        by_all = self._derivatives(x, w)
+        start = self._form.start(x, w)
+        by_all = self._integrate(self._form.slope_and_derivatives(w, start), start)
         value, by_x, by_w = by_all[..., 0], by_all[..., 1 : 1 + STATES], by_all[..., 1 + STATES :]
         jacobian = self.dictionary.inputs_jacobian(u, past)
         if jacobian is None:
             return Linearization(value, by_x, by_w, np.empty((*lead, 0, STATES, INPUTS)))
         by_age = np.einsum("...iw,...wau->...aiu", by_w, jacobian)
         return Linearization(value, by_x, by_age[..., 0, :, :], by_age[..., 1:, :, :])
-
-    def _derivatives(self, x: Array, w: Array) -> Array:
-        """Prediction, its derivative by x and by w side by side in one array, (..., 3, 1 + 3 + nw).
-
-        All three travel through the Runge-Kutta stages together: few, large array operations.
-        """
-        matrix, offset = self._input_terms(w)
-        start = np.zeros((*w.shape[:-1], STATES, 1 + STATES + w.shape[-1]))
-        start[..., 0] = x
-        start[..., _DIAGONAL, 1 + _DIAGONAL] = 1.0
-
-        def f(stage: Array) -> Array:
-            expanded = self.dictionary.expand(stage[..., 0])
-            product = matrix @ expanded
-            slope = np.empty_like(start)
-            slope[..., 0] = product[..., 0]
-            if offset is not None:
-                slope[..., 0] += offset
-            by_w = (expanded[..., 0] @ self._H_by_lift).reshape(*w.shape[:-1], *self._B.shape)
-            if self._has_B:
-                by_w += self._B
-            if stage is start:
-                # whose derivatives are one and zero
-                slope[..., 1 : 1 + STATES], slope[..., 1 + STATES :] = product[..., 1:], by_w
-                return slope
-            np.matmul(product[..., 1:], stage[..., 1:], out=slope[..., 1:])
-            slope[..., 1 + STATES :] += by_w
-            return slope
-
-        if not self.continuous:
-            return f(start)
-        total, slope = start, start
-        for node, weight in TABLEAUX[self.integrator]:
-            slope = f(start + (node * self.dt) * slope if node else start)
-            if weight:
-                total = total + (weight * self.dt) * slope
-        return total
 
     def noise(self, u: ArrayLike) -> Array:
         """Covariance (..., 3, 3) of the one-step residual in the robot's frame, by command.
@@ -398,61 +285,3 @@ class KoopmanModel:
         from kmpc_lite.model.npz import load_model
 
         return load_model(path, dictionary)
-
-    def _check(
-        self, x: ArrayLike, u: ArrayLike, history: ArrayLike | None
-    ) -> tuple[Array, Array, Array | None]:
-        """Arrays of the right shapes, or ValueError."""
-        states, commands = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
-        if states.shape[-1:] != (STATES,) or commands.shape[-1:] != (INPUTS,):
-            raise ValueError(
-                f"expected states (..., {STATES}) and commands (..., {INPUTS}), "
-                f"got {states.shape} and {commands.shape}"
-            )
-        past = None
-        if history is not None and self.history:
-            past = np.asarray(history, dtype=float)
-            if past.shape[-2:] != (self.history, INPUTS):
-                raise ValueError(
-                    f"history: expected shape (..., {self.history}, {INPUTS}), got {past.shape}"
-                )
-        lead = states.shape[:-1]
-        if lead != commands.shape[:-1] or (past is not None and lead != past.shape[:-2]):
-            lead = np.broadcast_shapes(
-                lead, commands.shape[:-1], () if past is None else past.shape[:-2]
-            )
-            states, commands = (
-                np.broadcast_to(states, (*lead, STATES)),
-                np.broadcast_to(commands, (*lead, INPUTS)),
-            )
-            past = None if past is None else np.broadcast_to(past, (*lead, self.history, INPUTS))
-        return states, commands, past
-
-
-def nominal_unicycle(dt: float) -> KoopmanModel:
-    """Give the robot that obeys its commands exactly, as a model.
-
-    It moves by ``x' = v cos, y' = v sin, theta' = omega``.
-
-    The unicycle's generator lies in the paper's dictionary, so no learning is needed.
-
-    Examples
-    --------
-    >>> nominal_unicycle(0.1).predict([0.0, 0.0, 0.0], [0.5, 0.0]).round(3)
-    array([0.05, 0.  , 0.  ])
-    """
-    dictionary = UnicycleDictionary()
-    h = np.zeros((STATES, INPUTS, dictionary.size))
-    h[0, 0, dictionary.names.index("cos")] = 1.0
-    h[1, 0, dictionary.names.index("sin")] = 1.0
-    h[2, 1, dictionary.names.index("1")] = 1.0
-    return KoopmanModel(
-        dictionary,
-        dt,
-        A=np.zeros((STATES, dictionary.size)),
-        B=np.zeros((STATES, INPUTS)),
-        H=h.reshape(STATES, -1),
-        C=np.eye(STATES),
-        continuous=True,
-        info={"method": "nominal unicycle"},
-    )

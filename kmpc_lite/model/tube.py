@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kmpc_lite.model.koopman import KoopmanModel, NoiseModel
+from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
 MEMORY = 8

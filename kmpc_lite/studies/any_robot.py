@@ -16,7 +16,8 @@ import numpy as np
 
 from kmpc_lite.control import NavigationProblem
 from kmpc_lite.learn import Dataset, Episode, fit, with_quantiles
-from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.types import Array
 
 LOOKS = 10

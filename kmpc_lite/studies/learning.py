@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.dataset import Dataset, Episode
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.episode import Episode
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.noise_sources import NoiseCheck, check_sources
 from kmpc_lite.model.dictionary import HermiteTrigDictionary
-from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lite.types import Array
 

@@ -10,7 +10,8 @@ from typing import Protocol
 from kmpc_lite.learn.calibration import with_quantiles
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.regression import Method
-from kmpc_lite.model.koopman import KoopmanModel, nominal_unicycle
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
 from kmpc_lite.studies.executors import gather
 

@@ -15,7 +15,7 @@ from kmpc_lite import (
 )
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.calibration import RISKS, calibrate, conformal_quantile, scores, with_quantiles
-from kmpc_lite.model.koopman import NoiseModel
+from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.model.tube import MEMORY
 
 

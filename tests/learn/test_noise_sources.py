@@ -10,7 +10,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.learn.noise_sources import prediction_errors, split_noise_sources
-from kmpc_lite.model.koopman import NoiseModel
+from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.model.noise_sources import NoiseSources, design, design_across
 
 POSE, AT_SPEED = np.array([4e-6, 4e-6, 9e-6]), np.array([2e-4, 0.0, 0.0])

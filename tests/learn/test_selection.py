@@ -8,8 +8,9 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.learn.cross_validation import Candidate, assign_folds, cross_validate, solve_columns
 from kmpc_lite.learn.responses import AT_ONCE, Response, first_candidates, neighbours
-from kmpc_lite.learn.selection import SelectionOptions, cut_for, select
-from kmpc_lite.model.response import TERMS
+from kmpc_lite.learn.selection import cut_for, select
+from kmpc_lite.learn.selection_options import SelectionOptions
+from kmpc_lite.model.dictionary.response import TERMS
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lite.studies.learning import nominal_log, open_loop_errors
 
@@ -142,7 +143,7 @@ def test_slip_that_grows_with_the_turn_rate_is_found() -> None:
     rows = np.zeros((3, len(TERMS)))
     rows[0, 0], rows[2, 1], rows[0, 4], rows[1, 2] = 1.0, 0.6, -0.15, -0.1
     from kmpc_lite.learn.symmetry import symmetric_generator
-    from kmpc_lite.model.response import ResponseDictionary
+    from kmpc_lite.model.dictionary.response import ResponseDictionary
 
     late = ResponseDictionary(TRIG, terms=TERMS, smoothing=(0.05, 0.1), limits=(1.0, 2.0))
     zeros = np.zeros((3, 3)), np.zeros((3, len(TERMS)))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.model.koopman import NoiseModel
+from kmpc_lite.model.noise_model import NoiseModel
 
 TRIG = kl.HermiteTrigDictionary(0)
 UNICYCLE = kl.UnicycleDictionary()

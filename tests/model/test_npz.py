@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.model.koopman import NoiseModel
+from kmpc_lite.model.bilinear import BilinearForm
+from kmpc_lite.model.noise_model import NoiseModel
 
 TRIG = kl.HermiteTrigDictionary(0)
 INFO = {
@@ -45,15 +46,18 @@ def make_model(
     return kl.KoopmanModel(dictionary, 0.1 / 3, a, b, h, c, continuous, noise, INFO)
 
 
-def assert_same(model: kl.KoopmanModel, other: kl.KoopmanModel) -> None:
-    """Every field the same, to the last bit."""
-    for name in (f.name for f in fields(kl.KoopmanModel)):
+def assert_same(model: Any, other: Any) -> None:
+    """Every field of two models, or of their bilinear forms, the same to the last bit."""
+    assert type(model) is type(other)
+    for name in (f.name for f in fields(model)):
         mine, theirs = getattr(model, name), getattr(other, name)
         if isinstance(mine, np.ndarray):
             assert mine.dtype == theirs.dtype
             np.testing.assert_array_equal(mine, theirs)
         elif isinstance(mine, NoiseModel):
             np.testing.assert_array_equal(mine.coefficients, theirs.coefficients)
+        elif isinstance(mine, BilinearForm):
+            assert_same(mine, theirs)
         elif name == "dictionary":
             assert (type(mine), mine.config()) == (type(theirs), theirs.config())
         else:

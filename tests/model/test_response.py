@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.model.response import TERMS, ResponseDictionary
+from kmpc_lite.model.dictionary.response import TERMS, ResponseDictionary
 
 TRIG = kl.HermiteTrigDictionary(0)
 LATE = ResponseDictionary(TRIG, (0.2, 0.5, 0.3), (0.6, 0.4), TERMS, (0.1, 0.2), (1.5, 2.0))

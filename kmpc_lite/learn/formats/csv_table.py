@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.dataset import MAX_ROWS
+from kmpc_lite.learn.episode import MAX_ROWS
 from kmpc_lite.learn.formats.columns import COLUMNS, Found, find_columns, short
 from kmpc_lite.learn.logs import ReadOptions
 from kmpc_lite.reading import text_lines

@@ -13,7 +13,8 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import read_npz, real_array, write_whole
-from kmpc_lite.learn.dataset import CHUNK, MAX_ROWS, Episode
+from kmpc_lite.learn.dataset import CHUNK
+from kmpc_lite.learn.episode import MAX_ROWS, Episode
 from kmpc_lite.learn.formats.columns import (
     COLUMNS,
     COMMANDS,

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.geometry import exact_arc
-from kmpc_lite.learn.dataset import Dataset, Episode
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.episode import Episode
 from kmpc_lite.sim.plants.robots import DifferentialDrive
 from kmpc_lite.sim.scenario.values import Floor
 from kmpc_lite.types import INPUTS, STATES, Array

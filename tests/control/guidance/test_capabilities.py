@@ -16,7 +16,7 @@ from kmpc_lite.control.guidance.capabilities import (
 )
 from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.options import GuidanceOptions, in_metres
-from kmpc_lite.model.koopman import NoiseModel
+from kmpc_lite.model.noise_model import NoiseModel
 
 PROBLEM = kl.NavigationProblem()
 WIDE = in_metres(GuidanceOptions(), PROBLEM.robot_radius).wide_clearance

@@ -11,7 +11,7 @@ from guided import GuidedController
 import kmpc_lite as kl
 from kmpc_lite.control.guidance.goal_checker import GoalChecker, GoalCheckerState, goal_tolerances
 from kmpc_lite.control.options import GoalOptions, in_metres
-from kmpc_lite.model.koopman import NoiseModel
+from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 
 OPTIONS = in_metres(GoalOptions(), 0.15)

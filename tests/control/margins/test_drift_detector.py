@@ -13,7 +13,7 @@ from kmpc_lite import (
     nominal_unicycle,
 )
 from kmpc_lite.control.options import MarginOptions
-from kmpc_lite.model.koopman import NoiseModel
+from kmpc_lite.model.noise_model import NoiseModel
 
 STRANGE = MarginOptions().unknown_floor_inflation, MarginOptions().unknown_floor_slip
 

@@ -18,7 +18,7 @@ from kmpc_lite import (
     nominal_unicycle,
 )
 from kmpc_lite.control.options import MarginOptions
-from kmpc_lite.model.koopman import NoiseModel
+from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.model.tube import FLOOR, FORWARD, LATERAL, MEMORY, STILL, TURN
 
 HEADWAY = MarginOptions().headway * PROBLEM.robot_radius

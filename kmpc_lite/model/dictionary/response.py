@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.errors import ModelError
-from kmpc_lite.model.dictionary import MAX_LAG, Dictionary, dictionary_to_config
+from kmpc_lite.model.dictionary.base import MAX_LAG, Dictionary, dictionary_to_config
 from kmpc_lite.types import INPUTS, Array
 
 LINEAR = ("v", "omega")

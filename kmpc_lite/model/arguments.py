@@ -1,0 +1,42 @@
+"""What callers pass to a model, as arrays whose shapes go together."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kmpc_lite.types import INPUTS, STATES, Array
+
+
+def broadcast(
+    x: ArrayLike, u: ArrayLike, history: ArrayLike | None, length: int
+) -> tuple[Array, Array, Array | None]:
+    """Poses (..., 3), commands (..., 2) and the `length` commands before them (..., length, 2).
+
+    Raises
+    ------
+    ValueError
+        For wrong shapes.
+    """
+    states, commands = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
+    if states.shape[-1:] != (STATES,) or commands.shape[-1:] != (INPUTS,):
+        raise ValueError(
+            f"expected states (..., {STATES}) and commands (..., {INPUTS}), "
+            f"got {states.shape} and {commands.shape}"
+        )
+    past = None
+    if history is not None and length:
+        past = np.asarray(history, dtype=float)
+        if past.shape[-2:] != (length, INPUTS):
+            raise ValueError(f"history: expected shape (..., {length}, {INPUTS}), got {past.shape}")
+    lead = states.shape[:-1]
+    if lead != commands.shape[:-1] or (past is not None and lead != past.shape[:-2]):
+        lead = np.broadcast_shapes(
+            lead, commands.shape[:-1], () if past is None else past.shape[:-2]
+        )
+        states, commands = (
+            np.broadcast_to(states, (*lead, STATES)),
+            np.broadcast_to(commands, (*lead, INPUTS)),
+        )
+        past = None if past is None else np.broadcast_to(past, (*lead, length, INPUTS))
+    return states, commands, past
