@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.bench.measure import SLIP, free_pose, random_circles
+from kmpc_lite.bench.drives import SLIP, free_pose, random_circles
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import distances

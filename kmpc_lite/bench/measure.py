@@ -7,34 +7,21 @@ import resource
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from kmpc_lite.bench.drives import Drive
 from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.geometry import clearances, heading_near
-from kmpc_lite.learn.fitting import fit
+from kmpc_lite.geometry import heading_near
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
-from kmpc_lite.studies.contenders import FULL_STEP, PAPER_FORM, Contender
+from kmpc_lite.studies.contenders import Contender
 from kmpc_lite.types import Array
 
-SLIP = 0.05
 TUNING_SEED, REPORTING_SEED = 7_000, 700_000
 """First seeds of the recorded drives: for finding settings, and for what is reported."""
-SPACING = 0.45
-"""Free space between obstacles, beyond their radii [m]: half as much again as the robot is wide."""
-
-
-@dataclass(frozen=True, eq=False)
-class Drive:
-    """Recorded states (T, 3) of one drive, its goal (3,) and its obstacles (M, 5)."""
-
-    states: Array
-    goal: Array
-    circles: Array
 
 
 @dataclass(eq=False)
@@ -84,56 +71,6 @@ class Measurement:
             "unsolved": self.unsolved,
             "memory_mb": self.memory,
         }
-
-
-def learned_model(dt: float = 0.1) -> KoopmanModel:
-    """Model of all contenders: an integral fit on a slipping floor, with midpoint steps."""
-    data = generate_dataset(DifferentialDrive(SLIP, seed=1), episodes=100, steps=500, dt=dt, seed=2)
-    return replace(fit(data), integrator="midpoint")
-
-
-def random_circles(random: np.random.Generator, count: int) -> Array:
-    """Obstacles (count, 5) with room between them, in an area that grows with their number."""
-    half = 1.6 * max(1.0, np.sqrt(count / 6))
-    placed: list[Array] = []
-    while len(placed) < count:
-        row = np.array([*random.uniform(-half, half, 2), random.uniform(0.10, 0.28), 0.0, 0.0])
-        if (clearances(row, np.array(placed).reshape(-1, 5)) > row[2] + SPACING).all():
-            placed.append(row)
-    return np.array(placed)
-
-
-def free_pose(random: np.random.Generator, circles: Array, half: float = 1.8) -> Array:
-    """Pose (3,) at least 0.1 m clear of the obstacles."""
-    while True:
-        pose = np.array([*random.uniform(-half, half, 2), random.uniform(-np.pi, np.pi)])
-        if (clearances(pose, circles) > 0.25).all():
-            return pose
-
-
-def record(
-    model: KoopmanModel,
-    problem: NavigationProblem,
-    drives: int,
-    steps: int,
-    obstacles: int,
-    seed: int,
-    driver: Contender = PAPER_FORM,
-) -> list[Drive]:
-    """Drive random maps with one of our controllers, for states that all plan from."""
-    recorded = []
-    for i in range(drives):
-        random = np.random.default_rng(seed + i)
-        circles = random_circles(random, obstacles)
-        x, goal = free_pose(random, circles), free_pose(random, circles)
-        controller = driver.make(model, problem, obstacles)
-        plant = DifferentialDrive(SLIP, seed=seed + i)
-        states = [x]
-        for _ in range(steps - 1):
-            x = plant.step(x, controller.step(x, goal, circles).command, problem.dt)
-            states.append(x)
-        recorded.append(Drive(np.array(states), goal, circles))
-    return recorded
 
 
 def measure(
@@ -211,60 +148,6 @@ def violation(states: Array, circles: Array, problem: NavigationProblem) -> floa
         distances, _ = circle_distances(circles, positions, problem.dt * np.arange(1, len(states)))
         deepest = max(deepest, problem.robot_radius + problem.margin - float(distances.min()))
     return deepest
-
-
-def scaling(
-    model: KoopmanModel,
-    seed: int,
-    drives: int,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-) -> list[dict[str, Any]]:
-    """Median and p99 of a full step, by horizon and by number of obstacles.
-
-    Horizons are measured with 4 obstacles, obstacles with N = 20; settings take turns drive by
-    drive.
-    """
-    cases = [(n, 4) for n in (10, 20, 50, 100, 200)] + [(20, m) for m in (1, 16, 64)]
-    problems = [
-        NavigationProblem(horizon=n, x_min=(-8.0, -8.0, -np.inf), x_max=(8.0, 8.0, np.inf))
-        for n, _ in cases
-    ]
-    recorded = [
-        record(model, p, drives, 40, m, seed, FULL_STEP)
-        for p, (_, m) in zip(problems, cases, strict=True)
-    ]
-    controllers = [FULL_STEP.make(model, p) for p in problems]
-    times: list[list[float]] = [[] for _ in cases]
-    for i in range(drives):
-        for j, controller in enumerate(controllers):
-            controller.reset()
-            drive = recorded[j][i]
-            plans = [controller.step(x, drive.goal, drive.circles) for x in drive.states]
-            times[j] += [plan.timing["total"] for plan in plans[1:]]
-        progress(i + 1, drives)
-    return [
-        {
-            "horizon": n,
-            "obstacles": m,
-            "ms": {"p50": 1e3 * float(np.median(t)), "p99": 1e3 * float(np.quantile(t, 0.99))},
-        }
-        for (n, m), t in zip(cases, times, strict=True)
-    ]
-
-
-def format_scaling(rows: Sequence[dict[str, Any]]) -> str:
-    """Render `scaling` as a table; ratios are to N = 20 with 4 obstacles."""
-    base = next(r["ms"] for r in rows if (r["horizon"], r["obstacles"]) == (20, 4))
-    lines = [
-        f"{'horizon':>8}{'obstacles':>10}{'p50':>9}{'p99':>9} [ms]{'p50':>8}{'p99':>8} x (20, 4)"
-    ]
-    for r in rows:
-        t = r["ms"]
-        lines.append(
-            f"{r['horizon']:>8}{r['obstacles']:>10}{t['p50']:9.3f}{t['p99']:9.3f}     "
-            f"{t['p50'] / base['p50']:8.2f}{t['p99'] / base['p99']:8.2f}"
-        )
-    return "\n".join(lines)
 
 
 def import_times(repeats: int = 5) -> dict[str, float]:

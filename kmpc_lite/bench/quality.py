@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.bench.measure import Drive, violation
+from kmpc_lite.bench.drives import Drive
+from kmpc_lite.bench.measure import violation
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import distances, heading_near, wrap

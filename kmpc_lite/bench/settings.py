@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.bench.measure import Drive, violation
+from kmpc_lite.bench.drives import Drive
+from kmpc_lite.bench.measure import violation
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.nmpc.qp_solvers import QPSolver
 from kmpc_lite.control.options import ControllerOptions, SolverOptions

@@ -119,7 +119,8 @@ def run(options: argparse.Namespace) -> int:
 def _compare(options: argparse.Namespace) -> tuple[Any, str]:
     """Step times of all contenders, on the same states."""
     from kmpc_lite import bench
-    from kmpc_lite.bench.measure import import_times, learned_model
+    from kmpc_lite.bench.drives import learned_model
+    from kmpc_lite.bench.measure import import_times
     from kmpc_lite.studies.contenders import (
         BENCH_CONTENDERS,
         BENCH_FULL_CONTENDERS,
@@ -172,7 +173,8 @@ def _compare(options: argparse.Namespace) -> tuple[Any, str]:
 
 
 def _scaling(options: argparse.Namespace) -> tuple[Any, str]:
-    from kmpc_lite.bench.measure import format_scaling, learned_model, scaling
+    from kmpc_lite.bench.drives import learned_model
+    from kmpc_lite.bench.scaling import format_scaling, scaling
 
     bar = Progress("scaling", quiet=options.json)
     rows = scaling(learned_model(), _seed(options), options.drives, progress=bar)
@@ -180,7 +182,7 @@ def _scaling(options: argparse.Namespace) -> tuple[Any, str]:
 
 
 def _quality(options: argparse.Namespace) -> tuple[Any, str]:
-    from kmpc_lite.bench.measure import learned_model
+    from kmpc_lite.bench.drives import learned_model
     from kmpc_lite.bench.quality import as_dicts, compare, format_comparison
 
     model, problem = learned_model(), kl.NavigationProblem()
@@ -191,7 +193,7 @@ def _quality(options: argparse.Namespace) -> tuple[Any, str]:
 
 
 def _settings(options: argparse.Namespace) -> tuple[Any, str]:
-    from kmpc_lite.bench.measure import learned_model
+    from kmpc_lite.bench.drives import learned_model
     from kmpc_lite.bench.settings import format_settings, settings_study
 
     model, problem = learned_model(), kl.NavigationProblem()
@@ -204,7 +206,7 @@ def _settings(options: argparse.Namespace) -> tuple[Any, str]:
 
 def _solvers(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lite import bench
-    from kmpc_lite.bench.measure import learned_model
+    from kmpc_lite.bench.drives import learned_model
     from kmpc_lite.studies.contenders import solver_contenders
 
     model, problem = learned_model(), kl.NavigationProblem()
@@ -222,8 +224,8 @@ def _fit(options: argparse.Namespace) -> tuple[Any, str]:
 
 
 def _loop(options: argparse.Namespace) -> tuple[Any, str]:
+    from kmpc_lite.bench.drives import learned_model
     from kmpc_lite.bench.loop import run_loop
-    from kmpc_lite.bench.measure import learned_model
 
     result = run_loop(
         learned_model(),
@@ -239,7 +241,7 @@ def _loop(options: argparse.Namespace) -> tuple[Any, str]:
 
 
 def _install_acados(options: argparse.Namespace) -> tuple[Any, str]:
-    from kmpc_lite.peers.acados import install
+    from kmpc_lite.peers.acados_wheel import install
 
     folder = install()
     return {"acados": str(folder)}, f"acados is in {folder}"
@@ -260,7 +262,7 @@ def _record(
     **driver: Any,
 ) -> Any:
     """Record as many drives as were asked for."""
-    from kmpc_lite.bench.measure import record
+    from kmpc_lite.bench.drives import record
 
     return record(model, problem, options.drives, steps, OBSTACLES, _seed(options), **driver)
 

@@ -1,26 +1,11 @@
-"""acados SQP_RTI with HPIPM: the same problem with the same soft obstacles, as generated C.
-
-acados is no dependency. `install` fetches the wheel ``comma-deps-acados`` (x86-64 Linux, acados
-0.2.2), one version with one hash, into a folder of its own: the wheel brings a CasADi that would
-replace the real one, so that part is thrown away. A C compiler and make are needed.
-"""
+"""acados SQP_RTI with HPIPM: the same problem with the same soft obstacles, as generated C."""
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
-import importlib.util
-import io
-import os
-import platform
-import shutil
-import subprocess
-import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,87 +16,11 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import KmpcError, ProblemError
 from kmpc_lite.geometry import heading_near
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.peers.ipopt import symbolic_step
-from kmpc_lite.types import INPUTS, STATES, Array
+from kmpc_lite.peers.acados_solver import build_solver
+from kmpc_lite.peers.acados_wheel import default_folder, prepare, why_not
+from kmpc_lite.types import INPUTS, Array
 
-WHEEL = "comma-deps-acados==0.2.2.post92"
-WHEEL_HASH = "sha256:fb317ea65c68d410e19b46f824c333203a097d02dac6fbbdc1f378c2b32b456f"
-"""The one file that was tested: it brings programs that are run, so no other is installed."""
 FAR_AWAY = (1e3, 1e3, 0.0, 0.0, 0.0)
-
-
-def default_folder() -> Path:
-    """Folder that `install` uses: under the user's cache."""
-    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "kmpc_lite" / "acados"
-
-
-def why_not(folder: Path | None = None) -> str:
-    """Say in a few words why acados cannot be used here; empty if it can."""
-    if platform.system() != "Linux" or platform.machine() != "x86_64":
-        return f"the wheel is for x86-64 Linux, this is {platform.system()} {platform.machine()}"
-    if not (shutil.which("gcc") or shutil.which("cc")) or not shutil.which("make"):
-        return "a C compiler and make are needed"
-    if importlib.util.find_spec("casadi") is None:
-        return "CasADi is needed: pip install 'kmpc-lite[peers]'"
-    if not ((folder or default_folder()) / "acados" / "install").is_dir():
-        return "not installed: kmpc bench --install-acados"
-    return ""
-
-
-def install(folder: Path | None = None) -> Path:
-    """Put the wheel into a folder, without the CasADi that comes with it.
-
-    Raises
-    ------
-    KmpcError
-        Where pip fails, as for a wheel of another hash; with pip's last line.
-    """
-    target = folder or default_folder()
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=target.parent) as scratch:
-        wanted = Path(scratch) / "wanted.txt"
-        wanted.write_text(f"{WHEEL} --hash={WHEEL_HASH}\n", encoding="ascii")
-        checked = ("--no-deps", "--only-binary=:all:", "--require-hashes", "-r", str(wanted))
-        command = [sys.executable, "-m", "pip", "install", "--quiet", *checked, "--target", scratch]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise KmpcError(
-                f"pip could not install {WHEEL}: "
-                f"{(done.stderr.strip().splitlines() or ['no output'])[-1]}"
-            )
-        shutil.rmtree(target, ignore_errors=True)
-        target.mkdir()
-        shutil.move(str(Path(scratch) / "acados"), target / "acados")
-    return target
-
-
-def _prepare(folder: Path) -> Path:
-    """Lay out what acados' templates expect and load its libraries; returns the layout's root.
-
-    The environment variables that acados reads are set, too.
-    """
-    package = folder / "acados"
-    root = folder / "root"
-    links = {
-        "lib": package / "install/lib",
-        "include": package / "install/include",
-        "bin": package / "install/bin",
-        "interfaces/acados_template/acados_template": package / "acados_template",
-    }
-    for name, target in links.items():
-        link = root / name
-        link.parent.mkdir(parents=True, exist_ok=True)
-        if not link.is_symlink():
-            link.symlink_to(target)
-    os.environ["ACADOS_SOURCE_DIR"] = str(root)
-    os.environ["TERA_PATH"] = str(package / "install/bin/t_renderer")
-    # loaded here and for all, the generated solver finds them without LD_LIBRARY_PATH, which would
-    # come too late now
-    for library in ("libblasfeo.so", "libhpipm.so", "libqpOASES_e.so", "libacados.so"):
-        ctypes.CDLL(str(package / "install/lib" / library), mode=ctypes.RTLD_GLOBAL)
-    if str(folder) not in sys.path:
-        sys.path.append(str(folder))
-    return root
 
 
 class AcadosController:
@@ -154,82 +63,10 @@ class AcadosController:
             raise KmpcError(f"acados: {reason}")
         self.problem = NavigationProblem() if problem is None else problem
         self.obstacles = obstacles
-        _prepare(folder or default_folder())
+        prepare(folder or default_folder())
         self._work = tempfile.TemporaryDirectory(prefix="kmpc_acados_")
-        self._solver = self._build(model)
+        self._solver = build_solver(model, self.problem, obstacles, Path(self._work.name))
         self.reset()
-
-    def _build(self, model: KoopmanModel) -> Any:
-        """Generate, compile and load the solver."""
-        import casadi as ca
-        from acados.acados_template import AcadosModel, AcadosOcp, AcadosOcpSolver  # type: ignore[import-not-found]
-
-        problem, n = self.problem, self.problem.horizon
-        q, r, q_terminal = problem.weights
-        u_min, u_max, x_min, x_max = problem.bounds
-        x, u, p = ca.SX.sym("x", STATES), ca.SX.sym("u", INPUTS), ca.SX.sym("p", 3 * self.obstacles)
-        gaps = [
-            ca.sqrt(ca.sumsqr(x[:2] - p[3 * i : 3 * i + 2]))
-            - p[3 * i + 2]
-            - problem.robot_radius
-            - problem.margin
-            for i in range(self.obstacles)
-        ]
-        acados_model = AcadosModel()
-        acados_model.name = f"kmpc_peer_{os.getpid()}_{id(self)}"
-        acados_model.x, acados_model.u, acados_model.p = x, u, p
-        acados_model.disc_dyn_expr = symbolic_step(model)(x, u)
-        acados_model.con_h_expr = acados_model.con_h_expr_e = ca.vertcat(*gaps)
-        ocp = AcadosOcp()
-        ocp.model, ocp.dims.N = acados_model, n
-        ocp.parameter_values = np.zeros(3 * self.obstacles)
-        ocp.cost.cost_type = ocp.cost.cost_type_e = "LINEAR_LS"
-        # acados halves squares, and weighs a stage, but not the end, by its length in seconds
-        ocp.cost.W = 2 / problem.dt * np.block([[q, np.zeros((3, 2))], [np.zeros((2, 3)), r]])
-        ocp.cost.W_e = 2 * q_terminal
-        ocp.cost.Vx, ocp.cost.Vu, ocp.cost.Vx_e = np.eye(5, 3), np.eye(5, 2, -3), np.eye(3)
-        ocp.cost.yref, ocp.cost.yref_e = np.zeros(5), np.zeros(3)
-        ocp.constraints.lbu, ocp.constraints.ubu, ocp.constraints.idxbu = u_min, u_max, np.arange(2)
-        ocp.constraints.lbx, ocp.constraints.ubx, ocp.constraints.idxbx = (
-            x_min[:2],
-            x_max[:2],
-            np.arange(2),
-        )
-        ocp.constraints.x0 = np.zeros(3)
-        soft = np.arange(self.obstacles)
-        linear, quadratic = problem.slack_weights
-        for end, scale in (("", 1 / problem.dt), ("_e", 1.0)):
-            setattr(ocp.constraints, f"lh{end}", np.zeros(self.obstacles))
-            setattr(ocp.constraints, f"uh{end}", np.full(self.obstacles, 1e6))
-            setattr(ocp.constraints, f"idxsh{end}", soft)
-            for weight, value in (("zl", linear), ("zu", 0.0), ("Zl", 2 * quadratic), ("Zu", 0.0)):
-                setattr(ocp.cost, f"{weight}{end}", np.full(self.obstacles, scale * value))
-        options = ocp.solver_options
-        options.tf, options.integrator_type, options.hessian_approx = (
-            n * problem.dt,
-            "DISCRETE",
-            "GAUSS_NEWTON",
-        )
-        options.nlp_solver_type, options.qp_solver, options.print_level = (
-            "SQP_RTI",
-            "PARTIAL_CONDENSING_HPIPM",
-            0,
-        )
-        # HPIPM at its best here: with the default tolerance of 1e-6 it always ran to its limit of
-        # 50 iterations, ten times as long
-        options.hpipm_mode, options.qp_solver_cond_N = "SPEED", max(1, n // 4)
-        options.qp_solver_tol_stat = options.qp_solver_tol_eq = options.qp_solver_tol_ineq = (
-            options.qp_solver_tol_comp
-        ) = 1e-4
-        ocp.code_export_directory = str(Path(self._work.name) / "code")
-        here = os.getcwd()
-        quiet = io.StringIO()
-        try:
-            os.chdir(self._work.name)
-            with contextlib.redirect_stdout(quiet), _quiet_file_descriptors():
-                return AcadosOcpSolver(ocp, json_file=str(Path(self._work.name) / "ocp.json"))
-        finally:
-            os.chdir(here)
 
     def reset(self) -> None:
         """Forget the last solution."""
@@ -249,26 +86,10 @@ class AcadosController:
             raise ValueError(
                 f"obstacles: the solver was generated for {self.obstacles}, got {len(circles)}"
             )
-        n, dt, solver = self.problem.horizon, self.problem.dt, self._solver
+        n, solver = self.problem.horizon, self._solver
         start = perf_counter()
         target[2] = heading_near(float(target[2]), float(pose[2]))
-        slots = np.array([*circles, *[FAR_AWAY] * (self.obstacles - len(circles))])
-        states, inputs = self._plan or (np.tile(pose, (n + 1, 1)), np.zeros((n, INPUTS)))
-        known = target.tobytes() + slots.tobytes()
-        if known != self._known:
-            # every call into C costs: only what is new is set
-            self._known = known
-            y_ref = np.concatenate([target, np.zeros(INPUTS)])
-            for k in range(n + 1):
-                centres = slots[:, :2] + k * dt * slots[:, 3:]
-                solver.set(k, "p", np.hstack([centres, slots[:, 2:3]]).ravel())
-                solver.set(k, "yref", y_ref if k < n else target)
-        for k in range(n + 1):
-            solver.set(k, "x", states[k])
-            if k < n:
-                solver.set(k, "u", inputs[k])
-        solver.set(0, "lbx", pose)
-        solver.set(0, "ubx", pose)
+        self._set(pose, target, circles)
         prepared = perf_counter()
         status = solver.solve()
         solved = perf_counter()
@@ -299,21 +120,26 @@ class AcadosController:
                 "total": end - start,
             },
             "" if good else f"acados status {status}",
-            around=PlannedAround(seen.copy(), None, self.problem.robot_radius, dt),
+            around=PlannedAround(seen.copy(), None, self.problem.robot_radius, self.problem.dt),
         )
 
-
-@contextlib.contextmanager
-def _quiet_file_descriptors() -> Any:
-    """Keep the compiler's and the template engine's words off the terminal."""
-    sys.stdout.flush()
-    saved = [os.dup(1), os.dup(2)]
-    with open(os.devnull, "w") as nothing:
-        os.dup2(nothing.fileno(), 1)
-        os.dup2(nothing.fileno(), 2)
-        try:
-            yield
-        finally:
-            for descriptor, copy in zip((1, 2), saved, strict=True):
-                os.dup2(copy, descriptor)
-                os.close(copy)
+    def _set(self, pose: Array, target: Array, circles: Array) -> None:
+        """Tell the solver a pose (3,), a goal (3,), circles (M, 5), and where to start from."""
+        n, dt, solver = self.problem.horizon, self.problem.dt, self._solver
+        slots = np.array([*circles, *[FAR_AWAY] * (self.obstacles - len(circles))])
+        states, inputs = self._plan or (np.tile(pose, (n + 1, 1)), np.zeros((n, INPUTS)))
+        known = target.tobytes() + slots.tobytes()
+        if known != self._known:
+            # every call into C costs: only what is new is set
+            self._known = known
+            y_ref = np.concatenate([target, np.zeros(INPUTS)])
+            for k in range(n + 1):
+                centres = slots[:, :2] + k * dt * slots[:, 3:]
+                solver.set(k, "p", np.hstack([centres, slots[:, 2:3]]).ravel())
+                solver.set(k, "yref", y_ref if k < n else target)
+        for k in range(n + 1):
+            solver.set(k, "x", states[k])
+            if k < n:
+                solver.set(k, "u", inputs[k])
+        solver.set(0, "lbx", pose)
+        solver.set(0, "ubx", pose)

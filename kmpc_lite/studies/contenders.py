@@ -43,7 +43,7 @@ class Contender:
             found = importlib.util.find_spec("casadi")
             return "" if found else "CasADi is not installed: pip install 'kmpc-lite[peers]'"
         if self.form == "acados":
-            from kmpc_lite.peers.acados import why_not
+            from kmpc_lite.peers.acados_wheel import why_not
 
             return why_not()
         return ""

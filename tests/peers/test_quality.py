@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kmpc_lite.bench.measure import TUNING_SEED, Drive, learned_model, record
+from kmpc_lite.bench.drives import Drive, learned_model, record
+from kmpc_lite.bench.measure import TUNING_SEED
 from kmpc_lite.bench.quality import EQUAL, OBEYED, VERDICTS, compare, format_comparison
 from kmpc_lite.control.problem import NavigationProblem
 
