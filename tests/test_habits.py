@@ -17,11 +17,7 @@ REASON = "# long: "
 """Stands beside the `def` of a function that is longer for a reason, with the reason."""
 LONG_FILES = {
     "firmware_bridge/drivers/mavlink/core.py": 325,
-    "firmware_bridge/drivers/odrive.py": 350,
-    "firmware_bridge/drivers/polled.py": 450,
     "firmware_bridge/emulator/rover/autopilot.py": 325,
-    "firmware_bridge/link/framing.py": 325,
-    "firmware_bridge/link/loopback.py": 350,
     "firmware_bridge/runtime/loop.py": 400,
     "kmpc_lite/adaptation/online.py": 350,
     # a quarter is the docstring of the controller's arguments, another how it is built of its rooms

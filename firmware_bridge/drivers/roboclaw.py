@@ -8,8 +8,7 @@ from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from firmware_bridge.drivers.exchange import NoReply
-from firmware_bridge.drivers.polled import PolledDriver
+from firmware_bridge.drivers.polled import NoReply, PolledDriver
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import RoboClawReplies, roboclaw_packet, roboclaw_request

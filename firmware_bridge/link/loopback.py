@@ -1,64 +1,29 @@
-"""A wire inside the process, with faults that a seed repeats.
-
-It drops, duplicates, corrupts, reorders, delays, splits and cuts.
-"""
+"""A wire inside the process, with faults that a seed repeats."""
 
 from __future__ import annotations
 
 import heapq
 import itertools
-import random
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, fields
 from weakref import WeakValueDictionary
 
+from firmware_bridge.link.faults import Faults, FaultyPath
 from firmware_bridge.link.protocol import OnBytes
-from firmware_bridge.messages import ConfigError, LinkError
+from firmware_bridge.messages import LinkError
 
 INBOX_FRAMES = 256
-
-
-@dataclass(frozen=True)
-class Faults:
-    """What happens to frames on their way: probabilities per frame, and times [s]."""
-
-    drop: float = 0.0
-    duplicate: float = 0.0
-    corrupt: float = 0.0
-    """One to three bytes changed."""
-    reorder: float = 0.0
-    """Held back until the next frame has passed."""
-    split: float = 0.0
-    """Arrives in two to four pieces."""
-    cut: float = 0.0
-    """The cable comes out in the middle of the frame, for `cut_for`."""
-    cut_for: float = 0.1
-    delay: float = 0.0
-    """Each frame is late by up to this much; order is kept."""
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        for entry in fields(self):
-            value, high = (
-                getattr(self, entry.name),
-                3600.0 if entry.name in ("delay", "cut_for") else 1.0,
-            )
-            if not 0.0 <= value <= high:
-                raise ConfigError(f"faults: {entry.name}: expected 0 to {high:g}, got {value}")
 
 
 class LoopbackEnd:
     """One end of a wire; a `Transport`."""
 
     def __init__(self, wire: LoopbackWire, seed: int) -> None:
-        self._wire, self._random = wire, random.Random(seed)
+        self._wire, self._path = wire, FaultyPath(seed)
         self._condition = wire.condition
         self._inbox: list[tuple[float, int, bytes]] = []
         self._order = itertools.count()
-        self._held: bytes | None = None
-        self._due = -float("inf")
         self._on_bytes: OnBytes | None = None
         self._thread: threading.Thread | None = None
         self._closed = False
@@ -70,7 +35,6 @@ class LoopbackEnd:
             "dropped_frames",
             "refused_writes",
             "errors",
-            "faults",
         )
         self._counters = dict.fromkeys(names, 0)
 
@@ -92,7 +56,7 @@ class LoopbackEnd:
     @property
     def counters(self) -> dict[str, int]:
         """Sums since the start; `faults` on the frames written here."""
-        return {**self._counters, "reconnects": self._wire.replugs}
+        return {**self._counters, "faults": self._path.faults, "reconnects": self._wire.replugs}
 
     @property
     def last_error(self) -> str:
@@ -115,7 +79,10 @@ class LoopbackEnd:
                 self._counters["refused_writes"] += 1
                 return False
             self._counters["bytes_out"] += len(data)
-            self._wire.other(self).receive(self._through(bytes(data)))
+            pieces, cut = self._path.through(bytes(data), self._wire.faults, self._wire.clock())
+            if cut:
+                self._wire.cut(self._wire.faults.cut_for)
+            self._wire.other(self).receive(pieces)
         return True
 
     def receive(self, pieces: list[tuple[float, bytes]]) -> None:
@@ -139,7 +106,7 @@ class LoopbackEnd:
         """Lose what is on the wire."""
         with self._condition:
             self._inbox.clear()
-            self._held = None
+            self._path.forget()
 
     def deliver(self, now: float) -> float | None:
         """Hand over what is due; returns the next due time or None."""
@@ -178,51 +145,6 @@ class LoopbackEnd:
                     self._condition.wait()
                 elif due is not None:
                     self._condition.wait(max(0.0, due - self._wire.clock()))
-
-    def _through(self, data: bytes) -> list[tuple[float, bytes]]:
-        """Put one frame through the faults: pieces with the time at which each arrives."""
-        faults, draw = self._wire.faults, self._random.random
-        frames = [data]
-        if draw() < faults.drop:
-            self._counters["faults"] += 1
-            return []
-        if data and draw() < faults.corrupt:
-            self._counters["faults"] += 1
-            damaged = bytearray(data)
-            for _ in range(self._random.randint(1, 3)):
-                damaged[self._random.randrange(len(damaged))] ^= self._random.randint(1, 255)
-            frames = [bytes(damaged)]
-        if draw() < faults.duplicate:
-            self._counters["faults"] += 1
-            frames *= 2
-        if self._held is not None:
-            frames.append(self._held)
-            self._held = None
-        elif draw() < faults.reorder:
-            self._counters["faults"] += 1
-            self._held, frames = frames[0], frames[1:]
-        pieces: list[bytes] = []
-        for frame in frames:
-            if len(frame) > 1 and draw() < faults.split:
-                self._counters["faults"] += 1
-                marks = sorted(
-                    {
-                        self._random.randrange(1, len(frame))
-                        for _ in range(self._random.randint(1, 3))
-                    }
-                )
-                pieces += [frame[a:b] for a, b in itertools.pairwise([0, *marks, len(frame)])]
-            else:
-                pieces.append(frame)
-        if data and draw() < faults.cut:
-            self._counters["faults"] += 1
-            pieces = [data[: self._random.randrange(len(data))]]
-            self._wire.cut(faults.cut_for)
-        now, late = self._wire.clock(), []
-        for piece in pieces:
-            self._due = max(self._due, now + faults.delay * draw())
-            late.append((self._due, piece))
-        return late
 
 
 class LoopbackWire:

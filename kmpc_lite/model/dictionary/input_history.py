@@ -28,6 +28,7 @@ class InputHistoryDictionary(Dictionary):
 
     Examples
     --------
+    >>> from kmpc_lite import UnicycleDictionary
     >>> slow = InputHistoryDictionary(UnicycleDictionary(), lags=(0, 1))
     >>> slow.inputs(np.array([0.3, 0.0]), np.array([[0.1, 0.2]]))
     array([0.3, 0. , 0.1, 0.2])

@@ -95,11 +95,12 @@ def test_slip_and_turn_gain_part_truth_from_odometry(name, tmp_path):
 def test_non_finite_commands_never_reach_the_wire(rig, command):
     rig.connect()
     rig.driver.send(0.0, 0.0)
-    assert until(lambda: not rig.driver._pending)
-    rig.driver._zeros = 0
+    assert until(lambda: not rig.driver._held.pending)
+    rig.driver._held.zeros = 0
     with pytest.raises(ValueError, match="finite"):
         rig.driver.send(*command)
-    assert not rig.driver._pending and rig.driver._command == (0.0, 0.0) and rig.emulator.stopped
+    held = rig.driver._held
+    assert not held.pending and held.value == (0.0, 0.0) and rig.emulator.stopped
 
 
 def test_commands_are_scaled_to_the_wheel_limit(rig):

@@ -5,12 +5,10 @@ import serial
 from boards import GEOMETRY, Rig, until, with_board
 
 from firmware_bridge.drivers.odrive import (
-    ACTIVE_ERRORS,
-    AXIS_ERRORS,
-    REGISTERS,
     ODriveDriver,
     ODriveOptions,
 )
+from firmware_bridge.drivers.odrive_errors import ACTIVE_ERRORS, AXIS_ERRORS, REGISTERS
 from firmware_bridge.emulator.odrive import ODriveEmulator
 from firmware_bridge.kinematics import WheelGeometry
 from firmware_bridge.link import open_transport

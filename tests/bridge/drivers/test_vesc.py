@@ -150,7 +150,7 @@ def test_the_driver_never_sends_alive_and_lets_the_board_time_out(tmp_path):
     rig = Rig("vesc", f"pty:{tmp_path}/port").connect()
     rig.drive(0.3, 0.0, 0.2)
     rig.driver.send(0.0, 0.0)
-    assert until(lambda: rig.driver._zeros == 0 and not rig.driver._pending)
+    assert until(lambda: rig.driver._held.zeros == 0 and not rig.driver._held.pending)
     written = len(rig.wire.frames)
     assert not until(lambda: False, 0.3)
     assert all(frame[2] in (0, 4, 50, 34) for frame in rig.wire.frames[written:])

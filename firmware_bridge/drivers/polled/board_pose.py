@@ -1,0 +1,61 @@
+"""The pose that a board's counters give, and whether it can be true."""
+
+from __future__ import annotations
+
+import math
+
+from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.messages import State
+
+JUMP_SHOWN = 1.0
+"""How long a jump of the counters makes the pose count as untrue [s]."""
+ABSURD = 5.0
+"""Speeds past so many times the limit are refused."""
+
+
+class BoardPose:
+    """Newest state from counters and speeds of both channels.
+
+    Parameters
+    ----------
+    geometry : WheelGeometry
+        Of the robot.
+    odometry : WheelOdometry
+        Fits the board's counters.
+    """
+
+    def __init__(self, geometry: WheelGeometry, odometry: WheelOdometry) -> None:
+        self._geometry, self._odometry = geometry, odometry
+        self._jumped = -math.inf
+        self.state: State | None = None
+        """Newest state; None before the first counters."""
+
+    @property
+    def stamp(self) -> float:
+        """When the newest state was measured [s]; minus infinity before the first."""
+        return self.state.stamp if self.state is not None else -math.inf
+
+    def jumped(self, now: float) -> bool:
+        """Whether the counters have jumped lately."""
+        return now - self._jumped < JUMP_SHOWN
+
+    def rebase(self, now: float) -> None:
+        """Go on from new counters: nobody knows how far the robot rolled meanwhile."""
+        self._odometry.rebase()
+        self._jumped = now
+
+    def plausible(self, counts: tuple[float, float], speeds: tuple[float, float]) -> bool:
+        """Whether wheels can do that: counts, and speeds [motor turns/s]."""
+        fastest = (ABSURD * self._geometry.max_wheel_speed + 1.0) / self._geometry.wheel_radius
+        finite = math.isfinite(counts[0] + counts[1])
+        return finite and all(abs(w) <= fastest for w in self._geometry.from_channels(*speeds))
+
+    def move(self, counts: tuple[float, float], speeds: tuple[float, float], stamp: float) -> bool:
+        """Take counts and speeds [motor turns/s] in; False, without a move, where they jumped."""
+        if not self._odometry.update(*counts, stamp):
+            self._jumped = stamp
+            return False
+        v, omega = self._geometry.body(*self._geometry.from_channels(*speeds))
+        odometry = self._odometry
+        self.state = State(odometry.x, odometry.y, odometry.theta, v, omega, stamp)
+        return True

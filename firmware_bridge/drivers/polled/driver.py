@@ -1,0 +1,132 @@
+"""The driver that the serial motor controllers share: odometry, commands, health."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+from firmware_bridge.drivers.polled.held_command import STANDSTILL
+from firmware_bridge.drivers.polled.silence import why_silent
+from firmware_bridge.drivers.polled.thread import SILENCE, PollingThread
+from firmware_bridge.messages import LinkError, LinkStatus, State
+
+
+class PolledDriver(PollingThread):
+    """A `Driver` that asks a board for its counters, one request under way at a time.
+
+    A subclass builds the frames: what `Board` asks for.
+
+    Parameters
+    ----------
+    transport : Transport
+        Not yet started; the driver starts and closes it.
+    geometry : WheelGeometry
+        Of the robot.
+    odometry : WheelOdometry
+        Fits the board's counters.
+    poll_hz : float
+        Rounds of questions per second [Hz].
+    reply_timeout : float
+        How long a reply may take [s].
+    command_timeout : float
+        The driver itself sends zero speed when the last command is older [s].
+    """
+
+    def connect(self, timeout: float) -> None:
+        """Open the link, set the board up and wait for its first counters."""
+        try:
+            self._transport.start(self._feed)
+        except LinkError:
+            self.close()
+            raise
+        self._thread = threading.Thread(
+            target=self._run, name=f"bridge-{self.board.lower()}", daemon=True
+        )
+        self._thread.start()
+        with self._changed:
+            done = self._changed.wait_for(
+                lambda: self._configured and self._armed and self._pose.state is not None, timeout
+            )
+        if not done:
+            counters = {**self._transport.counters, **self._exchange.counters}
+            down = "" if self._transport.connected else "the link is down"
+            down = down and (self._transport.last_error or down)
+            faults = self._errors + self._trouble
+            reason = why_silent(down, counters, faults, timeout, self.hint)
+            self.close()
+            raise LinkError(f"{self.board}: {reason}")
+
+    def state(self) -> State | None:
+        """Newest odometry."""
+        return self._pose.state
+
+    def send(self, v: float, omega: float) -> None:
+        """Command speeds: written at once, or after the reply that is under way."""
+        left, right = self._geometry.wheels(v, omega)
+        with self._changed:
+            self._held.put(self._geometry.to_channels(left, right), time.monotonic())
+            if left == right == 0.0:
+                self._released = False  # only standing still may take the motors back
+            if not self.answers_commands:
+                self._send_pending()
+            self._changed.notify_all()
+
+    def stop(self) -> None:
+        """Zero speed, then release the motors; the next zero command takes them back."""
+        with self._changed:
+            self._held.put(STANDSTILL, time.monotonic())
+            self._released = True
+            if not self.answers_commands:
+                self._send_pending()
+            self._changed.notify_all()
+
+    def health(self) -> LinkStatus:
+        """What is known of the board."""
+        now = time.monotonic()
+        with self._changed:
+            jumped = self._pose.jumped(now)
+            faults = self._errors + self._trouble
+            if jumped:
+                faults += (
+                    "the wheel counters jumped: the board was restarted, or a reply was damaged",
+                )
+            if self._exchange.strangers(now):
+                faults += (
+                    "replies that nobody asked for: does another program talk to the board?",
+                )
+            fresh = now - self._exchange.heard < SILENCE
+            connected = self._transport.connected
+            if not connected and self._transport.last_error:
+                faults += (self._transport.last_error,)
+            return LinkStatus(
+                connected=connected,
+                heartbeat_stamp=self._exchange.heard,
+                pose_stamp=self._pose.stamp,
+                ready=connected
+                and self._configured
+                and fresh
+                and self._armed
+                and not self._errors
+                and not self._released,
+                pose_ok=self._estimate_ok and not jumped,
+                armed=self._armed and not self._released,
+                mode="; ".join((*filter(None, (self._mode,)), *self._warnings)),
+                faults=faults,
+                counters={
+                    **self._transport.counters,
+                    **self._exchange.counters,
+                    **self._counters,
+                    "bad_bytes": self._damaged(),
+                },
+            )
+
+    def close(self) -> None:
+        """Zero speed as the last word, then close the link."""
+        with self._changed:
+            if self._exchange.closing:
+                return
+            self._exchange.closing = True
+            self._changed.notify_all()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join()
+        self._transport.close()

@@ -1,0 +1,207 @@
+"""The thread that asks a board, sends it the newest command, and sets it up anew."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Hashable
+
+from firmware_bridge.drivers.polled.board import Board
+from firmware_bridge.drivers.polled.board_pose import BoardPose
+from firmware_bridge.drivers.polled.exchange import Exchange, NoReply
+from firmware_bridge.drivers.polled.held_command import HeldCommand
+from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.link import Transport
+from firmware_bridge.messages import LinkError
+
+SETTLE = 0.012
+"""Silence after a reply that did not come: past the 10 ms after which a RoboClaw forgets half a
+packet [s]."""
+SILENCE = 0.5
+"""A board that has answered nothing for so long is set up anew [s]."""
+ZEROS = 3
+"""How often a zero is repeated to a board that does not answer commands."""
+
+
+class PollingThread(Board):
+    """Asks for counters and errors round by round; a command goes out in between.
+
+    A last guard replaces a command that has become old by zero.
+
+    Parameters
+    ----------
+    transport, geometry, odometry, poll_hz, reply_timeout, command_timeout
+        As `PolledDriver` takes them.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        geometry: WheelGeometry,
+        odometry: WheelOdometry,
+        poll_hz: float,
+        reply_timeout: float,
+        command_timeout: float,
+    ) -> None:
+        self._transport, self._geometry = transport, geometry
+        self._pose = BoardPose(geometry, odometry)
+        self._period = 1.0 / poll_hz
+        self._held = HeldCommand(command_timeout, 0 if self.answers_commands else ZEROS)
+        self._exchange = Exchange(transport, reply_timeout, self._begin)
+        self._changed = self._exchange.changed
+        self._thread: threading.Thread | None = None
+        self._configured = False
+        self._released = False
+        self._armed = True
+        self._late = False
+        self._errors: tuple[str, ...] = ()
+        self._warnings: tuple[str, ...] = ()
+        self._trouble: tuple[str, ...] = ()
+        self._estimate_ok = True
+        self._mode = ""
+        self._links = 0
+        names = (
+            "refused_commands",
+            "stale_commands",
+            "odometry_jumps",
+            "setups",
+            "board_restarts",
+            "driver_errors",
+        )
+        self._counters = dict.fromkeys(names, 0)
+
+    def _run(self) -> None:
+        deadline, cycle = time.monotonic(), 0
+        while not self._exchange.closing:
+            try:
+                if not self._transport.connected:
+                    self._configured = False
+                    self._exchange.wait(lambda: False, 0.05)
+                    continue
+                self._notice_loss()
+                self._guard()  # before all else: a zero goes out even if no reply ever comes back
+                self._set_up()
+                now = time.monotonic()
+                if now >= deadline:
+                    deadline = max(
+                        deadline + self._period, now
+                    )  # after a stall, skip: do not burst
+                    self._round(cycle)
+                    cycle += 1
+                self._exchange.wait(lambda: self._held.pending, deadline - time.monotonic())
+            except NoReply:
+                self._late = True
+                self._settle()
+            except LinkError as error:  # the board answers, and does not do what it should
+                self._trouble = (str(error),)
+                self._exchange.wait(lambda: False, 0.05)
+            except (
+                Exception
+            ) as error:  # nothing that a board says may end this thread: it is counted and told
+                self._counters["driver_errors"] += 1
+                self._trouble = (f"{type(error).__name__}: {error}",)
+                self._configured = False
+                self._exchange.wait(lambda: False, 0.05)
+        for last_word in (self._halt, self._release) if self._released else (self._halt,):
+            try:
+                last_word()
+            except NoReply:
+                pass  # it is written; nobody waits for the reply
+
+    def _halt(self) -> None:
+        self._drive(0.0, 0.0)
+
+    def _round(self, cycle: int) -> None:
+        """Ask once, repeat a zero that may be lost, and take back motors that the board let go."""
+        if self._late:
+            self._barrier()
+            self._late = False
+        with self._changed:
+            self._held.repeat_zero()
+        self._send_pending()
+        self._poll(cycle)
+        still = self._held.stands(time.monotonic())
+        if not self._armed and not self._released and still and cycle % 5 == 0:
+            self._arm()  # only while somebody asks it to stand still
+            self._trouble = ()
+
+    def _notice_loss(self) -> None:
+        """See whether the board must be set up again: link lost, or long without an answer."""
+        links = self._transport.counters["reconnects"]
+        if links != self._links or time.monotonic() - self._exchange.heard > SILENCE:
+            self._configured, self._links = False, links
+
+    def _set_up(self) -> None:
+        if self._configured:
+            return
+        self._configure()
+        with self._changed:
+            self._configured = True
+            self._counters["setups"] += 1
+            self._trouble = ()
+            self._exchange.heard = time.monotonic()
+
+    def _send_pending(self) -> None:
+        """Send the newest command, if it has not been."""
+        with (
+            self._changed
+        ):  # held while a frame is queued, so that two threads cannot swap a command and a zero
+            if not self._held.pending:
+                return
+            self._held.pending = False
+            first, second = self._held.value
+            if (first != 0.0 or second != 0.0) and (
+                self._released or not self._armed or not self._configured
+            ):
+                self._counters["refused_commands"] += 1
+                first = second = 0.0
+            try:
+                self._drive(first, second)
+                if self._released:
+                    self._release()
+            except NoReply:
+                # perhaps it was not heard: questions feed the board's watchdog, so say it again
+                self._held.pending = True
+                raise
+
+    def _guard(self) -> None:
+        """Replace a command that has become old by zero.
+
+        Asking alone keeps some boards' watchdogs fed.
+        """
+        with self._changed:
+            if self._held.withdraw_old(time.monotonic()):
+                self._counters["stale_commands"] += 1
+        self._send_pending()
+
+    def _ask(self, frame: bytes, key: Hashable) -> tuple[bytes, float]:
+        """Ask a question, after a command that came meanwhile; returns reply and stamp [s]."""
+        reply = self._exchange.ask(frame, key)
+        self._send_pending()
+        return reply
+
+    def _restarted(self) -> None:
+        """Note that the board was switched off and on.
+
+        Its counters begin anew, and nobody knows how far the robot rolled.
+        """
+        with self._changed:
+            self._pose.rebase(time.monotonic())
+            self._counters["board_restarts"] += 1
+        self._configured = False
+
+    def _moved(
+        self, counts: tuple[float, float], speeds: tuple[float, float], stamp: float
+    ) -> None:
+        """Take counters and speeds (motor turns per second) of both channels into the odometry."""
+        if not self._pose.plausible(counts, speeds):
+            raise self._exchange.refuse(f"counters {counts}, speeds {speeds}")
+        with self._changed:
+            if not self._pose.move(counts, speeds, stamp):
+                self._counters["odometry_jumps"] += 1
+                return
+            self._changed.notify_all()
+
+    def _settle(self) -> None:
+        """Let what is late arrive and be thrown away before the next request."""
+        self._exchange.wait(lambda: False, SETTLE)
