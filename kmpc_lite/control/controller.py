@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,19 +11,15 @@ from numpy.typing import ArrayLike
 from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.control.estimation.command_history import CommandHistory
 from kmpc_lite.control.estimation.estimator import adapt
-from kmpc_lite.control.guidance.goal_reference import GoalReferenceState
-from kmpc_lite.control.margins.drift_detector import DriftState
-from kmpc_lite.control.margins.model_margins import Margins
+from kmpc_lite.control.knowledge import Examiner, problem_in_units
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER
 from kmpc_lite.control.nmpc.sqp import SQP
-from kmpc_lite.control.nmpc.sqp_state import SQPState
 from kmpc_lite.control.observation import Admission, Observation
-from kmpc_lite.control.obstacles.scene import Obstacles, SceneState
+from kmpc_lite.control.obstacles.scene import Obstacles
 from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
-from kmpc_lite.control.pipeline import Knowledge, Pipeline
+from kmpc_lite.control.pipeline import Pipeline
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.safe_stop.backup import BackupState
 from kmpc_lite.control.settings import (
     check_budget,
     check_replacement,
@@ -34,15 +29,10 @@ from kmpc_lite.control.settings import (
 )
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import StepClock
-from kmpc_lite.control.units import scaled_problem
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.motion import in_units
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.guidance.capabilities import Capabilities
     from kmpc_lite.control.guidance.guide import Guide
-    from kmpc_lite.control.guidance.state import GuideState
-    from kmpc_lite.model.motion import MotionModel
 
 
 class Controller:
@@ -144,14 +134,10 @@ class Controller:
         }
         self.scale = scale = problem.scale
         self.adaptation = choose_adaptation(model, adaptation, tightening is not None, scale)
-        units = scaled_problem(problem, scale)
-        if guidance:
-            units = units.with_default_weights(True, self._gains(model, units, options))
-        else:
-            units = units.with_default_weights(False)
-        self._units = units
+        self._units = units = problem_in_units(problem, model, options, bool(guidance))
         self._clock, self._time_budget = clock, time_budget
-        self._pose_age, self._tightens = float(pose_age) / scale.time, tightening is not None
+        self._pose_age = float(pose_age) / scale.time
+        self._examiner = Examiner(units, scale, options, tightening is not None, bool(guidance))
         self._guide = _make_guide(units, options, clock) if guidance else None
         self._sqp = SQP(
             units,
@@ -169,7 +155,6 @@ class Controller:
         )
         self._admission = Admission(scale, self._pipeline.scene, options.obstacles)
         self._learned = model
-        self._base_capabilities: tuple[KoopmanModel, Capabilities] | None = None
         self.reset()
 
     def step(
@@ -212,7 +197,7 @@ class Controller:
         phases.bring_forward(state, seen, self._known)
         refusal = self._learn(seen) or seen.refusal
         if refusal:
-            return phases.stop(state, seen, self._known, refusal, clock)
+            return phases.fallback.stop(state, seen, self._known, refusal, clock)
         phases.estimate(state, seen, self._known)
         guidance = phases.guide(state, seen, self._known, clock)
         if guidance is not None and guidance.hold:
@@ -220,7 +205,8 @@ class Controller:
         result = phases.solve(state, seen, guidance, self._known, clock)
         verified = phases.verify(state, seen, result, self._known, clock)
         if verified.trajectory is None or verified.stop is None:
-            return phases.stop(state, seen, self._known, verified.reason, clock, result.passes)
+            reason, passes = verified.reason, result.passes
+            return phases.fallback.stop(state, seen, self._known, reason, clock, passes)
         return phases.command(state, seen, guidance, verified, result.passes, clock)
 
     @property
@@ -238,25 +224,17 @@ class Controller:
         self._state = state
         if self.adaptation is not None and state.adaptation is not None:
             self.adaptation.state, self.adaptation.model = state.adaptation, state.model
-        self._know(state.base_model, state.model)
+        self._known = self._examiner.examine(state.base_model, state.model)
 
     def reset(self) -> None:
         """Forget the last plan, the commands sent, the path, and what was learned while driving."""
         if self.adaptation is not None:
             self.adaptation.reset()
-        self._state = ControllerState(
-            base_model=self._learned,
-            model=self._learned,
-            history=CommandHistory.start(self._units, self._learned.history, self._pose_age),
-            scene=SceneState(),
-            goal=GoalReferenceState(),
-            guide=None if self._guide is None else _guide_state(),
-            drift=DriftState(),
-            sqp=SQPState(),
-            backup=BackupState(),
-            adaptation=None if self.adaptation is None else self.adaptation.state,
-        )
-        self._know(self._learned, self._learned)
+        history = CommandHistory.start(self._units, self._learned.history, self._pose_age)
+        adaptation = None if self.adaptation is None else self.adaptation.state
+        guided = self._guide is not None
+        self._state = ControllerState.start(self._learned, history, guided, adaptation)
+        self._known = self._examiner.examine(self._learned, self._learned)
 
     def update_model(self, model: KoopmanModel) -> None:
         """Replace the model by another one of the same robot, between two steps.
@@ -274,7 +252,7 @@ class Controller:
         """Drive with another model from now on."""
         before = self._known.margins
         self._state.model = model
-        self._know(self._state.base_model, model)
+        self._known = self._examiner.examine(self._state.base_model, model)
         if before is not None and self._known.margins is not None:
             self._known.margins.drift_detector.carry_over(self._state.drift, before.drift_detector)
 
@@ -286,55 +264,6 @@ class Controller:
         if model is not None:
             self._take_over(model)
         return self.adaptation.wrong_model
-
-    def _know(self, base: KoopmanModel, model: KoopmanModel) -> None:
-        """Work out all that follows from the learned model and the one in use."""
-        units, options = self._units, self.options
-        motion, adapted = self._motion(model), model is not base
-        margins = (
-            Margins(motion, units, options.margins, adapted=adapted) if self._tightens else None
-        )
-        capabilities = None
-        if self._guide is not None:
-            capabilities = self._learned_capabilities(base, margins)
-            if adapted:
-                # adaptation corrects speeds; all else stays as the learned model says
-                from kmpc_lite.control.guidance.capabilities import drivable_speeds
-
-                speeds = drivable_speeds(motion, units, options.guidance)
-                capabilities = capabilities.with_speeds(speeds, options.guidance)
-        self._known = Knowledge(motion, margins, capabilities)
-
-    def _learned_capabilities(self, base: KoopmanModel, margins: Margins | None) -> Capabilities:
-        """Capabilities by the learned model, worked out once."""
-        if self._base_capabilities is None or self._base_capabilities[0] is not base:
-            from kmpc_lite.control.guidance.capabilities import capabilities
-
-            units, options = self._units, self.options
-            motion = self._motion(base)
-            if margins is not None:
-                margins = Margins(motion, units, options.margins)
-            found = capabilities(motion, units, margins, options.guidance, options.goal)
-            self._base_capabilities = base, found
-        return self._base_capabilities[1]
-
-    def _gains(
-        self, model: KoopmanModel, units: NavigationProblem, options: ControllerOptions
-    ) -> tuple[float, float]:
-        """Speed and rate of turn that the robot reaches, as shares of the command bounds."""
-        from kmpc_lite.control.guidance.capabilities import drivable_speeds
-
-        speeds = drivable_speeds(self._motion(model), units, options.guidance)
-        u_min, u_max, _, _ = units.bounds
-        ahead, turn = float(u_max[0]), float(min(u_max[1], -u_min[1]))
-        return (
-            float(speeds[0]) / ahead if ahead > 0.0 else 1.0,
-            float(speeds[2]) / turn if turn > 0.0 else 1.0,
-        )
-
-    def _motion(self, model: KoopmanModel) -> MotionModel:
-        # half the time of rk4, and far below what slip does; all phases share it
-        return in_units(replace(model, integrator="midpoint"), self.scale)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy and pickle as what it was made of, and its state."""
@@ -350,12 +279,6 @@ def _make_guide(
     from kmpc_lite.control.guidance.guide import Guide
 
     return Guide(units, options.guidance, options.goal, options.traffic, clock)
-
-
-def _guide_state() -> GuideState:
-    from kmpc_lite.control.guidance.state import GuideState
-
-    return GuideState()
 
 
 def _restored(

@@ -8,16 +8,14 @@ are in the robot's units.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from kmpc_lite.control.answers import Answers
 from kmpc_lite.control.estimation.estimator import observe_drift
 from kmpc_lite.control.estimation.pose_age import advance_pose
+from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.guidance.goal_reference import GoalReference
-from kmpc_lite.control.margins.model_margins import Margins
+from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.sqp_state import SQPResult
 from kmpc_lite.control.nmpc.task import Task
@@ -34,30 +32,15 @@ from kmpc_lite.control.safe_stop.stop_trajectory import StopTask, StopTrajectori
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE, StepClock
 from kmpc_lite.control.verification import Verification, Verified
-from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.scale import Scale
-from kmpc_lite.types import INPUTS, Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.guidance.capabilities import Capabilities
     from kmpc_lite.control.guidance.guide import Guide
     from kmpc_lite.control.guidance.reference import Guidance
     from kmpc_lite.control.obstacles.sight.sight import Sight
 
 FORGETTING = 0.95
 """Factor per step by which the remembered time that the work after a solve takes shrinks."""
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Knowledge:
-    """All that follows from the model in use."""
-
-    model: MotionModel
-    """Predicts, in the robot's units."""
-    margins: Margins | None
-    """None without tightening."""
-    capabilities: Capabilities | None
-    """None without guidance."""
 
 
 class Pipeline:
@@ -97,10 +80,13 @@ class Pipeline:
         self._goal_reference = GoalReference(units)
         self._rates = RateLimit(units)
         self._braking = Braking(units, options.stop)
-        self._stops = StopTrajectories(units, options.stop)
+        stops = StopTrajectories(units, options.stop)
         self._backup = Backup(units, options.stop)
-        self._verification = Verification(units, step, self._stops)
+        self._verification = Verification(units, step, stops)
         self._answers = Answers(problem, scale)
+        self.fallback = Fallback(
+            units, stops, self._backup, self._verification, self._rates, self._answers
+        )
         unit = unit_length(units)
         fastest = max(float(units.u_max[0]), -float(units.u_min[0]))
         reach = units.horizon * units.dt * fastest + units.robot_radius + units.margin
@@ -295,78 +281,4 @@ class Pipeline:
             reason=guidance.reason,
             reachable=guidance.reachable,
             progress=guidance.progress,
-        )
-
-    def stop(
-        self,
-        state: ControllerState,
-        seen: Observation,
-        known: Knowledge,
-        reason: str,
-        clock: StepClock,
-        passes: int = 0,
-    ) -> Plan:
-        """Drive the stop trajectory of the last good plan while it is clear, else brake."""
-        state.history.planned = None
-        rest = self._backup.replay(state.backup)
-        here = seen.pose if seen.pose_is_known else state.backup.expected
-        blocked = False
-        if rest is not None and here is not None:
-            # checked again from where the robot is now, and against the obstacles that are seen now
-            states = self._stops.rollout(known.model, here, rest, state.history.commands)
-            blocked = not self._verification.clearance(states, seen) >= 0.0
-            if not blocked and np.isfinite(states).all():
-                return self._replay(state, seen, states, rest, reason, clock, passes)
-        state.trajectory = None
-        # where the stop trajectory would end in an obstacle, zero is commanded at once: a robot
-        # without lag stands, and one with lag brakes as hard as it can
-        command = self._backup.brake(state.backup, at_once=blocked)
-        if self._rates.active:
-            command = self._rates.limit(command, state.history.command)
-            self._backup.sent(state.backup, command, None)
-        state.history.remember(command)
-        inputs = np.zeros((self._problem.horizon, INPUTS))
-        inputs[0] = command
-        pose = np.where(np.isfinite(seen.pose), seen.pose, 0.0)
-        return self._answers.plan(
-            seen,
-            np.tile(pose, (self._problem.horizon + 1, 1)),
-            inputs,
-            PlanStatus.STOPPED,
-            clock,
-            passes=passes,
-            reason=reason,
-            progress=GoalProgress.WAITING,
-            pose_is_lost=not bool(np.isfinite(seen.pose).all()),
-        )
-
-    def _replay(
-        self,
-        state: ControllerState,
-        seen: Observation,
-        states: Array,
-        rest: Array,
-        reason: str,
-        clock: StepClock,
-        passes: int,
-    ) -> Plan:
-        """Send the next command of the stop trajectory (T, 2), which leads along states (K, 3)."""
-        if self._rates.active:
-            rest[0] = self._rates.limit(rest[0], state.history.command)
-        self._backup.sent(state.backup, rest[0], states[1])
-        state.history.remember(rest[0])
-        n = self._problem.horizon
-        commands = np.zeros((n, INPUTS))
-        commands[: len(rest)] = rest[:n]
-        missing = max(n + 1 - len(states), 0)
-        shown = np.concatenate([states[: n + 1], np.repeat(states[-1:], missing, axis=0)])
-        return self._answers.plan(
-            seen,
-            shown,
-            commands,
-            PlanStatus.FALLBACK,
-            clock,
-            passes=passes,
-            reason=reason,
-            progress=GoalProgress.WAITING,
         )

@@ -54,3 +54,31 @@ class ControllerState:
     """What scans have shown; None without any."""
     after_solve: float = 0.0
     """How long the work after a QP has taken lately [s]; a time budget leaves so much for it."""
+
+    @classmethod
+    def start(
+        cls,
+        model: KoopmanModel,
+        history: CommandHistory,
+        guided: bool,
+        adaptation: AdaptationState | None,
+    ) -> ControllerState:
+        """State of a drive that begins with a learned model."""
+        guide = None
+        if guided:
+            # here, for guidance costs as much to import as all the rest
+            from kmpc_lite.control.guidance.state import GuideState
+
+            guide = GuideState()
+        return cls(
+            base_model=model,
+            model=model,
+            history=history,
+            scene=SceneState(),
+            goal=GoalReferenceState(),
+            guide=guide,
+            drift=DriftState(),
+            sqp=SQPState(),
+            backup=BackupState(),
+            adaptation=adaptation,
+        )

@@ -169,6 +169,22 @@ def drivable_speeds(
     return np.array([speeds[0], speeds[1], min(speeds[2], speeds[3])])
 
 
+def speed_shares(
+    model: MotionModel, problem: NavigationProblem, options: GuidanceOptions | None = None
+) -> tuple[float, float]:
+    """Speed ahead and rate of turn that the robot holds, as shares of the command bounds.
+
+    One where a bound forbids it.
+    """
+    ahead, _, turn = drivable_speeds(model, problem, options).tolist()
+    u_min, u_max, _, _ = problem.bounds
+    fastest, quickest = float(u_max[0]), float(min(u_max[1], -u_min[1]))
+    return (
+        ahead / fastest if fastest > 0.0 else 1.0,
+        turn / quickest if quickest > 0.0 else 1.0,
+    )
+
+
 def clearance_at_speed(
     problem: NavigationProblem,
     margins: Margins,

@@ -1,0 +1,116 @@
+"""What the robot does where there is no plan: it follows its stop trajectory, or brakes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kmpc_lite.control.answers import Answers
+from kmpc_lite.control.knowledge import Knowledge
+from kmpc_lite.control.observation import Observation
+from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.rate_limit import RateLimit
+from kmpc_lite.control.safe_stop.backup import Backup
+from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectories
+from kmpc_lite.control.state import ControllerState
+from kmpc_lite.control.step_clock import StepClock
+from kmpc_lite.control.verification import Verification
+from kmpc_lite.types import INPUTS, Array
+
+
+class Fallback:
+    """The phase that stands in for all others.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        In the robot's units.
+    stops, backup, verification, rates, answers
+        Those of the pipeline.
+    """
+
+    def __init__(
+        self,
+        problem: NavigationProblem,
+        stops: StopTrajectories,
+        backup: Backup,
+        verification: Verification,
+        rates: RateLimit,
+        answers: Answers,
+    ) -> None:
+        self._problem, self._stops, self._backup = problem, stops, backup
+        self._verification, self._rates, self._answers = verification, rates, answers
+
+    def stop(
+        self,
+        state: ControllerState,
+        seen: Observation,
+        known: Knowledge,
+        reason: str,
+        clock: StepClock,
+        passes: int = 0,
+    ) -> Plan:
+        """Drive the stop trajectory of the last good plan while it is clear, else brake."""
+        state.history.planned = None
+        rest = self._backup.replay(state.backup)
+        here = seen.pose if seen.pose_is_known else state.backup.expected
+        blocked = False
+        if rest is not None and here is not None:
+            # checked again from where the robot is now, and against the obstacles that are seen now
+            states = self._stops.rollout(known.model, here, rest, state.history.commands)
+            blocked = not self._verification.clearance(states, seen) >= 0.0
+            if not blocked and np.isfinite(states).all():
+                return self._replay(state, seen, states, rest, reason, clock, passes)
+        state.trajectory = None
+        # where the stop trajectory would end in an obstacle, zero is commanded at once: a robot
+        # without lag stands, and one with lag brakes as hard as it can
+        command = self._backup.brake(state.backup, at_once=blocked)
+        if self._rates.active:
+            command = self._rates.limit(command, state.history.command)
+            self._backup.sent(state.backup, command, None)
+        state.history.remember(command)
+        inputs = np.zeros((self._problem.horizon, INPUTS))
+        inputs[0] = command
+        pose = np.where(np.isfinite(seen.pose), seen.pose, 0.0)
+        return self._answers.plan(
+            seen,
+            np.tile(pose, (self._problem.horizon + 1, 1)),
+            inputs,
+            PlanStatus.STOPPED,
+            clock,
+            passes=passes,
+            reason=reason,
+            progress=GoalProgress.WAITING,
+            pose_is_lost=not bool(np.isfinite(seen.pose).all()),
+        )
+
+    def _replay(
+        self,
+        state: ControllerState,
+        seen: Observation,
+        states: Array,
+        rest: Array,
+        reason: str,
+        clock: StepClock,
+        passes: int,
+    ) -> Plan:
+        """Send the next command of the stop trajectory (T, 2), which leads along states (K, 3)."""
+        if self._rates.active:
+            rest[0] = self._rates.limit(rest[0], state.history.command)
+        self._backup.sent(state.backup, rest[0], states[1])
+        state.history.remember(rest[0])
+        n = self._problem.horizon
+        commands = np.zeros((n, INPUTS))
+        commands[: len(rest)] = rest[:n]
+        missing = max(n + 1 - len(states), 0)
+        shown = np.concatenate([states[: n + 1], np.repeat(states[-1:], missing, axis=0)])
+        return self._answers.plan(
+            seen,
+            shown,
+            commands,
+            PlanStatus.FALLBACK,
+            clock,
+            passes=passes,
+            reason=reason,
+            progress=GoalProgress.WAITING,
+        )

@@ -1,0 +1,107 @@
+"""What follows from the learned model, and from the one in use where adaptation corrected it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from kmpc_lite.control.margins.model_margins import Margins
+from kmpc_lite.control.options import ControllerOptions
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.units import scaled_problem
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.motion import MotionModel, in_units
+from kmpc_lite.scale import Scale
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.guidance.capabilities import Capabilities
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Knowledge:
+    """All that follows from the model in use."""
+
+    model: MotionModel
+    """Predicts, in the robot's units."""
+    margins: Margins | None
+    """None without tightening."""
+    capabilities: Capabilities | None
+    """None without guidance."""
+
+
+def motion_model(model: KoopmanModel, scale: Scale) -> MotionModel:
+    """Return a model in the robot's units, as all phases of a step use it."""
+    # half the time of rk4, and far below what slip does
+    return in_units(replace(model, integrator="midpoint"), scale)
+
+
+def problem_in_units(
+    problem: NavigationProblem, model: KoopmanModel, options: ControllerOptions, guides: bool
+) -> NavigationProblem:
+    """Return a problem in the robot's units, with the weights that its mode uses by default."""
+    units = scaled_problem(problem, problem.scale)
+    if not guides:
+        return units.with_default_weights(False)
+    from kmpc_lite.control.guidance.capabilities import speed_shares
+
+    # where the robot does not reach its command bounds, the weights say so
+    shares = speed_shares(motion_model(model, problem.scale), units, options.guidance)
+    return units.with_default_weights(True, shares)
+
+
+class Examiner:
+    """Asks models for margins and capabilities; those of the learned model are worked out once.
+
+    Parameters
+    ----------
+    units : NavigationProblem
+        In the robot's units.
+    scale : Scale
+        The robot's units.
+    options : ControllerOptions
+        What can be tuned.
+    tightens, guides : bool
+        Whether there are margins, and whether there is guidance.
+    """
+
+    def __init__(
+        self,
+        units: NavigationProblem,
+        scale: Scale,
+        options: ControllerOptions,
+        tightens: bool,
+        guides: bool,
+    ) -> None:
+        self._units, self._scale, self._options = units, scale, options
+        self._tightens, self._guides = tightens, guides
+        self._learned: tuple[KoopmanModel, Capabilities] | None = None
+
+    def examine(self, base: KoopmanModel, model: KoopmanModel) -> Knowledge:
+        """Work out all that follows from the learned model and the one in use."""
+        motion, adapted = motion_model(model, self._scale), model is not base
+        margins = self._margins(motion, adapted)
+        if not self._guides:
+            return Knowledge(motion, margins, None)
+        found = self._learned_capabilities(base)
+        if adapted:
+            # adaptation corrects speeds; all else stays as the learned model says
+            from kmpc_lite.control.guidance.capabilities import drivable_speeds
+
+            guidance = self._options.guidance
+            found = found.with_speeds(drivable_speeds(motion, self._units, guidance), guidance)
+        return Knowledge(motion, margins, found)
+
+    def _margins(self, motion: MotionModel, adapted: bool) -> Margins | None:
+        if not self._tightens:
+            return None
+        return Margins(motion, self._units, self._options.margins, adapted=adapted)
+
+    def _learned_capabilities(self, base: KoopmanModel) -> Capabilities:
+        if self._learned is None or self._learned[0] is not base:
+            from kmpc_lite.control.guidance.capabilities import capabilities
+
+            motion, options = motion_model(base, self._scale), self._options
+            margins = self._margins(motion, adapted=False)
+            found = capabilities(motion, self._units, margins, options.guidance, options.goal)
+            self._learned = base, found
+        return self._learned[1]
