@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import fields
 
-from firmware_bridge.link.loopback import Faults, LoopbackEnd, LoopbackWire, named_wire
+from firmware_bridge.link.faults import Faults
+from firmware_bridge.link.loopback import LoopbackEnd, LoopbackWire, named_wire
 from firmware_bridge.link.protocol import OnBytes, Transport
 from firmware_bridge.link.sockets import TcpEndpoint, UdpEndpoint
 from firmware_bridge.link.threaded import ThreadedTransport
