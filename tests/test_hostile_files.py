@@ -23,6 +23,9 @@ from readers import MAP, MEMORY, ROBOT, SCENARIO, bounded_memory
 
 import kmpc_lite as kl
 from kmpc_lite.cli import main as cli
+from kmpc_lite.mcap.layout import MESSAGE, RECORD, Op, record
+from kmpc_lite.mcap.write import McapWriter
+from kmpc_lite.recording.schemas import TOPICS
 
 HELPERS = Path(__file__).parent / "helpers"
 Make = Callable[[Path], object]
@@ -87,6 +90,23 @@ def model(**changes: object) -> Make:
     return make
 
 
+def mcap(rest: bytes) -> Make:
+    """A recorded drive that begins well."""
+    return lambda path: path.write_bytes(McapWriter(TOPICS).begin("a test") + rest)
+
+
+def told(**changes: object) -> bytes:
+    """What a drive tells of itself."""
+    drive = {"name": "field", "scenario": SCENARIO, "dt": 0.1, "about": {}, **changes}
+    texts = {"format": "kmpc.drive", "version": "1", "drive": json.dumps(drive)}
+    return McapWriter(TOPICS).metadata("kmpc.drive", texts)
+
+
+def message(topic: str, content: bytes) -> bytes:
+    channel = 1 + [known.name for known in TOPICS].index(topic)
+    return record(Op.MESSAGE, MESSAGE.pack(channel, 1, 0, 0) + content)
+
+
 GRID = SCENARIO[SCENARIO.index("grid =") : SCENARIO.index("[robot]")].strip()
 FOUR = b"P5 2 2 255\n0000"
 BLANKS = b"P5" + 300 * b" #\n " + 60 * b" "
@@ -146,6 +166,24 @@ CORPUS: dict[str, dict[str, Make]] = {
     "report run.npz": {
         **ANY,
         "a bomb": bomb("header", "states", "path", "inputs", "plans", "step_times"),
+    },
+    "report drive.mcap": {
+        **ANY,
+        "no end": endless,
+        "a chunk without an end": mcap(RECORD.pack(Op.CHUNK, 2**62)),
+        "texts without an end": mcap(record(Op.METADATA, b"\xff\xff\xff\x7f" + 1000 * b"a")),
+        "a scenario of brackets": mcap(told(scenario="a = " + 100_000 * "[")),
+        "a scenario of 20,000 circles": mcap(
+            told(scenario=SCENARIO.replace("[0.6, 0.6, 0.15]", CIRCLES))
+        ),
+        "nothing but channels": mcap(70_000 * record(Op.CHANNEL, bytes(12))),
+        "brackets": mcap(told(about=json.loads(400 * "[" + 400 * "]"))),
+    },
+    "fit drive.mcap -o robot.npz": {
+        **ANY,
+        "nothing in it": mcap(b""),
+        "a message of brackets": mcap(message("/pose", 900_000 * b"[")),
+        "a message of 5,000 digits": mcap(message("/command", b'{"v":' + 5000 * b"9" + b"}")),
     },
     "replay drive.tlog": {**ANY, "no end": endless},
     "replay drive.csv": {**ANY, "no end": endless},

@@ -40,8 +40,6 @@ COMMANDS = {"command_period": TICK}
 """Commands go out faster than plans are made."""
 LAGS = [0, 1, 2, 3]
 """Past commands that the model knows: the rover obeys late."""
-HOLD = 0.5
-"""How long a random command is held [s]."""
 SETTLE = 1.0
 """How long the goal must be held [s]."""
 PATIENCE = 60.0
@@ -182,7 +180,7 @@ class Stage:
 
 def _record(stage: Stage, seconds: float, seed: int) -> tuple[dict[str, Any], int]:
     """Drive the rover at random and record that."""
-    from firmware_bridge.runtime.drive import record
+    from firmware_bridge.runtime.record_drive import RandomDriving, record
 
     log = stage.folder / "drive.csv"
     stage.say(
@@ -205,7 +203,7 @@ def _record(stage: Stage, seconds: float, seed: int) -> tuple[dict[str, Any], in
             str(stage.folder / "drive"),
             seconds,
             period=PERIOD,
-            excitation=(HOLD, seed),
+            excitation=RandomDriving(seed=seed),
             out=None,
         )
     stage.say(f"   {report['rows']} rows every {PERIOD:g} s")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from typing import TYPE_CHECKING
 
 from firmware_bridge.cli.options import (
     add_drive_options,
@@ -15,6 +16,9 @@ from firmware_bridge.cli.options import (
 from firmware_bridge.messages import BridgeError, ConfigError
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import positive
+
+if TYPE_CHECKING:
+    from firmware_bridge.runtime.record_drive import Covered, Meter
 
 PERIOD = 0.1
 """Of the rows where the robot file has none [s]."""
@@ -51,31 +55,55 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--hold",
         type=positive,
         metavar="S",
-        default=0.5,
-        help="how long a random command is held [s] (default: 0.5)",
+        help="how long a random command is held [s] (default: as long as the robot takes to answer "
+        "and to change its speed)",
+    )
+    add(
+        "--until-covered",
+        action="store_true",
+        help="with --excite: end as soon as the log shows all that a model needs",
     )
     add("--seed", type=int, default=0, help="seed of the random commands (default: 0)")
 
 
 def run(options: argparse.Namespace) -> int:
     """Record until the time is up, or a signal comes."""
-    from firmware_bridge.runtime.drive import record
+    from firmware_bridge.runtime.record_drive import RandomDriving, record
 
+    if options.until_covered and not options.excite:
+        raise ConfigError("--until-covered: goes with --excite; whoever drives by hand decides")
     robot = read_robot(options)
     if options.by_hand and robot.sections.get("board", {}).get("arm"):
         raise ConfigError("--by-hand: the pilot arms and drives; leave board.arm and --arm out")
     prepare(options)
+    period = robot.control.period or PERIOD
+    driving = RandomDriving(options.hold, options.seed, options.until_covered)
     report, status = record(
         robot,
         options.output,
         options.seconds,
-        period=robot.control.period or PERIOD,
-        excitation=None if options.by_hand else (options.hold, options.seed),
+        period=period,
+        excitation=None if options.by_hand else driving,
         out=people(options),
+        meter=coverage_meter(period),
     )
     if options.json:
         print(json.dumps(report))
     return status
+
+
+def coverage_meter(period: float) -> Meter:
+    """The rule by which `kmpc fit` warns, for rows of so long a period [s]."""
+    import numpy as np
+
+    from kmpc_lite.learn.coverage import find_coverage
+
+    def meter(
+        stretches: list[list[tuple[float, float]]], largest: tuple[float, float, float] | None
+    ) -> Covered:
+        return find_coverage([np.array(s) for s in stretches if s], period, largest)
+
+    return meter
 
 
 COMMAND = Command(
@@ -83,6 +111,7 @@ COMMAND = Command(
     examples=(
         "kmpc record robot.toml --by-hand --output drive",
         "kmpc record robot.toml --excite --geofence -2 -2 2 2 --seconds 300 --output drive",
+        "kmpc record robot.toml --excite --until-covered --geofence -2 -2 2 2 --output drive",
     ),
     add_options=add_options,
     run=run,

@@ -117,7 +117,7 @@ def collect(
         clock = ManualClock()
         fast = kind == "fast"
         controller = (
-            Excitation(FENCE, setup.limits, hold=setup.period, seed=seed * 1000 + i)
+            Excitation(FENCE, setup.limits, setup.period, seed=seed * 1000 + i, manoeuvres=False)
             if fast
             else NormalCommands(seed * 1000 + i)
         )

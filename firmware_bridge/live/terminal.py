@@ -36,6 +36,8 @@ class View:
         Whether `out` is a terminal to draw on.
     notes : callable
         Gives lines that a user must see: a log that has ended.
+    more : callable
+        Gives more lines for the picture.
     """
 
     def __init__(
@@ -45,7 +47,9 @@ class View:
         out: TextIO,
         live: bool,
         notes: Callable[[], list[str]] = list,
+        more: Callable[[], list[str]] = list,
     ) -> None:
+        self._more = more
         self._loop, self._title, self._out, self._live, self._notes = loop, title, out, live, notes
         self._told: set[str] = set()
         self._seen = 0
@@ -70,7 +74,7 @@ class View:
         text = UP.format(self._lines) if self._lines else ""
         text += "".join(f"{CLEAR if self._live else ''}{line}\n" for line in lines)
         if self._live and self._loop.snapshot is not None:
-            picture = render(self._title, self._loop.snapshot, self._loop)
+            picture = [*render(self._title, self._loop.snapshot, self._loop), *self._more()]
             text += NO_WRAP + "".join(f"{CLEAR}{line}\n" for line in picture) + WRAP
             self._lines = len(picture)
         if text:

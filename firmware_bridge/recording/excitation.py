@@ -4,24 +4,52 @@ from __future__ import annotations
 
 import math
 import random
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
 
 from firmware_bridge.messages import ConfigError, State, VelocityCommand
 from firmware_bridge.safety.limits import Limits
 
 SIGNS = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 """Of v and omega, one scenario after the other (paper, sec. V.B)."""
-REACTION = 0.8
-"""Pose delay, control period and the vehicle's own lag, with room to spare [s]."""
-TURN_GAIN = 2.0
-"""Turn rate towards the middle per heading error [1/s]."""
+
+
+@dataclass(frozen=True)
+class ExcitationOptions:
+    """How random driving follows from a robot's limits and from how late it answers."""
+
+    first_delay: float = 0.4
+    """How late the robot is taken to answer until that is measured [s] ..."""
+    caution: float = 2.0
+    """... and by how much the measured delay is multiplied where the robot turns back."""
+    shortest_delay: float = 0.15
+    """Shortest delay that is reckoned with [s]: pose delay, control period, link."""
+    turn_gain: float = 2.0
+    """Turn rate towards the middle per heading error [1/s] ..."""
+    turn_share: float = 0.5
+    """... and largest product of it and the delay."""
+    dash: float = 0.6
+    """Share of a scenario after which the dash begins, if it has not by then."""
+    shortest: float = 15.0
+    """Length of a scenario [s], at least ..."""
+    holds: float = 30.0
+    """... and in holds ..."""
+    rounds: float = 1.5
+    """... unless all scenarios would not come so often within the recording."""
+    slowest: float = 0.25
+    """Share of the limits below which a fence is too small for the robot."""
+    spare: float = 1.2
+    """Room that is kept for turning back, as a multiple of what is needed."""
 
 
 class Excitation:
     """A controller that drives at random: state -> command.
 
-    Commands are uniform within one scenario's signs and held for `hold`. Near the fence it turns
-    towards the middle, in the direction of travel of the scenario, and goes on at random once it is
-    well inside again.
+    Commands are uniform within one scenario's signs and held for a while. Once a scenario there is
+    a dash at full speed, a stop, and a turn on the spot. Near the fence the robot turns towards
+    the middle, in the direction of travel of the scenario, and goes on at random once it is well
+    inside again. In a small fence it drives more slowly.
 
     Parameters
     ----------
@@ -29,74 +57,202 @@ class Excitation:
         xmin, ymin, xmax, ymax [m]; free of obstacles.
     limits : Limits
         Commands stay within.
-    hold : float
-        How long a command is held [s].
-    scenario_time : float
-        How long a scenario lasts [s].
+    hold : float, optional
+        How long a random command is held [s]; where not given, as long as the robot takes to
+        answer and to change its speed, now longer, now shorter.
+    seconds : float
+        Length of the recording [s]: all scenarios come within it.
     seed : int
         Of the commands.
+    delay : callable, optional
+        How late the robot answers, as far as it was measured [s].
+    manoeuvres : bool
+        Whether there are dashes, stops and turns on the spot; without them all is the paper's.
+    options : ExcitationOptions, optional
+        How it follows from the robot.
 
     Raises
     ------
     ConfigError
-        Where the fence is too small for the speed.
+        Where the fence is too small for the robot.
     """
 
     def __init__(
         self,
         fence: tuple[float, float, float, float],
         limits: Limits,
-        hold: float = 0.5,
-        scenario_time: float = 15.0,
+        hold: float | None = None,
+        seconds: float = 300.0,
         seed: int = 0,
+        delay: Callable[[], float | None] = lambda: None,
+        manoeuvres: bool = True,
+        options: ExcitationOptions | None = None,
     ) -> None:
-        fastest = max(limits.v_max, limits.v_reverse)
-        margin = fastest * REACTION + fastest**2 / (2.0 * limits.deceleration) + 0.05
-        width, height = fence[2] - fence[0], fence[3] - fence[1]
-        if min(width, height) < 4.0 * margin:
-            raise ConfigError(
-                f"geofence: {width:g} m x {height:g} m is too small to drive in at random at "
-                f"{fastest:g} m/s: "
-                f"expected at least {4.0 * margin:.2f} m each way, "
-                "or a lower limits.v_max and v_reverse"
-            )
+        self._options = ExcitationOptions() if options is None else options
+        self._limits, self._given_hold, self._delay = limits, hold, delay
         self._middle = ((fence[0] + fence[2]) / 2.0, (fence[1] + fence[3]) / 2.0)
-        self._half = (width / 2.0 - margin, height / 2.0 - margin)
-        self._limits, self._hold, self._scenario_time = limits, hold, scenario_time
-        self._random = random.Random(seed)
+        self._size = fence[2] - fence[0], fence[3] - fence[1]
         self._signs = SIGNS if limits.v_reverse > 0.0 else SIGNS[:2]
-        self._began: float | None = None
-        self._until = -math.inf
+        self._longest = seconds / (self._options.rounds * len(self._signs))
+        self._manoeuvres = manoeuvres
+        self._random = random.Random(seed)
+        self._scenario = -1
+        self._scenario_ends = self._dash_at = self._until = -math.inf
+        self._queue: deque[tuple[float, float, float]] = deque()
         self._command = (0.0, 0.0)
+        self._left: tuple[float, float] | None = None
         self.returning = False
         """Whether it is on its way back to the middle."""
+        self.trouble = ""
+        """Why the robot must be stopped, in words; empty while it turns back as it is told."""
+        self._refuse_small()
+
+    @property
+    def reaction(self) -> float:
+        """How long the robot goes on before it turns back, with room to spare [s]."""
+        measured = self._delay()
+        delay = self._options.first_delay if measured is None else measured
+        return self._options.caution * max(delay, self._options.shortest_delay)
+
+    @property
+    def largest(self) -> tuple[float, float, float]:
+        """Speeds forward and back [m/s] and turn rate [rad/s] that this fence allows."""
+        limits, room = self._limits, min(self._size) / (4.0 * self._options.spare)
+        reaction, braking = self.reaction, limits.deceleration
+        most = braking * (math.sqrt(reaction**2 + 2.0 * room / braking) - reaction)
+        most = min(most, room / (reaction + 0.5 * self._turn_ramp))
+        return min(limits.v_max, most), min(limits.v_reverse, most), limits.omega_max
+
+    @property
+    def hold(self) -> float:
+        """How long a random command is held in the mean [s]."""
+        if self._given_hold is not None:
+            return self._given_hold
+        return self.reaction / self._options.caution + 0.5 * self._ramp
+
+    @property
+    def _ramp(self) -> float:
+        """How long it takes to change from standing to the largest speeds [s]."""
+        limits, (forward, back, turn) = self._limits, self.largest
+        return max(max(forward, back) / limits.acceleration, turn / limits.angular_acceleration)
+
+    def _margin(self) -> float:
+        """Where it turns back: so far before the fence [m]."""
+        fastest = max(self.largest[:2])
+        ramp = max(fastest / self._limits.deceleration, self._turn_ramp)
+        return self._options.spare * fastest * (self.reaction + 0.5 * ramp)
+
+    @property
+    def _turn_ramp(self) -> float:
+        """How long it takes to turn the other way [s]: both speeds change together."""
+        limits = self._limits
+        return limits.omega_max * (
+            1.0 / limits.angular_deceleration + 1.0 / limits.angular_acceleration
+        )
+
+    def _refuse_small(self) -> None:
+        limits, allowed = self._limits, max(self.largest[:2])
+        fastest = max(limits.v_max, limits.v_reverse)
+        if allowed < self._options.slowest * fastest:
+            width, height = self._size
+            raise ConfigError(
+                f"geofence: {width:g} m x {height:g} m is too small to drive in at random at "
+                f"{fastest:g} m/s: at most {allowed:.2g} m/s would be possible; expected a larger "
+                "fence, or lower limits.v_max and v_reverse"
+            )
+
+    @property
+    def note(self) -> str:
+        """What a user should know before it drives: that it drives more slowly than allowed."""
+        fastest, allowed = max(self._limits.v_max, self._limits.v_reverse), max(self.largest[:2])
+        if allowed > 0.99 * fastest:
+            return ""
+        return (
+            f"the geofence has room for {allowed:.2g} m/s of the {fastest:g} m/s that are allowed: "
+            "what is learned holds up to that speed"
+        )
 
     def __call__(self, state: State) -> VelocityCommand:
         """Give the command for now."""
         now = state.stamp
-        self._began = now if self._began is None else self._began
-        signs = self._signs[int((now - self._began) / self._scenario_time) % len(self._signs)]
+        if now >= self._scenario_ends:
+            self._scenario = (self._scenario + 1) % len(self._signs)
+            length = max(self._options.shortest, self._options.holds * self.hold)
+            length = min(length, self._longest)
+            self._scenario_ends = now + length
+            self._dash_at = now + self._options.dash * length if self._manoeuvres else math.inf
+        signs = self._signs[self._scenario]
         x, y = state.x - self._middle[0], state.y - self._middle[1]
-        out = max(abs(x) / self._half[0], abs(y) / self._half[1])
-        self.returning = out > (0.6 if self.returning else 1.0)
+        half = [size / 2.0 - self._margin() for size in self._size]
+        was, out = self.returning, max(abs(x) / half[0], abs(y) / half[1])
+        self.returning = out > (0.6 if was else 1.0)
+        beyond = max(abs(x) - half[0], abs(y) - half[1])
+        self._look_for_escape(now, beyond)
         if self.returning:
             self._until = -math.inf
-            v, omega = self._back(x, y, state.theta, signs[0])
-        else:
-            if now >= self._until:
-                self._until = now + self._hold
-                fastest = self._limits.v_max if signs[0] > 0 else self._limits.v_reverse
-                self._command = (
-                    signs[0] * self._random.uniform(0.0, fastest),
-                    signs[1] * self._random.uniform(0.0, self._limits.omega_max),
-                )
-            v, omega = self._command
-        return VelocityCommand(v, omega, now)
+            self._queue.clear()
+            return VelocityCommand(*self._back((x, y), half, state.theta, signs[0]), now)
+        if self._dash_at < math.inf and (was or now >= self._dash_at):
+            self._dash(signs)
+        if now >= self._until or (self._queue and was):
+            v, omega, held = self._queue.popleft() if self._queue else self._at_random(signs)
+            self._command, self._until = (v, omega), now + held
+        return VelocityCommand(*self._command, now)
 
-    def _back(self, x: float, y: float, theta: float, sign: int) -> tuple[float, float]:
+    def _at_random(self, signs: tuple[int, int]) -> tuple[float, float, float]:
+        """Uniform speeds of a scenario's signs, and how long they are held."""
+        fastest, turn = self._fastest(signs[0]), self.largest[2]
+        v = signs[0] * self._random.uniform(0.0, fastest)
+        omega = signs[1] * self._random.uniform(0.0, turn)
+        given = self._given_hold
+        return v, omega, self.hold * self._random.uniform(0.5, 1.5) if given is None else given
+
+    def _dash(self, signs: tuple[int, int]) -> None:
+        """Full speed, a stop, and a turn on the spot: what random commands hardly ever hold."""
+        self._dash_at = math.inf
+        delay, ramp = self.reaction / self._options.caution, self._ramp
+        rest = ramp + 2.0 * delay + 0.5
+        turn = signs[1] * self.largest[2] * self._random.uniform(0.6, 1.0)
+        self._queue.extend(
+            (
+                (signs[0] * self._fastest(signs[0]), 0.0, ramp + 2.0 * delay),
+                (0.0, 0.0, rest),
+                (0.0, turn, ramp + delay + 1.0),
+            )
+        )
+
+    def _fastest(self, sign: int) -> float:
+        forward, back, _ = self.largest
+        return forward if sign > 0 else back
+
+    def _look_for_escape(self, now: float, beyond: float) -> None:
+        """Find a robot that goes on towards the fence although it is told to turn back."""
+        if not self.returning or beyond <= 0.0:
+            self._left = None
+            return
+        since, least = (now, beyond) if self._left is None else self._left
+        ramp = max(max(self.largest[:2]) / self._limits.deceleration, self._turn_ramp)
+        if now - since <= self.reaction + ramp:
+            self._left = since, beyond if self._left is None else max(least, beyond)
+        elif beyond > least + 0.15 * self._margin():
+            self.trouble = (
+                f"it goes on towards the fence although it was told to turn back "
+                f"{now - since:.1f} s ago"
+            )
+
+    def _back(
+        self, place: tuple[float, float], half: list[float], theta: float, sign: int
+    ) -> tuple[float, float]:
         """Turn the end that leads towards the middle, and drive as far as it points there."""
         leading = theta if sign > 0 else theta + math.pi
-        error = math.remainder(math.atan2(-y, -x) - leading, math.tau)
-        fastest = self._limits.v_max if sign > 0 else self._limits.v_reverse
-        omega = max(-self._limits.omega_max, min(self._limits.omega_max, TURN_GAIN * error))
-        return sign * fastest * max(0.0, math.cos(error)), omega
+        error = math.remainder(math.atan2(-place[1], -place[0]) - leading, math.tau)
+        most = self.largest[2]
+        gain = min(
+            self._options.turn_gain,
+            self._options.turn_share * self._options.caution / self.reaction,
+        )
+        omega = max(-most, min(most, gain * error))
+        ways = zip(place, half, (math.cos(leading), math.sin(leading)), strict=True)
+        outward = any(abs(p) > h and p * way > 0.0 for p, h, way in ways)
+        v = 0.0 if outward else sign * self._fastest(sign) * max(0.0, math.cos(error))
+        return v, omega

@@ -1,16 +1,13 @@
-"""What `kmpc run` and `kmpc record` do with a session, and their reports."""
+"""What `kmpc run` does with a session, and its report."""
 
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any, TextIO
 
-from firmware_bridge.messages import ConfigError, State, VelocityCommand
-from firmware_bridge.recording.excitation import Excitation
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.navigator import Navigator
 from firmware_bridge.runtime.session import STOPS, Session
@@ -106,60 +103,6 @@ def _outcome(navigator: Navigator, signal: str) -> str:
     return f"touched an obstacle, {outcome}" if navigator.touched else outcome
 
 
-def record(
-    robot: Robot,
-    output: str,
-    seconds: float,
-    *,
-    period: float,
-    excitation: tuple[float, int] | None,
-    out: TextIO | None,
-) -> tuple[dict[str, Any], int]:
-    """Record a drive to learn from; return the report and the exit status.
-
-    Parameters
-    ----------
-    robot : Robot
-        What to drive, or to listen to.
-    output : str
-        Name of the files.
-    seconds : float
-        For how long, from the first moment in which it counts [s].
-    period : float
-        Of the rows, and of the random driving [s].
-    excitation : tuple, optional
-        How long a random command is held [s] and the seed; None: somebody drives by hand.
-    out : text stream, optional
-        For people.
-    """
-    controller = (
-        Excitation(_fence(robot), robot.gate.limits, excitation[0], seed=excitation[1])
-        if excitation
-        else _nothing
-    )
-    with Session(
-        robot, controller, period, output=Path(output), by_hand=excitation is None, out=out
-    ) as session:
-        began: list[float] = []
-
-        def finished() -> bool:
-            if not began and (excitation is None or session.gate.state is GateState.ACTIVE):
-                began.append(time.monotonic())
-            return bool(began) and time.monotonic() - began[0] > seconds
-
-        session.drive(finished)
-        report = {"outcome": "recorded", **session.report()}
-        interrupted = session.loop.stop_reason in SIGNALS
-    # counted after the session has closed its files
-    report["rows"], report["problems"] = session.rows, (problems := session.problems())
-    if out is not None:
-        out.write(f"{session.rows} rows every {period:g} s in {', '.join(report['files'])}\n")
-        out.write("".join(f"{p}\n" for p in problems))
-    if not session.rows or problems:
-        return report, NOT_DONE
-    return report, INTERRUPTED if interrupted and not session.rows else DONE
-
-
 def tell(report: dict[str, Any], session: Session, out: TextIO) -> None:
     """Summary of a run, for people."""
 
@@ -188,17 +131,3 @@ def tell(report: dict[str, Any], session: Session, out: TextIO) -> None:
     lines += [f"why: {why}" for why in report["why"]]
     lines += [f"recorded to {', '.join(report['files'])}"] if report["files"] else []
     out.write("\n".join([*lines, *report["problems"]]) + "\n")
-
-
-def _fence(robot: Robot) -> tuple[float, float, float, float]:
-    if robot.gate.geofence is None:
-        raise ConfigError(
-            f"{robot.where}: safety.geofence: missing: random driving needs [xmin, ymin, xmax, "
-            "ymax] (--geofence), free of obstacles"
-        )
-    return robot.gate.geofence
-
-
-def _nothing(state: State) -> VelocityCommand:
-    """Command zero: somebody drives by hand, and the idle gate passes no command."""
-    return VelocityCommand(0.0, 0.0, state.stamp)

@@ -21,7 +21,7 @@ from firmware_bridge.recording.durable import DurableFile
 from firmware_bridge.recording.recorder import CsvRecorder
 from firmware_bridge.robot_file import Robot, check_period
 from firmware_bridge.runtime.controller_thread import Planner
-from firmware_bridge.runtime.loop import ControlLoop
+from firmware_bridge.runtime.loop import ControlLoop, Observer
 from firmware_bridge.safety.estop import EmergencyStop
 from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.places import default_socket
@@ -87,6 +87,10 @@ class Session:
         Nothing is sent, the gate stays idle: somebody else drives.
     out : text stream, optional
         Where to show what happens.
+    observers : tuple of Observer
+        See each tick, beside the recorder.
+    more : callable
+        Gives more lines for the terminal's picture.
 
     Raises
     ------
@@ -104,11 +108,14 @@ class Session:
         output: Path | None = None,
         by_hand: bool = False,
         out: TextIO | None = None,
+        observers: tuple[Observer, ...] = (),
+        more: Callable[[], list[str]] = list,
     ) -> None:
         check_period(period, robot.gate)
         self.robot, self._by_hand, self._out = robot, by_hand, out
         self._origin = origin if robot.origin is None else robot.origin
         self._controller, self._period, self._output = controller, period, output
+        self._observers, self._more = observers, more
         self._csv: CsvRecorder | None = None
         self._link_log: DurableFile[Chunk] | None = None
         self._handlers: dict[int, Any] = {}
@@ -166,7 +173,7 @@ class Session:
             self.gate,
             self.planner,
             command_period=control.command_period,
-            observers=() if self._csv is None else (self._csv,),
+            observers=(*(() if self._csv is None else (self._csv,)), *self._observers),
             operator=self.estop,
             take=take,
             confirm=confirm,
@@ -183,6 +190,7 @@ class Session:
                 self._out,
                 live,
                 self._notes,
+                self._more,
             )
             view.start()
         interval = sys.getswitchinterval()

@@ -67,8 +67,11 @@ def run(options: argparse.Namespace) -> int:
     model.save(folder / "robot.npz")
     say(f"2  learned {folder / 'robot.npz'} from {train}")
     say("   " + f"{report}\n{calibration}".replace("\n", "\n   "))
-    drive = simulate(model, scenario, "learned" if options.log else "slip", 20, 1)
+    plant = "learned" if options.log else "slip"
+    drive, recorder = simulate(model, scenario, plant, 20, 1)
     drive.save(folder / "run.npz")
+    recorder.write(folder / "run", drive)
+    drive = recorder.with_details(drive)
     say(f"3  drove {scenario.name}: {describe(drive)}")
     page = folder / "report.html"
     write_report(page, drive, model=model, fit_report=report, command=command_line())

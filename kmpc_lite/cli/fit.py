@@ -126,7 +126,7 @@ def run(options: argparse.Namespace) -> int:
         lags="auto" if lags == "auto" else None,
     )
     report = kl.evaluate(model, held, options.horizon)
-    facts = describe(model, train, report) if lags == "auto" else {}
+    facts = describe(model, train, held, report) if lags == "auto" else {}
     noise = check_sources(model, held)
     if facts and noise is not None:
         facts["noise"] = noise.as_dict()
@@ -186,11 +186,13 @@ def read_lags(
         ) from None
 
 
-def describe(model: kl.KoopmanModel, train: kl.Dataset, report: kl.FitReport) -> dict[str, Any]:
+def describe(
+    model: kl.KoopmanModel, train: kl.Dataset, held: kl.Dataset, report: kl.FitReport
+) -> dict[str, Any]:
     """Facts about the robot that a fit has learned, with warnings."""
     from kmpc_lite.learn.account import account, warn_of_errors
 
-    facts = account(model, train)
+    facts = account(model, train, held)
     return {**facts, "warnings": [*warn_of_errors(report), *facts["warnings"]]}
 
 

@@ -1,4 +1,4 @@
-"""`kmpc report`: show a run as one HTML page, or as pictures."""
+"""`kmpc report`: show a drive, simulated or real, as one HTML page, or as pictures."""
 
 from __future__ import annotations
 
@@ -16,13 +16,19 @@ from kmpc_lite.cli.output import command_line
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
-    add("file", type=Path, metavar="run", help="run that kmpc simulate wrote (.npz)")
+    add(
+        "file",
+        type=Path,
+        metavar="run",
+        help="recorded drive: a folder or .mcap of --record; or a run that kmpc simulate -o wrote "
+        "(.npz)",
+    )
     add(
         "-o",
         "--output",
         type=Path,
         metavar="FILE",
-        help="page to write (default: the run's name with .html)",
+        help="page to write (default: the run's name with .html; report.html in a folder)",
     )
     add("--model", type=Path, metavar="FILE", help="model of the run, to show how it was fitted")
     add("--pictures", type=Path, metavar="DIR", help="folder to write PNG pictures to")
@@ -31,17 +37,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Make the page or the pictures of a run."""
     need("a report", "matplotlib")
+    from kmpc_lite.recording.drive_file import load_drive
     from kmpc_lite.report import write_pictures, write_report
-    from kmpc_lite.sim import Run
 
     keep_inputs(options.output, options.file, options.model)
-    drive = Run.load(options.file)
+    drive = load_drive(options.file)
     model = kl.KoopmanModel.load(options.model) if options.model else None
     written: list[str] = []
     if options.pictures:
         written += [str(f) for f in write_pictures(options.pictures, drive)]
     if options.output or not options.pictures:
-        page = options.output or options.file.with_suffix(".html")
+        page = options.output or _beside(options.file)
         write_report(page, drive, model=model, command=command_line())
         written.append(str(page))
     lines = "\n".join(f"wrote  {name}" for name in written)
@@ -49,9 +55,18 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _beside(run: Path) -> Path:
+    """Where the page of a run goes: into its folder, or beside its file."""
+    return run / "report.html" if run.is_dir() else run.with_suffix(".html")
+
+
 COMMAND = Command(
-    text="Show a run as one HTML page, or as PNG pictures.",
-    examples=("kmpc report run.npz -o run.html", "kmpc report run.npz --pictures figures"),
+    text="Show a drive as one HTML page, or as PNG pictures.",
+    examples=(
+        "kmpc report drives/monday     # a folder of kmpc run --record, or kmpc simulate --record",
+        "kmpc report run.npz -o run.html",
+        "kmpc report run.npz --pictures figures",
+    ),
     add_options=add_options,
     run=run,
 )

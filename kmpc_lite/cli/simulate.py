@@ -18,6 +18,7 @@ from kmpc_lite.defaults import SHORTEST_PERIOD
 
 if TYPE_CHECKING:
     from kmpc_lite.live.address import LiveAddress
+    from kmpc_lite.recording.simulated import SimulationRecorder
     from kmpc_lite.sim import Run, Scenario
 
 
@@ -60,6 +61,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument_group("what to write").add_argument
     add("-o", "--output", type=Path, metavar="FILE", help="run file to write (.npz)")
     add("--report", type=Path, metavar="FILE", help="report to write (.html)")
+    add(
+        "--record",
+        type=Path,
+        metavar="DIR",
+        help="folder for the drive as MCAP, for Foxglove, kmpc report and kmpc fit",
+    )
     add_live_options(parser)
 
 
@@ -82,21 +89,23 @@ def run(options: argparse.Namespace) -> int:
     )
     adaptation = False if options.no_adaptation else None
     address = live_address(options)
-    drive = simulate(
+    drive, recorder = simulate(
         model, scenario, options.plant, options.horizon, options.iterations, adaptation, address
     )
     drive.info["command"] = command_line()
+    recorded = recorder.write(options.record, drive) if options.record else None
     if options.output:
         drive.save(options.output)
     if options.report:
         from kmpc_lite.report import write_report
 
+        drive = recorder.with_details(drive)
         write_report(options.report, drive, model=model, command=command_line())
     if options.json:
         print(json.dumps(drive.summary()))
     else:
         print(describe(drive) + hint(drive, model))
-        for name in filter(None, (options.output, options.report)):
+        for name in filter(None, (options.output, options.report, recorded)):
             print(f"wrote  {name}")
     return 0 if drive.outcome is Outcome.REACHED else 1
 
@@ -109,8 +118,12 @@ def simulate(
     iterations: int,
     adaptation: bool | None = None,
     live: LiveAddress | None = None,
-) -> Run:
-    """Drive one scenario with our controller at the model's period; with `live` in real time."""
+) -> tuple[Run, SimulationRecorder]:
+    """Drive one scenario with our controller at the model's period; watched by a recorder.
+
+    With `live` it drives in real time, shown on a page.
+    """
+    from kmpc_lite.recording.simulated import SimulationRecorder
     from kmpc_lite.sim import LearnedPlant, drive
 
     problem = scenario.problem(kl.NavigationProblem(horizon=horizon, dt=model.dt))
@@ -130,9 +143,10 @@ def simulate(
         "u_min": u_min.tolist(),
         "u_max": u_max.tolist(),
     }
+    recorder = SimulationRecorder(controller)
     if live is not None:
-        return _simulate_live(controller, scenario, robot, info, live)
-    return drive(controller, scenario, robot, dt=model.dt, info=info)
+        return _simulate_live(controller, scenario, robot, info, live, recorder), recorder
+    return drive(controller, scenario, robot, model.dt, info=info, watch=recorder), recorder
 
 
 def _simulate_live(
@@ -141,6 +155,7 @@ def _simulate_live(
     robot: Any,
     info: dict[str, Any],
     address: LiveAddress,
+    recorder: SimulationRecorder,
 ) -> Run:
     """Drive in real time, shown on a page."""
     from kmpc_lite.live.feed import Feed
@@ -152,7 +167,7 @@ def _simulate_live(
     with Feed(address, "kmpc_lite.live", on_word=watched.hear) as feed:
         tell_links(feed.links)
         feed.start(watched.packet, map_packet(scenario, f"simulation of {scenario.name}"))
-        run = drive(watched, scenario, robot, dt=controller.problem.dt, info=info)
+        run = drive(watched, scenario, robot, controller.problem.dt, info=info, watch=recorder)
         feed.say({**watched.packet(), "over": f"{run.outcome.value} after {run.duration:.2f} s"})
     return run
 

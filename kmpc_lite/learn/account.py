@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from kmpc_lite.learn.coverage import find_gaps
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.diagnosis import diagnose
 from kmpc_lite.learn.evaluation import FitReport
+from kmpc_lite.learn.input_columns import tell_inputs
 from kmpc_lite.learn.responses import Response
-from kmpc_lite.learn.sanity import find_gaps, tell_inputs
 from kmpc_lite.learn.windows import largest_speeds
 from kmpc_lite.model.dictionary.response import evaluate_terms
 from kmpc_lite.model.koopman import KoopmanModel
@@ -24,7 +25,7 @@ CHOSEN = {
 }
 
 
-def account(model: KoopmanModel, train: Dataset) -> dict[str, Any]:
+def account(model: KoopmanModel, train: Dataset, *held: Dataset) -> dict[str, Any]:
     """Facts about a robot that ``lags="auto"`` has learned, as values that JSON can hold.
 
     Parameters
@@ -33,6 +34,8 @@ def account(model: KoopmanModel, train: Dataset) -> dict[str, Any]:
         What was learned.
     train : Dataset
         What it was learned from.
+    held : Dataset
+        The rest of the log: what that shows is not missing.
     """
     speed, turn = (Response(*model.info["response"][name]) for name in ("speed", "turn"))
     rows = np.array(model.info["selection"]["rows"])
@@ -58,7 +61,7 @@ def account(model: KoopmanModel, train: Dataset) -> dict[str, Any]:
         "inputs": tell_inputs(train, speed.delay),
         "directions": {k: d["step"] for k, d in model.info["selection"]["directions"].items()},
         "told": diagnose(train, speed, turn),
-        "warnings": find_gaps(train),
+        "warnings": find_gaps(train, *held),
     }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
@@ -16,6 +16,7 @@ from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.geometry import distances, wrap
+from kmpc_lite.sim.details import Details
 from kmpc_lite.sim.plants.lag import LaggingDrive
 from kmpc_lite.sim.plants.robots import DifferentialDrive
 from kmpc_lite.sim.scenario.files import Scenario
@@ -73,6 +74,8 @@ class Run:
     """Smallest distance between the edges of robot and obstacles [m]; negative in a collision."""
     info: dict[str, Any] = field(default_factory=dict)
     """What the caller wants to keep with the run; values that JSON can hold."""
+    details: Details | None = None
+    """What lay behind each step, where it was recorded."""
 
     @property
     def position_error(self) -> float:
@@ -142,6 +145,7 @@ def drive(
     settle: float = 0.0,
     stop_norm: float | None = None,
     info: dict[str, Any] | None = None,
+    watch: Callable[[float, Array, Any, Plan], None] | None = None,
 ) -> Run:
     """Drive a scenario to its end: arrived, collided, or out of time.
 
@@ -162,6 +166,8 @@ def drive(
         study.
     info : dict, optional
         Kept with the run.
+    watch : callable, optional
+        Is told of each step: its time [s], the measured pose, the obstacles, and the plan.
     """
     robot = scenario_plant(scenario) if plant is None else plant
     noise = np.random.default_rng([scenario.seed, 1])
@@ -176,7 +182,10 @@ def drive(
     for k in range(steps):
         seen = x if not scenario.pose_age else _at(path, SUBSAMPLES * (k - scenario.pose_age / dt))
         measured = seen + noise.normal(size=3) * scenario.pose_noise
-        plan = controller.step(measured, goal, scenario.obstacles_at(k * dt))
+        obstacles = scenario.obstacles_at(k * dt)
+        plan = controller.step(measured, goal, obstacles)
+        if watch is not None:
+            watch(k * dt, measured, obstacles, plan)
         trace = robot.trace(x, plan.command, dt, SUBSAMPLES)
         inputs.append(plan.command)
         plans.append(plan.states)
@@ -188,10 +197,8 @@ def drive(
         states.append(x)
         clearance = min(clearance, float(gaps.min(initial=np.inf)))
         if (gaps < 0.0).any():
-            outcome, duration = (
-                Outcome.COLLISION,
-                k * dt + (int(np.argmax(gaps < 0.0)) + 1) * dt / SUBSAMPLES,
-            )
+            outcome = Outcome.COLLISION
+            duration = k * dt + float(moments[np.argmax(gaps < 0.0)])
             break
         here = _is_there(x, scenario, stop_norm)
         inside = inside + dt if here else 0.0

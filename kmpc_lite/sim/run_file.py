@@ -116,7 +116,7 @@ def _table(info: Any) -> dict[str, Any]:
     return info
 
 
-def _checked(arrays: dict[str, Array], steps: int) -> dict[str, Array]:
+def _checked(arrays: dict[str, Array], steps: int) -> dict[str, Any]:
     """Arrays of a run of so many steps, real numbers in the shapes that `Run` tells."""
     checked = {name: real_array(arrays[name], name, ScenarioError) for name in ARRAYS}
     substeps = (len(checked["path"]) - 1) // max(steps, 1)

@@ -37,7 +37,10 @@ from firmware_bridge.robot_file import load_robot
 from kmpc_lite.errors import KmpcError
 from kmpc_lite.learn.formats.readers import read_log
 from kmpc_lite.learn.logs import ReadOptions
+from kmpc_lite.mcap.layout import MAGIC, RECORD, Op
 from kmpc_lite.reading import parse_toml
+from kmpc_lite.recording.drive_file import load_drive
+from kmpc_lite.recording.simulated import SimulationRecorder
 from kmpc_lite.sim import Run, Scenario, drive
 from kmpc_lite.studies.records import RecordFile
 
@@ -123,6 +126,13 @@ def _run(path: Path) -> None:
     assert np.isfinite(run.position_error)
 
 
+def _drive(path: Path) -> None:
+    run = load_drive(path)
+    run.summary()
+    assert np.isfinite(run.path).all() and run.details is not None
+    assert np.isfinite(run.details.plans).all() and (np.diff(run.details.times) >= 0.0).all()
+
+
 def _robot(path: Path) -> None:
     load_robot(path).driver_table()
 
@@ -193,6 +203,17 @@ def _foreign(folder: Path) -> dict[str, Reader]:
     }
 
 
+def without_checksums(content: bytes) -> bytes:
+    """An MCAP file whose chunks are not compared with their checksums: mutants are read, too."""
+    out, place = bytearray(content), len(MAGIC)
+    while place + RECORD.size < len(content):
+        op, length = RECORD.unpack_from(content, place)
+        if op == Op.CHUNK:
+            out[place + RECORD.size + 24 : place + RECORD.size + 28] = bytes(4)
+        place += RECORD.size + length
+    return bytes(out)
+
+
 class _Still:
     """Stands where it is."""
 
@@ -209,9 +230,12 @@ def make_readers(folder: Path) -> dict[str, Reader]:
     kl.Dataset(data.episodes[:1]).save(folder / "log.npz")
     model = kl.fit(data, kl.InputHistoryDictionary(kl.UnicycleDictionary(), (0, 1)))
     kl.with_quantiles(model, data).save(folder / "model.npz")
-    drive(_Still(), Scenario.load(folder / "scenario.toml"), info={"u_min": [-1, -1]}).save(
-        folder / "run.npz"
-    )
+    scenario = Scenario.load(folder / "scenario.toml")
+    drive(_Still(), scenario, info={"u_min": [-1, -1]}).save(folder / "run.npz")
+    controller = kl.Controller(kl.nominal_unicycle(0.1), scenario.problem())
+    recorder = SimulationRecorder(controller)
+    recorder.write(folder, drive(controller, scenario, watch=recorder))
+    recorded = {"drive.mcap": (folder / "drive.mcap").read_bytes()}
     made = {name: (folder / f"{name}.npz").read_bytes() for name in ("log", "model", "run")}
     pixels = bytes(range(0, 250, 2))[:120]
     plain = " ".join(map(str, pixels)).encode()
@@ -222,6 +246,11 @@ def make_readers(folder: Path) -> dict[str, Reader]:
         "npz": Reader({"log.npz": made["log"]}, _log),
         "model": Reader({"model.npz": made["model"]}, _model),
         "run": Reader({"run.npz": made["run"]}, _run),
+        "drive": Reader(recorded, _drive),
+        "drive without checksums": Reader(
+            {"drive.mcap": without_checksums(recorded["drive.mcap"])}, _drive
+        ),
+        "drive to learn from": Reader(recorded, read_log),
         "scenario": Reader({"scenario.toml": SCENARIO.encode()}, _scenario),
         "map": Reader(
             {"map.yaml": MAP.encode(), "map.pgm": b"P5\n# made\n12 10\n255\n" + pixels},

@@ -15,6 +15,8 @@ import numpy as np
 from kmpc_lite.errors import DataError, did_you_mean
 from kmpc_lite.learn.formats.tables import LARGEST
 from kmpc_lite.learn.logs import Log, ReadOptions, correct
+from kmpc_lite.mcap.layout import DRIVE
+from kmpc_lite.mcap.read import is_ours
 from kmpc_lite.reading import open_regular
 
 
@@ -33,6 +35,7 @@ class Reader(NamedTuple):
 
 TABLE = Reader("tables:read_table", "a table")
 BAG = Reader("rosbag:read_bag", "a ROS bag", "rosbags")
+RECORDED = Reader("recorded:read_recorded", "a drive that kmpc recorded")
 READERS: dict[str, Reader] = {
     ".csv": TABLE,
     ".npz": TABLE,
@@ -120,7 +123,10 @@ def find_logs(paths: Iterable[str | os.PathLike[str]]) -> list[Path]:
     """
     found: list[Path] = []
     for path in map(Path, paths):
-        if path.is_dir() and not is_bag(path):
+        if path.is_dir() and not is_bag(path) and is_ours(path / DRIVE):
+            # what lies beside it holds the same drive
+            found.append(path / DRIVE)
+        elif path.is_dir() and not is_bag(path):
             inside = sorted(p for p in path.iterdir() if p.suffix.lower() in READERS or is_bag(p))
             if not inside and path.suffix.lower() not in READERS:
                 raise DataError(f"{path}: a folder without a log; expected {endings()}")
@@ -162,6 +168,8 @@ def reader_of(file: Path) -> Reader:
     if is_bag(file):
         return BAG
     ending = file.suffix.lower()
+    if READERS.get(ending) is BAG and is_ours(file):
+        return RECORDED
     if ending in READERS:
         return READERS[ending]
     begin = _first_bytes(file)

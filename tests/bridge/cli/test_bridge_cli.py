@@ -319,6 +319,9 @@ def test_record_at_random_stays_inside_and_can_be_learned_from(desk, capsys):
             assert main(command) == 0
     report = json.loads(capsys.readouterr().out)
     assert outside == [] and report["rows"] > 25 and report["problems"] == []
+    assert report["outcome"] == "recorded" and not report["coverage"]["complete"]
+    assert 0.0 < report["coverage"]["parts"]["length"] < 0.1
+    assert any(line.startswith("reverse: ") for line in report["coverage"]["missing"])
     data = kl.Dataset.load("drive.csv")
     assert data.dt == pytest.approx(0.1) and data.steps > 25
 
@@ -511,8 +514,12 @@ MAVLINK = ["--driver", "mavlink", "--link", "pty:link"]
             "safety.geofence: missing: random driving needs",
         ),
         (
-            ["record", *MAVLINK, "--excite", "--output", "a", "--geofence", "0", "0", "1", "1"],
+            ["record", *MAVLINK, "--excite", "--output", "a", "--geofence", "0", "0", ".1", "1"],
             "too small to drive in at random",
+        ),
+        (
+            ["record", *MAVLINK, "--by-hand", "--until-covered", "--output", "a"],
+            "--until-covered: goes with --excite",
         ),
         (["record", *MAVLINK, "--by-hand", "--arm", "--output", "a"], "--by-hand: the pilot arms"),
         (

@@ -5,12 +5,15 @@ scenarios.
 import math
 from collections import Counter
 
+import numpy as np
 import pytest
 
 from firmware_bridge.messages import ConfigError, State
 from firmware_bridge.recording.excitation import Excitation
 from firmware_bridge.runtime.controller_thread import unicycle_arc
 from firmware_bridge.safety.limits import Limits
+from kmpc_lite.learn.coverage import find_coverage
+from tests.helpers.simulated_robot import Simulated
 
 FENCE = (-1.0, -2.0, 3.0, 2.0)
 
@@ -83,6 +86,66 @@ def test_the_same_seed_drives_the_same_way():
     assert runs[0] == runs[1] != runs[2]
 
 
-def test_a_fence_that_is_too_small_is_refused():
-    with pytest.raises(ConfigError, match="too small to drive in at random at 0.3 m/s"):
-        Excitation((0.0, 0.0, 1.0, 5.0), Limits())
+def test_a_fence_that_is_far_too_small_is_refused_with_the_speed_that_it_would_bear():
+    with pytest.raises(ConfigError, match="too small to drive in at random at 3 m/s: at most 0.2"):
+        Excitation((0.0, 0.0, 1.0, 5.0), Limits(v_max=3.0))
+
+
+def test_in_a_small_fence_it_drives_more_slowly_and_says_so():
+    excitation = Excitation((-0.4, -0.4, 0.4, 0.4), Limits())
+    assert 0.1 < excitation.largest[0] == excitation.largest[1] < 0.2
+    assert "room for 0.1" in excitation.note and Excitation(FENCE, Limits()).note == ""
+    for state, (v, _), _ in drive(excitation, Limits(), 120.0, 0.2, 0.1, 1.0):
+        assert max(abs(state.x - 1.0), abs(state.y)) < 1.0 or abs(v) < 0.2
+
+
+ROBOTS = {
+    "micro": (0.6, Limits(v_max=0.2, v_reverse=0.2, omega_max=3.0), 0.05, 0.02, 1.0),
+    "husky": (8.0, Limits(v_max=1.0, v_reverse=1.0, omega_max=1.0), 0.3, 0.1, 0.37),
+    "warthog": (30.0, Limits(v_max=4.0, v_reverse=4.0, omega_max=2.0), 0.4, 0.1, 0.63),
+    "forward only": (2.0, Limits(v_reverse=0.0), 0.2, 0.1, 1.0),
+    "slow turner": (4.0, Limits(v_max=0.5, v_reverse=0.5, omega_max=0.15), 0.3, 0.1, 1.0),
+    "late": (5.0, Limits(v_max=0.5, v_reverse=0.5), 0.8, 0.5, 1.0),
+}
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_any_robot_stays_inside_and_its_log_shows_all_that_a_model_needs(name):
+    half, limits, lag, dead_time, turns = ROBOTS[name]
+    period = 0.05 if name == "micro" else 0.1
+    seconds = 180.0 if name in ("warthog", "slow turner") else 90.0
+    robot = Simulated(limits, lag, dead_time, gains=(1.0, turns), period=period)
+    excitation = Excitation(
+        (-half, -half, half, half), limits, seconds=seconds, seed=1, delay=lambda: robot.watch.delay
+    )
+    poses = robot.drive(excitation, seconds)
+    assert robot.watch.trouble == excitation.trouble == ""
+    assert max(max(abs(p.x), abs(p.y)) for p in poses) < half
+    assert 0.3 * (lag + dead_time) < robot.watch.delay < 1.5 * (lag + dead_time) + 2.0 * period
+    rows = [np.array(stretch) for stretch in robot.watch.stretches]
+    coverage = find_coverage(rows, period, excitation.largest)
+    assert coverage.is_complete, coverage.advice()
+
+
+def test_commands_are_held_longer_where_a_robot_answers_late_or_changes_its_speed_slowly():
+    def hold(delay, **limits):
+        return Excitation((-50, -50, 50, 50), Limits(**limits), delay=lambda: delay).hold
+
+    assert hold(0.1) < hold(0.5) < hold(1.5) and hold(0.1) < hold(0.1, v_max=3.0)
+    assert Excitation(FENCE, Limits(), hold=0.7, delay=lambda: 1.5).hold == 0.7
+
+
+def test_without_manoeuvres_all_commands_are_the_papers():
+    limits = Limits()
+    out = drive(Excitation(FENCE, limits, hold=0.3, manoeuvres=False), limits, 120, 0.1, 0.05, 1.0)
+    assert all(v != 0.0 and omega != 0.0 for _, (v, omega), returning in out[10:] if not returning)
+
+
+def test_a_robot_that_goes_on_towards_the_fence_is_trouble():
+    excitation = Excitation((-2.0, -2.0, 2.0, 2.0), Limits())
+    for k in range(200):
+        excitation(State(0.02 * k, 0.0, 0.0, 0.2, 0.0, 0.1 * k))
+        if excitation.trouble:
+            break
+    assert "towards the fence although it was told to turn back" in excitation.trouble
+    assert 0.02 * k < 2.0

@@ -1,0 +1,118 @@
+"""How late, and how far, a robot answers what it is told: from its poses while it drives."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+from firmware_bridge.messages import State
+
+
+@dataclass(frozen=True)
+class AnswerOptions:
+    """What is looked at, and what is believed."""
+
+    window: float = 1.0
+    """Motions over so long are compared with what was told [s]: the pose's noise weighs little."""
+    longest: float = 2.0
+    """Latest answer that is looked for [s]."""
+    recent: float = 6.0
+    """Motion that lies longer ago is forgotten [s]."""
+    least: float = 1.0
+    """Motion at the largest speed that must have been told before anything is said [s]."""
+
+
+class Answer(NamedTuple):
+    """One speed's answer."""
+
+    told: float
+    """How far the robot was told to go, lately [m or rad]."""
+    gain: float
+    """Share of it that the robot went; negative: the other way."""
+    likeness: float
+    """Correlation of what was told and what was done, -1 to 1."""
+    delay: float
+    """How late it answers [s]."""
+
+
+class AnswerMeter:
+    """Compares commands on the wire with the motion that the poses show.
+
+    Parameters
+    ----------
+    period : float
+        Between two samples [s].
+    largest : tuple
+        Largest speed [m/s] and turn rate [rad/s] that are told.
+    options : AnswerOptions, optional
+        What is believed.
+    """
+
+    def __init__(
+        self, period: float, largest: tuple[float, float], options: AnswerOptions | None = None
+    ) -> None:
+        self._options = AnswerOptions() if options is None else options
+        self._period, self._largest = period, largest
+        self._lags = round(self._options.longest / period)
+        self._span = max(1, round(self._options.window / period))
+        self._first = self._span + self._lags
+        self._told: deque[tuple[float, float]]
+        self._done: deque[tuple[float, float]]
+        self._last: State | None = None
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew with a robot that stands, after an interruption too."""
+        size = round(self._options.recent / self._period) + self._first + 1
+        still = [(0.0, 0.0)] * (self._first + 1)
+        self._told, self._done = deque(still, maxlen=size), deque(still, maxlen=size)
+        self._last = None
+
+    def add(self, state: State, command: tuple[float, float]) -> None:
+        """Take in the pose at the end of a period, and the mean command in it."""
+        before, self._last = self._last, state
+        if before is None:
+            return
+        told, done = self._told[-1], self._done[-1]
+        turn = math.remainder(state.theta - before.theta, math.tau)
+        heading = before.theta + 0.5 * turn
+        ahead = (state.x - before.x) * math.cos(heading) + (state.y - before.y) * math.sin(heading)
+        self._told.append(
+            (told[0] + command[0] * self._period, told[1] + command[1] * self._period)
+        )
+        self._done.append((done[0] + ahead, done[1] + turn))
+
+    @property
+    def is_long(self) -> bool:
+        """Whether it has seen as much as it remembers: an answer would have come by now."""
+        return len(self._told) == self._told.maxlen
+
+    def speed(self) -> Answer | None:
+        """Answer to v; None while too little was told."""
+        return self._answer(0)
+
+    def turn(self) -> Answer | None:
+        """Answer to omega; None while too little was told."""
+        return self._answer(1)
+
+    def _answer(self, which: int) -> Answer | None:
+        told = [row[which] for row in self._told]
+        done = [row[which] for row in self._done]
+        distance = sum(abs(b - a) for a, b in pairwise(told[self._first :]))
+        if distance < self._options.least * self._largest[which]:
+            return None
+        rows = range(self._first, len(told))
+        moved = [done[k] - done[k - self._span] for k in rows]
+        squares = sum(d * d for d in moved)
+        best = Answer(distance, 0.0, 0.0, 0.0)
+        for lag in range(self._lags + 1):
+            asked = [told[k - lag] - told[k - lag - self._span] for k in rows]
+            both = sum(a * d for a, d in zip(asked, moved, strict=True))
+            size = sum(a * a for a in asked)
+            likeness = both / math.sqrt(size * squares) if size * squares > 0.0 else 0.0
+            if abs(likeness) > abs(best.likeness) + 1e-9:
+                best = Answer(distance, both / size, likeness, lag * self._period)
+        return best

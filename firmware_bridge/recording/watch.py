@@ -1,0 +1,152 @@
+"""Watches a robot that is recorded: what it is told, whether it does that, and how late."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from statistics import median
+
+from firmware_bridge.messages import State
+from firmware_bridge.recording.answer import Answer, AnswerMeter
+from firmware_bridge.safety.gate import GateOutput
+from firmware_bridge.safety.gate_table import GateState
+from firmware_bridge.safety.limits import Limits
+
+Command = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class WatchOptions:
+    """When a robot counts as one that does not do what it is told."""
+
+    every: float = 1.0
+    """How often it is judged [s]."""
+    likeness: float = 0.7
+    """Correlation of motion and commands from which on the motion counts as an answer."""
+    moves: float = 0.1
+    """Share of what it is told that a robot must move, at least."""
+    frozen: float = 1.5
+    """How long poses may repeat each other to the last digit [s]."""
+    remembered: int = 15
+    """Measured delays of which the median counts."""
+
+
+class DriveWatch:
+    """An observer of the loop: it rates the robot's answers, and keeps the commands by the row.
+
+    Parameters
+    ----------
+    period : float
+        Of the rows [s].
+    limits : Limits
+        Largest speeds that are told.
+    by_hand : bool
+        Somebody else drives: the measured speeds stand in for the commands, and nothing is judged.
+    options : WatchOptions, optional
+        When a robot does not do what it is told.
+    """
+
+    def __init__(
+        self,
+        period: float,
+        limits: Limits,
+        by_hand: bool = False,
+        options: WatchOptions | None = None,
+    ) -> None:
+        self._options = WatchOptions() if options is None else options
+        self._period, self._by_hand = period, by_hand
+        self._largest = max(limits.v_max, limits.v_reverse), limits.omega_max
+        self._meter = AnswerMeter(period, self._largest)
+        self._delays: deque[float] = deque(maxlen=self._options.remembered)
+        self._sum, self._since, self._last = (0.0, 0.0), 0.0, 0.0
+        self._driving = False
+        self._judged = -math.inf
+        self._pose: State | None = None
+        self._changed, self._told = -math.inf, 0.0
+        self.stretches: list[list[Command]] = []
+        """Mean commands on the wire, a row a period, of each stretch without an interruption."""
+        self.trouble = ""
+        """Why the robot must be stopped, in words; empty while nothing is wrong."""
+
+    @property
+    def delay(self) -> float | None:
+        """How late the robot answers, as far as it is known [s]."""
+        return median(self._delays) if self._delays else None
+
+    def on_tick(
+        self, now: float, state: State | None, output: GateOutput, sent: bool, fresh: bool
+    ) -> None:
+        """Take in one tick of the loop."""
+        driving = self._by_hand or output.state is GateState.ACTIVE
+        if not driving or state is None:
+            self._driving = False
+            return
+        if not self._driving:
+            self._begin(now, state)
+            return
+        dt, self._last = now - self._last, now
+        v, omega = (state.v, state.omega) if self._by_hand else (output.v, output.omega)
+        self._sum = self._sum[0] + v * dt, self._sum[1] + omega * dt
+        self._told += dt * max(abs(v) / self._largest[0], abs(omega) / self._largest[1])
+        self._look_for_change(state)
+        if now - self._since >= self._period - 1e-6:
+            held = now - self._since
+            command = self._sum[0] / held, self._sum[1] / held
+            self._meter.add(state, command)
+            self.stretches[-1].append(command)
+            self._sum, self._since = (0.0, 0.0), now
+        due = now - self._judged >= self._options.every
+        if due and not self._by_hand and not self.trouble:
+            self._judged = now
+            self.trouble = self._judge(now)
+
+    def _begin(self, now: float, state: State) -> None:
+        self._driving, self._pose = True, state
+        self._sum, self._since, self._last = (0.0, 0.0), now, now
+        self._changed, self._told, self._judged = now, 0.0, now
+        self._meter.forget()
+        self._meter.add(state, (0.0, 0.0))
+        self.stretches.append([])
+
+    def _look_for_change(self, state: State) -> None:
+        """Note when the pose was another one last, by its own stamp."""
+        last = self._pose
+        if last is None or (state.x, state.y, state.theta) != (last.x, last.y, last.theta):
+            self._pose, self._changed, self._told = state, state.stamp, 0.0
+
+    def _judge(self, now: float) -> str:
+        """Say what is wrong, if anything is."""
+        options = self._options
+        still = now - self._changed
+        if still > options.frozen and self._told > 0.5 * options.frozen:
+            return (
+                f"the pose has not changed in any digit for {still:.1f} s of driving: its source "
+                "is frozen, or the motors are off"
+            )
+        speed, turn = self._meter.speed(), self._meter.turn()
+        wrong = self._wrong(speed, "drive", "m") or self._wrong(turn, "turn", "rad")
+        if wrong:
+            return wrong
+        known = [a.delay for a in (speed, turn) if a is not None and a.likeness > options.likeness]
+        if known:
+            self._delays.append(max(known))
+        return ""
+
+    def _wrong(self, answer: Answer | None, verb: str, unit: str) -> str:
+        if answer is None:
+            return ""
+        if answer.likeness < -self._options.likeness and answer.gain < -self._options.moves:
+            ways = "forward it goes back" if verb == "drive" else "left it turns right"
+            return (
+                f"told to {verb} {ways}, and the other way round, {-answer.gain:.2f} of what it is "
+                "told: motors exchanged or inverted, or a pose of another frame"
+            )
+        moved = abs(answer.gain) * abs(answer.likeness) > self._options.moves
+        if self._meter.is_long and not moved:
+            return (
+                f"told to {verb} {answer.told:.2g} {unit} within the last seconds, it hardly moved "
+                f"({100 * abs(answer.gain):.0f} % of it): motors off, stuck, or poses of something "
+                "else"
+            )
+        return ""

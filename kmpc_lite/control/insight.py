@@ -1,0 +1,70 @@
+"""What was behind a plan: for logs, pages and viewers, and worked out for them alone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kmpc_lite.control.nmpc.trajectory import command_windows
+from kmpc_lite.control.plan import Plan
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.controller import Controller
+
+DIRECTIONS = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+"""In which margins are looked at [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Insight:
+    """What the controller had in mind beside its plan."""
+
+    path: Array
+    """(K, 2) points of the path that guidance follows [m]; (0, 2) where there is none."""
+    margins: Array
+    """(N,) what stages 1 to N of the plan keep from obstacles beyond the radii [m], in the
+    direction in which that is most."""
+
+
+def insight(controller: Controller, plan: Plan) -> Insight:
+    """Look behind the plan that a controller has just made; changes nothing.
+
+    To be called between two steps, in the thread that makes them.
+
+    Examples
+    --------
+    >>> from kmpc_lite import Circle, Controller, nominal_unicycle
+    >>> controller = Controller(nominal_unicycle(0.1))
+    >>> plan = controller.step((0, 0, 0), goal=(1.5, 1.5, 0), obstacles=[Circle(0.7, 0.7, 0.15)])
+    >>> found = insight(controller, plan)
+    >>> found.path.shape[1], found.margins.shape
+    (2, (20,))
+    """
+    state, length = controller.state, controller.scale.length
+    guide = state.guide
+    path = np.empty((0, 2))
+    if guide is not None and guide.path is not None:
+        path = guide.path.points * length
+    return Insight(path, _margins(controller, plan))
+
+
+def _margins(controller: Controller, plan: Plan) -> Array:
+    """Margins (N,) of a plan's stages [m]."""
+    state, scale, known = controller.state, controller.scale, controller._known
+    asked = np.full(len(plan.inputs), float(controller.problem.margin))
+    if known.margins is None or not np.isfinite(plan.states).all():
+        return asked
+    states, inputs = plan.states / scale.state, plan.inputs / scale.command
+    past = command_windows(known.model.history, state.history.commands, inputs)
+    lin = known.model.linearize(states[:-1], inputs, past)
+    around = np.column_stack([np.cos(DIRECTIONS), np.sin(DIRECTIONS)])
+    clearance = math.inf if state.guide is None else state.guide.path_clearance
+    found = known.margins.tightening.margins(
+        state.drift, lin, states, inputs, np.tile(around, (len(inputs), 1, 1)), clearance
+    )
+    out: Array = asked + found.max(axis=1) * scale.length
+    return out

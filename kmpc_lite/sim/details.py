@@ -1,0 +1,56 @@
+"""What lay behind each step of a drive, as far as it was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from kmpc_lite.types import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Details:
+    """T steps, at the times at which they were really made; times count from the drive's first."""
+
+    times: Array
+    """(T,) [s], growing."""
+    poses: Array
+    """(T, 3) that each step planned from."""
+    plans: Array
+    """(T, S, 3) states of the plans, `stage_time` apart."""
+    stage_time: float
+    """[s]"""
+    margins: Array
+    """(T, S) what these keep from obstacles beyond the radii [m]."""
+    commands: Array
+    """(T, 2) that the plans begin with."""
+    statuses: tuple[str, ...]
+    progress: tuple[str, ...]
+    reasons: tuple[str, ...]
+    clearances: Array
+    """(T,) of the plans [m]; infinite without obstacles."""
+    pose_ages: Array
+    """(T,) [s]; NaN where it is not known."""
+    step_times: Array
+    """(T,) [s]."""
+    paths: tuple[Array, ...]
+    """Paths (K, 2) that guidance followed [m]."""
+    path_of: Array
+    """(T,) number of each step's path; -1: none."""
+    circles: tuple[Array, ...]
+    """Circles (M, 5) that were seen."""
+    circles_of: Array
+    """(T,) number of those that each step saw; -1: none."""
+    measured: Array
+    """(P, 4) poses as they came: time [s], x, y [m], theta [rad]."""
+    sent: Array
+    """(C, 3) commands that went to the robot: time [s], v [m/s], omega [rad/s]."""
+    gates: tuple[tuple[float, str, tuple[str, ...]], ...] = ()
+    """Times [s], states of the safety gate, and the reasons for them."""
+    health: tuple[tuple[float, Mapping[str, Any]], ...] = ()
+    """Times [s], and the state of link and vehicle."""
+    notes: tuple[tuple[float, str, bool], ...] = ()
+    """Times [s], what was told, and whether it is bad."""
+    scans: tuple[tuple[float, Array], ...] = ()
+    """Times [s], and what was hit, (B, 2) in the robot's frame [m]."""
