@@ -17,11 +17,12 @@ from firmware_bridge.options import bounded, check, from_table
 from firmware_bridge.runtime.loop import TICK
 from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.limits import Limits
+from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.pose import check_pose_url
 from kmpc_lite.reading import read_toml
 
 DRIVERS = ("mavlink", "roboclaw", "odrive", "vesc", "roboteq", "sabertooth", "arduino")
-SECTIONS = ("link", "board", "geometry", "limits", "safety", "frame", "control")
+SECTIONS = ("link", "board", "geometry", "limits", "safety", "frame", "control", "lidar")
 NOMINAL_LATENCY = {name: 0.2 if name == "mavlink" else 0.0 for name in DRIVERS}
 """Taken for a model without input history where nobody says better [s].  An autopilot's own speed
 loop lags: on the emulated rover the nominal unicycle grazes obstacles with 0.1 s or less, but not
@@ -69,6 +70,9 @@ class ControlOptions:
     adaptation: bool = True
     """Whether a learned model is corrected while driving where the floor contradicts it; the
     nominal one, which knows no lag, never is."""
+    map: bool = True
+    """Whether the controller is told the scenario's obstacles; without, it drives by its lidar
+    alone."""
     scenario: str | None = None
     """Scenario file, or the name of one that comes with kmpc_lite."""
 
@@ -91,6 +95,8 @@ class Robot:
     wheel odometry, else zero."""
     socket: Path | None = None
     """Of the emergency stop; the user's default where not given."""
+    lidar: LidarOptions | None = None
+    """Its lidar, without fresh scans of which it does not drive."""
     sections: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """As read; `board` and `geometry` are checked by the driver."""
 
@@ -111,6 +117,8 @@ class Robot:
                     "or leave it out"
                 )
             board = {**board, "pose": "mocap"}
+        if self.lidar is not None and self.lidar.driver == "mavlink":
+            board = {**board, "sectors": True}
         if self.link.driver == "sabertooth" and self.link.pose is None:
             raise ConfigError(
                 "link.pose: missing: a Sabertooth has no encoders; give --pose udp:HOST:PORT, "
@@ -204,6 +212,7 @@ def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
         control,
         _origin(sections.get("frame", {})),
         None if socket is None else Path(socket),
+        _lidar(sections.get("lidar", {}), link),
         sections,
     )
 
@@ -215,6 +224,20 @@ def check_period(period: float, gate: GateSettings) -> None:
             f"control.period: {period:g} s is too long for a watchdog of {gate.watchdog:g} s: "
             f"expected at most {gate.watchdog / LOOSE:.3g} s, or a longer safety.watchdog"
         )
+
+
+def _lidar(table: Mapping[str, Any], link: LinkOptions) -> LidarOptions | None:
+    if not table:
+        return None
+    if "driver" not in table:
+        raise ConfigError("lidar.driver: missing: give --lidar NAME")
+    lidar = LidarOptions.from_table(table)
+    if lidar.driver == "mavlink" and link.driver != "mavlink":
+        raise ConfigError(
+            "lidar.driver: mavlink: only an autopilot tells of its sensors, and link.driver is "
+            f"{link.driver}"
+        )
+    return lidar
 
 
 def _origin(frame: Mapping[str, Any]) -> tuple[float, float, float] | None:

@@ -8,6 +8,7 @@ import math
 import sys
 import time
 from dataclasses import dataclass
+from typing import Any
 
 from firmware_bridge.cli.options import add_robot_options, read_robot
 from firmware_bridge.drivers import Driver
@@ -36,6 +37,7 @@ ADVICE = {
     Reason.ESTIMATE: "wait for the position estimate, check GPS, motion capture or encoders",
     Reason.POSE: "poses must come at least every safety.pose_age seconds",
     Reason.POSE_INVALID: "the board sends poses that are not numbers: check its sensors",
+    Reason.SCAN: "see the lidar's lines; a turn must come at least every safety.scan_age seconds",
     Reason.FRAME: "look whether the robot is shown where it is",
     Reason.GEOFENCE: "the robot stands outside safety.geofence: carry or drive it inside, "
     "or check the frame",
@@ -102,7 +104,10 @@ def check(robot: Robot, seconds: float) -> list[Finding]:
         driver.close()
         return [*found, Finding(False, str(error))]
     try:
-        return [*found, *_telemetry(driver, robot, seconds), *_judgement(driver, robot)]
+        found += _telemetry(driver, robot, seconds)
+        if robot.lidar is not None:
+            found += _sight(driver, robot, seconds)
+        return [*found, *_judgement(driver, robot)]
     finally:
         driver.close()
 
@@ -157,6 +162,13 @@ def _telemetry(driver: Driver, robot: Robot, seconds: float) -> list[Finding]:
     notes = getattr(driver, "notes", None)
     found += [Finding(True, f"note: {note}") for note in (notes() if notes is not None else ())]
     return found
+
+
+def _sight(driver: Any, robot: Robot, seconds: float) -> list[Finding]:
+    """What the lidar sees."""
+    from firmware_bridge.cli.lidar_check import look  # NumPy only for robots that see
+
+    return [Finding(ok, text) for ok, text in look(driver, robot, seconds)]
 
 
 def _judgement(driver: Driver, robot: Robot) -> list[Finding]:

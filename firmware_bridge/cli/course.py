@@ -79,8 +79,17 @@ def course(
         fence = (x_min - FENCE_ROOM, y_min - FENCE_ROOM, x_max + FENCE_ROOM, y_max + FENCE_ROOM)
         robot = replace(robot, gate=replace(robot.gate, geofence=fence))
 
+    solids = () if scenario.solids is None else scenario.solids.solids
+    sees, told = robot.lidar is not None, robot.control.map
+    if not (sees or told):
+        raise ConfigError(f"{robot.where}: control.map: false needs a [lidar] (--lidar NAME)")
+
     def step(pose: tuple[float, float, float], circles: Any) -> tuple[float, float, str]:
-        obstacles = circles if scenario.solids is None else [*circles, *scenario.solids.solids]
+        if sees and navigator.scan is None:
+            return 0.0, 0.0, "NO_SCAN"
+        obstacles = [*circles, *solids] if solids else circles
+        if sees:
+            obstacles = [*(obstacles if told else ()), laser_scan(navigator.scan)]
         plan = controller.step(pose, scenario.goal, obstacles, sent=navigator.held() or UNKNOWN)
         if watch is not None:
             watch(pose, plan)
@@ -101,6 +110,22 @@ def course(
     period = robot.control.period or controller.problem.dt
     navigator = Navigator(step, task, settle, seconds, wait=wait)
     return Course(scenario.name, robot, navigator, period, origin, note, scenario, controller)
+
+
+def laser_scan(scan: Any) -> Any:
+    """Make the controller's scan of the bridge's (`firmware_bridge.sensors.scan.Scan`)."""
+    import kmpc_lite as kl
+
+    return kl.LaserScan(
+        scan.ranges,
+        scan.angle_min,
+        scan.angle_increment,
+        range_min=scan.range_min,
+        range_max=scan.range_max,
+        mount=scan.mount,
+        noise=scan.noise,
+        age=scan.age,
+    )
 
 
 def _with_latency(robot: Robot, history: int) -> tuple[Robot, str]:

@@ -11,16 +11,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from firmware_bridge.cli.options import need_driver, people
+from firmware_bridge.emulator.lidar.kinds import Eyes
 from firmware_bridge.emulator.mocap import MocapSender
 from firmware_bridge.link.url import LinkUrl
 from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import Robot, load_robot
+from firmware_bridge.sensors.lidar.options import LIDARS
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import positive
 
 if TYPE_CHECKING:
     from firmware_bridge.emulator.board import BoardEmulator
+    from firmware_bridge.emulator.lidar.lidar import LidarEmulator
+    from firmware_bridge.emulator.rover.telemetry import Around
     from kmpc_lite.sim import Scenario
     from kmpc_lite.sim.twin import Twin
 
@@ -93,6 +97,16 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="share of a commanded turn that the robot makes",
     )
     add("--seed", type=int, default=0, help="seed of the slip (default: 0)")
+    add(
+        "--lidar",
+        choices=LIDARS,
+        metavar="NAME",
+        nargs="?",
+        const=True,
+        help="emulate a lidar, too, which sees the scenario's obstacles: the robot file's, or\n"
+        f"{', '.join(LIDARS)} (the rover's own sensors)",
+    )
+    add("--lidar-link", metavar="URL", help="where it is served; the robot file's where not given")
     add("--pose", metavar="URL", help="emulate motion capture, too: send poses to udp:HOST:PORT")
     add(
         "--arm-after",
@@ -108,24 +122,36 @@ def run(options: argparse.Namespace) -> int:
     """Emulate a robot until Ctrl-C, or for so long."""
     autopilot = options.robot == "mavlink"
     driver = "mavlink" if autopilot else None
+    name = options.lidar if isinstance(options.lidar, str) else None
     robot = load_robot(
         None if autopilot else options.robot,
-        {"link": {"url": options.link, "driver": driver, "pose": options.pose}},
+        {
+            "link": {"url": options.link, "driver": driver, "pose": options.pose},
+            "lidar": {"driver": name, "link": options.lidar_link},
+        },
     )
     need_driver(robot)
     if options.physics == "mujoco":
         need("--physics mujoco", "mujoco")
-    emulator = _emulator(options, robot)
+    emulator, lidar = _emulator(options, robot)
     report = emulate(
-        emulator, robot.link.url, options.seconds, people(options), options.pose, options.seed
+        emulator,
+        robot.link.url,
+        options.seconds,
+        people(options),
+        options.pose,
+        options.seed,
+        lidar,
     )
     if options.json:
         print(json.dumps(report))
     return 0
 
 
-def _emulator(options: argparse.Namespace, robot: Robot) -> Emulator:
-    """Build what the options of a command line ask for."""
+def _emulator(
+    options: argparse.Namespace, robot: Robot
+) -> tuple[Emulator, tuple[LidarEmulator, str] | None]:
+    """Build what the options of a command line ask for: the robot, and its lidar with its URL."""
     scenario: Scenario | None = None
     start, slip, turn_gain = (0.0, 0.0, 0.0), 0.0, 1.0
     if options.scenario is not None:
@@ -142,7 +168,12 @@ def _emulator(options: argparse.Namespace, robot: Robot) -> Emulator:
         from kmpc_lite.sim.twin import Twin
 
         twin = Twin(seed=options.seed) if scenario is None else Twin.of(scenario, options.seed)
-    return build_emulator(robot, start, slip, turn_gain, options.seed, options.arm_after, twin)
+    eyes = None if options.lidar is None else Eyes(robot.lidar, scenario, options.seed)
+    around = None if eyes is None else eyes.around
+    emulator = build_emulator(
+        robot, start, slip, turn_gain, options.seed, options.arm_after, twin, around
+    )
+    return emulator, None if eyes is None else eyes.served(lambda: emulator.pose)
 
 
 def build_emulator(
@@ -153,8 +184,12 @@ def build_emulator(
     seed: int,
     arm_after: float,
     twin: Twin | None = None,
+    around: Around | None = None,
 ) -> Emulator:
-    """Build the board of a robot file, and a robot under it: one that slips, or a digital twin."""
+    """Build the board of a robot file, and a robot under it: one that slips, or a digital twin.
+
+    An autopilot tells what is `around` it.
+    """
     floor: dict[str, Any] = {"slip": slip, "turn_gain": turn_gain, "seed": seed}
     if robot.is_autopilot:
         from firmware_bridge.emulator.rover.parameters import MOTION_CAPTURE
@@ -175,6 +210,7 @@ def build_emulator(
             physics=physics,
             parameters=parameters,
             noise=GPS_NOISE,
+            around=around,
         )
     module = import_module(f"firmware_bridge.emulator.{robot.link.driver}")
     emulator: BoardEmulator = getattr(module, BOARDS[robot.link.driver]).from_options(
@@ -195,10 +231,12 @@ def emulate(
     out: TextIO | None,
     pose: str | None = None,
     seed: int = 0,
+    lidar: tuple[LidarEmulator, str] | None = None,
 ) -> dict[str, Any]:
     """Serve until SIGINT, SIGTERM, or for so long [s]; tells the last pose.
 
-    With `pose`, motion capture sends there, with the noise of `seed`.
+    With `pose`, motion capture sends there, with the noise of `seed`; a `lidar` is served at its
+    URL.
 
     Raises
     ------
@@ -215,6 +253,8 @@ def emulate(
     until = None if seconds is None else time.monotonic() + seconds
     camera = None if pose is None else MocapSender(lambda: emulator.pose, pose, seed)
     try:
+        if lidar is not None:
+            lidar[0].start(lidar[1])
         emulator.start(url)
         if camera is not None:
             camera.start()
@@ -237,6 +277,8 @@ def emulate(
     finally:
         if camera is not None:
             camera.close()
+        if lidar is not None:
+            lidar[0].close()
         emulator.close()
         for number, handler in handlers.items():
             signal.signal(number, handler)

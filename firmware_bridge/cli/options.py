@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from typing import Any, TextIO
 
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import DRIVERS, Robot, load_robot
+from firmware_bridge.sensors.lidar.options import LIDARS
 from kmpc_lite.cli.extras import need
 from kmpc_lite.reading import parse_toml
 
@@ -58,6 +60,7 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
         metavar=("XMIN", "YMIN", "XMAX", "YMAX"),
         help="safety.geofence [m]",
     )
+    add_lidar_options(add)
     add("--socket", metavar="PATH", help="safety.socket: path of the emergency stop's socket")
     add(
         "--set",
@@ -65,6 +68,21 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="SECTION.KEY=VALUE",
         help="any other key, in TOML: board.rate=50",
+    )
+
+
+def add_lidar_options(add: Callable[..., object]) -> None:
+    """Add which lidar the robot has."""
+    add(
+        "--lidar",
+        choices=LIDARS,
+        metavar="NAME",
+        help=f"lidar.driver: {', '.join(LIDARS)} (an autopilot's own sensors)",
+    )
+    add(
+        "--lidar-link",
+        metavar="URL",
+        help="lidar.link: serial:PATH, pty:PATH, tcp:HOST:PORT, udp:HOST:PORT",
     )
 
 
@@ -120,6 +138,7 @@ def read_robot(options: argparse.Namespace) -> Robot:
             "timeout": given.get("timeout"),
             "pose": given.get("pose"),
         },
+        "lidar": {"driver": given.get("lidar"), "link": given.get("lidar_link")},
         "board": {"arm": True if given.get("arm") else None},
         "limits": {
             "v_max": given.get("v_max"),
@@ -132,6 +151,7 @@ def read_robot(options: argparse.Namespace) -> Robot:
             for name in ("period", "command_period", "latency", "model", "scenario")
         },
     }
+    overrides["control"]["map"] = False if given.get("by_sight") else None
     for item in given.get("set", []):
         section, key, value = _assignment(item)
         overrides.setdefault(section, {})[key] = value

@@ -43,6 +43,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="scenario file, or the name of one that comes with kmpc_lite",
     )
     add(
+        "--by-sight",
+        action="store_true",
+        help="control.map = false: the controller is not told the scenario's obstacles, and drives "
+        "by the lidar alone",
+    )
+    add(
         "--seconds",
         type=positive,
         metavar="S",

@@ -32,9 +32,10 @@ def open_transport(url: str) -> Transport:
     Parameters
     ----------
     url : str
-        ``serial:PATH?baud=115200``, ``pty:PATH`` (made by the emulator), ``tcp:HOST:PORT``
-        (connects), ``udp:HOST:PORT`` (sends there; ``?listen=1`` waits there for the vehicle to
-        speak first), ``loopback:NAME?drop=0.1&seed=3`` (the fields of `Faults`).
+        ``serial:PATH?baud=115200`` (``&dtr=0`` for a line that must be off), ``pty:PATH`` (made by
+        the emulator), ``tcp:HOST:PORT`` (connects), ``udp:HOST:PORT`` (sends there;
+        ``?listen=1`` waits there for the vehicle to speak first),
+        ``loopback:NAME?drop=0.1&seed=3`` (the fields of `Faults`).
 
     Raises
     ------
@@ -43,10 +44,11 @@ def open_transport(url: str) -> Transport:
     """
     link = LinkUrl.parse(url)
     if link.kind in ("serial", "pty"):
-        link.allow("baud")
+        link.allow("baud", *(("dtr",) if link.kind == "serial" else ()))
         default = DEFAULT_BAUD if link.kind == "serial" else None
         baud = int(link.number("baud", 0.0, min(SPEEDS), max(SPEEDS))) or default
-        return ThreadedTransport(TtyEndpoint(link.path(), baud, exclusive=link.kind == "serial"))
+        dtr = bool(link.number("dtr", 0, 0, 1)) if "dtr" in link.options else None
+        return ThreadedTransport(TtyEndpoint(link.path(), baud, link.kind == "serial", dtr))
     if link.kind == "tcp":
         link.allow()
         return ThreadedTransport(TcpEndpoint(*link.address()))

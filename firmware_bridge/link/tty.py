@@ -7,6 +7,7 @@ import fcntl
 import glob
 import grp
 import os
+import struct
 import termios
 
 from firmware_bridge.link.threaded import Endpoint, Port
@@ -16,6 +17,7 @@ SPEEDS = {
     rate: getattr(termios, f"B{rate}")
     for rate in (9600, 19200, 38400, 57600, 115200, 230400, 460800, 500000, 576000, 921600)
 }
+DTR = struct.pack("I", termios.TIOCM_DTR)
 READ_BYTES = 1024
 """Read at once: little, so that whoever takes it in is soon done."""
 
@@ -36,6 +38,11 @@ def make_raw(fd: int, baud: int | None) -> None:
         termios.TCSANOW,
         [0, 0, termios.CS8 | termios.CREAD | termios.CLOCAL, 0, ispeed, ospeed, control],
     )
+
+
+def set_dtr(fd: int, on: bool) -> None:
+    """Set the line DTR of a serial port."""
+    fcntl.ioctl(fd, termios.TIOCMBIS if on else termios.TIOCMBIC, DTR)
 
 
 def explain(path: str, error: OSError) -> str:
@@ -67,8 +74,10 @@ def explain(path: str, error: OSError) -> str:
 class TtyPort:
     """An open terminal."""
 
-    def __init__(self, path: str, baud: int | None, exclusive: bool) -> None:
-        self._path = path
+    def __init__(
+        self, path: str, baud: int | None, exclusive: bool, dtr: bool | None = None
+    ) -> None:
+        self._path, self._dtr = path, dtr
         self._fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
         try:
             if not os.isatty(self._fd):
@@ -80,6 +89,8 @@ class TtyPort:
                 fcntl.ioctl(self._fd, termios.TIOCEXCL)
             make_raw(self._fd, baud)
             termios.tcflush(self._fd, termios.TCIOFLUSH)
+            if dtr is not None:
+                set_dtr(self._fd, dtr)
         except (OSError, termios.error) as error:
             os.close(self._fd)
             raise OSError(*error.args) from error
@@ -111,6 +122,11 @@ class TtyPort:
 
     def close(self) -> None:
         """Close the descriptor, which gives the lock back too."""
+        try:
+            if self._dtr is not None:
+                set_dtr(self._fd, not self._dtr)
+        except OSError:
+            pass  # it is unplugged: there is no line to set
         os.close(self._fd)
 
 
@@ -126,16 +142,21 @@ class TtyEndpoint(Endpoint):
     exclusive : bool
         Forbid other programs to open it, as well as locking it. Not for pseudo-terminals: there the
         mark would outlive a process that dies.
+    dtr : bool or None
+        What the line DTR is while the port is open; the opposite when it is closed. None leaves it
+        as the system sets it.
     """
 
-    def __init__(self, path: str, baud: int | None, exclusive: bool) -> None:
+    def __init__(
+        self, path: str, baud: int | None, exclusive: bool, dtr: bool | None = None
+    ) -> None:
         if baud is not None and baud not in SPEEDS:
             raise ConfigError(f"baud: expected one of {', '.join(map(str, SPEEDS))}, got {baud}")
-        self._path, self._baud, self._exclusive = path, baud, exclusive
+        self._path, self._baud, self._exclusive, self._dtr = path, baud, exclusive, dtr
 
     def open(self) -> Port:
         """Open, lock, set and flush the port."""
         try:
-            return TtyPort(self._path, self._baud, self._exclusive)
+            return TtyPort(self._path, self._baud, self._exclusive, self._dtr)
         except OSError as error:
             raise LinkError(explain(self._path, error)) from error

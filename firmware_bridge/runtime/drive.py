@@ -66,6 +66,8 @@ def run(
             lambda: session.gate.state is GateState.ACTIVE,
             lambda: session.planner.held,
         )
+        if session.sight is not None:
+            navigator.see = session.sight.look
         why: list[str] = []
 
         def finished() -> bool:

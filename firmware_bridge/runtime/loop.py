@@ -288,7 +288,8 @@ class ControlLoop:
         if shot is None:
             return ()
         reasons = (reason.value for reason in shot.output.reasons if reason is not Reason.BOARD)
-        return (*reasons, *shot.status.faults, *filter(None, (shot.status.frame_doubt,)))
+        more = (*shot.status.faults, *shot.status.scan_faults, shot.status.frame_doubt)
+        return (*reasons, *filter(None, more))
 
     def _do(self, now: float, output: GateOutput, latest: object) -> bool:
         """Carry out what the gate decided; return whether v and omega went out."""

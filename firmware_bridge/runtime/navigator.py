@@ -83,6 +83,10 @@ class Navigator:
         """Whether commands pass; set once there is a gate."""
         self.held: Callable[[], tuple[float, float] | None] = lambda: None
         """Mean command on the wire since the last plan; set once there is a planner."""
+        self.see: Callable[[State], Any] = lambda state: None
+        """What the lidar sees from a pose; set once there is one."""
+        self.scan: Any = None
+        """What it saw last, for the planner."""
         self._wait = seconds if wait is None else wait
         self._started: float | None = None
         self._began: float | None = None
@@ -104,6 +108,7 @@ class Navigator:
         circles = self._task.circles_at(self.elapsed(now))
         if self._began is not None:
             self._judge(state, circles, now)
+        self.scan = self.see(state)
         v, omega, status = self._step((state.x, state.y, state.theta), circles)
         self._wanted = (v, omega)
         if self._began is not None:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import Any, Self, TextIO
+from typing import TYPE_CHECKING, Any, Self, TextIO
 
 from firmware_bridge.drivers import Driver
 from firmware_bridge.link import Transport, open_transport
@@ -27,6 +27,9 @@ from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.places import default_socket
 from firmware_bridge.sensors.placed import PlacedDriver
 from firmware_bridge.sensors.pose import PosedDriver
+
+if TYPE_CHECKING:
+    from firmware_bridge.sensors.sight import Sight
 
 STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
 """Each brakes and releases: Ctrl-C, the service manager, a lost terminal, and Ctrl-Z, which would
@@ -63,9 +66,13 @@ def open_driver(robot: Robot, transport: Transport) -> Driver:
         )
     except ConfigError as error:
         raise ConfigError(f"{robot.where}: {error}") from None
-    if robot.link.pose is None:
+    if robot.link.pose is not None:
+        driver = PosedDriver(driver, robot.link.pose, getattr(driver, "feed_pose", None))
+    if robot.lidar is None:
         return driver
-    return PosedDriver(driver, robot.link.pose, getattr(driver, "feed_pose", None))
+    from firmware_bridge.sensors.sighted import with_lidar  # NumPy only for robots that see
+
+    return with_lidar(driver, robot.lidar)
 
 
 class Session:
@@ -120,6 +127,8 @@ class Session:
         self._link_log: DurableFile[Chunk] | None = None
         self._handlers: dict[int, Any] = {}
         self._connecting = True
+        self.sight: Sight | None = None
+        """What the lidar sees, for a robot with one, once the board has answered."""
         self.estop = EmergencyStop(default_socket() if robot.socket is None else robot.socket)
 
     def __enter__(self) -> Self:
@@ -168,12 +177,17 @@ class Session:
             self._controller, self.driver.state, self._period, control.latency or 0.0
         )
         self.gate = SafetyGate(self.robot.gate, LATE_STEPS * self._period)
+        if self.robot.lidar is not None:
+            self.sight = getattr(self._inner, "sight")  # noqa: B009
         self.loop = ControlLoop(
             self.driver,
             self.gate,
             self.planner,
             command_period=control.command_period,
-            observers=(*(() if self._csv is None else (self._csv,)), *self._observers),
+            observers=(
+                *(watcher for watcher in (self._csv, self.sight) if watcher is not None),
+                *self._observers,
+            ),
             operator=self.estop,
             take=take,
             confirm=confirm,

@@ -12,8 +12,8 @@ FUTURE = 0.05
 """How far a stamp may lie ahead of the time of a step [s], since another thread took it. A stamp
 farther ahead is not trusted."""
 GRACE = 1.5
-"""Multiple of `pose_age` at which a late pose is a fault for a robot that drives: from `pose_age`
-on it brakes, and past this it drives on only after `settle`."""
+"""Multiple of `pose_age` and `scan_age` at which a late pose or scan is a fault for a robot that
+drives: from the age itself on it brakes, and past this it drives on only after `settle`."""
 
 
 def judge(
@@ -42,6 +42,8 @@ def judge(
         fresh(now, state.stamp, oldest) and fresh(now, status.pose_stamp, oldest)
     ):
         found.append(Reason.POSE)
+    if _blind(s, now, status, gate):
+        found.append(Reason.SCAN)
     if state is not None and (where := place(s, state)) is not None:
         found.append(where)
     if status.frame_doubt:
@@ -51,6 +53,12 @@ def judge(
     if command is not None and not (math.isfinite(command.v) and math.isfinite(command.omega)):
         found.append(Reason.COMMAND_INVALID)
     return tuple(found)
+
+
+def _blind(s: GateSettings, now: float, status: LinkStatus, gate: GateState) -> bool:
+    """Whether a robot with a lidar has no fresh scan."""
+    oldest = s.scan_age * (GRACE if gate is GateState.ACTIVE else 1.0)
+    return status.scan_stamp is not None and not fresh(now, status.scan_stamp, oldest)
 
 
 def place(s: GateSettings, state: State) -> Reason | None:

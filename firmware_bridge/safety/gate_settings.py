@@ -25,6 +25,8 @@ class GateSettings:
     pose_age: float = 0.25
     """Oldest pose to drive on [s]: the robot is slowed from `slow_from` of it on, and brakes past
     it."""
+    scan_age: float = 0.5
+    """Oldest scan to drive on, for a robot with a lidar [s]: as `pose_age`."""
     heartbeat_age: float = 0.25
     """How long the board may be silent [s]."""
     hold: float = 1.0
@@ -32,8 +34,8 @@ class GateSettings:
     settle: float = 0.5
     """How long nothing may be wrong before the robot drives (again) [s]."""
     slow_from: float = 0.6
-    """Share of `watchdog` and of `pose_age` from which on the robot is slowed, down to zero at the
-    whole; 1 slows nothing."""
+    """Share of `watchdog`, `pose_age` and `scan_age` from which on the robot is slowed, down to
+    zero at the whole; 1 slows nothing."""
     resume: float = 0.0
     """How long a robot that stands may wait for a lost pose, and then drive on by itself [s]; 0:
     no longer than `hold`."""

@@ -59,6 +59,7 @@ class Reason(Enum):
     POSE = "no pose, or too old"
     POSE_INVALID = "pose not finite"
     FRAME = "the board's frame may lie elsewhere than it did: look, then confirm it"
+    SCAN = "no scan of the lidar, or too old"
     GEOFENCE = "outside the geofence"
     COMMAND = "no controller output, or too old"
     COMMAND_INVALID = "controller output not finite"

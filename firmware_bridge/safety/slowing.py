@@ -1,4 +1,4 @@
-"""How fast a robot may drive while its pose, or its command, is late."""
+"""How fast a robot may drive while its pose, its scan or its command is late."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from firmware_bridge.safety.gate_settings import GateSettings
 
 
 class Slowing:
-    """Slows the robot before a pose or a command is too old, so that a gap is not yet a stop.
+    """Slows the robot before pose, scan or command is too old, so that a gap is not yet a stop.
 
     Parameters
     ----------
     settings : GateSettings
-        `watchdog`, `pose_age` and `slow_from` are used.
+        `watchdog`, `pose_age`, `scan_age` and `slow_from` are used.
     late_after : float, optional
         Age at which a command is late, if later than the settings say [s].
     """
@@ -29,9 +29,11 @@ class Slowing:
     ) -> float:
         """Share of its speed limits that the robot may drive now."""
         s = self._settings
+        scan = now if status.scan_stamp is None else status.scan_stamp
         pose = min(status.pose_stamp, -math.inf if state is None else state.stamp)
         return min(
             falling(now - pose, s.slow_from * s.pose_age, s.pose_age),
+            falling(now - scan, s.slow_from * s.scan_age, s.scan_age),
             falling(now - command.stamp, self._late, s.watchdog),
         )
 

@@ -32,8 +32,7 @@ ARMED = 128
 """Flag of HEARTBEAT.base_mode."""
 CRITICAL = 5
 """HEARTBEAT.system_status while a failsafe of the autopilot acts."""
-TIMESYNC_PERIOD, ZERO_PERIOD, ORIGIN_PERIOD = 1.0, 0.1, 2.0
-ANSWER_PERIOD = 0.05
+TIMESYNC_PERIOD, ZERO_PERIOD, ORIGIN_PERIOD, ANSWER_PERIOD = 1.0, 0.1, 2.0, 0.05
 TIMESYNC_FIRST = 0.1
 """Between requests until enough were answered [s]."""
 
@@ -52,14 +51,20 @@ class MavlinkCore:
         Takes one whole frame.
     wall_time : float
         Unix time for signature time stamps [s].
+    around : callable, optional
+        Is given every message, and takes those that tell of obstacles.
     """
 
     def __init__(
-        self, options: MavlinkOptions, write: Callable[[bytes], object], wall_time: float
+        self,
+        options: MavlinkOptions,
+        write: Callable[[bytes], object],
+        wall_time: float,
+        around: Callable[[Any, float], None] = lambda message, now: None,
     ) -> None:
-        self.options, self._write = options, write
+        self.options, self._write, self._around = options, write, around
         key, self._vehicle = options.read_key(), (options.system, options.component)
-        wanted = worth_decoding(*self._vehicle)
+        wanted = worth_decoding(*self._vehicle, options.sectors)
         self.codec = MavlinkCodec(*options.us, key=key, wall_time=wall_time, wanted=wanted)
         self._build = MessageBuilder(options)
         self.clock, self.pose = VehicleClock(), PoseTracker()
@@ -69,7 +74,7 @@ class MavlinkCore:
             )
         )
         self.authority = Authority(self.desk)
-        self.streams = StreamRequests(self.desk, wanted_streams(options.rate))
+        self.streams = StreamRequests(self.desk, wanted_streams(options.rate, options.sectors))
         self.failsafe = GcsFailsafe(
             lambda name: self._send(self._build.parameter_read(name)),
             lambda name, value, kind: self._send(self._build.parameter_set(name, value, kind)),
@@ -107,6 +112,7 @@ class MavlinkCore:
             spoke = spoke or ours
             with lock:
                 (self._on_message if ours else self.others.saw)(message, now)
+                self._around(message, now)
         return spoke
 
     def _on_message(self, message: Any, now: float) -> None:

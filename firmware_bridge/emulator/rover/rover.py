@@ -19,7 +19,7 @@ from firmware_bridge.emulator.rover.estimator import Estimator
 from firmware_bridge.emulator.rover.parameters import Parameters
 from firmware_bridge.emulator.rover.physics import RoverPhysics
 from firmware_bridge.emulator.rover.protocol import Protocol
-from firmware_bridge.emulator.rover.telemetry import Telemetry
+from firmware_bridge.emulator.rover.telemetry import Around, Telemetry
 from firmware_bridge.emulator.server import serve
 from firmware_bridge.link import Transport
 
@@ -65,6 +65,8 @@ class RoverEmulator:
         Standard deviation of the slow error of its position, with GPS [m].
     physics : RoverPhysics, optional
         Another rover; slip, turn gain and seed are then its own.
+    around : callable, optional
+        What its proximity sensor tells: see `Telemetry`.
 
     Examples
     --------
@@ -92,13 +94,14 @@ class RoverEmulator:
         accept_unsigned: bool = False,
         noise: float = 0.0,
         physics: RoverPhysics | None = None,
+        around: Around | None = None,
     ) -> None:
         self.parameters = Parameters(parameters)
         self._physics = RoverPhysics(slip, turn_gain, seed) if physics is None else physics
         self._physics.place(*pose)
         self._clock, self._arm_after, self._system = clock, arm_after, system
         self._lock = threading.RLock()
-        self._noise, self._seed = noise, seed
+        self._noise, self._seed, self._around = noise, seed, around
         self._codec = MavlinkCodec(
             system,
             1,
@@ -121,7 +124,7 @@ class RoverEmulator:
         estimator = Estimator(self.parameters, 0.6 * self._arm_after, self._noise, self._seed)
         self.autopilot = Autopilot(self.parameters, self._physics, estimator, self._arm_after)
         self.autopilot.uptime = uptime
-        self._telemetry = Telemetry(self.autopilot)
+        self._telemetry = Telemetry(self.autopilot, self._around)
         self._protocol = Protocol(
             self.autopilot, self._telemetry, self._send, self._system, self._set_up_signing
         )

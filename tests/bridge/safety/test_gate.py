@@ -233,7 +233,8 @@ def test_each_reason_alone_stops_within_300_ms_and_is_told(reason):
 
 
 def test_every_reason_is_covered_above():
-    assert set(SPOIL) | {Reason.NOT_READY} == set(Reason)
+    elsewhere = {Reason.NOT_READY, Reason.SCAN}  # the latter in test_gate_scan.py
+    assert set(SPOIL) | elsewhere == set(Reason)
 
 
 def test_the_source_of_the_pose_counts_and_not_only_its_echo():

@@ -1,0 +1,128 @@
+"""What `kmpc check` tells of a lidar: what it sees, and what looks wrong, in words to act on."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from firmware_bridge.messages import State
+from firmware_bridge.robot_file import Robot
+from firmware_bridge.runtime.timing import Histogram
+
+if TYPE_CHECKING:
+    from firmware_bridge.sensors.scan import Scan
+    from firmware_bridge.sensors.sighted import SightedDriver
+
+POLL = 0.005
+SELF = 0.25
+"""Hits nearer than this may be the robot itself [m]."""
+DARK = 0.3
+"""A larger share of beams without a return is worth a word."""
+
+
+def look(driver: SightedDriver, robot: Robot, seconds: float) -> list[tuple[bool, str]]:
+    """Watch a lidar for some time [s]; gives lines, and whether each is good.
+
+    Parameters
+    ----------
+    driver : SightedDriver
+        Connected.
+    robot : Robot
+        Whose lidar it is.
+    seconds : float
+        How long [s].
+    """
+    until, last, gaps, ages = time.monotonic() + seconds, None, Histogram(), Histogram()
+    while (now := time.monotonic()) < until:
+        sweep = driver.sweep()
+        if sweep is not None and sweep.stamp != last:
+            ages.add(now - sweep.stamp)
+            if last is not None:
+                gaps.add(sweep.stamp - last)
+            last = sweep.stamp
+        time.sleep(POLL)
+    health = driver.lidar.health()
+    found = [(False, fault) for fault in driver.health().scan_faults]
+    if last is None:
+        return found or [(False, f"lidar: {health.name}: no scan within {seconds:g} s")]
+    text = (
+        f"lidar: {health.name}: {health.rate:.1f} turns/s, "
+        f"{1e3 * ages.quantile(0.5):.0f} ms old when they come, "
+        f"gaps up to {1e3 * gaps.maximum:.0f} ms"
+    )
+    found.append((gaps.count > 0 and gaps.maximum <= robot.gate.scan_age, text))
+    state = driver.state() or State(0.0, 0.0, 0.0, 0.0, 0.0, time.monotonic())
+    driver.sight.trail.add(state)
+    scan = driver.sight.look(state)
+    if scan is not None:
+        found += [(True, line) for line in (seen(scan), *hints(scan, robot))]
+    found += [(True, f"note: {note}") for note in getattr(driver.lidar, "notes", tuple)()]
+    return found
+
+
+def seen(scan: Scan) -> str:
+    """Nearest hit and its direction, and how many beams say nothing."""
+    ranges = scan.ranges
+    hits, unknown = np.isfinite(ranges), np.isnan(ranges)
+    share = f"{100.0 * unknown.mean():.0f} % of {len(ranges)} beams say nothing"
+    if not hits.any():
+        return f"lidar: nothing within {scan.range_max:g} m; {share}"
+    nearest = int(np.argmin(np.where(hits, ranges, np.inf)))
+    where = direction(float(scan.angles[nearest]) + scan.mount[2])
+    return f"lidar: nearest {ranges[nearest]:.2f} m from it, {where}; {share}"
+
+
+def direction(angle: float) -> str:
+    """Direction on the robot, in words, of an angle [rad].
+
+    >>> direction(0.1), direction(math.pi / 2), direction(-3 * math.pi / 4)
+    ('6 degrees left of ahead', '90 degrees left of ahead', '135 degrees right of ahead')
+    """
+    degrees = math.degrees(math.remainder(angle, math.tau))
+    if abs(degrees) < 0.5:
+        return "straight ahead"
+    return f"{abs(degrees):.0f} degrees {'left' if degrees > 0 else 'right'} of ahead"
+
+
+def hints(scan: Scan, robot: Robot) -> list[str]:
+    """What a user should look at."""
+    assert robot.lidar is not None
+    found = [
+        "hint: hold a hand to the robot's left: if the nearest hit is then on its right, "
+        f"lidar.mirrored = {str(robot.lidar.mirrored).lower()} is wrong; if it is elsewhere, "
+        "lidar.mount's third number is"
+    ]
+    if np.isnan(scan.ranges).mean() > DARK and robot.lidar.no_return == "unknown":
+        found.append(
+            "hint: beams that say nothing are unknown, and the robot does not drive into what it "
+            'does not know; if it is open space: lidar.no_return = "free"'
+        )
+    near = np.where(np.isfinite(scan.ranges), scan.ranges, np.inf) < SELF
+    for begin, end in runs(near):
+        a, b = (
+            math.remainder(float(scan.angles[i]) + scan.mount[2], math.tau) for i in (begin, end)
+        )
+        half = 0.5 * scan.angle_increment
+        found.append(
+            f"hint: something is nearer than {SELF:g} m {direction(a)} to {direction(b)}: "
+            f"if it is the robot itself: lidar.ignore = [[{a - half:.2f}, {b + half:.2f}]]"
+        )
+    return found
+
+
+def runs(marked: np.ndarray) -> list[tuple[int, int]]:
+    """First and last index of each run in a circle (N,) of marks.
+
+    >>> runs(np.array([True, False, True, True, False, True]))
+    [(2, 3), (5, 0)]
+    """
+    if marked.all() or not marked.any():
+        return []
+    begins = np.flatnonzero(marked & ~np.roll(marked, 1))
+    ends = np.flatnonzero(marked & ~np.roll(marked, -1))
+    if ends[0] < begins[0]:
+        ends = np.roll(ends, -1)
+    return [(int(a), int(b)) for a, b in zip(begins, ends, strict=True)]

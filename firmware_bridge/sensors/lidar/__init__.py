@@ -1,0 +1,1 @@
+"""Lidars: a file for each protocol's bytes, one for its driver; each driver is a `Lidar`."""

@@ -1,0 +1,113 @@
+"""A driver with eyes: its status tells the age of the scans, and what is wrong with them."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from firmware_bridge.messages import LinkError, LinkStatus
+from firmware_bridge.sensors.lidar.lidar import LidarHealth
+from firmware_bridge.sensors.lidar.options import LidarOptions
+from firmware_bridge.sensors.scan import Sweep
+from firmware_bridge.sensors.sighted import SightedDriver
+
+OPTIONS = LidarOptions("ld06", "pty:x")
+
+
+class Board:
+    """A driver that notes what is done with it."""
+
+    def __init__(self, log):
+        self.log = log
+        self.send = self.stop = lambda *args: None
+
+    def connect(self, timeout):
+        self.log.append(("board", timeout))
+
+    def close(self):
+        self.log.append(("board", "closed"))
+
+    def state(self):
+        return None
+
+    def health(self):
+        return LinkStatus(True, 1.0, 1.0, True, counters={"frames": 1})
+
+    def notes(self):
+        return ("a note",)
+
+
+class Eye:
+    """A lidar of which a test tells what it sees."""
+
+    def __init__(self, log, fails=False):
+        self.log, self.fails, self.seen, self.faults = log, fails, None, ()
+
+    def connect(self, timeout):
+        self.log.append(("lidar", timeout))
+        if self.fails:
+            raise LinkError("lidar: no turn")
+
+    def sweep(self):
+        return self.seen
+
+    def health(self):
+        return LidarHealth(True, "an eye", 10.0, self.faults, {"turns": 7})
+
+    def close(self):
+        self.log.append(("lidar", "closed"))
+
+
+def turn(stamp, unknown=0.0):
+    ranges = np.where(np.arange(100) < 100 * unknown, np.nan, 2.0)
+    return Sweep(np.linspace(0.0, 6.2, 100), ranges, np.full(100, stamp), 0.1, 8.0)
+
+
+def pair(options=OPTIONS, **how):
+    log = []
+    eye = Eye(log, **how)
+    return SightedDriver(Board(log), eye, options), eye, log
+
+
+def test_a_robot_that_cannot_see_is_not_taken():
+    driver, _, log = pair(fails=True)
+    with pytest.raises(LinkError):
+        driver.connect(3.0)
+    assert log == [("lidar", OPTIONS.timeout)]
+    driver, _, log = pair()
+    driver.connect(3.0)
+    driver.close()
+    assert log[1:] == [("board", 3.0), ("board", "closed"), ("lidar", "closed")]
+
+
+def test_the_status_tells_the_age_and_the_faults():
+    driver, eye, _ = pair()
+    assert driver.health().scan_stamp == -math.inf
+    eye.seen, eye.faults = turn(5.0), ("it is ill",)
+    status = driver.health()
+    assert (status.scan_stamp, status.scan_faults) == (5.0, ("it is ill",))
+    assert status.counters == {"frames": 1, "lidar_turns": 7} and status.faults == ()
+    assert driver.notes() == ("a note",)  # whatever else the driver has
+
+
+def test_a_covered_lidar_is_blind():
+    driver, eye, _ = pair()
+    eye.seen = turn(5.0)
+    driver.sweep()
+    eye.seen = turn(6.0, unknown=0.97)
+    status = driver.health()
+    assert status.scan_stamp == 5.0 and "only 3 % of its beams" in status.scan_faults[0]
+    eye.seen = turn(7.0, unknown=0.5)
+    assert driver.health().scan_stamp == 7.0 and not driver.health().scan_faults
+    driver, eye, _ = pair(LidarOptions("ld06", "pty:x", no_return="free"))
+    eye.seen = turn(6.0, unknown=0.97)
+    assert driver.health().scan_stamp == 6.0
+
+
+def test_an_autopilots_own_sensors_need_no_link():
+    from firmware_bridge.sensors.sighted import with_lidar
+
+    own = Eye([])
+    driver = with_lidar(SimpleNamespace(sectors=own, send=None, stop=None), LidarOptions("mavlink"))
+    assert driver.lidar is own

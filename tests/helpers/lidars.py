@@ -1,0 +1,36 @@
+"""Lidars and their emulators at both ends of a loopback or a pseudo-terminal."""
+
+import time
+from contextlib import contextmanager
+
+from firmware_bridge.emulator.lidar.kinds import emulated_lidar
+from firmware_bridge.emulator.lidar.rays import World
+from firmware_bridge.sensors.lidar.kinds import open_lidar
+from firmware_bridge.sensors.lidar.options import LidarOptions
+
+PILLARS = [[2.0, 0.0, 0.5], [0.0, -1.5, 0.3], [-1.0, 1.0, 0.2]]
+
+
+@contextmanager
+def lidar_pair(driver, path, pose=lambda: (0.0, 0.0, 0.0), world=None, **more):
+    """A lidar, connected to its emulator; gives both."""
+    options = LidarOptions(driver, f"pty:{path}", **{"no_return": "free", **more})
+    world = World(lambda time: PILLARS) if world is None else world
+    emulator = emulated_lidar(options, world, pose)
+    emulator.start(options.link)
+    lidar = open_lidar(options)
+    try:
+        yield lidar, emulator
+    finally:
+        lidar.close()
+        emulator.close()
+
+
+def until(condition, seconds=10.0):
+    """Wait for a condition; whether it came."""
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
