@@ -31,6 +31,8 @@ class Course(NamedTuple):
     scenario: Any
     controller: Any
     """kmpc_lite's."""
+    watchers: list[Callable[[Any, Any], None]]
+    """Are told each pose and plan, in the thread that plans."""
 
 
 def course(
@@ -83,6 +85,7 @@ def course(
     sees, told = robot.lidar is not None, robot.control.map
     if not (sees or told):
         raise ConfigError(f"{robot.where}: control.map: false needs a [lidar] (--lidar NAME)")
+    watchers = [] if watch is None else [watch]
 
     def step(pose: tuple[float, float, float], circles: Any) -> tuple[float, float, str]:
         if sees and navigator.scan is None:
@@ -91,8 +94,8 @@ def course(
         if sees:
             obstacles = [*(obstacles if told else ()), laser_scan(navigator.scan)]
         plan = controller.step(pose, scenario.goal, obstacles, sent=navigator.held() or UNKNOWN)
-        if watch is not None:
-            watch(pose, plan)
+        for saw in watchers:
+            saw(pose, plan)
         return float(plan.command[0]), float(plan.command[1]), plan.status.name
 
     robot, note = _with_latency(robot, controller.model.history)
@@ -109,7 +112,8 @@ def course(
     )
     period = robot.control.period or controller.problem.dt
     navigator = Navigator(step, task, settle, seconds, wait=wait)
-    return Course(scenario.name, robot, navigator, period, origin, note, scenario, controller)
+    name, made = scenario.name, (scenario, controller, watchers)
+    return Course(name, robot, navigator, period, origin, note, *made)
 
 
 def laser_scan(scan: Any) -> Any:

@@ -7,6 +7,7 @@ import json
 import sys
 from contextlib import ExitStack
 from functools import partial
+from pathlib import Path
 
 from firmware_bridge.cli.course import course
 from firmware_bridge.cli.live import Page
@@ -17,11 +18,13 @@ from firmware_bridge.cli.options import (
     prepare,
     read_robot,
 )
+from firmware_bridge.cli.recording import recorder_of, recording_to
 from firmware_bridge.messages import BridgeError
 from firmware_bridge.safety.places import default_socket
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.live_options import add_live_options, live_address, tell_links
 from kmpc_lite.cli.numbers import positive
+from kmpc_lite.cli.output import command_line
 
 DRIVE_TIME = 120.0
 """How long a run may take unless told [s]: low speeds take longer than a scenario's own limit."""
@@ -68,7 +71,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default=1.0,
         help="how long the goal must be held [s] (default: 1)",
     )
-    add("--record", metavar="NAME", help="record to NAME.csv and NAME.tlog or NAME.raw")
+    add(
+        "--record",
+        type=Path,
+        metavar="DIR",
+        help="new folder for the drive: drive.mcap (kmpc report DIR shows it, Foxglove plays it),\n"
+        "drive.csv, and what went over the link",
+    )
     add_live_options(parser)
 
 
@@ -82,6 +91,7 @@ def run(options: argparse.Namespace) -> int:
     job = course(robot, options.settle, options.seconds, saw, wait=options.wait)
     prepare(options)
     with ExitStack() as stack:
+        name = stack.enter_context(recording_to(options.record))
         watching = {}
         if page is not None:
             page.controller = job.controller
@@ -92,9 +102,10 @@ def run(options: argparse.Namespace) -> int:
             job.navigator,
             job.period,
             job.origin,
-            options.record,
+            name,
             people(options),
             job.note,
+            recorder=recorder_of(job, command_line()),
             **watching,
         )
     if page is not None and page.feed.problem:
@@ -108,6 +119,7 @@ COMMAND = Command(
     text="Drive a robot through a scenario with a learned model.",
     examples=(
         "kmpc run robot.toml --model robot.npz --scenario map.toml --arm",
+        "kmpc run robot.toml --scenario map.toml --record monday  # then: kmpc report monday",
         "kmpc run --driver mavlink --link tcp:127.0.0.1:5760 --scenario four_circles_1 --arm",
     ),
     add_options=add_options,

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from firmware_bridge.robot_file import Robot
+from firmware_bridge.runtime.drive_logs import Recorder
 from firmware_bridge.runtime.navigator import Navigator
 from firmware_bridge.runtime.session import STOPS, Session
 from firmware_bridge.runtime.timing import table
@@ -30,6 +31,7 @@ def run(
     out: TextIO | None,
     note: str = "",
     watched: Watched = nullcontext,
+    recorder: Callable[[Session, Path], Recorder] | None = None,
 ) -> tuple[dict[str, Any], int]:
     """Drive to the goal; return the report and the exit status.
 
@@ -51,6 +53,8 @@ def run(
         Said on standard error once the board has answered, before it drives.
     watched : callable
         Makes a context of the session, in which it drives.
+    recorder : callable, optional
+        Makes another recorder; see `Session`.
     """
     with Session(
         robot,
@@ -59,6 +63,7 @@ def run(
         origin=origin,
         output=None if output is None else Path(output),
         out=out,
+        record=recorder,
     ) as session:
         if note:
             sys.stderr.write(f"kmpc: {note}\n")
@@ -84,6 +89,7 @@ def run(
         report["outcome"] = _outcome(navigator, session.loop.stop_reason if interrupted else "")
         if not navigator.arrived:
             report["why"] = why or session.why()
+        session.logs.finish(report)
     report["problems"] = session.problems()  # counted after the session has closed its files
     if out is not None:
         tell(report, session, out)

@@ -7,6 +7,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import FrameType, TracebackType
@@ -14,13 +15,11 @@ from typing import TYPE_CHECKING, Any, Self, TextIO
 
 from firmware_bridge.drivers import Driver
 from firmware_bridge.link import Transport, open_transport
-from firmware_bridge.link.log import Chunk, RecordedTransport, raw_log, tlog
 from firmware_bridge.live.terminal import View
 from firmware_bridge.messages import BridgeError, ConfigError, Controller
-from firmware_bridge.recording.durable import DurableFile
-from firmware_bridge.recording.recorder import CsvRecorder
 from firmware_bridge.robot_file import Robot, check_period
 from firmware_bridge.runtime.controller_thread import Planner
+from firmware_bridge.runtime.drive_logs import DriveLogs, Recorder
 from firmware_bridge.runtime.loop import ControlLoop, Observer
 from firmware_bridge.safety.estop import EmergencyStop
 from firmware_bridge.safety.gate import SafetyGate
@@ -98,6 +97,8 @@ class Session:
         See each tick, beside the recorder.
     more : callable
         Gives more lines for the terminal's picture.
+    record : callable, optional
+        Makes another recorder of this session, to a path without an ending.
 
     Raises
     ------
@@ -117,14 +118,15 @@ class Session:
         out: TextIO | None = None,
         observers: tuple[Observer, ...] = (),
         more: Callable[[], list[str]] = list,
+        record: Callable[[Session, Path], Recorder] | None = None,
     ) -> None:
         check_period(period, robot.gate)
         self.robot, self._by_hand, self._out = robot, by_hand, out
         self._origin = origin if robot.origin is None else robot.origin
-        self._controller, self._period, self._output = controller, period, output
+        self._controller, self._period = controller, period
         self._observers, self._more = observers, more
-        self._csv: CsvRecorder | None = None
-        self._link_log: DurableFile[Chunk] | None = None
+        self._recorder = None if record is None else partial(record, self)
+        self.logs = DriveLogs(output)
         self._handlers: dict[int, Any] = {}
         self._connecting = True
         self.sight: Sight | None = None
@@ -141,15 +143,9 @@ class Session:
         open_driver(self.robot, open_transport(self.robot.link.url)).close()
         transport: Transport = open_transport(self.robot.link.url)
         try:
-            if self._output is not None:
-                self._csv = CsvRecorder(
-                    self._output.with_name(self._output.name + ".csv"), self._period, self._by_hand
-                )
-                ending, start_log = (
-                    (".tlog", tlog) if self.robot.is_autopilot else (".raw", raw_log)
-                )
-                self._link_log = start_log(self._output.with_name(self._output.name + ending))
-                transport = RecordedTransport(transport, self._link_log.put)
+            transport = self.logs.open(
+                transport, self._period, self._by_hand, self.robot.is_autopilot, self._recorder
+            )
             inner = self._inner = open_driver(self.robot, transport)
             self.driver: Driver = PlacedDriver(inner, self._origin)
             self._catch_signals()
@@ -166,8 +162,7 @@ class Session:
                 raise
         except BaseException:
             self._end()
-            for log in self._logs():
-                log.discard_if_empty()
+            self.logs.discard_if_empty()
             raise
         return self
 
@@ -184,10 +179,7 @@ class Session:
             self.gate,
             self.planner,
             command_period=control.command_period,
-            observers=(
-                *(watcher for watcher in (self._csv, self.sight) if watcher is not None),
-                *self._observers,
-            ),
+            observers=(*self.logs.observers, *filter(None, (self.sight,)), *self._observers),
             operator=self.estop,
             take=take,
             confirm=confirm,
@@ -237,10 +229,7 @@ class Session:
 
     def _end(self) -> None:
         self.estop.close()
-        if self._csv is not None:
-            self._csv.close()
-        for log in self._logs():
-            log.close()
+        self.logs.close()
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
         self._handlers = {}
@@ -248,11 +237,11 @@ class Session:
     @property
     def rows(self) -> int:
         """Rows in the CSV so far."""
-        return 0 if self._csv is None else self._csv.rows
+        return self.logs.rows
 
     def problems(self) -> list[str]:
         """Problems that a user must know of, but that stop no robot."""
-        return [p for p in (self.estop.problem, *(log.problem for log in self._logs())) if p]
+        return [*filter(None, (self.estop.problem,)), *self.logs.problems]
 
     def why(self) -> list[str]:
         """Why the robot does not drive, with the autopilot's own words, uncut."""
@@ -276,16 +265,9 @@ class Session:
             "link": self.robot.link.url,
             "loop": self.loop.report(),
             "counters": dict(self.driver.health().counters),
-            "files": [str(log.path) for log in self._logs()],
+            "files": self.logs.files,
             "problems": self.problems(),
         }
-
-    def _logs(self) -> list[DurableFile[Any]]:
-        return [
-            log
-            for log in (None if self._csv is None else self._csv.file, self._link_log)
-            if log is not None
-        ]
 
     def _catch_signals(self) -> None:
         for number in STOPS:

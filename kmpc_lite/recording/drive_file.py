@@ -25,6 +25,8 @@ LARGEST_FILE = 2**30
 """A longer recording is for other tools [bytes]; it lasts for hours."""
 STATUSES = frozenset(status.name for status in PlanStatus)
 PROGRESSES = frozenset(progress.name for progress in GoalProgress)
+ACTIVE = "ACTIVE"
+"""State of the safety gate in which commands pass: a real drive begins with it."""
 SHORTEST = 1e-3
 """Shortest period of a drive [s]."""
 
@@ -109,13 +111,16 @@ class _Drive:
         if not columns.steps:
             raise ValueError("no step of a controller in it")
         columns.steps.sort(key=lambda step: step[0])
-        self._start = columns.steps[0][0]
+        active = [time for time, state, _ in columns.gates if state == ACTIVE]
+        self._start = min(active) if active else columns.steps[0][0]
 
     def run(self) -> Run:
         """Make the run."""
         details = self._details()
         span = float(details.times[-1]) + self._dt
-        count = min(round(span / self._dt), 2 * len(details.times) + 100)
+        if self._outcome is not None and self._outcome["outcome"] == Outcome.REACHED.value:
+            span = min(span, number(self._outcome["duration"]))
+        count = min(max(round(span / self._dt), 1), 2 * len(details.times) + 100)
         grid = self._dt * np.arange(count)
         shown = np.maximum(np.searchsorted(details.times, grid + 0.5 * self._dt) - 1, 0)
         path = self._path(count, details)

@@ -11,7 +11,10 @@ from kmpc_lite.types import Array
 
 @dataclass(frozen=True, eq=False)
 class Details:
-    """T steps, at the times at which they were really made; times count from the drive's first."""
+    """T steps, at the times at which they were really made.
+
+    Times count from the moment in which the first command passed.
+    """
 
     times: Array
     """(T,) [s], growing."""

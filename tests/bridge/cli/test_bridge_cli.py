@@ -12,6 +12,7 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from courses import COURSE, PATIENT
 
@@ -27,6 +28,7 @@ from firmware_bridge.runtime.session import open_driver
 from firmware_bridge.safety.estop_client import ask
 from firmware_bridge.safety.latch import latch_file
 from kmpc_lite.cli.fit import make_dictionary
+from kmpc_lite.recording.drive_file import load_drive
 
 ROBOTS = Path(__file__).parents[3] / "docs" / "robots"
 FAR = COURSE.replace("goal = [0.7, 0.15, 0.0]", "goal = [1.8, -0.3, 0.0]")
@@ -105,6 +107,23 @@ def start_command(*arguments: str) -> subprocess.Popen:
     )
 
 
+def look_at_the_recording(run, report):
+    """What a drive recorded of itself is what was driven."""
+    details, outcome = run.details, report["arrived_after_s"]
+    assert run.outcome.value == "reached" and run.duration == outcome
+    assert run.info["kind"] == "driven" and run.info["ended"] == "arrived"
+    states = [state for _, state, _ in details.gates if state not in ("IDLE", "STOPPING")]
+    changes = [b for a, b in zip(["", *states], states, strict=False) if a != b]
+    assert changes == ["WAITING", "ACTIVE", "HOLDING", "RELEASED"]
+    assert abs(next(t for t, state, _ in details.gates if state == "ACTIVE")) < 1e-9
+    assert details.times[-1] > outcome and (np.diff(details.times) > 0.0).all()
+    assert np.nanmax(details.pose_ages) < 5.0 and (details.step_times > 0.0).all()
+    assert len(details.sent) == report["loop"]["commands_sent"]
+    assert len(details.measured) > 20 and details.health[-1][1]["connected"]
+    assert np.hypot(*(run.states[-1, :2] - (0.7, 0.15))) < 0.08
+    assert details.margins.min() >= 0.05, "the scenario asks for so much"
+
+
 SLOW = [pytest.param(name, marks=pytest.mark.long) for name in ("odrive", "vesc")]
 
 
@@ -145,10 +164,12 @@ def test_run_drives_past_the_obstacle_to_the_goal_and_records_it(desk, capsys, n
         "p99.9",
         "max",
     }
-    data = kl.Dataset.load("drive.csv")
+    data = kl.Dataset.load("drive/drive.csv")
     assert data.dt == pytest.approx(0.05 if name == "roboclaw" else 0.1) and data.steps > 10
-    log = "drive.tlog" if name == "rover" else "drive.raw"
-    assert report["files"] == ["drive.csv", log]
+    log = "drive/drive.tlog" if name == "rover" else "drive/drive.raw"
+    assert report["files"] == ["drive/drive.csv", log, "drive/drive.mcap"]
+    look_at_the_recording(load_drive(Path("drive")), report)
+    assert kl.Dataset.load("drive", dt=0.1).steps > 10
     assert main(["replay", log, "--json"]) == 0
     replayed = json.loads(capsys.readouterr().out)
     assert replayed["seconds"] > 2.0

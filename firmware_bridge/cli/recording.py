@@ -1,0 +1,173 @@
+"""`kmpc run --record`: a real drive as MCAP, with what the controller had in mind."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from firmware_bridge.cli.course import laser_scan
+from firmware_bridge.messages import ConfigError
+
+if TYPE_CHECKING:
+    from firmware_bridge.cli.course import Course
+    from firmware_bridge.messages import LinkStatus, State
+    from firmware_bridge.recording.durable import DurableFile
+    from firmware_bridge.runtime.session import Session
+    from firmware_bridge.safety.gate import GateOutput
+
+NAME = "drive"
+"""Of the files in a drive's folder, without their endings."""
+HEALTH_PERIOD = 1.0
+"""Time between two looks at link and vehicle [s]."""
+
+
+@contextmanager
+def recording_to(folder: Path | None) -> Iterator[str | None]:
+    """Make a folder for a drive, and give the name of its files; leave nothing empty behind.
+
+    Raises
+    ------
+    ConfigError
+        Where it cannot be made.
+    """
+    if folder is None:
+        yield None
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"--record {folder}: {error.strerror or error}") from error
+    try:
+        yield str(folder / NAME)
+    finally:
+        with suppress(OSError):  # it holds something
+            folder.rmdir()
+
+
+def recorder_of(job: Course, command: str) -> Callable[[Session, Path], DriveRecorder]:
+    """Give what records a course, once there is a session."""
+
+    def make(session: Session, name: Path) -> DriveRecorder:
+        return DriveRecorder(name.with_name(f"{name.name}.mcap"), job, session, command)
+
+    return make
+
+
+class DriveRecorder:
+    """Records a drive; an `Observer` of the loop, and told of each plan.
+
+    Both threads only put plain data into a queue: the file's own thread encodes and writes.
+
+    Parameters
+    ----------
+    path : Path
+        Of a new .mcap file.
+    job : Course
+        What is driven; its watchers get this one too.
+    session : Session
+        Whose loop knows the health of the link.
+    command : str
+        The user's command line.
+    """
+
+    def __init__(self, path: Path, job: Course, session: Session, command: str) -> None:
+        from firmware_bridge.recording.durable import DurableFile
+        from kmpc_lite.control.insight import insight
+        from kmpc_lite.recording.encoder import DriveEncoder
+
+        self._job, self._session, self._insight = job, session, insight
+        now = time.monotonic()
+        about = _about(job, command)
+        encoder = DriveEncoder(job.scenario, job.period, about, offset=time.time() - now)
+        self._file: DurableFile[Any] = DurableFile(path, encoder.encode, encoder.begin(now))
+        self._stamp = self._looked = -1.0
+        self._gate: tuple[Any, Any] = (None, ())
+        job.watchers.append(self.saw)
+
+    @property
+    def file(self) -> DurableFile[Any]:
+        """Where to."""
+        return self._file
+
+    def on_tick(
+        self, now: float, state: State | None, output: GateOutput, sent: bool, fresh: bool
+    ) -> None:
+        """Take in one tick of the loop."""
+        from kmpc_lite.recording.records import Gate, Health, PoseSeen, Sent
+
+        if state is not None and state.stamp > self._stamp:
+            self._stamp = state.stamp
+            place = (state.x, state.y, state.theta)
+            self._file.put(PoseSeen(state.stamp, place, (state.v, state.omega)))
+        if sent:
+            self._file.put(Sent(now, (output.v, output.omega)))
+        if (gate := (output.state, output.reasons)) != self._gate:
+            self._gate = gate
+            self._file.put(Gate(now, output.state.name, tuple(r.value for r in output.reasons)))
+        shot = self._session.loop.snapshot
+        if shot is not None and now - self._looked >= HEALTH_PERIOD:
+            self._looked = now
+            self._file.put(Health(now, _health(shot.status, now)))
+
+    def saw(self, pose: tuple[float, float, float], plan: Any) -> None:
+        """Take in a plan, in the thread that has just made it."""
+        from kmpc_lite.recording.records import Stepped
+
+        behind = self._insight(self._job.controller, plan)
+        began = time.monotonic() - plan.timing["total"]
+        age = began - self._stamp if self._stamp > 0.0 else None
+        seen = self._job.navigator.scan
+        scan = None if seen is None else laser_scan(seen)
+        circles = plan.around.circles
+        self._file.put(Stepped(began, pose, plan, behind.path, behind.margins, circles, age, scan))
+
+    def finish(self, report: dict[str, Any]) -> None:
+        """Note how the drive ended."""
+        from kmpc_lite.recording.records import Ended
+
+        now, arrived = time.monotonic(), report["arrived_after_s"]
+        clearance, outcome = report["clearance_m"], "timeout"
+        if report["touched"]:
+            outcome = "collision"
+        elif arrived is not None:
+            outcome = "reached"
+        elapsed = self._job.navigator.elapsed(now) if arrived is None else arrived
+        told = {"outcome": outcome, "duration": elapsed, "clearance": clearance}
+        words = "; ".join([report["outcome"], *report["why"]])
+        loop = {key: report["loop"][key] for key in ("commands_sent", "commands_refused")}
+        self._file.put(Ended(now, {**told, "words": words, **loop}))
+
+    def close(self) -> None:
+        """Write what waits, and close; idempotent."""
+        self._file.close()
+
+
+def _about(job: Course, command: str) -> dict[str, Any]:
+    """What to keep with a drive."""
+    limits, link = job.robot.gate.limits, job.robot.link
+    return {
+        "kind": "driven",
+        "plant": f"{link.driver} over {link.url}; poses as they came through the link",
+        "model": job.controller.model.info.get("method", ""),
+        "u_min": [-limits.v_reverse, -limits.omega_max],
+        "u_max": [limits.v_max, limits.omega_max],
+        "command": command,
+    }
+
+
+def _health(status: LinkStatus, now: float) -> dict[str, Any]:
+    """State of link and vehicle as values that JSON can hold."""
+    return {
+        "connected": status.connected,
+        "ready": status.ready,
+        "armed": status.armed,
+        "pose_ok": status.pose_ok,
+        "mode": status.mode,
+        "faults": list(status.faults),
+        "heard_ago": now - status.heartbeat_stamp,
+        "pose_ago": now - status.pose_stamp,
+        "counters": dict(status.counters),
+    }
