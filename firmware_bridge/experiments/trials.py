@@ -143,11 +143,9 @@ def drive_trial(contender: Contender, scenario: Scenario, setup: Setup, seed: in
     plans: list[Any] = []
 
     def step(pose: tuple[float, float, float], around: Any) -> tuple[float, float, str]:
-        told = (
-            {"sent": navigator.held() or (math.nan, math.nan)}
-            if isinstance(controller, kl.Controller)
-            else {}
-        )
+        told = {}
+        if isinstance(controller, kl.Controller):
+            told["sent"] = navigator.held() or (math.nan, math.nan)
         plan = controller.step(pose, scenario.goal, around, **told)
         if drive.driving:
             plans.append(plan)
@@ -179,25 +177,21 @@ def drive_trial(contender: Contender, scenario: Scenario, setup: Setup, seed: in
 
     path = drive.run(finished)
     collided = gaps[-1] < 0.0 or twin.touched is not None
-    outcome = (
-        Outcome.COLLISION
-        if collided
-        else Outcome.REACHED
-        if navigator.arrived_after is not None
-        else Outcome.TIMEOUT
-    )
     x, y, _ = drive.rest(REST)
-    run = _as_run(scenario, contender.model.dt, outcome, path, plans, min(gaps))
-    run.info["arrival_s"] = (
-        None if navigator.arrived_after is None else round(navigator.arrived_after, 2)
+    run = _as_run(
+        scenario, contender.model.dt, _outcome(collided, navigator), path, plans, min(gaps)
     )
+    arrival = navigator.arrived_after
+    run.info["arrival_s"] = None if arrival is None else round(arrival, 2)
     run.info["statuses"] = dict(navigator.statuses)
-    return Trial(
-        contender.label,
-        run,
-        twin.touched is not None,
-        float(np.hypot(x - scenario.goal[0], y - scenario.goal[1])),
-    )
+    off = float(np.hypot(x - scenario.goal[0], y - scenario.goal[1]))
+    return Trial(contender.label, run, twin.touched is not None, off)
+
+
+def _outcome(collided: bool, navigator: Navigator) -> Outcome:
+    if collided:
+        return Outcome.COLLISION
+    return Outcome.TIMEOUT if navigator.arrived_after is None else Outcome.REACHED
 
 
 def _as_run(

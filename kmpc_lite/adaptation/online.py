@@ -27,12 +27,12 @@ from kmpc_lite.adaptation.gains import (
     estimate,
     residual_covariance,
     residuals,
-    reweighed_sums,
     went_back_and_forth,
 )
 from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.adaptation.regressor import Regressor, one_period
 from kmpc_lite.adaptation.state import STEP_SIZE, SUMS, AdaptationCounts, AdaptationState
+from kmpc_lite.adaptation.weighing import kept_steps, reweigh, weigh_by
 from kmpc_lite.errors import ModelError
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.noise_model import NoiseModel
@@ -113,7 +113,7 @@ class OnlineAdaptation:
         self.state = AdaptationState(
             np.zeros((self._window, SUMS)), np.zeros((self._memory, STEP_SIZE)), [], []
         )
-        self._set_noise(self._learned_noise)
+        weigh_by(self.state, self._learned_noise)
 
     @property
     def gains(self) -> Gains:
@@ -223,7 +223,7 @@ class OnlineAdaptation:
         self.state.forget()
         self.state.gains = Gains()
         self.state.counts.models += 1
-        self._set_noise(self._learned_noise)
+        weigh_by(self.state, self._learned_noise)
         self.model = self.base
         return self.base
 
@@ -245,14 +245,9 @@ class OnlineAdaptation:
         state.slow_count, state.since, state.next_model = float(best), best, 2 * best
         return self._give(self._estimate(state.slow).gains)
 
-    def _kept(self, count: int) -> Array:
-        """Indices of the newest steps in the ring, newest first."""
-        kept: Array = (self.state.count - 1 - np.arange(count)) % self._memory
-        return kept
-
     def _confirmed(self, gains: Gains, count: int) -> bool:
         """Whether the newest steps contradict the gains in use by more than their own scatter."""
-        steps = self.state.raw[self._kept(count)].T
+        steps = self.state.raw[kept_steps(self.state, count)].T
         return contradiction(steps, self.state.gains, gains) > self.options.confirmation
 
     def _give(self, gains: Gains) -> KoopmanModel | None:
@@ -267,10 +262,10 @@ class OnlineAdaptation:
         state.counts.models += 1
         count = min(state.since, self._memory)
         coefficients = residual_covariance(
-            state.raw[self._kept(count)].T, gains, self._learned_noise, self.scale
+            state.raw[kept_steps(state, count)].T, gains, self._learned_noise, self.scale
         )
         if state.since >= self._window:
-            self._reweigh(coefficients)
+            reweigh(state, coefficients, self._regressor, self.options)
         # few steps tell the noise poorly: two standard errors of a variance on top, so that margins
         # are not too narrow
         noise = NoiseModel(coefficients * (1.0 + 2.0 * sqrt(2.0 / count)))
@@ -281,7 +276,7 @@ class OnlineAdaptation:
     def _refuse(self, gains: Gains, refusal: str) -> None:
         """Forget the steps that led to impossible gains, and count those that explain the drive."""
         state = self.state
-        steps = state.raw[self._kept(min(state.since, self._memory))].T
+        steps = state.raw[kept_steps(state, min(state.since, self._memory))].T
         left, usual = (
             float((steps[7] * (ex * ex + ey * ey) + steps[8] * turned * turned).sum())
             for ex, ey, turned in (residuals(steps, g) for g in (gains, Gains()))
@@ -295,31 +290,3 @@ class OnlineAdaptation:
         state.refusals += 1
         if state.refusals >= self.options.refusals_for_wrong:
             state.wrong_model = f"the model is not of this robot: {refusal}"
-
-    def _set_noise(self, coefficients: Array) -> None:
-        """Weigh coming steps by another covariance."""
-        self.state.position_noise = [float(c[0, 0] + c[1, 1]) / 2 for c in coefficients]
-        self.state.heading_noise = [float(c[2, 2]) for c in coefficients]
-
-    def _reweigh(self, coefficients: Array) -> None:
-        """Weigh the steps since the change anew, by the present estimate of their noise.
-
-        With the old weights, the tails of a larger noise would look like changes.
-        """
-        self._set_noise(coefficients)
-        state = self.state
-        count = min(state.since, self._memory)
-        kept = self._kept(count)
-        steps = state.raw[kept]
-        sums, usual = reweighed_sums(
-            steps,
-            np.array([state.position_noise, state.heading_noise]),
-            np.array(self._regressor.floors),
-            np.array(self._regressor.white),
-            self.options.even_noise,
-        )
-        state.raw[kept], state.usual = steps, usual
-        recent = min(count, self._window)
-        state.recent[(state.count - 1 - np.arange(recent)) % self._window] = sums[:recent]
-        fading = (1.0 - 1.0 / self._memory) ** np.arange(count)
-        state.slow, state.slow_count = fading @ sums, float(fading.sum())

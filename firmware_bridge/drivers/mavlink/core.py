@@ -17,10 +17,11 @@ from firmware_bridge.drivers.mavlink.frame_watch import FrameWatch
 from firmware_bridge.drivers.mavlink.greeting import Greeting
 from firmware_bridge.drivers.mavlink.messages import MessageBuilder
 from firmware_bridge.drivers.mavlink.mocap_feed import MocapFeed
-from firmware_bridge.drivers.mavlink.options import MOCAP, MavlinkOptions
+from firmware_bridge.drivers.mavlink.options import MavlinkOptions
 from firmware_bridge.drivers.mavlink.others import OtherStations, worth_decoding
-from firmware_bridge.drivers.mavlink.streams import EKF_STATUS, StreamRequests, wanted_streams
+from firmware_bridge.drivers.mavlink.streams import StreamRequests, wanted_streams
 from firmware_bridge.drivers.mavlink.telemetry import PoseTracker
+from firmware_bridge.drivers.mavlink.vehicle_status import vehicle_status
 from firmware_bridge.drivers.mavlink.words import Words, tells_failsafe
 from firmware_bridge.messages import LinkStatus, State
 
@@ -253,35 +254,7 @@ class MavlinkCore:
 
     def status(self, now: float, connected: bool) -> LinkStatus:
         """What is known of the vehicle."""
-        distrust, authority = self.pose.faults(now, self.streams.rate(EKF_STATUS)), self.authority
-        pose_stamp = self.pose.oldest_part
-        if self.options.pose == MOCAP:
-            # the EKF's output looks valid for 7 s after its source has stopped: the source's own
-            # stamp tells
-            pose_stamp = min(pose_stamp, self.mocap.stamp)
-        faults = [*distrust, *(f"the vehicle refuses {name}" for name in self.streams.refused())]
-        if self.wrong_vehicle:
-            faults.append(self.wrong_vehicle)
-        if authority.refusal:
-            faults.append(": ".join((authority.refusal, *self._why_not_armed(now))))
-        faults += self.others.faults(now)
-        fresh = authority.fresh(now)
-        ready = authority.obeys and fresh and not self.wrong_vehicle
-        # a vehicle that sends poses but no HEARTBEAT is not heard: it may obey us still, so it is
-        # braked, not left to a pilot
-        heard = self.heard if fresh else authority.heard
-        return LinkStatus(
-            connected,
-            heard,
-            pose_stamp,
-            ready,
-            not distrust,
-            authority.armed,
-            authority.mode_name,
-            tuple(faults),
-            self.counters,
-            self.frame.doubt,
-        )
+        return vehicle_status(self, now, connected)
 
     def notes(self, now: float) -> tuple[str, ...]:
         """Remarks for the user that stop no robot."""
@@ -299,10 +272,6 @@ class MavlinkCore:
     def refusals(self, now: float) -> tuple[str, ...]:
         """Why the autopilot would not arm, in its own words."""
         return self.words.refusals(now)
-
-    def _why_not_armed(self, now: float) -> tuple[str, ...]:
-        said = self.words.refusals(now) if "arm" in self.authority.refusal else ()
-        return ("; ".join(said),) if said else ()
 
     @property
     def counters(self) -> dict[str, int]:

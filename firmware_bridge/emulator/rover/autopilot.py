@@ -5,11 +5,11 @@ from __future__ import annotations
 import logging
 import math
 from collections import deque
-from dataclasses import dataclass
 
 from firmware_bridge.emulator.rover.estimator import Estimator
 from firmware_bridge.emulator.rover.parameters import Parameters
 from firmware_bridge.emulator.rover.physics import Demand, DriveLimits, RoverPhysics
+from firmware_bridge.emulator.rover.set_point import FRAMES, SetPoint, Target
 
 MANUAL, ACRO, STEERING, HOLD, LOITER, GUIDED = 0, 1, 3, 4, 5, 15
 MODES = {
@@ -24,10 +24,6 @@ MODES = {
 NEED_POSITION = (LOITER, GUIDED)
 SET_POINT_TIMEOUT = 3.0
 """After the last set-point the rover drives on for this long, then brakes, as measured [s]."""
-FRAMES_LOCAL, FRAMES_BODY = (1, 7), (8, 9)
-"""Coordinate frames that are accepted; others, such as 12, are ignored."""
-POS_IGNORE, VEL_IGNORE, ACC_IGNORE, YAW_IGNORE, YAW_RATE_IGNORE = 0x003, 0x018, 0x0C0, 0x400, 0x800
-"""Bits of a type mask: one of a kind is enough to drop the kind."""
 EMERGENCY, CRITICAL, WARNING, INFO = 0, 2, 4, 6
 """MAV_SEVERITY"""
 PREARM_PERIOD = 30.0
@@ -37,20 +33,6 @@ EKF_BAD = 1.0
 """The EKF fail-safe acts when the position has been bad for this long [s]."""
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class Target:
-    """A set-point in GUIDED: a speed, with a turn rate or a heading."""
-
-    speed: float
-    """[m/s]"""
-    turn: float | None
-    """Counter-clockwise [rad/s]; None to steer to the heading."""
-    heading: float
-    """[rad], ENU."""
-    uptime: float
-    """When it came [s]."""
 
 
 class Autopilot:
@@ -171,40 +153,18 @@ class Autopilot:
         self, frame: int, mask: int, velocity: tuple[float, float], yaw: float, yaw_rate: float
     ) -> None:
         """Take SET_POSITION_TARGET_LOCAL_NED: m/s, rad, and rad/s clockwise (all NED)."""
-        if (
-            self.mode != GUIDED
-            or self.estimator.origin is None
-            or frame not in FRAMES_LOCAL + FRAMES_BODY
-        ):
+        guided = self.mode == GUIDED and self.estimator.origin is not None
+        if not guided or frame not in FRAMES:
             self.counters["ignored_set_points"] += 1
             return
-        vel_ignore, yaw_ignore, rate_ignore = (
-            bool(mask & VEL_IGNORE),
-            bool(mask & YAW_IGNORE),
-            bool(mask & YAW_RATE_IGNORE),
-        )
-        used = (
-            (() if vel_ignore else velocity)
-            + (() if yaw_ignore else (yaw,))
-            + (() if rate_ignore else (yaw_rate,))
-        )
-        if not all(map(math.isfinite, used)):
+        asked = SetPoint(frame, mask, velocity, yaw, yaw_rate)
+        if not asked.finite:
             self.counters["aborts"] += 1
             self._target = None
             self.say(EMERGENCY, "set-point not finite: ArduPilot aborts here")
-            log.error(
-                "set-point with velocity %s, yaw %s, yaw rate %s: the real ArduPilot aborts on it",
-                velocity,
-                yaw,
-                yaw_rate,
-            )
+            log.error("%s: the real ArduPilot aborts on it", asked)
             return
-        if (
-            not mask & ACC_IGNORE
-            or not mask & POS_IGNORE
-            or (not yaw_ignore and not rate_ignore)
-            or (vel_ignore and yaw_ignore and rate_ignore)
-        ):
+        if not asked.understood:
             self.counters["ignored_set_points"] += 1
             self.say(
                 INFO,
@@ -212,21 +172,10 @@ class Autopilot:
                 "positions are not emulated",
             )
             return
-        limit, theta, body = (
-            self.parameters["WP_SPEED"],
-            self.estimator.pose[2],
-            frame in FRAMES_BODY,
-        )
-        speed, heading = 0.0, theta
-        if not vel_ignore:
-            backwards = velocity[0] < 0.0 and not (yaw_ignore and rate_ignore)
-            speed = min(math.hypot(*velocity), limit) * (-1.0 if backwards else 1.0)
-            angle = -math.atan2(velocity[1], velocity[0])
-            heading = theta + angle if body else math.pi / 2.0 + angle
-        if not yaw_ignore:
-            heading = theta - yaw if body else math.pi / 2.0 - yaw
         self.counters["set_points"] += 1
-        self._target = Target(speed, None if rate_ignore else -yaw_rate, heading, self.uptime)
+        self._target = asked.target(
+            self.estimator.pose[2], self.parameters["WP_SPEED"], self.uptime
+        )
 
     def step(self, uptime: float, dt: float) -> None:
         """One turn of the main loop."""
