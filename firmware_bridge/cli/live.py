@@ -46,11 +46,9 @@ class Page:
 
     def saw(self, pose: tuple[float, float, float], plan: Any) -> None:
         """Take a plan, in the thread that has just made it."""
-        from kmpc_lite.live.moment import Sight
+        from kmpc_lite.live.moment import sight_of
 
-        guide = self.controller.state.guide
-        path = None if guide is None else guide.path
-        self._sight = Sight(pose, plan, path, self.controller.scale.length)
+        self._sight = sight_of(self.controller, pose, plan)
 
     @contextmanager
     def watch(self, session: Session, job: Course) -> Iterator[None]:

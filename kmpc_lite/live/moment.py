@@ -8,13 +8,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from kmpc_lite.control.insight import Insight, insight
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.live.channel import Packet
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.guidance.timed_path import TimedPath
+    from kmpc_lite.control.controller import Controller
     from kmpc_lite.sim.scenario.files import Scenario
 
 MOST_CIRCLES, MOST_POSES = 300, 300
@@ -30,10 +32,14 @@ class Sight(NamedTuple):
 
     pose: tuple[float, float, float]
     plan: Plan
-    path: TimedPath | None
-    """In units of `unit`."""
-    unit: float
-    """[m]"""
+    insight: Insight
+    """Path and margins behind it."""
+
+
+def sight_of(controller: Controller, pose: ArrayLike, plan: Plan) -> Sight:
+    """Look at the plan that a controller has just made, in the thread that makes them."""
+    x, y, theta = np.asarray(pose, dtype=float).tolist()
+    return Sight((x, y, theta), plan, insight(controller, plan))
 
 
 def numbers(values: Array) -> bytes:
@@ -81,7 +87,8 @@ def plan_packet(sight: Sight, goal: Sequence[float]) -> Packet:
     clearance = plan.around.clearance(here)
     return {
         "plan": numbers(plan.states),
-        "path": None if sight.path is None else numbers(_path(sight.path, sight.unit)),
+        "path": numbers(_thinned_path(sight.insight.path)),
+        "margins": numbers(sight.insight.margins),
         "circles": numbers(circles),
         "distance": math.dist(sight.pose[:2], tuple(goal)[:2]),
         "clearance": clearance if math.isfinite(clearance) else None,
@@ -91,11 +98,10 @@ def plan_packet(sight: Sight, goal: Sequence[float]) -> Packet:
     }
 
 
-def _path(path: TimedPath, unit: float) -> Array:
-    """Places (K, 2) of a path [m], at most `MOST_POSES`."""
-    places = unit * path.poses[:, :2]
-    every = -(-len(places) // MOST_POSES)
-    return np.vstack([places[::every], places[-1:]])
+def _thinned_path(path: Array) -> Array:
+    """Points of a path (K, 2), at most `MOST_POSES` and the last."""
+    every = max(1, -(-len(path) // MOST_POSES))
+    return np.vstack([path[::every], path[-1:]])
 
 
 def _corners(x1: float, y1: float, x2: float, y2: float, thickness: float) -> Array:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.live.channel import Packet
-from kmpc_lite.live.moment import Sight, plan_packet
+from kmpc_lite.live.moment import Sight, plan_packet, sight_of
 from kmpc_lite.types import Array
 
 RECENT = 200
@@ -70,17 +70,10 @@ class WatchedController:
         self._sent = None if self._enabled else self._braked(dt)
         command = plan.command if self._sent is None else self._sent
         plan = replace(plan, command=command)
-        guide = controller.state.guide
-        pose = np.asarray(x, dtype=float)
         self._goal = tuple(np.asarray(goal, dtype=float).tolist())
         self._times.append(plan.timing["total"])
         self._command, self._steps = command, self._steps + 1
-        self._sight = Sight(
-            (float(pose[0]), float(pose[1]), float(pose[2])),
-            plan,
-            None if guide is None else guide.path,
-            controller.scale.length,
-        )
+        self._sight = sight_of(controller, x, plan)
         self._wait(dt)
         return plan
 

@@ -182,12 +182,14 @@ export class Drawing {
     if (!plan || !margins) return;
     const { pen } = this;
     pen.fillStyle = this.colour("margin");
-    pen.globalAlpha = 0.10;
+    pen.globalAlpha = 0.3;
+    pen.beginPath();  // one shape of them all
     for (let k = 1; k <= margins.length && 3 * k + 1 < plan.length; k++) {
-      pen.beginPath();
-      pen.arc(...this.at(plan[3 * k], plan[3 * k + 1]), ((radius || 0) + margins[k - 1]) * this.scale, 0, 2 * Math.PI);
-      pen.fill();
+      const [x, y] = this.at(plan[3 * k], plan[3 * k + 1]), r = ((radius || 0) + margins[k - 1]) * this.scale;
+      pen.moveTo(x + r, y);
+      pen.arc(x, y, r, 0, 2 * Math.PI);
     }
+    pen.fill();
     pen.globalAlpha = 1;
   }
 

@@ -24,6 +24,7 @@ function take(news) {
   heard = performance.now();
   if ("silence" in news) { silence = news.silence; return; }
   silence = 0;
+  if ("trail" in news) state = {};  // everything is told anew
   const trail = "trail" in news ? news.trail : state.trail || [];
   Object.assign(state, news);
   if (news.pose && !("trail" in news)) trail.push(news.pose[0], news.pose[1]);
@@ -49,8 +50,9 @@ function words() {
   const { step = {}, link = {}, command, pose } = state;
   say("title", state.title || "kmpc live");
   say("gate", state.over ? "over" : state.gate || "connecting");
-  const bad = state.latched || (state.wrong || []).length > 0;
-  id("gate").className = bad ? "bad" : state.gate === "ACTIVE" ? "good" : "";
+  const wrong = state.over ? [] : state.wrong || [];
+  const bad = !state.over && (state.latched || wrong.length > 0);
+  id("gate").className = bad ? "bad" : state.gate === "ACTIVE" && !state.over ? "good" : "";
   say("distance", number(state.distance, 2, "m"));
   say("clearance", state.clearance === null ? "no obstacle" : number(state.clearance, 2, "m"));
   say("speed", command ? number(command[0], 2, "m/s") : "–");
@@ -64,7 +66,6 @@ function words() {
     document.querySelector(`#legend .${name}`).hidden = !(state[key] && state[key].length);
   }
   say("reason", state.over || state.reason || state.gate_text || "");
-  const wrong = state.wrong || [];
   const list = id("wrong");
   if (list.dataset.shown !== JSON.stringify(wrong)) {
     list.dataset.shown = JSON.stringify(wrong);
@@ -142,7 +143,8 @@ function stopLook(now, gone) {
   say("word", held ? "STOPPED" : trying ? (late ? "NOT CONFIRMED" : "STOP …") : "STOP");
   say("holds", held ? "confirmed: it holds until somebody lets it drive"
     : late ? "use the switch on the robot; still trying" + (refused ? `: ${refused}` : "")
-    : trying ? "asked for, not yet confirmed" : "stops the robot and holds it");
+    : trying ? "asked for, not yet confirmed"
+    : state.over ? "the drive is over" : "stops the robot and holds it");
 }
 
 id("stop").addEventListener("pointerdown", stop);  // a finger that comes down is enough
