@@ -22,7 +22,7 @@ from firmware_bridge.sensors.pose import check_pose_url
 from kmpc_lite.reading import read_toml
 
 DRIVERS = ("mavlink", "roboclaw", "odrive", "vesc", "roboteq", "sabertooth", "arduino")
-SECTIONS = ("link", "board", "geometry", "limits", "safety", "frame", "control", "lidar")
+SECTIONS = ("link", "board", "geometry", "limits", "safety", "frame", "control", "lidar", "robot")
 NOMINAL_LATENCY = {name: 0.2 if name == "mavlink" else 0.0 for name in DRIVERS}
 """Taken for a model without input history where nobody says better [s].  An autopilot's own speed
 loop lags: on the emulated rover the nominal unicycle grazes obstacles with 0.1 s or less, but not
@@ -30,6 +30,19 @@ with 0.2 or 0.3 s. With a motor controller's 0.05 s the clearance is the same fo
 """
 LOOSE = 1.5
 """The watchdog must be this many control periods long, or one late plan would stop the robot."""
+
+
+@dataclass(frozen=True)
+class RobotOptions:
+    """The ``[robot]`` section."""
+
+    name: str | None = None
+    """Of this vehicle; its recordings carry it, and a model of another name is refused."""
+
+    def __post_init__(self) -> None:
+        """Check the length."""
+        if self.name is not None and not 0 < len(self.name) <= 100:
+            raise ConfigError(f"name: expected 1 to 100 characters, got {len(self.name)}")
 
 
 @dataclass(frozen=True)
@@ -73,6 +86,9 @@ class ControlOptions:
     map: bool = True
     """Whether the controller is told the scenario's obstacles; without, it drives by its lidar
     alone."""
+    trust_model: bool = False
+    """Whether a model is driven although it is another vehicle's, of another period, or learned
+    from slower driving."""
     scenario: str | None = None
     """Scenario file, or the name of one that comes with kmpc_lite."""
 
@@ -99,6 +115,20 @@ class Robot:
     """Its lidar, without fresh scans of which it does not drive."""
     sections: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """As read; `board` and `geometry` are checked by the driver."""
+    name: str | None = None
+    """Of the vehicle."""
+
+    @property
+    def vehicle(self) -> dict[str, str | float | bool]:
+        """What a model learned on this vehicle depends on: plain values."""
+        named = {} if self.name is None else {"name": self.name}
+        poses = "own" if self.link.pose is None else "from outside"
+        return {
+            **named,
+            "driver": self.link.driver,
+            "poses": poses,
+            **self.sections.get("geometry", {}),
+        }
 
     @property
     def is_autopilot(self) -> bool:
@@ -176,6 +206,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
+    name = from_table(RobotOptions, sections.get("robot", {}), "robot").name
     link_table = sections.get("link", {})
     for key, option in (("url", "--link URL"), ("driver", "--driver NAME")):
         if key not in link_table:
@@ -214,6 +245,7 @@ def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
         None if socket is None else Path(socket),
         _lidar(sections.get("lidar", {}), link),
         sections,
+        name,
     )
 
 

@@ -10,6 +10,7 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
+from firmware_bridge.cli.model_gate import describe_model
 from firmware_bridge.cli.options import add_robot_options, read_robot
 from firmware_bridge.drivers import Driver
 from firmware_bridge.link import open_transport
@@ -64,6 +65,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default=2.0,
         help="how long to watch the telemetry [s] (default: 2)",
     )
+    parser.add_argument(
+        "--model", metavar="FILE", help="control.model: whether this model suits the robot"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -96,6 +100,7 @@ def check(robot: Robot, seconds: float) -> list[Finding]:
         For a wrong key.
     """
     found = [Finding(True, f"{robot.where}: {robot.link.driver} at {robot.link.url}")]
+    found += [Finding(ok, text) for ok, text in describe_model(robot)]
     driver = open_driver(robot, open_transport(robot.link.url))
     found += _estop(robot)
     try:
@@ -208,7 +213,11 @@ def _prearm(driver: Driver) -> tuple[str, ...]:
 
 COMMAND = Command(
     text="Say who answers, and what is missing before it can drive. Nothing moves.",
-    examples=("kmpc check robot.toml", "kmpc check --driver mavlink --link udp:127.0.0.1:14550"),
+    examples=(
+        "kmpc check robot.toml",
+        "kmpc check robot.toml --model robot.npz",
+        "kmpc check --driver mavlink --link udp:127.0.0.1:14550",
+    ),
     add_options=add_options,
     run=run,
     errors=(BridgeError,),

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from firmware_bridge.messages import ConfigError
-from firmware_bridge.robot_file import NOMINAL_LATENCY, Robot
+from firmware_bridge.robot_file import Robot
 
 UNKNOWN = (math.nan, math.nan)
 """The command of a period in which nobody knows what was on the wire."""
@@ -26,7 +26,7 @@ class Course(NamedTuple):
     navigator: Any
     period: float
     origin: tuple[float, float, float]
-    note: str
+    notes: tuple[str, ...]
     """What a user should know before it drives."""
     scenario: Any
     controller: Any
@@ -73,7 +73,8 @@ def course(
         raise ConfigError(f"{robot.where}: control.scenario: missing: give --scenario NAME")
     try:
         scenario = Scenario.load(robot.control.scenario)
-        controller = build_controller(robot, scenario)
+        robot, learned, notes = load_model(robot)
+        controller = build_controller(robot, scenario, learned)
     except kl.KmpcError as error:
         raise ConfigError(str(error)) from error
     if robot.gate.geofence is None:
@@ -98,7 +99,6 @@ def course(
             saw(pose, plan)
         return float(plan.command[0]), float(plan.command[1]), plan.status.name
 
-    robot, note = _with_latency(robot, controller.model.history)
     task = Task(
         scenario.goal,
         scenario.tolerance,
@@ -113,7 +113,7 @@ def course(
     period = robot.control.period or controller.problem.dt
     navigator = Navigator(step, task, settle, seconds, wait=wait)
     name, made = scenario.name, (scenario, controller, watchers)
-    return Course(name, robot, navigator, period, origin, note, *made)
+    return Course(name, robot, navigator, period, origin, notes, *made)
 
 
 def laser_scan(scan: Any) -> Any:
@@ -132,35 +132,34 @@ def laser_scan(scan: Any) -> Any:
     )
 
 
-def _with_latency(robot: Robot, history: int) -> tuple[Robot, str]:
-    """Choose a latency where none is given, for a model with so many commands of history.
-
-    The text says so, where it matters.
-    """
-    if robot.control.latency is not None:
-        return robot, ""
-    latency = 0.0 if history else NOMINAL_LATENCY[robot.link.driver]
-    note = (
-        f"control.latency: not given, and the model knows no lag: {latency:g} s is taken for "
-        f"{robot.link.driver} (or kmpc fit --lags)"
-    )
-    return replace(robot, control=replace(robot.control, latency=latency)), note if latency else ""
-
-
 def _wheels(robot: Robot) -> dict[str, float]:
     """What the wheels of a board's robot can do together; an autopilot mixes them itself."""
     geometry = robot.sections.get("geometry", {})
     return {key: geometry[key] for key in ("track", "max_wheel_speed") if key in geometry}
 
 
-def build_controller(robot: Robot, scenario: Any) -> Any:
+def load_model(robot: Robot) -> tuple[Robot, Any, tuple[str, ...]]:
+    """Load the robot's model; give the robot within what it has shown, the model, and notes."""
+    import kmpc_lite as kl
+    from firmware_bridge.cli.model_gate import fit_for, with_latency
+
+    file, period = robot.control.model, robot.control.period
+    if file is None:
+        robot, note = with_latency(robot, None)
+        return robot, kl.nominal_unicycle(period or 0.1), (note,) if note else ()
+    learned = kl.KoopmanModel.load(file)
+    robot, notes = fit_for(robot, learned, file)
+    if period is not None and abs(period - learned.dt) > 1e-9:
+        learned = learned.with_dt(period)
+    robot, note = with_latency(robot, learned)
+    return robot, learned, (*notes, note) if note else tuple(notes)
+
+
+def build_controller(robot: Robot, scenario: Any, learned: Any) -> Any:
     """kmpc_lite's controller for this map, within the robot's limits."""
     import kmpc_lite as kl
 
-    model, period, limits = robot.control.model, robot.control.period, robot.gate.limits
-    learned = kl.nominal_unicycle(period or 0.1) if model is None else kl.KoopmanModel.load(model)
-    if period is not None and abs(period - learned.dt) > 1e-9:
-        learned = learned.with_dt(period)
+    limits = robot.gate.limits
     base = kl.NavigationProblem(
         dt=learned.dt,
         horizon=min(100, max(20, round(LOOK_AHEAD / learned.dt))),
@@ -169,6 +168,7 @@ def build_controller(robot: Robot, scenario: Any) -> Any:
         deceleration=(limits.deceleration, limits.angular_deceleration),
         **_wheels(robot),
     )
-    adaptation = None if model is not None and robot.control.adaptation else False
+    own = robot.control.model is not None
+    adaptation = None if own and robot.control.adaptation else False
     problem, options = scenario.problem(base), scenario.options
     return kl.Controller(learned, problem, adaptation=adaptation, options=options)

@@ -192,7 +192,7 @@ def _record(stage: Stage, seconds: float, seed: int) -> tuple[dict[str, Any], in
     robot = load_robot(stage.file, {"control": COMMANDS, "safety": geofence})
 
     def line() -> str:
-        rows = log.read_bytes().count(b"\n") - 1 if log.exists() else 0
+        rows = log.read_bytes().count(b"\n") - 2 if log.exists() else 0
         if rows <= 0:
             return "   waiting for the rover to be armed"
         return f"   {min(seconds, rows * PERIOD):.0f} of {seconds:g} s recorded"

@@ -148,7 +148,14 @@ def read_robot(options: argparse.Namespace) -> Robot:
         "safety": {"geofence": given.get("geofence"), "socket": given.get("socket")},
         "control": {
             name: given.get(name)
-            for name in ("period", "command_period", "latency", "model", "scenario")
+            for name in (
+                "period",
+                "command_period",
+                "latency",
+                "model",
+                "scenario",
+                "trust_model",
+            )
         },
     }
     overrides["control"]["map"] = False if given.get("by_sight") else None

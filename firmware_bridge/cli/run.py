@@ -72,6 +72,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="how long the goal must be held [s] (default: 1)",
     )
     add(
+        "--trust-model",
+        action="store_true",
+        default=None,
+        help="drive with a model although it is another vehicle's, of another period, or learned "
+        "from slower driving",
+    )
+    add(
         "--record",
         type=Path,
         metavar="DIR",
@@ -104,7 +111,7 @@ def run(options: argparse.Namespace) -> int:
             job.origin,
             name,
             people(options),
-            job.note,
+            job.notes,
             recorder=recorder_of(job, command_line()),
             **watching,
         )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from firmware_bridge.messages import State
 from firmware_bridge.recording.durable import DurableFile
@@ -15,6 +16,8 @@ from firmware_bridge.safety.gate import GateOutput
 from firmware_bridge.safety.gate_table import DRIVING
 
 HEADER = b"t,x,y,theta,v,omega\n"
+REMARK = b"# vehicle "
+"""A remark before the header says whose log it is, in JSON."""
 LATENESS = 0.3
 """A row is written this long after its time [s]: by then its pose has come, or the robot was
 stopped for the lack of it."""
@@ -153,12 +156,22 @@ class CsvRecorder:
         Of a new .csv file.
     period, by_hand
         See `RowSampler`.
+    vehicle : mapping, optional
+        What the log is to say of the vehicle.
     """
 
-    def __init__(self, path: Path, period: float, by_hand: bool = False) -> None:
+    def __init__(
+        self,
+        path: Path,
+        period: float,
+        by_hand: bool = False,
+        vehicle: Mapping[str, Any] | None = None,
+    ) -> None:
         self._sampler = RowSampler(period, by_hand)
         self._last = -math.inf
-        self.file: DurableFile[Tick | None] = DurableFile(path, self._encode, HEADER)
+        remark = REMARK + json.dumps(vehicle).encode() + b"\n" if vehicle else b""
+        header = remark + HEADER
+        self.file: DurableFile[Tick | None] = DurableFile(path, self._encode, header)
 
     @property
     def rows(self) -> int:

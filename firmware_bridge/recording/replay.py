@@ -13,6 +13,7 @@ from firmware_bridge.messages import ConfigError, LinkError, State
 from firmware_bridge.recording.durable import DurableFile
 from firmware_bridge.recording.recorder import (
     HEADER,
+    REMARK,
     RowSampler,
     Tick,
     csv_row,
@@ -23,6 +24,9 @@ from kmpc_lite.reading import open_regular
 LISTENER_WAIT = 30.0
 """How long to wait for somebody to play to [s]; a pseudo-terminal cannot tell, and plays at
 once."""
+
+MAX_REMARK = 10_000
+"""Longest remark before a CSV's header [bytes]."""
 
 
 def replay(
@@ -87,7 +91,10 @@ def inspect_csv(path: Path, mend: bool) -> dict[str, Any]:
         Where the file is no CSV of a recorder: it is left as it is.
     """
     with open_regular(path) as file:
-        if file.readline(len(HEADER) + 1) != HEADER:
+        first = file.readline(MAX_REMARK)
+        if first.startswith(REMARK):
+            first = file.readline(len(HEADER) + 1)
+        if first != HEADER:
             raise ConfigError(
                 f"{path}: no recorded CSV: expected {HEADER.decode().strip()} in its first line"
             )

@@ -29,7 +29,7 @@ def run(
     origin: Pose,
     output: str | None,
     out: TextIO | None,
-    note: str = "",
+    notes: tuple[str, ...] = (),
     watched: Watched = nullcontext,
     recorder: Callable[[Session, Path], Recorder] | None = None,
 ) -> tuple[dict[str, Any], int]:
@@ -49,7 +49,7 @@ def run(
         Record to files of this name.
     out : text stream, optional
         For people; nothing is written where not given.
-    note : str
+    notes : tuple of str
         Said on standard error once the board has answered, before it drives.
     watched : callable
         Makes a context of the session, in which it drives.
@@ -65,8 +65,7 @@ def run(
         out=out,
         record=recorder,
     ) as session:
-        if note:
-            sys.stderr.write(f"kmpc: {note}\n")
+        sys.stderr.write("".join(f"kmpc: {note}\n" for note in notes))
         navigator.is_driving, navigator.held = (
             lambda: session.gate.state is GateState.ACTIVE,
             lambda: session.planner.held,
@@ -85,6 +84,7 @@ def run(
             session.drive(finished)
         navigator.look(session.driver.state())
         report = {"outcome": "", **navigator.report(), "why": [], **session.report()}
+        report["notes"] = list(notes)
         interrupted = session.loop.stop_reason in SIGNALS
         report["outcome"] = _outcome(navigator, session.loop.stop_reason if interrupted else "")
         if not navigator.arrived:

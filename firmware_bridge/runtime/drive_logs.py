@@ -10,6 +10,7 @@ from firmware_bridge.link import Transport
 from firmware_bridge.link.log import Chunk, RecordedTransport, raw_log, tlog
 from firmware_bridge.recording.durable import DurableFile
 from firmware_bridge.recording.recorder import CsvRecorder
+from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.loop import Observer
 
 
@@ -50,7 +51,7 @@ class DriveLogs:
         transport: Transport,
         period: float,
         by_hand: bool,
-        is_autopilot: bool,
+        robot: Robot,
         record: Callable[[Path], Recorder] | None,
     ) -> Transport:
         """Make the files; give the transport whose bytes are recorded.
@@ -67,8 +68,8 @@ class DriveLogs:
             assert self._output is not None
             return self._output.with_name(self._output.name + ending)
 
-        self._csv = CsvRecorder(named(".csv"), period, by_hand)
-        self._link = tlog(named(".tlog")) if is_autopilot else raw_log(named(".raw"))
+        self._csv = CsvRecorder(named(".csv"), period, by_hand, robot.vehicle)
+        self._link = tlog(named(".tlog")) if robot.is_autopilot else raw_log(named(".raw"))
         if record is not None:
             self._recorder = record(self._output)
         return RecordedTransport(transport, self._link.put)

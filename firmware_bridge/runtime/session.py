@@ -144,7 +144,7 @@ class Session:
         transport: Transport = open_transport(self.robot.link.url)
         try:
             transport = self.logs.open(
-                transport, self._period, self._by_hand, self.robot.is_autopilot, self._recorder
+                transport, self._period, self._by_hand, self.robot, self._recorder
             )
             inner = self._inner = open_driver(self.robot, transport)
             self.driver: Driver = PlacedDriver(inner, self._origin)

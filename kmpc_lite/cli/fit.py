@@ -97,13 +97,21 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
         help="how far ahead the check looks [s] (default: 1)",
     )
     add("--seed", type=int, default=0, help="seed of the split (default: 0)")
+    add(
+        "--vehicle",
+        metavar="NAME",
+        help="name of the vehicle; kmpc run refuses the model for one of another name",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
     """Fit the logs, print the held-out errors, write the model."""
+    from kmpc_lite.learn.account import describe_fit, format_account
     from kmpc_lite.learn.noise_sources import check_sources
+    from kmpc_lite.learn.provenance import describe_making, format_making, read_vehicle
 
     keep_inputs(options.output, *options.log)
+    vehicle = read_vehicle(options.log, options.vehicle)
     told: list[str] = []
     train, held = load_and_split(
         options.log,
@@ -126,12 +134,13 @@ def run(options: argparse.Namespace) -> int:
         lags="auto" if lags == "auto" else None,
     )
     report = kl.evaluate(model, held, options.horizon)
-    facts = describe(model, train, held, report) if lags == "auto" else {}
+    facts = describe_fit(model, train, held, report) if lags == "auto" else {}
     noise = check_sources(model, held)
     if facts and noise is not None:
         facts["noise"] = noise.as_dict()
     model, calibration = calibrated(model, held)
-    model = with_info(model, {"held_out": report.as_dict(), "log": [str(f) for f in options.log]})
+    made = describe_making(model, options.log, train, held, vehicle=vehicle)
+    model = with_info(model, {"held_out": report.as_dict(), **made})
     model.save(options.output)
     info = model.info
     if options.json:
@@ -141,6 +150,7 @@ def run(options: argparse.Namespace) -> int:
             "train": repr(train),
             "held_out": report.as_dict(),
             "margins": calibration.removeprefix("margins: "),
+            "made": made,
             **({"learned": facts} if facts else {}),
         }
         keys = ("method", "samples", "rank", "features", "condition")
@@ -150,12 +160,10 @@ def run(options: argparse.Namespace) -> int:
     rank = f"rank {info['rank']} of {info['features']}"
     print(f"fit    {info['method']}, {rank}, condition {info['condition']:.3g}")
     if facts:
-        from kmpc_lite.learn.account import format_account
-
         print(format_account(facts))
         if noise is not None:
             print(noise)
-    print(f"{report}\n{calibration}\nwrote  {options.output}")
+    print(f"{report}\n{calibration}\n{format_making(info)}\nwrote  {options.output}")
     return 0
 
 
@@ -184,16 +192,6 @@ def read_lags(
         raise kl.DataError(
             f"--lags {' '.join(given)}: expected auto, none, or ages in periods such as 0 1 2"
         ) from None
-
-
-def describe(
-    model: kl.KoopmanModel, train: kl.Dataset, held: kl.Dataset, report: kl.FitReport
-) -> dict[str, Any]:
-    """Facts about the robot that a fit has learned, with warnings."""
-    from kmpc_lite.learn.account import account, warn_of_errors
-
-    facts = account(model, train, held)
-    return {**facts, "warnings": [*warn_of_errors(report), *facts["warnings"]]}
 
 
 def load_and_split(

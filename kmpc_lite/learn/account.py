@@ -65,6 +65,14 @@ def account(model: KoopmanModel, train: Dataset, *held: Dataset) -> dict[str, An
     }
 
 
+def describe_fit(
+    model: KoopmanModel, train: Dataset, held: Dataset, report: FitReport
+) -> dict[str, Any]:
+    """Facts about the robot that a fit has learned, with all that is to be warned of."""
+    facts = account(model, train, held)
+    return {**facts, "warnings": [*warn_of_errors(report), *facts["warnings"]]}
+
+
 def warn_of_errors(report: FitReport) -> list[str]:
     """Warnings on held-out errors: directions in which the nominal unicycle predicts better."""
     told = []

@@ -65,10 +65,43 @@ def _is_quantiles(value: Any) -> bool:
     )
 
 
+def is_vehicle(value: Any) -> bool:
+    """Whether this describes a vehicle: names and plain values, not many of them."""
+    return (
+        isinstance(value, Mapping)
+        and len(value) <= 32
+        and all(isinstance(key, str) and len(key) <= 64 for key in value)
+        and all(
+            isinstance(v, bool) or _is_number(v) or (isinstance(v, str) and len(v) <= 200)
+            for v in value.values()
+        )
+    )
+
+
+def _is_speeds(value: Any) -> bool:
+    """Largest speeds that were driven: none is negative."""
+    names = ("forward", "reverse", "turn")
+    return isinstance(value, Mapping) and all(
+        _is_number(value.get(n)) and value[n] >= 0.0 for n in names
+    )
+
+
+def _is_stopping(value: Any) -> bool:
+    """Delay and deceleration of a robot that is told to stop."""
+    if not isinstance(value, Mapping) or not _is_number(value.get("delay")):
+        return False
+    deceleration = value.get("deceleration")
+    slows = deceleration is None or (_is_number(deceleration) and deceleration > 0.0)
+    return value["delay"] >= 0.0 and slows and _is_number(value.get("stops"))
+
+
 KNOWN: dict[str, tuple[Callable[[Any], bool], str]] = {
     "samples": (_is_count, "a number of samples"),
     "condition": (_is_float, "a number"),
     "adaptation": (_is_gains, "a table of gains"),
     "held_out": (_is_errors, "a table of errors"),
     "noise_quantiles": (_is_quantiles, "risks and their quantiles: calibrate it anew"),
+    "driven": (_is_speeds, "the largest speeds forward, reverse and turn"),
+    "stopping": (_is_stopping, "delay, stops and deceleration"),
+    "vehicle": (is_vehicle, "a table of plain values"),
 }

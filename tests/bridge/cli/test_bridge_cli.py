@@ -17,7 +17,7 @@ import pytest
 from courses import COURSE, PATIENT
 
 import kmpc_lite as kl
-from firmware_bridge.cli.course import build_controller, course
+from firmware_bridge.cli.course import build_controller, course, load_model
 from firmware_bridge.cli.emulate import build_emulator
 from firmware_bridge.cli.latency import BOARDS, robot_text, table
 from firmware_bridge.cli.main import main
@@ -142,7 +142,8 @@ def test_run_drives_past_the_obstacle_to_the_goal_and_records_it(desk, capsys, n
         kl.fit(
             kl.generate_dataset(kl.DifferentialDrive(), episodes=10, steps=60, dt=0.1, seed=0)
         ).save("robot.npz")
-        options += ["--model", "robot.npz", "--period", "0.05", "--command-period", "0.1"]
+        options += ["--model", "robot.npz", "--period", "0.05", "--trust-model"]
+        options += ["--command-period", "0.1"]
     with emulated(name) as robot:
         assert main(["run", *options]) == 0
         assert wait_for(lambda: robot.stopped)
@@ -616,10 +617,9 @@ def test_a_learned_model_is_adapted_while_driving_and_the_nominal_one_is_not(tmp
     link = {"driver": "roboclaw", "url": "pty:link"}
 
     def built(control):
-        return build_controller(
-            load_robot(ROBOTS / "roboclaw.toml", {"link": link, "control": control}),
-            Scenario.load("mehrez"),
-        )
+        robot = load_robot(ROBOTS / "roboclaw.toml", {"link": link, "control": control})
+        robot, model, _ = load_model(robot)
+        return build_controller(robot, Scenario.load("mehrez"), model)
 
     assert built({"model": str(file)}).adaptation is not None
     assert built({"model": str(file), "adaptation": False}).adaptation is None
@@ -676,4 +676,5 @@ def test_a_model_without_lags_gets_a_latency_that_suits_the_driver_and_the_user_
         load_robot(None, {"link": {"url": "pty:x", "driver": name}, "control": control}), 1.0, 10.0
     )
     assert drive.robot.control.latency == expected
-    assert bool(drive.note) == (given is None and expected > 0.0) and drive.note.count("\n") == 0
+    told = [note for note in drive.notes if "control.latency" in note]
+    assert bool(told) == (given is None and expected > 0.0) and "\n" not in "".join(told)

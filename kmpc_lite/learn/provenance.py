@@ -1,0 +1,156 @@
+"""What a model file says of its making: which vehicle, how fast it drove, how it stops.
+
+`kmpc run` reads it before the first drive with the model.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from math import ceil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.errors import DataError
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.formats.readers import find_logs
+from kmpc_lite.learn.stopping import measure_stopping
+from kmpc_lite.model.info import is_vehicle
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.reading import text_lines
+
+REMARK = "# vehicle "
+"""What a log's first line begins with where its recorder knew the vehicle; JSON follows."""
+LONGEST = 4096
+"""Characters of the longest such line."""
+SHOWN = 0.5
+"""A speed counts as driven where the log holds it, or more, for so long [s]."""
+
+
+def describe_making(
+    model: KoopmanModel,
+    logs: Sequence[Path],
+    *datasets: Dataset,
+    vehicle: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Values for a model's `info`, which JSON can hold.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        What was learned.
+    logs : sequence of Path
+        From which files.
+    datasets : Dataset
+        Parts of the log, those included that the model was checked on.
+    vehicle : mapping, optional
+        What the log, or the user, says of the vehicle.
+    """
+    stopping = measure_stopping(model, *datasets).as_dict()
+    made: dict[str, Any] = {
+        "log": [str(file) for file in logs],
+        "driven": driven_speeds(*datasets),
+        "stopping": stopping,
+    }
+    return {**made, "vehicle": dict(vehicle)} if vehicle else made
+
+
+def format_making(info: Mapping[str, Any]) -> str:
+    """Lines for a terminal, of a model's `info`."""
+    driven, stopping = info["driven"], info["stopping"]
+    name = info.get("vehicle")
+    who = ", ".join(f"{k} {v}" for k, v in name.items()) if name else "not told (--vehicle NAME)"
+    lines = [
+        f"robot  {who}",
+        f"speeds {driven['forward']:.2g} m/s forward, {driven['reverse']:.2g} m/s back, "
+        f"{driven['turn']:.2g} rad/s: kmpc run goes no faster with this model",
+    ]
+    late = f"stops  {stopping['stops']} in the log; the motion comes {stopping['delay']:.2g} s late"
+    if stopping["deceleration"] is not None:
+        late += f", and slows down by {stopping['deceleration']:.2g} m/s^2"
+    return "\n".join([*lines, late])
+
+
+def driven_speeds(*datasets: Dataset) -> dict[str, float]:
+    """Largest speeds forward and back [m/s] and turn rate [rad/s] that a log shows for a while."""
+    inputs = np.concatenate([e.inputs for dataset in datasets for e in dataset.episodes])
+    rows = min(len(inputs), max(1, ceil(SHOWN / datasets[0].dt)))
+
+    def held(values: Any) -> float:
+        return max(0.0, float(np.sort(values)[-rows]))
+
+    v, omega = inputs.T
+    return {"forward": held(v), "reverse": held(-v), "turn": held(np.abs(omega))}
+
+
+def read_vehicle(files: Sequence[Path], name: str | None = None) -> dict[str, Any] | None:
+    """What logs say of their vehicle; None where none of them says anything.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        Logs of any kind, and folders; tables of text may begin with a remark on the vehicle.
+    name : str, optional
+        Name of the vehicle, which goes before the logs' own.
+
+    Raises
+    ------
+    DataError
+        Where two logs are of different vehicles.
+    """
+    found: dict[str, Any] = {}
+    first = None
+    for file in find_logs(files):
+        said = _remark(file)
+        if said is None:
+            continue
+        if first is not None and (different := differences(found, said)):
+            raise DataError(
+                f"{file}: of another vehicle than {first}: {'; '.join(different)}; one model is "
+                "learned from logs of one vehicle"
+            )
+        first = file if first is None else first
+        found = {**said, **found}
+    if name is not None:
+        found["name"] = name
+    return found or None
+
+
+def differences(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+    """What differs between two vehicles, in words; what only one of them says does not count."""
+    return [
+        f"{key} {one[key]} and {other[key]}"
+        for key in one
+        if key in other and not _same(one[key], other[key])
+    ]
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two values are the same; numbers to a thousandth."""
+    numbers = [float(x) for x in (one, other) if isinstance(x, int | float)]
+    if len(numbers) == 2:
+        return abs(numbers[0] - numbers[1]) <= 1e-3 * max(map(abs, numbers))
+    return bool(one == other)
+
+
+def _remark(file: Path) -> dict[str, Any] | None:
+    """The remark at the beginning of a table of text, if there is one."""
+    if file.suffix.lower() not in (".csv", ".tsv", ".txt"):
+        return None
+    with closing(text_lines(file, LONGEST)) as lines:
+        try:
+            first = next(lines, "")
+        except (OSError, ValueError):  # whoever reads the log says what is wrong with it
+            return None
+    if not first.startswith(REMARK):
+        return None
+    try:
+        said = json.loads(first.removeprefix(REMARK))
+    except (ValueError, RecursionError) as error:
+        raise DataError(f"{file}: line 1: the remark on the vehicle is no JSON: {error}") from error
+    if not is_vehicle(said):
+        raise DataError(f"{file}: line 1: the remark on the vehicle is no table of plain values")
+    return dict(said)

@@ -1,0 +1,146 @@
+"""How a robot comes to a stop, from its log: what it is told, how late it answers, what it does.
+
+A command that falls by `deceleration` is followed `delay` later. Where the robot drives on farther
+than that, by more than chance, the deceleration is what its way to a standstill shows instead.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.episode import Episode
+from kmpc_lite.learn.stops import Stop, find_stops
+from kmpc_lite.learn.windows import largest_speeds
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.types import Array
+
+
+@dataclass(frozen=True)
+class StoppingOptions:
+    """What is looked at."""
+
+    fewest: int = 2
+    """Stops from which on something is said."""
+    sure: float = 2.0
+    """Standard errors by which the robot must drive on farther than predicted."""
+    window: float = 1.0
+    """Motions over so long are compared with the commands, to tell how late they come [s]."""
+    longest: float = 1.0
+    """Latest answer that is looked for [s]."""
+
+
+@dataclass(frozen=True)
+class Stopping:
+    """What a log shows of stopping."""
+
+    delay: float
+    """How late the motion comes [s]."""
+    stops: int
+    """Stops from speed in the log."""
+    deceleration: float | None
+    """Deceleration that the robot followed [m/s^2]; None where the log holds too few stops."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return asdict(self)
+
+    def distance(self, speed: float) -> float | None:
+        """Way from a speed [m/s] to a standstill [m], once the robot is told to stop."""
+        if self.deceleration is None:
+            return None
+        return speed * self.delay + speed**2 / (2.0 * self.deceleration)
+
+
+def measure_stopping(
+    model: KoopmanModel, *datasets: Dataset, options: StoppingOptions | None = None
+) -> Stopping:
+    """Measure delay and deceleration of the robot in a log.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        Learned from the log: what it predicts of a stop is the lag's share of the way.
+    datasets : Dataset
+        The log's parts.
+    options : StoppingOptions, optional
+        What is looked at.
+    """
+    options = StoppingOptions() if options is None else options
+    episodes = [e for dataset in datasets for e in dataset.episodes]
+    largest = max(largest_speeds(dataset)[0] for dataset in datasets)
+    told, beyond, energy = [], [], []
+    for episode in episodes:
+        for stop in find_stops(episode.inputs[:, 0], episode.dt, largest):
+            if stop.begin > model.history:
+                told.append(_told_deceleration(episode, stop))
+                beyond.append(_farther_than_predicted(model, episode, stop))
+                energy.append(0.5 * episode.inputs[stop.begin - 1, 0] ** 2)
+    delay = _known_delay(model) or measure_delay(episodes, options)
+    if len(told) < options.fewest:
+        return Stopping(delay, len(told), None)
+    slowness = 1.0 / float(np.median(told))
+    slowness += _excess(np.array(beyond), np.array(energy), options.sure)
+    return Stopping(delay, len(told), 1.0 / slowness)
+
+
+def _told_deceleration(episode: Episode, stop: Stop) -> float:
+    """Deceleration of the command: its steepest fall, and no more than the whole way tells."""
+    falling = np.abs(episode.inputs[stop.begin - 1 : stop.end, 0])
+    steepest = -float(np.diff(falling).min()) / episode.dt
+    way = float(falling[1:].sum()) * episode.dt
+    return min(steepest, float(falling[0]) ** 2 / (2.0 * way)) if way > 0.0 else steepest
+
+
+def _farther_than_predicted(model: KoopmanModel, episode: Episode, stop: Stop) -> float:
+    """How much farther the robot went than the model says, in its direction of travel [m]."""
+    first = stop.begin
+    past = episode.inputs[first - model.history : first] if model.history else None
+    start, inputs = episode.states[first], episode.inputs[first : stop.end]
+    predicted = model.rollout(start, inputs, past)[-1]
+    heading = np.array([np.cos(start[2]), np.sin(start[2])])
+    sign = np.sign(episode.inputs[first - 1, 0])
+    return float(sign * heading @ (episode.states[stop.end] - predicted)[:2])
+
+
+def _excess(beyond: Array, energy: Array, sure: float) -> float:
+    """What is to be added to the inverse deceleration [s^2/m], where that is beyond chance."""
+    size = float(energy @ energy)
+    found = float(energy @ beyond) / size
+    rest = beyond - found * energy
+    error = float(np.sqrt(rest @ rest / max(len(beyond) - 1, 1) / size))
+    return found + error if found > sure * error else max(0.0, found)
+
+
+def _known_delay(model: KoopmanModel) -> float:
+    """Delay that the model has learned [s]; 0 where it has learned none."""
+    response = model.info.get("response")
+    return float(sum(response["speed"])) if isinstance(response, dict) else 0.0
+
+
+def measure_delay(episodes: list[Episode], options: StoppingOptions | None = None) -> float:
+    """How late the motion along the heading follows the commanded speed [s].
+
+    The lag in whole periods at which motions and commands over a window are most alike.
+    """
+    options = StoppingOptions() if options is None else options
+    dt = episodes[0].dt
+    span, lags = max(1, round(options.window / dt)), round(options.longest / dt)
+    moments = np.zeros((lags + 1, 2))
+    for episode in episodes:
+        if len(episode) < span + lags + 1:
+            continue
+        step, theta = np.diff(episode.states, axis=0), episode.states[:-1, 2]
+        ahead = np.cos(theta) * step[:, 0] + np.sin(theta) * step[:, 1]
+        way = np.concatenate([[0.0], np.cumsum(ahead)])
+        told = np.concatenate([[0.0], np.cumsum(episode.inputs[:, 0] * dt)])
+        moved = way[lags + span :] - way[lags:-span]
+        for lag in range(lags + 1):
+            stop = len(told) - lag
+            asked = told[lags - lag + span : stop] - told[lags - lag : stop - span]
+            moments[lag] += asked @ moved, asked @ asked
+    likeness = moments[:, 0] / np.sqrt(np.maximum(moments[:, 1], 1e-12))
+    return float(np.argmax(likeness)) * dt
