@@ -80,7 +80,8 @@ class Pipeline:
         self._goal_reference = GoalReference(units)
         self._rates = RateLimit(units)
         self._braking = Braking(units, options.stop)
-        stops = StopTrajectories(units, options.stop)
+        emerging = options.sight.emerging_speed / scale.speed
+        stops = StopTrajectories(units, options.stop, emerging)
         self._backup = Backup(units, options.stop)
         self._verification = Verification(units, step, stops)
         self._answers = Answers(problem, scale)

@@ -64,6 +64,9 @@ class NavigationProblem:
         Distance between the wheels [m] and how fast one turns at its rim [m/s], for robots whose
         wheels saturate together: ``|v| + track / 2 |omega| <= max_wheel_speed``. Infinite where not
         given: the command bounds alone.
+    sensor_range : float, optional
+        How far from the robot's edge all obstacles are told [m]: the robot stays able to stop
+        within. Where not given, all of them are told always; a `LaserScan` has its own reach.
     slack_weights : array_like, optional
         Weights (2,) of the linear [1/m] and the quadratic [1/m^2] penalty on entering an obstacle
         or leaving the area. Where not given, 100 and 1000 for a robot of 0.15 m, less for larger
@@ -92,6 +95,7 @@ class NavigationProblem:
     slack_weights: Any = None
     track: float = 0.0
     max_wheel_speed: float = np.inf
+    sensor_range: float | None = None
 
     def __post_init__(self) -> None:
         if (
@@ -104,6 +108,8 @@ class NavigationProblem:
             )
         for name in ("dt", "robot_radius", "margin", "track"):
             scalar(name, getattr(self, name), above_zero=name == "dt")
+        if self.sensor_range is not None:
+            scalar("sensor_range", self.sensor_range, above_zero=True)
         self._check_wheels()
 
         def set_field(name: str, value: Array) -> None:

@@ -67,6 +67,10 @@ def check_settings(
         raise ProblemError(f"pose_age: expected a time from 0 to {oldest:g} s, got {age!r}")
     if tightening not in (None, "learned"):
         raise ProblemError(f"tightening: expected 'learned' or None, got {tightening!r}")
+    if problem.sensor_range is not None and tightening is None:
+        raise ProblemError(
+            "sensor_range: plans are checked for a stop within it only with tightening='learned'"
+        )
     if not isinstance(guidance, bool | GuidanceOptions):
         raise ProblemError(f"guidance: expected True, False or GuidanceOptions, got {guidance!r}")
 

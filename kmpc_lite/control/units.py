@@ -38,5 +38,6 @@ def scaled_problem(problem: NavigationProblem, scale: Scale) -> NavigationProble
         du_max=problem.du_max / scale.acceleration,
         slack_weights=slack * (scale.length, scale.length**2),
         track=problem.track / scale.length,
+        sensor_range=None if problem.sensor_range is None else problem.sensor_range / scale.length,
         max_wheel_speed=problem.max_wheel_speed / scale.speed,
     )

@@ -18,7 +18,7 @@ import numpy as np
 from kmpc_lite.control.guidance.capabilities import Capabilities
 from kmpc_lite.control.guidance.goal_checker import GoalChecker
 from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, TrafficTable
-from kmpc_lite.control.guidance.reference import Guidance
+from kmpc_lite.control.guidance.reference import Guidance, wait_in_sight
 from kmpc_lite.control.guidance.replan import Replanner
 from kmpc_lite.control.guidance.situation import Situation, lies_outside
 from kmpc_lite.control.guidance.state import GuideState
@@ -42,8 +42,7 @@ if TYPE_CHECKING:
 
 ORIGIN = np.zeros(2)
 TOLD_STALLS = 2
-"""Stalls after which the guidance says that the robot waits: the second follows when something else
-was tried and did not help either."""
+"""Stalls after which the guidance says that the robot waits: something else did not help either."""
 
 
 class Guide:
@@ -80,6 +79,7 @@ class Guide:
         self._ahead = self._options.lead_time + self._times
         self._goal_checker = GoalChecker(in_metres(goal_options or GoalOptions(), unit))
         self._traffic = TrafficTable(in_metres(traffic_options or TrafficOptions(), unit))
+        self._range = math.inf if problem.sensor_range is None else problem.sensor_range
         self._replanner = Replanner(problem, self._options, clock)
 
     def reference(
@@ -246,6 +246,7 @@ class Guide:
         else:
             state.evasive_arc = -1
             states = self._along(path, place, scale or 0.0, state.turning, float(now.pose[2]))
+            wait_in_sight(states, now, self._range)
         state.yielding = scale != 1.0
         progress, reason = _progress(state, hold, scale)
         if now.outside:

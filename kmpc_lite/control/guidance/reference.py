@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from kmpc_lite.control.guidance.situation import Situation
 from kmpc_lite.control.plan import GoalProgress
 from kmpc_lite.types import Array
 
@@ -35,3 +39,27 @@ class Guidance:
     """Why it neither drives there nor holds."""
     path_clearance: float
     """What the path keeps beyond the problem's margin [m]; less where a passage is narrow."""
+
+
+def wait_in_sight(states: Array, now: Situation, known: float) -> None:
+    """Let the reference (N + 1, 3) wait where it would lead into what is not known.
+
+    A plan that is drawn farther than it may go is solved badly.
+
+    Parameters
+    ----------
+    states : ndarray
+        Changed.
+    now : Situation
+        Robot, and what scans have shown.
+    known : float
+        How far from the robot everything is told [m]; infinite where it always is.
+    """
+    if now.view is None and known == math.inf:
+        return
+    dark = np.hypot(*(states[:, :2] - now.pose[:2]).T) > known
+    if now.view is not None:
+        dark |= now.view.is_dark(states[:, :2], 0.0)
+    first = int(dark.argmax())
+    if dark[first]:
+        states[first:] = states[max(first - 1, 0)]

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 NO_SOLIDS_AHEAD = np.zeros(2), np.empty(0), np.empty((0, 2))
 """`Clearances.solids_ahead` where there are no solids."""
+LEAST_DISTANCE = 1e-9
+"""Distance from the robot below which there is no direction towards it [m]."""
 
 
 class Clearances(NamedTuple):
@@ -61,6 +63,8 @@ class KeepOut:
         ).reshape(-1, 2)
         self._side_offsets = np.array([sign * bound for _, sign, bound in sides])
         self._distance = problem.robot_radius + problem.margin
+        self._range = problem.sensor_range
+        self._side_count = len(sides) + (self._range is not None)
         self.horizon, self.slots = problem.horizon, slots
         self._times = problem.dt * np.arange(1, problem.horizon + 1)
         self._count = -1
@@ -72,7 +76,8 @@ class KeepOut:
     def clearances(self, states: Array, circles: Array, solids: Nearby | None) -> Clearances:
         """Clearances of stages 1 to N from circles, solids, then sides, in this order.
 
-        A robot that stands outside the area widens its side to where it stands: it is asked to come
+        The last of the sides is the circle within which all is known, where there is one. A robot
+        that stands outside the area widens its side to where it stands: it is asked to come
         back, at no obstacle's expense.
 
         Parameters
@@ -86,9 +91,9 @@ class KeepOut:
         count = circle_count + (0 if solids is None else solids.columns)
         if count != self._count:
             self._count = count
-            self._values = np.empty((self.horizon, count + len(self._side_offsets)))
+            self._values = np.empty((self.horizon, count + self._side_count))
             self._all_normals = np.empty((*self._values.shape, 2))
-            self._all_normals[:, count:] = self._side_normals
+            self._all_normals[:, count : count + len(self._side_offsets)] = self._side_normals
         positions = states[1:, :2]
         solids_ahead = NO_SOLIDS_AHEAD
         if circle_count:
@@ -104,8 +109,13 @@ class KeepOut:
         np.subtract(
             positions @ self._side_normals.T,
             self._side_offsets_from(states[0]),
-            out=self._values[:, count:],
+            out=self._values[:, count : count + len(self._side_offsets)],
         )
+        if self._range is not None:
+            away = states[0, :2] - positions
+            distance = np.hypot(away[:, 0], away[:, 1])
+            self._values[:, -1] = self._range - distance
+            self._all_normals[:, -1] = away / np.maximum(distance, LEAST_DISTANCE)[:, None]
         return Clearances(self._values, self._all_normals, count, solids_ahead)
 
     def _side_offsets_from(self, present: Array) -> Array:
@@ -176,6 +186,10 @@ class KeepOut:
         """
         count = len(circles)
         outside = self._side_offsets_from(states[0]) - states[1:, :2] @ self._side_normals.T
+        if self._range is not None:
+            away = states[1:, :2] - states[0, :2]
+            beyond = np.hypot(away[:, 0], away[:, 1]) - self._range
+            outside = np.concatenate([outside, beyond[:, None]], axis=1)
         x, y = states[1:, 0:1], states[1:, 1:2]
         if solids is not None:
             inside = self._distance - solids.again(states[1:, :2])

@@ -18,7 +18,8 @@ It holds as far as these are true:
   (`CommandCheck.step_margin`);
 - circles keep their velocity and solids stay until the robot stands; a standing robot can still be
   driven into;
-- the pose is right, and every obstacle that the stop trajectory comes to is known;
+- the pose is right, and every obstacle that the stop trajectory comes to is known: all are told,
+  or those within `NavigationProblem.sensor_range`, or a scan has shown the place to be free;
 - a robot whose model has no input history, and whose commands may change as they like (no
   `du_max`), stops within the period in which it is told to;
 - margins are on: without them (``tightening=None``, the paper) no plan is refused, and what is left
@@ -27,6 +28,7 @@ It holds as far as these are true:
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -110,15 +112,24 @@ class StopTrajectories:
         Period, horizon, radius and deceleration.
     options : StopOptions, optional
         What is tried, and what is clear.
+    emerging_speed : float
+        At which something may come out of what is not known [m/s].
     """
 
-    def __init__(self, problem: NavigationProblem, options: StopOptions | None = None) -> None:
+    def __init__(
+        self,
+        problem: NavigationProblem,
+        options: StopOptions | None = None,
+        emerging_speed: float = 0.0,
+    ) -> None:
         self._options = options = StopOptions() if options is None else options
         self._dt, self._radius = problem.dt, problem.robot_radius
         self._braking = Braking(problem, options)
         self._quick_look = QuickLook(problem, self._braking, options)
         self._further = min(round(options.further_time / problem.dt), problem.horizon - 1)
         self._rates = RateLimit(problem)
+        known = problem.sensor_range
+        self._known, self._emerging = math.inf if known is None else known, emerging_speed
 
     def find(self, states: Array, inputs: Array, task: StopTask) -> CheckedPlan:
         """Check a plan from the present pose; its coming command is slowed where it must be.
@@ -131,7 +142,8 @@ class StopTrajectories:
             What it must be clear of.
         """
         check, drift = task.check, task.drift
-        if check is None or drift is None or not (len(task.circles) or task.nearby):
+        anything = len(task.circles) or task.nearby or self._known < math.inf
+        if check is None or drift is None or not anything:
             return CheckedPlan(StopTrajectory(), states, inputs)
         ahead, closing = self._ahead(task)
         model, here = task.model, states[0]
@@ -147,13 +159,17 @@ class StopTrajectories:
         margin = check.step_margin(drift, v, omega)
         # far from everything, which is most of the time, nothing needs to be rolled out
         approach = self._dt * closing * (periods + model.history + 1.0)
-        if nearest > self._options.overspeed * distance + approach + margin:
+        farthest = self._options.overspeed * distance + margin
+        emerging = self._dt * self._emerging * (periods + model.history + 1.0)
+        in_sight = farthest + emerging <= self._known
+        if in_sight and nearest > farthest + approach:
             return plan
         if not (model.history or self._rates.active):
             # a robot without lag stands when it is told to, and the coming period was checked above
-            clear = self._quick_look.ramp_is_clear(plan.states, periods, ahead, margin)
+            plan = plan if in_sight else self._within_sight(plan, margin, task)
+            clear = in_sight and self._quick_look.ramp_is_clear(plan.states, periods, ahead, margin)
             return plan._replace(stop=StopTrajectory(at_once=not clear))
-        if self._quick_look.lagging_ramp_is_clear(
+        if in_sight and self._quick_look.lagging_ramp_is_clear(
             model, plan.states, plan.inputs[0], task.past, ahead, margin
         ):
             return plan
@@ -205,6 +221,12 @@ class StopTrajectories:
         states = task.model.rollout(plan.states[0], inputs, task.past)
         return CheckedPlan(plan.stop, states, inputs, slowed=True)
 
+    def _within_sight(self, plan: CheckedPlan, margin: float, task: StopTask) -> CheckedPlan:
+        """Slow the command of a robot without lag until the coming period ends in what is known."""
+        allowed = max(self._known - margin - self._dt * self._emerging, 0.0)
+        driven = self._dt * abs(float(plan.inputs[0, 0]))
+        return plan if driven <= allowed else self._slowed(plan, allowed / driven, task)
+
     def _search(
         self, plan: CheckedPlan, task: StopTask, check: CommandCheck, drift: DriftState
     ) -> CheckedPlan:
@@ -253,6 +275,12 @@ class StopTrajectories:
         if task.nearby:
             distances.append(task.nearby.least(points)[:, None])
             standing.append(np.full((len(points), 1), task.nearby.least(here[None, :2])[0]))
+        if self._known < math.inf:
+            # as the distance from an obstacle all around that comes nearer
+            away = np.hypot(*(points - here[:2]).T) + self._emerging * times
+            distances.append((self._known + self._radius - away)[:, None])
+            still = self._known + self._radius - self._emerging * times
+            standing.append(still[:, None])
         clearance = np.concatenate(distances, axis=1) - self._radius
         still_clearance = np.concatenate(standing, axis=1) - self._radius
         margins = np.array(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from kmpc_lite.control.obstacles.nearby import Nearby
 from kmpc_lite.control.obstacles.sight.local_map import LocalMap
 from kmpc_lite.control.obstacles.sight.sight import Sight
@@ -36,6 +38,7 @@ class View:
         """What was hit near the robot; none where nothing was."""
         if self._seen.hits:
             self.hits = NOTHING.with_boxes(self._seen.hits)
+        self._unknown = NOTHING.with_boxes(self._seen.unknown) if self._seen.unknown else None
         self.coarseness = math.sqrt(2.0) * here.cell
         """How far cells may stand out of what was hit in them."""
         self.blocked_interval = sight.options.blocked_interval
@@ -47,6 +50,13 @@ class View:
         if not more:
             return solids
         return (NOTHING if solids is None else solids).with_boxes(more)
+
+    def is_dark(self, points: Array, distance: float) -> Array:
+        """Which of points (n, 2) near the robot lie within a distance of what is unknown, (n,)."""
+        if self._unknown is None:
+            return np.zeros(len(points), dtype=bool)
+        found: Array = self._unknown.least(points) < distance
+        return found
 
     def blocks(self, points: Array, distance: float) -> bool:
         """Whether something that was hit is nearer than a distance to any of points (n, 2)."""

@@ -53,9 +53,12 @@ def test_a_copy_in_the_middle_of_a_drive_goes_on_to_the_last_bit() -> None:
 
 def test_a_robot_that_sees_nothing_stands() -> None:
     controller = kl.Controller(kl.nominal_unicycle(0.1))
-    for _ in range(5):
-        plan = controller.step(START, GOAL, [kl.LaserScan(np.full(360, np.nan), 0.0, 0.0175, 4.0)])
-        assert abs(plan.command[0]) < 0.02
+    nothing, pose = kl.LaserScan(np.full(360, np.nan), 0.0, 0.0175, 4.0), START
+    for _ in range(20):
+        plan = controller.step(pose, GOAL, [nothing])
+        pose = DifferentialDrive().trace(pose, plan.command, 0.1, 4)[-1]
+    # within the cells that it stood on
+    assert np.hypot(*(pose - START)[:2]) < 0.05
 
 
 def test_plans_stay_within_what_was_seen_to_be_free() -> None:
