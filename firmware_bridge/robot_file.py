@@ -22,8 +22,10 @@ from firmware_bridge.sensors.pose import check_pose_url
 from kmpc_lite.reading import read_toml
 
 DRIVERS = ("mavlink", "roboclaw", "odrive", "vesc", "roboteq", "sabertooth", "arduino")
+TOPICS = "ros2"
+"""In place of a driver where ROS 2 topics are the robot's link: see `kmpc ros2`."""
 SECTIONS = ("link", "board", "geometry", "limits", "safety", "frame", "control", "lidar", "robot")
-NOMINAL_LATENCY = {name: 0.2 if name == "mavlink" else 0.0 for name in DRIVERS}
+NOMINAL_LATENCY = {**dict.fromkeys(DRIVERS, 0.0), "mavlink": 0.2, TOPICS: 0.1}
 """Taken for a model without input history where nobody says better [s].  An autopilot's own speed
 loop lags: on the emulated rover the nominal unicycle grazes obstacles with 0.1 s or less, but not
 with 0.2 or 0.3 s. With a motor controller's 0.05 s the clearance is the same for 0, 0.05 and 0.1 s.
@@ -60,7 +62,7 @@ class LinkOptions:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if self.driver not in DRIVERS:
+        if self.driver not in (*DRIVERS, TOPICS):
             raise ConfigError(f"driver: expected {', '.join(DRIVERS)}, got {self.driver!r}")
         check(self)
         if self.pose is not None:

@@ -14,6 +14,7 @@ COMMANDS = {
         "latency",
         "experiments",
         "signing",
+        "ros2",
     )
 }
 """As the entry points `kmpc.commands` of pyproject.toml; `demo` replaces that of kmpc_lite."""

@@ -159,16 +159,25 @@ def build_controller(robot: Robot, scenario: Any, learned: Any) -> Any:
     """kmpc_lite's controller for this map, within the robot's limits."""
     import kmpc_lite as kl
 
+    problem, options = scenario.problem(base_problem(robot, learned.dt)), scenario.options
+    return kl.Controller(learned, problem, adaptation=adaptation(robot), options=options)
+
+
+def base_problem(robot: Robot, dt: float) -> Any:
+    """Build a problem with the robot's limits, of a period [s]."""
+    import kmpc_lite as kl
+
     limits = robot.gate.limits
-    base = kl.NavigationProblem(
-        dt=learned.dt,
-        horizon=min(100, max(20, round(LOOK_AHEAD / learned.dt))),
+    return kl.NavigationProblem(
+        dt=dt,
+        horizon=min(100, max(20, round(LOOK_AHEAD / dt))),
         u_min=(-limits.v_reverse, -limits.omega_max),
         u_max=(limits.v_max, limits.omega_max),
         deceleration=(limits.deceleration, limits.angular_deceleration),
         **_wheels(robot),
     )
-    own = robot.control.model is not None
-    adaptation = None if own and robot.control.adaptation else False
-    problem, options = scenario.problem(base), scenario.options
-    return kl.Controller(learned, problem, adaptation=adaptation, options=options)
+
+
+def adaptation(robot: Robot) -> bool | None:
+    """The controller's `adaptation`: a learned model's own default, none of the nominal one."""
+    return None if robot.control.model is not None and robot.control.adaptation else False

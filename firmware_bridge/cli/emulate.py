@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from firmware_bridge.cli.options import need_driver, people
+from firmware_bridge.cli.topics import add_topic_options, emulate_topics
 from firmware_bridge.emulator.lidar.kinds import Eyes
 from firmware_bridge.emulator.mocap import MocapSender
 from firmware_bridge.link.url import LinkUrl
@@ -68,7 +69,7 @@ class Emulator(Protocol):
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
-    add("robot", help="mavlink, or a robot file")
+    add("robot", help="mavlink, ros2, or a robot file")
     add(
         "--link",
         metavar="URL",
@@ -100,7 +101,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--lidar",
         choices=LIDARS,
-        metavar="NAME",
         nargs="?",
         const=True,
         help="emulate a lidar, too, which sees the scenario's obstacles: the robot file's, or\n"
@@ -113,13 +113,16 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=float,
         metavar="S",
         default=2.0,
-        help="time after boot in which arming is refused [s] (default: 2)",
+        help="time after boot without arming [s] (default: 2)",
     )
     add("--seconds", type=positive, metavar="S", help="end after this time [s]")
+    add_topic_options(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Emulate a robot until Ctrl-C, or for so long."""
+    if options.robot == "ros2":
+        return emulate_topics(options)
     autopilot = options.robot == "mavlink"
     driver = "mavlink" if autopilot else None
     name = options.lidar if isinstance(options.lidar, str) else None
@@ -285,10 +288,11 @@ def emulate(
 
 
 COMMAND = Command(
-    text="Pretend to be a robot: an ArduPilot rover, or the motor controller of a robot file.",
+    text="Pretend to be a robot: a rover of ArduPilot, a board, or a robot of ROS 2 topics.",
     examples=(
         "kmpc emulate mavlink --link tcp:127.0.0.1:5760",
         "kmpc emulate robot.toml --link pty:/tmp/robot --scenario four_circles_1",
+        "kmpc emulate ros2 --sees map",
     ),
     add_options=add_options,
     run=run,

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any, TextIO
 
 from firmware_bridge.messages import ConfigError
-from firmware_bridge.robot_file import DRIVERS, Robot, load_robot
+from firmware_bridge.robot_file import DRIVERS, TOPICS, Robot, load_robot
 from firmware_bridge.sensors.lidar.options import LIDARS
 from kmpc_lite.cli.extras import need
 from kmpc_lite.reading import parse_toml
@@ -41,6 +41,11 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="link.timeout: how long the board may take to answer [s]",
     )
+    add_limits(add)
+
+
+def add_limits(add: Callable[..., object]) -> None:
+    """Add what the robot may do, and any other key of a robot file."""
     add(
         "--v-max",
         type=float,
@@ -130,6 +135,19 @@ def read_robot(options: argparse.Namespace) -> Robot:
     MissingExtra
         Where the robot's driver needs an extra that is not installed.
     """
+    overrides = overrides_of(options)
+    robot = load_robot(vars(options).get("robot"), overrides)
+    if vars(options).get("arm") and not robot.is_autopilot:
+        raise ConfigError(
+            f"--arm: only an autopilot is armed; {robot.link.driver} drives as soon as the bridge "
+            "runs"
+        )
+    need_driver(robot)
+    return robot
+
+
+def overrides_of(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """Sections and keys that a command line replaces; ConfigError for what is none."""
     given = vars(options)
     overrides: dict[str, dict[str, Any]] = {
         "link": {
@@ -162,18 +180,13 @@ def read_robot(options: argparse.Namespace) -> Robot:
     for item in given.get("set", []):
         section, key, value = _assignment(item)
         overrides.setdefault(section, {})[key] = value
-    robot = load_robot(given.get("robot"), overrides)
-    if given.get("arm") and not robot.is_autopilot:
-        raise ConfigError(
-            f"--arm: only an autopilot is armed; {robot.link.driver} drives as soon as the bridge "
-            "runs"
-        )
-    need_driver(robot)
-    return robot
+    return overrides
 
 
 def need_driver(robot: Robot) -> None:
     """Refuse a robot whose driver, or whose emulator, needs an extra that is not installed."""
+    if robot.link.driver == TOPICS:
+        raise ConfigError(f"{robot.where}: link.driver: a robot of ROS 2 is driven by kmpc ros2")
     if robot.is_autopilot:
         need(f"{robot.where}: the driver mavlink", "pymavlink")
 

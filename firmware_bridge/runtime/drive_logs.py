@@ -48,13 +48,13 @@ class DriveLogs:
 
     def open(
         self,
-        transport: Transport,
+        transport: Transport | None,
         period: float,
         by_hand: bool,
         robot: Robot,
         record: Callable[[Path], Recorder] | None,
-    ) -> Transport:
-        """Make the files; give the transport whose bytes are recorded.
+    ) -> Transport | None:
+        """Make the files; give the transport whose bytes are recorded, if there is one.
 
         Raises
         ------
@@ -69,9 +69,11 @@ class DriveLogs:
             return self._output.with_name(self._output.name + ending)
 
         self._csv = CsvRecorder(named(".csv"), period, by_hand, robot.vehicle)
-        self._link = tlog(named(".tlog")) if robot.is_autopilot else raw_log(named(".raw"))
         if record is not None:
             self._recorder = record(self._output)
+        if transport is None:
+            return None
+        self._link = tlog(named(".tlog")) if robot.is_autopilot else raw_log(named(".raw"))
         return RecordedTransport(transport, self._link.put)
 
     @property

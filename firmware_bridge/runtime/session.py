@@ -99,6 +99,8 @@ class Session:
         Gives more lines for the terminal's picture.
     record : callable, optional
         Makes another recorder of this session, to a path without an ending.
+    driver : Driver, optional
+        Not yet connected, for a robot without a link of bytes; the robot file's where not given.
 
     Raises
     ------
@@ -119,12 +121,13 @@ class Session:
         observers: tuple[Observer, ...] = (),
         more: Callable[[], list[str]] = list,
         record: Callable[[Session, Path], Recorder] | None = None,
+        driver: Driver | None = None,
     ) -> None:
         check_period(period, robot.gate)
         self.robot, self._by_hand, self._out = robot, by_hand, out
         self._origin = origin if robot.origin is None else robot.origin
         self._controller, self._period = controller, period
-        self._observers, self._more = observers, more
+        self._observers, self._more, self._given = observers, more, driver
         self._recorder = None if record is None else partial(record, self)
         self.logs = DriveLogs(output)
         self._handlers: dict[int, Any] = {}
@@ -139,14 +142,18 @@ class Session:
             raise EstopLatched(
                 f"the emergency stop is pressed ({self.estop.latch_path}): kmpc estop --reset"
             )
-        # what is wrong in the robot file is told before a log is begun
-        open_driver(self.robot, open_transport(self.robot.link.url)).close()
-        transport: Transport = open_transport(self.robot.link.url)
+        transport: Transport | None = None
+        if self._given is None:
+            # what is wrong in the robot file is told before a log is begun
+            open_driver(self.robot, open_transport(self.robot.link.url)).close()
+            transport = open_transport(self.robot.link.url)
         try:
             transport = self.logs.open(
                 transport, self._period, self._by_hand, self.robot, self._recorder
             )
-            inner = self._inner = open_driver(self.robot, transport)
+            inner = self._given if transport is None else open_driver(self.robot, transport)
+            assert inner is not None
+            self._inner = inner
             self.driver: Driver = PlacedDriver(inner, self._origin)
             self._catch_signals()
             try:

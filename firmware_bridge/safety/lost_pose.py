@@ -8,8 +8,8 @@ from firmware_bridge.messages import LinkStatus, State
 from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import DRIVING, GateState, Reason
 
-POSE_LOST = frozenset({Reason.POSE, Reason.ESTIMATE, Reason.COMMAND})
-"""What is wrong when only the pose is lost; without a pose there is no new command either."""
+POSE_LOST = frozenset({Reason.POSE, Reason.SCAN, Reason.ESTIMATE, Reason.COMMAND})
+"""What is wrong when only the pose, or the sight, is lost; there is no new command then either."""
 
 
 class LostPose:

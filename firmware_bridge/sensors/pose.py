@@ -118,6 +118,10 @@ class PoseFilter:
         if said is None:
             self.counters["malformed"] += 1
             return None
+        return self.believe(said, now)
+
+    def believe(self, said: SourcePose, now: float) -> SourcePose | None:
+        """Take a pose with the source's stamp that came at `now` [s]; gives it if credible."""
         if not all(map(math.isfinite, said)) or max(abs(said.x), abs(said.y)) > FARTHEST:
             self.counters["not_finite"] += 1
             return None
@@ -156,6 +160,12 @@ class PoseFilter:
         while self._ways[0][0] < now - WINDOW:
             self._ways.popleft()
         return said._replace(stamp=min(now, said.stamp + self._ways[0][1]))
+
+    @property
+    def shortest_way(self) -> float:
+        """Arrival minus stamp of the pose that came fastest lately [s]; NaN before the first."""
+        ways = tuple(self._ways)  # a copy, since the source's thread changes it
+        return ways[0][1] if ways else math.nan
 
     def fault(self, now: float) -> str:
         """Why nothing is believed now, empty where that is not so."""

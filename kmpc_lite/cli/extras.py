@@ -15,6 +15,7 @@ EXTRAS = {
     "pyulog": "logs",
     "rosbags": "logs",
     "shtab": "completion",
+    "zenoh": "ros2",
 }
 """Extra of pyproject.toml that brings a module."""
 

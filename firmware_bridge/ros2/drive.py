@@ -1,0 +1,161 @@
+"""What `kmpc ros2` does with a session, and its report."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TextIO
+
+from firmware_bridge.messages import State
+from firmware_bridge.robot_file import Robot
+from firmware_bridge.ros2.driver import Ros2Driver
+from firmware_bridge.ros2.inputs import Goal
+from firmware_bridge.ros2.navigator import GoalNavigator
+from firmware_bridge.ros2.telling import Telling
+from firmware_bridge.runtime.drive import DONE, INTERRUPTED, NOT_DONE, SIGNALS
+from firmware_bridge.runtime.session import Session
+from firmware_bridge.runtime.timing import table
+from firmware_bridge.safety.gate import GateOutput, SafetyGate
+from firmware_bridge.safety.gate_table import GateState
+
+
+@dataclass(frozen=True)
+class Errand:
+    """How long to drive, and where to."""
+
+    period: float
+    """Of the controller [s]."""
+    radius: float
+    """Of the robot [m]."""
+    goal: Goal | None = None
+    """Drive there, and end; None: serve the goals of the topic until somebody ends it."""
+    seconds: float | None = None
+    """Give up after so long [s]."""
+    record: str | None = None
+    """Record to this name with .csv put behind."""
+    notes: tuple[str, ...] = ()
+    """What a user should know before it drives."""
+
+
+class Enabler:
+    """Enables the robot again when somebody sends a goal after it was given back.
+
+    A goal is as deliberate as the word of an operator; it never resets an emergency stop.
+    """
+
+    def __init__(self, driver: Ros2Driver) -> None:
+        self._inputs = driver.inputs
+        self.gate: SafetyGate | None = None
+        """Set once there is one."""
+        self._seen = self._inputs.goals
+
+    def on_tick(
+        self, now: float, state: State | None, output: GateOutput, sent: bool, fresh: bool
+    ) -> None:
+        """Look for a new goal."""
+        if self._inputs.goals == self._seen or self.gate is None:
+            return
+        self._seen = self._inputs.goals
+        if output.state in (GateState.RELEASED, GateState.IDLE):
+            self.gate.enable()
+
+
+def run(
+    driver: Ros2Driver,
+    robot: Robot,
+    navigator: GoalNavigator,
+    errand: Errand,
+    out: TextIO | None,
+) -> tuple[dict[str, Any], int]:
+    """Serve goals; return the report and the exit status.
+
+    Parameters
+    ----------
+    driver : Ros2Driver
+        Not yet connected.
+    robot : Robot
+        Its limits and its patience.
+    navigator : GoalNavigator
+        Plans.
+    errand : Errand
+        Where to, and for how long.
+    out : text stream, optional
+        For people; nothing is written where not given.
+    """
+    enabler = Enabler(driver)
+    with Session(
+        robot,
+        navigator,
+        errand.period,
+        output=None if errand.record is None else Path(errand.record),
+        out=out,
+        driver=driver,
+        observers=(enabler,),
+    ) as session:
+        enabler.gate, navigator.held = session.gate, lambda: session.planner.held
+        driver.is_wanted = lambda: navigator.goal is not None
+        sys.stderr.write("".join(f"kmpc: {note}\n" for note in errand.notes))
+        if errand.goal is not None:
+            driver.inputs.goal, driver.inputs.goals = errand.goal, 1
+        telling = Telling(driver, navigator, session.loop, errand.radius)
+        driver.more_warnings = telling.warnings
+        began = time.monotonic()
+        why: list[str] = []
+
+        def finished() -> bool:
+            late = errand.seconds is not None and time.monotonic() - began > errand.seconds
+            done = late or (errand.goal is not None and navigator.reached > 0)
+            if done and not why:
+                why.extend(session.why())
+            return done
+
+        telling.start()
+        try:
+            session.drive(finished)
+        finally:
+            telling.stop()
+        interrupted = session.loop.stop_reason in SIGNALS
+        now = time.monotonic()
+        report = {
+            "outcome": _outcome(navigator, errand, session.loop.stop_reason, interrupted),
+            "goals_reached": navigator.reached,
+            "goals_begun": navigator.started,
+            "clock_offset_s": driver.inputs.clock_offset(now),
+            "statuses": dict(navigator.statuses),
+            "why": [] if navigator.reached == navigator.started > 0 else why or session.why(),
+            **session.report(),
+        }
+    report["problems"] = session.problems()
+    if out is not None:
+        _tell(report, session, out)
+    if errand.goal is None:
+        return report, INTERRUPTED if interrupted and not navigator.reached else DONE
+    if navigator.reached:
+        return report, DONE
+    return report, INTERRUPTED if interrupted else NOT_DONE
+
+
+def _outcome(navigator: GoalNavigator, errand: Errand, reason: str, interrupted: bool) -> str:
+    """Outcome in words."""
+    if errand.goal is not None and navigator.reached:
+        return "arrived"
+    if interrupted:
+        return f"stopped by {reason}"
+    return "time is up" if navigator.started else "never drove"
+
+
+def _tell(report: dict[str, Any], session: Session, out: TextIO) -> None:
+    """Summary for people."""
+    counts = report["statuses"].items()
+    lines = [
+        "",
+        f"{report['outcome']}: {report['goals_reached']} of {report['goals_begun']} goals reached",
+        f"plans: {', '.join(f'{name} {count}' for name, count in counts) or 'none'}",
+        "",
+        table(session.loop.histograms()),
+        *(f"why: {why}" for why in report["why"]),
+        *report["problems"],
+    ]
+    out.write("\n".join(lines) + "\n")

@@ -1,0 +1,152 @@
+"""A robot behind ROS 2 topics, as the bridge's gate and loop know robots."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+from firmware_bridge.messages import LinkStatus, State
+from firmware_bridge.ros2.inputs import Inputs, Source
+from firmware_bridge.ros2.message_types import TWIST, TWIST_STAMPED
+from firmware_bridge.ros2.names import Qos
+from firmware_bridge.ros2.node import Node, NodeOptions, Publisher, Subscription
+from firmware_bridge.ros2.options import Ros2Options
+from firmware_bridge.ros2.outputs import Outputs
+from firmware_bridge.ros2.reader import SLOW_PAUSE, Reader
+
+QUIET = 1.0
+"""Without a goal zeros are published for so long, and then nothing: others may drive [s]."""
+COMMANDS = Qos(depth=1)
+
+
+class Ros2Driver:
+    """Listens to odometry and obstacles, and publishes commands.
+
+    Parameters
+    ----------
+    node : NodeOptions
+        Which node, and where its network is.
+    options : Ros2Options
+        What it listens to.
+    clock : callable
+        Monotonic time [s].
+    """
+
+    def __init__(
+        self,
+        node: NodeOptions,
+        options: Ros2Options,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.node, self.options, self._clock = Node(node), options, clock
+        self.inputs = Inputs(options)
+        self.outputs = Outputs(self.node.types, options.frame)
+        self.is_wanted: Callable[[], bool] = lambda: True
+        """Whether there is a goal: without one, others may command the robot."""
+        self.more_warnings: Callable[[], tuple[str, ...]] = tuple
+        """What others found that a user should know; set once they look."""
+        self._commands: Publisher | None = None
+        self._subscriptions: list[tuple[Subscription, Source]] = []
+        self.readers: list[Reader] = []
+        """Of all but maps, and of maps."""
+        self._idle_since = -math.inf
+
+    def connect(self, timeout: float, read: bool = True) -> None:
+        """Open the session and wait for a router or a peer; LinkError after `timeout` [s].
+
+        Messages are read by threads of their own, or where `read` is false by who calls `look` of
+        the `readers`.
+        """
+        self.node.open()
+        self.node.wait(timeout)
+        name = self.options.topics["cmd_vel"][0]
+        kind = TWIST_STAMPED if self.options.stamped else TWIST
+        self._commands = self.node.publisher(name, kind, COMMANDS)
+        self._subscriptions = [
+            (self.node.subscription(source.name, source.kind, source.qos), source)
+            for source in self.inputs.sources()
+        ]
+        fast = [pair for pair in self._subscriptions if not pair[1].slow]
+        slow = [pair for pair in self._subscriptions if pair[1].slow]
+        self.readers = [
+            Reader(fast, clock=self._clock),
+            Reader(slow, SLOW_PAUSE, self.inputs.build, self._clock),
+        ]
+        if read:
+            for reader in self.readers:
+                reader.start()
+
+    def state(self) -> State | None:
+        """Newest pose."""
+        return self.inputs.state(self._clock())
+
+    def send(self, v: float, omega: float) -> None:
+        """Publish forward speed [m/s] and turn rate [rad/s]."""
+        if not (math.isfinite(v) and math.isfinite(omega)):
+            raise ValueError(f"expected finite speeds, got {v} and {omega}")
+        now = self._clock()
+        if v or omega or self.is_wanted():
+            self._idle_since = now
+        if now - self._idle_since <= QUIET:
+            self._publish(v, omega, now)
+
+    def stop(self) -> None:
+        """Publish zero."""
+        now = self._clock()
+        if now - self._idle_since <= QUIET:
+            self._publish(0.0, 0.0, now)
+
+    def health(self) -> LinkStatus:
+        """What is known of the other end: odometry is its heartbeat."""
+        now = self._clock()
+        state, inputs = self.inputs.state(now), self.inputs
+        problems, blind = inputs.problems(now), inputs.blind(now)
+        scans = [scan.stamp for scan in inputs.scans]
+        return LinkStatus(
+            connected=True,
+            heartbeat_stamp=now,
+            pose_stamp=-math.inf if state is None else state.stamp,
+            ready=True,
+            pose_ok=not problems,
+            faults=problems,
+            counters=self.counters(),
+            scan_stamp=-math.inf if blind else min(scans, default=None),
+            scan_faults=blind,
+        )
+
+    @property
+    def published(self) -> int:
+        """Number of commands that were published."""
+        return 0 if self._commands is None else self._commands.count
+
+    def counters(self) -> dict[str, int]:
+        """Messages that came, were malformed, or were not believed."""
+        inputs, subscriptions = self.inputs, [pair[0] for pair in self._subscriptions]
+        return {
+            "messages": sum(s.received for s in subscriptions),
+            "malformed": sum(s.malformed for s in subscriptions),
+            "refused_transforms": inputs.transforms.refused,
+            "not_finite": inputs.pose.refused,
+            "errors": sum(reader.errors for reader in self.readers),
+            **{f"odometry_{name}": n for name, n in inputs.pose.filter.counters.items()},
+        }
+
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should know once."""
+        errors = [s.last_error for s, _ in self._subscriptions if s.malformed == s.received > 0]
+        errors += [reader.last_error for reader in self.readers if reader.errors]
+        told = (*errors, self.inputs.refused_goal, *self.more_warnings())
+        return tuple(text for text in told if text)
+
+    def close(self) -> None:
+        """Leave the network; idempotent."""
+        for reader in self.readers:
+            reader.stop()
+        self.node.close()
+
+    def _publish(self, v: float, omega: float, now: float) -> None:
+        assert self._commands is not None, "connect comes first"
+        stamp = self.inputs.clock.stamp(now) if self.options.stamped else None
+        base = self.inputs.pose.base
+        self._commands.publish(self.outputs.command(v, omega, stamp, base))

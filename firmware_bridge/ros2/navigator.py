@@ -1,0 +1,103 @@
+"""kmpc_lite's controller as the bridge calls it: to the goal that a topic names."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from firmware_bridge.messages import State, VelocityCommand
+from firmware_bridge.ros2.inputs import Goal, Inputs
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.controller import Controller
+    from kmpc_lite.control.plan import Plan
+
+UNKNOWN = (math.nan, math.nan)
+"""The command of a period in which nobody knows what was on the wire."""
+WAITS = "waits for a goal"
+
+
+class GoalNavigator:
+    """Drives to one goal after another.
+
+    Parameters
+    ----------
+    controller : Controller
+        Plans.
+    inputs : Inputs
+        Goals and obstacles.
+    settle : float
+        How long a goal is held until it counts as reached [s].
+    clock : callable
+        Monotonic time [s].
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        inputs: Inputs,
+        settle: float = 1.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._controller, self._inputs, self._settle, self._clock = (
+            controller,
+            inputs,
+            settle,
+            clock,
+        )
+        self.held: Callable[[], tuple[float, float] | None] = lambda: None
+        """Mean command on the wire since the last plan; set once there is a planner."""
+        self.goal: Goal | None = None
+        self.plan: Plan | None = None
+        """Newest, while there is a goal."""
+        self.said = WAITS
+        """What it does, in words."""
+        self.reached = 0
+        """Number of goals that were reached."""
+        self.started = 0
+        """Number of goals that were begun."""
+        self.statuses: Counter[str] = Counter()
+        self._holding_since: float | None = None
+
+    def __call__(self, state: State) -> VelocityCommand:
+        """Plan from a pose."""
+        now = self._clock()
+        self._take_goal()
+        goal = self.goal
+        if goal is None:
+            return VelocityCommand(0.0, 0.0, now)
+        obstacles = self._inputs.obstacles(state.stamp, now)
+        if obstacles is None:
+            # the gate has been told why, and stops the robot
+            self.plan, self.said = None, "waits for obstacles"
+            return VelocityCommand(0.0, 0.0, now)
+        place = (state.x, state.y, state.theta)
+        plan = self._controller.step(place, goal, obstacles, sent=self.held() or UNKNOWN)
+        self.plan = plan
+        self.statuses[plan.status.name] += 1
+        self.said = f"{plan.progress.value}{plan.reason and ': '}{plan.reason}"
+        self._judge(plan, now)
+        return VelocityCommand(float(plan.command[0]), float(plan.command[1]), now)
+
+    def _take_goal(self) -> None:
+        """Begin with a goal that is new."""
+        newest, self._inputs.goal = self._inputs.goal, None
+        if newest is None:
+            return
+        if self.goal is None:
+            self._controller.reset()  # what was long ago tells nothing of now
+        self.goal, self._holding_since = newest, None
+        self.started += 1
+
+    def _judge(self, plan: Plan, now: float) -> None:
+        """Tell whether the goal has been held for long enough."""
+        if not plan.holding:
+            self._holding_since = None
+        elif self._holding_since is None:
+            self._holding_since = now
+        elif now - self._holding_since >= self._settle:
+            self.goal, self.plan, self.said = None, None, "goal reached"
+            self.reached += 1
