@@ -24,6 +24,11 @@ class Answers:
     def __init__(self, problem: NavigationProblem, scale: Scale) -> None:
         self._problem, self._scale = problem, scale
 
+    def jump(self, size: tuple[float, float]) -> str:
+        """Say that a pose has jumped, by a distance in units and an angle [rad]."""
+        distance, turn = self._scale.length * size[0], size[1]
+        return f"the pose jumped by {distance:.2f} m, {turn:.2f} rad: waiting until poses agree"
+
     def plan(
         self,
         seen: Observation,

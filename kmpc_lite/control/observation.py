@@ -51,6 +51,8 @@ class Observation:
 
     measured: Array = field(default_factory=lambda: np.zeros(STATES))
     """(3,) the pose as measured, not brought forward."""
+    spread: Array | None = None
+    """(M,) speeds at which circles grow whose velocity was seen, not told; None: none was."""
 
     @property
     def pose_is_known(self) -> bool:

@@ -22,7 +22,7 @@ from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import along, at_rest
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.obstacles.scene import Scene
-from kmpc_lite.control.options import ControllerOptions, unit_length
+from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
 from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
@@ -32,12 +32,12 @@ from kmpc_lite.control.safe_stop.stop_trajectory import StopTask, StopTrajectori
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE, StepClock
 from kmpc_lite.control.verification import Verification, Verified
+from kmpc_lite.control.watching import Watching
 from kmpc_lite.scale import Scale
 
 if TYPE_CHECKING:
     from kmpc_lite.control.guidance.guide import Guide
     from kmpc_lite.control.guidance.reference import Guidance
-    from kmpc_lite.control.obstacles.sight.sight import Sight
 
 FORGETTING = 0.95
 """Factor per step by which the remembered time that the work after a solve takes shrinks."""
@@ -89,12 +89,10 @@ class Pipeline:
             units, stops, self._backup, self._verification, self._rates, self._answers
         )
         unit = unit_length(units)
-        fastest = max(float(units.u_max[0]), -float(units.u_min[0]))
-        reach = units.horizon * units.dt * fastest + units.robot_radius + units.margin
+        reach = units.horizon * units.dt * fastest(units)[0] + units.robot_radius + units.margin
         reach += step.reach_beyond_plan * unit
         self.scene = Scene(scale.length, reach, step.lookup_distance * unit)
-        self._reach, self._scale = reach, scale
-        self._sight: Sight | None = None
+        self._watching = Watching(units, scale, options, reach, self._answers)
 
     def estimate(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
         """Find the robot's present pose, and observe drift.
@@ -102,32 +100,20 @@ class Pipeline:
         Drift means that the model was wrong about the past period.
         """
         seen.place(self.scene, state.scene)
-        if seen.scans or state.seen is not None:
-            self._look(state, seen, known)
+        self._watching.look(state, seen, known)
         if known.margins is not None:
             observe_drift(known.margins.drift_detector, state.drift, state.history, seen.here)
 
-    def _look(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
-        """Look around: what scans show, and what they have shown before."""
-        # here, since most robots have no scanner
-        from kmpc_lite.control.obstacles.sight.sight import Sight
-        from kmpc_lite.control.obstacles.sight.view import View
-
-        if self._sight is None:
-            self._sight = Sight(self._problem, self._scale, self._options.sight, self._reach)
-        noise = 0.0 if known.margins is None else known.margins.tightening.pose_deviation
-        state.seen = self._sight.look(state.seen, seen.scans, seen.measured, noise)
-        if state.seen is not None:
-            speed = float(state.history.command[0])
-            seen.view = View(self._sight, state.seen, seen.here, speed)
-            seen.nearby = seen.view.around(seen.nearby)
-
     def bring_forward(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
-        """Note what was really sent in the command history; bring an old pose forward."""
+        """Note what was really sent in the command history; bring an old pose forward.
+
+        Circles and pose are compared with what was expected of them (`Watching.watch`).
+        """
         if seen.sent is not None:
             state.history.correct(seen.sent, known.model, self._problem)
         if self._pose_age:
             seen.pose = advance_pose(known.model, seen.pose, state.history.given, self._pose_age)
+        self._watching.watch(state, seen, known)
 
     def guide(
         self, state: ControllerState, seen: Observation, known: Knowledge, clock: StepClock
@@ -149,6 +135,7 @@ class Pipeline:
             rest,
             until,
             seen.view,
+            seen.spread,
         )
 
     def solve(
@@ -189,6 +176,7 @@ class Pipeline:
             state.drift,
             math.inf if guidance is None else guidance.path_clearance,
             deadline,
+            seen.spread,
         )
         result = self._sqp.solve(state.sqp, guess, task, passes)
         clock.add(result.timing)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from kmpc_lite.adaptation.state import AdaptationState
 from kmpc_lite.control.estimation.command_history import CommandHistory
+from kmpc_lite.control.estimation.pose_watch import PoseWatchState
 from kmpc_lite.control.guidance.goal_reference import GoalReferenceState
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.nmpc.sqp_state import SQPState
 from kmpc_lite.control.nmpc.trajectory import Trajectory
+from kmpc_lite.control.obstacles.motion_watch import MotionWatchState
 from kmpc_lite.control.obstacles.scene import SceneState
 from kmpc_lite.control.safe_stop.backup import BackupState
 from kmpc_lite.model.koopman import KoopmanModel
@@ -46,6 +48,10 @@ class ControllerState:
     """Of the solver."""
     backup: BackupState
     """Stop trajectory of the last good plan."""
+    pose: PoseWatchState = field(default_factory=PoseWatchState)
+    """Whether the pose has jumped."""
+    circles: MotionWatchState = field(default_factory=MotionWatchState)
+    """Who moves otherwise than told."""
     trajectory: Trajectory | None = None
     """Last plan: the warm start of the next step."""
     adaptation: AdaptationState | None = None

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.options import MarginOptions
+from kmpc_lite.control.options import MarginOptions, PoseOptions
 
 DT = 0.1
 MODEL = kl.nominal_unicycle(DT)
@@ -222,8 +222,9 @@ def test_gives_way_to_a_moving_obstacle() -> None:
     assert np.abs(still.states - moving.states).max() > 0.02
 
 
-def test_a_pose_that_jumps_starts_a_new_plan() -> None:
-    controller = kl.Controller(MODEL)
+def test_a_pose_that_jumps_and_is_believed_starts_a_new_plan() -> None:
+    options = kl.ControllerOptions(pose=PoseOptions(agreement=0.0))
+    controller = kl.Controller(MODEL, options=options)
     x = np.array([0.0, 0.0, 0.0])
     for _ in range(5):
         x = MODEL.predict(x, controller.step(x, (1.5, 1.5, 0.0)).command)

@@ -12,7 +12,12 @@ CONTRADICTED = (
     "a plan that the model contradicts is linearised again where it has come to, and what would "
     "cut into an obstacle later is shortened to a stop instead of being thrown away"
 )
-CHANGED: dict[int, str] = dict.fromkeys(
-    (3, 40, 92, 106, 175, 213, 217, 225, 238, 240, 261), CONTRADICTED
+JUMPED = (
+    "a robot that is carried or pushed farther than slip can take it waits until its poses agree, "
+    "instead of driving on from there at once"
 )
+CHANGED: dict[int, str] = {
+    **dict.fromkeys((3, 40, 92, 106, 175, 213, 217, 225, 238, 240, 261), CONTRADICTED),
+    **dict.fromkeys((17, 19, 29, 57, 93, 101, 142, 178, 182, 248, 276), JUMPED),
+}
 """Reasons by the number of the drive."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from kmpc_lite.cli.command import Command
-from kmpc_lite.cli.study import faults, learning, maps, real, robots, table1
+from kmpc_lite.cli.study import faults, learning, maps, real, robots, surprises, table1
 
 COMMAND = Command(
     text="Reproduce the paper's table 1 beside ours, drive random maps, or force failures.\n"
@@ -18,6 +18,7 @@ COMMAND = Command(
         **maps.COMMANDS,
         **robots.COMMANDS,
         "faults": faults.COMMAND,
+        **surprises.COMMANDS,
         "learning": learning.COMMAND,
         "real": real.COMMAND,
     },

@@ -18,7 +18,7 @@ import numpy as np
 from kmpc_lite.control.guidance.capabilities import Capabilities
 from kmpc_lite.control.guidance.goal_checker import GoalChecker
 from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, TrafficTable
-from kmpc_lite.control.guidance.reference import Guidance, wait_in_sight
+from kmpc_lite.control.guidance.reference import Guidance, told_progress, wait_in_sight
 from kmpc_lite.control.guidance.replan import Replanner
 from kmpc_lite.control.guidance.situation import Situation, lies_outside
 from kmpc_lite.control.guidance.state import GuideState
@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from kmpc_lite.control.obstacles.solids import Solids
 
 ORIGIN = np.zeros(2)
-TOLD_STALLS = 2
-"""Stalls after which the guidance says that the robot waits: something else did not help either."""
 
 
 class Guide:
@@ -93,6 +91,7 @@ class Guide:
         rest: Array | None = None,
         until: float = math.inf,
         view: View | None = None,
+        spread: Array | None = None,
     ) -> Guidance:
         """Give the reference of the coming stages.
 
@@ -115,10 +114,12 @@ class Guide:
             clock; the old path is kept meanwhile, and where there was none the robot stands.
         view : View, optional
             What scans have shown: another path is looked for where that stands on the one driven.
+        spread : ndarray, optional
+            (M,) speeds at which circles grow whose velocity was seen, not told.
         """
         self._take_over_centre(state, capabilities.turning_centre)
         state.age += self._dt
-        now = self._see(state, capabilities, pose, goal, circles, solids, rest, until)
+        now = self._see(state, capabilities, pose, goal, circles, solids, rest, until, spread)
         now.view = view
         self._begin_last_turn(state, now)
         off = 0.0
@@ -144,6 +145,7 @@ class Guide:
         solids: Solids | None,
         rest: Array | None,
         until: float,
+        spread: Array | None,
     ) -> Situation:
         """See all from the turning centre; a goal outside the area is moved to its edge."""
         tolerance = capabilities.tolerances.enter_distance
@@ -165,7 +167,7 @@ class Guide:
             math.hypot(error[0], error[1]),
             circles,
             solids,
-            self._moving(state, capabilities, circles, solids),
+            self._moving(state, capabilities, circles, solids, spread),
             capabilities,
             outside,
             until,
@@ -180,7 +182,12 @@ class Guide:
             state.turning_centre, state.centre_moved = centre, True
 
     def _moving(
-        self, state: GuideState, capabilities: Capabilities, circles: Array, solids: Solids | None
+        self,
+        state: GuideState,
+        capabilities: Capabilities,
+        circles: Array,
+        solids: Solids | None,
+        spread: Array | None,
     ) -> MovingObstacles | None:
         """The circles, if any of them moves."""
         # circles at rest that were seen before are known again in a moment
@@ -189,7 +196,8 @@ class Guide:
         if not circles[:, 3:].any():
             return None
         inflation = self._inflation + swing(state.turning_centre)
-        return MovingObstacles(circles, inflation, capabilities.evasive, self._traffic, solids)
+        speed = capabilities.evasive
+        return MovingObstacles(circles, inflation, speed, self._traffic, solids, spread)
 
     def _begin_last_turn(self, state: GuideState, now: Situation) -> None:
         """Begin the last turn where the robot comes to a stop; give it up where it has left."""
@@ -248,7 +256,7 @@ class Guide:
             states = self._along(path, place, scale or 0.0, state.turning, float(now.pose[2]))
             wait_in_sight(states, now, self._range)
         state.yielding = scale != 1.0
-        progress, reason = _progress(state, hold, scale)
+        progress, reason = told_progress(state, hold, scale)
         if now.outside:
             progress, reason = GoalProgress.UNREACHABLE, "the goal lies outside the area"
         return Guidance(
@@ -282,19 +290,3 @@ class Guide:
         """States (N + 1, 3) on an arc that makes room."""
         state.evasive_arc, states = moving.evasive_arc(now.pose, state.evasive_arc, self._times)
         return states
-
-
-def _progress(state: GuideState, hold: bool, scale: float | None) -> tuple[GoalProgress, str]:
-    """Tell what a robot on its path does about its goal, and why it does not drive there.
-
-    `scale` is the share of the speed that moving obstacles leave it; none: it makes room for them.
-    """
-    if hold:
-        return GoalProgress.HOLDING, ""
-    if scale is None:
-        return GoalProgress.DRIVING, ""
-    if scale == 0.0:
-        return GoalProgress.WAITING, "something that moves is let pass"
-    if state.progress.stalls >= TOLD_STALLS:
-        return GoalProgress.WAITING, "no progress, on this path and on another one"
-    return GoalProgress.DRIVING, ""

@@ -54,6 +54,9 @@ class MovingObstacles:
         Of the options.
     solids : Solids, optional
         What else is there, at rest.
+    spread : ndarray, optional
+        (M,) speeds at which circles grow whose velocity was seen, not told [m/s]: up to
+        `inflation`.
     """
 
     def __init__(
@@ -63,9 +66,12 @@ class MovingObstacles:
         speed: Array,
         table: TrafficTable,
         solids: Solids | None = None,
+        spread: Array | None = None,
     ) -> None:
-        self._all, self._solids = circles, solids
-        self._moving = circles[circles[:, 3:].any(axis=1)]
+        moves = circles[:, 3:].any(axis=1)
+        self._all, self._solids, self.spread = circles, solids, spread
+        self._moving = circles[moves]
+        self._moving_spread = None if spread is None else spread[moves]
         self._inflation, self._speed = inflation, speed
         self._table, self._times, self._options = table, table.times, table.options
 
@@ -88,24 +94,24 @@ class MovingObstacles:
     def blocks(self, path: TimedPath, place: float) -> bool:
         """Whether a circle will be where the robot then is on its path, from its place [s] on."""
         positions = path.at(place + self._times)[:, :2]
-        return bool(self._clearance(positions, self._moving, self._times) < 0.0)
+        return bool(self._from_moving(positions) < 0.0)
 
     def speed_scale(self, path: TimedPath, place: float) -> float | None:
         """Share of the speed at which the robot on its path keeps clear; none if no share does."""
         wanted = self._options.clearance
         positions = path.at(place + self._times)[:, :2]
-        if self._clearance(positions, self._moving, self._times) >= wanted:
+        if self._from_moving(positions) >= wanted:
             return 1.0
         scales = self._table.scales
         slower = scales[:, None] * self._times
         positions = path.at((place + slower).ravel())[:, :2].reshape(*slower.shape, 2)
-        clear = self._clearance(positions, self._moving, self._times) >= wanted
+        clear = self._from_moving(positions) >= wanted
         return float(scales[np.argmax(clear)]) if clear.any() else None
 
     def spares(self, pose: Array) -> bool:
         """Whether a robot that stays at a pose (3,) is passed at a distance."""
         stays = np.broadcast_to(pose[:2], (len(self._times), 2))
-        clearance = self._clearance(stays, self._moving, self._times)
+        clearance = self._from_moving(stays)
         return bool(clearance >= self._options.clearance)
 
     def evasive_arc(self, pose: Array, begun: int, times: Array) -> tuple[int, Array]:
@@ -144,19 +150,27 @@ class MovingObstacles:
         arc: Array = self._arcs(pose, times)[best]
         return best, arc
 
-    def _clearance(self, positions: Array, circles: Array, times: Array) -> Array:
+    def _from_moving(self, positions: Array) -> Array:
+        """Least clearance (...) of positions (..., T, 2) from what moves [m]."""
+        return self._clearance(positions, self._moving, self._times, self._moving_spread)
+
+    def _clearance(
+        self, positions: Array, circles: Array, times: Array, spread: Array | None
+    ) -> Array:
         """Least clearance (...) from circles (M, 5), of positions (..., T, 2) at times (T,) [m]."""
         away = positions[..., None, :] - circles[:, :2] - times[:, None, None] * circles[:, 3:]
         distances: Array = np.sqrt(np.einsum("...i,...i->...", away, away))
         distances -= circles[:, 2]
         distances -= self._inflation
+        if spread is not None:
+            distances -= np.minimum(times[:, None] * spread, self._inflation)
         least: Array = distances.min(axis=(-2, -1))
         return least
 
     def _clearance_on_arcs(self, pose: Array, times: Array) -> Array:
         """Least clearance (E,) on all arcs from a pose (3,); arcs into solids come last."""
         positions = self._arcs(pose, times)[..., :2]
-        clearance = self._clearance(positions, self._all, times)
+        clearance = self._clearance(positions, self._all, times, self.spread)
         if self._solids is None:
             return clearance
         longest = float(self._table.arcs[:, 2].max())

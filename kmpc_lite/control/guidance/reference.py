@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kmpc_lite.control.guidance.situation import Situation
 from kmpc_lite.control.plan import GoalProgress
 from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.guidance.state import GuideState
+
+TOLD_STALLS = 2
+"""Stalls after which the guidance says that the robot waits: the second follows when something else
+was tried and did not help either."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -63,3 +71,19 @@ def wait_in_sight(states: Array, now: Situation, known: float) -> None:
     first = int(dark.argmax())
     if dark[first]:
         states[first:] = states[max(first - 1, 0)]
+
+
+def told_progress(state: GuideState, hold: bool, scale: float | None) -> tuple[GoalProgress, str]:
+    """Tell what a robot on its path does about its goal, and why it does not drive there.
+
+    `scale` is the share of the speed that moving obstacles leave it; none: it makes room for them.
+    """
+    if hold:
+        return GoalProgress.HOLDING, ""
+    if scale is None:
+        return GoalProgress.DRIVING, ""
+    if scale == 0.0:
+        return GoalProgress.WAITING, "something that moves is let pass"
+    if state.progress.stalls >= TOLD_STALLS:
+        return GoalProgress.WAITING, "no progress, on this path and on another one"
+    return GoalProgress.DRIVING, ""

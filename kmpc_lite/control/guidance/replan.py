@@ -159,6 +159,9 @@ class Replanner:
             return False
         change = now.circles - state.circles
         change[:, :2] -= state.age * state.circles[:, 3:]
+        if now.moving is not None and now.moving.spread is not None:
+            # a velocity that is seen differs from step to step: the place tells, and what it blocks
+            change[now.moving.spread > 0.0, 3:] = 0.0
         return bool((np.abs(change, out=change) > self._moved).any())
 
     def _is_blocked(self, state: GuideState, now: Situation) -> bool:

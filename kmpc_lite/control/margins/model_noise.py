@@ -7,13 +7,14 @@ distances.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from kmpc_lite.control.margins.drift_detector import DriftDetector, DriftState
 from kmpc_lite.control.margins.quantiles import default_quantile, model_quantile
-from kmpc_lite.control.options import MarginOptions
+from kmpc_lite.control.options import MarginOptions, fastest
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.tube import feedback_delay, tube_noise
@@ -71,6 +72,8 @@ class ModelNoise:
         Periods until the feedback acts.
     quantile, step_quantile : float
         How many standard deviations the margins of plans, and those of single commands, are.
+    pose_errors : tuple
+        By how much two measured poses may err together, in position [m] and heading [rad].
     drift_detector : DriftDetector
         Judges past periods by this noise.
 
@@ -93,6 +96,7 @@ class ModelNoise:
         self._lasting = np.ascontiguousarray(self.tube.lasting.reshape(2, 9))
         self._lasts = bool(self._lasting.any())
         self._learned = model.noise_model is not None
+        self._fastest = fastest(problem)[0]
         self._unknown_floor_variance = (options.unknown_floor_slip * model.dt) ** 2
         self.drift_detector = DriftDetector(model, problem, options)
         risk = options.risk
@@ -106,9 +110,19 @@ class ModelNoise:
             step_risk, limit = options.adapted_step_risk, options.adapted_step_quantile_limit
         step_quantile = max(self.quantile, model_quantile(info, step_risk))
         self.step_quantile = min(step_quantile, limit * self.quantile)
+        self.pose_errors = self._pose_errors()
         # of the state asked for last, since a step asks several times
         self._level, self._drifting, self._felt_for = 1.0, False, (1.0, False)
         self._felt = self._inflated(*self._felt_for)
+
+    def _pose_errors(self) -> tuple[float, float]:
+        """Quantiles of the pose's noise in position and heading, of both ends of a period."""
+        pose = self.tube.poses * (self.tube.pose + self._fastest**2 * self.tube.pose_by_speed)
+        position, heading = float(pose[0, 0] + pose[1, 1]), float(pose[2, 2])
+        return (
+            self.step_quantile * math.sqrt(max(position, 0.0)),
+            self.step_quantile * math.sqrt(max(heading, 0.0)),
+        )
 
     def felt(self, drift: DriftState) -> FeltNoise:
         """Return the noise as inflated by a state of the drift detector."""

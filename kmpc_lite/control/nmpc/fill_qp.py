@@ -114,4 +114,6 @@ class QPFiller:
             )
         else:
             margins[:, :count] = widest
+        if task.spread is not None:
+            margins[:, : len(task.spread)] += self._keep_out.growth(task.spread)
         return margins

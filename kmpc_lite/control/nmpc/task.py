@@ -39,3 +39,5 @@ class Task:
     """What the path keeps from obstacles beyond the problem's margin [m]."""
     deadline: float = math.inf
     """When the answer must be there, on the clock of the SQP [s]."""
+    spread: Array | None = None
+    """(M,) speeds at which circles grow whose velocity was seen, not told [m/s]."""

@@ -123,6 +123,14 @@ class KeepOut:
         offsets: Array = np.minimum(self._side_offsets, self._side_normals @ present[:2])
         return offsets
 
+    def growth(self, spread: Array) -> Array:
+        """How much circles that grow at speeds (M,) have grown at stages 1 to N, (N, M) [m].
+
+        At the most by the robot's radius: who may come must not block the way.
+        """
+        grown: Array = np.minimum(self._times[:, None] * spread, self._distance)
+        return grown
+
     def half_planes(self, states: Array, clearances: Array, normals: Array) -> tuple[Array, Array]:
         """Nearest half-planes ``normal . p >= offset`` of stages 1 to N.
 

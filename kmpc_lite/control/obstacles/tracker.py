@@ -1,70 +1,23 @@
 """Follows circles from step to step: which one is which, and how fast each moves.
 
 A circle that comes from a camera, a lidar or a list without velocities stands for the controller,
-though it may walk. The tracker predicts where each circle should be, pairs what is seen with what
-is expected, and corrects (`track_filter`). What is hidden for a while is taken to go on.
+though it may walk.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.control.obstacles.circles import Circle, circles_to_array
-from kmpc_lite.control.obstacles.pairing import pairs
-from kmpc_lite.control.obstacles.track_filter import STATES, TrackFilter, moving
-from kmpc_lite.control.options.fields import in_metres
+from kmpc_lite.control.obstacles.tracks import Follower, Tracks
 from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.scale import UNIT_RADIUS, UNIT_SPEED
 from kmpc_lite.types import Array
-
-
-@dataclass(slots=True)
-class Tracks:
-    """Circles that are followed, M of them: data, which copies and pickles."""
-
-    states: Array = field(default_factory=lambda: np.empty((0, STATES)))
-    """(M, 5) x, y [m], vx, vy [m/s], turn rate of the velocity [rad/s]."""
-    covariances: Array = field(default_factory=lambda: np.empty((0, STATES, STATES)))
-    """(M, 5, 5) of these: how uncertain position and velocity are."""
-    radii: Array = field(default_factory=lambda: np.empty(0))
-    """(M,) as seen last [m]."""
-    told: Array = field(default_factory=lambda: np.empty((0, 2)))
-    """(M, 2) velocities that the circles were given with [m/s]; zero where none was."""
-    moving: Array = field(default_factory=lambda: np.empty(0, dtype=bool))
-    """(M,) whether the velocity is another one than told, beyond chance."""
-    numbers: Array = field(default_factory=lambda: np.empty(0, dtype=int))
-    """(M,) name of each track, for as long as it lasts."""
-    seen: Array = field(default_factory=lambda: np.empty(0))
-    """(M,) since when each is followed [s]."""
-    unseen: Array = field(default_factory=lambda: np.empty(0))
-    """(M,) for how long each is hidden [s]."""
-    next_number: int = 0
-    """Of the next track."""
-
-    def __len__(self) -> int:
-        return len(self.states)
-
-    @property
-    def velocities(self) -> Array:
-        """(M, 2) as seen where a circle moves otherwise than told, else as told [m/s]."""
-        out: Array = np.where(self.moving[:, None], self.states[:, 2:4], self.told)
-        return out
-
-    @property
-    def position_deviations(self) -> Array:
-        """(M,) standard deviation of the position along its worst axis [m]."""
-        return _worst_axis(self.covariances[:, :2, :2])
-
-    @property
-    def velocity_deviations(self) -> Array:
-        """(M,) standard deviation of the velocity along its worst axis [m/s]."""
-        return _worst_axis(self.covariances[:, 2:4, 2:4])
 
 
 class ObstacleTracker:
@@ -108,12 +61,7 @@ class ObstacleTracker:
         for name, value in (("dt", dt), ("radius", radius), ("speed", speed)):
             if not (math.isfinite(value) and value > 0.0):
                 raise ProblemError(f"{name}: expected a number > 0, got {value!r}")
-        self.dt, self.options = dt, in_metres(options or TrackerOptions(), radius)
-        options = self.options
-        self._filter = TrackFilter(dt, options, speed)
-        # of two degrees of freedom
-        self._gate = -2.0 * math.log(options.gate)
-        self._chance = -2.0 * math.log(options.false_alarm)
+        self._follower = Follower(dt, options or TrackerOptions(), radius, speed)
         self.tracks = Tracks()
 
     def reset(self) -> None:
@@ -157,50 +105,5 @@ class ObstacleTracker:
 
     def follow(self, circles: Array) -> Array:
         """Take in circles (N, 5); give the index of each one's track (N,), -1 for too many."""
-        tracks = self.tracks
-        states, covariances = self._filter.predict(tracks.states, tracks.covariances)
-        rows, columns = self._pairs(states, covariances, circles)
-        if len(rows):
-            states[rows], covariances[rows] = self._filter.update(
-                states[rows], covariances[rows], circles[columns, :2]
-            )
-        unseen, seen = tracks.unseen + self.dt, tracks.seen + self.dt
-        unseen[rows] = 0.0
-        radii, told = tracks.radii.copy(), tracks.told.copy()
-        radii[rows], told[rows] = circles[columns, 2], circles[columns, 3:]
-        alive = unseen <= np.minimum(self.options.coast, seen - unseen)
-        place = np.full(len(states), -1)
-        place[alive] = np.arange(np.count_nonzero(alive))
-        found = np.full(len(circles), -1)
-        found[columns] = place[rows]
-        kept = np.count_nonzero(alive)
-        new = np.flatnonzero(found < 0)[: max(self.options.most - kept, 0)]
-        found[new] = kept + np.arange(len(new))
-        first, uncertain = self._filter.first(circles[new, :2], circles[new, 3:])
-        none, numbers = np.zeros(len(new)), tracks.next_number + np.arange(len(new))
-        told = np.concatenate([told[alive], circles[new, 3:]])
-        states = np.concatenate([states[alive], first])
-        covariances = np.concatenate([covariances[alive], uncertain])
-        self.tracks = Tracks(
-            states,
-            covariances,
-            np.concatenate([radii[alive], circles[new, 2]]),
-            told,
-            moving(states, covariances, told, self._chance),
-            np.concatenate([tracks.numbers[alive], numbers]),
-            np.concatenate([seen[alive], none]),
-            np.concatenate([unseen[alive], none]),
-            tracks.next_number + len(new),
-        )
+        self.tracks, found = self._follower.follow(self.tracks, circles)
         return found
-
-    def _pairs(self, states: Array, covariances: Array, circles: Array) -> tuple[Array, Array]:
-        """Which track (P,) was seen as which circle (P,): the likeliest pairs within the gate."""
-        squares, spread = self._filter.distances(states, covariances, circles[:, :2])
-        return pairs(np.where(squares <= self._gate, squares + spread[:, None], np.inf))
-
-
-def _worst_axis(covariances: Array) -> Array:
-    """Standard deviations (M,) along the worst axes of covariances (M, 2, 2)."""
-    out: Array = np.sqrt(np.maximum(np.linalg.eigvalsh(covariances)[:, -1], 0.0))
-    return out

@@ -10,6 +10,7 @@ from kmpc_lite.control.options.goal import GoalOptions
 from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.control.options.margins import MarginOptions
 from kmpc_lite.control.options.obstacles import ObstacleOptions
+from kmpc_lite.control.options.pose import PoseOptions
 from kmpc_lite.control.options.sight import SightOptions
 from kmpc_lite.control.options.solver import OSQPOptions, SolverOptions
 from kmpc_lite.control.options.step import StepOptions
@@ -26,6 +27,7 @@ __all__ = [
     "OSQPOptions",
     "ObstacleOptions",
     "SightOptions",
+    "PoseOptions",
     "SolverOptions",
     "StepOptions",
     "StopOptions",

@@ -11,6 +11,7 @@ from kmpc_lite.control.options.goal import GoalOptions
 from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.control.options.margins import MarginOptions
 from kmpc_lite.control.options.obstacles import ObstacleOptions
+from kmpc_lite.control.options.pose import PoseOptions
 from kmpc_lite.control.options.sight import SightOptions
 from kmpc_lite.control.options.solver import SolverOptions
 from kmpc_lite.control.options.step import StepOptions
@@ -49,6 +50,8 @@ class ControllerOptions:
     """How many obstacles it looks at."""
     sight: SightOptions = group(SightOptions())
     """What is remembered of scans."""
+    pose: PoseOptions = group(PoseOptions())
+    """When a pose has jumped."""
     step: StepOptions = group(StepOptions())
     """What a step believes, and how it shares out its time."""
 

@@ -14,7 +14,7 @@ class TrackerOptions:
     noise: float = radii(2 / 15, zero=False)
     """Standard deviation of a seen position along each axis [radii]: 2 cm for a radius of 15 cm, as
     of a leg that a lidar sees one side of."""
-    first_speed: float = share(3.0, zero=False)
+    first_speed: float = share(2.0, zero=False)
     """Standard deviation of the velocity of what was never seen before, along each axis, as a share
     of the robot's fastest: it may be anything."""
     acceleration: float = share(2 / 3, zero=False)
@@ -30,6 +30,9 @@ class TrackerOptions:
     """Probability that a circle which keeps its velocity is taken for one that does not."""
     coast: float = seconds(1.5)
     """How long a track lasts unseen [s], and at most as long as it was seen."""
+    spread: float = share(1.0)
+    """Standard deviations of its velocity by which a circle that was seen to move grows, up to the
+    robot's radius: whether somebody comes or not must not block the way."""
     most: int = count(200)
     """Circles that are followed."""
 

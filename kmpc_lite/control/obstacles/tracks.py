@@ -1,0 +1,142 @@
+"""Circles that are followed, and how a period's circles are added to them.
+
+What is expected is predicted, paired with what is seen, and corrected (`track_filter`). What is
+hidden for a while is taken to go on.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kmpc_lite.control.obstacles.pairing import pairs
+from kmpc_lite.control.obstacles.track_filter import STATES, TrackFilter, moving
+from kmpc_lite.control.options.fields import in_metres
+from kmpc_lite.control.options.tracker import TrackerOptions
+from kmpc_lite.types import Array
+
+
+@dataclass(slots=True)
+class Tracks:
+    """Circles that are followed, M of them: data, which copies and pickles."""
+
+    states: Array = field(default_factory=lambda: np.empty((0, STATES)))
+    """(M, 5) x, y [m], vx, vy [m/s], turn rate of the velocity [rad/s]."""
+    covariances: Array = field(default_factory=lambda: np.empty((0, STATES, STATES)))
+    """(M, 5, 5) of these: how uncertain position and velocity are."""
+    radii: Array = field(default_factory=lambda: np.empty(0))
+    """(M,) as seen last [m]."""
+    told: Array = field(default_factory=lambda: np.empty((0, 2)))
+    """(M, 2) velocities that the circles were given with [m/s]; zero where none was."""
+    moving: Array = field(default_factory=lambda: np.empty(0, dtype=bool))
+    """(M,) whether the velocity is another one than told, beyond chance."""
+    numbers: Array = field(default_factory=lambda: np.empty(0, dtype=int))
+    """(M,) name of each track, for as long as it lasts."""
+    seen: Array = field(default_factory=lambda: np.empty(0))
+    """(M,) since when each is followed [s]."""
+    unseen: Array = field(default_factory=lambda: np.empty(0))
+    """(M,) for how long each is hidden [s]."""
+    next_number: int = 0
+    """Of the next track."""
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    @property
+    def velocities(self) -> Array:
+        """(M, 2) as seen where a circle moves otherwise than told, else as told [m/s]."""
+        out: Array = np.where(self.moving[:, None], self.states[:, 2:4], self.told)
+        return out
+
+    @property
+    def position_deviations(self) -> Array:
+        """(M,) standard deviation of the position along its worst axis [m]."""
+        return _worst_axis(self.covariances[:, :2, :2])
+
+    @property
+    def velocity_deviations(self) -> Array:
+        """(M,) standard deviation of the velocity along its worst axis [m/s]."""
+        return _worst_axis(self.covariances[:, 2:4, 2:4])
+
+
+class Follower:
+    """Brings tracks from period to period; it remembers nothing itself.
+
+    Parameters
+    ----------
+    dt : float
+        Period [s].
+    options : TrackerOptions
+        In radii and shares of the fastest speed.
+    radius, speed : float
+        Of the robot that the options are multiples of [m, m/s].
+    """
+
+    def __init__(self, dt: float, options: TrackerOptions, radius: float, speed: float) -> None:
+        self.dt, self.options = dt, in_metres(options, radius)
+        self._filter = TrackFilter(dt, self.options, speed)
+        # of two degrees of freedom
+        self._gate = -2.0 * math.log(options.gate)
+        self._chance = -2.0 * math.log(options.false_alarm)
+
+    def follow(self, tracks: Tracks, circles: Array) -> tuple[Tracks, Array]:
+        """Take in circles (N, 5).
+
+        Returns
+        -------
+        tracks : Tracks
+            A period later.
+        found : ndarray
+            (N,) index of each circle's track; -1 for those that are too many.
+        """
+        states, covariances = self._filter.predict(tracks.states, tracks.covariances)
+        rows, columns = self._pairs(states, covariances, circles)
+        if len(rows):
+            states[rows], covariances[rows] = self._filter.update(
+                states[rows], covariances[rows], circles[columns, :2]
+            )
+        unseen, seen = tracks.unseen + self.dt, tracks.seen + self.dt
+        unseen[rows] = 0.0
+        radii, told = tracks.radii.copy(), tracks.told.copy()
+        radii[rows], told[rows] = circles[columns, 2], circles[columns, 3:]
+        alive = unseen <= np.minimum(self.options.coast, seen - unseen)
+        place = np.full(len(states), -1)
+        place[alive] = np.arange(np.count_nonzero(alive))
+        found = np.full(len(circles), -1)
+        found[columns] = place[rows]
+        kept = np.count_nonzero(alive)
+        new = np.flatnonzero(found < 0)[: max(self.options.most - kept, 0)]
+        found[new] = kept + np.arange(len(new))
+        first, uncertain = self._filter.first(circles[new, :2], circles[new, 3:])
+        none, numbers = np.zeros(len(new)), tracks.next_number + np.arange(len(new))
+        told = np.concatenate([told[alive], circles[new, 3:]])
+        seen = np.concatenate([seen[alive], none])
+        # two sightings may be two circles
+        followed = seen > 1.5 * self.dt
+        states = np.concatenate([states[alive], first])
+        covariances = np.concatenate([covariances[alive], uncertain])
+        after = Tracks(
+            states,
+            covariances,
+            np.concatenate([radii[alive], circles[new, 2]]),
+            told,
+            followed & moving(states, covariances, told, self._chance),
+            np.concatenate([tracks.numbers[alive], numbers]),
+            seen,
+            np.concatenate([unseen[alive], none]),
+            tracks.next_number + len(new),
+        )
+        return after, found
+
+    def _pairs(self, states: Array, covariances: Array, circles: Array) -> tuple[Array, Array]:
+        """Which track (P,) was seen as which circle (P,): the likeliest pairs within the gate."""
+        squares, spread = self._filter.distances(states, covariances, circles[:, :2])
+        return pairs(np.where(squares <= self._gate, squares + spread[:, None], np.inf))
+
+
+def _worst_axis(covariances: Array) -> Array:
+    """Standard deviations (M,) along the worst axes of covariances (M, 2, 2)."""
+    out: Array = np.sqrt(np.maximum(np.linalg.eigvalsh(covariances)[:, -1], 0.0))
+    return out

@@ -1,0 +1,90 @@
+"""What changes around the robot: what scans show, who moves, and poses that jump."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from kmpc_lite.control.answers import Answers
+from kmpc_lite.control.estimation.pose_watch import PoseWatch
+from kmpc_lite.control.knowledge import Knowledge
+from kmpc_lite.control.observation import Observation
+from kmpc_lite.control.obstacles.motion_watch import MotionWatch
+from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.state import ControllerState
+from kmpc_lite.scale import Scale
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.obstacles.sight.sight import Sight
+
+
+class Watching:
+    """Looks around before a step is planned.
+
+    Parameters
+    ----------
+    units : NavigationProblem
+        In the robot's units.
+    scale : Scale
+        The robot's units.
+    options : ControllerOptions
+        Of sight, tracker and pose.
+    reach : float
+        How far from the robot things count, in units.
+    answers : Answers
+        Tells jumps in metres.
+    """
+
+    def __init__(
+        self,
+        units: NavigationProblem,
+        scale: Scale,
+        options: ControllerOptions,
+        reach: float,
+        answers: Answers,
+    ) -> None:
+        self._units, self._scale, self._options = units, scale, options
+        self._reach, self._answers = reach, answers
+        self._poses = PoseWatch(units, options.pose)
+        speed = fastest(units)[0] or 1.0
+        self._motion = MotionWatch(units.dt, options.tracker, unit_length(units), speed)
+        self._sight: Sight | None = None
+
+    def watch(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
+        """Compare circles and pose with what was expected of them.
+
+        Circles that move otherwise than told get the velocity that they were seen to have. A pose
+        that has jumped stops the robot, and the predicted one is put in its place. Controllers
+        without margins, as the paper's, believe what they are told.
+        """
+        if known.margins is None:
+            return
+        seen.circles, seen.spread = self._motion.see(state.circles, seen.circles)
+        noise, pose = known.margins.noise, seen.pose if seen.pose_is_known else None
+        doubted = state.pose.believed is not None
+        instead = self._poses.see(state.pose, state.history, known.model, noise, pose)
+        if instead is not None:
+            # circles that are seen from a pose that jumped have jumped, too
+            self._motion.forget(state.circles)
+            seen.pose = instead
+            seen.refusal = seen.refusal or self._answers.jump(state.pose.jump)
+        elif doubted and state.pose.agreed:
+            # the poses stay where they jumped to: what scans showed lies elsewhere now
+            state.seen = None
+
+    def look(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
+        """Look around: what scans show, and what they have shown before."""
+        if not seen.scans and state.seen is None:
+            return
+        # here, since most robots have no scanner
+        from kmpc_lite.control.obstacles.sight.sight import Sight
+        from kmpc_lite.control.obstacles.sight.view import View
+
+        if self._sight is None:
+            self._sight = Sight(self._units, self._scale, self._options.sight, self._reach)
+        noise = 0.0 if known.margins is None else known.margins.tightening.pose_deviation
+        state.seen = self._sight.look(state.seen, seen.scans, seen.measured, noise)
+        if state.seen is not None:
+            speed = float(state.history.command[0])
+            seen.view = View(self._sight, state.seen, seen.here, speed)
+            seen.nearby = seen.view.around(seen.nearby)

@@ -1,0 +1,207 @@
+"""``kmpc study jumps``: drives whose pose jumps again and again.
+
+The pose that the controller is given is wrong for one sample, or for a second, in position or in
+heading, and true again; or the frame of poses and obstacles moves for good. Collisions are told by
+the truth.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.control.controller import Controller
+from kmpc_lite.control.obstacles.circles import circle_distances
+from kmpc_lite.control.plan import GoalProgress
+from kmpc_lite.geometry import wrap
+from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.sim.maps.families import random_map
+from kmpc_lite.sim.plants.robots import DifferentialDrive
+from kmpc_lite.studies.executors import gather
+from kmpc_lite.studies.records import Record, RecordFile
+from kmpc_lite.studies.training import DT, REPORTING_SEED
+from kmpc_lite.types import Array
+
+KINDS = ("one sample", "a second", "heading", "for good")
+SIZES = (0.05, 0.1, 0.3, 1.0)
+"""Of the jumps [m]; a heading jumps by as many radians."""
+FAMILY = "dense"
+BETWEEN = (2.0, 5.0)
+"""Time from the end of a jump to the next one [s]."""
+LASTS = 1.0
+"""How long a wrong pose lasts that is not for one sample [s]."""
+LOOKS = 10
+"""Looks for collisions in a period."""
+TIMEOUT = 60.0
+"""[s]"""
+SLIP = 0.05
+NEAR, TURNED = 0.05, 0.15
+"""Tolerances of arrival [m, rad]."""
+
+
+class Jumps:
+    """When the pose is wrong, and by how much.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    size : float
+        [m], of a heading [rad].
+    seed : int
+        Of times and directions.
+    """
+
+    def __init__(self, kind: str, size: float, seed: int) -> None:
+        self._kind, self._size = kind, size
+        self._random = np.random.default_rng([seed, 5])
+        self.count = 0
+        self.frame = np.zeros(3)
+        """By how much the frame has moved for good."""
+        self._off = np.zeros(3)
+        self._begin = self._random.uniform(*BETWEEN)
+        self._end = math.inf
+
+    def at(self, time: float) -> Array:
+        """By how much the pose is wrong (3,) at a time [s], beside the frame."""
+        if time >= self._end:
+            self._off, self._end = np.zeros(3), math.inf
+            self._begin = time + self._random.uniform(*BETWEEN)
+        if time >= self._begin:
+            self._begin = math.inf
+            self._jump(time)
+        return self._off
+
+    def _jump(self, time: float) -> None:
+        self.count += 1
+        direction = self._random.uniform(-math.pi, math.pi)
+        off = self._size * np.array([math.cos(direction), math.sin(direction), 0.0])
+        if self._kind == "heading":
+            off = np.array([0.0, 0.0, math.copysign(self._size, direction)])
+        if self._kind == "for good":
+            self.frame, self._end = self.frame + off, time
+        else:
+            self._off = off
+            self._end = time + (0.5 * DT if self._kind == "one sample" else LASTS)
+
+
+def drive(kind: str, size: float, seed: int) -> Record:
+    """Drive one map; plain numbers of what became of it."""
+    scenario = random_map(FAMILY, seed, SLIP)
+    controller = Controller(nominal_unicycle(DT), scenario.problem())
+    jumps, plant = Jumps(kind, size, seed), DifferentialDrive(SLIP, seed)
+    pose, goal, circles = (
+        np.array(scenario.start),
+        np.array(scenario.goal),
+        scenario.circles_at(0.0),
+    )
+    steps = waited = 0
+    collided = arrived = False
+    while steps * DT < TIMEOUT and not (collided or arrived):
+        off, frame = jumps.at(steps * DT), jumps.frame
+        plan = controller.step(pose + off + frame, goal, circles + (*frame[:2], 0.0, 0.0, 0.0))
+        waited += plan.progress is GoalProgress.WAITING
+        trace = plant.trace(pose, plan.command, DT, LOOKS)
+        gaps, _ = circle_distances(circles, trace[:, :2], np.zeros(LOOKS))
+        collided = bool(gaps.min() < scenario.radius)
+        pose, steps = trace[-1], steps + 1
+        error = pose + jumps.frame - goal
+        near = math.hypot(error[0], error[1]) <= NEAR
+        arrived = near and abs(wrap(float(error[2]))) <= TURNED
+    return {
+        "kind": kind,
+        "size": size,
+        "seed": seed,
+        "jumps": jumps.count,
+        "collided": collided,
+        "arrived": arrived and not collided,
+        "seconds": round(steps * DT, 3),
+        "waited": round(waited * DT, 3),
+    }
+
+
+def study(
+    executor: Executor,
+    drives: int = 100,
+    kinds: Sequence[str] = KINDS,
+    sizes: Sequence[float] = SIZES,
+    first_seed: int = REPORTING_SEED,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    records: Any = None,
+) -> list[Record]:
+    """Drive every kind and size of jump over the same maps; one record a drive.
+
+    Parameters
+    ----------
+    executor : Executor
+        Does the work.
+    drives : int
+        Of each row.
+    kinds, sizes : sequence
+        Of `KINDS`; [m] or [rad].
+    first_seed : int
+        The first map's.
+    progress : callable
+        Called with drives done and drives in all.
+    records : path, optional
+        JSON-lines file to which every drive is added, and from which those already driven are
+        taken.
+    """
+    file = RecordFile(records, _key, "a drive of a jumps study")
+    seeds = range(first_seed, first_seed + drives)
+    wanted = [(kind, float(size), seed) for kind in kinds for size in sizes for seed in seeds]
+    done = {key: record for key, record in file.read().items() if key in set(wanted)}
+
+    def keep(record: Record) -> None:
+        done[_key(record)] = record
+        file.add([record])
+        progress(len(done), len(wanted))
+
+    progress(len(done), len(wanted))
+    gather({executor.submit(drive, *key): keep for key in wanted if key not in done})
+    return [done[key] for key in wanted]
+
+
+def _key(record: Record) -> tuple[str, float, int]:
+    return str(record["kind"]), float(record["size"]), int(record["seed"])
+
+
+def rows(records: Sequence[Record]) -> list[dict[str, Any]]:
+    """One row for each kind and size."""
+    found = []
+    for kind, size in dict.fromkeys(_key(r)[:2] for r in records):
+        of_it = [r for r in records if _key(r)[:2] == (kind, size)]
+        seconds = [r["seconds"] for r in of_it if r["arrived"]]
+        found.append(
+            {
+                "kind": kind,
+                "size": size,
+                "drives": len(of_it),
+                "jumps": sum(r["jumps"] for r in of_it),
+                "collisions": sum(r["collided"] for r in of_it),
+                "arrived": len(seconds),
+                "median_s": float(np.median(seconds)) if seconds else math.nan,
+                "waited_s": float(np.mean([r["waited"] for r in of_it])),
+            }
+        )
+    return found
+
+
+def format_rows(records: Sequence[Record]) -> str:
+    """Table with a row for each kind and size."""
+    lines = [
+        f"{'the pose is wrong':18}{'by':>9}{'drives':>8}{'jumps':>7}{'collisions':>12}"
+        f"{'arrived':>9}{'median':>9}{'waits':>8}"
+    ]
+    for row in rows(records):
+        unit = "rad" if row["kind"] == "heading" else "m"
+        lines.append(
+            f"{row['kind']:18}{row['size']:5g} {unit:3}{row['drives']:8d}{row['jumps']:7d}"
+            f"{row['collisions']:12d}{row['arrived']:9d}{row['median_s']:7.1f} s"
+            f"{row['waited_s']:6.1f} s"
+        )
+    return "\n".join(lines)

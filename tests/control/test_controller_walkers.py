@@ -1,0 +1,125 @@
+"""Who was told to stand and walks is noticed, and driven past as he walks."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.control.obstacles.motion_watch import MotionWatch, MotionWatchState
+from kmpc_lite.control.options import TrackerOptions
+from kmpc_lite.studies import pedestrians
+from kmpc_lite.types import Array
+
+DT = 0.1
+GOAL = (1.8, 0.0, 0.0)
+
+
+def watch() -> MotionWatch:
+    return MotionWatch(DT, TrackerOptions(), 0.15, 0.6)
+
+
+def walker(k: int, vx: float = 0.0, vy: float = 0.7) -> Array:
+    """Somebody who is told to stand, and crosses the way."""
+    return np.array([[0.9 + vx * DT * k, -1.4 + vy * DT * k, 0.2, 0.0, 0.0]])
+
+
+def test_circles_that_do_as_told_are_the_same_array() -> None:
+    state, looking = MotionWatchState(), watch()
+    still = np.array([[0.0, 1.0, 0.2, 0.0, 0.0], [1.0, 1.0, 0.2, 0.3, 0.1]])
+    for k in range(20):
+        circles = still.copy()
+        circles[:, :2] += DT * k * still[:, 3:]
+        given = circles.copy()
+        seen, spread = looking.see(state, circles)
+        assert seen is circles and spread is None and state.tracks is None
+        np.testing.assert_array_equal(circles, given)
+
+
+@pytest.mark.parametrize("speed", [0.3, 0.7, 1.0])
+def test_a_walker_who_is_told_to_stand_is_noticed_in_half_a_second(speed: float) -> None:
+    state, looking = MotionWatchState(), watch()
+    for k in range(6):
+        seen, spread = looking.see(state, walker(k, vy=speed))
+    assert spread is not None and spread[0] > 0.0
+    assert seen[0, 4] == pytest.approx(speed, abs=0.1)
+
+
+def test_the_others_stay_as_they_are_told() -> None:
+    state, looking = MotionWatchState(), watch()
+    for k in range(10):
+        other = [3.0 + 0.02 * k, 0.0, 0.2, 0.2, 0.0]
+        seen, spread = looking.see(state, np.vstack([walker(k), other]))
+    assert spread is not None and spread[1] == 0.0
+    np.testing.assert_array_equal(seen[1], other)
+
+
+def test_a_circle_that_appears_or_is_put_elsewhere_does_not_walk() -> None:
+    state, looking = MotionWatchState(), watch()
+    for k in range(12):
+        rows = [[0.0, 0.0, 0.2, 0.0, 0.0], [1.0 + 0.5 * (k >= 6), 0.0, 0.2, 0.0, 0.0]]
+        rows += [[2.0, 2.0, 0.2, 0.0, 0.0]] * (k >= 3)
+        seen, spread = looking.see(state, np.array(rows))
+        assert spread is None and not seen[:, 3:].any()
+
+
+def test_who_stops_stands_and_the_watch_calms_down() -> None:
+    state, looking = MotionWatchState(), watch()
+    for k in range(80):
+        seen, spread = looking.see(state, walker(min(k, 15)))
+    assert spread is None and not seen[:, 3:].any()
+    assert state.tracks is None
+
+
+def test_a_robot_lets_a_walker_pass_who_was_told_to_stand() -> None:
+    controller = kl.Controller(kl.nominal_unicycle(DT))
+    pose, plant, gap, reasons = np.zeros(3), kl.DifferentialDrive(0.05, seed=1), np.inf, set()
+    for k in range(90):
+        there = walker(k)
+        plan = controller.step(pose, GOAL, there)
+        reasons.add(plan.reason)
+        pose = plant.step(pose, plan.command, DT)
+        gap = min(gap, float(np.hypot(*(pose - walker(k + 1)[0, :3])[:2])) - 0.35)
+    assert gap > 0.0
+    assert np.hypot(*(pose - GOAL)[:2]) < 0.05
+
+
+def test_a_drive_with_walkers_goes_on_after_a_copy_and_a_pickle() -> None:
+    controller, pose = kl.Controller(kl.nominal_unicycle(DT)), np.zeros(3)
+    for k in range(12):
+        pose = kl.DifferentialDrive().step(pose, controller.step(pose, GOAL, walker(k)).command, DT)
+    assert controller.state.circles.tracks is not None
+    others = [copy.deepcopy(controller), pickle.loads(pickle.dumps(controller))]
+    for k in range(12, 22):
+        plan = controller.step(pose, GOAL, walker(k))
+        for other in others:
+            np.testing.assert_array_equal(other.step(pose, GOAL, walker(k)).inputs, plan.inputs)
+        pose = kl.DifferentialDrive().step(pose, plan.command, DT)
+
+
+def test_circles_that_stand_give_the_drive_of_a_controller_that_watches_nothing() -> None:
+    def commands(options: kl.ControllerOptions | None) -> Array:
+        controller, pose, found = (
+            kl.Controller(kl.nominal_unicycle(DT), options=options),
+            np.zeros(3),
+            [],
+        )
+        for _ in range(25):
+            plan = controller.step(
+                pose, GOAL, [kl.Circle(0.8, 0.1, 0.2), kl.Circle(1.2, -0.6, 0.2)]
+            )
+            found.append(plan.command)
+            pose = kl.DifferentialDrive().step(pose, plan.command, DT)
+        return np.array(found)
+
+    blind = kl.ControllerOptions(tracker=TrackerOptions(false_alarm=1e-300))
+    np.testing.assert_array_equal(commands(None), commands(blind))
+
+
+def test_a_drive_among_people_counts_who_touches_whom() -> None:
+    found = pedestrians.drive(4, True, "zero", 5)
+    assert found.counts.driven_into == 0
+    assert found.counts.steps == len(found.statuses) == len(found.poses) - 1
