@@ -9,8 +9,6 @@ import argparse
 import json
 import tempfile
 from collections.abc import Callable
-from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,10 +16,12 @@ from typing import TYPE_CHECKING, Any
 import kmpc_lite as kl
 from firmware_bridge.cli.course import course
 from firmware_bridge.cli.latency import SCENARIO, emulator, robot_text
+from firmware_bridge.cli.stage import Stage
 from firmware_bridge.cli.steps import Steps
 from firmware_bridge.messages import BridgeError
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.loop import TICK
+from firmware_bridge.sensors.lidar.options import LIDARS
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.demo import COMMAND as SIMULATED
 from kmpc_lite.cli.extras import is_installed, need, pip_line
@@ -32,7 +32,7 @@ from kmpc_lite.cli.progress import watching
 from kmpc_lite.cli.simulate import describe
 
 if TYPE_CHECKING:
-    from kmpc_lite.sim import Run, Scenario
+    from kmpc_lite.sim import Run
 
 PERIOD = 0.1
 """Of controller and rows [s]."""
@@ -42,6 +42,8 @@ LAGS = [0, 1, 2, 3]
 """Past commands that the model knows: the rover obeys late."""
 SETTLE = 1.0
 """How long the goal must be held [s]."""
+LIDAR = "ld06"
+"""Which lidar the rover carries where nobody says."""
 PATIENCE = 60.0
 """Give up driving after so long [s]."""
 OWN_FILES = (
@@ -79,6 +81,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default=0,
         help="seed of the rover's random driving and slip (default: 0)",
     )
+    add(
+        "--lidar",
+        choices=LIDARS,
+        metavar="NAME",
+        nargs="?",
+        const=True,
+        help="drive by sight alone: the rover carries a lidar, the controller is told no obstacle\n"
+        f"({', '.join(LIDARS)}; default: {LIDAR})",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -86,22 +97,30 @@ def run(options: argparse.Namespace) -> int:
     if options.log and options.robot == "rover":
         raise BridgeError("--log: the rover records a log of its own; leave --robot rover out")
     if options.log or options.robot == "simulated":
+        if options.lidar is not None:
+            raise BridgeError("--lidar: only the emulated rover carries one: --robot rover")
         return SIMULATED.run(options)
     need("the report of a demo", "matplotlib")
-    if options.robot is None and not is_installed("pymavlink"):
+    if options.robot is None and options.lidar is None and not is_installed("pymavlink"):
         if not options.json:
             print(f"without the emulated rover, which needs {pip_line('pymavlink')}")
         return SIMULATED.run(options)
     need("the emulated rover", "pymavlink")
     say = (lambda text: None) if options.json else partial(print, flush=True)
-    report, status = demo(options.output, options.seconds, options.seed, say, options.json)
+    lidar = LIDAR if options.lidar is True else options.lidar
+    report, status = demo(options.output, options.seconds, options.seed, say, options.json, lidar)
     if options.json:
         print(json.dumps(report))
     return status
 
 
 def demo(
-    folder: Path, seconds: float, seed: int, say: Callable[[str], None], quiet: bool = True
+    folder: Path,
+    seconds: float,
+    seed: int,
+    say: Callable[[str], None],
+    quiet: bool = True,
+    lidar: str | None = None,
 ) -> tuple[dict[str, Any], int]:
     """Record, learn, drive, report; gives the report and the exit status.
 
@@ -117,6 +136,8 @@ def demo(
         Is told a line per phase.
     quiet : bool
         Show no progress on a terminal.
+    lidar : str, optional
+        Drive by this one alone.
 
     Raises
     ------
@@ -135,7 +156,7 @@ def demo(
         file = Path(name) / "rover.toml"
         file.write_text(robot_text("mavlink", Path(name), PERIOD))
         rover = partial(emulator, file, Path(name) / "mavlink", "--seed", str(seed))
-        stage = Stage(file, rover, scenario, folder, say, quiet)
+        stage = Stage(file, rover, scenario, folder, say, quiet, lidar)
         recorded, status = _record(stage, seconds, seed)
         if recorded["loop"]["stop_reason"] in SIGNALS:
             say("stopped: no model, no report")
@@ -162,20 +183,6 @@ def demo(
         **driven.summary(),
     }
     return result, DONE if driven.outcome is Outcome.REACHED else NOT_DONE
-
-
-@dataclass(frozen=True)
-class Stage:
-    """What the recording and the drive share."""
-
-    file: Path
-    """Robot file."""
-    rover: Callable[[], AbstractContextManager[None]]
-    """Starts the emulated rover, and ends it with the block."""
-    scenario: Scenario
-    folder: Path
-    say: Callable[[str], None]
-    quiet: bool
 
 
 def _record(stage: Stage, seconds: float, seed: int) -> tuple[dict[str, Any], int]:
@@ -229,13 +236,16 @@ def _drive(stage: Stage) -> tuple[Run | None, dict[str, Any], int]:
     from firmware_bridge.runtime.drive import INTERRUPTED
     from firmware_bridge.runtime.drive import run as drive
 
-    stage.say(f"3  driving {stage.scenario.name} with it, over a pseudo-terminal again")
+    eyes, how = stage.eyes, f"by its lidar ({stage.lidar}) alone, " if stage.lidar else ""
+    stage.say(f"3  driving {stage.scenario.name} with it, {how}over a pseudo-terminal again")
     steps = Steps(PERIOD)
     control = {**COMMANDS, "model": str(stage.folder / "robot.npz"), "scenario": SCENARIO}
-    job = course(load_robot(stage.file, {"control": control}), SETTLE, PATIENCE, steps)
+    control["map"] = not eyes
+    robot = load_robot(stage.file, {"control": control, "lidar": eyes})
+    job = course(robot, SETTLE, PATIENCE, steps)
     steps.is_driving = lambda: job.navigator.is_driving()
     with (
-        stage.rover(),
+        stage.rover(*stage.seeing),
         watching(lambda: f"   driving for {len(steps.rows) * PERIOD:.0f} s", stage.quiet),
     ):
         report, status = drive(
@@ -257,6 +267,7 @@ COMMAND = Command(
     text="Learn from a drive, check the model, drive past four obstacles, and show it.",
     examples=(
         "kmpc demo                      # an emulated ArduPilot rover, about two minutes",
+        "kmpc demo --lidar              # by sight: the controller is told no obstacle",
         "kmpc demo --robot simulated    # without a link, a few seconds",
         "kmpc demo --log run.csv        # learn from your robot's log instead",
     ),
