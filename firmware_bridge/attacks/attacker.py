@@ -180,6 +180,7 @@ def press(path: str, rubbish: bytes) -> None:
 
 KINDS: dict[str, Callable[..., None]] = {
     "tcp": stand_between_tcp,
+    "lidar": stand_between_tcp,
     "udp": stand_between_udp,
     "poses": stand_between_poses,
     "beside": send_beside,

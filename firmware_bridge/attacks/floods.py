@@ -20,6 +20,8 @@ class Surface:
     """Attacker (attacker.KINDS) that stands in the link, whether it attacks or not."""
     poses: bool = False
     """Whether the robot is driven by poses from outside."""
+    lidar: str = ""
+    """Of the robot, on a link in which another attacker stands; none where empty."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,19 @@ def all_sorts() -> bytes:
     return b"".join(part[at : at + 4096] for at in range(0, SIZE // 5, 4096) for part in sorts)
 
 
+def headers() -> bytes:
+    """First bytes of an LD06's packets, with a CRC to be looked at behind every second byte."""
+    return b"\x54\x2c" * (SIZE // 2)
+
+
+def whirl() -> bytes:
+    """Nodes of an RPLIDAR, each right, of a turn after the other without end."""
+    from firmware_bridge.sensors.lidar.rplidar_frames import CIRCLE, Node
+
+    turn = [Node(i * CIRCLE // 400, 4000, 40, i == 0).to_bytes() for i in range(400)]
+    return b"".join(turn) * (SIZE // 2000)
+
+
 def nothing() -> bytes:
     """Nothing: the attack lies in the connections."""
     return b""
@@ -106,6 +121,9 @@ BOARDS = tuple(
     Surface(name, name.lower(), "tcp", poses=name == "Sabertooth")
     for name in ("RoboClaw", "ODrive", "VESC", "Roboteq", "Arduino", "Sabertooth")
 )
+LIDARS = {
+    name: Surface(f"lidar {name}", "roboclaw", "tcp", lidar=name) for name in ("ld06", "rplidar")
+}
 EVERYTHING = Flood(
     Surface("MAVLink with poses", "mavlink", "tcp", poses=True),
     "all of these at once",
@@ -128,6 +146,9 @@ FLOODS = (
     Flood(BOARDS[1], "answers nobody asked for", lines),
     Flood(POSES, "malformed, of the source itself", malformed, "poses"),
     Flood(POSES, "a stranger's", malformed, "beside"),
+    Flood(LIDARS["ld06"], "headers", headers, "lidar"),
+    Flood(LIDARS["rplidar"], "turns without end", whirl, "lidar"),
+    Flood(LIDARS["rplidar"], "noise", noise, "lidar"),
     Flood(ESTOP, "connections without end", nothing, "hog"),
     Flood(ESTOP, "nine idle, one that trickles", nothing, "idle"),
     EVERYTHING,

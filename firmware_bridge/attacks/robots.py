@@ -11,9 +11,13 @@ SPEED = 0.3
 
 
 def sections(
-    driver: str, url: str, pose: str | None = None, socket: str | None = None
+    driver: str,
+    url: str,
+    pose: str | None = None,
+    socket: str | None = None,
+    lidar: tuple[str, str] | None = None,
 ) -> dict[str, dict[str, Any]]:
-    """Sections of a robot file of `driver` at `url`."""
+    """Sections of a robot file of `driver` at `url`, perhaps with a lidar: its kind and link."""
     board = {**BOARDS, "sabertooth": {"full_speed": 0.9}}[driver]
     if driver == "mavlink" and pose is not None:
         board = {**board, "origin": [47.0, 8.0, 400.0]}
@@ -23,4 +27,5 @@ def sections(
         "geometry": {} if driver == "mavlink" else GEOMETRY,
         "limits": {"v_max": SPEED, "v_reverse": SPEED},
         "safety": {"socket": socket, "settle": 0.2},
+        "lidar": {} if lidar is None else {"driver": lidar[0], "link": lidar[1]},
     }

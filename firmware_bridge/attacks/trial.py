@@ -107,10 +107,15 @@ def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) 
         camera = f"udp:127.0.0.1:{source if relayed else poses}" if surface.poses else ""
         trace, path = folder / "trace", folder / "estop"
         served = f"{kind}:127.0.0.1:{far}"
-        vehicle = stack.enter_context(_child("vehicle", surface.driver, served, camera, str(trace)))
+        eye, seen = _free_port("tcp"), _free_port("tcp")
+        where = (surface.lidar, f"tcp:127.0.0.1:{seen}" if surface.lidar else "")
+        vehicle = stack.enter_context(
+            _child("vehicle", surface.driver, served, camera, str(trace), *where)
+        )
         addresses: dict[str, tuple[object, ...]] = {
             surface.between: (near, far),
             "poses": (source, poses),
+            "lidar": (eye, seen),
             "beside": (poses,),
             "hog": (path,),
             "idle": (path,),
@@ -122,12 +127,15 @@ def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) 
             attackers.append(stack.enter_context(child))
         if all(flood.beside for flood in floods):  # nobody attacks the link: it is there
             stack.enter_context(_attacker(folder, surface.between, (near, far), b""))
+        if surface.lidar and not floods:
+            stack.enter_context(_attacker(folder, "lidar", addresses["lidar"], b""))
         presser = stack.enter_context(_attacker(folder, "press", (path,), b""))
         table = sections(
             surface.driver,
             f"{kind}:127.0.0.1:{near}",
             f"udp:127.0.0.1:{poses}" if surface.poses else None,
             str(path),
+            (surface.lidar, f"tcp:127.0.0.1:{eye}") if surface.lidar else None,
         )
         with Session(load_robot(None, table), _ahead, PERIOD) as session:
             script = _Script(session, [_input(a) for a in attackers], _input(presser))

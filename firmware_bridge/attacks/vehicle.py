@@ -1,7 +1,8 @@
 """An emulated board in a process of its own, which writes down where it really is.
 
-``python -m firmware_bridge.attacks.vehicle DRIVER URL POSES TRACE``; POSES is where motion capture
-sends, or "". It ends with its standard input.
+``python -m firmware_bridge.attacks.vehicle DRIVER URL POSES TRACE LIDAR LINK``; POSES is where
+motion capture sends, or "", and LIDAR the kind of its lidar, or "". It ends with its standard
+input.
 """
 
 from __future__ import annotations
@@ -13,18 +14,28 @@ from pathlib import Path
 
 from firmware_bridge.attacks.robots import sections
 from firmware_bridge.cli.emulate import build_emulator
+from firmware_bridge.emulator.lidar.kinds import emulated_lidar
+from firmware_bridge.emulator.lidar.rays import World
 from firmware_bridge.emulator.mocap import MocapSender
 from firmware_bridge.robot_file import load_robot
 
+PILLARS = [[-3.0, 0.0, 2.0], [6.0, 0.0, 2.0], [0.0, 4.0, 2.0], [0.0, -4.0, 2.0]]
+"""What its lidar sees: rows x, y, radius [m], beside its path."""
 SAMPLE = 0.005
 """Between lines of the trace [s]."""
 
 
-def main(driver: str, url: str, poses: str, trace: str) -> None:
+def main(driver: str, url: str, poses: str, trace: str, lidar: str, link: str) -> None:
     """Serve, and write `time x y` [s, m, m] until standard input ends."""
-    robot = load_robot(None, sections(driver, url, poses or None))
+    sees = (lidar, link) if lidar else None
+    robot = load_robot(None, sections(driver, url, poses or None, lidar=sees))
     emulator = build_emulator(robot, (0.0, 0.0, 0.0), 0.0, 1.0, 0, 0.1)
     camera = MocapSender(lambda: emulator.pose, poses, 0) if poses else None
+    eyes = None
+    if robot.lidar is not None:
+        world = World(lambda time: PILLARS)
+        eyes = emulated_lidar(robot.lidar, world, lambda: emulator.pose)
+        eyes.start(link)
     lines: list[str] = []
     emulator.start(url)
     if camera is not None:
@@ -37,6 +48,8 @@ def main(driver: str, url: str, poses: str, trace: str) -> None:
     Path(trace).write_text("".join(lines))
     if camera is not None:
         camera.close()
+    if eyes is not None:
+        eyes.close()
     emulator.close()
 
 

@@ -76,7 +76,7 @@ class SerialLidar:
     def __init__(self, transport: Transport, turns: Turns) -> None:
         self._transport, self._turns = transport, turns
         self._lock = threading.Lock()
-        """Held while beams are taken, for one read, or while what they made is looked at."""
+        """Held while bytes are taken, for one read, or forgotten."""
         self._quit, self._turned = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
         self._heard = -math.inf
@@ -124,13 +124,12 @@ class SerialLidar:
 
     def health(self) -> LidarHealth:
         """What is known of the sensor."""
+        # without the lock: the gate must not wait for a flood
         now, transport = time.monotonic(), self._transport
-        with self._lock:
-            rate = self._turns.rate(now)
-            counters = {**transport.counters, **self._counts(), **self._turns.counters}
-            counters["internal_errors"] = self._errors
-            faults = [*self._troubles(now), *filter(None, (self._error,))]
-            heard = now - self._heard <= SILENCE
+        rate, heard = self._turns.rate(now), now - self._heard <= SILENCE
+        counters = {**transport.counters, **self._counts(), **self._turns.counters}
+        counters["internal_errors"] = self._errors
+        faults = [*self._troubles(now), *filter(None, (self._error,))]
         if not transport.connected:
             faults.append(f"lidar: {transport.last_error or 'its link is not open'}")
         elif not heard:

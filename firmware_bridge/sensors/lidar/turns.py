@@ -88,9 +88,10 @@ class Turns:
 
     def rate(self, now: float) -> float:
         """Turns per second [Hz]; 0 where it does not turn."""
-        if not self._times or self.newest is None or now - self.newest.stamp > RATE_AGE:
+        times = tuple(self._times)  # another thread adds
+        if not times or self.newest is None or now - self.newest.stamp > RATE_AGE:
             return 0.0
-        return 1.0 / median(self._times)
+        return 1.0 / median(times)
 
 
 def _whole(angles: np.ndarray) -> bool:
