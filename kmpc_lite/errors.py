@@ -7,8 +7,22 @@ import difflib
 from collections.abc import Iterable
 
 
+def one_line(text: str) -> str:
+    r"""Text with everything escaped that would break a line, or a terminal.
+
+    Names that a file holds are part of messages.
+
+    >>> one_line("vehicle\nlocal")
+    'vehicle\\nlocal'
+    """
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
 class KmpcError(Exception):
-    """Base of every error this package raises on purpose."""
+    """Base of every error this package raises on purpose: one line."""
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(one_line(str(message)))
 
 
 class DataError(KmpcError, ValueError):

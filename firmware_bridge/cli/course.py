@@ -151,6 +151,10 @@ def load_model(robot: Robot) -> tuple[Robot, Any, tuple[str, ...]]:
     robot, notes = fit_for(robot, learned, file)
     if period is not None and abs(period - learned.dt) > 1e-9:
         learned = learned.with_dt(period)
+    if robot.control.latency:
+        # what the robot file says stands for what the log showed
+        info = {k: v for k, v in learned.info.items() if k != "unmodelled_delay"}
+        learned = replace(learned, info=info)
     robot, note = with_latency(robot, learned)
     return robot, learned, (*notes, note) if note else tuple(notes)
 

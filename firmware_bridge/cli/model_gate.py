@@ -135,7 +135,7 @@ def with_latency(robot: Robot, model: kl.KoopmanModel | None) -> tuple[Robot, st
     if robot.control.latency is not None:
         return robot, ""
     stopping = None if model is None else model.info.get("stopping")
-    if model is not None and model.history:
+    if model is not None and (model.history or model.info.get("unmodelled_delay")):
         latency, note = 0.0, ""
     elif stopping is not None:
         latency = min(LONGEST_LATENCY, max(0.0, round(stopping["delay"], 3)))

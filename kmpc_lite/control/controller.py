@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.control.estimation.command_history import CommandHistory
 from kmpc_lite.control.estimation.estimator import adapt
+from kmpc_lite.control.estimation.pose_age import whole_age
 from kmpc_lite.control.knowledge import Examiner, problem_in_units
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER
 from kmpc_lite.control.nmpc.sqp import SQP
@@ -54,11 +55,12 @@ class Controller:
     risk : float, optional
         Probability that the margins are made for; `MarginOptions.risk` where not given.
     adaptation : bool or OnlineAdaptation, optional
-        Whether to correct the model while driving where the floor contradicts it. Where not given,
-        it runs where there are learned margins and the model is continuous. `adaptation.model` is
-        the corrected model, to be saved. An `OnlineAdaptation` must have been made for `model`.
+        Whether to correct the model while driving. Where not given, it runs where there are learned
+        margins, the model is continuous, and its log shows no delay that it does not know.
+        `adaptation.model` is the corrected model. An `OnlineAdaptation` must be made for `model`.
     pose_age : float
-        How old the pose is on arrival [s]; it is brought forward with the commands given meanwhile.
+        How old the pose is on arrival [s]; it is brought forward with the commands given meanwhile,
+        as it is by how late the robot answers where the log shows more than the model.
     sqp_iterations : int
         Passes per step: 1 is the real-time iteration, more run until the plan changes by less than
         `tolerance`.
@@ -136,7 +138,7 @@ class Controller:
         self.adaptation = choose_adaptation(model, adaptation, tightening is not None, scale)
         self._units = units = problem_in_units(problem, model, options, bool(guidance))
         self._clock, self._time_budget = clock, time_budget
-        self._pose_age = float(pose_age) / scale.time
+        self._pose_age = whole_age(pose_age, model, options.step) / scale.time
         self._examiner = Examiner(units, scale, options, tightening is not None, bool(guidance))
         self._guide = _make_guide(units, options, clock) if guidance else None
         self._sqp = SQP(

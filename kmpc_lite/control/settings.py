@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
+from kmpc_lite.control.estimation.pose_age import delay_beyond
 from kmpc_lite.control.options import ControllerOptions, GuidanceOptions, StepOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError
@@ -99,13 +100,16 @@ def choose_adaptation(
 ) -> OnlineAdaptation | None:
     """What learns while driving; by default where there are margins and the model is continuous.
 
+    Nor does it by default where the robot answers later than the model knows: it would take the
+    delay for gains.
+
     Raises
     ------
     ProblemError
         For one that was made for another model.
     """
     if adaptation is None:
-        adaptation = tightens and model.continuous
+        adaptation = tightens and model.continuous and not delay_beyond(model)
     if adaptation is True:
         return OnlineAdaptation(model, scale=scale)
     if not adaptation:

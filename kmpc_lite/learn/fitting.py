@@ -11,6 +11,7 @@ from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.noise import fit_noise
 from kmpc_lite.learn.regression import Accumulator, Method
 from kmpc_lite.learn.symmetry import wants_symmetry
+from kmpc_lite.learn.unmodelled_delay import aligned, unmodelled_delay
 from kmpc_lite.model.dictionary import Dictionary, InputHistoryDictionary, UnicycleDictionary
 from kmpc_lite.model.koopman import KoopmanModel
 
@@ -47,9 +48,11 @@ def fit(
 
     lags : "auto" or sequence of int, optional
         Ages [periods] of the commands that act, the present one being 0, as
-        `InputHistoryDictionary` takes them. ``"auto"`` finds out what the log supports, in each
-        direction: how late the robot answers, how it slips, or nothing at all (`learn.selection`);
-        then the robot that obeys its commands exactly stays.
+        `InputHistoryDictionary` takes them. Without any, commands are paired with the motion that
+        comes of them later, and how much later is kept beside the model: the controller brings
+        poses forward by it. ``"auto"`` finds out what the log supports, in each direction: how
+        late the robot answers, how it slips, or nothing at all (`learn.selection`); then the robot
+        that obeys its commands exactly stays.
 
     Returns
     -------
@@ -108,12 +111,23 @@ def _fit_once(
     symmetric: bool,
 ) -> KoopmanModel:
     """Fit a dictionary as it is."""
+    delay = unmodelled_delay(dataset) if symmetric and not lifting.history else 0.0
+    seen = aligned(dataset, delay) if delay else dataset
     model: KoopmanModel | None = None
     for _ in range(2 if method == "integral" else 1):
-        accumulator = Accumulator(lifting, dataset.dt, method, midpoint=model)
-        accumulator.add(dataset)
+        accumulator = Accumulator(lifting, seen.dt, method, midpoint=model)
+        accumulator.add(seen)
         model = accumulator.solve(ridge, symmetric)
     assert model is not None
+    if delay:
+        model = replace(model, info={**model.info, "unmodelled_delay": delay})
     if not noise:
         return model
-    return replace(model, noise_model=fit_noise(model, dataset))
+    found = fit_noise(model, seen)
+    if delay:
+        # here, for few logs need it
+        from kmpc_lite.learn.noise_sources import split_noise_sources
+
+        # a robot that coasts shows errors at rest that are no noise of its poses
+        found = replace(found, sources=split_noise_sources(model, seen))
+    return replace(model, noise_model=found)

@@ -36,6 +36,11 @@ def _is_count(value: Any) -> bool:
     return _is_number(value) and value > 0
 
 
+def _is_delay(value: Any) -> bool:
+    """Whether a value is a time that a robot may take to answer [s]."""
+    return _is_number(value) and 0.0 <= value <= 10.0
+
+
 def _is_gains(value: Any) -> bool:
     """Gains that were learned while driving, beside which other things may be told."""
     names = ("ahead", "left", "turn")
@@ -98,6 +103,7 @@ def _is_stopping(value: Any) -> bool:
 KNOWN: dict[str, tuple[Callable[[Any], bool], str]] = {
     "samples": (_is_count, "a number of samples"),
     "condition": (_is_float, "a number"),
+    "unmodelled_delay": (_is_delay, "a time from 0 to 10 s"),
     "adaptation": (_is_gains, "a table of gains"),
     "held_out": (_is_errors, "a table of errors"),
     "noise_quantiles": (_is_quantiles, "risks and their quantiles: calibrate it anew"),

@@ -16,8 +16,13 @@ JUMPED = (
     "a robot that is carried or pushed farther than slip can take it waits until its poses agree, "
     "instead of driving on from there at once"
 )
+BESIDE = (
+    "a robot that has come to rest beside its goal by more than a tenth of its radius drives "
+    "again; it was by an eighth of it"
+)
 CHANGED: dict[int, str] = {
     **dict.fromkeys((3, 40, 92, 106, 175, 213, 217, 225, 238, 240, 261), CONTRADICTED),
     **dict.fromkeys((17, 19, 29, 57, 93, 101, 142, 178, 182, 248, 276), JUMPED),
+    **dict.fromkeys((86, 136, 204, 235, 250), BESIDE),
 }
 """Reasons by the number of the drive."""

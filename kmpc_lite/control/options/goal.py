@@ -30,7 +30,7 @@ class GoalOptions:
     """Error of the heading at which the robot has arrived [rad]."""
     enter_noise: float = share(1.0)
     """What noise adds to both [standard deviations]."""
-    leave_distance: float = radii(0.12)
+    leave_distance: float = radii(0.1)
     """Distance of the averaged pose at which a robot that had arrived drives again [radii]."""
     leave_distance_noise: float = share(2.5)
     """What noise adds to it [standard deviations]."""
