@@ -117,7 +117,10 @@ def course(
 
 
 def laser_scan(scan: Any) -> Any:
-    """Make the controller's scan of the bridge's (`firmware_bridge.sensors.scan.Scan`)."""
+    """Make the controller's scan of the bridge's (`firmware_bridge.sensors.scan.Scan`).
+
+    Its age is zero: the mount already says where the sensor was, as seen from the step's pose.
+    """
     import kmpc_lite as kl
 
     return kl.LaserScan(
@@ -128,7 +131,6 @@ def laser_scan(scan: Any) -> Any:
         range_max=scan.range_max,
         mount=scan.mount,
         noise=scan.noise,
-        age=scan.age,
     )
 
 

@@ -57,8 +57,6 @@ class Scan:
     [m, m, rad]."""
     stamp: float
     """When its newest beam was measured [s]."""
-    age: float = 0.0
-    """How much older than that pose it is [s]."""
     noise: float = 0.01
     """Standard deviation of a distance [m]."""
 

@@ -64,7 +64,7 @@ def make_scan(options: LidarOptions, sweep: Sweep, poses: Array, state: State) -
     poses : ndarray
         Where the robot was at each beam and at the end, (N + 1, 3) [m, m, rad].
     state : State
-        From where, and for when, it is wanted.
+        From where it is wanted.
     """
     low, high = limits(options, sweep)
     angles = -sweep.angles if options.mirrored else sweep.angles
@@ -76,8 +76,7 @@ def make_scan(options: LidarOptions, sweep: Sweep, poses: Array, state: State) -
     ranges = np.where(ranges > high, np.inf, ranges)  # the sensor has moved
     binned, increment = into_bins(angles, ranges, options.beams)
     mount = seen_from(here, (state.x, state.y, state.theta))
-    age = max(0.0, state.stamp - sweep.stamp)
-    return Scan(binned, -math.pi, increment, low, high, mount, sweep.stamp, age, options.noise)
+    return Scan(binned, -math.pi, increment, low, high, mount, sweep.stamp, options.noise)
 
 
 def limits(options: LidarOptions, sweep: Sweep) -> tuple[float, float]:
