@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 NAME = "drive"
 """Of the files in a drive's folder, without their endings."""
+STAMPS = 16
+"""Poses that may come while the controller plans."""
 HEALTH_PERIOD = 1.0
 """Time between two looks at link and vehicle [s]."""
 
@@ -83,7 +86,8 @@ class DriveRecorder:
         about = _about(job, command)
         encoder = DriveEncoder(job.scenario, job.period, about, offset=time.time() - now)
         self._file: DurableFile[Any] = DurableFile(path, encoder.encode, encoder.begin(now))
-        self._stamp = self._looked = -1.0
+        self._looked = -1.0
+        self._stamps: deque[float] = deque([-1.0], maxlen=STAMPS)
         self._gate: tuple[Any, Any] = (None, ())
         job.watchers.append(self.saw)
 
@@ -98,8 +102,8 @@ class DriveRecorder:
         """Take in one tick of the loop."""
         from kmpc_lite.recording.records import Gate, Health, PoseSeen, Sent
 
-        if state is not None and state.stamp > self._stamp:
-            self._stamp = state.stamp
+        if state is not None and state.stamp > self._stamps[-1]:
+            self._stamps.append(state.stamp)
             place = (state.x, state.y, state.theta)
             self._file.put(PoseSeen(state.stamp, place, (state.v, state.omega)))
         if sent:
@@ -118,7 +122,8 @@ class DriveRecorder:
 
         behind = self._insight(self._job.controller, plan)
         began = time.monotonic() - plan.timing["total"]
-        age = began - self._stamp if self._stamp > 0.0 else None
+        known = [stamp for stamp in tuple(self._stamps) if 0.0 < stamp <= began]
+        age = began - known[-1] if known else None
         seen = self._job.navigator.scan
         scan = None if seen is None else laser_scan(seen)
         circles = plan.around.circles

@@ -9,6 +9,7 @@ from kmpc_lite.errors import KmpcError
 EXTRAS = {
     "PIL": "plot",
     "casadi": "peers",
+    "jinja2": "plot",
     "matplotlib": "plot",
     "mujoco": "twin",
     "pymavlink": "bridge",

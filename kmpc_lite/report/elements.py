@@ -7,7 +7,7 @@ from base64 import b64encode
 from collections.abc import Iterable
 from html import escape
 
-from kmpc_lite.report.page import CAPTIONS
+from kmpc_lite.report.captions import CAPTIONS
 
 UNIT = re.compile(r"(?<=\d) (?=(?:mm|ms|mrad|m|s|rad|m/s|rad/s|%)(?![\w]))")
 
@@ -23,9 +23,14 @@ def image(name: str, svg: bytes, more: str) -> str:
     return f'<figure class="{name}">{picture}{below}</figure>'
 
 
+def joined(words: str) -> str:
+    """Keep a number and its unit on one line."""
+    return UNIT.sub("\u00a0", words)
+
+
 def text(words: str) -> str:
     """Escape, and keep a number and its unit on one line."""
-    return escape(UNIT.sub("\u00a0", words))
+    return escape(joined(words))
 
 
 def table(rows: Iterable[tuple[str, str]]) -> str:

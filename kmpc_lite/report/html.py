@@ -1,25 +1,27 @@
-"""The report of a run: one HTML file that needs nothing else, neither network nor scripts."""
+"""The report of a run: one HTML file that needs nothing else, and plays the drive."""
 
 from __future__ import annotations
 
 import json
 import os
 from collections.abc import Iterable, Mapping
-from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kmpc_lite.errors import KmpcError
 from kmpc_lite.learn.evaluation import FitReport
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.report.elements import image, table, text
+from kmpc_lite.report.captions import MOVING_CAPTION
+from kmpc_lite.report.elements import image, joined, table
+from kmpc_lite.report.events import MOST, events_of
 from kmpc_lite.report.made_by import made_rows
 from kmpc_lite.report.model_section import fit_section, held_out
 from kmpc_lite.report.option_rows import option_rows
-from kmpc_lite.report.page import MOVING_CAPTION, PAGE
 from kmpc_lite.report.pictures.files import run_pictures
+from kmpc_lite.report.player import FILES, player_data, script
 from kmpc_lite.report.scenario_rows import robot_rows, scenario_rows
 from kmpc_lite.report.style import render, write_picture
 from kmpc_lite.report.words import (
@@ -30,6 +32,9 @@ from kmpc_lite.report.words import (
     outcome_title,
 )
 from kmpc_lite.sim.closed_loop import Outcome, Run
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 BADGES = {
     Outcome.REACHED: ("good", "✓ reached"),
@@ -75,40 +80,66 @@ def write_report(
     KmpcError
         Where matplotlib is missing or the file cannot be written.
     """
+    from markupsafe import Markup
+
     report = held_out(model) if fit_report is None else fit_report
     moving = any(circle.vx or circle.vy for circle in run.scenario.circles)
     pictures = {
         name: image(name, render(figure, "svg"), MOVING_CAPTION if name == "map" and moving else "")
         for name, figure in run_pictures(run, report, u_min, u_max).items()
     }
-    heading = outcome_title(run) if title is None else title
     tone, badge = BADGES[run.outcome]
-    page = PAGE.format(
-        title=escape(heading),
-        scenario=escape(run.scenario.name),
+    events = [] if run.details is None else events_of(run.details)
+    code, script_hash = script()
+    page = _template().render(
+        title=outcome_title(run) if title is None else title,
+        scenario=run.scenario.name,
         tone=tone,
         badge=badge,
-        sentence=text(outcome_sentence(run)),
-        tiles="\n".join(_tiles(run)),
-        map=pictures["map"],
-        commands=pictures["commands"],
-        errors=pictures["errors"],
-        timing=pictures["timing"],
-        times_table=table(_time_rows(run)),
-        statuses=table(_status_rows(run)),
-        fit=fit_section(model, report, pictures.get("fit", "")),
-        robot_table=table(robot_rows(run)),
-        scenario_table=table([*scenario_rows(run), *option_rows(run)]),
-        toml=escape(run.scenario.to_toml()),
-        made=table(made_rows(run, command)),
+        sentence=joined(outcome_sentence(run)),
+        events=events[:MOST],
+        events_left_out=max(len(events) - MOST, 0),
+        tiles=[
+            {"name": name, "value": joined(value), "note": joined(note)}
+            for name, value, note in _tiles(run)
+        ],
+        map=Markup(pictures["map"]),
+        commands=Markup(pictures["commands"]),
+        errors=Markup(pictures["errors"]),
+        timing=Markup(pictures["timing"]),
+        times_table=Markup(table(_time_rows(run))),
+        statuses=Markup(table(_status_rows(run))),
+        fit=Markup(fit_section(model, report, pictures.get("fit", ""))),
+        robot_table=Markup(table(robot_rows(run))),
+        scenario_table=Markup(table([*scenario_rows(run), *option_rows(run)])),
+        toml=run.scenario.to_toml(),
+        made=Markup(table(made_rows(run, command))),
         kept=_kept(run.info),
+        css=Markup("\n".join(_file(name) for name in ("page.css", "player.css"))),
+        data=Markup(player_data(run, u_min, u_max)),
+        script=Markup(code),
+        script_hash=script_hash,
     )
     # a file name may hold what UTF-8 cannot
     write_picture(Path(path), page.encode("utf-8", errors="xmlcharrefreplace"))
 
 
-def _tiles(run: Run) -> Iterable[str]:
-    """Key numbers."""
+def _template() -> Template:
+    """The page's frame; whatever is put into it is escaped, but what says that it is HTML."""
+    try:
+        from jinja2 import Environment, StrictUndefined
+    except ImportError as error:
+        raise KmpcError("a report needs jinja2: pip install 'kmpc-lite[plot]'") from error
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    return environment.from_string(_file("report.html.j2"))
+
+
+def _file(name: str) -> str:
+    return (FILES / name).read_text(encoding="utf-8")
+
+
+def _tiles(run: Run) -> Iterable[tuple[str, str, str]]:
+    """Key numbers: name, value and note."""
     scenario, times = run.scenario, run.step_times
     clearance = "no obstacles" if not np.isfinite(run.clearance) else length(run.clearance)
     margin = f"{length(scenario.margin)} asked for" if scenario.margin else "edge to edge"
@@ -142,12 +173,7 @@ def _tiles(run: Run) -> Iterable[str]:
             f"{without or 'none'} without a new plan",
         ),
     )
-    for name, value, note in numbers:
-        content = (
-            f'<span class="name">{name}</span><strong>{text(value)}</strong><span '
-            f'class="note">{text(note)}</span>'
-        )
-        yield f'<div class="tile">{content}</div>'
+    yield from numbers
 
 
 def _status_rows(run: Run) -> Iterable[tuple[str, str]]:
@@ -178,8 +204,7 @@ def _time_rows(run: Run) -> Iterable[tuple[str, str]]:
 
 
 def _kept(info: Mapping[str, Any]) -> str:
-    """What the caller kept with the run, as JSON in a fold."""
+    """What the caller kept with the run, as JSON."""
     if not info:
         return ""
-    words = escape(json.dumps(info, indent=2, sort_keys=True, ensure_ascii=False, default=str))
-    return f"<details><summary>What was kept with the run</summary><pre>{words}</pre></details>"
+    return json.dumps(info, indent=2, sort_keys=True, ensure_ascii=False, default=str)

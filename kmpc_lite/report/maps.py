@@ -36,7 +36,7 @@ def map_picture(run: Run) -> Figure:
     every = substeps(run)
     collided = run.outcome is Outcome.COLLISION
     with style():
-        view = _view(run.scenario, [run])
+        view = view_of(run.scenario, [run])
         figure, axes = map_axes(view)
         end = _end_index(run)
         moments = _moments(run, view)
@@ -121,7 +121,7 @@ def overlay_picture(runs: Sequence[Run], labels: Sequence[str]) -> Figure:
     names = list(dict.fromkeys(labels))
     outcomes = [run.outcome for run in runs]
     with style():
-        view = _view(scenario, runs)
+        view = view_of(scenario, runs)
         figure, axes = map_axes(view)
         written = Labels(axes, view, np.concatenate([run.path[:, :2] for run in runs]))
         handles = draw_scenario(
@@ -181,7 +181,7 @@ def _map_of(scenario: Scenario) -> tuple[object, ...]:
     )
 
 
-def _view(scenario: Scenario, runs: Sequence[Run]) -> Array:
+def view_of(scenario: Scenario, runs: Sequence[Run]) -> Array:
     """Rectangle of the map to show, [[xmin, ymin], [xmax, ymax]] [m].
 
     It holds all that was driven, and obstacles and area where they are near.

@@ -188,13 +188,15 @@ def test_what_else_a_drive_holds_is_read(scenario: Scenario, tmp_path: Path) -> 
     details = run.details
     assert details is not None and run.info == {"kind": "driven", "ended": "so"}
     assert [(round(t, 3), s, r) for t, s, r in details.gates] == [
-        (0.1, "ACTIVE", ()),
-        (0.2, "STOPPING", ("link down",)),
+        (0.0, "ACTIVE", ()),
+        (0.1, "STOPPING", ("link down",)),
     ]
     assert details.health[0][1]["counters"] == {"frames": 3} and details.health[0][1]["age"] is None
     assert details.notes[-1][1:] == ("<b>a note</b>", True)
     assert details.pose_ages.tolist() == [0.02]
-    assert details.measured.shape == (1, 4) and details.sent.round(3).tolist() == [[0, 0.3, -0.2]]
+    assert details.measured.shape == (1, 4) and details.sent.round(3).tolist() == [
+        [-0.1, 0.3, -0.2]
+    ]
     (_, hits), (first, second) = details.scans[0], details.scans[0][1]
     np.testing.assert_allclose(first, [np.cos(0.5), np.sin(0.5)], atol=1e-6)
     np.testing.assert_allclose(second, [2 * np.cos(0.8), 2 * np.sin(0.8)], atol=1e-6)

@@ -1,0 +1,150 @@
+// The map: what stays is drawn once for a width, what changes at every instant.
+const LAYERS = [
+  ['plan', 'plan', '--plan'], ['room', 'margins', '--plan'], ['path', 'path', '--good'],
+  ['scan', 'scan', '--scan'], ['trace', 'whole drive', '--robot'],
+];
+const map = byId('map'), tip = byId('tip'), hidden = {};
+const keepsMargins = margin.some((value) => value > 0);
+let M = null;
+
+function lineOf(points) {
+  return points.map((p) => M.x(p[0]).toFixed(1) + ',' + M.y(p[1]).toFixed(1)).join(' ');
+}
+
+function buildMap() {
+  const width = Math.max(map.parentNode.clientWidth, 200), v = D.map.view;
+  const wide = v[2] - v[0], tall = v[3] - v[1];
+  const scale = Math.min((width - 34) / wide, Math.max(0.52 * innerHeight, 280) / tall);
+  const height = scale * tall + 24, left = 34 + (width - 34 - scale * wide) / 2;
+  M = { scale, width, height, x: (x) => left + scale * (x - v[0]), y: (y) => scale * (v[3] - y) };
+  map.setAttribute('viewBox', '0 0 ' + width + ' ' + height);
+  map.style.height = height + 'px';
+  map.replaceChildren();
+  const b = D.map.bounds, still = draw(map, 'g');
+  const x0 = M.x(Math.max(b[0], v[0])), x1 = M.x(Math.min(b[2], v[2]));
+  const y0 = M.y(Math.min(b[3], v[3])), y1 = M.y(Math.max(b[1], v[1]));
+  draw(still, 'rect', { class: 'area', x: x0, y: y0, width: x1 - x0, height: y1 - y0 });
+  drawGrid(still, v);
+  drawSolids(still);
+  drawGoal(still);
+  for (const [name] of LAYERS) M[name] = draw(map, 'g');
+  M.circles = draw(map, 'g');
+  map.insertBefore(M.circles, M.plan);
+  const whole = [];
+  for (let k = 0; k < count; k++) whole.push([pose[3 * k], pose[3 * k + 1]]);
+  draw(M.trace, 'polyline', { class: 'trace', points: lineOf(whole) });
+  M.driven = draw(map, 'polyline', { class: 'driven' });
+  M.points = lineOf(whole).split(' ');
+  const r = scale * D.map.radius;
+  M.robot = draw(map, 'g');
+  draw(M.robot, 'circle', { class: 'robot', r });
+  draw(M.robot, 'line', { class: 'nose', x1: 0, y1: 0, x2: r, y2: 0 });
+  for (const [name] of LAYERS) M[name].style.display = hidden[name] ? 'none' : '';
+}
+
+function drawGrid(parent, v) {
+  for (const x of ticks(v[0], v[2], M.width / 70)) {
+    draw(parent, 'line', { class: 'grid', x1: M.x(x), x2: M.x(x), y1: 0, y2: M.height - 24 });
+    draw(parent, 'text', { x: M.x(x), y: M.height - 8, 'text-anchor': 'middle' }, x + ' m');
+  }
+  for (const y of ticks(v[1], v[3], M.height / 60)) {
+    draw(parent, 'line', { class: 'grid', x1: 34, x2: M.width, y1: M.y(y), y2: M.y(y) });
+    draw(parent, 'text', { x: 30, y: M.y(y) + 4, 'text-anchor': 'end' }, String(y));
+  }
+}
+
+function drawSolids(parent) {
+  for (const outline of D.map.outlines) {
+    draw(parent, 'polygon', { class: 'solid', points: lineOf(outline) });
+  }
+  for (const [x1, y1, x2, y2, thick] of D.map.walls) {
+    draw(parent, 'line', { class: 'edge', x1: M.x(x1), y1: M.y(y1), x2: M.x(x2), y2: M.y(y2),
+      'stroke-width': Math.max(M.scale * thick, 2) });
+  }
+  let boxes = '';
+  for (const c of D.map.boxes) {
+    boxes += 'M' + lineOf([[c[0], c[1]], [c[2], c[3]], [c[4], c[5]], [c[6], c[7]]]) + 'Z';
+  }
+  if (boxes) draw(parent, 'path', { class: 'solid', d: boxes });
+}
+
+function drawGoal(parent) {
+  const [x, y, heading] = D.map.goal, r = D.map.radius, far = 1.6 * r;
+  const tipX = M.x(x + far * Math.cos(heading)), tipY = M.y(y + far * Math.sin(heading));
+  const place = { cx: M.x(x), cy: M.y(y) };
+  draw(parent, 'circle', { ...place, class: 'goal there', r: M.scale * D.map.tolerance });
+  draw(parent, 'circle', { ...place, class: 'goal', r: M.scale * r });
+  draw(parent, 'line', { class: 'goal', x1: M.x(x), y1: M.y(y), x2: tipX, y2: tipY });
+  for (const [words, at] of [['goal', D.map.goal], ['start', D.map.start]]) {
+    draw(parent, 'text', { class: 'name', x: M.x(at[0]), 'text-anchor': 'middle',
+      y: M.y(at[1]) + M.scale * r + 15 }, words);
+  }
+}
+
+function drawMoment(index, place) {
+  const points = plan(index), circles = circlesAt(index);
+  M.circles.replaceChildren();
+  for (const [x, y, r] of circles) {
+    draw(M.circles, 'circle', { class: 'solid', cx: M.x(x), cy: M.y(y), r: M.scale * r });
+  }
+  M.plan.replaceChildren();
+  draw(M.plan, 'polyline', { class: 'plan', points: lineOf(points) });
+  const end = points[points.length - 1];
+  draw(M.plan, 'circle', { class: 'stop', cx: M.x(end[0]), cy: M.y(end[1]), r: 3.5 });
+  drawMargins(index, points, circles);
+  M.path.replaceChildren();
+  const path = D.paths[pathOf[index]];
+  if (path) draw(M.path, 'polyline', { class: 'path', points: lineOf(path) });
+  M.scan.replaceChildren();
+  const c = Math.cos(place[2]), s = Math.sin(place[2]);
+  for (const [x, y] of scanAt(index)) {
+    draw(M.scan, 'circle', { class: 'scan', r: 2, cx: M.x(place[0] + c * x - s * y),
+      cy: M.y(place[1] + s * x + c * y) });
+  }
+  M.driven.setAttribute('points', M.points.slice(0, index + 1).join(' ') + ' ' + lineOf([place]));
+  M.robot.setAttribute('transform', 'translate(' + M.x(place[0]) + ' ' + M.y(place[1]) +
+    ') rotate(' + (-place[2] * 180) / Math.PI + ')');
+}
+
+function marginTo(circle, index, points) { // [margin, clearance] of the stage nearest to a circle
+  let nearest = Infinity, kept = 0;
+  for (let j = 1; j < stages; j++) {
+    const away = Math.hypot(points[j][0] - circle[0], points[j][1] - circle[1]);
+    if (away < nearest) { nearest = away; kept = margin[index * stages + j]; }
+  }
+  return [kept, nearest - circle[2] - D.map.radius];
+}
+
+function drawMargins(index, points, circles) {
+  M.room.replaceChildren();
+  const room = draw(M.room, 'g', { class: 'rooms' }); // one shade, however many lie on each other
+  for (let j = 1; j < stages && keepsMargins; j++) {
+    const r = M.scale * (D.map.radius + margin[index * stages + j]);
+    draw(room, 'circle', { class: 'room', cx: M.x(points[j][0]), cy: M.y(points[j][1]), r });
+  }
+  for (const circle of circles) {
+    const [kept, away] = marginTo(circle, index, points);
+    if (kept > 0 && away < 10 * D.map.radius) {
+      draw(M.room, 'circle', { class: 'ring', cx: M.x(circle[0]), cy: M.y(circle[1]),
+        r: M.scale * (circle[2] + kept) });
+    }
+  }
+}
+
+function nearestOnTrace(event) { // instant of the driven path under the pointer, or -1
+  const box = map.getBoundingClientRect(), x = event.clientX - box.left, y = event.clientY - box.top;
+  let best = 18, found = -1;
+  for (let k = 0; k < count; k++) {
+    const away = Math.hypot(M.x(pose[3 * k]) - x, M.y(pose[3 * k + 1]) - y);
+    if (away < best) { best = away; found = k; }
+  }
+  return found;
+}
+
+function tell(box, event, words) { // a small box beside the pointer, inside its parent
+  const around = box.parentNode.getBoundingClientRect(), x = event.clientX - around.left;
+  box.textContent = words;
+  box.hidden = false;
+  box.style.left = Math.min(x + 14, Math.max(around.width - box.offsetWidth - 4, 0)) + 'px';
+  box.style.top = Math.max(event.clientY - around.top - 36, 0) + 'px';
+}
