@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from firmware_bridge.link import open_transport
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check, from_table
 from firmware_bridge.runtime.loop import TICK
@@ -59,11 +60,17 @@ class LinkOptions:
     pose: str | None = None
     """udp:HOST:PORT where poses from outside arrive; an autopilot is fed with them, else they
     replace the wheels' odometry."""
+    forward: str | None = None
+    """Links to ground stations that share an autopilot, with blanks between them."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         if self.driver not in (*DRIVERS, TOPICS):
             raise ConfigError(f"driver: expected {', '.join(DRIVERS)}, got {self.driver!r}")
+        if self.forward is not None and self.driver != "mavlink":
+            raise ConfigError(f"forward: only an autopilot can be shared, not {self.driver}")
+        for url in (self.forward or "").split():
+            open_transport(url)
         check(self)
         if self.pose is not None:
             check_pose_url(self.pose)

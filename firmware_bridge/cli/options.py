@@ -35,6 +35,7 @@ def add_robot_options(parser: argparse.ArgumentParser) -> None:
         metavar="URL",
         help="link.pose: udp:HOST:PORT where motion capture sends `stamp x y theta` (ENU, m, rad)",
     )
+    _add_forward(add)
     add(
         "--timeout",
         type=float,
@@ -88,6 +89,16 @@ def add_lidar_options(add: Callable[..., object]) -> None:
         "--lidar-link",
         metavar="URL",
         help="lidar.link: serial:PATH, pty:PATH, tcp:HOST:PORT, udp:HOST:PORT",
+    )
+
+
+def _add_forward(add: Callable[..., object]) -> None:
+    add(
+        "--forward",
+        action="append",
+        metavar="URL",
+        help="link.forward: share an autopilot with QGroundControl or MAVProxy, repeatable:\n"
+        "udp:127.0.0.1:14550 (sends there), udp:HOST:PORT?listen=1 (waits there)",
     )
 
 
@@ -155,6 +166,7 @@ def overrides_of(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
             "driver": given.get("driver"),
             "timeout": given.get("timeout"),
             "pose": given.get("pose"),
+            "forward": " ".join(given.get("forward") or ()) or None,
         },
         "lidar": {"driver": given.get("lidar"), "link": given.get("lidar_link")},
         "board": {"arm": True if given.get("arm") else None},

@@ -7,6 +7,7 @@ from dataclasses import fields
 from firmware_bridge.link.faults import Faults
 from firmware_bridge.link.loopback import LoopbackEnd, LoopbackWire, named_wire
 from firmware_bridge.link.protocol import OnBytes, Transport
+from firmware_bridge.link.ration import Ration
 from firmware_bridge.link.sockets import TcpEndpoint, UdpEndpoint
 from firmware_bridge.link.threaded import ThreadedTransport
 from firmware_bridge.link.tty import SPEEDS, TtyEndpoint
@@ -26,7 +27,7 @@ __all__ = [
 DEFAULT_BAUD = 115200
 
 
-def open_transport(url: str) -> Transport:
+def open_transport(url: str, ration: Ration | None = None) -> Transport:
     """Build the near end of a link; `start` opens it.
 
     Parameters
@@ -51,11 +52,12 @@ def open_transport(url: str) -> Transport:
         return ThreadedTransport(TtyEndpoint(link.path(), baud, link.kind == "serial", dtr))
     if link.kind == "tcp":
         link.allow()
-        return ThreadedTransport(TcpEndpoint(*link.address()))
+        return ThreadedTransport(TcpEndpoint(*link.address()), ration=ration)
     if link.kind == "udp":
         link.allow("listen")
         return ThreadedTransport(
-            UdpEndpoint(*link.address(), listen=bool(link.number("listen", 0, 0, 1)))
+            UdpEndpoint(*link.address(), listen=bool(link.number("listen", 0, 0, 1))),
+            ration=ration,
         )
     return loopback_wire(link).take(board=False)
 

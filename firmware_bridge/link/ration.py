@@ -25,6 +25,8 @@ class Ration:
         Monotonic time [s].
     work : callable
         Processor time of the calling thread [s].
+    share, most : float
+        Share of a core, and bytes per second, for long.
 
     Examples
     --------
@@ -44,8 +46,10 @@ class Ration:
         self,
         clock: Callable[[], float] = time.monotonic,
         work: Callable[[], float] = time.thread_time,
+        share: float = SHARE,
+        most: float = BYTES,
     ) -> None:
-        self._clock, self._work = clock, work
+        self._clock, self._work, self._share, self._most = clock, work, share, most
         self._credit, self._stamp, self._from = BURST, clock(), 0.0
 
     def begin(self) -> None:
@@ -55,16 +59,16 @@ class Ration:
     def end(self, size: int) -> None:
         """Count the work since `begin`, or the bytes that were read where these weigh more."""
         self._refill()
-        self._credit -= max(self._work() - self._from, SHARE * size / BYTES)
+        self._credit -= max(self._work() - self._from, self._share * size / self._most)
 
     def rest(self) -> float:
         """How long to read nothing [s]."""
         if self._credit >= 0.0:
             return 0.0
         self._refill()
-        return max(0.0, -self._credit / SHARE)
+        return max(0.0, -self._credit / self._share)
 
     def _refill(self) -> None:
         now = self._clock()
-        self._credit = min(BURST, self._credit + SHARE * (now - self._stamp))
+        self._credit = min(BURST, self._credit + self._share * (now - self._stamp))
         self._stamp = now

@@ -69,9 +69,13 @@ class ThreadedTransport:
     queue : int
         Frames that wait at most; one more drops the oldest. Frames still waiting when the link is
         lost are dropped too, so that no old command is sent after it returns.
+    ration : Ration, optional
+        What may be read; the usual one where not given.
     """
 
-    def __init__(self, endpoint: Endpoint, queue: int = QUEUE_FRAMES) -> None:
+    def __init__(
+        self, endpoint: Endpoint, queue: int = QUEUE_FRAMES, ration: Ration | None = None
+    ) -> None:
         self.endpoint = endpoint
         self._lock = threading.Lock()
         self._queue: deque[bytes] = deque()
@@ -83,7 +87,7 @@ class ThreadedTransport:
         self._on_bytes: OnBytes = lambda data, stamp: None
         self._wake_read = self._wake_write = -1
         self._backoff, self._was_open = BACKOFF_FIRST, False
-        self._ration = Ration()
+        self._ration = Ration() if ration is None else ration
         self._last_error = ""
         self._counters = dict.fromkeys(
             ("bytes_in", "bytes_out", "reconnects", "dropped_frames", "refused_writes", "errors"), 0

@@ -15,12 +15,14 @@ from typing import TYPE_CHECKING, Any, Self, TextIO
 
 from firmware_bridge.drivers import Driver
 from firmware_bridge.link import Transport, open_transport
+from firmware_bridge.link.shared import SharedTransport
 from firmware_bridge.live.terminal import View
 from firmware_bridge.messages import BridgeError, ConfigError, Controller
 from firmware_bridge.robot_file import Robot, check_period
 from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.drive_logs import DriveLogs, Recorder
 from firmware_bridge.runtime.loop import ControlLoop, Observer
+from firmware_bridge.runtime.sharing import drives, share
 from firmware_bridge.safety.estop import EmergencyStop
 from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.places import default_socket
@@ -124,7 +126,7 @@ class Session:
         driver: Driver | None = None,
     ) -> None:
         check_period(period, robot.gate)
-        self.robot, self._by_hand, self._out = robot, by_hand, out
+        self.robot, self.by_hand, self._out = robot, by_hand, out
         self._origin = origin if robot.origin is None else robot.origin
         self._controller, self._period = controller, period
         self._observers, self._more, self._given = observers, more, driver
@@ -134,6 +136,8 @@ class Session:
         self._connecting = True
         self.sight: Sight | None = None
         """What the lidar sees, for a robot with one, once the board has answered."""
+        self.shared: SharedTransport | None = None
+        """The link, where ground stations share it."""
         self.estop = EmergencyStop(default_socket() if robot.socket is None else robot.socket)
 
     def __enter__(self) -> Self:
@@ -149,8 +153,10 @@ class Session:
             transport = open_transport(self.robot.link.url)
         try:
             transport = self.logs.open(
-                transport, self._period, self._by_hand, self.robot, self._recorder
+                transport, self._period, self.by_hand, self.robot, self._recorder
             )
+            if self.robot.link.forward and transport is not None:
+                transport = self.shared = share(self.robot, transport, lambda: drives(self))
             inner = self._given if transport is None else open_driver(self.robot, transport)
             assert inner is not None
             self._inner = inner
@@ -211,7 +217,7 @@ class Session:
         gc.collect()
         gc.freeze()
         try:
-            if not self._by_hand:
+            if not self.by_hand:
                 self.gate.enable()
             self._connecting = False
             self.loop.run(finished)
@@ -263,7 +269,12 @@ class Session:
         """Lines that a terminal shows once."""
         warnings: Callable[[], tuple[str, ...]] = getattr(self._inner, "warnings", tuple)
         words = (f"autopilot: {text}" for text in self.words())
-        return [*self.problems(), *warnings(), *words]
+        return [*self.problems(), *warnings(), *words, *self.refused()]
+
+    def refused(self) -> list[str]:
+        """What a ground station sent last that was not passed on, in words."""
+        refusal = "" if self.shared is None else self.shared.refusal
+        return [f"a ground station was refused: {refusal}"] if refusal else []
 
     def report(self) -> dict[str, Any]:
         """Plain values, for JSON."""

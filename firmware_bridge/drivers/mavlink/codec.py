@@ -30,6 +30,9 @@ STALLED = 0.2
 SIGNING_EPOCH = 1420070400
 """Signature time stamps count 10 us from 2015-01-01 UTC; this is that day in Unix time [s]."""
 
+LINK_ID = 75
+"""Of our signatures: a station that shares the link, and our ids, counts its time stamps under
+another one, or a vehicle would take ours for old."""
 COUNTERS = (
     "frames_in",
     "frames_out",
@@ -99,6 +102,7 @@ class MavlinkCodec:
     def sign(self, key: bytes, timestamp: int) -> None:
         """Sign from now on, and require signatures; time stamps start at this one [10 us]."""
         signing = self._mav.signing
+        signing.link_id = LINK_ID
         signing.secret_key, signing.sign_outgoing, signing.timestamp = key, True, timestamp
 
     def sign_no_more(self) -> None:
@@ -123,7 +127,7 @@ class MavlinkCodec:
     def messages(self, data: bytes, now: float) -> Iterator[Any]:
         """Take bytes as they came; each message is decoded when it is asked for."""
         for frame in self.frames(data, now):
-            if self._wanted is not None and not self._wanted(*_origin(frame)):
+            if self._wanted is not None and not self._wanted(*origin(frame)):
                 self.counters["passed_over"] += 1
                 continue
             message = self._decode(frame)
@@ -217,7 +221,7 @@ class MavlinkCodec:
         return good
 
 
-def _origin(frame: bytearray) -> tuple[int, int, int]:
+def origin(frame: bytes | bytearray) -> tuple[int, int, int]:
     """System, component and message id of a frame."""
     if frame[0] == dialect.PROTOCOL_MARKER_V1:
         return frame[3], frame[4], frame[5]
@@ -228,6 +232,6 @@ def _crc_is_right(frame: bytearray) -> bool:
     """Whether the CRC of a frame's bytes is right."""
     second = frame[0] == dialect.PROTOCOL_MARKER_V2
     end = len(frame) - (SIGNATURE_BYTES if second and frame[2] else 0)
-    kind = dialect.mavlink_map[_origin(frame)[2]]
+    kind = dialect.mavlink_map[origin(frame)[2]]
     crc = dialect.x25crc(bytes(frame[1 : end - CRC_BYTES]) + bytes((kind.crc_extra,))).crc
     return bool(crc == int.from_bytes(frame[end - CRC_BYTES : end], "little"))
