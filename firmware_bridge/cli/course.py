@@ -41,6 +41,7 @@ def course(
     seconds: float,
     watch: Callable[[Any, Any], None] | None = None,
     wait: float | None = None,
+    rehearse: bool = False,
 ) -> Course:
     """Put a controller and a map before a robot.
 
@@ -56,6 +57,8 @@ def course(
         Is told each pose and plan.
     wait : float, optional
         How long the vehicle may take until it drives [s]; `seconds` where not given.
+    rehearse : bool
+        Whether it drives at half the speed that limits and model allow.
 
     Raises
     ------
@@ -73,7 +76,7 @@ def course(
         raise ConfigError(f"{robot.where}: control.scenario: missing: give --scenario NAME")
     try:
         scenario = Scenario.load(robot.control.scenario)
-        robot, learned, notes = load_model(robot)
+        robot, learned, notes = load_model(robot, rehearse)
         controller = build_controller(robot, scenario, learned)
     except kl.KmpcError as error:
         raise ConfigError(str(error)) from error
@@ -140,10 +143,11 @@ def _wheels(robot: Robot) -> dict[str, float]:
     return {key: geometry[key] for key in ("track", "max_wheel_speed") if key in geometry}
 
 
-def load_model(robot: Robot) -> tuple[Robot, Any, tuple[str, ...]]:
+def load_model(robot: Robot, rehearse: bool = False) -> tuple[Robot, Any, tuple[str, ...]]:
     """Load the robot's model; give the robot within what it has shown, the model, and notes."""
     import kmpc_lite as kl
     from firmware_bridge.cli.model_gate import fit_for, with_latency
+    from firmware_bridge.cli.rehearsal import at_half_speed
 
     file, period = robot.control.model, robot.control.period
     if file is None:
@@ -151,6 +155,7 @@ def load_model(robot: Robot) -> tuple[Robot, Any, tuple[str, ...]]:
         return robot, kl.nominal_unicycle(period or 0.1), (note,) if note else ()
     learned = kl.KoopmanModel.load(file)
     robot, notes = fit_for(robot, learned, file)
+    robot = at_half_speed(robot) if rehearse else robot
     if period is not None and abs(period - learned.dt) > 1e-9:
         learned = learned.with_dt(period)
     if robot.control.latency:

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-from firmware_bridge.cli.course import course
+from firmware_bridge.cli.course import Course, course
 from firmware_bridge.cli.live import Page
 from firmware_bridge.cli.options import (
     add_drive_options,
@@ -19,6 +19,7 @@ from firmware_bridge.cli.options import (
     read_robot,
 )
 from firmware_bridge.cli.recording import recorder_of, recording_to
+from firmware_bridge.cli.rehearsal import Rehearsal, advice
 from firmware_bridge.messages import BridgeError
 from firmware_bridge.safety.places import default_socket
 from kmpc_lite.cli.command import Command
@@ -72,6 +73,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="how long the goal must be held [s] (default: 1)",
     )
     add(
+        "--rehearse",
+        action="store_true",
+        help="first drive with a model: half speed, stopped where the model predicts no better "
+        "than the nominal robot; where that was shown before, drive at full speed",
+    )
+    add(
         "--trust-model",
         action="store_true",
         default=None,
@@ -95,7 +102,9 @@ def run(options: argparse.Namespace) -> int:
     robot, address = read_robot(options), live_address(options)
     page = None if address is None else Page(address, robot.socket or default_socket())
     saw = None if page is None else page.saw
-    job = course(robot, options.settle, options.seconds, saw, wait=options.wait)
+    rehearse, told = advice(robot, options.rehearse)
+    settle, seconds = options.settle, options.seconds
+    job = course(robot, settle, seconds, saw, wait=options.wait, rehearse=rehearse)
     prepare(options)
     with ExitStack() as stack:
         name = stack.enter_context(recording_to(options.record))
@@ -111,7 +120,8 @@ def run(options: argparse.Namespace) -> int:
             job.origin,
             name,
             people(options),
-            job.notes,
+            (*told, *job.notes),
+            examiner=examiner_of(job) if rehearse else None,
             recorder=recorder_of(job, command_line()),
             **watching,
         )
@@ -122,10 +132,18 @@ def run(options: argparse.Namespace) -> int:
     return status
 
 
+def examiner_of(job: Course) -> Rehearsal:
+    """Compare the model of a course with its motion, from each plan on."""
+    examiner = Rehearsal(job.robot, job.controller.model)
+    job.watchers.append(examiner.saw)
+    return examiner
+
+
 COMMAND = Command(
     text="Drive a robot through a scenario with a learned model.",
     examples=(
         "kmpc run robot.toml --model robot.npz --scenario map.toml --arm",
+        "kmpc run robot.toml --model robot.npz --scenario map.toml --rehearse  # the first drive",
         "kmpc run robot.toml --scenario map.toml --record monday  # then: kmpc report monday",
         "kmpc run --driver mavlink --link tcp:127.0.0.1:5760 --scenario four_circles_1 --arm",
     ),

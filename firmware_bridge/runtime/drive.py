@@ -6,10 +6,11 @@ import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, Protocol, TextIO
 
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.drive_logs import Recorder
+from firmware_bridge.runtime.loop import Observer
 from firmware_bridge.runtime.navigator import Navigator
 from firmware_bridge.runtime.session import STOPS, Session
 from firmware_bridge.runtime.timing import table
@@ -22,6 +23,19 @@ Watched = Callable[[Session], AbstractContextManager[object]]
 """Shows a session to somebody while the context lasts."""
 
 
+class Examiner(Observer, Protocol):
+    """Looks on while a robot drives, and may have it stopped: see `Rehearsal`."""
+
+    @property
+    def trouble(self) -> str:
+        """Why the robot must be stopped, in words; else empty."""
+        ...
+
+    def finish(self) -> dict[str, Any]:
+        """What it has found, for JSON: `text` among it."""
+        ...
+
+
 def run(
     robot: Robot,
     navigator: Navigator,
@@ -32,6 +46,7 @@ def run(
     notes: tuple[str, ...] = (),
     watched: Watched = nullcontext,
     recorder: Callable[[Session, Path], Recorder] | None = None,
+    examiner: Examiner | None = None,
 ) -> tuple[dict[str, Any], int]:
     """Drive to the goal; return the report and the exit status.
 
@@ -55,6 +70,8 @@ def run(
         Makes a context of the session, in which it drives.
     recorder : callable, optional
         Makes another recorder; see `Session`.
+    examiner : Examiner, optional
+        Looks on, and may have the robot stopped.
     """
     with Session(
         robot,
@@ -63,6 +80,7 @@ def run(
         origin=origin,
         output=None if output is None else Path(output),
         out=out,
+        observers=() if examiner is None else (examiner,),
         record=recorder,
     ) as session:
         sys.stderr.write("".join(f"kmpc: {note}\n" for note in notes))
@@ -75,6 +93,9 @@ def run(
         why: list[str] = []
 
         def finished() -> bool:
+            if examiner is not None and examiner.trouble and not session.loop.stop_reason:
+                session.loop.request_stop(examiner.trouble)
+                return False
             done = navigator.finished()
             if done and not why:
                 why.extend(session.why())
@@ -86,26 +107,31 @@ def run(
         report = {"outcome": "", **navigator.report(), "why": [], **session.report()}
         report["notes"] = list(notes)
         interrupted = session.loop.stop_reason in SIGNALS
-        report["outcome"] = _outcome(navigator, session.loop.stop_reason if interrupted else "")
+        ended_by = session.loop.stop_reason if interrupted else ""
+        if examiner is not None:
+            report["rehearsal"] = examiner.finish()
+            ended_by = ended_by or examiner.trouble
+        report["outcome"] = _outcome(navigator, ended_by)
         if not navigator.arrived:
             report["why"] = why or session.why()
         session.logs.finish(report)
     report["problems"] = session.problems()  # counted after the session has closed its files
     if out is not None:
         tell(report, session, out)
-    if navigator.arrived and not navigator.touched:
+    failed = examiner is not None and bool(examiner.trouble)
+    if navigator.arrived and not navigator.touched and not failed:
         return report, DONE
     return report, INTERRUPTED if interrupted else NOT_DONE
 
 
-def _outcome(navigator: Navigator, signal: str) -> str:
-    """Outcome of a run, in words; `signal` is the one that ended it, if any."""
+def _outcome(navigator: Navigator, stop: str) -> str:
+    """Outcome of a run, in words; `stop` is the signal or the trouble that ended it, if any."""
     if navigator.arrived:
         outcome = "arrived"
     elif navigator.arrived_after is not None:
         outcome = "left the goal again while stopping"
-    elif signal:
-        outcome = f"stopped by {signal}"
+    elif stop:
+        outcome = f"stopped by {stop}"
     else:
         outcome = "time is up" if navigator.drove else "never drove"
     return f"touched an obstacle, {outcome}" if navigator.touched else outcome
@@ -137,5 +163,7 @@ def tell(report: dict[str, Any], session: Session, out: TextIO) -> None:
             f"{loop['errors'] + loop['controller_errors']} errors, the last: {loop['last_error']}"
         )
     lines += [f"why: {why}" for why in report["why"]]
+    if "rehearsal" in report:
+        lines.append(f"rehearsal: {report['rehearsal']['text']}")
     lines += [f"recorded to {', '.join(report['files'])}"] if report["files"] else []
     out.write("\n".join([*lines, *report["problems"]]) + "\n")

@@ -7,18 +7,46 @@ from dataclasses import dataclass
 import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.types import Array
 
 
 @dataclass(frozen=True)
 class InputColumnOptions:
-    """Thresholds above which a line is written."""
+    """How commands are told from measured speeds.
 
-    held: float = 0.3
-    """Share of unchanged rows from which on the inputs are commands."""
+    A command is held, changes at once, or changes steadily, as a ramp does. A measured speed
+    follows the motors and is noisy: from one value to the next it changes a little, and never by
+    the same amount twice. A recorder may repeat it until the next measurement comes.
+    """
+
+    same: float = 2e-4
+    """Changes below this share of the largest are none: a log has so many digits."""
+    hold: float = 0.28
+    """A value that stays for so long [s] is held: no sensor is that slow ..."""
+    hold_rows: int = 3
+    """... and for so many rows."""
+    held: float = 0.2
+    """Share of rows in such holds from which on the inputs are commands."""
+    steady: float = 0.2
+    """Share of changes that equal the one before from which on the inputs are commands."""
+    jumps: float = 0.8
+    """Correlation of one value with the next below which the inputs are commands."""
+
+
+@dataclass(frozen=True)
+class Shares:
+    """What the values of the inputs show."""
+
+    held: float
+    """Share of the moving rows whose value stays for long."""
+    steady: float
+    """Share of the changes that equal the one before."""
+    alike: float
+    """Correlation of a value with the next one that differs."""
 
 
 def tell_inputs(dataset: Dataset, delay: float, options: InputColumnOptions | None = None) -> str:
-    """What the input columns are: commands that are held, or speeds that were measured.
+    """What the input columns are: commands, or speeds that were measured.
 
     Parameters
     ----------
@@ -27,20 +55,56 @@ def tell_inputs(dataset: Dataset, delay: float, options: InputColumnOptions | No
     delay : float
         How far the poses lag behind the inputs [s].
     options : InputColumnOptions, optional
-        Thresholds above which a line is written.
+        How they are told apart.
     """
     options = InputColumnOptions() if options is None else options
-    steps = [np.diff(e.inputs, axis=0) for e in dataset.episodes if len(e) > 1]
-    moving = [np.abs(e.inputs[1:]).sum(axis=1) > 1e-9 for e in dataset.episodes if len(e) > 1]
-    if not steps or not np.concatenate(moving).any():
-        return "unknown"
-    changes = np.abs(np.concatenate(steps)[np.concatenate(moving)])
-    held = float((changes.max(axis=1) < 1e-9).mean())
+    shares = find_shares(dataset, options)
     lead = f"poses follow {delay:.2f} s later"
-    if held >= options.held:
-        return f"commands ({100 * held:.0f} % of the rows repeat the one before; {lead})"
-    jitter = np.median(changes, axis=0)
+    if shares is None:
+        return "unknown: they hardly change"
+    if shares.held >= options.held:
+        return f"commands ({100 * shares.held:.0f} % of the rows are held; {lead})"
+    if shares.steady >= options.steady:
+        return f"commands ({100 * shares.steady:.0f} % of the changes go on as ramps; {lead})"
+    if shares.alike < options.jumps:
+        return f"commands (they change at once, from one value to any other; {lead})"
     return (
-        f"measured speeds, of encoders or so (they change from row to row, in the median by "
-        f"{jitter[0]:.2g} m/s and {jitter[1]:.2g} rad/s; {lead}): the motors' lag is not in them"
+        f"measured speeds, of encoders or so (they change a little at a time, and noisily; {lead}):"
+        " the motors' lag is not in them"
     )
+
+
+def find_shares(dataset: Dataset, options: InputColumnOptions | None = None) -> Shares | None:
+    """Look at the values of the inputs; None where too few of them differ."""
+    options = InputColumnOptions() if options is None else options
+    every = np.concatenate([e.inputs for e in dataset.episodes])
+    largest = np.maximum(np.quantile(np.abs(every), 0.995, axis=0), 1e-9)
+    least = max(options.hold_rows, round(options.hold / dataset.dt))
+    held = rows = steady = changes = 0
+    pairs = []
+    for episode in dataset.episodes:
+        values = episode.inputs / largest
+        new = np.abs(np.diff(values, axis=0)).max(axis=1) > options.same
+        firsts = np.concatenate([[0], np.flatnonzero(new) + 1])
+        lengths = np.diff(np.concatenate([firsts, [len(values)]]))
+        moving = np.abs(values[firsts]).max(axis=1) > options.same
+        rows += int(lengths[moving].sum())
+        held += int(lengths[moving & (lengths >= least)].sum())
+        change = np.diff(values[firsts], axis=0)
+        again = np.abs(np.diff(change, axis=0)).max(axis=1) <= options.same
+        steady, changes = steady + int(again.sum()), changes + len(again)
+        pairs.append(np.hstack([values[firsts[:-1]], values[firsts[1:]]]))
+    before_after = np.concatenate(pairs)
+    if rows == 0 or changes < 10:
+        return None
+    return Shares(held / rows, steady / changes, _likeness(before_after))
+
+
+def _likeness(pairs: Array) -> float:
+    """Smaller of the two columns' correlations of a value with the next, (n, 4) -> number."""
+    found = []
+    for column in range(2):
+        one, other = pairs[:, column], pairs[:, column + 2]
+        if min(one.std(), other.std()) > 1e-6:
+            found.append(float(np.corrcoef(one, other)[0, 1]))
+    return min(found, default=1.0)

@@ -20,6 +20,8 @@ class StopOptions:
     """Share of the largest speed from which a stop begins, at least."""
     rest: float = 0.5
     """How long the robot is told to stand, at least [s]."""
+    falls: float = 0.005
+    """Share of the largest speed by which a command falls from one row to the next, at least."""
 
 
 class Stop(NamedTuple):
@@ -55,7 +57,7 @@ def find_stops(
     begins = np.flatnonzero(~still[:-1] & still[1:])
     ends = np.flatnonzero(still[:-1] & ~still[1:])
     # where the command has fallen from one row to the next, without changing its sign
-    falls = (np.diff(size) < 0.0) & (speeds[1:] * speeds[:-1] >= 0.0)
+    falls = (np.diff(size) < -options.falls * largest) & (speeds[1:] * speeds[:-1] >= 0.0)
     found = []
     for rest, end in zip(begins, ends, strict=True):
         begin = rest

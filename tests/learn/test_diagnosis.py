@@ -13,7 +13,6 @@ from kmpc_lite.learn.account import account, format_account, warn_of_errors
 from kmpc_lite.learn.checks.drives import refuse_car_like
 from kmpc_lite.learn.coverage import find_gaps
 from kmpc_lite.learn.diagnosis import diagnose
-from kmpc_lite.learn.input_columns import tell_inputs
 from kmpc_lite.learn.responses import AT_ONCE
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 
@@ -106,16 +105,6 @@ def test_a_car_is_refused_and_a_robot_that_turns_less_is_not() -> None:
         refuse_car_like(drive(car=True))
     with pytest.raises(kl.DataError, match="does not turn on the spot"):
         kl.fit(drive(car=True), kl.HermiteTrigDictionary(0), lags="auto")
-
-
-def test_commands_and_measured_speeds_are_told_apart() -> None:
-    assert tell_inputs(log(), 0.1).startswith("commands (")
-    random = np.random.default_rng(2)
-
-    def encoders(x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return x, u + 0.01 * random.normal(size=u.shape)
-
-    assert tell_inputs(log(encoders), 0.1).startswith("measured speeds")
 
 
 def test_the_account_names_what_the_robot_does() -> None:
