@@ -35,12 +35,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add_robot_options(parser)
     add_drive_options(parser)
+    add_model_options(parser)
     add = parser.add_argument
-    add(
-        "--model",
-        metavar="FILE",
-        help="learned model (kmpc fit); the nominal unicycle where not given",
-    )
     add(
         "--scenario",
         metavar="NAME",
@@ -73,6 +69,24 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="how long the goal must be held [s] (default: 1)",
     )
     add(
+        "--record",
+        type=Path,
+        metavar="DIR",
+        help="new folder for the drive: drive.mcap (kmpc report DIR shows it, Foxglove plays it),\n"
+        "drive.csv, and what went over the link",
+    )
+    add_live_options(parser)
+
+
+def add_model_options(parser: argparse.ArgumentParser) -> None:
+    """Add what is driven with, and how far it is trusted."""
+    add = parser.add_argument
+    add(
+        "--model",
+        metavar="FILE",
+        help="learned model (kmpc fit); the nominal unicycle where not given",
+    )
+    add(
         "--rehearse",
         action="store_true",
         help="first drive with a model: half speed, stopped where the model predicts no better "
@@ -85,14 +99,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="drive with a model although it is another vehicle's, of another period, or learned "
         "from slower driving",
     )
-    add(
-        "--record",
-        type=Path,
-        metavar="DIR",
-        help="new folder for the drive: drive.mcap (kmpc report DIR shows it, Foxglove plays it),\n"
-        "drive.csv, and what went over the link",
-    )
-    add_live_options(parser)
 
 
 def run(options: argparse.Namespace) -> int:
