@@ -59,6 +59,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add_robot_options(parser)
     parser.add_argument(
+        "--scenario",
+        metavar="NAME",
+        help="control.scenario: tell whether what a lidar sees fits its map",
+    )
+    parser.add_argument(
         "--seconds",
         type=positive,
         metavar="S",

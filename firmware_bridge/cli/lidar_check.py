@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from firmware_bridge.cli.lidar_fit import against_map
 from firmware_bridge.messages import State
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.timing import Histogram
@@ -59,6 +60,8 @@ def look(driver: SightedDriver, robot: Robot, seconds: float) -> list[tuple[bool
     scan = driver.sight.look(state)
     if scan is not None:
         found += [(True, line) for line in (seen(scan), *hints(scan, robot))]
+        if robot.control.scenario is not None:
+            found += [(True, line) for line in against_map(scan, state, robot)]
     found += [(True, f"note: {note}") for note in getattr(driver.lidar, "notes", tuple)()]
     return found
 
