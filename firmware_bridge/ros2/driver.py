@@ -47,7 +47,8 @@ class Ros2Driver:
         self.more_warnings: Callable[[], tuple[str, ...]] = tuple
         """What others found that a user should know; set once they look."""
         self._commands: Publisher | None = None
-        self._subscriptions: list[tuple[Subscription, Source]] = []
+        self.subscriptions: list[tuple[Subscription, Source]] = []
+        """With who takes their messages."""
         self.readers: list[Reader] = []
         """Of all but maps, and of maps."""
         self._idle_since = -math.inf
@@ -63,12 +64,12 @@ class Ros2Driver:
         name = self.options.topics["cmd_vel"][0]
         kind = TWIST_STAMPED if self.options.stamped else TWIST
         self._commands = self.node.publisher(name, kind, COMMANDS)
-        self._subscriptions = [
+        self.subscriptions = [
             (self.node.subscription(source.name, source.kind, source.qos), source)
             for source in self.inputs.sources()
         ]
-        fast = [pair for pair in self._subscriptions if not pair[1].slow]
-        slow = [pair for pair in self._subscriptions if pair[1].slow]
+        fast = [pair for pair in self.subscriptions if not pair[1].slow]
+        slow = [pair for pair in self.subscriptions if pair[1].slow]
         self.readers = [
             Reader(fast, clock=self._clock),
             Reader(slow, SLOW_PAUSE, self.inputs.build, self._clock),
@@ -122,7 +123,7 @@ class Ros2Driver:
 
     def counters(self) -> dict[str, int]:
         """Messages that came, were malformed, or were not believed."""
-        inputs, subscriptions = self.inputs, [pair[0] for pair in self._subscriptions]
+        inputs, subscriptions = self.inputs, [pair[0] for pair in self.subscriptions]
         return {
             "messages": sum(s.received for s in subscriptions),
             "malformed": sum(s.malformed for s in subscriptions),
@@ -134,7 +135,7 @@ class Ros2Driver:
 
     def warnings(self) -> tuple[str, ...]:
         """What a user should know once."""
-        errors = [s.last_error for s, _ in self._subscriptions if s.malformed == s.received > 0]
+        errors = [s.last_error for s, _ in self.subscriptions if s.malformed == s.received > 0]
         errors += [reader.last_error for reader in self.readers if reader.errors]
         told = (*errors, self.inputs.refused_goal, *self.more_warnings())
         return tuple(text for text in told if text)

@@ -30,6 +30,9 @@ LARGEST = {
     CLOCK: 256,
     TWIST: 256,
     TWIST_STAMPED: 4096,
+    PATH: 2**18,
+    MARKERS: 2**20,
+    DIAGNOSTICS: 2**18,
 }
 """Longest message that is decoded [bytes]; a map of 5000 x 5000 cells has 25 million."""
 GRID_UPDATE_TEXT = """std_msgs/Header header
@@ -60,6 +63,10 @@ class MessageTypes:
     def type_hash(self, kind: str) -> str:
         """Hash of a type (REP 2016), as the distribution's topics carry it."""
         return str(self._store.hash_rihs01(kind)) if self._hashed else NO_HASH
+
+    def definition(self, kind: str) -> str:
+        """Definition of a type, with those of its parts, as a bag has it."""
+        return str(self._store.generate_msgdef(kind, ros_version=2)[0])
 
     def make(self, kind: str, **fields: Any) -> Any:
         """Make a message of all its fields."""

@@ -23,6 +23,9 @@ SHORTEST = 0.02
 LONGEST = 0.5
 """Poses farther apart tell no speed [s]."""
 
+FASTEST = 100.0
+"""Speeds beyond this are no robot's [m/s, rad/s]."""
+
 
 class PoseInput:
     """Where the robot is.
@@ -55,7 +58,8 @@ class PoseInput:
         pose, twist = message.pose.pose, message.twist.twist
         matrix = pose_matrix(pose.position, pose.orientation)
         v, omega = float(twist.linear.x), float(twist.angular.z)
-        if matrix is None or not (math.isfinite(v) and math.isfinite(omega)):
+        # NaN fails every comparison
+        if matrix is None or not (abs(v) <= FASTEST and abs(omega) <= FASTEST):
             self.refused += 1
             return
         at = planar(matrix)

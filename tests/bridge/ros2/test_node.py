@@ -1,0 +1,207 @@
+"""A node on a real network, beside an independent client of the protocol."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+pytest.importorskip("zenoh", reason="the extra ros2 (eclipse-zenoh) is not installed")
+
+from topic_rig import free_port, wait_for
+
+from firmware_bridge.messages import ConfigError, LinkError
+from firmware_bridge.ros2.message_types import GRID, LARGEST, ODOMETRY, POSE, TF, TWIST
+from firmware_bridge.ros2.names import Qos
+from firmware_bridge.ros2.node import Node, NodeOptions
+from firmware_bridge.ros2.outputs import Outputs
+
+LATCHED = Qos(transient_local=True, depth=1)
+
+
+@pytest.fixture
+def router() -> Iterator[Node]:
+    node = Node(NodeOptions(name="router", router=True, connect=(), listen=(_here(free_port()),)))
+    node.open()
+    yield node
+    node.close()
+
+
+@pytest.fixture
+def node(router: Node) -> Iterator[Node]:
+    node = Node(NodeOptions(connect=router.options.listen))
+    node.open()
+    node.wait(5.0)
+    yield node
+    node.close()
+
+
+def _here(port: int) -> str:
+    return f"tcp/127.0.0.1:{port}"
+
+
+def _port(router: Node) -> int:
+    return int(router.options.listen[0].rpartition(":")[2])
+
+
+def test_the_independent_client_sees_our_topics_and_hears_our_commands(
+    router: Node, node: Node
+) -> None:
+    clients = pytest.importorskip("ros_client", reason="zenoh-ros2-sdk is missing")
+    discovery = pytest.importorskip("zenoh_ros2_sdk.discovery")
+    heard: list[Any] = []
+    commands = node.publisher("cmd_vel", TWIST, Qos(depth=1))
+    node.subscription("odom", ODOMETRY, Qos(reliable=False, depth=5))
+    command = Outputs(node.types, "map").command(0.25, -0.5, None, "")
+    with clients.ros_client(_port(router), node.types) as client:
+        port = {"router_ip": "127.0.0.1", "router_port": _port(router)}
+        assert wait_for(
+            lambda: (
+                {"/cmd_vel", "/odom"}
+                <= {name for name, _ in discovery.get_topic_names_and_types(**port)}
+            )
+        )
+        topics = dict(discovery.get_topic_names_and_types(**port))
+        assert topics["/cmd_vel"] == [TWIST] and topics["/odom"] == [ODOMETRY]
+        infos: list[Any] = []
+        assert wait_for(
+            lambda: (
+                infos.append(discovery.get_topic_info("/odom", verbose=True, **port)) or infos[-1]
+            )
+        )
+        assert [one.node_name.strip("/") for one in infos[-1].subscribers] == ["kmpc"]
+        assert infos[-1].subscribers[0].qos == "2::,5:,:,:,,"
+        client.subscriber("/cmd_vel", TWIST, heard.append)
+        assert wait_for(lambda: commands.publish(command) or heard)
+    assert heard[0].linear.x == 0.25 and heard[0].angular.z == -0.5
+
+
+def test_we_hear_the_independent_client(router: Node, node: Node) -> None:
+    clients = pytest.importorskip("ros_client", reason="zenoh-ros2-sdk is missing")
+    subscription = node.subscription("/cmd_vel", TWIST, Qos(depth=1))
+    command = Outputs(node.types, "map").command(0.25, -0.5, None, "")
+    with clients.ros_client(_port(router), node.types) as client:
+        publisher = client.publisher("/cmd_vel", TWIST)
+        taken: list[Any] = []
+
+        def came() -> bool:
+            publisher.publish(linear=command.linear, angular=command.angular)
+            taken.append(subscription.take())
+            return taken[-1] is not None
+
+        assert wait_for(came)
+        assert taken[-1][0].linear.x == 0.25 and taken[-1][0].angular.z == -0.5
+        assert wait_for(lambda: ("/cmd_vel", TWIST) in [(s.topic, s.kind) for s in node.seen()])
+
+
+def test_who_comes_late_gets_the_last_map(router: Node, node: Node) -> None:
+    command = Outputs(node.types, "map").command(1.0, 0.0, None, "")
+    publisher = router.publisher("latched", TWIST, LATCHED)
+    publisher.publish(command)
+    late = node.subscription("latched", TWIST, LATCHED)
+    taken: list[Any] = []
+    assert wait_for(lambda: taken.append(late.take()) or taken[-1] is not None)
+    assert taken[-1][0].linear.x == 1.0
+
+
+def test_the_independent_client_gets_our_last_message_when_it_comes_late(
+    router: Node, node: Node
+) -> None:
+    clients = pytest.importorskip("ros_client", reason="zenoh-ros2-sdk is missing")
+    publisher = node.publisher("latched", TWIST, LATCHED)
+    publisher.publish(Outputs(node.types, "map").command(1.0, 0.0, None, ""))
+    heard: list[Any] = []
+    with clients.ros_client(_port(router), node.types) as client:
+        assert wait_for(
+            lambda: client.subscriber("/latched", TWIST, heard.append, LATCHED.encode()) and heard
+        )
+    assert heard[0].linear.x == 1.0
+
+
+def test_an_attachment_is_what_rmw_zenoh_reads(router: Node, node: Node) -> None:
+    attachment = pytest.importorskip("zenoh_ros2_sdk.attachment", reason="no zenoh-ros2-sdk")
+    import zenoh
+
+    ring = zenoh.handlers.RingChannel(1)
+    source = router._session.declare_subscriber("0/cmd_vel/**", ring)
+    publisher = node.publisher("cmd_vel", TWIST, Qos())
+    command = Outputs(node.types, "map").command(1.0, 0.0, None, "")
+    samples: list[Any] = []
+    assert wait_for(
+        lambda: publisher.publish(command) or samples.append(source.try_recv()) or samples[-1]
+    )
+    read = attachment.Attachment.from_bytes(bytes(samples[-1].attachment))
+    assert 1 <= read.sequence_id <= publisher.count and len(read.gid) == 16
+    assert len(bytes(samples[-1].attachment)) == 33
+
+
+MALFORMED = {
+    "nothing": b"",
+    "half a header": b"\0\1",
+    "no body": b"\0\1\0\0",
+    "noise": bytes(range(256)) * 4,
+    "a length of four billion": b"\0\1\0\0" + struct.pack("<I", 2**32 - 1) * 20,
+    "text that is none": b"\0\1\0\0" + struct.pack("<iII", 0, 0, 8) + b"\xff\xfe" * 20,
+    "nulls": bytes(500),
+    "too large": b"\0\1\0\0" + bytes(LARGEST[ODOMETRY]),
+}
+
+
+@pytest.mark.parametrize("kind", [ODOMETRY, TF, GRID, POSE])
+def test_what_is_no_message_is_counted_and_left_out(router: Node, node: Node, kind: str) -> None:
+    subscription = node.subscription("topic", kind, Qos(depth=20))
+    assert wait_for(lambda: node.connected and router.connected)
+    for name, data in MALFORMED.items():
+        before = subscription.received
+        data = data if name != "too large" else data + bytes(LARGEST[kind])
+        taken: list[Any] = []
+
+        def came(data: bytes = data, taken: list[Any] = taken) -> bool:
+            router._session.put(subscription.topic.key(0), data)
+            taken.append(subscription.take())
+            return taken[-1] is not None
+
+        assert wait_for(came), name
+        assert taken[-1][0] is None or name == "nulls", name
+        while subscription.take() is not None:
+            pass
+        assert subscription.received > before
+    assert subscription.malformed and "topic" in subscription.last_error
+
+
+def test_a_network_without_a_router_is_told_in_one_line() -> None:
+    node = Node(NodeOptions(connect=(_here(free_port()),)))
+    node.open()
+    with pytest.raises(LinkError, match="no Zenoh router at tcp/127.0.0.1") as told:
+        node.wait(0.1)
+    node.close()
+    assert "\n" not in str(told.value)
+
+
+def test_a_port_that_is_taken_is_told_in_one_line(router: Node) -> None:
+    node = Node(NodeOptions(router=True, connect=(), listen=router.options.listen))
+    with pytest.raises(LinkError, match="Address already in use") as told:
+        node.open()
+    assert "\n" not in str(told.value) and len(str(told.value)) < 300
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"domain": -1},
+        {"domain": 233},
+        {"domain": True},
+        {"distribution": "noetic"},
+        {"name": "a/b"},
+        {"name": ""},
+        {"namespace": "a b"},
+        {"connect": ("127.0.0.1:7447",)},
+        {"connect": ('tcp/a"]',)},
+        {"listen": ("tcp/",)},
+    ],
+)
+def test_options_that_are_wrong_are_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError):
+        NodeOptions(**wrong)

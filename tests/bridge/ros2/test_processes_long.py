@@ -1,0 +1,74 @@
+"""`kmpc ros2` and `kmpc emulate ros2` as processes: killed, started again, interrupted."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("zenoh", reason="the extra ros2 (eclipse-zenoh) is not installed")
+
+from topic_rig import free_port
+
+KMPC = (sys.executable, "-m", "firmware_bridge.cli.main")
+
+
+def start(*words: str) -> subprocess.Popen[str]:
+    return subprocess.Popen([*KMPC, *words], stdout=subprocess.PIPE, text=True)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("sees", ["map", "scan"])
+def test_a_drive_whose_robot_is_killed_and_comes_back(sees: str, tmp_path: Path) -> None:
+    """With the robot goes the router, and with it every link of the node."""
+    port, other = free_port(), {"map": "scan", "scan": "map"}[sees]
+    robot = ["emulate", "ros2", "--link", f"tcp:127.0.0.1:{port}", "--sees", sees, "--json"]
+    drive = ["ros2", "--connect", f"tcp/127.0.0.1:{port}", "--topic", f"{other}=", "--json"]
+    drive += ["--goal", "1.5", "1.5", "0", "--v-max", "0.3", "--seconds", "100", "--timeout", "60"]
+    first, node = start(*robot), start(*drive, "--socket", str(tmp_path / "estop"))
+    try:
+        time.sleep(25.0)
+        first.kill()
+        first.wait()
+        time.sleep(4.0)
+        # it stands where it is put down, half a metre from where it started
+        second = start(*robot, "--start", "0.2", "0.0", "0.0")
+        try:
+            out, _ = node.communicate(timeout=150.0)
+        finally:
+            second.send_signal(signal.SIGINT)
+            second.wait(20.0)
+    finally:
+        first.kill()
+        node.kill()
+    report = json.loads(out)
+    assert report["outcome"] == "arrived", report["why"]
+    assert node.returncode == 0
+    states = [change["to"] for change in report["loop"]["changes"]]
+    assert states.count("ACTIVE") >= 1 and report["loop"]["errors"] == 0
+
+
+@pytest.mark.long
+def test_ctrl_c_leaves_a_robot_that_stands(tmp_path: Path) -> None:
+    port = free_port()
+    robot = start("emulate", "ros2", "--link", f"tcp:127.0.0.1:{port}", "--sees", "map", "--json")
+    where = ("--connect", f"tcp/127.0.0.1:{port}", "--socket", str(tmp_path / "estop"))
+    goal = ("--goal", "1.5", "1.5", "0", "--topic", "scan=", "--json", "--timeout", "60")
+    node = start("ros2", *where, *goal)
+    try:
+        time.sleep(25.0)
+        os.kill(node.pid, signal.SIGINT)
+        out, _ = node.communicate(timeout=20.0)
+        robot.send_signal(signal.SIGINT)
+        told, _ = robot.communicate(timeout=20.0)
+    finally:
+        robot.kill()
+        node.kill()
+    assert json.loads(out)["outcome"] in ("stopped by SIGINT", "arrived")
+    assert json.loads(told)["stopped"]
