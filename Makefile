@@ -25,7 +25,7 @@ $(VENV)/demo: $(VENV)/python pyproject.toml
 
 $(VENV)/dev: $(VENV)/python pyproject.toml
 	@echo "installing kmpc_lite with all that its tests need ..."
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot,bridge,logs,ros2,peers,twin,clients,cluster,docs,dev]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot,bridge,logs,live,ros2,peers,twin,clients,cluster,docs,dev]'
 	@touch $@ $(VENV)/demo $(VENV)/docs
 
 $(VENV)/docs: $(VENV)/python pyproject.toml

@@ -1,11 +1,13 @@
-"""What `kmpc run --live` shows: what the loop and the planner left last, made plain data."""
+"""What `kmpc run --live` and `--foxglove` show: what loop and planner left last, as plain data."""
 
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from contextlib import ExitStack, contextmanager
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
 
 from firmware_bridge.safety.gate_table import DRIVING, Reason
 
@@ -14,35 +16,70 @@ if TYPE_CHECKING:
     from firmware_bridge.messages import LinkStatus
     from firmware_bridge.runtime.session import Session
     from firmware_bridge.runtime.timing import Histogram
-    from kmpc_lite.live.address import LiveAddress
+    from kmpc_lite.cli.live_options import Views
     from kmpc_lite.live.channel import Packet
     from kmpc_lite.live.feed import Feed
     from kmpc_lite.live.moment import Sight
+    from kmpc_lite.live.viewer import Shown
+    from kmpc_lite.recording.records import Record
 
 MODULE = "firmware_bridge.live.page"
 NEVER = 1e3
 """What is older was never heard [s]."""
 
 
-class Page:
-    """The page of one run.
+class Showing:
+    """Where one run is shown: a page, Foxglove, or both.
 
     Parameters
     ----------
-    address : LiveAddress
-        Where it is served; taken at once.
+    views : Views
+        What is asked for; ports are taken at once.
     socket : path
         Of the bridge's emergency stop.
     """
 
-    def __init__(self, address: LiveAddress, socket: Any) -> None:
-        from kmpc_lite.live.feed import Feed
+    def __init__(self, views: Views, socket: Any) -> None:
+        self._feed: Feed | None = None
+        if views.page is not None:
+            from kmpc_lite.live.feed import Feed
 
-        self.feed: Feed = Feed(address, MODULE, {"socket": str(socket)})
+            self._feed = Feed(views.page, MODULE, {"socket": str(socket)})
+        self._viewer = views.viewer
         self.controller: Any = None
         """kmpc_lite's, once there is one."""
         self._sight: Sight | None = None
         """Of the planner's thread: replaced with each plan, never changed."""
+
+    def __enter__(self) -> Self:
+        """Begin to serve, and print the links."""
+        from kmpc_lite.live.feed import tell_links
+
+        self._stack = ExitStack()
+        for view in (self._feed, self._viewer):
+            if view is not None:
+                self._stack.enter_context(view)
+        tell_links([*(self._feed.links if self._feed else ()), *self._viewer_link()])
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Serve no more; say what went wrong meanwhile."""
+        self._stack.close()
+        for problem in self.problems():
+            sys.stderr.write(f"kmpc: {problem}\n")
+
+    def problems(self) -> list[str]:
+        """Why something is shown no more, in words."""
+        views = [view for view in (self._feed, self._viewer) if view is not None]
+        return [view.problem for view in views if view.problem]
+
+    def _viewer_link(self) -> list[str]:
+        return [] if self._viewer is None else [self._viewer.link]
 
     def saw(self, pose: tuple[float, float, float], plan: Any) -> None:
         """Take a plan, in the thread that has just made it."""
@@ -56,12 +93,35 @@ class Page:
         from kmpc_lite.live.moment import map_packet
 
         link, scenario = session.robot.link, job.scenario
-        title = f"{scenario.name}: {link.driver} {link.url}"
-        self.feed.start(lambda: self.packet(session, scenario.goal), map_packet(scenario, title))
+        if self._feed is not None:
+            title = f"{scenario.name}: {link.driver} {link.url}"
+            shown = map_packet(scenario, title)
+            self._feed.start(lambda: self.packet(session, scenario.goal), shown)
+        if self._viewer is not None:
+            from kmpc_lite.live.viewer import Shown
+
+            last = Shown()
+            self._viewer.start(scenario, job.period, lambda: self.records(session, last))
         yield
         ended = session.loop.stop_reason or "stopped"
         over = "arrived" if job.navigator.arrived_after is not None else f"ended: {ended}"
-        self.feed.say({**self.packet(session, scenario.goal), "over": over})
+        if self._feed is not None:
+            self._feed.say({**self.packet(session, scenario.goal), "over": over})
+
+    def records(self, session: Session, last: Shown) -> list[Record]:
+        """Give what is new, for Foxglove."""
+        shot = session.loop.snapshot
+        if shot is None:
+            return []
+        output, state, status = shot.output, shot.state, shot.status
+        return last.records(
+            shot.now,
+            self._sight,
+            None if state is None else (state.x, state.y, state.theta),
+            (output.v, output.omega),
+            (output.state.name, tuple(reason.value for reason in output.reasons)),
+            lambda: {"link": _link(status, shot.now), "faults": list(status.faults)},
+        )
 
     def packet(self, session: Session, goal: Any) -> Packet:
         """Give what is true now; reads references that others replace, and waits for nobody."""

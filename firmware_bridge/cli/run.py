@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
 from firmware_bridge.cli.course import Course, course
-from firmware_bridge.cli.live import Page
+from firmware_bridge.cli.live import Showing
 from firmware_bridge.cli.options import (
     add_drive_options,
     add_robot_options,
@@ -23,7 +22,7 @@ from firmware_bridge.cli.rehearsal import Rehearsal, advice
 from firmware_bridge.messages import BridgeError
 from firmware_bridge.safety.places import default_socket
 from kmpc_lite.cli.command import Command
-from kmpc_lite.cli.live_options import add_live_options, live_address, tell_links
+from kmpc_lite.cli.live_options import add_live_options, asked_views
 from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import command_line
 
@@ -105,9 +104,11 @@ def run(options: argparse.Namespace) -> int:
     """Drive to the goal; status 1 where the robot does not arrive."""
     from firmware_bridge.runtime.drive import run as drive
 
-    robot, address = read_robot(options), live_address(options)
-    page = None if address is None else Page(address, robot.socket or default_socket())
-    saw = None if page is None else page.saw
+    robot, views = read_robot(options), asked_views(options)
+    showing = None
+    if views != (None, None):
+        showing = Showing(views, robot.socket or default_socket())
+    saw = None if showing is None else showing.saw
     rehearse, told = advice(robot, options.rehearse)
     settle, seconds = options.settle, options.seconds
     job = course(robot, settle, seconds, saw, wait=options.wait, rehearse=rehearse)
@@ -115,10 +116,10 @@ def run(options: argparse.Namespace) -> int:
     with ExitStack() as stack:
         name = stack.enter_context(recording_to(options.record))
         watching = {}
-        if page is not None:
-            page.controller = job.controller
-            tell_links(stack.enter_context(page.feed).links)
-            watching["watched"] = partial(page.watch, job=job)
+        if showing is not None:
+            showing.controller = job.controller
+            stack.enter_context(showing)
+            watching["watched"] = partial(showing.watch, job=job)
         report, status = drive(
             job.robot,
             job.navigator,
@@ -131,8 +132,6 @@ def run(options: argparse.Namespace) -> int:
             recorder=recorder_of(job, command_line()),
             **watching,
         )
-    if page is not None and page.feed.problem:
-        sys.stderr.write(f"kmpc: {page.feed.problem}\n")
     if options.json:
         print(json.dumps({"scenario": job.name, **report}))
     return status

@@ -84,10 +84,8 @@ def run(
         record=recorder,
     ) as session:
         sys.stderr.write("".join(f"kmpc: {note}\n" for note in notes))
-        navigator.is_driving, navigator.held = (
-            lambda: session.gate.state is GateState.ACTIVE,
-            lambda: session.planner.held,
-        )
+        navigator.is_driving = lambda: session.gate.state is GateState.ACTIVE
+        navigator.held = lambda: session.planner.held
         if session.sight is not None:
             navigator.see = session.sight.look
         why: list[str] = []

@@ -10,6 +10,7 @@ EXTRAS = {
     "PIL": "plot",
     "casadi": "peers",
     "jinja2": "plot",
+    "foxglove": "live",
     "matplotlib": "plot",
     "mujoco": "twin",
     "pymavlink": "bridge",

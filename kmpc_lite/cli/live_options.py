@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+from kmpc_lite.cli.extras import need
 
 if TYPE_CHECKING:
     from kmpc_lite.live.address import LiveAddress
+    from kmpc_lite.live.viewer import Viewer
 
 LAST_PORT = 65535
-HOST, PORT = "127.0.0.1", 8764
-"""As `kmpc_lite.live.address` has them: a help need not wait for that."""
+HOST, PORT, VIEWER_PORT = "127.0.0.1", 8764, 8765
+"""As `kmpc_lite.live` has them: a help need not wait for that."""
 
 
 def add_live_options(parser: argparse.ArgumentParser) -> None:
-    """Add what `live_address` reads."""
+    """Add what `asked_views` reads."""
     add = parser.add_argument_group("watch and stop it in a browser").add_argument
     add(
         "--live",
@@ -36,6 +37,15 @@ def add_live_options(parser: argparse.ArgumentParser) -> None:
         help="--live at this address, 0.0.0.0 for all: other computers and phones of the network\n"
         f"then need the token in the link (default: {HOST})",
     )
+    add(
+        "--foxglove",
+        type=port,
+        nargs="?",
+        const=VIEWER_PORT,
+        metavar="PORT",
+        help="show the drive to Foxglove on this computer: open a connection to\n"
+        f"ws://{HOST}:{VIEWER_PORT} (extra live)",
+    )
 
 
 def port(text: str) -> int:
@@ -43,6 +53,29 @@ def port(text: str) -> int:
     if not (text.isascii() and text.isdigit() and int(text) <= LAST_PORT):
         raise argparse.ArgumentTypeError(f"expected a port from 0 to {LAST_PORT}, got {text}")
     return int(text)
+
+
+class Views(NamedTuple):
+    """Where a drive is shown."""
+
+    page: LiveAddress | None
+    viewer: Viewer | None
+
+
+def asked_views(options: argparse.Namespace) -> Views:
+    """Give what a command line asks for.
+
+    Raises
+    ------
+    MissingExtra, LiveError
+        Where Foxglove cannot be served.
+    """
+    if options.foxglove is None:
+        return Views(live_address(options), None)
+    need("--foxglove", "foxglove")
+    from kmpc_lite.live.viewer import Viewer
+
+    return Views(live_address(options), Viewer(options.foxglove))
 
 
 def live_address(options: argparse.Namespace) -> LiveAddress | None:
@@ -54,10 +87,3 @@ def live_address(options: argparse.Namespace) -> LiveAddress | None:
     return LiveAddress(
         options.live_host or HOST, PORT if options.live_port is None else options.live_port
     )
-
-
-def tell_links(links: Sequence[str]) -> None:
-    """Print the links to open."""
-    for link in links:
-        sys.stderr.write(f"live   {link}\n")
-    sys.stderr.flush()

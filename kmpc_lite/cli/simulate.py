@@ -11,13 +11,12 @@ import kmpc_lite as kl
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.files import keep_inputs
-from kmpc_lite.cli.live_options import add_live_options, live_address, tell_links
+from kmpc_lite.cli.live_options import Views, add_live_options, asked_views
 from kmpc_lite.cli.output import command_line
 from kmpc_lite.cli.scenario import DEFAULT, add_scenario_options, read_scenario
 from kmpc_lite.defaults import SHORTEST_PERIOD
 
 if TYPE_CHECKING:
-    from kmpc_lite.live.address import LiveAddress
     from kmpc_lite.recording.simulated import SimulationRecorder
     from kmpc_lite.sim import Run, Scenario
 
@@ -88,9 +87,9 @@ def run(options: argparse.Namespace) -> int:
         else kl.nominal_unicycle(SHORTEST_PERIOD)
     )
     adaptation = False if options.no_adaptation else None
-    address = live_address(options)
+    views = asked_views(options)
     drive, recorder = simulate(
-        model, scenario, options.plant, options.horizon, options.iterations, adaptation, address
+        model, scenario, options.plant, options.horizon, options.iterations, adaptation, views
     )
     drive.info["command"] = command_line()
     recorded = recorder.write(options.record, drive) if options.record else None
@@ -117,11 +116,11 @@ def simulate(
     horizon: int,
     iterations: int,
     adaptation: bool | None = None,
-    live: LiveAddress | None = None,
+    views: Views | None = None,
 ) -> tuple[Run, SimulationRecorder]:
     """Drive one scenario with our controller at the model's period; watched by a recorder.
 
-    With `live` it drives in real time, shown on a page.
+    With `views` it drives in real time, for those who watch.
     """
     from kmpc_lite.recording.simulated import SimulationRecorder
     from kmpc_lite.sim import LearnedPlant, drive
@@ -144,32 +143,15 @@ def simulate(
         "u_max": u_max.tolist(),
     }
     recorder = SimulationRecorder(controller)
-    if live is not None:
-        return _simulate_live(controller, scenario, robot, info, live, recorder), recorder
-    return drive(controller, scenario, robot, model.dt, info=info, watch=recorder), recorder
-
-
-def _simulate_live(
-    controller: kl.Controller,
-    scenario: Scenario,
-    robot: Any,
-    info: dict[str, Any],
-    address: LiveAddress,
-    recorder: SimulationRecorder,
-) -> Run:
-    """Drive in real time, shown on a page."""
-    from kmpc_lite.live.feed import Feed
-    from kmpc_lite.live.moment import map_packet
-    from kmpc_lite.live.simulated import WatchedController
-    from kmpc_lite.sim import drive
+    if views is None or views == (None, None):
+        return drive(controller, scenario, robot, model.dt, info=info, watch=recorder), recorder
+    from kmpc_lite.live.simulated import WatchedController, shown
 
     watched = WatchedController(controller)
-    with Feed(address, "kmpc_lite.live", on_word=watched.hear) as feed:
-        tell_links(feed.links)
-        feed.start(watched.packet, map_packet(scenario, f"simulation of {scenario.name}"))
-        run = drive(watched, scenario, robot, controller.problem.dt, info=info, watch=recorder)
-        feed.say({**watched.packet(), "over": f"{run.outcome.value} after {run.duration:.2f} s"})
-    return run
+    with shown(watched, scenario, views.page, views.viewer) as tell:
+        run = drive(watched, scenario, robot, model.dt, info=info, watch=recorder)
+        tell(f"{run.outcome.value} after {run.duration:.2f} s")
+    return run, recorder
 
 
 def describe(run: Run) -> str:

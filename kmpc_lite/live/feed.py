@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Self
 
@@ -144,3 +144,10 @@ class Feed:
                 self.listen()
             except Exception as failure:  # a page must not stop a robot
                 self.problem = f"the live page shows no more: {type(failure).__name__}: {failure}"
+
+
+def tell_links(links: Sequence[str]) -> None:
+    """Print the links to open."""
+    for link in links:
+        sys.stderr.write(f"live   {link}\n")
+    sys.stderr.flush()

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,8 +15,15 @@ from numpy.typing import ArrayLike
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.live.channel import Packet
-from kmpc_lite.live.moment import Sight, plan_packet, sight_of
+from kmpc_lite.live.feed import Feed, tell_links
+from kmpc_lite.live.moment import Sight, map_packet, plan_packet, sight_of
+from kmpc_lite.live.viewer import Shown, Viewer
+from kmpc_lite.recording.records import Record
 from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.live.address import LiveAddress
+    from kmpc_lite.sim.scenario.files import Scenario
 
 RECENT = 200
 """Steps whose times are shown."""
@@ -50,9 +58,12 @@ class WatchedController:
         self._sight: Sight | None = None
         self._goal: tuple[float, ...] = (0.0, 0.0, 0.0)
         self._times: deque[float] = deque(maxlen=RECENT)
+        self.period = controller.problem.dt
+        """[s]"""
         self.latched = False
         """Whether a stop is pressed."""
         self._enabled = True
+        self._shown = Shown()
 
     def hear(self, word: str) -> None:
         """Carry out a button of the page, as a bridge does: stop, reset or enable."""
@@ -103,6 +114,13 @@ class WatchedController:
             },
         }
 
+    def records(self) -> list[Record]:
+        """Give what is new, for Foxglove."""
+        sight, gate = self._sight, self.packet()["gate"]
+        v, omega = self._command.tolist()
+        pose = None if sight is None else sight.pose
+        return self._shown.records(time.monotonic(), sight, pose, (v, omega), (gate, ()), dict)
+
     def _braked(self, dt: float) -> Array:
         """Command of the coming period on the way to a standstill."""
         fall = np.asarray(self._controller.problem.deceleration, dtype=float) * dt
@@ -115,3 +133,31 @@ class WatchedController:
         self._next = now + dt if self._next is None else max(self._next + dt, now)
         if self._next > now:
             self._sleep(self._next - now)
+
+
+@contextmanager
+def shown(
+    watched: WatchedController,
+    scenario: Scenario,
+    page: LiveAddress | None,
+    viewer: Viewer | None,
+) -> Iterator[Callable[[str], None]]:
+    """Show a simulated drive on a page and to Foxglove while the context lasts.
+
+    It gives what tells the page how the drive ended.
+    """
+    with ExitStack() as stack:
+        if page is not None:
+            feed = stack.enter_context(Feed(page, "kmpc_lite.live", on_word=watched.hear))
+            tell_links(feed.links)
+            feed.start(watched.packet, map_packet(scenario, f"simulation of {scenario.name}"))
+        if viewer is not None:
+            stack.enter_context(viewer)
+            tell_links([viewer.link])
+            viewer.start(scenario, watched.period, watched.records)
+
+        def over(outcome: str) -> None:
+            if page is not None:
+                feed.say({**watched.packet(), "over": outcome})
+
+        yield over

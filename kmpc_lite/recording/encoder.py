@@ -71,13 +71,21 @@ class DriveEncoder:
             "about": self._about,
         }
         texts = {"format": FORMAT, "version": VERSION, "drive": _json(told)}
-        now = self._nanoseconds(time)
-        shown = Message("/map", now, map_scene(now, self._scenario))
+        shown = self.map_message(time)
         return (
             self._writer.begin("kmpc-lite")
             + self._writer.metadata(BEGIN, texts)
             + self._writer.chunk([shown])
         )
+
+    def map_message(self, time: float) -> Message:
+        """Show what stays, for viewers and files."""
+        now = self._nanoseconds(time)
+        return Message("/map", now, map_scene(now, self._scenario))
+
+    def messages(self, record: Record) -> list[Message]:
+        """Give the messages of one record, as viewers get them."""
+        return list(self._messages(record, self._nanoseconds(record.time)))
 
     def encode(self, records: Iterable[Record]) -> list[bytes]:
         """Give the pieces of records; each can be read by itself."""
@@ -87,7 +95,7 @@ class DriveEncoder:
             if isinstance(record, Ended):
                 ended = record
             else:
-                messages += self._messages(record, self._nanoseconds(record.time))
+                messages += self.messages(record)
         pieces = [self._writer.chunk(messages)]
         if ended is not None:
             told = {**ended.outcome, "end": ended.time}
