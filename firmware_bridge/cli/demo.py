@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -16,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 import kmpc_lite as kl
 from firmware_bridge.cli.course import course
 from firmware_bridge.cli.latency import SCENARIO, emulator, robot_text
+from firmware_bridge.cli.recording import NAME, recorder_of
 from firmware_bridge.cli.stage import Stage
-from firmware_bridge.cli.steps import Steps
 from firmware_bridge.messages import BridgeError
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.loop import TICK
@@ -46,12 +47,15 @@ LIDAR = "ld06"
 """Which lidar the rover carries where nobody says."""
 PATIENCE = 60.0
 """Give up driving after so long [s]."""
+WAIT = 60.0
+"""Give up waiting for the rover to be armed after so long [s]."""
 OWN_FILES = (
     "drive.csv",
     "drive.tlog",
     "robot.npz",
-    "run.csv",
-    "run.tlog",
+    f"run/{NAME}.csv",
+    f"run/{NAME}.tlog",
+    f"run/{NAME}.mcap",
     "run.npz",
     "report.html",
 )
@@ -169,7 +173,6 @@ def demo(
     if driven is None:
         say("stopped: no report")
         return report, status
-    driven.info["model"] = model.info["method"]
     driven.save(folder / "run.npz")
     say(f"   {describe(driven)}")
     page = folder / "report.html"
@@ -235,32 +238,37 @@ def _drive(stage: Stage) -> tuple[Run | None, dict[str, Any], int]:
     """Drive the scenario with what was learned; no run where a signal came."""
     from firmware_bridge.runtime.drive import INTERRUPTED
     from firmware_bridge.runtime.drive import run as drive
+    from kmpc_lite.recording.drive_file import load_drive
 
     eyes, how = stage.eyes, f"by its lidar ({stage.lidar}) alone, " if stage.lidar else ""
     stage.say(f"3  driving {stage.scenario.name} with it, {how}over a pseudo-terminal again")
-    steps = Steps(PERIOD)
     control = {**COMMANDS, "model": str(stage.folder / "robot.npz"), "scenario": SCENARIO}
     control["map"] = not eyes
     robot = load_robot(stage.file, {"control": control, "lidar": eyes})
-    job = course(robot, SETTLE, PATIENCE, steps)
-    steps.is_driving = lambda: job.navigator.is_driving()
-    with (
-        stage.rover(*stage.seeing),
-        watching(lambda: f"   driving for {len(steps.rows) * PERIOD:.0f} s", stage.quiet),
-    ):
+    job = course(robot, SETTLE, PATIENCE, wait=WAIT)
+    folder = stage.folder / "run"
+    folder.mkdir(exist_ok=True)
+
+    def line() -> str:
+        return f"   driving for {job.navigator.elapsed(time.monotonic()):.0f} s"
+
+    with stage.rover(*stage.seeing), watching(line, stage.quiet):
         report, status = drive(
-            job.robot, job.navigator, job.period, job.origin, str(stage.folder / "run"), None
+            job.robot,
+            job.navigator,
+            job.period,
+            job.origin,
+            str(folder / NAME),
+            None,
+            recorder=recorder_of(job, command_line()),
         )
     if status == INTERRUPTED:
         return None, report, INTERRUPTED
-    limits = job.robot.gate.limits
-    info = {
-        "plant": "emulated ArduPilot rover over a pty; poses as its EKF tells them",
-        "u_min": [-limits.v_reverse, -limits.omega_max],
-        "u_max": [limits.v_max, limits.omega_max],
-        "commands_sent": report["loop"]["commands_sent"],
-    }
-    return steps.as_run(stage.scenario, report, info), report, status
+    if not job.navigator.drove:
+        raise BridgeError("the rover did not drive: no command passed the gate")
+    driven = load_drive(folder)
+    driven.info["plant"] = "emulated ArduPilot rover over a pty; poses as its EKF tells them"
+    return driven, report, status
 
 
 COMMAND = Command(

@@ -4,56 +4,18 @@ The phases follow each other through files, and a signal ends them.
 """
 
 import json
-import os
 import signal
 import subprocess
 import sys
 import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import firmware_bridge.cli.demo as demo
 from firmware_bridge.cli.main import main
-from firmware_bridge.cli.steps import Steps
-from firmware_bridge.messages import BridgeError
-from kmpc_lite.sim import Outcome, Run, Scenario
-
-
-def steps_of(count: int) -> Steps:
-    steps = Steps(demo.PERIOD)
-    steps.is_driving = lambda: True
-    plan = SimpleNamespace(
-        command=np.zeros(2),
-        states=np.zeros((3, 3)),
-        status=SimpleNamespace(name="SOLVED"),
-        timing={"total": 0.001},
-    )
-    for i in range(count):
-        steps((0.1 * i, 0.0, 0.0), plan)
-    return steps
-
-
-@pytest.mark.parametrize(
-    ("arrived", "clearance", "outcome", "count"),
-    [
-        (1.0, 0.1, Outcome.REACHED, 10),
-        (None, 0.1, Outcome.TIMEOUT, 20),
-        (1.0, -0.01, Outcome.COLLISION, 10),
-    ],
-)
-def test_a_run_ends_where_the_goal_was_reached(arrived, clearance, outcome, count):
-    report = {"arrived_after_s": arrived, "clearance_m": clearance}
-    run = steps_of(21).as_run(Scenario.load("four_circles_1"), report, {})
-    assert run.outcome is outcome and len(run.inputs) == count and len(run.states) == count + 1
-
-
-def test_a_rover_that_never_drove_is_told_in_one_line():
-    with pytest.raises(BridgeError, match="did not drive"):
-        Steps(demo.PERIOD).as_run(
-            Scenario.load("four_circles_1"), {"arrived_after_s": None, "clearance_m": None}, {}
-        )
+from kmpc_lite.recording.drive_file import load_drive
+from kmpc_lite.sim import Run
 
 
 @pytest.mark.long
@@ -64,7 +26,13 @@ def test_it_records_learns_drives_and_says_where_the_goal_was_not_reached(
     assert main(["demo", "--seconds", "11", "--output", str(tmp_path / "out"), "--json"]) == 1
     report = json.loads(capsys.readouterr().out)
     assert report["outcome"] == "timeout" and report["rows"] > 80
-    assert sorted(os.listdir(tmp_path / "out")) == sorted(demo.OWN_FILES)
+    out = tmp_path / "out"
+    files = [path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file()]
+    assert sorted(files) == sorted(demo.OWN_FILES)
+    recorded = load_drive(out / "run")
+    assert recorded.details is not None and len(recorded.details.times) >= 10
+    assert "time is up" in recorded.info["ended"]
+    assert recorded.details.paths, "the page shows what guidance followed"
     run = Run.load(tmp_path / "out" / "run.npz")
     assert len(run.inputs) >= 10 and np.abs(run.inputs).max() > 0.0
 
