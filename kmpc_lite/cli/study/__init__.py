@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from kmpc_lite.cli.command import Command
-from kmpc_lite.cli.study import faults, learning, maps, real, robots, surprises, table1
+from kmpc_lite.cli.study import faults, learning, maps, real, robots, sight, surprises, table1
 
 COMMAND = Command(
     text="Reproduce the paper's table 1 beside ours, drive random maps, or force failures.\n"
@@ -21,5 +21,6 @@ COMMAND = Command(
         **surprises.COMMANDS,
         "learning": learning.COMMAND,
         "real": real.COMMAND,
+        "sight": sight.COMMAND,
     },
 )

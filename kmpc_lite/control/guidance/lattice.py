@@ -69,7 +69,7 @@ class Lattice:
         fine = int(0.5 * o.lattice_step / grid.resolution + 1e-9)
         return max(1, fine, math.ceil(least / grid.resolution - 1e-9))
 
-    def _cover(self, *points: Array) -> None:
+    def cover(self, *points: Array) -> None:
         """Lay the lattice so that it holds the solids and points (2,)."""
         border = self.options.lattice_border
         corners = np.concatenate([self._solids.outermost, *(p[None, :2] for p in points)])
@@ -114,7 +114,7 @@ class Lattice:
         area : ndarray
             xmin, ymin, xmax, ymax (4,).
         """
-        self._cover(start, goal)
+        self.cover(start, goal)
         still = circles[~circles[:, 3:].any(axis=1)]
         begin, end = self._node(start), self._node(goal)
         key = (end, inflation, still.tobytes(), area.tobytes())

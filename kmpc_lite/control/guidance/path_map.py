@@ -25,10 +25,18 @@ class PathMap:
         In metres.
     coarseness : float
         How far the solids may stand out of what they were made of: they are cells [m].
+    later : bool
+        Whether the lattice is made part by part, by `prepare`.
     """
 
-    def __init__(self, solids: Solids, options: GuidanceOptions, coarseness: float = 0.0) -> None:
-        self.solids, self._coarseness = solids, coarseness
+    def __init__(
+        self,
+        solids: Solids,
+        options: GuidanceOptions,
+        coarseness: float = 0.0,
+        later: bool = False,
+    ) -> None:
+        self.solids, self._coarseness, self._options = solids, coarseness, options
         self.lattice: Lattice | None = None
         """Where the grids have too many corners."""
         many = solids.rectangle_count > options.lattice_rectangles
@@ -36,12 +44,26 @@ class PathMap:
         """What paths go around: all corners, but for those of grids with a lattice."""
         self.landmarks = self.corners.middles
         """(L, 2) a point in each obstacle [m]: paths differ by the sides on which they pass."""
-        if many:
-            # it takes image filters, which are slow to import
-            from kmpc_lite.control.guidance.lattice import Lattice
+        self.is_ready = not many
+        """Whether a search may begin."""
+        if many and not later:
+            self._make_lattice()
+            self.is_ready = True
 
-            self.lattice = Lattice(solids, options)
-            self.landmarks = np.concatenate([self.corners.middles, self.lattice.landmarks])
+    def prepare(self, start: Array, goal: Array) -> None:
+        """Do one part of what is left before a search from a start to a goal may begin."""
+        if self.lattice is None:
+            self._make_lattice()
+        else:
+            self.lattice.cover(start, goal)
+            self.is_ready = True
+
+    def _make_lattice(self) -> None:
+        # it takes image filters, which are slow to import
+        from kmpc_lite.control.guidance.lattice import Lattice
+
+        self.lattice = Lattice(self.solids, self._options)
+        self.landmarks = np.concatenate([self.corners.middles, self.lattice.landmarks])
 
     def distance(self, point: Array) -> float:
         """Distance of a point (2,) from the nearest solid [m]; of what that was made of at most."""

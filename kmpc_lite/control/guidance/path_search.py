@@ -7,105 +7,20 @@ obstacles as the path that is driven, if that is hardly slower.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
-from enum import Enum, auto
-
 import numpy as np
 
 from kmpc_lite.control.guidance.capabilities import Capabilities
-from kmpc_lite.control.guidance.lattice_path import LatticePath
-from kmpc_lite.control.guidance.path_map import PathMap, distance_around
+from kmpc_lite.control.guidance.path_map import distance_around
+from kmpc_lite.control.guidance.search_state import PathSearch, SearchObstacles, Stage
 from kmpc_lite.control.guidance.tangent_graph import GeometricPath, PathQuery
 from kmpc_lite.control.guidance.tangent_search import Part, TangentSearch
-from kmpc_lite.control.guidance.timed_path import TimedPath, same_side
+from kmpc_lite.control.guidance.timed_path import same_side
 from kmpc_lite.control.guidance.turning_centre import swing
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
 
 NO_EDGES = np.empty((0, 2), dtype=np.intp)
-
-
-class Stage(Enum):
-    """What the next part of a search is."""
-
-    OBSTACLES = auto()
-    """Gather the obstacles, and begin with the widest clearance."""
-    LATTICE = auto()
-    """Take over the lattice's path, if there is one."""
-    TANGENTS = auto()
-    """Go on on the tangent graph."""
-    CHOSEN = auto()
-    """A path is chosen, or there is none; the guide takes it over."""
-
-
-@dataclass(slots=True)
-class SearchObstacles:
-    """Circles, and corners of solids, as the search sees them."""
-
-    centres: Array
-    """(M, 2) [m]."""
-    sizes: Array
-    """(M,) radii, before they are inflated [m]."""
-    edges: Array
-    """(S, 2) pairs of corners."""
-    landmarks: Array
-    """(L, 2) a point in each obstacle [m]."""
-    most: Array
-    """(M,) how far each may be inflated so that start and goal stay outside [m]."""
-    area: Array
-    """(4,) xmin, ymin, xmax, ymax [m]; start and goal lie in it."""
-
-
-@dataclass(slots=True)
-class PathSearch:
-    """A search that is under way; all for the turning centre."""
-
-    pose: Array
-    """Where the path begins (3,)."""
-    goal: Array
-    """Where it ends (3,)."""
-    target: Array
-    """The goal of the tracked pose (3,)."""
-    circles: Array
-    """(M, 5) where they are met."""
-    path_map: PathMap | None
-    """Solids, if there are any."""
-    previous: TimedPath | None
-    """The path whose sides are kept to; none if any side is as good."""
-    same_goal: bool
-    """Whether the path before led to this goal."""
-    stuck: bool
-    """Whether the robot has stood for too long."""
-    stage: Stage = Stage.OBSTACLES
-    obstacles: SearchObstacles | None = None
-    clearances: list[float] = field(default_factory=list)
-    """Still to be tried [m]."""
-    clearance: float = math.inf
-    """The one that is tried [m]."""
-    lattice_path: LatticePath | None = None
-    tangents: TangentSearch | None = None
-    best: GeometricPath | None = None
-    """The quickest path so far."""
-    path: GeometricPath | None = None
-    """The path chosen; none: there is none."""
-    reason: str = ""
-    """Why there is none."""
-    avoid: TimedPath | None = None
-    """A path that has led nowhere: one on another side of some obstacle is preferred."""
-    avoid_place: float = 0.0
-    """Where on it the robot stood [s]."""
-    narrow: bool = False
-    """Whether the widest clearance is not tried: paths that keep it have led nowhere."""
-    instead: GeometricPath | None = None
-    """What is taken if there is no other: a path like the one to avoid ..."""
-    instead_clearance: float = math.inf
-    """... and its clearance [m]."""
-    gave_up: bool = False
-    """Whether more obstacles were in the way than a search takes."""
-    switched: bool = True
-    """Whether it leads around some obstacle on another side than the previous one."""
 
 
 class PathSearcher:
@@ -142,7 +57,10 @@ class PathSearcher:
         centre : ndarray or None
             Turning centre (2,) that the search is made for.
         """
-        if search.stage is Stage.OBSTACLES:
+        path_map = search.path_map
+        if path_map is not None and not path_map.is_ready:
+            path_map.prepare(search.pose, search.goal)
+        elif search.stage is Stage.OBSTACLES:
             search.obstacles = self._gather(search, swing(centre))
             search.reason = self._why_blocked(search, capabilities.tolerances.enter_distance)
             if search.reason:
@@ -217,7 +135,7 @@ class PathSearcher:
             _choose(search, search.instead, True)
             return
         search.clearance = search.clearances.pop(0)
-        search.best = None
+        search.best = search.same_gear = None
         lattice = None if search.path_map is None else search.path_map.lattice
         if lattice is not None:
             inflation = self._inflation + search.clearance
@@ -259,7 +177,7 @@ class PathSearcher:
             if tangents.part is Part.NOTHING:
                 search.gave_up = search.gave_up or tangents.gave_up
                 if search.best is not None:
-                    _choose(search, search.best, True)
+                    _choose(search, _preferred(search), True)
                 else:
                     self._try_next_clearance(search, place, capabilities)
                 return
@@ -276,11 +194,14 @@ class PathSearcher:
                 search.instead, search.instead_clearance = path, search.clearance
             return False
         best, o = search.best, self._options
-        if best is not None and path.time > best.time + o.switch_time + o.switch_share * best.time:
-            _choose(search, best, True)
+        previous = search.previous
+        if previous is not None and search.same_gear is None:
+            search.same_gear = path if path.reverse == previous.geometry.reverse else None
+        longest = max(o.switch_time, search.gear_time)
+        if best is not None and path.time > best.time + longest + o.switch_share * best.time:
+            _choose(search, _preferred(search), True)
             return True
         search.best = best or path
-        previous = search.previous
         if previous is None:
             _choose(search, path, True)
             return True
@@ -288,6 +209,14 @@ class PathSearcher:
             _choose(search, path, False)
             return True
         return False
+
+
+def _preferred(search: PathSearch) -> GeometricPath | None:
+    """The quickest path; or one that needs no change of gear, where it is hardly slower."""
+    best, same = search.best, search.same_gear
+    if best is None or same is None or same.time > best.time + search.gear_time:
+        return best
+    return same
 
 
 def _choose(search: PathSearch, path: GeometricPath | None, switched: bool) -> None:

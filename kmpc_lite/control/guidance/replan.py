@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kmpc_lite.control.guidance.path_map import PathMap, distance_around
-from kmpc_lite.control.guidance.path_search import PathSearch, PathSearcher, Stage
+from kmpc_lite.control.guidance.path_search import PathSearcher
 from kmpc_lite.control.guidance.progress_checker import ProgressChecker
+from kmpc_lite.control.guidance.search_state import PathSearch, Stage
 from kmpc_lite.control.guidance.shuttle import ShuttleFinder
 from kmpc_lite.control.guidance.situation import Situation
 from kmpc_lite.control.guidance.state import GuideState
@@ -74,12 +76,16 @@ class Replanner:
             or is_new
             or turned_back
             or self._is_blocked(state, now)
-            or self._is_cut(state, now)
         )
         stalled = self._has_stalled(state, now)
-        if at_once:
+        # the robot drives on what it knows meanwhile, and keeps clear of what has shown up
+        cut = state.search is None and not at_once and self._is_cut(state, now)
+        state.hurried = cut or (state.hurried and state.search is not None)
+        if at_once or cut:
             self._progress.expect_new_path(state.progress)
-        if at_once or stalled or (strayed and state.search is None):
+        renewed = state.search is None and self._is_to_be_renewed(state, now)
+        if at_once or cut or stalled or renewed or (strayed and state.search is None):
+            state.only_renews = renewed and not (at_once or cut or stalled or strayed)
             self._begin_search(state, now)
             near = now.distance < self._options.near_goal and not at_once
             state.attempts = state.attempts + 1 if near else 0
@@ -117,9 +123,6 @@ class Replanner:
         if state.centre_moved:
             return True
         o, least = self._options, now.capabilities.tolerances.off_path
-        far = now.distance > o.near_goal
-        if now.view is not None and far and state.age > now.view.refresh_interval:
-            return True
         allowed = min(max(least, o.off_path_share * now.distance), o.off_path_limit)
         too_far = state.age > o.replan_interval and off > allowed
         return self._progress.wait(state.progress, self._dt) or too_far
@@ -171,6 +174,12 @@ class Replanner:
         recent = state.age <= self._options.replan_interval
         return not recent and now.moving.blocks(state.path, state.place)
 
+    def _is_to_be_renewed(self, state: GuideState, now: Situation) -> bool:
+        """Whether to look if what was in the way has gone."""
+        if now.view is None or state.path is None or state.turning:
+            return False
+        return now.distance > self._options.near_goal and state.age > now.view.refresh_interval
+
     def _is_cut(self, state: GuideState, now: Situation) -> bool:
         """Whether something that scans have shown lately stands on the path."""
         view, path = now.view, state.path
@@ -192,7 +201,8 @@ class Replanner:
         stuck = state.progress.stuck
         if now.view is not None:
             known, coarse = now.view.solids(now.solids), now.view.coarseness
-            state.path_map = None if known is None else PathMap(known, self._options, coarse)
+            options = replace(self._options, lattice_nodes=now.view.lattice_nodes)
+            state.path_map = None if known is None else PathMap(known, options, coarse, True)
         elif not _same_solids(now.solids, state.solids):
             state.path_map = None
         if state.path_map is None and now.solids is not None:
@@ -212,12 +222,15 @@ class Replanner:
             avoid=state.avoided,
             avoid_place=state.avoided_place,
             narrow=state.narrow,
+            gear_time=0.0 if now.view is None else now.view.gear_time,
         )
 
     def _advance_search(self, state: GuideState, now: Situation) -> tuple[bool, bool]:
         """Bring the search forward: to its end if it is urgent, else by a part or a few."""
         refreshed = switched = False
         parts = min(max(state.attempts - 1, 1), self._options.hurried_parts)
+        if state.hurried:
+            parts = self._options.hurried_parts
         while (search := state.search) is not None:
             if search.stage is Stage.CHOSEN and search.path is None and state.shuttle is not None:
                 state.shuttle, state.shuttles = None, self._options.shuttles
@@ -236,6 +249,10 @@ class Replanner:
     def _take_over(self, state: GuideState, now: Situation, search: PathSearch) -> bool:
         """Follow the path that was chosen, and tell whether it leads another way around."""
         previous, path = state.path, search.path
+        if state.only_renews and previous is not None:
+            left = previous.duration - state.place - self._options.switch_time
+            if path is None or path.time > left - search.gear_time:
+                return False
         if path is None:
             state.waiting = search.pose if state.waiting is None else state.waiting
             state.path, state.why_none = None, search.reason

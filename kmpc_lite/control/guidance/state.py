@@ -10,8 +10,8 @@ import numpy as np
 
 from kmpc_lite.control.guidance.goal_checker import GoalCheckerState
 from kmpc_lite.control.guidance.path_map import PathMap
-from kmpc_lite.control.guidance.path_search import PathSearch
 from kmpc_lite.control.guidance.progress_checker import ProgressState
+from kmpc_lite.control.guidance.search_state import PathSearch
 from kmpc_lite.control.guidance.timed_path import TimedPath
 from kmpc_lite.types import Array
 
@@ -75,6 +75,10 @@ class GuideState:
     search: PathSearch | None = None
     urgent: bool = False
     """Whether its path is needed in this step: the old one is not for this map or goal."""
+    hurried: bool = False
+    """Whether it is brought forward by more parts in each step: something stands on the path."""
+    only_renews: bool = False
+    """Whether nothing is wrong with the path: it is kept unless another is much quicker."""
     attempts: int = 0
     """Searches near the same goal, one after the other."""
     centre_moved: bool = False

@@ -38,6 +38,11 @@ class SightOptions:
     refresh_interval: float = seconds(3.0)
     """Longest time after which a path is looked for on the map as it is then [s]: what was in the
     way may have gone."""
+    gear_time: float = seconds(2.0)
+    """How much slower a path may be that needs no change of gear, to be taken [s]."""
+    lattice_nodes: int = count(12_000)
+    """Most nodes of the lattice on which paths are looked for: a search is a matter of
+    milliseconds."""
     trail: int = count(64, least=2)
     """How many poses of the past are kept, to tell where old beams were sent from."""
     emerging_speed: float = speed(0.0)

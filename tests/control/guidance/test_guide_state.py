@@ -12,7 +12,7 @@ import pytest
 from guided import GuideInUse
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance.path_search import Stage
+from kmpc_lite.control.guidance.search_state import Stage
 from kmpc_lite.control.guidance.tangent_search import Part
 from kmpc_lite.control.obstacles.circles import circles_to_array
 from kmpc_lite.control.obstacles.solids import Solids

@@ -43,6 +43,8 @@ class View:
         """How far cells may stand out of what was hit in them."""
         self.blocked_interval = sight.options.blocked_interval
         self.refresh_interval = sight.options.refresh_interval
+        self.gear_time = sight.options.gear_time
+        self.lattice_nodes = sight.options.lattice_nodes
 
     def around(self, solids: Nearby | None) -> Nearby | None:
         """Solids that the robot can come to, what was hit, and what was not seen to be free."""

@@ -1,0 +1,99 @@
+"""A search for a path that is under way, as data: it copies and pickles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum, auto
+
+from kmpc_lite.control.guidance.lattice_path import LatticePath
+from kmpc_lite.control.guidance.path_map import PathMap
+from kmpc_lite.control.guidance.tangent_graph import GeometricPath
+from kmpc_lite.control.guidance.tangent_search import TangentSearch
+from kmpc_lite.control.guidance.timed_path import TimedPath
+from kmpc_lite.types import Array
+
+
+class Stage(Enum):
+    """What the next part of a search is."""
+
+    OBSTACLES = auto()
+    """Gather the obstacles, and begin with the widest clearance."""
+    LATTICE = auto()
+    """Take over the lattice's path, if there is one."""
+    TANGENTS = auto()
+    """Go on on the tangent graph."""
+    CHOSEN = auto()
+    """A path is chosen, or there is none; the guide takes it over."""
+
+
+@dataclass(slots=True)
+class SearchObstacles:
+    """Circles, and corners of solids, as the search sees them."""
+
+    centres: Array
+    """(M, 2) [m]."""
+    sizes: Array
+    """(M,) radii, before they are inflated [m]."""
+    edges: Array
+    """(S, 2) pairs of corners."""
+    landmarks: Array
+    """(L, 2) a point in each obstacle [m]."""
+    most: Array
+    """(M,) how far each may be inflated so that start and goal stay outside [m]."""
+    area: Array
+    """(4,) xmin, ymin, xmax, ymax [m]; start and goal lie in it."""
+
+
+@dataclass(slots=True)
+class PathSearch:
+    """A search that is under way; all for the turning centre."""
+
+    pose: Array
+    """Where the path begins (3,)."""
+    goal: Array
+    """Where it ends (3,)."""
+    target: Array
+    """The goal of the tracked pose (3,)."""
+    circles: Array
+    """(M, 5) where they are met."""
+    path_map: PathMap | None
+    """Solids, if there are any."""
+    previous: TimedPath | None
+    """The path whose sides are kept to; none if any side is as good."""
+    same_goal: bool
+    """Whether the path before led to this goal."""
+    stuck: bool
+    """Whether the robot has stood for too long."""
+    stage: Stage = Stage.OBSTACLES
+    obstacles: SearchObstacles | None = None
+    clearances: list[float] = field(default_factory=list)
+    """Still to be tried [m]."""
+    clearance: float = math.inf
+    """The one that is tried [m]."""
+    lattice_path: LatticePath | None = None
+    tangents: TangentSearch | None = None
+    best: GeometricPath | None = None
+    """The quickest path so far."""
+    path: GeometricPath | None = None
+    """The path chosen; none: there is none."""
+    reason: str = ""
+    """Why there is none."""
+    avoid: TimedPath | None = None
+    """A path that has led nowhere: one on another side of some obstacle is preferred."""
+    avoid_place: float = 0.0
+    """Where on it the robot stood [s]."""
+    narrow: bool = False
+    """Whether the widest clearance is not tried: paths that keep it have led nowhere."""
+    instead: GeometricPath | None = None
+    """What is taken if there is no other: a path like the one to avoid ..."""
+    instead_clearance: float = math.inf
+    """... and its clearance [m]."""
+    gear_time: float = 0.0
+    """How much slower a path in the gear of the previous one may be to be taken [s]."""
+    same_gear: GeometricPath | None = None
+    """The quickest path so far in that gear."""
+    gave_up: bool = False
+    """Whether more obstacles were in the way than a search takes."""
+    switched: bool = True
+    """Whether it leads around some obstacle on another side than the previous one."""

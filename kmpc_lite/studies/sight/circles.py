@@ -1,0 +1,106 @@
+"""Circles that are told when they are near: how the speed follows from the reach of sight."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.control import Circle, Controller, NavigationProblem
+from kmpc_lite.control.plan import PlanStatus
+from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.sim.maps.families import random_map
+from kmpc_lite.sim.plants.robots import DifferentialDrive
+
+REACHES = 2.0, 1.0, 0.5, 0.3
+SPEEDS = 0.6, 1.5
+DU_MAX = 1.5, 5.0
+LONGEST = 60.0
+"""[s]."""
+
+
+@dataclass(frozen=True)
+class Reveal:
+    """What became of one drive."""
+
+    speed: float
+    reach: float
+    seed: int
+    arrived: bool
+    collided: bool
+    seconds: float
+    all_told: float
+    """Time of the same drive where everything is told [s]."""
+    fastest: float
+    stopped: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return asdict(self)
+
+
+def sight_law(reach: float, fastest: float, dead_time: float = 0.1) -> float:
+    """Speed at which a robot stops within its reach [m/s]: ``v t + v^2 / 2 a = reach``."""
+    a = DU_MAX[0]
+    return min(a * (math.sqrt(dead_time**2 + 2.0 * reach / a) - dead_time), fastest)
+
+
+def drive(speed: float, reach: float, seed: int) -> Reveal:
+    """Drive one map whose circles are told within reach, and once more with all told."""
+    seconds, collided, fastest, stopped = _drive(speed, reach, seed)
+    told, _, _, _ = _drive(speed, math.inf, seed)
+    arrived = seconds < LONGEST
+    return Reveal(speed, reach, seed, arrived, collided, seconds, told, fastest, stopped)
+
+
+def _drive(speed: float, reach: float, seed: int) -> tuple[float, bool, float, float]:
+    scenario, turn = random_map("open", seed), math.pi / 4 * speed / 0.6
+    problem = NavigationProblem(
+        u_min=(-speed, -turn),
+        u_max=(speed, turn),
+        du_max=DU_MAX,
+        sensor_range=reach if reach < math.inf else None,
+    )
+    controller = Controller(nominal_unicycle(0.1), problem)
+    plant, pose = DifferentialDrive(seed=seed), np.array(scenario.start)
+    circles = np.array([(c.x, c.y, c.radius) for c in scenario.circles])
+    fastest, stopped, k = 0.0, 0, 0
+    while k * 0.1 < LONGEST:
+        gaps = np.hypot(*(circles[:, :2] - pose[:2]).T) - circles[:, 2] - problem.robot_radius
+        plan = controller.step(pose, scenario.goal, [Circle(*c) for c in circles[gaps <= reach]])
+        stopped += plan.status is PlanStatus.STOPPED
+        fastest, k = max(fastest, abs(float(plan.command[0]))), k + 1
+        if plan.holding:
+            break
+        trace = plant.trace(pose, plan.command, 0.1, 4)
+        away = trace[:, None, :2] - circles[:, :2]
+        gaps = np.hypot(away[..., 0], away[..., 1]) - circles[:, 2] - problem.robot_radius
+        if (gaps < 0.0).any():
+            return LONGEST, True, fastest, stopped / k
+        pose = trace[-1]
+    return k * 0.1, False, fastest, stopped / k
+
+
+def study(executor: Executor, seeds: Sequence[int]) -> list[Reveal]:
+    """Drive all speeds and reaches."""
+    jobs = [executor.submit(drive, v, r, seed) for v in SPEEDS for r in REACHES for seed in seeds]
+    return [job.result() for job in jobs]
+
+
+def format_reveals(rows: Sequence[Reveal]) -> str:
+    """Table of speed against reach."""
+    lines = ["speed reach drives arrived hit stopped fastest  law  time/all told  law's"]
+    for speed, reach in dict.fromkeys((row.speed, row.reach) for row in rows):
+        some = [row for row in rows if (row.speed, row.reach) == (speed, reach)]
+        law = sight_law(reach, speed)
+        ratio = float(np.mean([row.seconds / row.all_told for row in some]))
+        lines.append(
+            f"{speed:5g} {reach:5g} {len(some):6d} {sum(r.arrived for r in some):7d} "
+            f"{sum(r.collided for r in some):3d} {100 * np.mean([r.stopped for r in some]):6.1f}% "
+            f"{np.mean([r.fastest for r in some]):7.2f} {law:4.2f} {ratio:13.2f} {speed / law:6.2f}"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,94 @@
+"""The table of `kmpc study sight`: a row for every robot, kind of world and reach."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.studies.sight.drives import ROBOTS, Row, drive
+from kmpc_lite.studies.sight.worlds import KINDS
+
+DRIVERS = "ours", "pursuit"
+
+
+def study(
+    executor: Executor,
+    seeds: Sequence[int],
+    kinds: Sequence[str] = tuple(KINDS),
+    reaches: Sequence[float] = (2.0, 4.0, 8.0),
+    robots: Sequence[str] = tuple(ROBOTS),
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[Row]:
+    """Drive every world with both drivers; rows in the order of the arguments."""
+    jobs = [
+        executor.submit(drive, driver, robot, kind, reach, seed)
+        for robot in robots
+        for kind in kinds
+        for reach in reaches
+        for seed in seeds
+        for driver in DRIVERS
+    ]
+    rows = []
+    for done, job in enumerate(jobs, 1):
+        rows.append(job.result())
+        progress(done, len(jobs))
+    return rows
+
+
+def summary(rows: Sequence[Row]) -> dict[str, Any]:
+    """What became of the drives of ours, and how they compare with pursuit's of the same worlds."""
+    ours = [row for row in rows if row.driver == "ours"]
+    theirs = {_world(row): row for row in rows if row.driver == "pursuit"}
+    ratios = [
+        row.seconds / other.seconds
+        for row in ours
+        if row.arrived and (other := theirs.get(_world(row))) is not None and other.arrived
+    ]
+    return {
+        "drives": len(ours),
+        "arrived": sum(row.arrived for row in ours),
+        "collisions": sum(row.collided for row in ours),
+        "pursuit_arrived": sum(row.arrived for row in theirs.values()),
+        "pursuit_collisions": sum(row.collided for row in theirs.values()),
+        "ratio_median": float(np.median(ratios)) if ratios else math.nan,
+        "ratio_p90": float(np.quantile(ratios, 0.9)) if ratios else math.nan,
+        "gears_median": float(np.median([row.gears for row in ours])) if ours else math.nan,
+        "stopped": float(np.mean([row.stopped for row in ours])) if ours else math.nan,
+        "unseen": sum(row.unseen for row in ours),
+        "unreachable": sum(row.unreachable for row in ours),
+        "step_p99_ms": float(np.median([row.step_p99 for row in ours])) if ours else math.nan,
+    }
+
+
+def format_rows(rows: Sequence[Row]) -> str:
+    """Table, and every drive of ours that did not arrive."""
+    head = (
+        f"{'robot':12} {'world':7} reach drives arrived hit  pursuit: arrived hit"
+        "  time/its p90  gears stopped unseen unreachable p99 ms"
+    )
+    lines = [head]
+    for key in dict.fromkeys((row.robot, row.kind, row.reach) for row in rows):
+        some = [row for row in rows if (row.robot, row.kind, row.reach) == key]
+        s, (robot, kind, reach) = summary(some), key
+        lines.append(
+            f"{robot:12} {kind:7} {reach:5g} {s['drives']:6d} {s['arrived']:7d} "
+            f"{s['collisions']:3d} {s['pursuit_arrived']:17d} {s['pursuit_collisions']:3d} "
+            f"{s['ratio_median']:9.2f} {s['ratio_p90']:4.2f} {s['gears_median']:5.1f} "
+            f"{100 * s['stopped']:6.1f}% {s['unseen']:6d} {s['unreachable']:11d} "
+            f"{s['step_p99_ms']:6.1f}"
+        )
+    lines += [
+        f"{row.robot}, {row.kind} {row.seed}, reach {row.reach:g} m: "
+        + ("touched" if row.collided else row.ended or "out of time")
+        for row in rows
+        if row.driver == "ours" and not row.arrived
+    ]
+    return "\n".join(lines)
+
+
+def _world(row: Row) -> tuple[str, str, float, int]:
+    return row.robot, row.kind, row.reach, row.seed
