@@ -106,7 +106,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
 
 def run(options: argparse.Namespace) -> int:
     """Fit the logs, print the held-out errors, write the model."""
-    from kmpc_lite.learn.account import describe_fit, format_account
+    from kmpc_lite.learn.fit_summary import describe_fit, format_summary
     from kmpc_lite.learn.noise_sources import check_sources
     from kmpc_lite.learn.provenance import describe_making, format_making, read_vehicle
 
@@ -160,7 +160,7 @@ def run(options: argparse.Namespace) -> int:
     rank = f"rank {info['rank']} of {info['features']}"
     print(f"fit    {info['method']}, {rank}, condition {info['condition']:.3g}")
     if facts:
-        print(format_account(facts))
+        print(format_summary(facts))
         if noise is not None:
             print(noise)
     print(f"{report}\n{calibration}\n{format_making(info)}\nwrote  {options.output}")

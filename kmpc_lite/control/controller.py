@@ -148,6 +148,7 @@ class Controller:
             tolerance=tolerance,
             slots=obstacle_slots,
             options=options.solver,
+            step=options.step,
             solver=solver,
             clock=clock,
         )
@@ -289,10 +290,7 @@ def _restored(
     settings: dict[str, Any],
     state: ControllerState,
 ) -> Controller:
-    """Continue a drive with a new controller.
-
-    The state of its adaptation is not touched.
-    """
+    """Continue a drive with a new controller; the state of its adaptation is not touched."""
     adaptation = settings["adaptation"]
     controller = Controller(model, problem, **{**settings, "adaptation": False})
     controller.adaptation = adaptation or None

@@ -89,7 +89,7 @@ def fit(
                 "dictionary that knows no history itself"
             )
         # here, for a robot that drives needs none of it
-        from kmpc_lite.learn.automatic import fit_automatically
+        from kmpc_lite.learn.auto_lags import fit_automatically
         from kmpc_lite.learn.noise_sources import split_noise_sources
 
         model = fit_automatically(dataset, lifting)

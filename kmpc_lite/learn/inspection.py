@@ -10,7 +10,7 @@ import numpy as np
 
 from kmpc_lite.defaults import SHORTEST_PERIOD
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.checks.laws import judge
+from kmpc_lite.learn.checks.checklist import judge
 from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.formats.readers import read_log

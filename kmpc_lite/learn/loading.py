@@ -8,7 +8,7 @@ from pathlib import Path
 
 from kmpc_lite.defaults import SHORTEST_PERIOD
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.checks.laws import Verdict, judge
+from kmpc_lite.learn.checks.checklist import Verdict, judge
 from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import check_time

@@ -22,6 +22,7 @@ from kmpc_lite.model.dictionary import HermiteTrigDictionary
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
+from kmpc_lite.studies.log_drives import load_drives
 from kmpc_lite.types import Array
 
 SPLIT_SEEDS = tuple(range(7100, 7110))
@@ -128,10 +129,8 @@ def study_log(
     log: Path, progress: Callable[[int, int], None] | None = None, dt: float = 0.1
 ) -> tuple[list[Ratio], NoiseCheck]:
     """Ten random halves of a log's drives, each judged on the other half; the noise of the last."""
-    data = Dataset.load(log, dt=dt)
+    data = load_drives(log, dt)
     longest = max(len(e) for e in data.episodes)
-    if len(data) < 20:
-        data = data.windows(5.0)
     rows = []
     for k, seed in enumerate(SPLIT_SEEDS):
         train, held = data.split(0.5, seed=seed)

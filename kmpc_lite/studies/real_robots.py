@@ -11,7 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -27,9 +29,12 @@ from kmpc_lite.learn.windows import largest_speeds
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.tube import tube_noise
 from kmpc_lite.studies.any_robot import LOOKS, Robot
+from kmpc_lite.studies.log_drives import load_drives
 from kmpc_lite.studies.robot_drives import Row, course_of, judge
 from kmpc_lite.types import Array
 
+Lags = Literal["auto"] | tuple[int, ...] | None
+"""As `fit` takes them."""
 SPLIT_SEED = 7200
 """Of the halves of a log."""
 WINDOW = 1.0
@@ -43,22 +48,21 @@ SPEED_BINS = 4
 
 
 @dataclass(frozen=True)
-class Way:
+class Recipe:
     """How a model is learned and driven."""
 
     name: str
-    lags: object
-    """As `fit` takes them."""
+    lags: Lags
     adapts: bool = False
 
 
-WAYS = (
-    Way("auto", "auto"),
-    Way("auto, adapted", "auto", adapts=True),
-    Way("no lags", None),
-    Way("no lags, adapted", None, adapts=True),
-    Way("lags 0 1 2 3", (0, 1, 2, 3)),
-    Way("lags 0 1 2 3, adapted", (0, 1, 2, 3), adapts=True),
+RECIPES = (
+    Recipe("auto", "auto"),
+    Recipe("auto, adapted", "auto", adapts=True),
+    Recipe("no lags", None),
+    Recipe("no lags, adapted", None, adapts=True),
+    Recipe("lags 0 1 2 3", (0, 1, 2, 3)),
+    Recipe("lags 0 1 2 3, adapted", (0, 1, 2, 3), adapts=True),
 )
 
 
@@ -145,10 +149,7 @@ class RealRobot:
 
     def halves(self) -> tuple[Dataset, Dataset]:
         """What the model is learned from, and what the plant is made of."""
-        data = Dataset.load(self.log, dt=self.robot.dt)
-        if len(data) < 20:
-            data = data.windows(5.0)
-        return data.split(0.5, seed=SPLIT_SEED)
+        return load_drives(self.log, self.robot.dt).split(0.5, seed=SPLIT_SEED)
 
 
 def real_robot(log: Path, radius: float, speed: float, turn_rate: float) -> RealRobot:
@@ -166,9 +167,9 @@ def real_robot(log: Path, radius: float, speed: float, turn_rate: float) -> Real
 
 @dataclass(frozen=True)
 class Width:
-    """How wide the margins of a way are, and what they hold."""
+    """How wide the margins of a recipe's model are, and what they hold."""
 
-    way: str
+    recipe: str
     ahead: float
     """Margin ahead at 1 m/s, headway aside [m]."""
     aside: float
@@ -181,7 +182,7 @@ class Width:
     def __str__(self) -> str:
         """In one line."""
         return (
-            f"{self.way:22} {100 * self.ahead:6.1f} {100 * self.aside:6.1f} "
+            f"{self.recipe:22} {100 * self.ahead:6.1f} {100 * self.aside:6.1f} "
             f"{100 * self.error:8.1f} {100 * self.coverage:9.1f} %"
         )
 
@@ -190,34 +191,39 @@ WIDTHS = f"{'at 1 m/s, 95 %':22} {'ahead':>6} {'aside':>6} {'0.5 s':>8} {'within
 
 
 def widths(real: RealRobot) -> list[Width]:
-    """Margins of every way, and whether they hold on the half that nothing was fitted to."""
+    """Margins of every recipe, and whether they hold on the half that nothing was fitted to."""
     found = []
-    for way in WAYS:
-        if way.adapts:
+    for recipe in RECIPES:
+        if recipe.adapts:
             continue
-        model, its = _learn(real, way)
+        model, its = _learn(real, recipe.lags)
         problem = real.robot.problem(20.0 * real.robot.radius)
         margins = Margins(model, problem)
         ahead, aside = margins.straight(1.0)
         errors, _ = prediction_errors(model, its, AHEAD)
         error = float(np.sqrt((errors[:, -1, :2] ** 2).sum(axis=1).mean()))
         within = float((scores(model, its) <= margins.noise.quantile).mean())
-        found.append(Width(way.name, ahead, aside, error, within))
+        found.append(Width(recipe.name, ahead, aside, error, within))
     return found
 
 
-def _learn(real: RealRobot, way: Way) -> tuple[KoopmanModel, Dataset]:
+@lru_cache(maxsize=len(RECIPES))
+def _learn(real: RealRobot, lags: Lags) -> tuple[KoopmanModel, Dataset]:
     """Model of one half, with margins, and the other half."""
     mine, its = real.halves()
     train, held = mine.split(0.5, seed=SPLIT_SEED + 1)
-    return with_quantiles(fit(train, lags=way.lags), held), its  # type: ignore[arg-type]
+    return with_quantiles(fit(train, lags=lags), held), its
 
 
 def drive_real(
-    real: RealRobot, way: Way, seeds: range, family: str = "open", motor_lag: float = MOTOR_LAG
+    real: RealRobot,
+    recipe: Recipe,
+    seeds: range,
+    family: str = "open",
+    motor_lag: float = MOTOR_LAG,
 ) -> list[Row]:
     """Learn from one half, and drive over the maps of some seeds on a plant of the other half."""
-    model, its = _learn(real, way)
+    model, its = _learn(real, recipe.lags)
     truth = fit(its, lags="auto")
     limits = largest_speeds(its)
     noise = tube_noise(truth.noise_model, truth.dt).one_pose.diagonal()
@@ -231,7 +237,7 @@ def drive_real(
     for seed in seeds:
         course = course_of(robot, seed, family)
         problem = robot.problem(course.side)
-        controller = Controller(model, problem, adaptation=way.adapts)
+        controller = Controller(model, problem, adaptation=recipe.adapts)
         plant = RealPlant(truth, its, seed, motor_lag)
-        rows.append(judge(f"{robot.name}, {way.name}", seed, controller, plant, course))
+        rows.append(judge(f"{robot.name}, {recipe.name}", seed, controller, plant, course))
     return rows

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.learn.account import account, format_account, warn_of_errors
 from kmpc_lite.learn.checks.drives import refuse_car_like
 from kmpc_lite.learn.coverage import find_gaps
 from kmpc_lite.learn.diagnosis import diagnose
+from kmpc_lite.learn.fit_summary import format_summary, summarize_fit, warn_of_errors
 from kmpc_lite.learn.responses import AT_ONCE
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 
@@ -107,18 +107,18 @@ def test_a_car_is_refused_and_a_robot_that_turns_less_is_not() -> None:
         kl.fit(drive(car=True), kl.HermiteTrigDictionary(0), lags="auto")
 
 
-def test_the_account_names_what_the_robot_does() -> None:
+def test_the_summary_names_what_the_robot_does() -> None:
     robot = LaggingDrive(0.2, 0.1, 0.0, turn_gain=0.6, seed=3, turning_point=(0.05, -0.02))
     data = log(seed=3, robot=robot)
     train, held = data.split(0.5)
     model = kl.fit(train, kl.HermiteTrigDictionary(0), lags="auto")
-    facts = account(model, train)
+    facts = summarize_fit(model, train)
     assert facts["turn_gain"] == pytest.approx(0.6, abs=0.02)
     np.testing.assert_allclose(facts["turning_centre"], (0.05, -0.02), atol=0.01)
     delay = facts["lag"]["speed"]["dead_time"] + facts["lag"]["speed"]["time_constant"]
     assert delay == pytest.approx(0.3, abs=0.04)
     assert facts["braking_distance"] == pytest.approx(delay * facts["largest"]["v"], rel=0.05)
-    text = format_account(facts)
+    text = format_summary(facts)
     assert re.search(r"turns 0\.(6|59)", text) and "dead time" in text and "commands (" in text
     assert all(len(line) < 200 for line in text.splitlines())
     assert warn_of_errors(kl.evaluate(model, held)) == []

@@ -19,10 +19,10 @@ from firmware_bridge.drivers.mavlink.messages import MessageBuilder
 from firmware_bridge.drivers.mavlink.mocap_feed import MocapFeed
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
 from firmware_bridge.drivers.mavlink.others import OtherStations, worth_decoding
+from firmware_bridge.drivers.mavlink.status_text import StatusTexts, tells_failsafe
 from firmware_bridge.drivers.mavlink.streams import StreamRequests, wanted_streams
 from firmware_bridge.drivers.mavlink.telemetry import PoseTracker
 from firmware_bridge.drivers.mavlink.vehicle_status import vehicle_status
-from firmware_bridge.drivers.mavlink.words import Words, tells_failsafe
 from firmware_bridge.messages import LinkStatus, State
 
 Lock = AbstractContextManager[Any]
@@ -83,7 +83,7 @@ class MavlinkCore:
             options.failsafe,
         )
         self.heard, self.wrong_vehicle, self.identified = -math.inf, "", False
-        self.words, self.greeting, self.frame = Words(), Greeting(), FrameWatch()
+        self.status_texts, self.greeting, self.frame = StatusTexts(), Greeting(), FrameWatch()
         self.others = OtherStations(options.system)
         self.mocap = MocapFeed(options, self._build, self._send)
         self._moved = False
@@ -134,7 +134,7 @@ class MavlinkCore:
         self.wrong_vehicle, self.identified = "", True
         armed = bool(message.base_mode & ARMED)
         if armed:
-            self.words.on_armed()
+            self.status_texts.on_armed()
         if message.system_status == CRITICAL:
             self.authority.on_failsafe(now)
         self.authority.on_heartbeat(message.custom_mode, armed, now, self.greeting.done(now))
@@ -171,7 +171,7 @@ class MavlinkCore:
         self.failsafe.on_param(message.param_id, message.param_value, message.param_type, now)
 
     def _on_text(self, message: Any, now: float) -> None:
-        if tells_failsafe(self.words.on_text(message, now)):
+        if tells_failsafe(self.status_texts.on_text(message, now)):
             self.authority.on_failsafe(now)
 
     def _on_origin(self, message: Any, now: float) -> None:
@@ -183,7 +183,7 @@ class MavlinkCore:
         if self._is_due("heartbeat", now, self.greeting.period(now)):
             self._send(self._build.heartbeat())
             self.greeting.on_heartbeat_sent(now)
-        self.words.tick(now)
+        self.status_texts.tick(now)
         if not self.identified or self.wrong_vehicle:
             return
         if self._is_due("timesync", now, TIMESYNC_PERIOD if self.clock.settled else TIMESYNC_FIRST):
@@ -262,7 +262,7 @@ class MavlinkCore:
             self.failsafe.note,
             *self.others.notes(now, self.failsafe.watched),
             *self.streams.notes(now),
-            *(text for _, text in self.words.texts),
+            *(text for _, text in self.status_texts.texts),
         )
 
     def warnings(self, now: float) -> tuple[str, ...]:
@@ -271,7 +271,7 @@ class MavlinkCore:
 
     def refusals(self, now: float) -> tuple[str, ...]:
         """Why the autopilot would not arm, in its own words."""
-        return self.words.refusals(now)
+        return self.status_texts.refusals(now)
 
     @property
     def counters(self) -> dict[str, int]:

@@ -46,5 +46,5 @@ def vehicle_status(core: MavlinkCore, now: float, connected: bool) -> LinkStatus
 
 
 def _why_not_armed(core: MavlinkCore, now: float) -> tuple[str, ...]:
-    said = core.words.refusals(now) if "arm" in core.authority.refusal else ()
+    said = core.status_texts.refusals(now) if "arm" in core.authority.refusal else ()
     return ("; ".join(said),) if said else ()

@@ -23,28 +23,31 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--radius", type=positive, required=True, metavar="M", help="radius of the robot")
     add("--speed", type=positive, required=True, metavar="M/S", help="its largest speed")
     add("--turn-rate", type=positive, required=True, metavar="RAD/S", help="its largest turn rate")
-    add("--maps", type=count, default=20, metavar="N", help="maps of each way (default: 20)")
+    add("--maps", type=count, default=20, metavar="N", help="maps of each model (default: 20)")
     add("--seed", type=int, default=300, metavar="S", help="seed of the first map (default: 300)")
     add(
-        "--ways", nargs="+", metavar="WORD", help="only ways whose names contain one of these words"
+        "--models",
+        nargs="+",
+        metavar="WORD",
+        help="only those whose names contain one of these words",
     )
     add_runner(parser)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Drive every way over the same maps."""
-    from kmpc_lite.studies.real_robots import WAYS, WIDTHS, drive_real, real_robot, widths
+    """Drive every model over the same maps."""
+    from kmpc_lite.studies.real_robots import RECIPES, WIDTHS, drive_real, real_robot, widths
     from kmpc_lite.studies.robot_drives import Row, format_rows
 
     real = real_robot(options.log, options.radius, options.speed, options.turn_rate)
     real.halves()  # a log that cannot be read is told before any work
-    words, end = options.ways or [""], options.seed + options.maps
-    ways = [way for way in WAYS if any(word in way.name for word in words)]
+    words, end = options.models or [""], options.seed + options.maps
+    recipes = [recipe for recipe in RECIPES if any(word in recipe.name for word in words)]
     rows, bar = list[Row](), Progress("real", quiet=options.json)
     with runner(options) as executor:
         jobs = [
-            executor.submit(drive_real, real, way, range(first, min(first + MAPS_A_JOB, end)))
-            for way in ways
+            executor.submit(drive_real, real, recipe, range(first, min(first + MAPS_A_JOB, end)))
+            for recipe in recipes
             for first in range(options.seed, end, MAPS_A_JOB)
         ]
         for done, job in enumerate(jobs, 1):
@@ -64,7 +67,7 @@ COMMAND = Command(
     "half: with and without lags, with and without adaptation.",
     examples=(
         "kmpc study real husky.csv --radius 0.5 --speed 1 --turn-rate 1",
-        "kmpc study real husky.csv --radius 0.5 --speed 1 --turn-rate 1 --ways auto --maps 100",
+        "kmpc study real husky.csv --radius 0.5 --speed 1 --turn-rate 1 --models auto --maps 100",
     ),
     add_options=add_options,
     run=run,

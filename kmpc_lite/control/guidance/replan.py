@@ -104,14 +104,13 @@ class Replanner:
         state.shuttle = None
         return True
 
-    def _leads_to(self, state: GuideState, now: Situation) -> Array:
-        """Pose (3,) that the next path leads to: the goal, or where a shuttle turns back."""
+    def _new_shuttle(self, state: GuideState, now: Situation) -> Array | None:
+        """Pose (3,) at which a shuttle that begins here turns back; none where none is begun."""
         o = self._options
         beside = now.capabilities.tolerances.turn_distance < now.distance < o.near_goal
-        if state.shuttle is None and beside and state.shuttles < o.shuttles:
-            state.shuttle = self._shuttles.find(now, state.path_map)
-            state.shuttles += state.shuttle is not None
-        return now.goal if state.shuttle is None else state.shuttle
+        if state.shuttle is not None or not beside or state.shuttles >= o.shuttles:
+            return None
+        return self._shuttles.find(now, state.path_map)
 
     def _has_strayed(self, state: GuideState, now: Situation, off: float) -> bool:
         """Whether the robot's place is a reason: off its path, standing on it, or without one."""
@@ -210,9 +209,12 @@ class Replanner:
         state.goal, state.circles = now.target.copy(), now.circles.copy()
         state.solids, state.age, state.centre_moved = now.solids, 0.0, False
         state.circles_at_rest = b"" if now.moving is not None else now.circles.tobytes()
+        shuttle = self._new_shuttle(state, now)
+        if shuttle is not None:
+            state.shuttle, state.shuttles = shuttle, state.shuttles + 1
         state.search = PathSearch(
             pose=now.pose.copy(),
-            goal=self._leads_to(state, now).copy(),
+            goal=(now.goal if state.shuttle is None else state.shuttle).copy(),
             target=state.goal,
             circles=state.circles if now.moving is None else now.moving.where_met(now.pose),
             path_map=state.path_map,
@@ -260,7 +262,7 @@ class Replanner:
         state.waiting = None
         free_turn = self._free_turn(search)
         speed = now.capabilities.backward if path.reverse else now.capabilities.forward
-        if state.shuttles and now.distance < 2.0 * self._options.near_goal:
+        if state.shuttles:
             speed = speed * (self._options.shuttle_speed, 1.0)
         wheels = now.capabilities.wheels
         state.path = TimedPath(

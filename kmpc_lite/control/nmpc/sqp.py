@@ -31,7 +31,7 @@ from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, command_windows
 from kmpc_lite.control.nmpc.warm_start import WarmStart
 from kmpc_lite.control.obstacles.half_planes import KeepOut
-from kmpc_lite.control.options import SolverOptions, fastest, unit_length
+from kmpc_lite.control.options import SolverOptions, StepOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.types import INPUTS, STATES, Array
@@ -57,6 +57,8 @@ class SQP:
         Half-planes per stage: the nearest of all obstacles and sides of the area.
     options : SolverOptions, optional
         Settings of the QP solver and of the passes.
+    step : StepOptions, optional
+        How far the model may contradict the plan of one pass before more are made.
     solver : str
         ``"osqp"``, or a name that qpsolvers knows.
     clock : callable
@@ -77,6 +79,7 @@ class SQP:
         tolerance: float = 1e-5,
         slots: int = 5,
         options: SolverOptions | None = None,
+        step: StepOptions | None = None,
         solver: str = DEFAULT_SOLVER,
         clock: Callable[[], float] = perf_counter,
     ) -> None:
@@ -95,7 +98,7 @@ class SQP:
         self._u_min, self._u_max, _, _ = problem.bounds
         self._rates = RateLimit(problem)
         self._short, self._straight = _limits(problem, options)
-        self._contradicted = options.contradicted_defect * unit_length(problem)
+        self._contradicted = (step or StepOptions()).accepted_defect * unit_length(problem)
 
     def solve(self, state: SQPState, guess: Trajectory, task: Task, passes: int = 1) -> SQPResult:
         """Run the passes from a guess whose first state is the present one.

@@ -72,9 +72,8 @@ class SolverOptions:
     new_path_passes: int = count(2)
     """Most passes of a step that begins along a new path."""
     contradicted_passes: int = count(4)
-    """Most passes of a step whose plan the model contradicts after the first."""
-    contradicted_defect: float = radii(1 / 3, zero=False)
-    """How much that must be, over one period [radii, and 0.15 rad a radius]."""
+    """Most passes of a step whose plan the model contradicts after the first, by more than
+    `StepOptions.accepted_defect`."""
     cold_tolerance: float = share(0.02, zero=False)
     """Change of the trajectory that ends these passes [m, rad, m/s, rad/s]."""
     lost_position: float = radii(10 / 3, zero=False)

@@ -27,7 +27,8 @@ class StepOptions:
     """How far the robot drives before what is near is looked up again [radii]."""
     accepted_defect: float = radii(1 / 3)
     """How far the model may contradict a plan over one period [radii, and 0.15 rad a radius] before
-    its commands are rolled out anew."""
+    the solver linearises again where the plan has come to, and before the plan's commands are
+    rolled out anew."""
     accepted_depth: float = radii(2 / 15)
     """How deep such a rolled-out plan may cut into an obstacle and still be driven [radii]: the
     next pass mends the rest."""

@@ -16,16 +16,9 @@ from firmware_bridge.safety.listener import Listener
 
 
 @pytest.fixture(autouse=True)
-def desk(tmp_path, monkeypatch):
-    """A machine of its own."""
+def desk(tmp_path, monkeypatch, no_other_bridge):
+    """A machine of its own, and a folder to work in."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "run").mkdir(mode=0o700)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "run"))
-    monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
-    monkeypatch.delenv("SUDO_UID", raising=False)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    for name in ("SERVICES", "USERS"):
-        monkeypatch.setattr(f"firmware_bridge.safety.places.{name}", tmp_path / name)
 
 
 @contextlib.contextmanager

@@ -20,18 +20,7 @@ from firmware_bridge.safety.gate_table import GateState
 from firmware_bridge.safety.latch import latch_file, set_latch
 from firmware_bridge.safety.listener import Listener
 
-
-@pytest.fixture(autouse=True)
-def own_folder(tmp_path, monkeypatch):
-    """No bridge of this machine's is found, and none of ours is found by others."""
-    runtime = tmp_path / "runtime"
-    runtime.mkdir(mode=0o700)
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
-    monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
-    monkeypatch.delenv("SUDO_UID", raising=False)
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    for name in ("SERVICES", "USERS"):
-        monkeypatch.setattr(f"firmware_bridge.safety.places.{name}", tmp_path / name)
+pytestmark = pytest.mark.usefixtures("no_other_bridge")
 
 
 @pytest.fixture

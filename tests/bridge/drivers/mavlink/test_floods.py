@@ -8,7 +8,7 @@ from mavlink_rig import Rig, dialect
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
 from firmware_bridge.drivers.mavlink.core import ANSWER_PERIOD, MavlinkCore
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from firmware_bridge.drivers.mavlink.words import KEPT, Words
+from firmware_bridge.drivers.mavlink.status_text import KEPT, StatusTexts
 
 
 class CountingLock:
@@ -101,7 +101,7 @@ def test_a_flood_of_questions_does_not_crowd_commands_out():
 
 
 def test_texts_without_end_take_no_memory_and_no_time():
-    words = Words()
+    words = StatusTexts()
     for i in range(1, 3000):
         chunk = dialect.MAVLink_statustext_message(4, b"x" * 50, i, 1)
         chunk.text = f"PreArm: {i}".ljust(50)

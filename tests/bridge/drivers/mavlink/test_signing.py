@@ -128,7 +128,7 @@ def test_a_key_is_taken_while_disarmed_only_and_adds_a_minute() -> None:
     message = dialect.MAVLink_setup_signing_message(1, 1, tuple(KEY), 1000)
     rig.core._send(message)
     rig.run(0.5)
-    assert any("Won't setup signing when armed" in text for _, text in rig.core.words.texts)
+    assert any("Won't setup signing when armed" in text for _, text in rig.core.status_texts.texts)
     rig.rover.pilot_arm(False)
     rig.core._send(message)
     rig.run(0.5)

@@ -41,7 +41,7 @@ class _Partial:
         return "".join(known).strip()
 
 
-class Words:
+class StatusTexts:
     """Remembers the last texts of the vehicle."""
 
     def __init__(self) -> None:

@@ -25,7 +25,7 @@ CHOSEN = {
 }
 
 
-def account(model: KoopmanModel, train: Dataset, *held: Dataset) -> dict[str, Any]:
+def summarize_fit(model: KoopmanModel, train: Dataset, *held: Dataset) -> dict[str, Any]:
     """Facts about a robot that ``lags="auto"`` has learned, as values that JSON can hold.
 
     Parameters
@@ -69,7 +69,7 @@ def describe_fit(
     model: KoopmanModel, train: Dataset, held: Dataset, report: FitReport
 ) -> dict[str, Any]:
     """Facts about the robot that a fit has learned, with all that is to be warned of."""
-    facts = account(model, train, held)
+    facts = summarize_fit(model, train, held)
     return {**facts, "warnings": [*warn_of_errors(report), *facts["warnings"]]}
 
 
@@ -87,7 +87,7 @@ def warn_of_errors(report: FitReport) -> list[str]:
     return told
 
 
-def format_account(facts: Mapping[str, Any]) -> str:
+def format_summary(facts: Mapping[str, Any]) -> str:
     """One block for a terminal."""
     lag, chosen = facts["lag"], facts["directions"]
     centre, offset = facts["turning_centre"], np.degrees(facts["heading_offset"])

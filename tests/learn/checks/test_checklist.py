@@ -11,7 +11,7 @@ from foreign_logs import drive, rows
 from valid_logs import KINDS, WRONG, as_log, valid
 
 import kmpc_lite as kl
-from kmpc_lite.learn.checks.laws import Suspect, judge
+from kmpc_lite.learn.checks.checklist import Suspect, judge
 from kmpc_lite.learn.formats.readers import read_log
 from kmpc_lite.learn.logs import Log, ReadOptions, correct
 

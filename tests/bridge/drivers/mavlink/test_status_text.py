@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 from mavlink_rig import Rig
 
-from firmware_bridge.drivers.mavlink.words import Words
+from firmware_bridge.drivers.mavlink.status_text import StatusTexts
 
 LONG = "Battery 1 below minimum arming voltage and the compass is not calibrated, calibrate it"
 
@@ -32,7 +32,7 @@ def test_the_checks_can_be_asked_for_without_arming() -> None:
     rig = Rig()
     rig.run(4.0)
     rig.rover.autopilot.arming_failure = LONG
-    rig.core.words.on_armed()
+    rig.core.status_texts.on_armed()
     rig.core.ask_prearm(rig.now)
     rig.run(0.3)
     assert rig.core.refusals(rig.now) == (f"PreArm: {LONG}",)
@@ -40,7 +40,7 @@ def test_the_checks_can_be_asked_for_without_arming() -> None:
 
 
 def test_chunks_in_any_order_and_texts_of_whole_chunks() -> None:
-    words = Words()
+    words = StatusTexts()
     assert words.on_text(chunk("b" * 50, 7, 1), 0.0) == ""
     assert words.on_text(chunk("", 7, 2), 0.1) == ""
     assert words.on_text(chunk("a" * 50, 7, 0), 0.2) == "a" * 50 + "b" * 50
@@ -48,7 +48,7 @@ def test_chunks_in_any_order_and_texts_of_whole_chunks() -> None:
 
 
 def test_a_lost_chunk_leaves_a_gap_and_not_silence() -> None:
-    words = Words()
+    words = StatusTexts()
     words.on_text(chunk("a" * 50, 7, 0), 0.0)
     words.on_text(chunk("the end", 7, 2), 0.1)
     words.tick(2.0)
@@ -56,7 +56,7 @@ def test_a_lost_chunk_leaves_a_gap_and_not_silence() -> None:
 
 
 def test_only_the_newest_batch_of_refusals_counts() -> None:
-    words = Words()
+    words = StatusTexts()
     words.on_text(chunk("PreArm: Gyros not calibrated"), 0.0)
     words.on_text(chunk("PreArm: GPS 1: Bad fix"), 30.0)
     words.on_text(chunk("PreArm: Need Position Estimate"), 30.2)
