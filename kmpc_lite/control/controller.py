@@ -281,7 +281,7 @@ def _make_guide(
     # here, for its graph search costs as much to import as all the rest
     from kmpc_lite.control.guidance.guide import Guide
 
-    return Guide(units, options.guidance, options.goal, options.traffic, clock)
+    return Guide(units, options.guidance, options.goal, options.moving_obstacles, clock)
 
 
 def _restored(

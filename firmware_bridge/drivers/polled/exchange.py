@@ -5,13 +5,17 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Hashable
 
 from firmware_bridge.link import Transport
 
 STRANGERS, STRANGERS_WITHIN = 5, 1.0
 """So many replies that nobody asked for within so many seconds: somebody else talks to the
-board."""
+board. A reply that comes after its time-out is none of them, if it comes within this time."""
+
+MOST_LATE = 100
+"""Questions given up whose replies may still come: more than there are in that time."""
 
 
 class NoReply(Exception):
@@ -44,6 +48,7 @@ class Exchange:
         """When the board last answered [s]."""
         self._reply: tuple[bytes, float] | None = None
         self._strangers: list[float] = []
+        self._given_up: deque[float] = deque(maxlen=MOST_LATE)
         self.counters = dict.fromkeys(
             ("frames", "timeouts", "unexpected_replies", "refused_replies"), 0
         )
@@ -63,6 +68,7 @@ class Exchange:
             self.expected = None
             if self._reply is None:
                 self.counters["timeouts"] += not self.closing
+                self._given_up.append(sent)
                 raise NoReply
             reply, received = self._reply
             self.heard = received
@@ -77,7 +83,15 @@ class Exchange:
                 self.changed.notify_all()
                 return
             self.counters["unexpected_replies"] += 1
-            self._strangers = [*self._strangers[1 - STRANGERS :], stamp]
+            if not self._is_late(stamp):
+                self._strangers = [*self._strangers[1 - STRANGERS :], stamp]
+
+    def _is_late(self, stamp: float) -> bool:
+        """Whether a reply may be to a question of ours that was given up: each has one."""
+        while self._given_up:
+            if stamp - self._given_up.popleft() < STRANGERS_WITHIN:
+                return True
+        return False
 
     def refuse(self, why: str) -> NoReply:
         """Count a reply that came for the right question and makes no sense."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from kmpc_lite.control.guidance.capabilities import Capabilities
 from kmpc_lite.control.guidance.goal_checker import GoalChecker
-from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, TrafficTable
+from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, MovingObstacleTable
 from kmpc_lite.control.guidance.reference import Guidance, told_progress, wait_in_sight
 from kmpc_lite.control.guidance.replan import Replanner
 from kmpc_lite.control.guidance.situation import Situation, lies_outside
@@ -27,7 +27,7 @@ from kmpc_lite.control.guidance.turning_centre import point_of, seen_from, swing
 from kmpc_lite.control.options import (
     GoalOptions,
     GuidanceOptions,
-    TrafficOptions,
+    MovingObstacleOptions,
     in_metres,
     unit_length,
 )
@@ -54,7 +54,7 @@ class Guide:
         How paths are found, timed and followed; lengths in radii.
     goal_options : GoalOptions, optional
         When the robot has arrived.
-    traffic_options : TrafficOptions, optional
+    moving : MovingObstacleOptions, optional
         What it does about moving obstacles.
     clock : callable
         Gives the time [s] that `until` is on.
@@ -65,7 +65,7 @@ class Guide:
         problem: NavigationProblem,
         options: GuidanceOptions | None = None,
         goal_options: GoalOptions | None = None,
-        traffic_options: TrafficOptions | None = None,
+        moving: MovingObstacleOptions | None = None,
         clock: Callable[[], float] = perf_counter,
     ) -> None:
         unit = unit_length(problem)
@@ -76,7 +76,7 @@ class Guide:
         self._times = problem.dt * np.arange(problem.horizon + 1)
         self._ahead = self._options.lead_time + self._times
         self._goal_checker = GoalChecker(in_metres(goal_options or GoalOptions(), unit))
-        self._traffic = TrafficTable(in_metres(traffic_options or TrafficOptions(), unit))
+        self._moving_table = MovingObstacleTable(in_metres(moving or MovingObstacleOptions(), unit))
         self._range = math.inf if problem.sensor_range is None else problem.sensor_range
         self._replanner = Replanner(problem, self._options, clock)
 
@@ -197,7 +197,7 @@ class Guide:
             return None
         inflation = self._inflation + swing(state.turning_centre)
         speed = capabilities.evasive
-        return MovingObstacles(circles, inflation, speed, self._traffic, solids, spread)
+        return MovingObstacles(circles, inflation, speed, self._moving_table, solids, spread)
 
     def _begin_last_turn(self, state: GuideState, now: Situation) -> None:
         """Begin the last turn where the robot comes to a stop; give it up where it has left."""

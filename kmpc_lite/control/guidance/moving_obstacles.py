@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.control.guidance.timed_path import TimedPath
-from kmpc_lite.control.options import TrafficOptions
+from kmpc_lite.control.options import MovingObstacleOptions
 from kmpc_lite.geometry import exact_arc
 from kmpc_lite.types import Array
 
@@ -19,16 +19,16 @@ ROUNDING = 1e-9
 """Time that belongs to the look-ahead [s]."""
 
 
-class TrafficTable:
+class MovingObstacleTable:
     """What follows from the options: moments that are looked at, scales and arcs that are tried.
 
     Parameters
     ----------
-    options : TrafficOptions
+    options : MovingObstacleOptions
         In metres.
     """
 
-    def __init__(self, options: TrafficOptions) -> None:
+    def __init__(self, options: MovingObstacleOptions) -> None:
         self.options = options
         self.times = np.arange(0.0, options.look_ahead + ROUNDING, options.look_step)
         """(T,) from now [s]."""
@@ -50,7 +50,7 @@ class MovingObstacles:
         Distance that the robot's centre must keep from the circles' edges [m].
     speed : ndarray
         At which the robot drives and turns [m/s, rad/s], (2,).
-    table : TrafficTable
+    table : MovingObstacleTable
         Of the options.
     solids : Solids, optional
         What else is there, at rest.
@@ -64,7 +64,7 @@ class MovingObstacles:
         circles: Array,
         inflation: float,
         speed: Array,
-        table: TrafficTable,
+        table: MovingObstacleTable,
         solids: Solids | None = None,
         spread: Array | None = None,
     ) -> None:

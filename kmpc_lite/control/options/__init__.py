@@ -9,6 +9,7 @@ from kmpc_lite.control.options.fields import in_metres
 from kmpc_lite.control.options.goal import GoalOptions
 from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.control.options.margins import MarginOptions
+from kmpc_lite.control.options.moving_obstacles import MovingObstacleOptions
 from kmpc_lite.control.options.obstacles import ObstacleOptions
 from kmpc_lite.control.options.pose import PoseOptions
 from kmpc_lite.control.options.sight import SightOptions
@@ -16,7 +17,6 @@ from kmpc_lite.control.options.solver import OSQPOptions, SolverOptions
 from kmpc_lite.control.options.step import StepOptions
 from kmpc_lite.control.options.stop import StopOptions
 from kmpc_lite.control.options.tracker import TrackerOptions
-from kmpc_lite.control.options.traffic import TrafficOptions
 from kmpc_lite.control.options.units import fastest, unit_length
 
 __all__ = [
@@ -32,7 +32,7 @@ __all__ = [
     "StepOptions",
     "StopOptions",
     "TrackerOptions",
-    "TrafficOptions",
+    "MovingObstacleOptions",
     "fastest",
     "in_metres",
     "unit_length",

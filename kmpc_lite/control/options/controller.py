@@ -10,6 +10,7 @@ from kmpc_lite.control.options.fields import check, group
 from kmpc_lite.control.options.goal import GoalOptions
 from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.control.options.margins import MarginOptions
+from kmpc_lite.control.options.moving_obstacles import MovingObstacleOptions
 from kmpc_lite.control.options.obstacles import ObstacleOptions
 from kmpc_lite.control.options.pose import PoseOptions
 from kmpc_lite.control.options.sight import SightOptions
@@ -17,7 +18,6 @@ from kmpc_lite.control.options.solver import SolverOptions
 from kmpc_lite.control.options.step import StepOptions
 from kmpc_lite.control.options.stop import StopOptions
 from kmpc_lite.control.options.tracker import TrackerOptions
-from kmpc_lite.control.options.traffic import TrafficOptions
 from kmpc_lite.errors import ProblemError, did_you_mean
 
 
@@ -36,7 +36,7 @@ class ControllerOptions:
     """How paths are found, timed and followed."""
     goal: GoalOptions = group(GoalOptions())
     """When the robot has arrived."""
-    traffic: TrafficOptions = group(TrafficOptions())
+    moving_obstacles: MovingObstacleOptions = group(MovingObstacleOptions())
     """What it does about moving obstacles."""
     tracker: TrackerOptions = group(TrackerOptions())
     """When circles count as moving otherwise than told."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -85,6 +85,55 @@ def test_quiet_poses_leave_the_tolerances_as_they_are() -> None:
     assert at_the_limit != QUIET
     assert at_the_limit.turn_limit == pytest.approx(QUIET.turn_limit, abs=1e-4)
     assert at_the_limit.enter_angle == pytest.approx(QUIET.enter_angle, abs=1e-4)
+
+
+def test_the_papers_robot_parks_within_these_tolerances() -> None:
+    """Each default, so that none changes unseen: distances [cm], angles [mrad]."""
+    found = {
+        name: round(1e3 * value if name.endswith("angle") else 1e2 * value, 3)
+        for name, value in asdict(QUIET).items()
+    }
+    assert found == {
+        "turn_distance": 1.2,
+        "turn_limit": 1.5,
+        "enter_distance": 1.35,
+        "enter_angle": 25.0,
+        "leave_distance": 1.8,
+        "leave_angle": 50.0,
+        "pushed_distance": 5.0,
+        "pushed_angle": 150.0,
+        "off_path": 1.0,
+    }
+
+
+def test_each_tolerance_is_widened_by_its_number_of_standard_deviations() -> None:
+    """Poses that err by 2 cm and 80 mrad, of which 0.6 cm and 24 mrad are quiet."""
+    wide, quiet = asdict(goal_tolerances(noisy(0.02, 0.08), OPTIONS)), asdict(QUIET)
+    beyond = {
+        name: round((wide[name] - quiet[name]) / (0.056 if name.endswith("angle") else 0.014), 3)
+        for name in wide
+    }
+    assert beyond == {
+        "turn_distance": 1.0,
+        "turn_limit": 3.5,
+        "enter_distance": 1.0,
+        "enter_angle": 1.0,
+        "leave_distance": 2.5,
+        "leave_angle": 1.5,
+        "pushed_distance": 4.0,
+        "pushed_angle": 4.5,
+        "off_path": 3.0,
+    }
+
+
+def test_a_push_is_forgotten_by_a_fifth_a_step() -> None:
+    goal = Goal()
+    assert goal.holds(np.zeros(3))
+    means = []
+    for push in (0.04, 0.0, 0.0, 0.0):
+        goal.holds(np.array([push, 0.0, 0.0]))
+        means.append(goal.state.mean_error[0])
+    np.testing.assert_allclose(means, 0.008 * 0.8 ** np.arange(4))
 
 
 def test_tolerances_grow_with_the_robot() -> None:

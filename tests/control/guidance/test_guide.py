@@ -7,12 +7,12 @@ import pytest
 from guided import GuidedController, GuideInUse
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, TrafficTable
+from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, MovingObstacleTable
 from kmpc_lite.control.guidance.state import GuideState
 from kmpc_lite.control.guidance.tangent_graph import GeometricPath
 from kmpc_lite.control.guidance.timed_path import TimedPath
 from kmpc_lite.control.obstacles.circles import circles_to_array
-from kmpc_lite.control.options import GuidanceOptions, TrafficOptions, in_metres
+from kmpc_lite.control.options import GuidanceOptions, MovingObstacleOptions, in_metres
 from kmpc_lite.sim.maps.families import random_map
 
 DT = 0.1
@@ -361,7 +361,7 @@ def test_a_robot_gets_out_of_the_way_of_what_comes_after_it_for_good() -> None:
     # to stand 30 cm before it, or to back up before it, would be clear for the next seconds
     slow = np.array([[0.0, 1.1, 0.2, 0.0, -0.15]])
     times = np.arange(0.0, 12.01, 0.1)
-    table = TrafficTable(in_metres(TrafficOptions(), PROBLEM.robot_radius))
+    table = MovingObstacleTable(in_metres(MovingObstacleOptions(), PROBLEM.robot_radius))
     _, states = MovingObstacles(slow, KEEP, np.array([0.5, 0.7]), table).evasive_arc(
         pose(0.0, 0.0, np.pi / 2), -1, times
     )

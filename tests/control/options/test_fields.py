@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.options import GoalOptions, GuidanceOptions, TrafficOptions, in_metres
+from kmpc_lite.control.options import GoalOptions, GuidanceOptions, MovingObstacleOptions, in_metres
 
-GROUPS = (GuidanceOptions, GoalOptions, TrafficOptions)
+GROUPS = (GuidanceOptions, GoalOptions, MovingObstacleOptions)
 
 
 @pytest.mark.parametrize(
@@ -23,8 +23,8 @@ GROUPS = (GuidanceOptions, GoalOptions, TrafficOptions)
         (GuidanceOptions, "hurried_parts", 2.0, "a whole number >= 1, got 2.0"),
         (GuidanceOptions, "turn_share", True, "got True"),
         (GoalOptions, "averaging", None, "got None"),
-        (TrafficOptions, "speed_scales", (), "a tuple of finite numbers"),
-        (TrafficOptions, "arc_times", (1.0, float("inf")), "a tuple of finite numbers"),
+        (MovingObstacleOptions, "speed_scales", (), "a tuple of finite numbers"),
+        (MovingObstacleOptions, "arc_times", (1.0, float("inf")), "a tuple of finite numbers"),
     ],
 )
 def test_what_is_no_such_number_is_refused_in_one_line(

@@ -90,3 +90,19 @@ def test_what_is_wrong_in_a_table_is_told_in_one_line(tables: dict[str, Any], wo
     with pytest.raises(kl.ProblemError, match=re.escape(words)) as refused:
         kl.ControllerOptions.from_dict(tables)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("dt", "oldest"), [(0.1, 2.0), (0.001, 1.0), (1e-4, 0.1)], ids=["seconds", "periods", "short"]
+)
+def test_a_pose_is_believed_for_two_seconds_or_a_thousand_periods(dt: float, oldest: float) -> None:
+    model, problem = kl.nominal_unicycle(dt), kl.NavigationProblem(dt=dt)
+    kl.Controller(model, problem, pose_age=0.999 * oldest)
+    with pytest.raises(kl.ProblemError, match=f"pose_age: expected a time from 0 to {oldest:g} s"):
+        kl.Controller(model, problem, pose_age=1.001 * oldest)
+
+
+@pytest.mark.parametrize("dt", [0.99e-4, 101.0])
+def test_periods_lie_between_a_tenth_of_a_millisecond_and_a_hundred_seconds(dt: float) -> None:
+    with pytest.raises(kl.ProblemError, match="dt: expected a period from 0.0001 to 100 s"):
+        kl.Controller(kl.nominal_unicycle(dt), kl.NavigationProblem(dt=dt))

@@ -8,7 +8,7 @@ from kmpc_lite.control.options.fields import check, moments, radii, seconds, sha
 
 
 @dataclass(frozen=True, slots=True)
-class TrafficOptions:
+class MovingObstacleOptions:
     """How far moving circles are foreseen, and which slower speeds and evasive arcs are tried."""
 
     look_ahead: float = seconds(4.0)

@@ -1,0 +1,60 @@
+"""Questions and answers: a reply that comes late is our own, many that come unasked are not."""
+
+from __future__ import annotations
+
+import pytest
+
+from firmware_bridge.drivers.polled.exchange import STRANGERS, Exchange, NoReply
+
+
+class Silent:
+    """A link that takes everything and gives nothing."""
+
+    def write(self, data: bytes) -> bool:
+        return True
+
+
+@pytest.fixture
+def exchange() -> Exchange:
+    return Exchange(Silent(), 0.0, lambda key: None)  # type: ignore[arg-type]
+
+
+def give_up(exchange: Exchange) -> None:
+    with pytest.raises(NoReply):
+        exchange.ask(b"?", "counters")
+
+
+def test_replies_that_come_late_are_our_own(
+    exchange: Exchange, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a busy machine every reply may be late: no other program talks to the board."""
+    monkeypatch.setattr("time.monotonic", lambda: 5.0)
+    for _ in range(3 * STRANGERS):
+        give_up(exchange)
+        exchange.deliver("counters", b"late", 5.1)
+    assert exchange.counters["unexpected_replies"] == 3 * STRANGERS
+    assert not exchange.strangers(5.1)
+
+
+def test_replies_that_nobody_asked_for_are_anothers(
+    exchange: Exchange, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("time.monotonic", lambda: 5.0)
+    give_up(exchange)
+    for k in range(STRANGERS):
+        assert not exchange.strangers(5.1)
+        exchange.deliver("counters", b"?", 5.1 + 0.01 * k)
+    assert not exchange.strangers(5.2), "one of them may be ours"
+    exchange.deliver("counters", b"?", 5.2)
+    assert exchange.strangers(5.2) and not exchange.strangers(6.2)
+
+
+def test_a_question_given_up_long_ago_excuses_no_reply(
+    exchange: Exchange, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("time.monotonic", lambda: 5.0)
+    for _ in range(STRANGERS):
+        give_up(exchange)
+    for _ in range(STRANGERS):
+        exchange.deliver("counters", b"?", 9.0)
+    assert exchange.strangers(9.0)
