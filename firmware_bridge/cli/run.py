@@ -60,13 +60,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="how long to wait for the vehicle before it drives [s] (default: as --seconds)",
     )
-    add(
-        "--settle",
-        type=positive,
-        metavar="S",
-        default=1.0,
-        help="how long the goal must be held [s] (default: 1)",
-    )
+    held = "how long the goal must be held [s] (default: 1)"
+    add("--settle", type=positive, metavar="S", default=1.0, help=held)
     add(
         "--record",
         type=Path,
