@@ -14,6 +14,7 @@ from firmware_bridge.safety.gate_table import GateState
 from firmware_bridge.safety.limits import Limits
 
 Command = tuple[float, float]
+CAR = ", or a car-like robot, which cannot turn on the spot and is not supported"
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class WatchOptions:
     """How often it is judged [s]."""
     likeness: float = 0.7
     """Correlation of motion and commands from which on the motion counts as an answer."""
-    moves: float = 0.1
+    moves: float = 0.05
     """Share of what it is told that a robot must move, at least."""
     frozen: float = 1.5
     """How long poses may repeat each other to the last digit [s]."""
@@ -146,7 +147,7 @@ class DriveWatch:
         if self._meter.is_long and not moved:
             return (
                 f"told to {verb} {answer.told:.2g} {unit} within the last seconds, it hardly moved "
-                f"({100 * abs(answer.gain):.0f} % of it): motors off, stuck, or poses of something "
-                "else"
+                f"({100 * abs(answer.gain):.0f} % of it): motors off, stuck, poses of something "
+                f"else{CAR if verb == 'turn' else ''}"
             )
         return ""

@@ -105,10 +105,10 @@ def run(
         report = {"outcome": "", **navigator.report(), "why": [], **session.report()}
         report["notes"] = list(notes)
         interrupted = session.loop.stop_reason in SIGNALS
-        ended_by = session.loop.stop_reason if interrupted else ""
         if examiner is not None:
             report["rehearsal"] = examiner.finish()
-            ended_by = ended_by or examiner.trouble
+        trouble = "" if examiner is None else examiner.trouble
+        ended_by = session.loop.stop_reason if interrupted else trouble
         report["outcome"] = _outcome(navigator, ended_by)
         if not navigator.arrived:
             report["why"] = why or session.why()
@@ -116,8 +116,7 @@ def run(
     report["problems"] = session.problems()  # counted after the session has closed its files
     if out is not None:
         tell(report, session, out)
-    failed = examiner is not None and bool(examiner.trouble)
-    if navigator.arrived and not navigator.touched and not failed:
+    if navigator.arrived and not navigator.touched and not trouble:
         return report, DONE
     return report, INTERRUPTED if interrupted else NOT_DONE
 

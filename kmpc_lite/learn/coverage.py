@@ -76,6 +76,8 @@ class Coverage:
     """What a log shows, part by part."""
 
     parts: tuple[Part, ...]
+    tightest: float = 0.0
+    """Radius of the tightest turns in the log [m]; 0 where it turns on the spot."""
 
     @property
     def is_complete(self) -> bool:
@@ -98,17 +100,21 @@ class Coverage:
 
     def warnings(self) -> list[str]:
         """What a model of this log does not know, one line a part."""
-        return [_warning(part) for part in self.missing]
+        return [_warning(part, self.tightest) for part in self.missing]
 
 
-def _warning(part: Part) -> str:
-    """Say what a log shows too little of."""
+def _warning(part: Part, tightest: float) -> str:
+    """Say what a log shows too little of; its tightest turns have that radius [m]."""
     if part.name == "length":
         return f"only {part.shown:.0f} s were driven: drive for minutes"
     if part.shown > 0.1 * part.needed:
         return f"the log hardly {part.verb} ({part.amount})"
     if part.name == "on the spot":
-        return "the log never turns on the spot: whether this robot can is not known"
+        tight = f", nor tighter than on {tightest:.2g} m" if tightest > 0.0 else ""
+        return (
+            f"the log never turns on the spot{tight}: whether this robot can is not known; "
+            "car-like robots, which cannot, are not supported"
+        )
     return f"the log never {part.verb}: what was learned of it is a guess"
 
 
@@ -145,7 +151,15 @@ def find_coverage(
     stops = sum(len(find_stops(s, dt, fastest, StopOptions(options.standing))) for s in speeds)
     advice = "stop from full speed, and stand for a second"
     stop = Part("stops", "stops from speed", advice, float(stops), float(options.stops))
-    return Coverage((*parts, stop))
+    return Coverage((*parts, stop), _tightest(v * fastest, omega * limits[2], options))
+
+
+def _tightest(v: Array, omega: Array, options: CoverageOptions) -> float:
+    """Radius of the tightest turns, single rows left out [m]; 0 where nothing turns."""
+    turning = np.abs(omega) > options.turning * max(float(np.abs(omega).max(initial=0.0)), 1e-9)
+    if not turning.any():
+        return 0.0
+    return float(np.quantile(np.abs(v[turning] / omega[turning]), 0.02))
 
 
 def _seconds_of(
