@@ -14,6 +14,10 @@ class LinkError(BridgeError, OSError):
     """A link cannot be opened, or its other end does not answer."""
 
 
+class LidarError(LinkError):
+    """The robot's lidar cannot be opened, or gives no scan."""
+
+
 class ConfigError(BridgeError, ValueError):
     """A robot file, a link URL or an option is wrong: key, what was expected, what came."""
 

@@ -7,14 +7,14 @@ import json
 import math
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from firmware_bridge.cli.model_gate import describe_model
 from firmware_bridge.cli.options import add_robot_options, read_robot
 from firmware_bridge.drivers import Driver
 from firmware_bridge.link import open_transport
-from firmware_bridge.messages import BridgeError, LinkError, State, VelocityCommand
+from firmware_bridge.messages import BridgeError, LidarError, LinkError, State, VelocityCommand
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.session import open_driver
 from firmware_bridge.runtime.timing import Histogram
@@ -30,6 +30,7 @@ from kmpc_lite.cli.output import paint
 POLL = 0.005
 PREARM = 1.0
 """How long an autopilot may take to say what keeps it from arming [s]."""
+WOULD_DRIVE = "the safety gate would let it drive now"
 ADVICE = {
     Reason.LINK: "plug the cable in, or start the vehicle's end of the link",
     Reason.HEARTBEAT: "is the board powered, and is the telemetry frequent enough? "
@@ -106,18 +107,25 @@ def check(robot: Robot, seconds: float) -> list[Finding]:
     """
     found = [Finding(True, f"{robot.where}: {robot.link.driver} at {robot.link.url}")]
     found += [Finding(ok, text) for ok, text in describe_model(robot)]
-    driver = open_driver(robot, open_transport(robot.link.url))
     found += _estop(robot)
+    return found + _answers(robot, seconds)
+
+
+def _answers(robot: Robot, seconds: float) -> list[Finding]:
+    """Who answers, and what the gate would say; where the lidar does not, what the board says."""
+    driver = open_driver(robot, open_transport(robot.link.url))
     try:
         driver.connect(robot.link.timeout)
-    except LinkError as error:
-        driver.close()
-        return [*found, Finding(False, str(error))]
-    try:
-        found += _telemetry(driver, robot, seconds)
+        found = _telemetry(driver, robot, seconds)
         if robot.lidar is not None:
             found += _sight(driver, robot, seconds)
         return [*found, *_judgement(driver, robot)]
+    except LidarError as error:
+        driver.close()
+        others = _answers(replace(robot, lidar=None), seconds)
+        return [Finding(False, str(error)), *(f for f in others if f.text != WOULD_DRIVE)]
+    except LinkError as error:
+        return [Finding(False, str(error))]
     finally:
         driver.close()
 
@@ -201,7 +209,7 @@ def _judgement(driver: Driver, robot: Robot) -> list[Finding]:
         text = f"not given to us yet: {status.mode}, {'' if status.armed else 'not '}armed"
         found.append(Finding(True, f"{text}; run --arm takes it, or the pilot gives it"))
     if not found:
-        found.append(Finding(True, "the safety gate would let it drive now"))
+        found.append(Finding(True, WOULD_DRIVE))
     return found
 
 

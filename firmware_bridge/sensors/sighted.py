@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from firmware_bridge.drivers import Driver
-from firmware_bridge.messages import LinkStatus, State
+from firmware_bridge.messages import LidarError, LinkError, LinkStatus, State
 from firmware_bridge.sensors.lidar.kinds import open_lidar
 from firmware_bridge.sensors.lidar.lidar import Lidar
 from firmware_bridge.sensors.lidar.options import LidarOptions
@@ -44,7 +44,10 @@ class SightedDriver:
 
     def connect(self, timeout: float) -> None:
         """Connect the lidar, then the driver: a robot that cannot see is not taken."""
-        self.lidar.connect(self.options.timeout)
+        try:
+            self.lidar.connect(self.options.timeout)
+        except LinkError as error:
+            raise LidarError(f"lidar: {str(error).removeprefix('lidar: ')}") from None
         self.inner.connect(timeout)
 
     def state(self) -> State | None:

@@ -34,6 +34,7 @@ inputs = st.fixed_dictionaries(
             *[st.one_of(st.just(0.0), st.floats(-1.0, 1.0), st.just(math.nan), st.just(math.inf))]
             * 4
         ),
+        "scan": st.sampled_from([None, 0.0, 0.1, 0.6, -1.0, math.nan, math.inf]),
         "ready": st.booleans(),
         "pose_ok": st.booleans(),
         "connected": st.booleans(),
@@ -44,6 +45,7 @@ inputs = st.fixed_dictionaries(
 GOOD = {
     "dt": TICK,
     "ages": (0.0,) * 4,
+    "scan": None,
     "ready": True,
     "pose_ok": True,
     "connected": True,
@@ -63,6 +65,7 @@ def step(gate: SafetyGate, now: float, given: dict) -> GateOutput:
         given["ready"],
         given["pose_ok"],
         faults=given["faults"],
+        scan_stamp=None if given["scan"] is None else now - given["scan"],
     )
     command = (
         None if given["command"] is None else VelocityCommand(*given["command"], now - command_age)
