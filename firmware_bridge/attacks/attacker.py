@@ -11,6 +11,7 @@ import select
 import socket
 import sys
 import time
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,6 +22,10 @@ AT_ONCE = 50
 """Datagrams, or connections, between two looks at everything else."""
 DATAGRAM = 1400
 IDLE = 9
+PATIENCE = 3.0
+"""Of whoever presses STOP on a page [s]."""
+BROWSERS, TRIES = 300, 20
+"""Connections that are held to a page, and how often its STOP is pressed at most."""
 
 
 class Orders:
@@ -178,6 +183,55 @@ def press(path: str, rubbish: bytes) -> None:
             return
 
 
+def browse_badly(port: str, rubbish: bytes) -> None:
+    """Connect to a page without end: say noise, half a request, or watch and read nothing."""
+    sayings = (
+        rubbish[:DATAGRAM],
+        b"GET / HTTP/1.1\r\nHost: 127.0.0.1",
+        b"GET /events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n",
+        b"GET / HTTP/1.1\r\nX: " + b"x" * DATAGRAM,
+    )
+    _ready()
+    orders, held = Orders(), deque[socket.socket]()
+    while not orders.over:
+        orders.look([], 0.0 if orders.attacking else 0.5)
+        for number in range(AT_ONCE if orders.attacking else 0):
+            sock = socket.socket()
+            sock.setblocking(False)
+            held.append(sock)
+            sock.connect_ex((HOST, int(port)))
+            if len(held) > BROWSERS:
+                held.popleft().close()
+            try:  # a connection of a moment ago
+                held[len(held) // 2].send(sayings[number % len(sayings)])
+            except OSError:
+                continue
+
+
+def press_page(link: str, rubbish: bytes) -> None:
+    """Press STOP on a page when told, again until it is confirmed; say when that began [s]."""
+    import http.client
+    from urllib.parse import urlsplit
+
+    _ready()
+    orders, url = Orders(), urlsplit(link)
+    while not (orders.attacking or orders.over):
+        orders.look([], 1.0)
+    if not orders.attacking:
+        return
+    _say(str(time.monotonic()))
+    for _ in range(TRIES):
+        connection = http.client.HTTPConnection(HOST, int(url.port or 0), timeout=PATIENCE)
+        try:
+            connection.request("POST", f"{url.path}stop")
+            if b'"confirmed": true' in connection.getresponse().read():
+                return
+        except (OSError, http.client.HTTPException):
+            time.sleep(0.05)
+        finally:
+            connection.close()
+
+
 KINDS: dict[str, Callable[..., None]] = {
     "tcp": stand_between_tcp,
     "lidar": stand_between_tcp,
@@ -187,6 +241,9 @@ KINDS: dict[str, Callable[..., None]] = {
     "hog": hog,
     "idle": idle,
     "press": press,
+    "browsers": browse_badly,
+    "station": send_beside,
+    "press_page": press_page,
 }
 
 

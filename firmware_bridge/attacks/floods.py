@@ -20,6 +20,10 @@ class Surface:
     """Attacker (attacker.KINDS) that stands in the link, whether it attacks or not."""
     poses: bool = False
     """Whether the robot is driven by poses from outside."""
+    page: bool = False
+    """Whether it is shown on a live page, whose STOP is pressed then."""
+    shared: bool = False
+    """Whether ground stations share it."""
     lidar: str = ""
     """Of the robot, on a link in which another attacker stands; none where empty."""
 
@@ -97,6 +101,21 @@ def whirl() -> bytes:
     return b"".join(turn) * (SIZE // 2000)
 
 
+def orders() -> bytes:
+    """Frames of a ground station: parameters, commands, and set-points that are refused."""
+    from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+    from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
+
+    codec = MavlinkCodec(255, 190)
+    name = dialect.MAVLink_param_request_read_message(1, 1, b"WP_SPEED", -1)
+    move = dialect.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, 8, 0x5C7, 0.0, 0.0, 0.0, -1.0, *[0.0] * 6, 1.0
+    )
+    slow = dialect.MAVLink_request_data_stream_message(1, 1, 0, 1, 1)
+    return b"".join(codec.encode(message) for _ in range(500) for message in (name, move, slow))
+
+
 def nothing() -> bytes:
     """Nothing: the attack lies in the connections."""
     return b""
@@ -117,6 +136,8 @@ TCP = Surface("MAVLink, TCP", "mavlink", "tcp")
 UDP = Surface("MAVLink, UDP", "mavlink", "udp")
 POSES = Surface("pose socket", "roboclaw", "tcp", poses=True)
 ESTOP = Surface("emergency stop's socket", "roboclaw", "tcp")
+PAGE = Surface("live page", "roboclaw", "tcp", page=True)
+FORWARD = Surface("forward port", "mavlink", "tcp", shared=True)
 BOARDS = tuple(
     Surface(name, name.lower(), "tcp", poses=name == "Sabertooth")
     for name in ("RoboClaw", "ODrive", "VESC", "Roboteq", "Arduino", "Sabertooth")
@@ -151,5 +172,8 @@ FLOODS = (
     Flood(LIDARS["rplidar"], "noise", noise, "lidar"),
     Flood(ESTOP, "connections without end", nothing, "hog"),
     Flood(ESTOP, "nine idle, one that trickles", nothing, "idle"),
+    Flood(PAGE, "half requests, noise, and watchers that read nothing", noise, "browsers"),
+    Flood(FORWARD, "a station's frames without end", orders, "station"),
+    Flood(FORWARD, "noise", noise, "station"),
     EVERYTHING,
 )

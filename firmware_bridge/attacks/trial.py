@@ -13,7 +13,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
+from urllib.parse import urlsplit
 
 from firmware_bridge.attacks.floods import Flood, Surface
 from firmware_bridge.attacks.robots import SPEED, sections
@@ -22,6 +23,8 @@ from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.loop import TICK
 from firmware_bridge.runtime.session import Session
 from firmware_bridge.safety.gate_table import GateState
+from kmpc_lite.live.address import LiveAddress
+from kmpc_lite.live.feed import Feed
 
 PERIOD = 0.1
 """Of the controller [s]."""
@@ -87,7 +90,8 @@ class _Script:
             _tell([self._presser], "on")
         if math.isnan(self.obeyed) and shot.output.state is GateState.ESTOP:
             self.obeyed = shot.now
-        return now - self._pressed > PRESSED
+        obeyed = not math.isnan(self.obeyed)
+        return now - self._pressed > (PRESSED if obeyed else PATIENCE)
 
 
 def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) -> Trial:
@@ -102,7 +106,7 @@ def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) 
         folder = Path(name)
         kind = "udp" if surface.between == "udp" else "tcp"
         near, far = _free_port(kind), _free_port(kind)
-        poses, source = _free_port("udp"), _free_port("udp")
+        poses, source, station = (_free_port("udp") for _ in range(3))
         relayed = any(flood.beside == "poses" for flood in floods)
         camera = f"udp:127.0.0.1:{source if relayed else poses}" if surface.poses else ""
         trace, path = folder / "trace", folder / "estop"
@@ -119,7 +123,11 @@ def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) 
             "beside": (poses,),
             "hog": (path,),
             "idle": (path,),
+            "station": (station,),
         }
+        page = stack.enter_context(_page(path)) if surface.page else None
+        if page is not None:
+            addresses["browsers"] = (urlsplit(page.links[0]).port,)
         attackers = []
         for flood in floods:
             how = flood.beside or surface.between
@@ -129,15 +137,19 @@ def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) 
             stack.enter_context(_attacker(folder, surface.between, (near, far), b""))
         if surface.lidar and not floods:
             stack.enter_context(_attacker(folder, "lidar", addresses["lidar"], b""))
-        presser = stack.enter_context(_attacker(folder, "press", (path,), b""))
+        press, where_to = ("press", path) if page is None else ("press_page", page.links[0])
+        presser = stack.enter_context(_attacker(folder, press, (where_to,), b""))
         table = sections(
             surface.driver,
             f"{kind}:127.0.0.1:{near}",
             f"udp:127.0.0.1:{poses}" if surface.poses else None,
             str(path),
             (surface.lidar, f"tcp:127.0.0.1:{eye}") if surface.lidar else None,
+            f"udp:127.0.0.1:{station}?listen=1" if surface.shared else None,
         )
         with Session(load_robot(None, table), _ahead, PERIOD) as session:
+            if page is not None:
+                page.start(lambda: _shown(session), {"title": "a robot under attack"})
             script = _Script(session, [_input(a) for a in attackers], _input(presser))
             session.drive(lambda: script(seconds))
             read = session.driver.health().counters.get("bytes_in", 0)
@@ -149,7 +161,21 @@ def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) 
         _input(vehicle).close()
         vehicle.wait()
         stood = _standstill(trace, script.stopped)
-        return Trial(script.late, stood, max(0.0, script.obeyed - pressed), read)
+        # in this order: where the gate never obeyed, that is no number, and stays none
+        return Trial(script.late, stood, max(script.obeyed - pressed, 0.0), read)
+
+
+def _page(socket_path: Path) -> Feed:
+    """Make a live page, at whatever port is free."""
+    return Feed(LiveAddress(port=0), "firmware_bridge.live.page", {"socket": str(socket_path)})
+
+
+def _shown(session: Session) -> dict[str, Any]:
+    """Give what a page shows of a session."""
+    shot = session.loop.snapshot
+    gate = "WAITING" if shot is None else shot.output.state.name
+    pose = None if shot is None or shot.state is None else [shot.state.x, shot.state.y, 0.0]
+    return {"latched": session.estop.latched, "gate": gate, "pose": pose}
 
 
 def _ahead(state: State) -> VelocityCommand:

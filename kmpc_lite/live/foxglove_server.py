@@ -15,7 +15,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from kmpc_lite.live.address import LOOPBACK
-from kmpc_lite.live.server import NICE
 from kmpc_lite.live.viewer import LONGEST
 from kmpc_lite.mcap.write import Message
 from kmpc_lite.recording.encoder import DriveEncoder
@@ -24,6 +23,8 @@ from kmpc_lite.recording.schemas import TOPICS
 KEPT = ("/map", "/path", "/obstacles", "/gate")
 """Topics on which messages are rare: told again for those who come late, so often [s]: ..."""
 AGAIN = 1.0
+NICE = 5
+"""The program that drives goes first."""
 BACKLOG = 64
 """Messages that wait for a slow viewer at most: two seconds; the oldest is left out."""
 

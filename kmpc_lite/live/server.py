@@ -10,15 +10,17 @@ import asyncio
 import contextlib
 import json
 import os
+import resource
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
 from kmpc_lite.live.channel import Channel
+from kmpc_lite.live.door import Door
 from kmpc_lite.live.guard import Guard, TwoActions
 from kmpc_lite.live.http import (
     LONGEST_HEAD,
@@ -34,14 +36,12 @@ from kmpc_lite.live.watchers import Watchers
 Ask = Callable[[str], dict[str, Any]]
 """Carries out "stop", "reset" or "enable", however long that takes; gives the answer: ok, latched,
 gate, confirmed, why."""
-CONNECTIONS = 256
+CONNECTIONS = 512
 """One more closes the oldest that watches nothing."""
 ASKING = 4
 """Requests of people that are carried out at once; stops share one."""
 SILENCE = 0.5
 """Watchers are told how long nothing has come from the program that drives, so often [s]."""
-NICE = 5
-"""The program that drives goes first."""
 OBEY = 1.0
 """How long the gate may take to carry out a reset: only then does an enable count [s]."""
 STOPPED = "ESTOP"
@@ -168,7 +168,7 @@ class Server:
         finally:
             self.watchers.remove(watcher)
 
-    async def take(self, channel: Channel) -> None:
+    async def take(self, channel: Channel, doors: Sequence[Door]) -> None:
         """Take packets from the program that drives, until it ends."""
         loop, arrived = asyncio.get_running_loop(), asyncio.Event()
         loop.add_reader(channel.socket, arrived.set)
@@ -177,9 +177,13 @@ class Server:
                 try:
                     await asyncio.wait_for(arrived.wait(), SILENCE)
                 except TimeoutError:
+                    for door in doors:
+                        door.tidy()
                     self.watchers.tell(f'{{"silence":{self._picture.age:.1f}}}')
                     continue
                 arrived.clear()
+                for door in doors:
+                    door.tidy()
                 while (packet := channel.receive()) is not None:
                     self.watchers.tell(self._picture.take(packet))
         except EOFError:
@@ -194,9 +198,10 @@ def _json(text: str) -> bytes:
 
 
 async def _run(channel: Channel, doors: list[socket.socket], server: Server) -> None:
-    for door in doors:
-        await asyncio.start_server(server.serve, sock=door, limit=LONGEST_HEAD)
-    await server.take(channel)
+    opened = [Door(listener, server.serve) for listener in doors]
+    for door in opened:
+        door.open()
+    await server.take(channel, opened)
     await asyncio.sleep(FAREWELL)
     os._exit(0)  # whoever still watches, or waits for an answer, keeps nobody waiting
 
@@ -217,7 +222,8 @@ def serve(descriptor: int, make_ask: Callable[[Channel, Picture, dict[str, Any]]
     settings = channel.receive()
     channel.socket.setblocking(False)
     assert settings is not None
-    os.nice(NICE)
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
     picture = Picture()
     guard = Guard(settings["token"], settings["open"], settings["names"])
     doors = [socket.socket(fileno=number) for number in settings["doors"]]

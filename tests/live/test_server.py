@@ -73,7 +73,12 @@ def test_the_page_runs_no_script_but_its_own_and_says_so_to_the_browser():
         assert "<script>" not in html and "onclick" not in html and "style=" not in html
         script = ask(link, "page.js")[1] + ask(link, "map.js")[1]
         assert "innerHTML" not in script and "eval(" not in script
-        for path, method in (("../server.py", "GET"), ("etc", "GET"), ("stop", "PUT")):
+        for path, method in (
+            ("../server.py", "GET"),
+            ("etc", "GET"),
+            ("stop", "GET"),
+            ("etc", "POST"),
+        ):
             assert ask(link, path, method)[0] in (403, 404, 405)
 
 
@@ -130,6 +135,21 @@ def test_a_stuck_watcher_holds_up_nobody_and_too_many_are_turned_away():
         assert press(link, "stop")["confirmed"]
         for stream in (stuck, late, *many):
             stream.close()
+
+
+def test_what_is_no_request_is_closed_without_an_answer():
+    with served() as (link, _, _):
+        url = urlsplit(link)
+        for rubbish in (bytes(100), b"PUT /stop HTTP/1.1\r\n\r\n", b"GET /" + b"x" * 20_000):
+            with socket.create_connection((url.hostname, url.port), timeout=20) as sock:
+                sock.sendall(rubbish)
+                with contextlib.suppress(ConnectionResetError):
+                    assert sock.recv(100) == b""
+        with socket.create_connection((url.hostname, url.port), timeout=20) as sock:
+            for part in (b"POST /st", b"op HTTP/1.1\r\nHost: 127.0.0.1", b"\r\n\r\n"):
+                sock.sendall(part)
+                time.sleep(0.05)
+            assert sock.recv(100).startswith(b"HTTP/1.1 200")
 
 
 def test_connections_that_say_nothing_do_not_keep_a_stop_out():
