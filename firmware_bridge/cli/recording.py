@@ -89,6 +89,8 @@ class DriveRecorder:
         self._looked = -1.0
         self._stamps: deque[float] = deque([-1.0], maxlen=STAMPS)
         self._gate: tuple[Any, Any] = (None, ())
+        self._plan: tuple[Any, ...] | None = None
+        """Of the planner's thread: the plan that is still to be looked at."""
         job.watchers.append(self.saw)
 
     @property
@@ -118,14 +120,20 @@ class DriveRecorder:
 
     def saw(self, pose: tuple[float, float, float], plan: Any) -> None:
         """Take in a plan, in the thread that has just made it."""
-        from kmpc_lite.recording.records import Stepped
-
-        behind = self._insight(self._job.controller, plan)
         began = time.monotonic() - plan.timing["total"]
         known = [stamp for stamp in tuple(self._stamps) if 0.0 < stamp <= began]
         age = began - known[-1] if known else None
-        seen = self._job.navigator.scan
+        self._plan = began, pose, plan, age, self._job.navigator.scan
+
+    def planned(self) -> None:
+        """Look behind the plan, in the same thread, once its command is on its way."""
+        from kmpc_lite.recording.records import Stepped
+
+        if self._plan is None:
+            return
+        (began, pose, plan, age, seen), self._plan = self._plan, None
         scan = None if seen is None else laser_scan(seen)
+        behind = self._insight(self._job.controller, plan)
         circles = plan.around.circles
         self._file.put(Stepped(began, pose, plan, behind.path, behind.margins, circles, age, scan))
 

@@ -106,6 +106,8 @@ class Planner:
         See `Predict`.
     clock : callable
         [s]
+    after : callable, optional
+        Called once a command is there, in the same thread: what it takes delays no command.
     """
 
     def __init__(
@@ -116,7 +118,9 @@ class Planner:
         latency: float = 0.0,
         predict: Predict = unicycle_arc,
         clock: Callable[[], float] = time.monotonic,
+        after: Callable[[], None] | None = None,
     ) -> None:
+        self._after = after
         self._controller, self._poses, self.period, self._latency = (
             controller,
             poses,
@@ -170,6 +174,8 @@ class Planner:
             # the age of an output counts from the beginning of its computation, for its pose is
             # that old
             self.latest = replace(command, stamp=min(command.stamp, now)), state.stamp
+            if self._after is not None:
+                self._after()
         except Exception as error:  # whatever a controller raises, the gate must go on
             self.errors += 1
             self.last_error = f"{type(error).__name__}: {error}"

@@ -22,6 +22,10 @@ class Recorder(Observer, Protocol):
         """Where to."""
         ...
 
+    def planned(self) -> None:
+        """Take time for what was planned last: its command is on its way."""
+        ...
+
     def finish(self, report: dict[str, Any]) -> None:
         """Note how the drive ended."""
         ...
@@ -96,6 +100,11 @@ class DriveLogs:
     def problems(self) -> list[str]:
         """What is wrong with them."""
         return [file.problem for file in self._files() if file.problem]
+
+    def planned(self) -> None:
+        """Tell the recorder that it may take time for what was planned last."""
+        if self._recorder is not None:
+            self._recorder.planned()
 
     def finish(self, report: dict[str, Any]) -> None:
         """Note how the drive ended."""

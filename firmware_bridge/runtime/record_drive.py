@@ -101,14 +101,14 @@ def record(
         report = {"outcome": drive.outcome, **session.report()}
         interrupted = session.loop.stop_reason in SIGNALS
     # counted after the session has closed its files
-    report["rows"], report["problems"] = session.rows, (problems := session.problems())
+    report["rows"], report["problems"] = session.logs.rows, (problems := session.problems())
     report |= drive.report()
     if out is not None:
-        out.write(f"{session.rows} rows every {period:g} s in {', '.join(report['files'])}\n")
+        out.write(f"{session.logs.rows} rows every {period:g} s in {', '.join(report['files'])}\n")
         out.write("".join(f"{line}\n" for line in (*problems, *drive.summary())))
-    if not session.rows or problems or drive.trouble:
+    if not session.logs.rows or problems or drive.trouble:
         return report, NOT_DONE
-    return report, INTERRUPTED if interrupted and not session.rows else DONE
+    return report, INTERRUPTED if interrupted and not session.logs.rows else DONE
 
 
 class Recording:

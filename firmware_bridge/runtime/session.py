@@ -182,7 +182,11 @@ class Session:
     def _build(self, take: Callable[[], None] | None, confirm: Callable[[], None] | None) -> None:
         control = self.robot.control
         self.planner = Planner(
-            self._controller, self.driver.state, self._period, control.latency or 0.0
+            self._controller,
+            self.driver.state,
+            self._period,
+            control.latency or 0.0,
+            after=self.logs.planned,
         )
         self.gate = SafetyGate(self.robot.gate, LATE_STEPS * self._period)
         if self.robot.lidar is not None:
@@ -246,11 +250,6 @@ class Session:
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
         self._handlers = {}
-
-    @property
-    def rows(self) -> int:
-        """Rows in the CSV so far."""
-        return self.logs.rows
 
     def problems(self) -> list[str]:
         """Problems that a user must know of, but that stop no robot."""

@@ -36,6 +36,8 @@ STAGES = 25
 """So many stages of a plan are recorded at the most: every so manieth of a longer one."""
 POINTS = 100
 """So many points of a path."""
+SCENE_PERIOD = 0.2
+"""Time between two scenes, which are for eyes alone [s]."""
 
 
 class DriveEncoder:
@@ -59,7 +61,7 @@ class DriveEncoder:
         self._scenario, self._dt, self._about, self._offset = scenario, dt, about, offset
         self._writer = McapWriter(TOPICS)
         self._path = self._circles = np.empty((0, 0))
-        self._status = ""
+        self._status, self._scene_time = "", -math.inf
 
     def begin(self, time: float) -> bytes:
         """Give the beginning of the file: what is driven, where."""
@@ -154,7 +156,9 @@ class DriveEncoder:
             self._circles = record.circles
             rows = np.round(_finite(record.circles), 4).tolist()
             yield Message("/obstacles", now, {"timestamp": stamp(now), "circles": rows})
-        if np.isfinite(plan.states).all():
+        due = record.time - self._scene_time >= SCENE_PERIOD - 1e-6
+        if due and np.isfinite(plan.states).all():
+            self._scene_time = record.time
             yield Message("/scene", now, step_scene(now, self._scenario.radius, record))
         if record.scan is not None:
             yield from self._scan(record.scan, now)

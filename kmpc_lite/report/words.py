@@ -83,9 +83,10 @@ def outcome_sentence(run: Run) -> str:
         return (
             f"The robot reached its goal in {run.duration:.4g} s and stands {short} from it.{past}"
         )
+    ended = f" How it ended: {run.info['ended']}." if run.info.get("ended") else ""
     return (
         f"The robot did not reach its goal within {run.duration:.4g} s: "
-        f"it is still {short} from it.{past}"
+        f"it is still {short} from it.{past}{ended}"
     )
 
 

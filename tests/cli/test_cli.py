@@ -370,12 +370,16 @@ def test_demo_does_the_main_job(here: Path, capsys: pytest.CaptureFixture[str]) 
         "out/drive.csv",
         "out/report.html",
         "out/robot.npz",
+        "out/run",
+        "out/run/drive.mcap",
         "out/run.npz",
     }
     assert told["held_out"]["multi_step"][0] < told["held_out"]["nominal_multi_step"][0]
     # what it wrote is what the other commands take
     assert len(kl.Dataset.load("out/drive.csv")) == 20
     assert Run.load("out/run.npz").scenario.name == "four_circles_1"
+    assert cli.main(["report", "out/run", "-o", "again.html"]) == 0
+    assert 'id="drive"' in Path("again.html").read_text(), "it plays"
     assert kl.KoopmanModel.load("out/robot.npz").info["log"] == ["out/drive.csv"]
 
 
@@ -389,7 +393,8 @@ def test_demo_with_a_log_of_ones_own(
     assert cli.main(["demo", "--log", str(made / "drive.csv"), "-o", "mine"]) == 0
     out = capsys.readouterr().out
     assert str(made / "drive.csv") in out and "reached" in out and str(pages[0]) in out
-    assert files(here) == ["mine", "mine/robot.npz", "mine/run.npz"]
+    written = ["mine", "mine/robot.npz", "mine/run", "mine/run.npz", "mine/run/drive.mcap"]
+    assert sorted(files(here)) == sorted(written)
     assert Run.load("mine/run.npz").info["plant"] == "learned"
 
 

@@ -75,6 +75,8 @@ def drive(recorder: DriveRecorder, course: Any, seconds: float, begin: float) ->
         if k % 5 == 0:
             plan = course.controller.step((0.01 * k, 0.0, 0.0), course.scenario.goal)
             course.watchers[0]((0.01 * k, 0.0, 0.0), plan)
+            recorder.planned()
+            recorder.planned()  # once is enough
 
 
 def test_a_drive_is_recorded_as_it_happened(

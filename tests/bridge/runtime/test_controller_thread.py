@@ -75,3 +75,16 @@ def test_a_plan_is_for_the_moment_at_which_it_is_ready():
     assert asked[-1].stamp == pytest.approx(began + 0.08)
     truth = next(s for s in reversed(driver.path) if s.stamp <= began + 1e-9)
     assert asked[-1].x - truth.x == pytest.approx(0.5 * (asked[-1].stamp - truth.stamp), abs=1e-6)
+
+
+def test_what_comes_after_a_plan_delays_no_command() -> None:
+    order: list[str] = []
+    planner = Planner(
+        lambda state: VelocityCommand(0.5, 0.0, 0.0),
+        lambda: State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        0.1,
+        clock=lambda: 0.0,
+        after=lambda: order.append("later" if planner.latest is not None else "too early"),
+    )
+    planner.step(0.0)
+    assert order == ["later"] and planner.errors == 0
