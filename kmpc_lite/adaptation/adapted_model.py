@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import hypot
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,18 +43,26 @@ def adapted_model(
     return replace(base, A=mix @ base.A, H=mix @ base.H, B=b, noise_model=noise, info=info)
 
 
-def refuse(gains: Gains, options: AdaptationOptions, length: float) -> str:
-    """Say why no floor can cause these gains; empty where one can.
+class Refusal(NamedTuple):
+    """Why no floor can cause some gains."""
+
+    reason: str
+    turning: bool = False
+    """Whether turns tell it; else the distance driven does."""
+
+
+def refuse(gains: Gains, options: AdaptationOptions, length: float) -> Refusal | None:
+    """Say why no floor can cause these gains; None where one can.
 
     `length` is the robot's unit of length [m].
     """
     speed = hypot(gains.ahead, gains.left)
     if not (gains.ahead > 0.0 and options.least_gain < speed < options.largest_gain):
-        return f"it comes {gains.ahead:.2g} times as far ahead as the model says"
+        return Refusal(f"it comes {gains.ahead:.2g} times as far ahead as the model says")
     if not abs(gains.left) < options.largest_drift * speed:
-        return f"it drifts sideways by {gains.left:.2g} of its speed"
+        return Refusal(f"it drifts sideways by {gains.left:.2g} of its speed")
     if not options.least_gain < gains.turn < options.largest_gain:
-        return f"it turns {gains.turn:.2g} times as far as the model says"
+        return Refusal(f"it turns {gains.turn:.2g} times as far as the model says", turning=True)
     if not abs(gains.pull) * UNIT_RADIUS * length < options.largest_pull:
-        return f"it pulls to one side by {gains.pull:.2g} rad/m"
-    return ""
+        return Refusal(f"it pulls to one side by {gains.pull:.2g} rad/m")
+    return None

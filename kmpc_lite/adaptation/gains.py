@@ -182,15 +182,15 @@ def residuals(steps: Array, gains: Gains) -> tuple[Array, Array, Array]:
     )
 
 
-def went_back_and_forth(steps: Array, share: float) -> bool:
-    """Whether the commands of steps (20, n) took back most of what they had driven and turned.
+def went_back_and_forth(steps: Array, share: float, turning: bool) -> bool:
+    """Whether the commands of steps (20, n) took back most of what they had driven, or turned.
 
-    Where both net distance and net turn are less than a share of the whole, a robot whose motors
-    are later than its model knows has come as far as if it were another one.
+    Where the net is less than a share of the whole, a robot whose motors are later than its model
+    knows has come as far as if it were another one.
     """
     ahead = steps[9] * steps[13] + steps[10] * steps[14]
-    turns = steps[17]
-    return all(abs(float(m.sum())) < share * float(np.abs(m).sum()) for m in (ahead, turns))
+    moved = steps[17] if turning else ahead
+    return abs(float(moved.sum())) < share * float(np.abs(moved).sum())
 
 
 def scores(steps: Array, gains: Gains) -> Array:

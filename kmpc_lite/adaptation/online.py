@@ -19,7 +19,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.adaptation.adapted_model import adapted_model, refuse
+from kmpc_lite.adaptation.adapted_model import Refusal, adapted_model, refuse
 from kmpc_lite.adaptation.gains import (
     Estimate,
     Gains,
@@ -253,7 +253,7 @@ class OnlineAdaptation:
     def _give(self, gains: Gains) -> KoopmanModel | None:
         """Put gains into use, if a floor can cause them."""
         refusal = refuse(gains, self.options, self.scale.length)
-        if refusal:
+        if refusal is not None:
             self._refuse(gains, refusal)
             return None
         state = self.state
@@ -273,7 +273,7 @@ class OnlineAdaptation:
         self.model = adapted_model(self.base, gains, self._regressor.responses, noise, told)
         return self.model
 
-    def _refuse(self, gains: Gains, refusal: str) -> None:
+    def _refuse(self, gains: Gains, refusal: Refusal) -> None:
         """Forget the steps that led to impossible gains, and count those that explain the drive."""
         state = self.state
         steps = state.raw[kept_steps(state, min(state.since, self._memory))].T
@@ -285,8 +285,8 @@ class OnlineAdaptation:
         state.forget()
         if not left < 0.5 * usual:
             return  # nor was it a robot of another kind: those gains explain nothing
-        if went_back_and_forth(steps, self.options.back_and_forth):
+        if went_back_and_forth(steps, self.options.back_and_forth, refusal.turning):
             return  # an unknown lag looks like any gain there
         state.refusals += 1
         if state.refusals >= self.options.refusals_for_wrong:
-            state.wrong_model = f"the model is not of this robot: {refusal}"
+            state.wrong_model = f"the model is not of this robot: {refusal.reason}"

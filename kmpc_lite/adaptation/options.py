@@ -69,8 +69,8 @@ class AdaptationOptions:
     """How many times in a row gains that no floor can cause must be found, each time from fresh
     steps, before the model counts as another robot's."""
     back_and_forth: float = 0.5
-    """Net distance and net turn, as shares of the whole, below which a drive does not tell whether
-    the model is another robot's."""
+    """Net distance, or net turn where turns are what is wrong, as a share of the whole, below which
+    a drive does not tell whether the model is another robot's."""
     worse: float = 1.1
     """The adapted model returns to the learned one where its squared errors, over the memory, are
     this many times those of the learned one."""
