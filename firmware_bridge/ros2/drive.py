@@ -109,6 +109,8 @@ def run(
             done = late or (errand.goal is not None and navigator.reached > 0)
             if done and not why:
                 why.extend(session.why())
+                if session.gate.state is GateState.RELEASED:
+                    why.append("the robot was given back: a new goal lets it drive again")
             return done
 
         telling.start()

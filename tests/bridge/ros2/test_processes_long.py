@@ -30,6 +30,8 @@ def test_a_drive_whose_robot_is_killed_and_comes_back(sees: str, tmp_path: Path)
     port, other = free_port(), {"map": "scan", "scan": "map"}[sees]
     robot = ["emulate", "ros2", "--link", f"tcp:127.0.0.1:{port}", "--sees", sees, "--json"]
     drive = ["ros2", "--connect", f"tcp/127.0.0.1:{port}", "--topic", f"{other}=", "--json"]
+    # it comes back where it is put down, not where it was
+    drive += ["--set", "safety.resume_within=10.0"]
     drive += ["--goal", "1.5", "1.5", "0", "--v-max", "0.3", "--seconds", "100", "--timeout", "60"]
     first, node = start(*robot), start(*drive, "--socket", str(tmp_path / "estop"))
     try:
@@ -37,7 +39,6 @@ def test_a_drive_whose_robot_is_killed_and_comes_back(sees: str, tmp_path: Path)
         first.kill()
         first.wait()
         time.sleep(4.0)
-        # it stands where it is put down, half a metre from where it started
         second = start(*robot, "--start", "0.2", "0.0", "0.0")
         try:
             out, _ = node.communicate(timeout=150.0)
