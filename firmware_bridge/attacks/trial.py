@@ -126,13 +126,11 @@ def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) 
             "station": (station,),
         }
         page = stack.enter_context(_page(path)) if surface.page else None
-        if page is not None:
-            addresses["browsers"] = (urlsplit(page.links[0]).port,)
-        attackers = []
-        for flood in floods:
-            how = flood.beside or surface.between
-            child = _attacker(folder, how, addresses[how], flood.rubbish())
-            attackers.append(stack.enter_context(child))
+        addresses["browsers"] = ("" if page is None else urlsplit(page.links[0]).port,)
+        attackers = [
+            stack.enter_context(_attacker(folder, how, addresses[how], flood.rubbish()))
+            for flood, how in ((flood, flood.beside or surface.between) for flood in floods)
+        ]
         if all(flood.beside for flood in floods):  # nobody attacks the link: it is there
             stack.enter_context(_attacker(folder, surface.between, (near, far), b""))
         if surface.lidar and not floods:
