@@ -244,7 +244,9 @@ def _drive(stage: Stage) -> tuple[Run | None, dict[str, Any], int]:
     stage.say(f"3  driving {stage.scenario.name} with it, {how}over a pseudo-terminal again")
     control = {**COMMANDS, "model": str(stage.folder / "robot.npz"), "scenario": SCENARIO}
     control["map"] = not eyes
-    robot = load_robot(stage.file, {"control": control, "lidar": eyes})
+    # by sight a plan takes longer: where a busy machine makes some late, the rover waits for them
+    safety = {"hold": 3.0} if eyes else {}
+    robot = load_robot(stage.file, {"control": control, "lidar": eyes, "safety": safety})
     job = course(robot, SETTLE, PATIENCE, wait=WAIT)
     folder = stage.folder / "run"
     folder.mkdir(exist_ok=True)

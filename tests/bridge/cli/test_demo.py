@@ -66,3 +66,14 @@ def test_the_whole_demo_reaches_its_goal(tmp_path, capsys):
     assert (
         report["outcome"] == "reached" and Run.load(tmp_path / "out" / "run.npz").clearance > 0.03
     )
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("lidar", ["ld06", "rplidar", "mavlink"])
+def test_the_demo_by_sight_alone_reaches_its_goal(tmp_path, capsys, lidar):
+    folder = str(tmp_path / "out")
+    words = ["demo", "--lidar", lidar, "--seconds", "20", "--output", folder, "--json"]
+    assert main(words) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["outcome"] == "reached" and report["clearance_m"] > 0.0
+    assert report["link"]["reasons"].get("no scan of the lidar, or too old", 0) < 50
