@@ -208,6 +208,32 @@ def browse_badly(port: str, rubbish: bytes) -> None:
                 continue
 
 
+def watch_page(link: str, count: str, rubbish: bytes) -> None:
+    """Watch a page with so many browsers from "on" to "off"; the first of them reads nothing."""
+    from urllib.parse import urlsplit
+
+    url = urlsplit(link)
+    ask = f"GET {url.path}events HTTP/1.1\r\nHost: {url.netloc}\r\n\r\n".encode()
+    _ready()
+    watching: list[socket.socket] = []
+    while True:
+        ready = select.select([sys.stdin, *watching[1:]], [], [], 1.0)[0]
+        if sys.stdin in ready:
+            word = os.read(sys.stdin.fileno(), 64).decode().strip()
+            for sock in watching:
+                sock.close()
+            watching = []
+            if not word:
+                return
+            for _ in range(int(count) if word.endswith("on") else 0):
+                watching.append(socket.create_connection((HOST, int(url.port or 0))))
+                watching[-1].sendall(ask)
+            continue
+        for sock in [sock for sock in watching if sock in ready]:
+            if not sock.recv(65536):
+                watching.remove(sock)
+
+
 def press_page(link: str, rubbish: bytes) -> None:
     """Press STOP on a page when told, again until it is confirmed; say when that began [s]."""
     import http.client
@@ -243,6 +269,7 @@ KINDS: dict[str, Callable[..., None]] = {
     "press": press,
     "browsers": browse_badly,
     "station": send_beside,
+    "watchers": watch_page,
     "press_page": press_page,
 }
 

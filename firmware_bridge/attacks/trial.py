@@ -80,14 +80,14 @@ class _Script:
                 self._fast = now
             if now - self._fast > CLEAN:
                 self._attacked = now
-                _tell(self._attackers, "on")
+                tell(self._attackers, "on")
             return now - self._began > PATIENCE
         if self.stopped == math.inf and now - self._attacked > seconds:
             self.stopped = now
             self._session.gate.stop()
         elif self._pressed == math.inf and now - self.stopped > PRESSED:
             self._pressed = now
-            _tell([self._presser], "on")
+            tell([self._presser], "on")
         if math.isnan(self.obeyed) and shot.output.state is GateState.ESTOP:
             self.obeyed = shot.now
         obeyed = not math.isnan(self.obeyed)
@@ -128,15 +128,15 @@ def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) 
         page = stack.enter_context(_page(path)) if surface.page else None
         addresses["browsers"] = ("" if page is None else urlsplit(page.links[0]).port,)
         attackers = [
-            stack.enter_context(_attacker(folder, how, addresses[how], flood.rubbish()))
+            stack.enter_context(attacker(folder, how, addresses[how], flood.rubbish()))
             for flood, how in ((flood, flood.beside or surface.between) for flood in floods)
         ]
         if all(flood.beside for flood in floods):  # nobody attacks the link: it is there
-            stack.enter_context(_attacker(folder, surface.between, (near, far), b""))
+            stack.enter_context(attacker(folder, surface.between, (near, far), b""))
         if surface.lidar and not floods:
-            stack.enter_context(_attacker(folder, "lidar", addresses["lidar"], b""))
+            stack.enter_context(attacker(folder, "lidar", addresses["lidar"], b""))
         press, where_to = ("press", path) if page is None else ("press_page", page.links[0])
-        presser = stack.enter_context(_attacker(folder, press, (where_to,), b""))
+        presser = stack.enter_context(attacker(folder, press, (where_to,), b""))
         table = sections(
             surface.driver,
             f"{kind}:127.0.0.1:{near}",
@@ -148,15 +148,15 @@ def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) 
         with Session(load_robot(None, table), _ahead, PERIOD) as session:
             if page is not None:
                 page.start(lambda: _shown(session), {"title": "a robot under attack"})
-            script = _Script(session, [_input(a) for a in attackers], _input(presser))
+            script = _Script(session, [input_of(a) for a in attackers], input_of(presser))
             session.drive(lambda: script(seconds))
             read = session.driver.health().counters.get("bytes_in", 0)
-            _tell([_input(a) for a in attackers], "")
+            tell([input_of(a) for a in attackers], "")
         if script.stopped == math.inf:
             raise LinkError(f"{surface.name}: the robot never drove: {', '.join(session.why())}")
         assert presser.stdout is not None
         pressed = float(presser.stdout.readline())
-        _input(vehicle).close()
+        input_of(vehicle).close()
         vehicle.wait()
         stood = _standstill(trace, script.stopped)
         # in this order: where the gate never obeyed, that is no number, and stays none
@@ -215,7 +215,7 @@ def _child(module: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
             raise LinkError(f"{module} {' '.join(arguments)}: did not start")
         yield child
     finally:
-        _input(child).close()
+        input_of(child).close()
         try:
             child.wait(5.0)
         except subprocess.TimeoutExpired:
@@ -226,21 +226,24 @@ def _child(module: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
 
 
 @contextmanager
-def _attacker(
+def attacker(
     folder: Path, kind: str, address: tuple[object, ...], rubbish: bytes
 ) -> Iterator[subprocess.Popen[str]]:
+    """Run an attacker (attacker.KINDS) in a process of its own."""
     file = folder / f"rubbish-{kind}"
     file.write_bytes(rubbish)
     with _child("attacker", kind, *map(str, address), str(file)) as child:
         yield child
 
 
-def _input(child: subprocess.Popen[str]) -> IO[str]:
+def input_of(child: subprocess.Popen[str]) -> IO[str]:
+    """Where a child reads."""
     assert child.stdin is not None
     return child.stdin
 
 
-def _tell(pipes: Sequence[IO[str]], word: str) -> None:
+def tell(pipes: Sequence[IO[str]], word: str) -> None:
+    """Say a word to children; an empty one ends them."""
     for pipe in pipes:
         if word:
             pipe.write(f"{word}\n")

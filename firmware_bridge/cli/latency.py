@@ -22,7 +22,7 @@ from firmware_bridge.messages import BridgeError, ConfigError, LinkError
 from firmware_bridge.robot_file import DRIVERS, Robot, load_robot
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
-from kmpc_lite.cli.numbers import positive
+from kmpc_lite.cli.numbers import count, positive
 
 SCENARIO = "four_circles_1"
 MEASURED = tuple(name for name in DRIVERS if name != "sabertooth")
@@ -45,6 +45,8 @@ COLUMNS = (
     "command spacing, off by",
     "gate period, late by",
 )
+LONG = 3600.0
+"""Nothing is to end a drive that is measured before it has been [s]."""
 SHOWN = ("p50", "p99", "p99.9", "max")
 
 
@@ -82,10 +84,19 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="instead: flood each surface of a bridge that drives, and tell what that costs the\n"
         "gate, the standstill and the emergency stop; only floods whose name has a WORD",
     )
+    add(
+        "--live-clients",
+        type=count,
+        metavar="N",
+        help="instead: drive with N browsers that watch a live page, one of which reads nothing,\n"
+        "and without them, in turns of 2 s; tells the times of both and their ratio",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
     """Measure and print the table."""
+    if options.live_clients is not None:
+        return _watched(options)
     if options.flood is not None:
         return _flood(options)
     if "mavlink" in options.drivers:
@@ -116,6 +127,38 @@ def _flood(options: argparse.Namespace) -> int:
         raise ConfigError(f"--flood {' '.join(options.flood)}: no flood has this in: {names}")
     rows = attacks.measure(floods, None if options.json else sys.stderr)
     print(json.dumps([r.as_dict() for r in rows]) if options.json else attacks.table(rows))
+    return 0
+
+
+def _watched(options: argparse.Namespace) -> int:
+    """Measure and print what browsers cost."""
+    from functools import partial
+
+    from firmware_bridge.attacks.watching import Turns, told
+    from firmware_bridge.cli.live import Showing
+    from firmware_bridge.runtime.drive import run as drive_robot
+    from kmpc_lite.cli.live_options import Views
+    from kmpc_lite.live.address import LiveAddress
+
+    with tempfile.TemporaryDirectory(prefix="kmpc-bridge-") as name:
+        folder = Path(name)
+        file = folder / "robot.toml"
+        file.write_text(robot_text("roboclaw", folder, 0.1))
+        robot = load_robot(file)
+        robot = replace(robot, control=replace(robot.control, scenario=SCENARIO))
+        turns = Turns(options.live_clients, options.seconds, folder)
+        showing = Showing(Views(LiveAddress(port=0), None), folder / "estop")
+        job = course(robot, LONG, LONG, showing.saw)
+        showing.controller = job.controller
+        with emulator(file, folder / "roboclaw"), showing:
+            watch = partial(turns.watch, job=job, showing=showing)
+            where = (job.robot, job.navigator, job.period, job.origin)
+            drive_robot(*where, None, None, watched=watch)
+    rows = turns.table()
+    if options.json:
+        print(json.dumps({"clients": options.live_clients, "times_ms": rows}))
+        return 0
+    print(told(rows, options.live_clients))
     return 0
 
 
@@ -249,6 +292,7 @@ COMMAND = Command(
         "kmpc latency --seconds 10",
         "kmpc latency --drivers roboclaw vesc --rates 50",
         "kmpc latency --flood",
+        "kmpc latency --live-clients 50 --seconds 60",
     ),
     add_options=add_options,
     run=run,

@@ -59,7 +59,7 @@ class Showing:
         for view in (self._feed, self._viewer):
             if view is not None:
                 self._stack.enter_context(view)
-        tell_links([*(self._feed.links if self._feed else ()), *self._viewer_link()])
+        tell_links(self.links())
         return self
 
     def __exit__(
@@ -78,8 +78,10 @@ class Showing:
         views = [view for view in (self._feed, self._viewer) if view is not None]
         return [view.problem for view in views if view.problem]
 
-    def _viewer_link(self) -> list[str]:
-        return [] if self._viewer is None else [self._viewer.link]
+    def links(self) -> list[str]:
+        """Links to open."""
+        found = [] if self._feed is None else list(self._feed.links)
+        return found if self._viewer is None else [*found, self._viewer.link]
 
     def saw(self, pose: tuple[float, float, float], plan: Any) -> None:
         """Take a plan, in the thread that has just made it."""

@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 
 import pytest
 
@@ -10,6 +11,7 @@ from firmware_bridge.attacks.floods import EVERYTHING, FLOODS, SIZE
 from firmware_bridge.attacks.robots import sections
 from firmware_bridge.attacks.table import Row, chosen, table
 from firmware_bridge.attacks.trial import Trial, _standstill
+from firmware_bridge.attacks.watching import Turns, told
 from firmware_bridge.cli.main import main
 from firmware_bridge.robot_file import DRIVERS, load_robot
 
@@ -67,3 +69,14 @@ def test_words_choose():
     assert len(chosen([])) == len(FLOODS)
     assert {flood.surface.name for flood in chosen(["udp"])} == {"MAVLink, UDP"}
     assert table([Row(FLOODS[0], Trial([0.0], 0.3, 0.0), Trial([0.0], 0.3, 0.0))]).count("\n") == 2
+
+
+def test_what_browsers_cost_is_told_as_one_ratio():
+    turns = Turns(50, 4.0, Path("/"))
+    for k in range(100):
+        turns.late[False].add(0.001 + 1e-6 * k)
+        turns.late[True].add(0.002 + 2e-6 * k)
+    late, spacing = turns.table()
+    assert late["ratio"] == pytest.approx(2.0, rel=0.03) and spacing["ratio"] is None
+    text = told([late], 50)
+    assert "with 50 browsers" in text and "p99 with / without: 2." in text
