@@ -14,7 +14,7 @@ from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import TOPICS, Robot, load_robot
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
-from kmpc_lite.cli.numbers import positive
+from kmpc_lite.cli.numbers import number, positive
 
 if TYPE_CHECKING:
     from firmware_bridge.emulator.ros2.robot import Ros2Emulator
@@ -56,7 +56,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--scan-mount",
         nargs=3,
-        type=float,
+        type=number,
         metavar=("X", "Y", "THETA"),
         help="place of the scanner on the robot [m, m, rad] (default: of TF)",
     )
@@ -100,7 +100,7 @@ def _add_driving(parser: argparse.ArgumentParser) -> None:
     add(
         "--goal",
         nargs=3,
-        type=float,
+        type=number,
         metavar=("X", "Y", "THETA"),
         help="drive there and end, with status 1 where it does not arrive [m, m, rad]",
     )

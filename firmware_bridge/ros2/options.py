@@ -91,7 +91,8 @@ def read_topics(given: Iterable[str], namespace: str) -> dict[str, tuple[str, ..
         if name:
             names.append(name)
         if len(names) > (MOST if role in SEVERAL else 1):
-            raise ConfigError(f"--topic {item[:80]}: {role} was given before")
+            most = MOST if role in SEVERAL else 1
+            raise ConfigError(f"--topic {item[:80]}: {role}: at most {most} may be given")
         if not names and role not in OPTIONAL:
             raise ConfigError(f"--topic {role}=: this topic cannot be left out")
     return {

@@ -19,6 +19,17 @@ def positive(text: str) -> float:
     return value
 
 
+def number(text: str) -> float:
+    """Read a finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = LARGEST
+    if not -LARGEST < value < LARGEST:
+        raise ArgumentTypeError(f"expected a number, got {text}")
+    return value
+
+
 def count(text: str) -> int:
     """Read a whole number >= 1."""
     try:
