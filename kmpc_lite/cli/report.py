@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
+from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import kmpc_lite as kl
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.files import keep_inputs
 from kmpc_lite.cli.output import command_line
+
+if TYPE_CHECKING:
+    from kmpc_lite.sim import Run
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -31,6 +37,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="page to write (default: the run's name with .html; report.html in a folder)",
     )
     add("--model", type=Path, metavar="FILE", help="model of the run, to show how it was fitted")
+    add(
+        "--from",
+        dest="begin",
+        type=float,
+        metavar="S",
+        help="play from this time on [s]; of a long drive every step is then there",
+    )
+    add("--to", dest="end", type=float, metavar="S", help="play to this time [s]")
     add("--pictures", type=Path, metavar="DIR", help="folder to write PNG pictures to")
 
 
@@ -42,6 +56,8 @@ def run(options: argparse.Namespace) -> int:
 
     keep_inputs(options.output, options.file, options.model)
     drive = load_drive(options.file)
+    if options.begin is not None or options.end is not None:
+        drive = _between(drive, options.begin, options.end)
     model = kl.KoopmanModel.load(options.model) if options.model else None
     written: list[str] = []
     if options.pictures:
@@ -53,6 +69,16 @@ def run(options: argparse.Namespace) -> int:
     lines = "\n".join(f"wrote  {name}" for name in written)
     print(json.dumps({"written": written}) if options.json else lines)
     return 0
+
+
+def _between(drive: Run, begin: float | None, end: float | None) -> Run:
+    """Give the drive with the steps of a part of it."""
+    if drive.details is None:
+        raise kl.ScenarioError("--from, --to: a run that was not recorded (--record) plays whole")
+    part = drive.details.between(
+        -math.inf if begin is None else begin, math.inf if end is None else end
+    )
+    return replace(drive, details=part)
 
 
 def _beside(run: Path) -> Path:

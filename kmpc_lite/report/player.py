@@ -118,6 +118,7 @@ def _map(run: Run) -> dict[str, Any]:
         "start": list(scenario.start),
         "goal": list(scenario.goal),
         "tolerance": scenario.tolerance,
+        "known": [[c.x, c.y, c.radius] for c in scenario.circles if not (c.vx or c.vy)],
         "outlines": outlines,
         "walls": walls,
         "boxes": boxes,

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
+from kmpc_lite.errors import ScenarioError
 from kmpc_lite.types import Array
+
+STEPS = ("times", "poses", "plans", "margins", "commands", "clearances", "pose_ages", "step_times")
+NUMBERS, WORDS = ("path_of", "circles_of"), ("statuses", "progress", "reasons")
+"""Fields that have an entry for each step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,3 +64,24 @@ class Details:
     """Times [s], what was told, and whether it is bad."""
     scans: tuple[tuple[float, Array], ...] = ()
     """Times [s], and what was hit, (B, 2) in the robot's frame [m]."""
+
+    def between(self, begin: float, end: float) -> Details:
+        """Give the steps from one time to another [s].
+
+        Raises
+        ------
+        ScenarioError
+            Where there are none.
+        """
+        chosen = np.flatnonzero((self.times >= begin - 1e-6) & (self.times <= end + 1e-6))
+        if not len(chosen):
+            raise ScenarioError(
+                f"no step from {begin:g} s to {end:g} s: "
+                f"the drive lasts from {self.times[0]:.2f} s to {self.times[-1]:.2f} s"
+            )
+        arrays: dict[str, Any] = {name: getattr(self, name)[chosen] for name in (*STEPS, *NUMBERS)}
+        words: dict[str, Any] = {
+            name: tuple(getattr(self, name)[k] for k in chosen) for name in WORDS
+        }
+        gates = tuple(gate for gate in self.gates if gate[0] <= end)
+        return replace(self, **arrays, **words, gates=gates)

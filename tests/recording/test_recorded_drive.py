@@ -251,6 +251,28 @@ def test_the_commands_record_show_and_learn_from_a_drive(
     assert len(data.episodes) == 1 and data.dt == pytest.approx(0.1)
 
 
+def test_a_part_of_a_drive_is_shown(
+    scenario: Scenario, content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra plot")
+    path = tmp_path / "drive.mcap"
+    path.write_bytes(content)
+    run = load_drive(path)
+    assert run.details is not None
+    part = run.details.between(0.45, 0.8)
+    assert part.times.round(6).tolist() == [0.5, 0.6, 0.7, 0.8]
+    assert len(part.statuses) == len(part.plans) == len(part.path_of) == 4
+    words = ["report", str(path), "-o", str(tmp_path / "part.html")]
+    assert cli.main([*words, "--from", "0.5", "--to", "0.8"]) == 0
+    assert (tmp_path / "part.html").exists()
+    capsys.readouterr()
+    assert cli.main([*words, "--from", "90"]) == 2
+    assert "no step from 90 s to inf s: the drive lasts from 0.00 s to" in capsys.readouterr().err
+    run.save(tmp_path / "run.npz")
+    assert cli.main(["report", str(tmp_path / "run.npz"), "--to", "1"]) == 2
+    assert "was not recorded" in capsys.readouterr().err
+
+
 def test_only_what_the_robot_obeyed_is_learned_from(scenario: Scenario, tmp_path: Path) -> None:
     encoder = DriveEncoder(scenario, 0.1, {})
     records: list[Any] = []

@@ -516,3 +516,11 @@ def test_what_cannot_be_written_or_drawn_is_said(runs, tmp_path, blank):
         write_report(tmp_path / "run.html", replace(runs["single"], path=away))
     with pytest.raises(kl.KmpcError, match="at least one step"):
         map_picture(replace(runs["single"], inputs=np.empty((0, 2))))
+
+
+def test_how_a_drive_ended_is_said_and_never_run(runs, tmp_path, blank):
+    late = next(run for run in runs.values() if run.outcome is Outcome.TIMEOUT)
+    write_report(tmp_path / "run.html", replace(late, info={"ended": f"SIGINT; {HOSTILE}"}))
+    page = Page(tmp_path / "run.html")
+    assert "How it ended: SIGINT; <script>alert(1)</script>" in page.words
+    assert page.only_our_script()

@@ -54,6 +54,9 @@ function drawGrid(parent, v) {
 }
 
 function drawSolids(parent) {
+  for (const [x, y, r] of D.map.known) { // on the map, whether the robot was told or not
+    draw(parent, 'circle', { class: 'known', cx: M.x(x), cy: M.y(y), r: M.scale * r });
+  }
   for (const outline of D.map.outlines) {
     draw(parent, 'polygon', { class: 'solid', points: lineOf(outline) });
   }
