@@ -110,7 +110,7 @@ def run(
         trouble = "" if examiner is None else examiner.trouble
         ended_by = session.loop.stop_reason if interrupted else trouble
         report["outcome"] = _outcome(navigator, ended_by)
-        if not navigator.arrived:
+        if not navigator.arrived and not trouble:
             report["why"] = why or session.why()
         session.logs.finish(report)
     report["problems"] = session.problems()  # counted after the session has closed its files

@@ -538,6 +538,10 @@ MAVLINK = ["--driver", "mavlink", "--link", "pty:link"]
             "cannot listen",
         ),
         (
+            ["run", *MAVLINK, "--scenario", "course.toml", "--rehearse"],
+            "--rehearse: goes with a learned model",
+        ),
+        (
             ["record", *MAVLINK, "--excite", "--output", "a"],
             "safety.geofence: missing: random driving needs",
         ),
