@@ -107,21 +107,16 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
 def run(options: argparse.Namespace) -> int:
     """Fit the logs, print the held-out errors, write the model."""
     from kmpc_lite.learn.fit_summary import describe_fit, format_summary
+    from kmpc_lite.learn.loading import load_logs
     from kmpc_lite.learn.noise_sources import check_sources
     from kmpc_lite.learn.provenance import describe_making, format_making, read_vehicle
 
     keep_inputs(options.output, *options.log)
     vehicle = read_vehicle(options.log, options.vehicle)
     told: list[str] = []
-    train, held = load_and_split(
-        options.log,
-        options.dt,
-        options.gap,
-        options.holdout,
-        options.seed,
-        read_options(options),
-        told.append,
-    )
+    check_split(options.holdout, options.seed)
+    whole = load_logs(options.log, options.dt, options.gap, read_options(options), told.append)
+    train, held = split_log(whole, options.log, options.holdout, options.seed)
     free = options.no_symmetry or options.method == "edmdc"
     lags = read_lags(options.lags, options.product, free)
     ages = None if lags == "auto" else lags
@@ -134,12 +129,12 @@ def run(options: argparse.Namespace) -> int:
         lags="auto" if lags == "auto" else None,
     )
     report = kl.evaluate(model, held, options.horizon)
-    facts = describe_fit(model, train, held, report) if lags == "auto" else {}
+    facts = describe_fit(model, train, whole, report) if lags == "auto" else {}
     noise = check_sources(model, held)
     if facts and noise is not None:
         facts["noise"] = noise.as_dict()
     model, calibration = calibrated(model, held)
-    made = describe_making(model, options.log, train, held, vehicle=vehicle)
+    made = describe_making(model, options.log, whole, vehicle=vehicle)
     model = with_info(model, {"held_out": report.as_dict(), **made})
     model.save(options.output)
     info = model.info
@@ -229,11 +224,22 @@ def load_and_split(
     """
     from kmpc_lite.learn.loading import load_logs
 
+    check_split(holdout, seed)
+    return split_log(load_logs(logs, dt, gap, how, tell), logs, holdout, seed)
+
+
+def check_split(holdout: float, seed: int) -> None:
+    """Refuse what no log can be split by."""
     if not 0.0 < holdout < 1.0:
         raise kl.DataError(f"--holdout: expected a share between 0 and 1, got {holdout}")
     if seed < 0:
         raise kl.DataError(f"--seed: expected a whole number >= 0, got {seed}")
-    data = load_logs(logs, dt, gap, how, tell)
+
+
+def split_log(
+    data: kl.Dataset, logs: list[Path], holdout: float, seed: int
+) -> tuple[kl.Dataset, kl.Dataset]:
+    """Split a log, cut into windows where it has few episodes; see `load_and_split`."""
     if len(data) < 10:
         data = data.windows(max(5.0, 50 * data.dt))
     if len(data) < 2:

@@ -25,7 +25,9 @@ CHOSEN = {
 }
 
 
-def summarize_fit(model: KoopmanModel, train: Dataset, *held: Dataset) -> dict[str, Any]:
+def summarize_fit(
+    model: KoopmanModel, train: Dataset, whole: Dataset | None = None
+) -> dict[str, Any]:
     """Facts about a robot that ``lags="auto"`` has learned, as values that JSON can hold.
 
     Parameters
@@ -34,8 +36,8 @@ def summarize_fit(model: KoopmanModel, train: Dataset, *held: Dataset) -> dict[s
         What was learned.
     train : Dataset
         What it was learned from.
-    held : Dataset
-        The rest of the log: what that shows is not missing.
+    whole : Dataset, optional
+        The log of which that is a part, uncut: what that shows is not missing.
     """
     speed, turn = (Response(*model.info["response"][name]) for name in ("speed", "turn"))
     rows = np.array(model.info["selection"]["rows"])
@@ -61,15 +63,15 @@ def summarize_fit(model: KoopmanModel, train: Dataset, *held: Dataset) -> dict[s
         "inputs": tell_inputs(train, speed.delay),
         "directions": {k: d["step"] for k, d in model.info["selection"]["directions"].items()},
         "told": diagnose(train, speed, turn),
-        "warnings": find_gaps(train, *held),
+        "warnings": find_gaps(train if whole is None else whole),
     }
 
 
 def describe_fit(
-    model: KoopmanModel, train: Dataset, held: Dataset, report: FitReport
+    model: KoopmanModel, train: Dataset, whole: Dataset, report: FitReport
 ) -> dict[str, Any]:
     """Facts about the robot that a fit has learned, with all that is to be warned of."""
-    facts = summarize_fit(model, train, held)
+    facts = summarize_fit(model, train, whole)
     return {**facts, "warnings": [*warn_of_errors(report), *facts["warnings"]]}
 
 
