@@ -102,7 +102,8 @@ def test_it_fits_asks_for_nothing_and_runs_nothing_of_the_drive(
     assert page.errors == [] and page.requests == [file.as_uri()]
     assert page.run("window.bad") is None and page.text("h1") == HOSTILE
     assert page.run("document.documentElement.scrollWidth <= innerWidth")
-    assert page.run("document.querySelector('.player').getBoundingClientRect().top < 400")
+    first = "document.querySelector('main > header + *') === document.querySelector('.player')"
+    assert page.run(first) and page.run("document.querySelector('.player h2 + * svg').id") == "map"
     small = page.run(
         "[...document.querySelectorAll('.controls button, .controls select, #time')]"
         ".map((e) => e.getBoundingClientRect()).filter((b) => b.height < 39 || b.width < 39).length"
