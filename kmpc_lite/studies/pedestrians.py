@@ -16,9 +16,12 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.control.controller import Controller
+from kmpc_lite.control.obstacles.scan import LaserScan
+from kmpc_lite.control.obstacles.tracker import ObstacleTracker
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import wrap
 from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.sim.lidar import LidarSpec, World
 from kmpc_lite.sim.pedestrians import Pedestrians, Walks
 from kmpc_lite.sim.plants.robots import DifferentialDrive
 from kmpc_lite.studies.executors import gather
@@ -26,8 +29,9 @@ from kmpc_lite.studies.records import Record, RecordFile
 from kmpc_lite.studies.training import DT, REPORTING_SEED
 from kmpc_lite.types import Array
 
-SEEN = ("told", "zero", "noisy")
-"""What the controller is told of velocities: the truth, zero, or zero with noise of the place."""
+SEEN = ("told", "zero", "noisy", "lidar")
+"""How the controller sees people: with their velocity, with zero, with zero and noise of the place,
+or in scans, out of which a tracker finds who walks."""
 COUNTS = (4, 8)
 NOISE = 0.01
 """Of noisy circles, along each axis [m]."""
@@ -42,6 +46,7 @@ APART = 0.1
 TIMEOUT = 60.0
 """[s]"""
 SLIP = 0.05
+LIDAR = LidarSpec()
 NEAR, TURNED = 0.05, 0.15
 """Tolerances of arrival [m, rad]."""
 
@@ -96,11 +101,17 @@ def drive(people: int, turning: bool, seen: str, seed: int) -> Drive:
     pose, goal = ends(seed, walks.side)
     crowd = Pedestrians(walks, seed, pose[:2])
     plant, noise = DifferentialDrive(SLIP, seed), np.random.default_rng([seed, 4])
+    tracker = ObstacleTracker(DT)
     counts = Counts(people, turning, seen, seed)
     touching, trail = np.zeros(people, dtype=bool), [pose[:2]]
     poses, circles, statuses, contacts = [pose], [crowd.circles], list[str](), []
     while counts.steps * DT < TIMEOUT and not counts.arrived:
-        plan = controller.step(pose, goal, _as_seen(crowd.circles, seen, noise))
+        if seen == "lidar":
+            scan = _scan(pose, crowd.circles, noise)
+            around: Any = [scan, *tracker.see(scan, pose)]
+        else:
+            around = _as_seen(crowd.circles, seen, noise)
+        plan = controller.step(pose, goal, around)
         counts.stopped += plan.status.name == "STOPPED"
         trace = plant.trace(pose, plan.command, DT, LOOKS)
         places = crowd.walk(DT, LOOKS)
@@ -131,6 +142,17 @@ def _as_seen(circles: Array, seen: str, noise: np.random.Generator) -> Array:
     if seen == "noisy":
         circles[:, :2] += NOISE * noise.normal(size=(len(circles), 2))
     return circles
+
+
+def _scan(pose: Array, circles: Array, noise: np.random.Generator) -> LaserScan:
+    """What a scanner in the robot's middle sees, with noise and beams that come back without."""
+    directions = math.tau / LIDAR.beams * np.arange(LIDAR.beams)
+    world = World(circles, np.empty((0, 4)))
+    ranges = world.ranges(pose[:2], pose[2] + directions)
+    ranges += LIDAR.noise * noise.normal(size=LIDAR.beams)
+    ranges[ranges > LIDAR.reach] = np.inf
+    ranges[noise.random(LIDAR.beams) < LIDAR.dropout] = np.nan
+    return LaserScan(ranges, 0.0, math.tau / LIDAR.beams, LIDAR.reach, range_min=LIDAR.nearest)
 
 
 def _kind(trail: Array, place: Array) -> str:

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.control.obstacles.circles import Circle, circles_to_array
+from kmpc_lite.control.obstacles.clusters import clusters
+from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.obstacles.tracks import Follower, Tracks
 from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.errors import ProblemError
@@ -102,6 +104,41 @@ class ObstacleTracker:
             [tracks.states[hidden, :2], tracks.radii[hidden, None], velocities[hidden]]
         )
         return [Circle(*row) for row in np.vstack([array, rest]).tolist()]
+
+    def see(self, scan: LaserScan, pose: ArrayLike) -> list[Circle]:
+        """Find who walks in the scan of a period; instead of `update`.
+
+        Parameters
+        ----------
+        scan : LaserScan
+            Seen from the pose.
+        pose : array_like
+            Of the robot (3,) [m, m, rad].
+
+        Returns
+        -------
+        list of Circle
+            Small clusters of hits that move, with their velocity; then those that are hidden. To
+            be handed to `Controller.step` beside the scan, which tells all that stands.
+
+        Raises
+        ------
+        ValueError
+            For a pose of another shape.
+        """
+        here = np.asarray(pose, dtype=float)
+        if here.shape != (3,):
+            raise ValueError(f"pose: expected shape (3,), got {here.shape}")
+        options = self._follower.options
+        found = clusters(scan, here, options.gap, options.largest_cluster, options.fewest_hits)
+        self.follow(np.hstack([found, np.zeros((len(found), 2))]))
+        tracks = self.tracks
+        velocities = tracks.velocities
+        # in a second at the most: who has walked and stands is a thing again
+        walked = np.hypot(*velocities.T) * np.minimum(tracks.seen - tracks.unseen, 1.0)
+        walks = tracks.moving & (walked > options.strayed * tracks.radii)
+        rows = np.hstack([tracks.states[:, :2], tracks.radii[:, None], velocities])[walks]
+        return [Circle(*row) for row in rows.tolist()]
 
     def follow(self, circles: Array) -> Array:
         """Take in circles (N, 5); give the index of each one's track (N,), -1 for too many."""

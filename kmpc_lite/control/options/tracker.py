@@ -30,11 +30,22 @@ class TrackerOptions:
     """Probability that a circle which keeps its velocity is taken for one that does not."""
     coast: float = seconds(1.5)
     """How long a track lasts unseen [s], and at most as long as it was seen."""
-    spread: float = share(1.0)
+    spread: float = share(3.0)
     """Standard deviations of its velocity by which a circle that was seen to move grows, up to the
     robot's radius: whether somebody comes or not must not block the way."""
     most: int = count(200)
     """Circles that are followed."""
+
+    gap: float = radii(1.0, zero=False)
+    """Distance between neighbouring hits of a scan beyond which another cluster begins
+    [radii]."""
+    largest_cluster: float = radii(3.0)
+    """Radius of the largest cluster of a scan that may be somebody [radii]."""
+    fewest_hits: int = count(3)
+    """Hits of the smallest one."""
+    strayed: float = share(0.5)
+    """How far a cluster must have moved to be somebody, in its own radii: what is seen of a post
+    changes with the place that it is seen from."""
 
     def __post_init__(self) -> None:
         check(self)

@@ -1,0 +1,85 @@
+"""Small things that stand free in a scan become circles, and who walks among them is found."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.control.obstacles.clusters import clusters
+from kmpc_lite.control.obstacles.tracker import ObstacleTracker
+from kmpc_lite.sim.lidar import World
+from kmpc_lite.types import Array
+
+DT, BEAMS, REACH = 0.1, 360, 4.0
+POSTS = np.array(
+    [[1.5, 0.8, 0.1, 0.0, 0.0], [1.0, -1.2, 0.2, 0.0, 0.0], [2.4, 0.2, 0.15, 0.0, 0.0]]
+)
+WALLS = np.array([[-1.0, 2.0, 4.0, 2.0], [-1.0, -2.0, 4.0, -2.0], [-1.0, -2.0, -1.0, 2.0]])
+
+
+def look(circles: Array, pose: Array, random: np.random.Generator | None = None) -> kl.LaserScan:
+    directions = math.tau / BEAMS * np.arange(BEAMS)
+    ranges = World(circles, WALLS).ranges(pose[:2], pose[2] + directions)
+    if random is not None:
+        ranges = ranges + 0.01 * random.normal(size=BEAMS)
+        ranges[random.random(BEAMS) < 0.01] = np.nan
+    ranges[ranges > REACH] = np.inf
+    return kl.LaserScan(ranges, 0.0, math.tau / BEAMS, REACH)
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, -2.5])
+def test_posts_are_circles_where_they_stand_and_walls_are_none(turn: float) -> None:
+    pose = np.array([0.1, 0.0, turn])
+    found = clusters(look(POSTS, pose), pose, 0.15, 0.45, 3)
+    assert len(found) == len(POSTS)
+    for row in found:
+        nearest = POSTS[np.hypot(*(POSTS[:, :2] - row[:2]).T).argmin()]
+        assert np.hypot(*(row - nearest[:3])[:2]) < 0.05
+        assert row[2] == pytest.approx(nearest[2], abs=0.03)
+
+
+def test_a_thing_across_the_ends_of_the_ring_is_one() -> None:
+    post = np.array([[1.0, 0.0, 0.2, 0.0, 0.0]])
+    assert len(clusters(look(post, np.zeros(3)), np.zeros(3), 0.15, 0.45, 3)) == 1
+
+
+def test_what_is_partly_hidden_is_no_cluster() -> None:
+    row = np.array([[1.0, 0.0, 0.2, 0.0, 0.0], [2.0, 0.35, 0.2, 0.0, 0.0]])
+    found = clusters(look(row, np.zeros(3)), np.zeros(3), 0.15, 0.45, 3)
+    assert len(found) == 1 and found[0, 0] < 1.1
+
+
+def test_nothing_is_found_in_an_empty_scan() -> None:
+    for value in (np.inf, np.nan):
+        scan = kl.LaserScan(np.full(BEAMS, value), 0.0, math.tau / BEAMS, REACH)
+        assert clusters(scan, np.zeros(3), 0.15, 0.45, 3).shape == (0, 3)
+
+
+def test_who_walks_is_found_among_posts_by_a_robot_that_drives() -> None:
+    random, tracker, pose = np.random.default_rng(2), ObstacleTracker(DT), np.zeros(3)
+    found, wrong = 0, 0
+    for k in range(50):
+        walker = np.array([[0.5 + 0.06 * k, 1.2, 0.25, 0.6, 0.0]])
+        for circle in tracker.see(look(np.vstack([POSTS, walker]), pose, random), pose):
+            is_right = np.hypot(circle.x - walker[0, 0], circle.y - 1.2) < 0.2
+            found += is_right and abs(circle.vx - 0.6) < 0.25
+            wrong += not is_right
+        pose = pose + (0.03, 0.0, 0.02)
+    assert found >= 25
+    assert wrong <= 5
+
+
+def test_posts_do_not_walk_when_a_robot_drives_by() -> None:
+    random, tracker, pose, walking = np.random.default_rng(3), ObstacleTracker(DT), np.zeros(3), 0
+    for _ in range(60):
+        walking += len(tracker.see(look(POSTS, pose, random), pose))
+        pose = pose + (0.03, 0.0, 0.01)
+    assert walking <= 3
+
+
+def test_a_pose_of_another_shape_is_refused() -> None:
+    with pytest.raises(ValueError, match="expected shape"):
+        ObstacleTracker(DT).see(look(POSTS, np.zeros(3)), (0.0, 0.0))
