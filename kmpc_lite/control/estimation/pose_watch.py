@@ -90,7 +90,11 @@ class PoseWatch:
             return None
         slip = self._slip(state, before.command)
         bounds = self._bounds(noise, slip)
-        step = model.predict(last, before.command, before.earlier)
+        planned = history.planned
+        if planned is not None and planned.expected is not None and state.believed is None:
+            step = planned.expected  # of the same place and command
+        else:
+            step = model.predict(last, before.command, before.earlier)
         agrees = _within(pose, step, *bounds)
         if state.believed is None and (agrees or not self._options.agreement):
             return None

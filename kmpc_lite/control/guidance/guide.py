@@ -73,6 +73,7 @@ class Guide:
         self._dt = problem.dt
         self._inflation = problem.robot_radius + problem.margin
         self._low, self._high = problem.x_min[:2].tolist(), problem.x_max[:2].tolist()
+        self._area = np.array([self._low, self._high])
         self._times = problem.dt * np.arange(problem.horizon + 1)
         self._ahead = self._options.lead_time + self._times
         self._goal_checker = GoalChecker(in_metres(goal_options or GoalOptions(), unit))
@@ -197,7 +198,8 @@ class Guide:
             return None
         inflation = self._inflation + swing(state.turning_centre)
         speed = capabilities.evasive
-        return MovingObstacles(circles, inflation, speed, self._moving_table, solids, spread)
+        table = self._moving_table
+        return MovingObstacles(circles, inflation, speed, table, solids, spread, self._area)
 
     def _begin_last_turn(self, state: GuideState, now: Situation) -> None:
         """Begin the last turn where the robot comes to a stop; give it up where it has left."""

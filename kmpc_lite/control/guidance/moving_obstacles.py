@@ -57,6 +57,8 @@ class MovingObstacles:
     spread : ndarray, optional
         (M,) speeds at which circles grow whose velocity was seen, not told [m/s]: up to
         `inflation`.
+    area : ndarray, optional
+        Least and largest x, y of the robot's centre (2, 2) [m]: beyond it there is no room.
     """
 
     def __init__(
@@ -67,9 +69,10 @@ class MovingObstacles:
         table: MovingObstacleTable,
         solids: Solids | None = None,
         spread: Array | None = None,
+        area: Array | None = None,
     ) -> None:
         moves = circles[:, 3:].any(axis=1)
-        self._all, self._solids, self.spread = circles, solids, spread
+        self._all, self._solids, self.spread, self._area = circles, solids, spread, area
         self._moving = circles[moves]
         self._moving_spread = None if spread is None else spread[moves]
         self._inflation, self._speed = inflation, speed
@@ -168,9 +171,18 @@ class MovingObstacles:
         return least
 
     def _clearance_on_arcs(self, pose: Array, times: Array) -> Array:
-        """Least clearance (E,) on all arcs from a pose (3,); arcs into solids come last."""
+        """Least clearance (E,) on all arcs from a pose (3,).
+
+        Arcs into solids and out of the area come last.
+        """
         positions = self._arcs(pose, times)[..., :2]
         clearance = self._clearance(positions, self._all, times, self.spread)
+        last = np.ptp(clearance) + np.abs(clearance).max()
+        if self._area is not None:
+            outside = np.maximum(self._area[0] - positions, positions - self._area[1]).max(axis=2)
+            # who stands outside need not go farther
+            allowed = max(float(outside[0, 0]), 0.0) + self._options.touch
+            clearance[outside.max(axis=1) > allowed] -= last
         if self._solids is None:
             return clearance
         longest = float(self._table.arcs[:, 2].max())
@@ -179,7 +191,7 @@ class MovingObstacles:
         distances = near.least(positions.reshape(-1, 2)).reshape(len(clearance), -1)
         # what stands still needs no more than its margin; no circle is a reason to drive into it
         allowed = min(self._inflation, float(distances[0, 0])) - self._options.touch
-        clearance[distances.min(axis=1) < allowed] -= np.ptp(clearance) + np.abs(clearance).max()
+        clearance[distances.min(axis=1) < allowed] -= last
         return clearance
 
     def _arcs(self, pose: Array, times: Array) -> Array:

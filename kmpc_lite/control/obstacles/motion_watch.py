@@ -96,7 +96,7 @@ class MotionWatch:
         """Whether circles (M, 5) are where the last ones said that they would be."""
         if len(last) != len(circles):
             return False
-        if not len(circles):
+        if circles.tobytes() == last.tobytes() and not circles[:, 3:].any():
             return True
         away = circles[:, :2] - last[:, :2]
         if last[:, 3:].any():

@@ -84,15 +84,17 @@ class TrackFilter:
         """Squared Mahalanobis distances (M, N) of positions (N, 2), and log determinants (M,)."""
         spread = covariances[:, :SEEN, :SEEN] + self._noise
         away = seen - states[:, None, :SEEN]
-        squares = np.einsum("mni,mij,mnj->mn", away, np.linalg.inv(spread), away)
-        return squares, np.log(np.linalg.det(spread))
+        inverse, determinants = _inverse(spread)
+        squares = ((away @ inverse) * away).sum(axis=2)
+        return squares, np.log(determinants)
 
     def update(self, states: Array, covariances: Array, seen: Array) -> tuple[Array, Array]:
         """Take in the positions (M, 2) that were seen of the M states."""
         spread = covariances[:, :SEEN, :SEEN] + self._noise
-        gains = covariances[:, :, :SEEN] @ np.linalg.inv(spread)
-        after = states + np.einsum("mij,mj->mi", gains, seen - states[:, :SEEN])
-        kept = np.eye(STATES) - gains @ np.eye(SEEN, STATES)
+        gains = covariances[:, :, :SEEN] @ _inverse(spread)[0]
+        after = states + (gains @ (seen - states[:, :SEEN])[..., None])[..., 0]
+        kept = np.tile(np.eye(STATES), (len(states), 1, 1))
+        kept[:, :, :SEEN] -= gains
         # Joseph's form: symmetric and positive whatever is rounded
         left = kept @ covariances @ kept.transpose(0, 2, 1)
         return after, left + gains @ self._noise @ gains.transpose(0, 2, 1)
@@ -111,6 +113,23 @@ def moving(states: Array, covariances: Array, velocities: Array, limit: float) -
         Squared Mahalanobis distance beyond which they differ.
     """
     change = states[:, 2:4] - velocities
-    spread = np.linalg.inv(covariances[:, 2:4, 2:4])
-    differ: Array = np.einsum("mi,mij,mj->m", change, spread, change) > limit
+    inverse, _ = _inverse(covariances[:, 2:4, 2:4])
+    differ: Array = ((change[:, None] @ inverse)[:, 0] * change).sum(axis=1) > limit
     return differ
+
+
+def worst_axis(covariances: Array) -> Array:
+    """Standard deviations (M,) along the worst axes of covariances (M, 2, 2)."""
+    a, b, d = covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1]
+    out: Array = np.sqrt(0.5 * (a + d) + np.hypot(0.5 * (a - d), b))
+    return out
+
+
+def _inverse(matrices: Array) -> tuple[Array, Array]:
+    """Inverses (M, 2, 2) of symmetric matrices, and their determinants (M,)."""
+    a, b, d = matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1]
+    determinants: Array = a * d - b * b
+    inverse = np.empty_like(matrices)
+    inverse[:, 0, 0], inverse[:, 1, 1] = d / determinants, a / determinants
+    inverse[:, 0, 1] = inverse[:, 1, 0] = -b / determinants
+    return inverse, determinants

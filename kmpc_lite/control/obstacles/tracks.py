@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kmpc_lite.control.obstacles.pairing import pairs
-from kmpc_lite.control.obstacles.track_filter import STATES, TrackFilter, moving
+from kmpc_lite.control.obstacles.track_filter import STATES, TrackFilter, moving, worst_axis
 from kmpc_lite.control.options.fields import in_metres
 from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.types import Array
@@ -53,12 +53,12 @@ class Tracks:
     @property
     def position_deviations(self) -> Array:
         """(M,) standard deviation of the position along its worst axis [m]."""
-        return _worst_axis(self.covariances[:, :2, :2])
+        return worst_axis(self.covariances[:, :2, :2])
 
     @property
     def velocity_deviations(self) -> Array:
         """(M,) standard deviation of the velocity along its worst axis [m/s]."""
-        return _worst_axis(self.covariances[:, 2:4, 2:4])
+        return worst_axis(self.covariances[:, 2:4, 2:4])
 
 
 class Follower:
@@ -134,9 +134,3 @@ class Follower:
         """Which track (P,) was seen as which circle (P,): the likeliest pairs within the gate."""
         squares, spread = self._filter.distances(states, covariances, circles[:, :2])
         return pairs(np.where(squares <= self._gate, squares + spread[:, None], np.inf))
-
-
-def _worst_axis(covariances: Array) -> Array:
-    """Standard deviations (M,) along the worst axes of covariances (M, 2, 2)."""
-    out: Array = np.sqrt(np.maximum(np.linalg.eigvalsh(covariances)[:, -1], 0.0))
-    return out
