@@ -199,7 +199,9 @@ class Guide:
         inflation = self._inflation + swing(state.turning_centre)
         speed = capabilities.evasive
         table = self._moving_table
-        return MovingObstacles(circles, inflation, speed, table, solids, spread, self._area)
+        # who walks as he is told to is driven past as ever
+        area = None if spread is None else self._area
+        return MovingObstacles(circles, inflation, speed, table, solids, spread, area)
 
     def _begin_last_turn(self, state: GuideState, now: Situation) -> None:
         """Begin the last turn where the robot comes to a stop; give it up where it has left."""
