@@ -149,7 +149,7 @@ def _watched(options: argparse.Namespace) -> int:
         turns = Turns(options.live_clients, options.seconds, folder)
         showing = Showing(Views(LiveAddress(port=0), None), folder / "estop")
         job = course(robot, LONG, LONG, showing.saw)
-        showing.controller = job.controller
+        showing.job = job
         with emulator(file, folder / "roboclaw"), showing:
             watch = partial(turns.watch, job=job, showing=showing)
             where = (job.robot, job.navigator, job.period, job.origin)

@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
+from firmware_bridge.cli.course import laser_scan
 from firmware_bridge.safety.gate_table import DRIVING, Reason
 
 if TYPE_CHECKING:
@@ -46,8 +47,8 @@ class Showing:
 
             self._feed = Feed(views.page, MODULE, {"socket": str(socket)})
         self._viewer = views.viewer
-        self.controller: Any = None
-        """kmpc_lite's, once there is one."""
+        self.job: Course | None = None
+        """What is driven, once it is known."""
         self._sight: Sight | None = None
         """Of the planner's thread: replaced with each plan, never changed."""
 
@@ -87,7 +88,10 @@ class Showing:
         """Take a plan, in the thread that has just made it."""
         from kmpc_lite.live.moment import sight_of
 
-        self._sight = sight_of(self.controller, pose, plan)
+        assert self.job is not None
+        seen = self.job.navigator.scan
+        scan = None if seen is None else laser_scan(seen)
+        self._sight = sight_of(self.job.controller, pose, plan, scan)
 
     @contextmanager
     def watch(self, session: Session, job: Course) -> Iterator[None]:

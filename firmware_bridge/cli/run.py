@@ -112,7 +112,7 @@ def run(options: argparse.Namespace) -> int:
         name = stack.enter_context(recording_to(options.record))
         watching = {}
         if showing is not None:
-            showing.controller = job.controller
+            showing.job = job
             stack.enter_context(showing)
             watching["watched"] = partial(showing.watch, job=job)
         report, status = drive(

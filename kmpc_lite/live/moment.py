@@ -17,10 +17,13 @@ from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.controller import Controller
+    from kmpc_lite.control.obstacles.scan import LaserScan
     from kmpc_lite.sim.scenario.files import Scenario
 
 MOST_CIRCLES, MOST_POSES = 300, 300
 """Obstacles, the nearest, and poses of a path that are shown: a page draws no more in time."""
+MOST_BEAMS = 720
+"""Beams of a scan that are shown."""
 MOST_SOLIDS, MOST_CELLS = 400, 256
 """Polygons and walls that are shown, and cells of a grid along each side."""
 FREE, OCCUPIED, UNKNOWN = 0, 1, 2
@@ -34,12 +37,16 @@ class Sight(NamedTuple):
     plan: Plan
     insight: Insight
     """Path and margins behind it."""
+    scan: LaserScan | None = None
+    """What it was made from, for a robot with a lidar."""
 
 
-def sight_of(controller: Controller, pose: ArrayLike, plan: Plan) -> Sight:
+def sight_of(
+    controller: Controller, pose: ArrayLike, plan: Plan, scan: LaserScan | None = None
+) -> Sight:
     """Look at the plan that a controller has just made, in the thread that makes them."""
     x, y, theta = np.asarray(pose, dtype=float).tolist()
-    return Sight((x, y, theta), plan, insight(controller, plan))
+    return Sight((x, y, theta), plan, insight(controller, plan), scan)
 
 
 def numbers(values: Array) -> bytes:
@@ -90,12 +97,35 @@ def plan_packet(sight: Sight, goal: Sequence[float]) -> Packet:
         "path": numbers(_thinned_path(sight.insight.path)),
         "margins": numbers(sight.insight.margins),
         "circles": numbers(circles),
+        "scan": None if sight.scan is None else numbers(hits(sight.scan, sight.pose)),
         "distance": math.dist(sight.pose[:2], tuple(goal)[:2]),
         "clearance": clearance if math.isfinite(clearance) else None,
         "status": plan.status.name,
         "progress": plan.progress.name,
         "reason": plan.reason,
     }
+
+
+def hits(scan: LaserScan, pose: tuple[float, float, float]) -> Array:
+    """Points (B, 2) that a scan hit, seen from a pose [m]; at most `MOST_BEAMS`.
+
+    Examples
+    --------
+    >>> from kmpc_lite import LaserScan
+    >>> scan = LaserScan([1.0, np.inf], 0.0, 0.5, range_max=5.0, mount=(0.2, 0.0, 0.0))
+    >>> hits(scan, (1.0, 0.0, np.pi / 2)).round(6).tolist()
+    [[1.0, 1.2]]
+    """
+    ranges = np.asarray(scan.ranges, dtype=float)
+    angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
+    near = np.flatnonzero((ranges > 0.0) & (ranges < scan.range_max))
+    near = near[:: max(1, -(-len(near) // MOST_BEAMS))]
+    x, y, heading = scan.mount
+    along = heading + (-angles[near] if scan.mirrored else angles[near])
+    points = np.array([x, y]) + ranges[near, None] * np.column_stack([np.cos(along), np.sin(along)])
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    turned: Array = points @ np.array([[cos, sin], [-sin, cos]]) + np.array(pose[:2])
+    return turned
 
 
 def _thinned_path(path: Array) -> Array:

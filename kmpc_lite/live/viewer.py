@@ -81,7 +81,7 @@ def _stepped(now: float, sight: Sight) -> Stepped:
     light = replace(plan, around=PlannedAround(circles, None, around.radius, around.dt))
     light.__dict__["clearance"] = plan.clearance
     insight = sight.insight
-    return Stepped(now, sight.pose, light, insight.path, insight.margins, circles)
+    return Stepped(now, sight.pose, light, insight.path, insight.margins, circles, None, sight.scan)
 
 
 class Viewer:
