@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
-from kmpc_lite.control.estimation.pose_age import delay_beyond
 from kmpc_lite.control.options import ControllerOptions, GuidanceOptions, StepOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import SAME_DT
 from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.motion import unmodelled_delay
 from kmpc_lite.scale import Scale
 
 
@@ -109,7 +109,7 @@ def choose_adaptation(
         For one that was made for another model.
     """
     if adaptation is None:
-        adaptation = tightens and model.continuous and not delay_beyond(model)
+        adaptation = tightens and model.continuous and not unmodelled_delay(model)
     if adaptation is True:
         return OnlineAdaptation(model, scale=scale)
     if not adaptation:

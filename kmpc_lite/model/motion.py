@@ -62,6 +62,15 @@ class MotionModel(Protocol):
         ...
 
 
+UNMODELLED_DELAY = "unmodelled_delay"
+"""Key of a model's `info`; see `unmodelled_delay`."""
+
+
+def unmodelled_delay(model: MotionModel) -> float:
+    """How late the robot answers beyond what its model knows [s]."""
+    return 0.0 if model.history else float(model.info.get(UNMODELLED_DELAY, 0.0))
+
+
 class ScaledModel:
     """A model that is asked, and answers, in the robot's own units.
 
@@ -76,6 +85,9 @@ class ScaledModel:
     def __init__(self, model: KoopmanModel, scale: Scale) -> None:
         self.model, self.scale = model, scale
         self.dt, self.history, self.info = model.dt / scale.time, model.history, model.info
+        delay = unmodelled_delay(model)
+        if delay:
+            self.info = {**model.info, UNMODELLED_DELAY: delay / scale.time}
         self._state, self._command = scale.state, scale.command
         self._by_state = scale.state / scale.state[:, None]
         self._by_command = scale.command / scale.state[:, None]

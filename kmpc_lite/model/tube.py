@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.model.motion import MotionModel, unmodelled_delay
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
@@ -73,7 +73,7 @@ def feedback_delay(model: MotionModel) -> int:
     but on what will be left then.
     """
     if not model.history:
-        return 0
+        return round(unmodelled_delay(model) / model.dt)
     rest = np.zeros((model.history, INPUTS))
     lin = model.linearize(np.zeros(STATES), np.zeros(INPUTS), rest)
     by_age = np.concatenate([lin.B[None], lin.B_past])

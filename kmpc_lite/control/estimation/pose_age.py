@@ -10,13 +10,8 @@ import numpy as np
 
 from kmpc_lite.control.options import StepOptions
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.model.motion import MotionModel, unmodelled_delay
 from kmpc_lite.types import INPUTS, Array
-
-
-def delay_beyond(model: KoopmanModel) -> float:
-    """How late the robot answers beyond what its model knows [s]."""
-    return 0.0 if model.history else float(model.info.get("unmodelled_delay", 0.0))
 
 
 def whole_age(pose_age: float, model: KoopmanModel, options: StepOptions) -> float:
@@ -24,7 +19,7 @@ def whole_age(pose_age: float, model: KoopmanModel, options: StepOptions) -> flo
 
     To a model without input history a pose that shows old commands is an old pose.
     """
-    delay = delay_beyond(model)
+    delay = unmodelled_delay(model)
     oldest = min(options.oldest_pose, options.oldest_pose_periods * model.dt)
     return max(pose_age, min(pose_age + delay, oldest))
 
