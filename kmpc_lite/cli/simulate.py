@@ -12,6 +12,7 @@ from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.files import keep_inputs
 from kmpc_lite.cli.live_options import Views, add_live_options, asked_views
+from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import command_line
 from kmpc_lite.cli.scenario import DEFAULT, add_scenario_options, read_scenario
 from kmpc_lite.defaults import SHORTEST_PERIOD
@@ -19,6 +20,7 @@ from kmpc_lite.defaults import SHORTEST_PERIOD
 if TYPE_CHECKING:
     from kmpc_lite.recording.simulated import SimulationRecorder
     from kmpc_lite.sim import Run, Scenario
+    from kmpc_lite.sim.lidar import Lidar
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -57,6 +59,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="SQP passes per step: 1 is real time, more converge (default: 1)",
     )
+    add(
+        "--lidar",
+        type=positive,
+        metavar="M",
+        help="tell the controller no obstacles: it sees with a lidar of this reach [m]",
+    )
     add = parser.add_argument_group("what to write").add_argument
     add("-o", "--output", type=Path, metavar="FILE", help="run file to write (.npz)")
     add("--report", type=Path, metavar="FILE", help="report to write (.html)")
@@ -88,8 +96,20 @@ def run(options: argparse.Namespace) -> int:
     )
     adaptation = False if options.no_adaptation else None
     views = asked_views(options)
+    lidar = None
+    if options.lidar is not None:
+        from kmpc_lite.sim.lidar import Lidar, LidarSpec
+
+        lidar = Lidar(scenario, LidarSpec(options.lidar))
     drive, recorder = simulate(
-        model, scenario, options.plant, options.horizon, options.iterations, adaptation, views
+        model,
+        scenario,
+        options.plant,
+        options.horizon,
+        options.iterations,
+        adaptation,
+        views,
+        lidar,
     )
     drive.info["command"] = command_line()
     recorded = recorder.write(options.record, drive) if options.record else None
@@ -117,6 +137,7 @@ def simulate(
     iterations: int,
     adaptation: bool | None = None,
     views: Views | None = None,
+    lidar: Lidar | None = None,
 ) -> tuple[Run, SimulationRecorder]:
     """Drive one scenario with our controller at the model's period; watched by a recorder.
 
@@ -144,12 +165,13 @@ def simulate(
     }
     recorder = SimulationRecorder(controller)
     if views is None or views == (None, None):
-        return drive(controller, scenario, robot, model.dt, info=info, watch=recorder), recorder
+        run = drive(controller, scenario, robot, model.dt, info=info, watch=recorder, lidar=lidar)
+        return run, recorder
     from kmpc_lite.live.simulated import WatchedController, shown
 
     watched = WatchedController(controller)
     with shown(watched, scenario, views.page, views.viewer) as tell:
-        run = drive(watched, scenario, robot, model.dt, info=info, watch=recorder)
+        run = drive(watched, scenario, robot, model.dt, info=info, watch=recorder, lidar=lidar)
         tell(f"{run.outcome.value} after {run.duration:.2f} s")
     return run, recorder
 
@@ -197,6 +219,7 @@ COMMAND = Command(
         "kmpc simulate map.toml --model robot.npz --report drive.html",
         "kmpc simulate mehrez                   # the exact unicycle as the model",
         "kmpc simulate --goal 1.5 1 0 --obstacle 0.7 0.5 0.2 --obstacle 1 -1 0.2 0 0.2",
+        "kmpc simulate room_grid --lidar 2 --report drive.html  # by what a lidar of 2 m sees",
         "kmpc simulate walls_door --live        # in real time, in a browser",
     ),
     add_options=add_options,

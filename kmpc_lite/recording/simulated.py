@@ -13,6 +13,7 @@ import numpy as np
 
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.insight import insight
+from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.files import write_whole
@@ -47,7 +48,15 @@ class SimulationRecorder:
         x, y, theta = pose.tolist()
         self._records += (
             PoseSeen(time, (x, y, theta)),
-            Stepped(time, (x, y, theta), plan, behind.path, behind.margins, circle_rows(obstacles)),
+            Stepped(
+                time,
+                (x, y, theta),
+                plan,
+                behind.path,
+                behind.margins,
+                circle_rows(obstacles),
+                scan=next((o for o in obstacles if isinstance(o, LaserScan)), None),
+            ),
             Sent(time, (float(plan.command[0]), float(plan.command[1]))),
         )
 

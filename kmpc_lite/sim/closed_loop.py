@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +21,9 @@ from kmpc_lite.sim.plants.lag import LaggingDrive
 from kmpc_lite.sim.plants.robots import DifferentialDrive
 from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.sim.lidar import Lidar
 
 SUBSAMPLES = 4
 
@@ -146,6 +149,7 @@ def drive(
     stop_norm: float | None = None,
     info: dict[str, Any] | None = None,
     watch: Callable[[float, Array, Any, Plan], None] | None = None,
+    lidar: Lidar | None = None,
 ) -> Run:
     """Drive a scenario to its end: arrived, collided, or out of time.
 
@@ -168,6 +172,8 @@ def drive(
         Kept with the run.
     watch : callable, optional
         Is told of each step: its time [s], the measured pose, the obstacles, and the plan.
+    lidar : Lidar, optional
+        What the controller gets to see instead of the scenario's obstacles.
     """
     robot = scenario_plant(scenario) if plant is None else plant
     noise = np.random.default_rng([scenario.seed, 1])
@@ -182,7 +188,7 @@ def drive(
     for k in range(steps):
         seen = x if not scenario.pose_age else _at(path, SUBSAMPLES * (k - scenario.pose_age / dt))
         measured = seen + noise.normal(size=3) * scenario.pose_noise
-        obstacles = scenario.obstacles_at(k * dt)
+        obstacles = scenario.obstacles_at(k * dt) if lidar is None else [lidar.scan(seen, k * dt)]
         plan = controller.step(measured, goal, obstacles)
         if watch is not None:
             watch(k * dt, measured, obstacles, plan)

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kmpc_lite.control.obstacles.scan import LaserScan
+from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.types import Array
 
 
@@ -106,3 +108,49 @@ def box_edges(x1: float, y1: float, x2: float, y2: float) -> Array:
     """The four sides (4, 4) of a rectangle along the axes."""
     corners = np.array([(x1, y1), (x2, y1), (x2, y2), (x1, y2)])
     return np.hstack([corners, np.roll(corners, -1, axis=0)])
+
+
+class Lidar:
+    """A scanner in the middle of a scenario's robot.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What there is to see, and the seed of the noise.
+    spec : LidarSpec
+        How it is seen.
+    """
+
+    def __init__(self, scenario: Scenario, spec: LidarSpec) -> None:
+        self.spec, self._world = spec, world_of(scenario)
+        self._random = np.random.default_rng([scenario.seed, 2])
+
+    def scan(self, pose: Array, time: float) -> LaserScan:
+        """What it sees from a pose (3,) at a time [s]."""
+        spec = self.spec
+        ranges, directions = scan_ranges(self._world, spec, pose, self._random, time)
+        step = 2.0 * math.pi / spec.beams
+        return LaserScan(
+            ranges, float(directions[0]), step, spec.reach, spec.nearest, noise=spec.noise
+        )
+
+
+def world_of(scenario: Scenario) -> World:
+    """Circles and edges of a scenario's obstacles."""
+    circles = [tuple(circle) for circle in scenario.circles]
+    edges = [np.empty((0, 4))]
+    for polygon in scenario.polygons:
+        corners = np.array(polygon.vertices)
+        edges.append(np.hstack([corners, np.roll(corners, -1, axis=0)]))
+    for wall in scenario.walls:
+        begin, end = np.array([wall.x1, wall.y1]), np.array([wall.x2, wall.y2])
+        half = 0.5 * wall.thickness
+        along = (end - begin) / max(wall.length, 1e-9)
+        aside = half * np.array([-along[1], along[0]])
+        edges.append(np.array([[*(begin + s * aside), *(end + s * aside)] for s in (1.0, -1.0)]))
+        circles += [(*point, half, 0.0, 0.0) for point in (begin, end)]
+    if scenario.grid is not None:
+        for x1, y1, x2, y2 in scenario.grid.rectangles:
+            corners = scenario.grid.to_map(np.array([(x1, y1), (x2, y1), (x2, y2), (x1, y2)]))
+            edges.append(np.hstack([corners, np.roll(corners, -1, axis=0)]))
+    return World(np.array(circles, dtype=float).reshape(-1, 5), np.concatenate(edges))

@@ -96,6 +96,13 @@ class OccupancyGrid:
         """(height, width) what the robot must not touch."""
         if not unknown_is_free:
             self.occupied = self.occupied | self.unknown
+        self._threshold, self._unknown_is_free = threshold, unknown_is_free
+        self._limits = limits
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Count the runs, and make rectangles of them: now, not in the first step that sees it."""
+        limits = self._limits
         for array in (self.unknown, self.occupied):
             array.flags.writeable = False
         self.runs = min(_runs(self.occupied), _runs(self.occupied.T))
@@ -105,7 +112,6 @@ class OccupancyGrid:
                 f"grid: expected at most {limits.grid_runs:,} runs of occupied cells in its rows "
                 f"or columns, got {self.runs:,}: filter the noise, or make the cells larger"
             )
-        # now, and not in the first step that sees the grid
         rows = rectangles_of(self.occupied)
         columns = rectangles_of(self.occupied.T)[:, [1, 0, 3, 2]]
         self._blocks = rows if len(rows) <= len(columns) else columns
@@ -130,6 +136,47 @@ class OccupancyGrid:
 
         cells, resolution, origin = read_map(Path(path), limits.grid_cells)
         return cls(cells, resolution, origin, unknown_is_free=unknown_is_free, limits=limits)
+
+    def update(self, patch: ArrayLike, row: int = 0, column: int = 0) -> OccupancyGrid:
+        """Return the grid with some cells anew, as ``map_msgs/OccupancyGridUpdate`` tells them.
+
+        Where the patch changes nothing that matters the grid itself is returned, so that nothing is
+        prepared anew.
+
+        Parameters
+        ----------
+        patch : array_like
+            (h, w) values as those of the grid.
+        row, column : int
+            Of the grid's cell that the patch's first one replaces: y and x of the message.
+
+        Raises
+        ------
+        ProblemError
+            For a patch that is no part of the grid, or values that are none.
+        """
+        new = OccupancyGrid(
+            patch, self.resolution, (0.0, 0.0), self._threshold, self._unknown_is_free, self._limits
+        )
+        height, width = new.occupied.shape
+        if row < 0 or column < 0:
+            raise ProblemError(f"grid: expected a row and a column >= 0, got {row} and {column}")
+        place = slice(row, row + height), slice(column, column + width)
+        if self.occupied[place].shape != (height, width):
+            raise ProblemError(
+                f"grid: a patch of {height} x {width} cells at row {row} and column {column} "
+                f"reaches beyond the grid's {self.occupied.shape[0]} x {self.occupied.shape[1]}"
+            )
+        if np.array_equal(self.occupied[place], new.occupied) and np.array_equal(
+            self.unknown[place], new.unknown
+        ):
+            return self
+        other = copy(self)
+        other.__dict__.pop("rectangles", None)
+        other.unknown, other.occupied = self.unknown.copy(), self.occupied.copy()
+        other.unknown[place], other.occupied[place] = new.unknown, new.occupied
+        other._prepare()
+        return other
 
     def scaled(self, unit: float) -> OccupancyGrid:
         """Return the same in units of a length [m]; the cells are shared."""

@@ -151,3 +151,33 @@ def test_damaged_map_files_are_named_in_one_line(
 def test_a_missing_map_is_named() -> None:
     with pytest.raises(kl.ProblemError, match=r"nowhere.yaml: cannot read the map: No such file"):
         kl.OccupancyGrid.load("nowhere.yaml")
+
+
+def test_a_patch_makes_a_new_grid_and_nothing_new_is_the_same_grid() -> None:
+    random = np.random.default_rng(0)
+    cells = random.choice([-1, 0, 100], (30, 40))
+    grid = kl.OccupancyGrid(cells, 0.1, (1.0, 2.0, 0.3))
+    patch = random.choice([-1, 0, 100], (5, 7))
+    found = grid.update(patch, row=4, column=9)
+    whole = cells.copy()
+    whole[4:9, 9:16] = patch
+    expected = kl.OccupancyGrid(whole, 0.1, (1.0, 2.0, 0.3))
+    assert found == expected and found is not grid
+    np.testing.assert_array_equal(found.rectangles, expected.rectangles)
+    np.testing.assert_array_equal(grid.occupied, cells != 0)
+    assert found.update(patch, row=4, column=9) is found
+    assert not found.occupied.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("patch", "place", "words"),
+    [
+        (np.zeros((5, 5)), (26, 0), "beyond"),
+        (np.zeros((5, 5)), (-1, 0), "row and a column"),
+        ([[101]], (0, 0), "-1 to 100"),
+    ],
+)
+def test_patches_that_are_none_are_refused(patch: Any, place: tuple[int, int], words: str) -> None:
+    grid = kl.OccupancyGrid(np.zeros((30, 40)), 0.1)
+    with pytest.raises(kl.ProblemError, match=words):
+        grid.update(patch, *place)
