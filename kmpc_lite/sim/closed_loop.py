@@ -181,9 +181,8 @@ def drive(
     states, path, inputs, plans = [x], [x], [], []
     statuses: list[str] = []
     times: list[float] = []
-    clearance, outcome, inside = np.inf, Outcome.TIMEOUT, 0.0
     steps = int(np.ceil(scenario.timeout / dt - 1e-9))
-    duration = steps * dt
+    clearance, outcome, inside, duration = np.inf, Outcome.TIMEOUT, 0.0, steps * dt
     moments = dt * np.arange(1, SUBSAMPLES + 1) / SUBSAMPLES
     for k in range(steps):
         seen = x if not scenario.pose_age else _at(path, SUBSAMPLES * (k - scenario.pose_age / dt))
