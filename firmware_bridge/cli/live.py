@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from types import TracebackType
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from kmpc_lite.recording.records import Record
 
 MODULE = "firmware_bridge.live.page"
+TOLD = 10.0
+"""How long a refusal is shown [s]."""
 NEVER = 1e3
 """What is older was never heard [s]."""
 
@@ -152,7 +155,7 @@ class Showing:
             command=[output.v, output.omega],
             time=shot.now - session.loop.started,
             step=_times(session.planner.step_time),
-            link={"up": status.connected, "text": _link(status, shot.now)},
+            link={"up": status.connected, "text": _link(status, shot.now) + _refused(session)},
         )
         if state is not None:
             packet["pose"] = [state.x, state.y, state.theta]
@@ -177,6 +180,14 @@ def _link(status: LinkStatus, now: float) -> str:
     )
     words = ["up" if status.connected else "DOWN", heard, status.mode, armed, f"{bad} bad or lost"]
     return ", ".join(filter(None, words))
+
+
+def _refused(session: Session) -> str:
+    """What a ground station was refused a moment ago."""
+    shared = session.shared
+    if shared is None or time.monotonic() - shared.refused_at > TOLD:
+        return ""
+    return f"; a ground station was refused: {shared.refusal}"
 
 
 def _times(times: Histogram) -> dict[str, float]:
