@@ -25,7 +25,7 @@ from firmware_bridge.safety.limits import Limits
 from kmpc_lite.sim import Scenario
 
 PERIOD = 0.1
-PATIENCE = 5.0
+PATIENCE = 20.0
 """How long a message may take from one session to the other [s]."""
 
 

@@ -15,10 +15,10 @@ from kmpc_lite.sim import sample_logs
 def test_a_sample_log_is_read_and_learned_from(kind: str, tmp_path: Path) -> None:
     if kind == "ros_bag":
         pytest.importorskip("rosbags", reason="the extra logs (rosbags) is not installed")
-    path = getattr(sample_logs, kind)(tmp_path / "log.bin", seconds=60.0, seed=3)
+    path = getattr(sample_logs, kind)(tmp_path / "log.bin", seconds=40.0, seed=3)
     data = kl.Dataset.load(path)
     (episode,) = data.episodes
-    assert len(episode.inputs) == pytest.approx(600, abs=3)
+    assert len(episode.inputs) == pytest.approx(400, abs=3)
     assert abs(episode.inputs).max(axis=0) == pytest.approx((0.6, 0.8), abs=0.1)
     model = kl.fit(data, lags="auto")
     # from rest, half a metre less the 0.15 s by which the motors lag, on a floor that slips

@@ -89,7 +89,7 @@ def test_garbage_on_every_topic_ends_nothing() -> None:
                 topic = pair[0].topic
                 data = garbage[rig.ticks // 10 % len(garbage)]
                 rig.emulator.node._session.put(topic.key(0), data)
-                if rig.ticks == 50:
+                if rig.ticks == 50 and LARGEST[topic.kind] < 2**20:
                     rig.emulator.node._session.put(topic.key(0), bytes(LARGEST[topic.kind] + 1))
         assert rig.navigator.reached == 1, rig.loop.why()
         report = rig.loop.report()
