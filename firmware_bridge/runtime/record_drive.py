@@ -205,7 +205,7 @@ class Recording:
         if self._coverage is None:
             return []
         parts = [
-            f"{name} {'#' * round(BAR * share):.<{BAR}}"
+            f"{name:<14} {'#' * round(BAR * share):.<{BAR}}"
             for name, share in self._coverage.as_dict().items()
         ]
         return [f"coverage    {'   '.join(parts[k : k + 4])}" for k in range(0, len(parts), 4)]

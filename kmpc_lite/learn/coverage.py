@@ -175,7 +175,10 @@ def _seconds_of(
     def seconds(rows: Array) -> float:
         return float(rows.sum()) * dt
 
-    parts = [Part(name, verb, f"drive {name}", seconds(m), need) for name, verb, _, m in ways]
+    parts = [
+        Part(name, verb, "drive forward" if name == "forward" else "reverse", seconds(m), need)
+        for name, verb, _, m in ways
+    ]
     parts += [
         Part(
             "slow", "drives slowly", "drive at less than half speed", seconds(moving & ~fast), need
