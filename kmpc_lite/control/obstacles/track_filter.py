@@ -46,6 +46,8 @@ class TrackFilter:
         self._motion[4, 4] = (1.0 - self._fading**2) * options.turn_rate**2
         self._noise = options.noise**2 * np.eye(SEEN)
         speed = (options.first_speed * fastest) ** 2
+        # at the same pace, the other way
+        self._turned_speed = 0.5 * options.first_speed * fastest
         seen = options.noise**2
         self._first = np.diag([seen, seen, speed, speed, options.turn_rate**2])
 
@@ -54,6 +56,17 @@ class TrackFilter:
         count = len(positions)
         states = np.hstack([positions, velocities, np.zeros((count, 1))])
         return states, np.tile(self._first, (count, 1, 1))
+
+    def turned_round(self, covariances: Array) -> Array:
+        """Covariances (M, 5, 5) of a period in which everybody may have changed his velocity."""
+        dt, speed = self.dt, self._turned_speed
+        out = covariances.copy()
+        for axis in (0, 1):
+            out[:, axis, axis] += (dt * speed) ** 2
+            out[:, axis + 2, axis + 2] += speed**2
+            out[:, axis, axis + 2] += dt * speed**2
+            out[:, axis + 2, axis] += dt * speed**2
+        return out
 
     def predict(self, states: Array, covariances: Array) -> tuple[Array, Array]:
         """One period later."""

@@ -92,7 +92,7 @@ class Follower:
             (N,) index of each circle's track; -1 for those that are too many.
         """
         states, covariances = self._filter.predict(tracks.states, tracks.covariances)
-        rows, columns = self._pairs(states, covariances, circles)
+        rows, columns, covariances = self._pairs(states, covariances, circles)
         if len(rows):
             states[rows], covariances[rows] = self._filter.update(
                 states[rows], covariances[rows], circles[columns, :2]
@@ -130,7 +130,20 @@ class Follower:
         )
         return after, found
 
-    def _pairs(self, states: Array, covariances: Array, circles: Array) -> tuple[Array, Array]:
-        """Which track (P,) was seen as which circle (P,): the likeliest pairs within the gate."""
+    def _pairs(
+        self, states: Array, covariances: Array, circles: Array
+    ) -> tuple[Array, Array, Array]:
+        """Which track (P,) was seen as which circle (P,): the likeliest pairs within the gate.
+
+        Covariances (M, 5, 5) are larger for those who can be paired only if they turned round.
+        """
         squares, spread = self._filter.distances(states, covariances, circles[:, :2])
-        return pairs(np.where(squares <= self._gate, squares + spread[:, None], np.inf))
+        wide = self._filter.turned_round(covariances)
+        wide_squares, wide_spread = self._filter.distances(states, wide, circles[:, :2])
+        steady = np.where(squares <= self._gate, squares + spread[:, None], np.inf)
+        turned = np.where(wide_squares <= self._gate, wide_squares + wide_spread[:, None], np.inf)
+        rows, columns = pairs(np.minimum(steady, turned))
+        turns = rows[squares[rows, columns] > self._gate]
+        covariances = covariances.copy()
+        covariances[turns] = wide[turns]
+        return rows, columns, covariances

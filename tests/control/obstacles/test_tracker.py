@@ -171,3 +171,15 @@ def test_wrong_values_are_told() -> None:
         ObstacleTracker(DT).update(np.array([[np.nan, 0.0, 0.1]]))
     with pytest.raises(ValueError, match="got shape"):
         ObstacleTracker(DT).update(np.zeros((2, 4)))
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.0])
+def test_who_turns_round_on_the_spot_is_followed_from_the_next_sight_on(speed: float) -> None:
+    tracker = ObstacleTracker(DT)
+    for k in range(15):
+        tracker.follow(rows((speed * DT * k, 0.0)))
+    there = speed * DT * 14
+    for k in range(1, 4):
+        tracker.follow(rows((there - speed * DT * k, 0.0)))
+    assert tracker.tracks.numbers.tolist() == [0]
+    assert tracker.tracks.velocities[0, 0] == pytest.approx(-speed, abs=0.6 * speed)
