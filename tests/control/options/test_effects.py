@@ -1,0 +1,157 @@
+"""What defaults mean for the paper's robot: each is looked at on both sides of its number."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.control.guidance.capabilities import clearance_at_speed, drivable_speeds
+from kmpc_lite.control.guidance.progress_checker import ProgressChecker, ProgressState
+from kmpc_lite.control.guidance.turning_centre import turning_centre
+from kmpc_lite.control.nmpc.sqp import SQP
+from kmpc_lite.control.nmpc.trajectory import at_rest
+from kmpc_lite.control.options import GuidanceOptions, StopOptions, in_metres
+from kmpc_lite.control.safe_stop.braking import Braking
+
+PROBLEM = kl.NavigationProblem()
+GUIDANCE = in_metres(GuidanceOptions(), PROBLEM.robot_radius)
+
+
+class Robot:
+    """A model that does a share of what it is told, and turns about a point."""
+
+    dt, history, noise_model = 0.1, 0, None
+    info: dict[str, Any] = {}
+
+    def __init__(self, share: float = 1.0, ahead: float = 0.0) -> None:
+        self._share, self._ahead = share, ahead
+
+    def predict(self, x: np.ndarray, u: np.ndarray, history: Any = None) -> np.ndarray:
+        speed, turn = self._share * u[..., 0] * self.dt, self._share * u[..., 1] * self.dt
+        theta, after = x[..., 2], x[..., 2] + turn
+        moved = [
+            speed * np.cos(theta) - self._ahead * (np.cos(after) - np.cos(theta)),
+            speed * np.sin(theta) - self._ahead * (np.sin(after) - np.sin(theta)),
+            turn,
+        ]
+        return np.asarray(x + np.stack(moved, axis=-1))
+
+    def noise(self, u: np.ndarray) -> np.ndarray:
+        return np.zeros((*u.shape[:-1], 3, 3))
+
+
+def test_polygons_have_a_hundred_corners_and_cells_a_tenth_of_a_millimetre() -> None:
+    def ring(corners: int) -> list[tuple[float, float]]:
+        angles = 2 * np.pi * np.arange(corners) / corners
+        return [(math.cos(a), math.sin(a)) for a in angles]
+
+    kl.Polygon(ring(100))
+    with pytest.raises(kl.ProblemError):
+        kl.Polygon(ring(101))
+    kl.OccupancyGrid(np.ones((2, 2), dtype=bool), 1.01e-4)
+    with pytest.raises(kl.ProblemError):
+        kl.OccupancyGrid(np.ones((2, 2), dtype=bool), 0.99e-4)
+
+
+def test_steps_that_are_short_and_defects_that_are_small() -> None:
+    sqp = SQP(PROBLEM, 0)
+    n = PROBLEM.horizon
+    short = sqp._short.reshape(-1)
+    np.testing.assert_allclose(short[: 3 * n].reshape(n, 3), np.tile((0.1, 0.1, 0.1), (n, 1)))
+    np.testing.assert_allclose(short[3 * n :].reshape(n, 2), np.tile((0.4, 0.4), (n, 1)))
+    np.testing.assert_allclose(sqp._straight, (5e-3, 5e-3, 5e-3))
+
+
+@pytest.mark.parametrize(("off", "kept"), [(0.499, True), (0.501, False)])
+def test_a_plan_is_no_start_for_a_robot_half_a_metre_from_it(off: float, kept: bool) -> None:
+    sqp = SQP(PROBLEM, 0)
+    plan = at_rest(sqp.qp, np.zeros(3))
+    guess = sqp.warm_start.from_last(plan, np.array([0.0, off, 0.0]))
+    assert (guess is not None) == kept
+
+
+@pytest.mark.parametrize(("turned", "kept"), [(0.99, True), (1.01, False)])
+def test_nor_for_one_that_is_turned_by_a_radian(turned: float, kept: bool) -> None:
+    sqp = SQP(PROBLEM, 0)
+    guess = sqp.warm_start.from_last(at_rest(sqp.qp, np.zeros(3)), np.array([0.0, 0.0, turned]))
+    assert (guess is not None) == kept
+
+
+def test_a_ramp_takes_ten_seconds_at_most() -> None:
+    slow = kl.NavigationProblem(deceleration=(0.01, 0.01))
+    braking = Braking(slow.with_default_weights(False), StopOptions())
+    assert len(braking.ramp(np.array([0.6, 0.0]))) == 100
+
+
+def test_a_twentieth_of_a_command_is_believed_of_a_robot_that_does_not_move() -> None:
+    speeds = drivable_speeds(Robot(0.0), PROBLEM)  # type: ignore[arg-type]
+    np.testing.assert_allclose(speeds[[0, 2]], (0.05 * 0.6, 0.05 * np.pi / 4))
+
+
+def test_paths_keep_two_centimetres_beyond_a_margin_and_ten_in_all() -> None:
+    class Wide:
+        def __init__(self, aside: float) -> None:
+            self.aside = aside
+
+        def straight(self, speed: float) -> tuple[float, float]:
+            return 0.0, self.aside
+
+    found = [clearance_at_speed(PROBLEM, Wide(a), GUIDANCE) for a in (0.03, 0.2)]  # type: ignore[arg-type]
+    np.testing.assert_allclose(found, (0.05, 0.1))
+
+
+@pytest.mark.parametrize(("ahead", "seen"), [(0.0039, False), (0.0041, True)])
+def test_a_turning_centre_counts_from_four_millimetres(ahead: float, seen: bool) -> None:
+    centre = turning_centre(Robot(ahead=ahead), PROBLEM)  # type: ignore[arg-type]
+    assert (centre is not None) == seen
+
+
+def stalls_after(pose_of: Any, left: float = 10.0) -> float:
+    """When a robot that gets no nearer is told that it has stalled [s]."""
+    checker, state = ProgressChecker(GUIDANCE), ProgressState()
+    checker.expect_new_goal(state)
+    checker.begin_path(state, left, 0.0, other=True)
+    for k in range(1, 1000):
+        if checker.watch(state, np.asarray(pose_of(k)), left, 0.01):
+            return 0.01 * k
+    return math.inf
+
+
+def test_a_robot_that_gets_no_nearer_has_stalled_after_five_seconds() -> None:
+    assert stalls_after(lambda k: (0.0, 0.0, 0.0)) == pytest.approx(5.0, abs=0.02)
+
+
+def test_who_moves_by_a_radius_or_turns_by_half_a_radian_does_not_stand() -> None:
+    """One that stands gets no time for a detour; one that moves gets twice its length."""
+    moves = {"little": 0.149, "enough": 0.151}, {"little": 0.49, "enough": 0.51}
+    for axis, sizes in zip((0, 2), moves, strict=True):
+        for name, size in sizes.items():
+            checker, state = ProgressChecker(GUIDANCE), ProgressState()
+            checker.expect_new_goal(state)
+            checker.begin_path(state, 10.0, 0.0, other=True)
+            stalled = False
+            for k in range(1, 600):
+                pose = np.zeros(3)
+                pose[axis] = size * (k // 100 % 2)
+                stalled |= checker.watch(state, pose, 12.0, 0.01)
+            assert stalled == (name == "little"), (axis, name)
+
+
+def test_a_path_that_is_half_a_second_longer_is_a_detour() -> None:
+    checker, state = ProgressChecker(GUIDANCE), ProgressState()
+    checker.begin_path(state, 10.0, 0.0, other=True)
+    checker.wait(state, 0.3)
+    checker.begin_path(state, 10.49, 0.0, other=False)
+    assert state.waited == 0.3
+    checker.begin_path(state, 10.51, 0.0, other=False)
+    assert state.waited == 0.0
+    checker.wait(state, 0.3)
+    checker.see(state, 10.47)
+    assert state.waited == 0.3
+    checker.see(state, 10.45)
+    assert state.waited == 0.0
+    assert not checker.wait(state, 0.79) and checker.wait(state, 0.02)
