@@ -144,6 +144,8 @@ def test_run_drives_past_the_obstacle_to_the_goal_and_records_it(desk, capsys, n
         "--json",
         *FAST,
     ]
+    # where the machine is busy for a moment, the robot brakes and goes on: it is not given up
+    options += ["--set", "safety.hold=3"]
     if name == "roboclaw":  # with a learned model, twenty times a second
         kl.fit(
             kl.generate_dataset(kl.DifferentialDrive(), episodes=10, steps=60, dt=0.1, seed=0)
