@@ -11,6 +11,11 @@ import numpy as np
 
 from kmpc_lite.control.guidance.path_map import PathMap, distance_around
 from kmpc_lite.control.guidance.path_search import PathSearcher
+from kmpc_lite.control.guidance.path_watch import (
+    has_grown_elsewhere,
+    points_ahead,
+    same_solids,
+)
 from kmpc_lite.control.guidance.progress_checker import ProgressChecker
 from kmpc_lite.control.guidance.search_state import PathSearch, Stage
 from kmpc_lite.control.guidance.shuttle import ShuttleFinder
@@ -23,7 +28,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.obstacles.solids import Solids
+    pass
 
 
 class Replanner:
@@ -69,7 +74,8 @@ class Replanner:
             leads another way around than the path before.
         """
         strayed = self._has_strayed(state, now, off)
-        is_new = self._is_new(state, now)
+        grown = has_grown_elsewhere(state, now, self._inflation, self._options)
+        is_new = not grown and self._is_new(state, now)
         turned_back = self._turns_back(state, now, is_new)
         at_once = (
             off > self._options.lost_distance
@@ -83,7 +89,7 @@ class Replanner:
         state.hurried = cut or (state.hurried and state.search is not None)
         if at_once or cut:
             self._progress.expect_new_path(state.progress)
-        renewed = state.search is None and self._is_to_be_renewed(state, now)
+        renewed = grown or (state.search is None and self._is_to_be_renewed(state, now))
         if at_once or cut or stalled or renewed or (strayed and state.search is None):
             state.only_renews = renewed and not (at_once or cut or stalled or strayed)
             self._begin_search(state, now)
@@ -153,7 +159,7 @@ class Replanner:
         """Whether the goal or the map is another one than the last search was begun for."""
         if (
             len(now.circles) != len(state.circles)
-            or not _same_solids(now.solids, state.solids)
+            or not same_solids(now.solids, state.solids)
             or now.target.tolist() != state.goal.tolist()
         ):
             return True
@@ -188,11 +194,9 @@ class Replanner:
         if state.unwatched < view.blocked_interval or state.age <= self._options.replan_interval:
             return False
         state.unwatched = 0.0
-        points = path.at(np.arange(state.place, path.drive_end, self._options.grid_step))[:, :2]
-        # where the robot is, and where it is to stand, it may come as near as it must
-        ends = [np.hypot(*(points - pose[:2]).T) for pose in (now.pose, now.goal)]
-        away = np.minimum(*ends) > self._inflation
-        return view.blocks(points[away], self._inflation)
+        return view.blocks(
+            points_ahead(state, now, path, self._inflation, self._options), self._inflation
+        )
 
     def _begin_search(self, state: GuideState, now: Situation) -> None:
         """Begin a search from here; one that is under way is given up."""
@@ -202,10 +206,11 @@ class Replanner:
             known, coarse = now.view.solids(now.solids), now.view.coarseness
             options = replace(self._options, lattice_nodes=now.view.lattice_nodes)
             state.path_map = None if known is None else PathMap(known, options, coarse, True)
-        elif not _same_solids(now.solids, state.solids):
+        elif not same_solids(now.solids, state.solids):
             state.path_map = None
         if state.path_map is None and now.solids is not None:
-            state.path_map = PathMap(now.solids, self._options)
+            later = state.only_renews
+            state.path_map = PathMap(now.solids, self._options, later=later)
         state.goal, state.circles = now.target.copy(), now.circles.copy()
         state.solids, state.age, state.centre_moved = now.solids, 0.0, False
         state.circles_at_rest = b"" if now.moving is not None else now.circles.tobytes()
@@ -286,10 +291,3 @@ class Replanner:
         around = max(nearest - self._inflation, 0.0)
         shares = length / o.free_turn_length, around / o.free_turn_clearance
         return o.free_turn * min(1.0, *shares)
-
-
-def _same_solids(first: Solids | None, second: Solids | None) -> bool:
-    """Whether two maps are one."""
-    if first is second:
-        return True
-    return first is not None and second is not None and first.solids == second.solids
