@@ -88,7 +88,15 @@ def _kind(name: str, made: struct.Struct, letters: str, columns: list[str]) -> K
     """Where a message's values are."""
     stamp = "TimeUS" if "TimeUS" in columns else "TimeMS"
     wanted = (stamp, "C", *FIELDS[name])
-    places = tuple(columns.index(c) if c in columns[: len(letters)] else -1 for c in wanted)
+    # text in a number's place is no number
+    numbers = {
+        column: place
+        for place, (column, letter) in reversed(
+            list(enumerate(zip(columns, letters, strict=False)))
+        )
+        if not LETTERS[letter][0].endswith("s")
+    }
+    places = tuple(numbers.get(column, -1) for column in wanted)
     scales = tuple(LETTERS[letters[p]][1] if p >= 0 else 0.0 for p in places)
     return Kind(name, made, places, (1e-6 if stamp == "TimeUS" else 1e-3, *scales[1:]))
 
