@@ -20,9 +20,16 @@ BESIDE = (
     "a robot that has come to rest beside its goal by more than a tenth of its radius drives "
     "again; it was by an eighth of it"
 )
+OWN = (
+    "a model counts as another robot's by distance only where the drive went far, by turns only "
+    "where it turned far"
+)
+KEPT = "a path is kept where something new appears elsewhere"
 CHANGED: dict[int, str] = {
     **dict.fromkeys((3, 40, 92, 106, 175, 213, 217, 225, 238, 240, 261), CONTRADICTED),
     **dict.fromkeys((17, 19, 29, 57, 93, 101, 142, 178, 182, 248, 276), JUMPED),
     **dict.fromkeys((86, 136, 204, 235, 250), BESIDE),
+    205: OWN,
+    281: KEPT,
 }
 """Reasons by the number of the drive."""
