@@ -187,7 +187,7 @@ class NavigationProblem:
         --------
         >>> problem = NavigationProblem(track=0.4, max_wheel_speed=0.6)
         >>> problem.within_bounds(np.array((0.6, 9.0))).round(3)
-        array([0.475, 0.622])
+        array([0.476, 0.622])
         """
         inside = np.clip(commands, self.u_min, self.u_max)
         if self.limits_wheels:

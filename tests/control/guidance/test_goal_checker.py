@@ -98,7 +98,7 @@ def test_the_papers_robot_parks_within_these_tolerances() -> None:
         "turn_limit": 1.5,
         "enter_distance": 1.35,
         "enter_angle": 25.0,
-        "leave_distance": 1.8,
+        "leave_distance": 1.5,
         "leave_angle": 50.0,
         "pushed_distance": 5.0,
         "pushed_angle": 150.0,
