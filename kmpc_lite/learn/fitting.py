@@ -14,6 +14,7 @@ from kmpc_lite.learn.symmetry import wants_symmetry
 from kmpc_lite.learn.unmodelled_delay import aligned, unmodelled_delay
 from kmpc_lite.model.dictionary import Dictionary, InputHistoryDictionary, UnicycleDictionary
 from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.motion import UNMODELLED_DELAY
 
 
 def fit(
@@ -120,7 +121,7 @@ def _fit_once(
         model = accumulator.solve(ridge, symmetric)
     assert model is not None
     if delay:
-        model = replace(model, info={**model.info, "unmodelled_delay": delay})
+        model = replace(model, info={**model.info, UNMODELLED_DELAY: delay})
     if not noise:
         return model
     found = fit_noise(model, seen)

@@ -21,8 +21,7 @@ from kmpc_lite.geometry import wrap
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.sim.plants.robots import DifferentialDrive
-from kmpc_lite.studies.executors import gather
-from kmpc_lite.studies.records import Record, RecordFile
+from kmpc_lite.studies.records import Record, RecordFile, drive_all
 from kmpc_lite.studies.training import DT, REPORTING_SEED
 from kmpc_lite.types import Array
 
@@ -154,16 +153,7 @@ def study(
     file = RecordFile(records, _key, "a drive of a jumps study")
     seeds = range(first_seed, first_seed + drives)
     wanted = [(kind, float(size), seed) for kind in kinds for size in sizes for seed in seeds]
-    done = {key: record for key, record in file.read().items() if key in set(wanted)}
-
-    def keep(record: Record) -> None:
-        done[_key(record)] = record
-        file.add([record])
-        progress(len(done), len(wanted))
-
-    progress(len(done), len(wanted))
-    gather({executor.submit(drive, *key): keep for key in wanted if key not in done})
-    return [done[key] for key in wanted]
+    return drive_all(executor, file, drive, wanted, progress)
 
 
 def _key(record: Record) -> tuple[str, float, int]:

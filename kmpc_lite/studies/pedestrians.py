@@ -24,8 +24,7 @@ from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.sim.lidar import LidarSpec, World
 from kmpc_lite.sim.pedestrians import Pedestrians, Walks
 from kmpc_lite.sim.plants.robots import DifferentialDrive
-from kmpc_lite.studies.executors import gather
-from kmpc_lite.studies.records import Record, RecordFile
+from kmpc_lite.studies.records import Record, RecordFile, drive_all
 from kmpc_lite.studies.training import DT, REPORTING_SEED
 from kmpc_lite.types import Array
 
@@ -205,16 +204,7 @@ def study(
         for told in seen
         for seed in seeds
     ]
-    done = {key: record for key, record in file.read().items() if key in set(wanted)}
-
-    def keep(record: Record) -> None:
-        done[_key(record)] = record
-        file.add([record])
-        progress(len(done), len(wanted))
-
-    progress(len(done), len(wanted))
-    gather({executor.submit(drive_record, *key): keep for key in wanted if key not in done})
-    return [done[key] for key in wanted]
+    return drive_all(executor, file, drive_record, wanted, progress)
 
 
 def _key(record: Record) -> tuple[int, bool, str, int]:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.reading import open_regular, read_bytes
+from kmpc_lite.studies.executors import gather
 
 MAX_BYTES = 2**28
 """Longest file of records that is read."""
@@ -75,6 +77,41 @@ class RecordFile:
         if self.path is not None:
             with Path(self.path).open("a", encoding="utf-8") as file:
                 file.write("".join(json.dumps(record) + "\n" for record in records))
+
+
+def drive_all(
+    executor: Executor,
+    file: RecordFile,
+    drive: Callable[..., Record],
+    wanted: Sequence[tuple[Any, ...]],
+    progress: Callable[[int, int], None],
+) -> list[Record]:
+    """Drive what the file does not hold yet; one record for each that is wanted, in this order.
+
+    Parameters
+    ----------
+    executor : Executor
+        Does the work.
+    file : RecordFile
+        Every drive is added to it; its keys are what is wanted.
+    drive : callable
+        What a worker does: it is given a key's items.
+    wanted : sequence of tuple
+        Keys.
+    progress : callable
+        Called with drives done and drives in all.
+    """
+    asked = set[Hashable](wanted)
+    done = {key: record for key, record in file.read().items() if key in asked}
+
+    def keep(record: Record) -> None:
+        done[file.key(record)] = record
+        file.add([record])
+        progress(len(done), len(wanted))
+
+    progress(len(done), len(wanted))
+    gather({executor.submit(drive, *key): keep for key in wanted if key not in done})
+    return [done[key] for key in wanted]
 
 
 def check_resume(path: str | Path | None, resume: bool) -> None:
