@@ -30,14 +30,13 @@ def pairs(costs: Array) -> tuple[Array, Array]:
     if len(np.unique(nearest)) == len(rows):
         # each has a favourite of its own: nothing is cheaper
         return rows, columns[nearest]
-    # here, for it takes time to import; scipy.optimize's would take ten times as long
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import min_weight_full_bipartite_matching
+    # here, for it takes time to import: `Follower` does so where it is made
+    from scipy.optimize import linear_sum_assignment
 
-    finite = left[np.isfinite(left)]
-    # the solver takes positive costs only; what cannot be costs more than all the rest together
-    span = float(np.ptp(finite)) + 1.0
-    shifted = np.where(np.isfinite(left), left - finite.min() + 1.0, span * (len(left) + 1))
-    first, second = min_weight_full_bipartite_matching(csr_array(shifted))
-    chosen = np.isfinite(left[first, second])
+    possible = np.isfinite(left)
+    finite = left[possible]
+    # what cannot be costs more than all the rest together
+    refused = (float(np.ptp(finite)) + 1.0) * (len(left) + 1)
+    first, second = linear_sum_assignment(np.where(possible, left - finite.min(), refused))
+    chosen = possible[first, second]
     return rows[first[chosen]], columns[second[chosen]]

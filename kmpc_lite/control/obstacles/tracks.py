@@ -75,6 +75,8 @@ class Follower:
     """
 
     def __init__(self, dt: float, options: TrackerOptions, radius: float, speed: float) -> None:
+        import scipy.optimize  # noqa: F401  # pairs are found by it: no step has time to import it
+
         self.dt, self.options = dt, in_metres(options, radius)
         self._filter = TrackFilter(dt, self.options, speed)
         # of two degrees of freedom
