@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from firmware_bridge.cli.latency import BOARDS, GEOMETRY
+from firmware_bridge.cli.emulated_board import BOARDS, GEOMETRY
 
 SPEED = 0.3
 """At which they drive straight ahead [m/s]."""

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import kmpc_lite as kl
 from firmware_bridge.cli.course import course
-from firmware_bridge.cli.latency import SCENARIO, emulator, robot_text
+from firmware_bridge.cli.emulated_board import SCENARIO, emulator, robot_text
 from firmware_bridge.cli.recording import NAME, recorder_of
 from firmware_bridge.cli.stage import Stage
 from firmware_bridge.messages import BridgeError

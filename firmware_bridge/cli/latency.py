@@ -10,34 +10,23 @@ import json
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
 
 from firmware_bridge.cli.course import course
+from firmware_bridge.cli.emulated_board import SCENARIO, emulator, robot_text
 from firmware_bridge.messages import BridgeError, ConfigError, LinkError
 from firmware_bridge.robot_file import DRIVERS, Robot, load_robot
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import count, positive
 
-SCENARIO = "four_circles_1"
+NARROW = "walls_door"
+"""Where lateness shows: a door of 55 cm."""
 MEASURED = tuple(name for name in DRIVERS if name != "sabertooth")
 """Drivers whose latency can be measured: a Sabertooth says nothing."""
-START_TIME = 20.0
-"""How long an emulator may take to start [s]."""
-GEOMETRY = {"wheel_radius": 0.0425, "track": 0.27, "max_wheel_speed": 0.9}
-BOARDS: dict[str, dict[str, Any]] = {
-    "mavlink": {"arm": True},
-    "roboclaw": {"counts_per_turn": 1440.0},
-    "odrive": {},
-    "vesc": {"can_id": 1, "pole_pairs": 7},
-    "roboteq": {"counts_per_turn": 1440.0},
-    "arduino": {"counts_per_turn": 1440.0},
-}
 COLUMNS = (
     "pose age when planning",
     "controller",
@@ -91,6 +80,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="instead: drive with N browsers that watch a live page, one of which reads nothing,\n"
         "and without them, in turns of 2 s; tells the times of both and their ratio",
     )
+    add(
+        "--busy",
+        type=count,
+        metavar="DRIVES",
+        help="instead: drive through a door so often on a computer that does nothing else, with\n"
+        "every core and the disk busy, and so with real-time priority; tells what that costs",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -99,6 +95,8 @@ def run(options: argparse.Namespace) -> int:
         return _watched(options)
     if options.flood is not None:
         return _flood(options)
+    if options.busy is not None:
+        return _busy(options)
     if "mavlink" in options.drivers:
         need("the driver mavlink", "pymavlink")
     seconds: float = options.seconds
@@ -162,60 +160,47 @@ def _watched(options: argparse.Namespace) -> int:
     return 0
 
 
-def robot_text(driver: str, folder: Path, period: float) -> str:
-    """Robot file of a ROSbot-sized robot that plans and commands every `period` [s]."""
-    sections: dict[str, dict[str, Any]] = {
-        "link": {"url": f"pty:{folder}/{driver}", "driver": driver},
-        "board": BOARDS[driver],
-        "geometry": {} if driver == "mavlink" else GEOMETRY,
-        "safety": {"socket": f"{folder}/estop"},
-        "control": {"period": period, "command_period": period},
-    }
-    lines: list[str] = []
-    for section, keys in sections.items():
-        lines += [
-            f"[{section}]",
-            *(
-                f"{key} = {str(value).lower() if isinstance(value, bool) else repr(value)}"
-                for key, value in keys.items()
-            ),
-        ]
-    return "\n".join(lines)
+def _busy(options: argparse.Namespace) -> int:
+    """Measure and print what a busy computer costs."""
+    from firmware_bridge.attacks import busy
+
+    need("--busy", "pymavlink")
+    with tempfile.TemporaryDirectory(prefix="kmpc-bridge-", dir=Path.cwd()) as name:
+        folder = Path(name)
+        file = folder / "robot.toml"
+        file.write_text(robot_text("mavlink", folder, 0.1))
+        words = ["run", str(file), "--scenario", NARROW, "--arm", "--v-max", "0.5", "--json"]
+
+        def drive(mode: busy.Mode) -> dict[str, Any]:
+            command = [sys.executable, "-m", "firmware_bridge.cli.main", *words]
+            with emulator(file, folder / "mavlink", "--scenario", NARROW):
+                done = subprocess.run(
+                    command + ["--realtime"] * mode.realtime,
+                    capture_output=True,
+                    text=True,
+                    check=False,
+                )
+            if not done.stdout.startswith("{"):
+                raise LinkError(f"{mode.name}: the drive did not begin: {done.stderr.strip()}")
+            report: dict[str, Any] = json.loads(done.stdout)
+            return report
+
+        say = progress_line(None if options.json else sys.stderr)
+        rows = busy.measure(drive, options.busy, folder, say)
+        say("")
+    print(json.dumps(rows) if options.json else busy.told(rows))
+    return 0
 
 
-@contextmanager
-def emulator(file: Path, link: Path, *options: str) -> Iterator[None]:
-    """Emulate the board of a robot file in another process, with more options of `kmpc emulate`."""
-    command = [
-        sys.executable,
-        "-m",
-        "firmware_bridge.cli.main",
-        "emulate",
-        str(file),
-        "--json",
-        "--scenario",
-        SCENARIO,
-        *options,
-    ]
-    # a session of its own: Ctrl-C must brake the robot, not take it away
-    child = subprocess.Popen(
-        command,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    try:
-        until = time.monotonic() + START_TIME
-        while not link.is_symlink():
-            if child.poll() is not None or time.monotonic() > until:
-                child.kill()
-                raise LinkError(f"the emulator did not start: {child.communicate()[1].strip()}")
-            time.sleep(0.02)
-        yield
-    finally:
-        child.terminate()
-        child.communicate()
+def progress_line(stream: TextIO | None) -> Callable[[str], None]:
+    """Shows what is under way in one line of a terminal, nothing elsewhere."""
+
+    def say(text: str) -> None:
+        if stream is not None and stream.isatty():
+            stream.write(f"\r\x1b[2K{text}")
+            stream.flush()
+
+    return say
 
 
 def measure(
@@ -237,16 +222,14 @@ def measure(
     progress : text stream, optional
         Where to say what is under way.
     """
-    rows = []
+    rows, say = [], progress_line(progress)
     for driver in drivers:
         for rate in rates:
             with tempfile.TemporaryDirectory(prefix="kmpc-bridge-") as name:
                 folder = Path(name)
                 file = folder / "robot.toml"
                 file.write_text(robot_text(driver, folder, 1.0 / rate))
-                if progress is not None and progress.isatty():
-                    progress.write(f"\r\x1b[2K{driver} at {rate:g} Hz ...")
-                    progress.flush()
+                say(f"{driver} at {rate:g} Hz ...")
                 with emulator(file, folder / driver):
                     report = drive(load_robot(file))
             loop = report["loop"]
@@ -260,8 +243,7 @@ def measure(
                     "times_ms": {column: loop["times_ms"][column] for column in COLUMNS},
                 }
             )
-    if progress is not None and progress.isatty():
-        progress.write("\r\x1b[2K")
+    say("")
     return rows
 
 
@@ -293,6 +275,7 @@ COMMAND = Command(
         "kmpc latency --drivers roboclaw vesc --rates 50",
         "kmpc latency --flood",
         "kmpc latency --live-clients 50 --seconds 60",
+        "kmpc latency --busy 5",
     ),
     add_options=add_options,
     run=run,

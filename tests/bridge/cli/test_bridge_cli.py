@@ -19,7 +19,8 @@ from courses import COURSE, PATIENT
 import kmpc_lite as kl
 from firmware_bridge.cli.course import build_controller, course, load_model
 from firmware_bridge.cli.emulate import build_emulator
-from firmware_bridge.cli.latency import BOARDS, robot_text, table
+from firmware_bridge.cli.emulated_board import BOARDS, robot_text
+from firmware_bridge.cli.latency import table
 from firmware_bridge.cli.main import main
 from firmware_bridge.link import open_transport
 from firmware_bridge.messages import LinkError
