@@ -108,7 +108,7 @@ def course(
         scenario.heading_tolerance,
         scenario.radius,
         scenario.circles_at,
-        lambda x, y, time: float(obstacle_gaps(scenario, np.array([[x, y]]), np.array([time]))[0]),
+        lambda pose, time: float(obstacle_gaps(scenario, np.array([pose]), np.array([time]))[0]),
     )
     origin = (
         (0.0, 0.0, 0.0) if robot.is_autopilot or robot.link.pose is not None else scenario.start
@@ -137,7 +137,7 @@ def laser_scan(scan: Any) -> Any:
     )
 
 
-def _wheels(robot: Robot) -> dict[str, float]:
+def _wheels(robot: Robot) -> dict[str, Any]:
     """What the wheels of a board's robot can do together; an autopilot mixes them itself."""
     geometry = robot.sections.get("geometry", {})
     return {key: geometry[key] for key in ("track", "max_wheel_speed") if key in geometry}

@@ -36,9 +36,9 @@ class Task:
     """Of the robot [m]."""
     circles_at: Callable[[float], Circles]
     """Obstacles at a time since the beginning of the drive [s]."""
-    gap_at: Callable[[float, float, float], float] | None = None
-    """Distance of a robot at x, y [m] and a time [s] to the nearest obstacle of any kind, between
-    edges [m]; None: of the circles."""
+    gap_at: Callable[[Pose, float], float] | None = None
+    """Distance of a robot at a pose [m, m, rad] and a time [s] to the nearest obstacle of any kind,
+    between edges [m]; None: of the circles."""
 
 
 class Navigator:
@@ -192,7 +192,9 @@ class Navigator:
             x = before.x + share * (state.x - before.x)
             y = before.y + share * (state.y - before.y)
             if task.gap_at is not None:
-                least = min(least, task.gap_at(x, y, time_now))
+                turned = math.remainder(state.theta - before.theta, math.tau)
+                pose = x, y, before.theta + share * turned
+                least = min(least, task.gap_at(pose, time_now))
                 continue
             gaps = (math.hypot(x - cx, y - cy) - radius for cx, cy, radius, *_ in circles)
             least = min(least, min(gaps, default=math.inf) - task.radius)

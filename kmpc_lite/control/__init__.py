@@ -1,6 +1,7 @@
 """From a model and a pose to a command."""
 
 from kmpc_lite.control.controller import Controller
+from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.obstacles.circles import Circle
 from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
 from kmpc_lite.control.obstacles.scan import LaserScan
@@ -14,6 +15,7 @@ __all__ = [
     "Circle",
     "Controller",
     "ControllerOptions",
+    "Footprint",
     "GoalProgress",
     "GuidanceOptions",
     "LaserScan",

@@ -51,10 +51,11 @@ class Answers:
         around = PlannedAround(
             circles * scale.circle,
             solids,
-            problem.robot_radius,
+            problem.body_radius,
             problem.dt,
             scale.length,
             None if pose_is_lost or seen.view is None else seen.view.hits,
+            problem.footprint,
         )
         commands = inputs * scale.command
         return Plan(

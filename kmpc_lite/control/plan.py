@@ -13,6 +13,7 @@ import numpy as np
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
+    from kmpc_lite.control.footprint import Footprint
     from kmpc_lite.control.obstacles.nearby import Nearby
     from kmpc_lite.control.obstacles.solids import Solids
 
@@ -60,25 +61,30 @@ class PlannedAround:
     """Metres of one unit in which the solids are told."""
     hits: Nearby | None = None
     """What scans have hit near the robot, in the same units."""
+    footprint: Footprint | None = None
+    """Of a robot that is not round; `radius` is then that of the circles that cover it."""
 
     def clearances(self, states: Array) -> Array:
         """Distances (K,) between the edges of robot and obstacles at states (K, 3) [m]."""
         # here, for a plan is imported before obstacles are
         from kmpc_lite.control.obstacles.circles import circle_distances
 
-        least = np.full(len(states), np.inf)
+        times, places, count = self.dt * np.arange(len(states)), states[:, :2], len(states)
+        if self.footprint is not None:
+            places = self.footprint.places(states).reshape(-1, 2)
+            times = np.repeat(times, len(places) // max(count, 1))
+        least = np.full(len(places), np.inf)
         if len(self.circles):
-            times = self.dt * np.arange(len(states))
-            distances, _ = circle_distances(self.circles, states[:, :2], times)
+            distances, _ = circle_distances(self.circles, places, times)
             least = distances.min(axis=1)
         if self.solids is not None:
-            distances = self.solids.whole.least(states[:, :2] / self.unit)
+            distances = self.solids.whole.least(places / self.unit)
             least = np.minimum(least, self.unit * distances)
         if self.hits is not None:
-            distances = self.hits.least(states[:, :2] / self.unit)
+            distances = self.hits.least(places / self.unit)
             least = np.minimum(least, self.unit * distances)
         out: Array = least - self.radius
-        return out
+        return out if len(out) == count else out.reshape(count, -1).min(axis=1)
 
     def clearance(self, states: Array) -> float:
         """Smallest of the `clearances` [m]."""

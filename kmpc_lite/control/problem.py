@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.problem_fields import scalar, vector, weight
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.scale import Scale
@@ -51,7 +52,7 @@ class NavigationProblem:
     x_min, x_max : array_like
         State bounds (3,) [m, m, rad]; position bounds are kept softly, the heading must be free.
     robot_radius : float
-        [m].
+        [m]; with a footprint it follows from that: of the circle about the pose that holds it.
     margin : float
         Distance to obstacles beyond the radii [m]; the paper has none.
     deceleration : array_like, optional
@@ -67,6 +68,8 @@ class NavigationProblem:
     sensor_range : float, optional
         How far from the robot's edge all obstacles are told [m]: the robot stays able to stop
         within. Where not given, all of them are told always; a `LaserScan` has its own reach.
+    footprint : Footprint, optional
+        What the robot covers on the floor, where that is no circle about its pose.
     slack_weights : array_like, optional
         Weights (2,) of the linear [1/m] and the quadratic [1/m^2] penalty on entering an obstacle
         or leaving the area. Where not given, 100 and 1000 for a robot of 0.15 m, less for larger
@@ -96,6 +99,7 @@ class NavigationProblem:
     track: float = 0.0
     max_wheel_speed: float = np.inf
     sensor_range: float | None = None
+    footprint: Footprint | None = None
 
     def __post_init__(self) -> None:
         if (
@@ -106,6 +110,7 @@ class NavigationProblem:
             raise ProblemError(
                 f"horizon: expected a whole number of stages from 1 to 1000, got {self.horizon!r}"
             )
+        self._take_footprint()
         for name in ("dt", "robot_radius", "margin", "track"):
             scalar(name, getattr(self, name), above_zero=name == "dt")
         if self.sensor_range is not None:
@@ -141,6 +146,20 @@ class NavigationProblem:
             if not (np.isfinite(value).all() and (value > 0).all()):
                 raise ProblemError(f"{name}: expected finite numbers > 0, got {value}")
             set_field(name, value)
+
+    def _take_footprint(self) -> None:
+        """Take the radius from the footprint, where there is one."""
+        if self.footprint is None:
+            return
+        if not isinstance(self.footprint, Footprint):
+            raise ProblemError(f"footprint: expected a Footprint, got {self.footprint!r:.80}")
+        radius, given = self.footprint.radius, self.robot_radius
+        if given != type(self).robot_radius and not np.isclose(given, radius, rtol=1e-6):
+            raise ProblemError(
+                f"robot_radius: follows from the footprint, {radius:g} m; leave it out, "
+                f"got {given!r}"
+            )
+        object.__setattr__(self, "robot_radius", radius)
 
     def _check_bounds(self) -> None:
         """Raise ProblemError for bounds that leave nothing, or no way to brake."""
@@ -200,7 +219,12 @@ class NavigationProblem:
     def scale(self) -> Scale:
         """Units of the robot, from its radius and its fastest speed."""
         fastest = max(float(self.u_max[0]), -float(self.u_min[0]))
-        return Scale.of_robot(float(self.robot_radius), fastest)
+        return Scale.of_robot(float(self.body_radius), fastest)
+
+    @property
+    def body_radius(self) -> float:
+        """Radius of what is kept off obstacles: the robot's, or that of its footprint's circles."""
+        return self.robot_radius if self.footprint is None else self.footprint.circle_radius
 
     @property
     def bounds(self) -> tuple[Array, Array, Array, Array]:

@@ -33,6 +33,7 @@ def scaled_problem(problem: NavigationProblem, scale: Scale) -> NavigationProble
         x_min=problem.x_min / state,
         x_max=problem.x_max / state,
         robot_radius=problem.robot_radius / scale.length,
+        footprint=None if problem.footprint is None else problem.footprint.scaled(scale.length),
         margin=problem.margin / scale.length,
         deceleration=problem.deceleration / scale.acceleration,
         du_max=problem.du_max / scale.acceleration,

@@ -55,7 +55,7 @@ class Verification:
         unit = unit_length(problem)
         self._accepted_defect = options.accepted_defect * unit
         self._accepted_depth = options.accepted_depth * unit
-        self._radius, self._dt = problem.robot_radius, problem.dt
+        self._problem = problem
         self._stops, self._rates = stops, RateLimit(problem)
 
     def check(self, result: SQPResult, seen: Observation, task: StopTask) -> Verified:
@@ -111,7 +111,15 @@ class Verification:
 
     def _around(self, seen: Observation) -> PlannedAround:
         hits = None if seen.view is None else seen.view.hits
-        return PlannedAround(seen.circles, seen.solids, self._radius, self._dt, hits=hits)
+        problem = self._problem
+        return PlannedAround(
+            seen.circles,
+            seen.solids,
+            problem.body_radius,
+            problem.dt,
+            hits=hits,
+            footprint=problem.footprint,
+        )
 
     def _within_reach(self, plan: Trajectory, task: StopTask) -> Trajectory:
         """Bring the command within reach of the one sent last, and roll the plan out anew."""

@@ -78,7 +78,8 @@ def _stepped(now: float, sight: Sight) -> Stepped:
     if len(circles) > MOST_CIRCLES:
         away = np.hypot(circles[:, 0] - sight.pose[0], circles[:, 1] - sight.pose[1])
         circles = circles[np.argsort(away - circles[:, 2])[:MOST_CIRCLES]]
-    light = replace(plan, around=PlannedAround(circles, None, around.radius, around.dt))
+    known = PlannedAround(circles, None, around.radius, around.dt, footprint=around.footprint)
+    light = replace(plan, around=known)
     light.__dict__["clearance"] = plan.clearance
     insight = sight.insight
     return Stepped(now, sight.pose, light, insight.path, insight.margins, circles, None, sight.scan)

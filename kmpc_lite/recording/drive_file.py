@@ -152,7 +152,7 @@ class _Drive:
             return told, np.inf if clearance is None else number(clearance)
         self._info["ended"] = "the recording breaks off"
         times = np.linspace(0.0, float(details.times[-1]), len(path))
-        gaps = obstacle_gaps(self._scenario, path[:, :2], times)
+        gaps = obstacle_gaps(self._scenario, path, times)
         duration = float(details.times[-1]) + self._dt
         return {"outcome": "timeout", "duration": duration}, float(gaps.min())
 

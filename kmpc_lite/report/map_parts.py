@@ -107,18 +107,20 @@ def _draw_area(axes: Any, scenario: Scenario, labels: Labels) -> Any:
 def _draw_goal(axes: Any, scenario: Scenario, labels: Labels) -> Any:
     """Draw the goal, its tolerance and its heading; returns their legend entry."""
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Polygon
 
     goal = np.array(scenario.goal)
-    disc(
-        axes,
-        goal,
-        scenario.radius,
-        fill=False,
-        edgecolor=GREEN,
-        linewidth=1.6,
-        linestyle="--",
-        zorder=5,
-    )
+    look: dict[str, Any] = {
+        "fill": False,
+        "edgecolor": GREEN,
+        "linewidth": 1.6,
+        "linestyle": "--",
+        "zorder": 5,
+    }
+    if scenario.footprint is None:
+        disc(axes, goal, scenario.radius, **look)
+    else:
+        axes.add_patch(Polygon(scenario.footprint.at(goal), closed=True, **look))
     disc(axes, goal, scenario.tolerance, facecolor=GREEN, alpha=0.45, edgecolor="none", zorder=3)
     _arrow(axes, goal, goal_front(scenario), GREEN, 1.8)
     labels.avoid(goal, scenario.radius)
@@ -188,24 +190,25 @@ def disc(axes: Any, centre: Any, radius: float, **look: Any) -> None:
     axes.add_patch(Patch((float(centre[0]), float(centre[1])), radius, **look))
 
 
-def footprint(axes: Any, pose: Array, radius: float, strong: bool) -> None:
-    """Robot to scale, with a line from its centre to its front."""
-    disc(
-        axes,
-        pose,
-        radius,
-        facecolor="#cfe4f3",
-        alpha=0.75 if strong else 0.5,
-        edgecolor="none",
-        zorder=3.5,
-    )
-    disc(
-        axes, pose, radius, fill=False, edgecolor=BLUE, linewidth=1.5 if strong else 0.9, zorder=4.5
-    )
-    front = pose[:2] + radius * np.array([np.cos(pose[2]), np.sin(pose[2])])
+def footprint(axes: Any, pose: Array, scenario: Scenario, strong: bool) -> None:
+    """Robot to scale at a pose (3,), with a line from there to its front."""
+    from matplotlib.patches import Circle, Polygon
+
+    front = scenario.radius
+    for look in (
+        {"facecolor": "#cfe4f3", "alpha": 0.75 if strong else 0.5, "edgecolor": "none"},
+        {"fill": False, "edgecolor": BLUE, "linewidth": 1.5 if strong else 0.9},
+    ):
+        look["zorder"] = 4.5 if "fill" in look else 3.5
+        if scenario.footprint is None:
+            axes.add_patch(Circle((float(pose[0]), float(pose[1])), scenario.radius, **look))
+        else:
+            axes.add_patch(Polygon(scenario.footprint.at(pose), closed=True, **look))
+            front = float(scenario.footprint.outline[:, 0].max())
+    tip = pose[:2] + front * np.array([np.cos(pose[2]), np.sin(pose[2])])
     axes.plot(
-        [pose[0], front[0]],
-        [pose[1], front[1]],
+        [pose[0], tip[0]],
+        [pose[1], tip[1]],
         color=INK,
         linewidth=1.8 if strong else 1.2,
         zorder=5,

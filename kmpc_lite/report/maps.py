@@ -69,7 +69,7 @@ def map_picture(run: Run) -> Figure:
             solid_capstyle="round",
         )
         for index in (0, *(every * k for k in moments), end):
-            footprint(axes, run.path[index], run.scenario.radius, strong=index in (0, end))
+            footprint(axes, run.path[index], run.scenario, strong=index in (0, end))
             labels.avoid(run.path[index], run.scenario.radius)
         labels.put("start", run.path[0, :2], run.scenario.radius, bold=True)
         labels.put("goal", run.scenario.goal[:2], run.scenario.radius, bold=True)
@@ -151,7 +151,7 @@ def overlay_picture(runs: Sequence[Run], labels: Sequence[str]) -> Figure:
                     zorder=6,
                 )
         for start in dict.fromkeys(run.scenario.start for run in runs):
-            footprint(axes, np.array(start), scenario.radius, strong=True)
+            footprint(axes, np.array(start), scenario, strong=True)
         written.put("start", scenario.start[:2], scenario.radius, bold=True)
         written.put("goal", scenario.goal[:2], scenario.radius, bold=True)
         counts = [
@@ -177,7 +177,7 @@ def _map_of(scenario: Scenario) -> tuple[object, ...]:
         scenario.walls,
         scenario.grid,
         scenario.goal,
-        scenario.radius,
+        scenario.footprint or scenario.radius,
     )
 
 

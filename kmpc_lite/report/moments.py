@@ -41,7 +41,7 @@ def moments(run: Run) -> Moments:
     return Moments(
         details,
         poses,
-        obstacle_gaps(run.scenario, poses[:, :2], np.maximum(details.times, 0.0)),
+        obstacle_gaps(run.scenario, poses, np.maximum(details.times, 0.0)),
         distances(poses, goal),
         wrap(poses[:, 2] - goal[2]),
         _sent(details),

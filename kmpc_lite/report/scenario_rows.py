@@ -58,7 +58,11 @@ def robot_rows(run: Run) -> Iterable[tuple[str, str]]:
         ),
     }
     yield "Robot", kinds.get(plant, f"{plant}; the scenario's [plant] does not act")
-    yield "Radius", length(scenario.radius)
+    if scenario.footprint is None:
+        yield "Radius", length(scenario.radius)
+    else:
+        corners = ", ".join(f"({x:g}, {y:g})" for x, y in scenario.footprint.corners)
+        yield "Footprint", f"{corners} m about the pose"
     if scenario.du_max is not None:
         yield (
             "Commands change by at most",

@@ -128,4 +128,4 @@ def path_clearances(run: Run) -> Array:
 
     It is infinite without obstacles.
     """
-    return obstacle_gaps(run.scenario, run.path[:, :2], path_times(run))
+    return obstacle_gaps(run.scenario, run.path, path_times(run))

@@ -196,7 +196,7 @@ def drive(
         plans.append(plan.states)
         statuses.append(plan.status.name)
         times.append(plan.timing["total"])
-        gaps = obstacle_gaps(scenario, trace[:, :2], k * dt + moments)
+        gaps = obstacle_gaps(scenario, trace, k * dt + moments)
         path.extend(trace)
         x = trace[-1]
         states.append(x)
@@ -270,14 +270,26 @@ def _at(path: Sequence[Array], place: float) -> Array:
     return pose
 
 
-def obstacle_gaps(scenario: Scenario, positions: Array, times: Array) -> Array:
-    """Distances (n,) from a robot at positions (n, 2) [m] to its nearest obstacle.
+def obstacle_gaps(scenario: Scenario, poses: Array, times: Array) -> Array:
+    """Distances (n,) from a robot at poses (n, 3) [m, m, rad] to its nearest obstacle.
 
     Obstacles stand where they are at times (n,) [s]; distances [m] are those between edges.
     """
-    gaps = np.full(len(positions), np.inf)
+    if scenario.footprint is None:
+        return point_gaps(scenario, poses[:, :2], times) - scenario.radius
+    # here, since most robots are round
+    from kmpc_lite.sim.touch import footprint_gaps
+
+    circles = np.array([scenario.circles_at(time) for time in times.tolist()])
+    solids = () if scenario.solids is None else scenario.solids.solids
+    return footprint_gaps(scenario.footprint, poses, circles, solids)
+
+
+def point_gaps(scenario: Scenario, points: Array, times: Array) -> Array:
+    """Distances (n,) from points (n, 2) to the nearest obstacle at times (n,) [m], [s]."""
+    gaps = np.full(len(points), np.inf)
     if scenario.circles:
-        gaps = circle_distances(scenario.circles_at(0.0), positions, times)[0].min(axis=1)
+        gaps = circle_distances(scenario.circles_at(0.0), points, times)[0].min(axis=1)
     if scenario.solids is not None:
-        gaps = np.minimum(gaps, scenario.solids.whole.least(positions))
-    return gaps - scenario.radius
+        gaps = np.minimum(gaps, scenario.solids.whole.least(points))
+    return gaps

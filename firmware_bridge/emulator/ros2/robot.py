@@ -27,6 +27,7 @@ from firmware_bridge.ros2.names import Qos
 from firmware_bridge.ros2.node import Node, NodeOptions, Publisher, Subscription
 from firmware_bridge.ros2.transforms import planar, planar_matrix
 from kmpc_lite.sim import Scenario
+from kmpc_lite.sim.closed_loop import obstacle_gaps
 from kmpc_lite.sim.plants.lag import LaggingDrive
 from kmpc_lite.types import Array
 
@@ -164,7 +165,7 @@ class Ros2Emulator:
     @property
     def clearance(self) -> float:
         """Distance between the edges of the robot and the nearest obstacle [m]."""
-        return float(self._world.distances(self._pose[None, :2])[0]) - self._scenario.radius
+        return float(obstacle_gaps(self._scenario, self._pose[None], np.zeros(1))[0])
 
     def advance(self) -> None:
         """Drive on until now, and publish what the sensors see."""

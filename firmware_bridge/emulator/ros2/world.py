@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kmpc_lite.sim import Scenario
-from kmpc_lite.sim.closed_loop import obstacle_gaps
+from kmpc_lite.sim.closed_loop import point_gaps
 from kmpc_lite.types import Array
 
 BORDER = 0.5
@@ -45,8 +45,7 @@ class World:
 
     def distances(self, points: Array) -> Array:
         """Distances (n,) of points (n, 2) from the nearest edge [m]; negative inside."""
-        gaps = obstacle_gaps(self._scenario, points, np.zeros(len(points)))
-        return gaps + self._scenario.radius
+        return point_gaps(self._scenario, points, np.zeros(len(points)))
 
     def cells(self, resolution: float = 0.05) -> CellMap:
         """Cells that an obstacle touches, of a side [m]."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kmpc_lite.control.obstacles.shapes import FARTHEST
+from kmpc_lite.control.convex import FARTHEST
 from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import Array

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from kmpc_lite.control.obstacles.shapes import FARTHEST
+from kmpc_lite.control.convex import FARTHEST
 from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import real_array

@@ -9,8 +9,11 @@ POINT_ROBOT = 0.15
 
 
 def unit_length(problem: NavigationProblem) -> float:
-    """Metres that one radius stands for: the robot's radius, or the paper's for a point [m]."""
-    return problem.robot_radius or POINT_ROBOT
+    """Metres that one radius stands for [m].
+
+    The robot's, or that of its footprint's circles; the paper's for a point.
+    """
+    return problem.body_radius or POINT_ROBOT
 
 
 def fastest(problem: NavigationProblem) -> tuple[float, float]:

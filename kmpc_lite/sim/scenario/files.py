@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.obstacles.circles import Circle
 from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
 from kmpc_lite.control.obstacles.scene import Solid
@@ -24,6 +25,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
 from kmpc_lite.reading import read_toml
 from kmpc_lite.sim.scenario.bundled import bundled, bundled_file
+from kmpc_lite.sim.scenario.places import check_place
 from kmpc_lite.sim.scenario.shapes import grid_to_toml, to_toml
 from kmpc_lite.sim.scenario.values import (
     CONTROLLER,
@@ -99,48 +101,26 @@ class Scenario:
     it."""
     options: ControllerOptions = ControllerOptions()
     """What the controller is tuned with; in a file tables [controller.ROOM]."""
+    footprint: Footprint | None = None
+    """What the robot covers, where that is no circle about its pose; `radius` then follows from it.
+    In a file a table of length, width and ahead, or a list of corners."""
 
     def __post_init__(self) -> None:
+        if self.footprint is not None:
+            object.__setattr__(self, "radius", self.footprint.radius)
         x_min, y_min, x_max, y_max = self.bounds
         if x_min >= x_max or y_min >= y_max:
             raise ScenarioError(
                 f"{self.name}: [map] bounds: expected xmin < xmax and ymin < ymax, "
                 f"got {list(self.bounds)}"
             )
-        self._check_place("start")
-        self._check_place("goal")
+        for key in ("start", "goal"):
+            check_place(self, key)
         if any(b.time <= a.time for a, b in zip(self.floors, self.floors[1:], strict=False)):
             raise ScenarioError(
                 f"{self.name}: [plant] floors: expected rising times, "
                 f"got {[f.time for f in self.floors]}"
             )
-
-    def _check_place(self, key: str) -> None:
-        """Raise ScenarioError where the robot cannot stand at its start or goal."""
-        x_min, y_min, x_max, y_max = self.bounds
-        x, y, _ = getattr(self, key)
-        if not (x_min <= x <= x_max and y_min <= y <= y_max):
-            raise ScenarioError(
-                f"{self.name}: [robot] {key}: ({x:g}, {y:g}) lies outside the bounds "
-                f"{list(self.bounds)}"
-            )
-        for i, circle in enumerate(self.circles):
-            distance = float(np.hypot(x - circle.x, y - circle.y))
-            moving = circle.vx != 0.0 or circle.vy != 0.0
-            if distance < circle.radius + self.radius and not (moving and key == "goal"):
-                raise ScenarioError(
-                    f"{self.name}: [robot] {key}: ({x:g}, {y:g}) is {distance:g} m from the "
-                    f"centre of circle {i}, "
-                    f"but the radii add up to {circle.radius + self.radius:g} m"
-                )
-        if self.solids is not None:
-            gap = float(self.solids.whole.least(np.array([[x, y]]))[0])
-            if gap < self.radius:
-                raise ScenarioError(
-                    f"{self.name}: [robot] {key}: ({x:g}, {y:g}) is {gap:g} m from a polygon, "
-                    "wall or grid cell, "
-                    f"but the robot's radius is {self.radius:g} m"
-                )
 
     @classmethod
     def load(cls, source: str | os.PathLike[str]) -> Scenario:
@@ -226,7 +206,9 @@ class Scenario:
         )
         pairs = {"du_max": self.du_max, "wheels": self.wheels}
         values.update({key: list(pair or ()) for key, pair in pairs.items()})
-        left_out = {"grid"} | {key for key, pair in pairs.items() if not pair}
+        values["footprint"] = () if self.footprint is None else self.footprint.corners
+        left_out = {"grid", "radius" if self.footprint else "footprint"}
+        left_out |= {key for key, pair in pairs.items() if not pair}
         values["polygons"] = [[list(corner) for corner in p.vertices] for p in self.polygons]
         values["walls"] = [[w.x1, w.y1, w.x2, w.y2, w.thickness] for w in self.walls]
         lines: list[str] = []
@@ -253,6 +235,7 @@ class Scenario:
                 x_min=(x_min, y_min, -np.inf),
                 x_max=(x_max, y_max, np.inf),
                 robot_radius=self.radius,
+                footprint=self.footprint,
                 margin=self.margin,
                 du_max=base.du_max if self.du_max is None else self.du_max,
                 track=track,

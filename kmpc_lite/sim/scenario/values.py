@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.obstacles.circles import Circle
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES
@@ -17,6 +18,7 @@ KEYS: Mapping[str, Mapping[str, Any]] = {
     "map": {"bounds": None, "circles": [], "polygons": [], "walls": [], "grid": ""},
     "robot": {
         "radius": 0.15,
+        "footprint": [],
         "start": None,
         "goal": None,
         "turning_point": [0.0, 0.0],
@@ -209,6 +211,18 @@ def _pair(where: str, value: Any) -> tuple[float, float] | None:
     return numbers
 
 
+def _footprint(where: str, value: Any) -> Footprint | None:
+    if value == []:
+        return None
+    try:
+        made = Footprint.of(value)
+    except ProblemError as error:
+        raise ScenarioError(f"{where}: {error}") from error
+    if not made.radius <= LARGEST_NUMBER:
+        raise ScenarioError(f"{where}: expected at most {LARGEST_NUMBER:g} m")
+    return made
+
+
 def _seed(where: str, value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
         raise ScenarioError(f"{where}: expected a whole number >= 0, got {value!r}")
@@ -219,6 +233,7 @@ READERS: Mapping[str, Callable[[str, Any], Any]] = {
     "circles": _circles,
     "du_max": _pair,
     "floors": _floors,
+    "footprint": _footprint,
     "grid": read_grid,
     "ground": _name,
     "name": _name,

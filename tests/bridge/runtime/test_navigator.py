@@ -58,7 +58,7 @@ def test_wait_is_counted_apart_from_the_drive():
 
 def test_clearance_is_that_to_whatever_the_scenario_holds():
     clock = Clock()
-    made = navigator(clock, gap_at=lambda x, y, t: 0.5 - y - 0.2)
+    made = navigator(clock, gap_at=lambda pose, t: 0.5 - pose[1] - 0.2)
     at(made, clock, 0.0)
     at(made, clock, 0.1, 0.1)
     assert made.clearance == pytest.approx(0.2)

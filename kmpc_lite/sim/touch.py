@@ -1,0 +1,98 @@
+"""How far a footprint really is from obstacles: outline to outline, not by its circles.
+
+This is the truth that a simulated drive is judged by; it shares nothing with what the controller
+reckons with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from kmpc_lite.control.footprint import Footprint
+from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
+from kmpc_lite.control.obstacles.outlines import corners_of
+from kmpc_lite.control.obstacles.scene import Solid
+from kmpc_lite.control.obstacles.shapes import Wall
+from kmpc_lite.types import Array
+
+SHORT = 1e-12
+"""Square of an edge without a length [m^2]: corners that are there twice, ends of walls."""
+
+
+def footprint_gaps(
+    footprint: Footprint, poses: Array, circles: Array, solids: Sequence[Solid]
+) -> Array:
+    """Distances (n,) of a robot from its nearest obstacle [m]; negative where they overlap.
+
+    Parameters
+    ----------
+    footprint : Footprint
+        Of the robot.
+    poses : ndarray
+        (n, 3) [m, m, rad].
+    circles : ndarray
+        (n, M, 3) or longer rows x, y, radius: where they are at each pose [m].
+    solids : sequence of Polygon, Wall or OccupancyGrid
+        At rest.
+
+    Examples
+    --------
+    >>> cart, ahead = Footprint.rectangle(0.8, 0.3), np.array([[[1.0, 0.0, 0.2]]])
+    >>> footprint_gaps(cart, np.array([[0.0, 0.0, 0.0]]), ahead, []).round(3)
+    array([0.4])
+    """
+    robots = np.array([footprint.at(pose) for pose in poses])
+    gaps = np.full(len(poses), np.inf)
+    if circles.shape[1]:
+        apart = _apart(robots, circles[:, :, None, :2]) - circles[..., 2]
+        gaps = np.minimum(gaps, apart.min(axis=1))
+    for solid in solids:
+        if isinstance(solid, OccupancyGrid):
+            if not len(rectangles := solid.rectangles):
+                continue
+            low, high = rectangles[:, :2], rectangles[:, 2:]
+            around = np.stack([low, np.stack([high[:, 0], low[:, 1]], 1), high], axis=1)
+            last = np.stack([low[:, 0], high[:, 1]], 1)[:, None]
+            corners, rounding = solid.to_map(np.concatenate([around, last], axis=1)), 0.0
+        else:
+            corners = corners_of(solid)[None]
+            rounding = 0.5 * solid.thickness if isinstance(solid, Wall) else 0.0
+        apart = _apart(robots, np.broadcast_to(corners, (len(poses), *corners.shape)))
+        gaps = np.minimum(gaps, apart.min(axis=1) - rounding)
+    return gaps
+
+
+def _apart(robots: Array, others: Array) -> Array:
+    """Distances (n, P) of convex outlines (n, K, 2) and (n, P, E, 2) [m], counter-clockwise.
+
+    Where they overlap: by how far the shallowest way out leads, below zero. An outline of one
+    corner is a point, one of two a line.
+    """
+    mine = robots[:, None]
+    depth = np.maximum(_beyond(mine, others), _beyond(others, mine))
+    nearest = np.minimum(_to_edges(others, mine), _to_edges(mine, others))
+    out: Array = np.where(depth < 0.0, depth, nearest)
+    return out
+
+
+def _beyond(outline: Array, points: Array) -> Array:
+    """How far all points (..., E, 2) lie beyond the edge of an outline that leaves most, (...)."""
+    steps = np.roll(outline, -1, axis=-2) - outline
+    squares = (steps * steps).sum(axis=-1)
+    outward = np.stack([steps[..., 1], -steps[..., 0]], axis=-1)
+    outward /= np.sqrt(np.maximum(squares, SHORT))[..., None]
+    away = points[..., None, :, :] - outline[..., :, None, :]
+    least = (away * outward[..., None, :]).sum(axis=-1).min(axis=-1)
+    return np.asarray(np.where(squares > SHORT, least, -np.inf).max(axis=-1))
+
+
+def _to_edges(points: Array, outline: Array) -> Array:
+    """Least distance (...) of points (..., E, 2) from the edges of an outline (..., K, 2)."""
+    begin, steps = outline, np.roll(outline, -1, axis=-2) - outline
+    squares = np.maximum((steps * steps).sum(axis=-1), SHORT)
+    away = points[..., :, None, :] - begin[..., None, :, :]
+    share = (away * steps[..., None, :, :]).sum(axis=-1) / squares[..., None, :]
+    away = away - np.clip(share, 0.0, 1.0)[..., None] * steps[..., None, :, :]
+    return np.asarray(np.hypot(away[..., 0], away[..., 1]).min(axis=(-2, -1)))
