@@ -51,6 +51,7 @@ def speckled(rows: int, columns: int, side: float) -> kl.OccupancyGrid:
         (lambda: [kl.Polygon(on_a_circle(100, 0.1))] * 21, "2,100 edges of polygons"),
         (lambda: [kl.OccupancyGrid([[0]], 0.1)] * 11, "11 grids: at most 10"),
         (lambda: [kl.OccupancyGrid(np.zeros((4096, 2100)), 0.1)] * 2, "17,203,200 cells of grids"),
+        (lambda: [kl.LaserScan([1.0], 0.0, 0.1, range_max=5.0)] * 11, "11 scans: at most 10"),
         (lambda: [speckled(400, 400, 0.01)] * 2, "runs of occupied cells of grids"),
     ],
 )

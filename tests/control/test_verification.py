@@ -62,6 +62,27 @@ def test_it_stops_before_what_it_would_cut_into() -> None:
     np.testing.assert_array_equal(verified.trajectory.inputs[:9, 0], 0.5)
 
 
+@pytest.mark.parametrize(("defect", "anew"), [(0.0499, False), (0.0501, True)])
+def test_the_model_may_contradict_a_plan_by_five_centimetres_a_period(
+    defect: float, anew: bool
+) -> None:
+    controller, result, seen, task = contradicted(np.empty((0, 5)))
+    result = replace(result, defect=defect)
+    verified = controller._pipeline._verification.check(result, seen, task)
+    assert ("rolled out anew" in verified.reason) is anew
+
+
+@pytest.mark.parametrize(("depth", "shortened"), [(0.0199, False), (0.0201, True)])
+def test_a_plan_that_was_rolled_out_may_cut_in_by_two_centimetres(
+    depth: float, shortened: bool
+) -> None:
+    # the plan ends at x = 1
+    circles = np.array([[1.0 + 0.35 - depth, 0.0, 0.2, 0.0, 0.0]])
+    controller, result, seen, task = contradicted(circles)
+    verified = controller._pipeline._verification.check(result, seen, task)
+    assert ("shortened" in verified.reason) is shortened
+
+
 def test_without_margins_such_a_plan_is_not_driven() -> None:
     circles = np.array([[0.8, 0.0, 0.2, 0.0, 0.0]])
     controller, result, seen, task = contradicted(circles)
@@ -93,8 +114,8 @@ def test_what_the_model_contradicts_is_linearised_again() -> None:
     robot = Robot("slow clock", dt=1.0, slip=0.05, learned=False)
     course = course_of(robot, 605)
     passes = []
-    for most in (1, 4):
-        options = ControllerOptions(solver=SolverOptions(contradicted_passes=most))
+    for solver in (SolverOptions(contradicted_passes=1), SolverOptions()):
+        options = ControllerOptions(solver=solver)
         problem = replace(robot.problem(course.side), horizon=20)
         controller = kl.Controller(kl.nominal_unicycle(1.0), problem, options=options)
         pose, plant, worst = course.start, Plant(robot, 605), 0

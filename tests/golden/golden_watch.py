@@ -1,8 +1,8 @@
 """Who notices each option of the controller: the list of a mutation check.
 
-Every default was changed by 20 % (counts up, to the next whole number; switches the other way), and
-golden drives were replayed until one answered otherwise; what none of 45 drives noticed is looked
-at by a test. A drive or a test that is named here goes red with the option changed.
+Every default is changed by 20 % (counts up, to the next whole number; switches the other way; zero
+to a fifth), and a golden drive answers otherwise, or a test goes red: `test_golden_watch.py` tries
+it.
 """
 
 from __future__ import annotations
@@ -92,33 +92,35 @@ DRIVES: dict[str, int] = {
 """Options, and the golden drive whose answers change with them."""
 
 TESTS: dict[str, tuple[str, ...]] = {
-    "options/test_effects.py::test_paths_keep_two_centimetres_beyond_a_margin_and_ten_in_all": (
+    "control/options/test_effects.py::"
+    "test_paths_keep_two_centimetres_beyond_a_margin_and_ten_in_all": (
         "guidance.speed_clearance_limit",
     ),
-    "guidance/test_shuttle.py::test_it_is_tried_so_often_and_for_a_new_goal_again": (
+    "control/guidance/test_shuttle.py::test_it_is_tried_so_often_and_for_a_new_goal_again": (
         "guidance.shuttles",
     ),
-    "options/test_effects.py::test_a_path_that_is_half_a_second_longer_is_a_detour": (
+    "control/options/test_effects.py::test_a_path_that_is_half_a_second_longer_is_a_detour": (
         "guidance.progress_time",
         "guidance.detour_time",
     ),
-    "guidance/test_progress_checker.py::test_a_detour_is_driven_to_its_end_but_not_for_ever": (
-        "guidance.stall_time",
-    ),
-    "options/test_effects.py::"
+    "control/guidance/test_progress_checker.py::"
+    "test_a_detour_is_driven_to_its_end_but_not_for_ever": ("guidance.stall_time",),
+    "control/options/test_effects.py::"
     "test_who_moves_by_a_radius_or_turns_by_half_a_radian_does_not_stand": (
         "guidance.stall_distance",
         "guidance.stall_angle",
     ),
-    "guidance/test_tangent_graph.py::test_small_circles_keep_their_arcs": ("guidance.cut_depth",),
-    "options/test_effects.py::test_a_turning_centre_counts_from_four_millimetres": (
+    "control/guidance/test_tangent_graph.py::test_small_circles_keep_their_arcs": (
+        "guidance.cut_depth",
+    ),
+    "control/options/test_effects.py::test_a_turning_centre_counts_from_four_millimetres": (
         "guidance.centre_distance",
     ),
-    "options/test_effects.py::"
+    "control/options/test_effects.py::"
     "test_a_twentieth_of_a_command_is_believed_of_a_robot_that_does_not_move": (
         "guidance.least_speed_share",
     ),
-    "guidance/test_goal_checker.py::"
+    "control/guidance/test_goal_checker.py::"
     "test_each_tolerance_is_widened_by_its_number_of_standard_deviations": (
         "goal.turn_distance_noise",
         "goal.turn_limit_noise",
@@ -131,129 +133,341 @@ TESTS: dict[str, tuple[str, ...]] = {
         "goal.quiet_position",
         "goal.quiet_heading",
     ),
-    "guidance/test_goal_checker.py::test_the_papers_robot_parks_within_these_tolerances": (
+    "control/guidance/test_goal_checker.py::test_the_papers_robot_parks_within_these_tolerances": (
         "goal.turn_limit",
         "goal.enter_distance",
         "goal.leave_angle",
         "goal.pushed_distance",
         "goal.pushed_angle",
     ),
-    "guidance/test_goal_checker.py::test_a_push_is_forgotten_by_a_fifth_a_step": (
+    "control/guidance/test_goal_checker.py::test_a_push_is_forgotten_by_a_fifth_a_step": (
         "goal.averaging",
     ),
-    "margins/test_command_check.py::"
+    "control/margins/test_command_check.py::"
     "test_what_is_farther_than_some_periods_of_driving_is_not_looked_at": (
         "margins.check_far_periods",
     ),
-    "options/test_effects.py::test_a_plan_is_no_start_for_a_robot_half_a_metre_from_it": (
+    "control/options/test_effects.py::test_a_plan_is_no_start_for_a_robot_half_a_metre_from_it": (
         "solver.lost_position",
     ),
-    "options/test_effects.py::test_steps_that_are_short_and_defects_that_are_small": (
+    "control/options/test_effects.py::test_steps_that_are_short_and_defects_that_are_small": (
         "solver.short_step",
         "solver.short_turn",
         "solver.short_speed_change",
         "solver.short_turn_rate_change",
         "solver.straight_turn_defect",
     ),
-    "nmpc/test_solver_options.py::test_line_searches_end_at_the_length_of_their_mode": (
+    "control/nmpc/test_solver_options.py::test_line_searches_end_at_the_length_of_their_mode": (
         "solver.shortest_step",
         "solver.shortest_converging_step",
     ),
-    "nmpc/test_solver_options.py::test_the_exact_hessian_is_used_late_or_after_a_shortened_step": (
+    "control/nmpc/test_solver_options.py::"
+    "test_the_exact_hessian_is_used_late_or_after_a_shortened_step": (
         "solver.gauss_newton_passes",
     ),
-    "nmpc/test_exact_hessian.py::test_states_on_which_gauss_newton_needs_hundreds_of_passes": (
-        "solver.least_curvature",
-    ),
-    "nmpc/test_solver_options.py::"
+    "control/nmpc/test_exact_hessian.py::"
+    "test_states_on_which_gauss_newton_needs_hundreds_of_passes": ("solver.least_curvature",),
+    "control/nmpc/test_solver_options.py::"
     "test_the_slack_penalty_grows_while_a_plan_stands_in_an_obstacle": (
         "solver.penalty_growth",
         "solver.largest_penalty",
     ),
-    "safe_stop/test_stop_options.py::"
+    "control/safe_stop/test_stop_options.py::"
     "test_the_rest_of_the_plan_is_tried_for_as_long_as_it_is_told": ("stop.further_time",),
-    "safe_stop/test_stop_options.py::test_commands_are_slowed_to_the_shares_that_are_told": (
-        "stop.slower_shares",
+    "control/safe_stop/test_stop_options.py::"
+    "test_commands_are_slowed_to_the_shares_that_are_told": ("stop.slower_shares",),
+    "control/safe_stop/test_stop_options.py::test_what_is_far_is_not_looked_at": (
+        "stop.overspeed",
     ),
-    "safe_stop/test_stop_options.py::test_what_is_far_is_not_looked_at": ("stop.overspeed",),
-    "options/test_effects.py::test_a_ramp_takes_ten_seconds_at_most": ("stop.longest_ramp",),
-    "test_step_bounds.py::test_a_step_stops_where_obstacles_are_too_many": (
+    "control/options/test_effects.py::test_a_ramp_takes_ten_seconds_at_most": (
+        "stop.longest_ramp",
+    ),
+    "control/test_step_bounds.py::test_a_step_stops_where_obstacles_are_too_many": (
         "obstacles.circles",
         "obstacles.edges",
         "obstacles.grids",
         "obstacles.grid_cells",
         "obstacles.grid_runs",
+        "obstacles.scans",
     ),
-    "options/test_effects.py::"
+    "control/options/test_effects.py::"
     "test_polygons_have_a_hundred_corners_and_cells_a_tenth_of_a_millimetre": (
         "obstacles.polygon_corners",
         "obstacles.cell",
     ),
-    "options/test_options.py::test_a_pose_is_believed_for_two_seconds_or_a_thousand_periods": (
+    "control/options/test_options.py::"
+    "test_a_pose_is_believed_for_two_seconds_or_a_thousand_periods": (
         "step.oldest_pose",
         "step.oldest_pose_periods",
     ),
-    "options/test_options.py::"
+    "control/options/test_options.py::"
     "test_periods_lie_between_a_tenth_of_a_millisecond_and_a_hundred_seconds": (
         "step.shortest_period",
         "step.longest_period",
     ),
-    "options/test_effects.py::test_nor_for_one_that_is_turned_by_a_radian": (
+    "control/options/test_effects.py::test_nor_for_one_that_is_turned_by_a_radian": (
         "solver.lost_heading",
     ),
+    "control/guidance/test_lattice_options.py::"
+    "test_the_tangent_graph_takes_the_corners_of_24_rectangles": ("guidance.lattice_rectangles",),
+    "control/guidance/test_lattice_options.py::"
+    "test_nodes_lie_five_centimetres_apart_and_farther_where_they_are_too_many": (
+        "guidance.lattice_step",
+        "guidance.lattice_nodes",
+    ),
+    "control/guidance/test_lattice_options.py::test_a_field_has_a_million_cells_at_the_most": (
+        "guidance.lattice_field_cells",
+    ),
+    "control/guidance/test_lattice_options.py::test_a_step_along_an_obstacle_counts_a_fifth_more": (
+        "guidance.lattice_near_cost",
+    ),
+    "control/guidance/test_lattice_options.py::"
+    "test_a_path_may_cut_the_cells_of_a_grid_by_two_centimetres": ("guidance.lattice_cut",),
+    "control/guidance/test_lattice_options.py::"
+    "test_lines_are_looked_at_every_four_centimetres_at_400_points_at_the_most": (
+        "guidance.lattice_sample",
+        "guidance.lattice_samples",
+    ),
+    "control/guidance/test_lattice_options.py::"
+    "test_the_farthest_node_in_sight_is_looked_for_among_eighty": ("guidance.lattice_look",),
+    "control/guidance/test_lattice_options.py::test_four_searches_from_goals_are_kept": (
+        "guidance.lattice_searches",
+    ),
+    "control/guidance/test_lattice_options.py::"
+    "test_corners_are_added_twelve_times_before_the_lattices_own_path_is_taken": (
+        "guidance.corner_rounds",
+    ),
+    "control/guidance/test_lattice_options.py::test_a_graph_takes_150_circles": (
+        "guidance.graph_circles",
+    ),
+    "control/guidance/test_guidance_options.py::"
+    "test_paths_keep_six_or_three_centimetres_or_five_millimetres": (
+        "guidance.narrow_clearance",
+        "guidance.least_clearance",
+    ),
+    "control/guidance/test_guidance_options.py::"
+    "test_who_is_carried_by_half_a_metre_gets_another_path_at_once": ("guidance.lost_distance",),
+    "control/guidance/test_guidance_options.py::"
+    "test_an_obstacle_may_be_a_centimetre_from_where_it_was": ("guidance.moved_distance",),
+    "control/guidance/test_guidance_options.py::"
+    "test_repeated_searches_are_hurried_within_two_radii_of_the_goal": ("guidance.near_goal",),
+    "control/guidance/test_guidance_options.py::"
+    "test_three_parts_of_a_hurried_search_are_done_in_a_step": ("guidance.hurried_parts",),
+    "control/guidance/test_guidance_options.py::"
+    "test_another_side_is_taken_where_it_is_quicker_by_half_a_second_and_a_tenth": (
+        "guidance.switch_time",
+        "guidance.switch_share",
+    ),
+    "control/guidance/test_guidance_options.py::"
+    "test_a_path_has_twenty_thousand_poses_at_the_most": ("guidance.grid_poses",),
+    "control/guidance/test_guidance_options.py::"
+    "test_the_place_moves_by_half_a_second_back_and_one_and_a_half_ahead": (
+        "guidance.locate_back",
+        "guidance.locate_ahead",
+    ),
+    "control/guidance/test_guidance_options.py::"
+    "test_the_robot_turns_on_circles_of_three_tenths_of_the_way": (
+        "guidance.turning_radius_share",
+    ),
+    "control/guidance/test_guidance_options.py::"
+    "test_a_turning_centre_is_certain_by_three_and_a_half_standard_errors": (
+        "guidance.centre_certainty",
+    ),
+    "control/guidance/test_guidance_options.py::"
+    "test_a_turning_centre_explains_half_of_the_motion": ("guidance.centre_share",),
+    "control/guidance/test_guidance_options.py::"
+    "test_a_model_is_asked_for_turns_at_eight_headings": ("guidance.centre_headings",),
+    "control/guidance/test_shuttle.py::test_beside_its_goal_a_robot_backs_up_and_comes_again": (
+        "guidance.shuttle_length",
+    ),
+    "control/guidance/test_shuttle.py::"
+    "test_it_must_be_quicker_than_turning_on_the_spot_by_a_second": ("guidance.shuttle_gain",),
+    "control/guidance/test_shuttle.py::test_it_turns_back_within_half_a_radius_of_its_end": (
+        "guidance.shuttle_reach",
+    ),
+    "control/guidance/test_turning_centre.py::test_a_point_that_is_learned_anew_keeps_the_way": (
+        "guidance.centre_change",
+    ),
+    "control/guidance/test_moving_obstacles.py::"
+    "test_an_evasive_arc_may_lead_out_of_the_area_by_a_millimetre": ("moving_obstacles.touch",),
+    "control/guidance/test_moving_obstacles.py::"
+    "test_an_arc_is_left_for_one_with_three_centimetres_more_clearance": (
+        "moving_obstacles.switch_clearance",
+    ),
+    "control/margins/test_drift_detector.py::"
+    "test_a_floor_is_unknown_where_its_noise_is_three_times_the_known": (
+        "margins.unknown_floor_inflation",
+    ),
+    "control/margins/test_drift_detector.py::"
+    "test_an_error_counts_as_twenty_times_the_expected_one_at_the_most": (
+        "margins.largest_innovation",
+    ),
+    "control/margins/test_quantiles.py::test_a_single_command_is_allowed_an_error_in_a_thousand": (
+        "margins.step_risk",
+    ),
+    "control/nmpc/test_solver_options.py::"
+    "test_a_step_must_bring_its_share_of_the_predicted_decrease": ("solver.armijo",),
+    "control/nmpc/test_solver_options.py::"
+    "test_a_converged_plan_may_stand_in_an_obstacle_by_a_hundredth_of_a_millimetre": (
+        "solver.accepted_depth",
+    ),
+    "control/nmpc/test_solver_options.py::"
+    "test_passes_to_convergence_solve_with_four_thousand_iterations_at_the_most": (
+        "solver.converged.max_iter",
+    ),
+    "control/nmpc/test_solver_options.py::test_a_qp_gets_some_time_even_past_the_deadline": (
+        "solver.least_solve_time",
+    ),
+    "control/test_verification.py::test_what_the_model_contradicts_is_linearised_again": (
+        "solver.contradicted_passes",
+    ),
+    "control/test_verification.py::"
+    "test_the_model_may_contradict_a_plan_by_five_centimetres_a_period": ("step.accepted_defect",),
+    "control/test_verification.py::test_a_plan_that_was_rolled_out_may_cut_in_by_two_centimetres": (
+        "step.accepted_depth",
+    ),
+    "control/safe_stop/test_stop_options.py::"
+    "test_the_quick_look_keeps_its_error_beyond_the_margin": (
+        "stop.quick_look_error",
+        "stop.quick_look_error_share",
+    ),
+    "control/obstacles/test_scan.py::test_scans_that_are_none_are_refused": (
+        "obstacles.scan_beams",
+    ),
+    "control/estimation/test_pose_watch.py::"
+    "test_a_third_of_a_radius_and_all_that_was_driven_is_no_jump": (
+        "pose.tolerated",
+        "pose.slip",
+        "pose.slip_memory",
+    ),
+    "control/estimation/test_pose_watch.py::"
+    "test_a_tenth_of_a_radian_and_two_and_a_half_times_the_turn_is_no_jump": (
+        "pose.tolerated_turn",
+        "pose.turn_slip",
+    ),
+    "control/estimation/test_pose_watch.py::test_a_pose_that_stays_is_believed_after_two_seconds": (
+        "pose.agreement",
+    ),
+    "control/obstacles/test_tracker_options.py::"
+    "test_what_was_seen_once_is_known_to_two_centimetres_and_may_drive_twice_as_fast": (
+        "tracker.noise",
+        "tracker.first_speed",
+        "tracker.turn_rate",
+    ),
+    "control/obstacles/test_tracker_options.py::"
+    "test_accelerations_of_two_thirds_of_the_fastest_speed_and_turns_of_two_seconds": (
+        "tracker.acceleration",
+        "tracker.turn_memory",
+    ),
+    "control/obstacles/test_tracker_options.py::"
+    "test_who_is_where_chance_leads_once_in_ten_thousand_is_still_the_same": ("tracker.gate",),
+    "control/obstacles/test_tracker_options.py::"
+    "test_who_stands_is_taken_to_move_once_in_a_thousand_times": ("tracker.false_alarm",),
+    "control/obstacles/test_tracker_options.py::"
+    "test_who_is_hidden_is_expected_for_a_second_and_a_half": ("tracker.coast",),
+    "control/obstacles/test_tracker_options.py::"
+    "test_who_was_seen_to_move_grows_by_three_standard_deviations_of_his_velocity": (
+        "tracker.spread",
+    ),
+    "control/obstacles/test_tracker_options.py::test_two_hundred_circles_are_followed": (
+        "tracker.most",
+    ),
+    "control/obstacles/test_tracker_options.py::"
+    "test_who_is_seen_has_a_radius_of_three_of_the_robots": ("tracker.largest_cluster",),
+    "control/obstacles/test_tracker_options.py::test_three_hits_are_somebody": (
+        "tracker.fewest_hits",
+    ),
+    "control/obstacles/test_tracker_options.py::test_a_step_of_a_radius_separates_two_things": (
+        "tracker.gap",
+    ),
+    "control/obstacles/test_tracker_options.py::"
+    "test_somebody_moves_by_half_of_his_radius_in_a_second": ("tracker.strayed",),
+    "control/obstacles/sight/test_sight_options.py::"
+    "test_cells_have_a_third_of_a_radius_and_twice_the_noise_of_the_ranges": (
+        "sight.cell",
+        "sight.cell_noise",
+    ),
+    "control/obstacles/sight/test_sight_options.py::"
+    "test_the_map_reaches_twice_as_far_as_the_scanner_and_has_400_cells_a_side": (
+        "sight.map_reach",
+        "sight.most_cells",
+    ),
+    "control/obstacles/sight/test_sight_options.py::"
+    "test_what_is_out_of_sight_is_known_for_two_minutes": ("sight.memory",),
+    "control/obstacles/sight/test_sight_options.py::"
+    "test_a_cell_that_was_hit_is_free_after_three_scans_have_passed": ("sight.passes",),
+    "control/obstacles/sight/test_sight_options.py::"
+    "test_hits_are_nearer_than_seen_by_two_standard_deviations": ("sight.certainty",),
+    "control/obstacles/sight/test_sight_options.py::"
+    "test_what_is_within_a_cell_of_a_line_counts_as_behind_it": ("sight.level",),
+    "control/obstacles/sight/test_sight_options.py::"
+    "test_cells_are_noted_as_free_up_to_three_metres": ("sight.free_distance",),
+    "control/obstacles/sight/test_sight_options.py::test_sixty_four_poses_of_the_past_are_kept": (
+        "sight.trail",
+    ),
+    "control/obstacles/sight/test_sight_options.py::test_nobody_steps_out_of_what_is_not_seen": (
+        "sight.emerging_speed",
+    ),
+    "control/obstacles/sight/test_sight_options.py::"
+    "test_a_path_is_looked_for_anew_after_three_seconds": ("sight.refresh_interval",),
+    "control/obstacles/sight/test_sight_options.py::"
+    "test_five_times_a_second_is_looked_for_what_stands_on_the_path": ("sight.blocked_interval",),
+    "control/obstacles/sight/test_sight_options.py::"
+    "test_a_lattice_of_what_was_seen_has_twelve_thousand_nodes": ("sight.lattice_nodes",),
+    "control/obstacles/sight/test_sight_options.py::"
+    "test_a_path_without_a_change_of_gear_may_take_two_seconds_longer": ("sight.gear_time",),
+    "adaptation/test_adaptation_options.py::"
+    "test_the_window_has_two_seconds_and_eight_steps_and_the_memory_thirty_seconds": (
+        "adaptation.window",
+        "adaptation.memory",
+    ),
+    "adaptation/test_adaptation_options.py::"
+    "test_a_model_is_given_from_eight_steps_since_a_change_on": ("adaptation.fewest_steps",),
+    "adaptation/test_adaptation_options.py::test_the_window_raises_an_alarm_at_forty": (
+        "adaptation.window_alarm",
+    ),
+    "adaptation/test_adaptation_options.py::test_the_memory_raises_an_alarm_at_thirty": (
+        "adaptation.memory_alarm",
+    ),
+    "adaptation/test_adaptation_options.py::"
+    "test_an_alarm_is_confirmed_by_the_scatter_of_the_steps_themselves": (
+        "adaptation.confirmation",
+    ),
+    "adaptation/test_adaptation_options.py::"
+    "test_a_step_weighs_by_half_a_millimetre_and_three_tenths_of_the_usual": (
+        "adaptation.even_noise",
+        "adaptation.noise_floor",
+        "adaptation.turn_noise_floor",
+    ),
+    "adaptation/test_adaptation_options.py::"
+    "test_a_step_of_two_millimetres_or_milliradians_tells_of_the_floor": (
+        "adaptation.least_step",
+        "adaptation.least_turn",
+    ),
+    "adaptation/test_adaptation_options.py::"
+    "test_three_times_what_was_commanded_and_five_centimetres_more_is_a_jump": (
+        "adaptation.jump_factor",
+        "adaptation.jump",
+        "adaptation.jump_turn",
+    ),
+    "adaptation/test_adaptation_options.py::test_who_does_less_than_a_tenth_is_held": (
+        "adaptation.held",
+        "adaptation.held_turn",
+        "adaptation.held_share",
+    ),
+    "adaptation/test_adaptation_options.py::test_gains_of_a_floor_and_those_of_another_robot": (
+        "adaptation.least_gain",
+        "adaptation.largest_gain",
+        "adaptation.largest_drift",
+        "adaptation.largest_pull",
+    ),
+    "adaptation/test_adaptation_options.py::test_gains_found_twice_are_those_of_another_robot": (
+        "adaptation.refusals_for_wrong",
+    ),
+    "adaptation/test_adaptation_options.py::"
+    "test_a_drive_that_takes_half_of_itself_back_tells_nothing": ("adaptation.back_and_forth",),
+    "adaptation/test_adaptation_options.py::test_an_adapted_model_may_be_worse_by_a_tenth": (
+        "adaptation.worse",
+    ),
 }
-"""Tests below tests/control, and the options that they watch."""
-
-OPEN: tuple[str, ...] = (
-    "margins.step_risk",
-    "margins.largest_innovation",
-    "solver.contradicted_passes",
-    "guidance.hurried_parts",
-    "guidance.shuttle_length",
-    "guidance.shuttle_gain",
-    "guidance.turning_radius_share",
-    "guidance.narrow_clearance",
-    "guidance.least_clearance",
-    "guidance.lost_distance",
-    "guidance.moved_distance",
-    "guidance.near_goal",
-    "guidance.switch_time",
-    "guidance.switch_share",
-    "guidance.shuttle_reach",
-    "guidance.grid_poses",
-    "guidance.locate_back",
-    "guidance.locate_ahead",
-    "guidance.corner_rounds",
-    "guidance.graph_circles",
-    "guidance.lattice_rectangles",
-    "guidance.lattice_step",
-    "guidance.lattice_nodes",
-    "guidance.lattice_field_cells",
-    "guidance.lattice_near_cost",
-    "guidance.lattice_cut",
-    "guidance.lattice_sample",
-    "guidance.lattice_samples",
-    "guidance.lattice_look",
-    "guidance.lattice_searches",
-    "guidance.centre_headings",
-    "guidance.centre_change",
-    "guidance.centre_certainty",
-    "guidance.centre_share",
-    "moving_obstacles.touch",
-    "moving_obstacles.switch_clearance",
-    "margins.unknown_floor_inflation",
-    "solver.converged.max_iter",
-    "solver.armijo",
-    "solver.accepted_depth",
-    "solver.least_solve_time",
-    "stop.quick_look_error",
-    "stop.quick_look_error_share",
-    "obstacles.scans",
-    "obstacles.scan_beams",
-    "step.accepted_defect",
-    "step.accepted_depth",
-)
-"""Options of which it is not yet known who notices: no drive and no test that was tried does."""
-
-OPEN_ROOMS = ("pose", "sight", "tracker")
-"""Rooms of options that are newer than the check."""
+"""Tests below tests, and the options that they watch."""

@@ -3,63 +3,77 @@
 from __future__ import annotations
 
 import dataclasses
-import math
+import os
 import re
+import subprocess
+import sys
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from golden_defaults import PACKAGE, changed, copy_with, defaults
 from golden_file import load
 from golden_session import replay
-from golden_watch import DRIVES, OPEN, OPEN_ROOMS, TESTS
+from golden_watch import DRIVES, TESTS
 
 import kmpc_lite as kl
 
-CONTROL = Path(__file__).parents[1] / "control"
-
-
-def defaults(options: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:
-    """Names of all options, with their rooms, and their values."""
-    for field in dataclasses.fields(options):
-        value = getattr(options, field.name)
-        if dataclasses.is_dataclass(value):
-            yield from defaults(value, (*path, field.name))
-        else:
-            yield ".".join((*path, field.name)), value
-
-
-def changed(value: Any) -> Any:
-    """Change a value by 20 %."""
-    if isinstance(value, bool):
-        return not value
-    if isinstance(value, int):
-        return max(math.ceil(1.2 * value), value + 1)
-    if isinstance(value, tuple):
-        return tuple(1.2 * part for part in value)
-    return 1.2 * value
+ALL_TESTS = Path(__file__).parents[1]
+PAIRS = [(option, test) for test, options in TESTS.items() for option in options]
 
 
 def test_every_option_is_on_the_list_once() -> None:
-    listed = Counter([*DRIVES, *(name for names in TESTS.values() for name in names), *OPEN])
-    names = {name for name, _ in defaults(kl.ControllerOptions())}
-    assert set(listed) == {name for name in names if name.split(".")[0] not in OPEN_ROOMS}
+    listed = Counter([*DRIVES, *(option for option, _ in PAIRS)])
+    assert set(listed) == set(defaults())
     assert max(listed.values()) == 1
 
 
 @pytest.mark.parametrize("test", TESTS)
 def test_the_tests_on_the_list_are_there(test: str) -> None:
     file, name = test.split("::")
-    assert re.search(rf"^def {name}\(", (CONTROL / file).read_text(encoding="utf-8"), re.MULTILINE)
+    text = (ALL_TESTS / file).read_text(encoding="utf-8")
+    assert re.search(rf"^def {name}\(", text, re.MULTILINE)
+
+
+def test_a_copy_differs_from_the_package_by_one_default(tmp_path: Path) -> None:
+    for option, place, line in (
+        ("guidance.near_goal", "control/options/guidance.py", "near_goal: float = radii(2.4)"),
+        ("solver.converged.max_iter", "control/options/solver.py", "max_iter=4800,"),
+        ("adaptation.worse", "adaptation/options.py", "worse: float = 1.32"),
+    ):
+        copy_with(option, changed(defaults()[option]), tmp_path)
+        before = (PACKAGE / place).read_text(encoding="utf-8").splitlines()
+        after = (tmp_path / PACKAGE.name / place).read_text(encoding="utf-8").splitlines()
+        others = [b for a, b in zip(before, after, strict=True) if a != b]
+        assert len(others) == 1 and line in others[0].replace("1.3200000000000003", "1.32")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("option", "test"), PAIRS, ids=[option for option, _ in PAIRS])
+def test_the_tests_on_the_list_notice_their_options(option: str, test: str, tmp_path: Path) -> None:
+    copy_with(option, changed(defaults()[option]), tmp_path)
+    where = {**os.environ, "PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
+    copy_first = ["-o", f"pythonpath={tmp_path} tests/helpers tests/golden"]
+    command = [sys.executable, "-m", "pytest", *copy_first, "-x", "-q", "-p", "no:cacheprovider"]
+    done = subprocess.run(
+        [*command, str(ALL_TESTS / test)],
+        env=where,
+        cwd=ALL_TESTS.parent,
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+    )
+    assert done.returncode == pytest.ExitCode.TESTS_FAILED, done.stdout[-2000:]
 
 
 @pytest.mark.long
 def test_the_drives_on_the_list_notice_their_options() -> None:
     models, drives, _ = load()
     by_number = {drive.number: drive for drive in drives}
-    values = dict(defaults(kl.ControllerOptions()))
+    values = defaults()
     usual: dict[int, Any] = {}
     unseen = []
     for name, number in DRIVES.items():

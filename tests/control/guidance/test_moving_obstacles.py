@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, MovingObstacleTable
 from kmpc_lite.control.options import MovingObstacleOptions, in_metres
@@ -30,3 +31,26 @@ def test_who_was_seen_to_move_is_given_more_room_the_later_he_comes() -> None:
     seen = MovingObstacles(passing, 0.15, SPEED, TABLE, spread=np.array([0.3]))
     assert told.spares(pose)
     assert not seen.spares(pose)
+
+
+@pytest.mark.parametrize(("beyond", "last"), [(0.0009, False), (0.0011, True)])
+def test_an_evasive_arc_may_lead_out_of_the_area_by_a_millimetre(beyond: float, last: bool) -> None:
+    coming = np.array([[-1.0, 0.0, 0.25, 0.1, 0.0]])
+    # the arc of one second at half the speed, straight ahead, ends at 0.3 m
+    number = TABLE.arcs.tolist().index([0.5, 0.0, 1.0])
+    area = np.array([[-2.0, -2.0], [0.3 - beyond, 2.0]])
+    found = MovingObstacles(coming, 0.15, SPEED, TABLE, area=area)
+    clearance = found._clearance_on_arcs(np.zeros(3), TABLE.times)
+    assert bool(clearance[number] < clearance[0]) is last
+
+
+@pytest.mark.parametrize(("promised", "kept"), [(0.0299, True), (0.0301, False)])
+def test_an_arc_is_left_for_one_with_three_centimetres_more_clearance(
+    promised: float, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clearance = np.full(len(TABLE.arcs), -1.0)
+    clearance[[2, 5]] = 0.0, promised
+    monkeypatch.setattr(MovingObstacles, "_clearance_on_arcs", lambda *rest: clearance.copy())
+    found = MovingObstacles(np.array([[1.0, 0.0, 0.2, -0.5, 0.0]]), 0.15, SPEED, TABLE)
+    number, _ = found.evasive_arc(np.zeros(3), 2, TIMES)
+    assert number == (2 if kept else 5)

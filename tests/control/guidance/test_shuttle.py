@@ -14,7 +14,8 @@ from kmpc_lite.control.options import GuidanceOptions
 PROBLEM = kl.NavigationProblem()
 GOAL = np.array([0.5, 0.2, 0.0])
 NO_CIRCLES = np.empty((0, 5))
-LENGTH = GuidanceOptions().shuttle_length * PROBLEM.robot_radius
+LENGTH = 0.3
+"""How far a shuttle leads: two radii [m]."""
 
 
 def stopped_at(pose: np.ndarray, guide: GuideInUse, circles: np.ndarray = NO_CIRCLES) -> None:
@@ -49,6 +50,22 @@ def test_there_is_no_shuttle_without_reverse() -> None:
     guide = GuideInUse(replace(PROBLEM, u_min=(0.0, -np.pi / 4)))
     stopped_at(GOAL + (0.0, 0.04, 0.02), guide)
     assert guide.state.shuttles == 0
+
+
+def test_it_must_be_quicker_than_turning_on_the_spot_by_a_second() -> None:
+    for aside, begun in ((0.18, 1), (0.19, 0)):
+        guide = GuideInUse(PROBLEM)
+        stopped_at(GOAL + (0.0, aside, 0.0), guide)
+        assert guide.state.shuttles == begun
+
+
+def test_it_turns_back_within_half_a_radius_of_its_end() -> None:
+    for off, turned in ((0.0749, True), (0.0751, False)):
+        guide = GuideInUse(PROBLEM)
+        stopped_at(GOAL + (0.0, 0.04, 0.02), guide)
+        assert guide.state.shuttle is not None
+        guide.reference(guide.state.shuttle + (0.0, off, 0.0), GOAL, NO_CIRCLES)
+        assert (guide.state.shuttle is None) is turned
 
 
 def test_it_turns_back_on_the_free_side() -> None:

@@ -94,8 +94,10 @@ def test_a_point_that_is_learned_anew_keeps_the_way() -> None:
     guide, x, goal = GuideInUse(PROBLEM), np.array([-1.0, 0.0, 0.3]), np.array([1.0, 0.2, 1.0])
     guide.turn_about(np.array(POINT))
     first = guide.reference(x, goal, NO_CIRCLES)
-    guide.turn_about(np.array(POINT) + (0.5 * OPTIONS.centre_change, 0.0))
-    assert not guide.reference(x, goal, NO_CIRCLES).refreshed
+    guide.turn_about(np.array(POINT) + (0.00099, 0.0))
+    assert not any(guide.reference(x, goal, NO_CIRCLES).refreshed for _ in range(9))
+    guide.turn_about(np.array(POINT) + (0.00101, 0.0))
+    assert any(guide.reference(x, goal, NO_CIRCLES).refreshed for _ in range(9))
     guide.turn_about(np.array(POINT) + (0.006, -0.002))
     steps = [guide.reference(x, goal, NO_CIRCLES) for _ in range(9)]
     assert any(s.refreshed for s in steps) and not any(s.switched for s in steps)

@@ -114,3 +114,18 @@ def test_update_takes_over_another_noise(model):
     wary.update(replace(model, noise_model=NoiseModel(4.0 * model.noise_model.coefficients)))
     after = wary.margins(lin, states, inputs, normals)
     assert (after > 1.5 * before).all()
+
+
+@pytest.mark.parametrize(("inflation", "unknown"), [(2.99, False), (3.01, True)])
+def test_a_floor_is_unknown_where_its_noise_is_three_times_the_known(inflation, unknown):
+    wary = Wary(slipping(0.02), PROBLEM)
+    wary.drift.level = inflation**2 + 1.5
+    assert wary.inflation == pytest.approx(inflation)
+    assert wary.of.drift_detector.is_unknown_floor(wary.drift) is unknown
+
+
+def test_an_error_counts_as_twenty_times_the_expected_one_at_the_most():
+    wary = Wary(slipping(0.02), PROBLEM)
+    before = wary.drift.level
+    wary.observe(np.array([1e3, 0.0, 0.0]), 0.0, np.array([0.5, 0.0]))
+    assert wary.drift.level == pytest.approx(before + 0.2 * (20.0**2 - before))

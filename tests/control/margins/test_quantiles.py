@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 from wary import PROBLEM, Wary
 
+import kmpc_lite as kl
+from kmpc_lite.control.margins.model_noise import ModelNoise
 from kmpc_lite.control.margins.quantiles import default_quantile, model_quantile
+from kmpc_lite.control.options import MarginOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.koopman import KoopmanModel
 
@@ -53,3 +56,11 @@ def test_quantiles_survive_a_file(model, tmp_path):
     loaded = KoopmanModel.load(tmp_path / "m.npz")
     assert Wary(loaded, PROBLEM, risk=0.013).quantile == Wary(model, PROBLEM, risk=0.013).quantile
     json.dumps(dict(model.info))
+
+
+def test_a_single_command_is_allowed_an_error_in_a_thousand() -> None:
+    table = {"risks": [0.05, 1e-3, 1e-4, 1e-5], "quantiles": [3.0, 4.0, 5.0, 6.0]}
+    for adapted, quantile in ((False, 4.0), (True, 5.0)):
+        model = replace(kl.nominal_unicycle(0.1), info={"noise_quantiles": table})
+        noise = ModelNoise(model, PROBLEM, MarginOptions(), adapted)
+        assert noise.step_quantile == pytest.approx(quantile, rel=1e-6)

@@ -103,9 +103,11 @@ def test_a_step_must_bring_its_share_of_the_predicted_decrease() -> None:
         found.states, found.inputs, GOAL
     )
     defect = np.abs(predict_stages(found, TASK) - found.states[1:]).sum()
-    # a penalty under which the whole step keeps 30 % of the decrease
-    weight = 0.7 * gained / defect
-    assert length(0.25, weight) == 1.0 > length(0.36, weight)
+    # penalties under which the whole step keeps 30 %, and a ten thousandth, of the decrease
+    assert length(0.25, 0.7 * gained / defect) == 1.0 > length(0.36, 0.7 * gained / defect)
+    usual = SolverOptions().armijo
+    for kept, whole in ((1.1e-4, True), (0.9e-4, False)):
+        assert (length(usual, (1.0 - kept) * gained / defect) == 1.0) is whole
 
 
 def progress(sqp: SQP, depth: float, slack: float = 100.0) -> tuple[Progress, Task]:
@@ -129,6 +131,18 @@ def test_the_slack_penalty_grows_while_a_plan_stands_in_an_obstacle() -> None:
             assert sqp._has_ended(run, task)
 
 
+def test_a_converged_plan_may_stand_in_an_obstacle_by_a_hundredth_of_a_millimetre() -> None:
+    sqp = SQP(PROBLEM, 0, iterations=9)
+    for depth, grown in ((0.95e-5, False), (1.05e-5, True)):
+        run, task = progress(sqp, depth)
+        assert sqp._has_ended(run, task) is not grown
+
+
+def test_passes_to_convergence_solve_with_four_thousand_iterations_at_the_most() -> None:
+    sqp = SQP(PROBLEM, 0, iterations=2)
+    assert sqp.workspace._osqp.settings.max_iter == 4000  # type: ignore[attr-defined]
+
+
 def test_the_exact_hessian_is_used_late_or_after_a_shortened_step() -> None:
     sqp = SQP(PROBLEM, 0, iterations=99, options=SolverOptions(gauss_newton_passes=12))
     run, _ = progress(sqp, 0.0)
@@ -141,8 +155,13 @@ def test_the_exact_hessian_is_used_late_or_after_a_shortened_step() -> None:
     assert sqp._filler._wants_exact_hessian(run)
 
 
-def test_a_qp_gets_some_time_even_past_the_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
-    sqp = SQP(PROBLEM, 0, options=SolverOptions(least_solve_time=3e-4), clock=lambda: 5.0)
+@pytest.mark.parametrize(
+    ("options", "least"), [({}, 5e-5), ({"least_solve_time": 3e-4}, 3e-4)], ids=["usual", "more"]
+)
+def test_a_qp_gets_some_time_even_past_the_deadline(
+    options: dict[str, float], least: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sqp = SQP(PROBLEM, 0, options=SolverOptions(**options), clock=lambda: 5.0)  # type: ignore[arg-type]
     limits, solve = [], sqp.workspace.solve
 
     def watched(*data: np.ndarray, time_limit: float | None, **more: Any) -> Any:
@@ -153,5 +172,5 @@ def test_a_qp_gets_some_time_even_past_the_deadline(monkeypatch: pytest.MonkeyPa
     for deadline in (4.0, 5.2, np.inf):
         task = replace(TASK, deadline=deadline)
         sqp.solve(SQPState(search_time=0.1), at_rest(sqp.qp, np.zeros(3)), task)
-    np.testing.assert_allclose(limits[:2], [3e-4, 0.1])
+    np.testing.assert_allclose(limits[:2], [least, 0.1])
     assert limits[2] is None

@@ -112,17 +112,23 @@ def test_what_is_far_is_not_looked_at(overspeed: float, monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize(
-    "options",
-    [{}, {"quick_look_error": 0.1}, {"quick_look_error_share": 0.2}],
+    ("options", "fixed", "share"),
+    [
+        ({}, 0.005, 0.05),
+        ({"quick_look_error": 0.1}, 0.015, 0.05),
+        ({"quick_look_error_share": 0.2}, 0.005, 0.2),
+    ],
 )
-def test_the_quick_look_keeps_its_error_beyond_the_margin(options: dict[str, float]) -> None:
-    model, wanted = lagging(), StopOptions(**options)
+def test_the_quick_look_keeps_its_error_beyond_the_margin(
+    options: dict[str, float], fixed: float, share: float
+) -> None:
+    model, wanted = lagging(), StopOptions(**options)  # type: ignore[arg-type]
     look = QuickLook(PROBLEM, Braking(PROBLEM, wanted), wanted)
     command, past = np.array([0.4, 0.0]), np.zeros((4, 2))
     ramp = BRAKING.ramp(command)
     commands = np.vstack([command, ramp, np.zeros((4, 2))])
     end = float(model.rollout(np.zeros(3), commands, past)[-1, 0])
-    error = wanted.quick_look_error * 0.15 + wanted.quick_look_error_share * end
+    error = fixed + share * end
     states, clearance = np.zeros((21, 3)), 0.1
     circles = np.array([[end + 0.35 + clearance, 0.0, 0.2, 0.0, 0.0]])
     for margin, clear in ((clearance - error - 1e-4, True), (clearance - error + 1e-4, False)):

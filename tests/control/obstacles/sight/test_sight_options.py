@@ -1,0 +1,186 @@
+"""What the options of sight mean for the paper's robot, looked at on both sides of each number."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from guided import GuideInUse
+
+import kmpc_lite as kl
+from kmpc_lite.control.guidance.path_search import _preferred
+from kmpc_lite.control.guidance.search_state import PathSearch
+from kmpc_lite.control.guidance.tangent_graph import GeometricPath
+from kmpc_lite.control.obstacles.sight.local_map import UNKNOWN, LocalMap
+from kmpc_lite.control.obstacles.sight.sight import Sight
+from kmpc_lite.control.obstacles.solids import Solids
+from kmpc_lite.control.options import SightOptions
+from kmpc_lite.types import Array
+
+SMALL = kl.NavigationProblem()
+LARGE = kl.NavigationProblem(x_min=(-500.0, -500.0, -np.inf), x_max=(500.0, 500.0, np.inf))
+HERE = np.zeros(3)
+STEP = np.pi / 180
+
+
+def sight(problem: kl.NavigationProblem = SMALL, **options: float) -> Sight:
+    made = SightOptions(**options)  # type: ignore[arg-type]
+    return Sight(problem, problem.scale, made, 3.0)
+
+
+def scan(distance: float, reach: float = 5.0, **more: float) -> kl.LaserScan:
+    return kl.LaserScan(np.full(360, distance), -np.pi, STEP, reach, **more)
+
+
+def looked(problem: kl.NavigationProblem = SMALL, reach: float = 5.0, **more: float) -> LocalMap:
+    found = sight(problem).look(None, [scan(2.0, reach, **more)], HERE, 0.0)
+    assert found is not None
+    return found
+
+
+def test_cells_have_a_third_of_a_radius_and_twice_the_noise_of_the_ranges() -> None:
+    assert looked().cell == pytest.approx(0.05)
+    assert looked(noise=0.0249).cell == pytest.approx(0.05)
+    assert looked(noise=0.0251).cell == pytest.approx(0.1)
+
+
+def test_the_map_reaches_twice_as_far_as_the_scanner_and_has_400_cells_a_side() -> None:
+    near, far = looked(LARGE, 3.5), looked(LARGE, 50.0)
+    assert near.state.shape[1] * near.cell == pytest.approx(2.0 * 2.0 * 3.5, rel=0.02)
+    assert far.state.shape[1] == pytest.approx(400, abs=2)
+
+
+def test_a_map_of_the_whole_area_has_400_cells_a_side_at_the_most() -> None:
+    # three metres around the area are kept, and a cell
+    for side, fixed in ((13.8, True), (14.0, False)):
+        area = {"x_min": (0.0, 0.0, -np.inf), "x_max": (side, side, np.inf)}
+        assert looked(kl.NavigationProblem(**area)).is_fixed is fixed  # type: ignore[arg-type]
+
+
+def test_what_is_out_of_sight_is_known_for_two_minutes() -> None:
+    eyes, here = sight(), looked()
+    cells = np.flatnonzero(here.state.ravel() > 0)
+    elsewhere = np.array([1.5, 0.0, 0.0])
+    states = {}
+    for seconds in (110.0, 129.0):
+        here.clock = seconds
+        eyes.look(here, [], elsewhere, 0.0)
+        states[seconds] = here.state.ravel()[cells]
+    assert (states[110.0] > 0).all() and (states[129.0] == UNKNOWN).all()
+
+
+def test_a_cell_that_was_hit_is_free_after_three_scans_have_passed() -> None:
+    eyes, here = sight(), looked()
+    cells = np.flatnonzero(here.state.ravel() > 0)
+    left = []
+    for _ in range(4):
+        eyes.look(here, [scan(4.0)], HERE, 0.0)
+        left.append(int(np.count_nonzero(here.state.ravel()[cells])))
+    assert left[0] and left[1] and not left[2]
+
+
+def test_hits_are_nearer_than_seen_by_two_standard_deviations() -> None:
+    eyes = sight()
+    here = eyes.look(None, [scan(2.0, noise=0.003)], HERE, 0.004)
+    assert here is not None and here.rounding == pytest.approx(2.0 * 0.005)
+
+
+def test_what_is_within_a_cell_of_a_line_counts_as_behind_it() -> None:
+    (boxes,) = sight().seen(looked(), HERE, 0.0).hits
+    assert boxes._behind == pytest.approx(0.05)
+
+
+def test_cells_are_noted_as_free_up_to_three_metres() -> None:
+    here = sight(LARGE).look(None, [scan(9.0, 10.0)], HERE, 0.0)
+    assert here is not None
+    rows, columns = np.nonzero(here.state == 0)
+    x = (columns + here.column + 0.5) * here.cell
+    y = (rows + here.row + 0.5) * here.cell
+    assert max(np.abs(x).max(), np.abs(y).max()) == pytest.approx(20 * 0.15, abs=0.06)
+
+
+def test_sixty_four_poses_of_the_past_are_kept() -> None:
+    eyes, here = sight(), looked()
+    for k in range(80):
+        eyes.look(here, [], np.array([0.001 * k, 0.0, 0.0]), 0.0)
+    assert len(here.trail) == 64
+
+
+def test_nobody_steps_out_of_what_is_not_seen() -> None:
+    usual, wary = (sight(emerging_speed=speed) for speed in (0.0, 0.2))
+    here = looked()
+
+    def dark(eyes: Sight) -> float:
+        boxes = eyes.seen(here, HERE, 0.3).unknown
+        return float(sum((b.high - b.low).prod(axis=1).sum() for b in boxes))
+
+    assert dark(sight()) == dark(usual) < dark(wary)
+
+
+class OneView:
+    """What scans have shown: nothing on the path, and a map."""
+
+    coarseness = 0.0
+
+    def __init__(self, known: Solids | None = None) -> None:
+        options = SightOptions()
+        self.blocked_interval, self.refresh_interval = (
+            options.blocked_interval,
+            options.refresh_interval,
+        )
+        self.gear_time, self.lattice_nodes = options.gear_time, options.lattice_nodes
+        self._known, self.looks = known, 0
+
+    def solids(self, given: Solids | None) -> Solids | None:
+        return self._known
+
+    def is_dark(self, points: Array, distance: float) -> Array:
+        return np.zeros(len(points), dtype=bool)
+
+    def blocks(self, points: Array, distance: float) -> bool:
+        self.looks += 1
+        return False
+
+
+def drive(view: OneView, steps: int) -> list[float]:
+    """A robot drives along its path; how old that is in each step [s]."""
+    guide, ages = GuideInUse(LARGE), []
+    for k in range(steps):
+        pose = np.array([0.03 * k, 0.0, 0.0])
+        guide.reference(pose, np.array([20.0, 0.0, 0.0]), np.empty((0, 5)), view=view)
+        ages.append(guide.state.age)
+    return ages
+
+
+def test_a_path_is_looked_for_anew_after_three_seconds() -> None:
+    assert max(drive(OneView(), 60)) == pytest.approx(3.0, abs=0.15)
+
+
+def test_five_times_a_second_is_looked_for_what_stands_on_the_path() -> None:
+    view = OneView()
+    drive(view, 30)
+    assert view.looks == pytest.approx(5 * 2.7, abs=1)
+
+
+def test_a_lattice_of_what_was_seen_has_twelve_thousand_nodes() -> None:
+    cells = np.zeros((200, 200), dtype=bool)
+    cells[::10, ::10] = True
+    guide = GuideInUse(LARGE)
+    view = OneView(Solids([kl.OccupancyGrid(cells, 0.05, (1.0, 1.0))]))
+    guide.reference(HERE, np.array([10.0, 0.0, 0.0]), np.empty((0, 5)), view=view)
+    path_map = guide.state.path_map
+    assert path_map is not None and path_map.lattice is not None
+    assert len(path_map.lattice._places) == pytest.approx(12_000, rel=0.04)
+
+
+@pytest.mark.parametrize(("time", "kept"), [(11.99, True), (12.01, False)])
+def test_a_path_without_a_change_of_gear_may_take_two_seconds_longer(
+    time: float, kept: bool
+) -> None:
+    points = np.array([[0.0, 0.0], [1.0, 0.0]])
+    quickest = GeometricPath(points, np.zeros(2), 10.0, True)
+    same = GeometricPath(points, np.zeros(2), time, False)
+    search = PathSearch(
+        HERE, HERE, HERE, np.empty((0, 5)), None, None, True, False, gear_time=OneView().gear_time
+    )
+    search.best, search.same_gear = quickest, same
+    assert _preferred(search) is (same if kept else quickest)
