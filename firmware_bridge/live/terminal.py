@@ -6,7 +6,8 @@ import threading
 from collections.abc import Callable
 from typing import TextIO
 
-from firmware_bridge.runtime.loop import Change, ControlLoop, Snapshot
+from firmware_bridge.runtime.loop import ControlLoop
+from firmware_bridge.runtime.observer import Change, Snapshot
 from firmware_bridge.runtime.timing import Histogram
 
 PERIOD = 0.2

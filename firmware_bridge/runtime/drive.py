@@ -10,8 +10,8 @@ from typing import Any, Protocol, TextIO
 
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.drive_logs import Recorder
-from firmware_bridge.runtime.loop import Observer
 from firmware_bridge.runtime.navigator import Navigator
+from firmware_bridge.runtime.observer import Observer
 from firmware_bridge.runtime.session import STOPS, Session
 from firmware_bridge.runtime.timing import table
 from firmware_bridge.safety.gate_table import GateState

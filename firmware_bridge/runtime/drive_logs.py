@@ -11,7 +11,7 @@ from firmware_bridge.link.log import Chunk, RecordedTransport, raw_log, tlog
 from firmware_bridge.recording.durable import DurableFile
 from firmware_bridge.recording.recorder import CsvRecorder
 from firmware_bridge.robot_file import Robot
-from firmware_bridge.runtime.loop import Observer
+from firmware_bridge.runtime.observer import Observer
 
 
 class Recorder(Observer, Protocol):

@@ -21,7 +21,8 @@ from firmware_bridge.messages import BridgeError, ConfigError, Controller
 from firmware_bridge.robot_file import Robot, check_period
 from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.drive_logs import DriveLogs, Recorder
-from firmware_bridge.runtime.loop import ControlLoop, Observer
+from firmware_bridge.runtime.loop import ControlLoop
+from firmware_bridge.runtime.observer import Observer
 from firmware_bridge.runtime.sharing import drives, share
 from firmware_bridge.safety.estop import EmergencyStop
 from firmware_bridge.safety.gate import SafetyGate

@@ -96,15 +96,15 @@ TESTS: dict[str, tuple[str, ...]] = {
     "test_paths_keep_two_centimetres_beyond_a_margin_and_ten_in_all": (
         "guidance.speed_clearance_limit",
     ),
-    "control/guidance/test_shuttle.py::test_it_is_tried_so_often_and_for_a_new_goal_again": (
+    "control/guidance/test_shuttle.py::test_it_is_tried_three_times_for_one_goal": (
         "guidance.shuttles",
     ),
     "control/options/test_effects.py::test_a_path_that_is_half_a_second_longer_is_a_detour": (
         "guidance.progress_time",
         "guidance.detour_time",
     ),
-    "control/guidance/test_progress_checker.py::"
-    "test_a_detour_is_driven_to_its_end_but_not_for_ever": ("guidance.stall_time",),
+    "control/options/test_effects.py::"
+    "test_a_robot_that_gets_no_nearer_has_stalled_after_five_seconds": ("guidance.stall_time",),
     "control/options/test_effects.py::"
     "test_who_moves_by_a_radius_or_turns_by_half_a_radian_does_not_stand": (
         "guidance.stall_distance",

@@ -48,6 +48,7 @@ class Bench:
             clock=self.clock,
             sleep=self.clock.sleep,
             take=self.driver.take,
+            confirm=self.driver.confirm,
             **options,
         )
         self.period, self.plan_at = period, self.clock()
@@ -312,7 +313,6 @@ def test_operator_stop_reset_enable():
 def test_after_a_restart_of_the_board_nothing_moves_until_the_frame_is_confirmed():
     desk = Desk()
     bench = Bench(operator=desk)
-    bench.loop._confirm = bench.driver.confirm
     bench.drive()
     bench.driver.frame_doubt = "the autopilot was restarted"
     bench.run(3.0)

@@ -7,7 +7,7 @@ import pytest
 from firmware_bridge.cli.record import coverage_meter
 from firmware_bridge.messages import ConfigError, State
 from firmware_bridge.robot_file import load_robot
-from firmware_bridge.runtime.loop import Change
+from firmware_bridge.runtime.observer import Change
 from firmware_bridge.runtime.record_drive import RandomDriving, Recording
 from firmware_bridge.safety.gate_table import GateState
 from tests.helpers.simulated_robot import Simulated

@@ -91,6 +91,16 @@ def test_it_is_tried_so_often_and_for_a_new_goal_again() -> None:
     assert guide.state.shuttles <= 1 and np.isfinite(guide.state.path.duration)
 
 
+def test_it_is_tried_three_times_for_one_goal() -> None:
+    guide, beside, begun = GuideInUse(PROBLEM), GOAL + (0.0, 0.04, 0.02), 0
+    for _ in range(5):
+        stopped_at(beside, guide)
+        if guide.state.shuttle is not None:
+            begun += 1
+            guide.reference(guide.state.shuttle, GOAL, NO_CIRCLES)
+    assert begun == 3
+
+
 def test_a_robot_that_stands_beside_its_goal_parks_sooner() -> None:
     seconds = {}
     for shuttles in (0, 3):
