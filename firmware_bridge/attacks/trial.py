@@ -105,16 +105,16 @@ def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) 
     with tempfile.TemporaryDirectory(prefix="kmpc-attack-") as name, ExitStack() as stack:
         folder = Path(name)
         kind = "udp" if surface.between == "udp" else "tcp"
-        near, far = _free_port(kind), _free_port(kind)
-        poses, source, station = (_free_port("udp") for _ in range(3))
+        near, far = free_port(kind), free_port(kind)
+        poses, source, station = (free_port("udp") for _ in range(3))
         relayed = any(flood.beside == "poses" for flood in floods)
         camera = f"udp:127.0.0.1:{source if relayed else poses}" if surface.poses else ""
         trace, path = folder / "trace", folder / "estop"
         served = f"{kind}:127.0.0.1:{far}"
-        eye, seen = _free_port("tcp"), _free_port("tcp")
+        eye, seen = free_port("tcp"), free_port("tcp")
         where = (surface.lidar, f"tcp:127.0.0.1:{seen}" if surface.lidar else "")
         vehicle = stack.enter_context(
-            _child("vehicle", surface.driver, served, camera, str(trace), *where)
+            child("vehicle", surface.driver, served, camera, str(trace), *where)
         )
         addresses: dict[str, tuple[object, ...]] = {
             surface.between: (near, far),
@@ -125,7 +125,7 @@ def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) 
             "idle": (path,),
             "station": (station,),
         }
-        page = stack.enter_context(_page(path)) if surface.page else None
+        page = stack.enter_context(live_page(path)) if surface.page else None
         addresses["browsers"] = ("" if page is None else urlsplit(page.links[0]).port,)
         attackers = [
             stack.enter_context(attacker(folder, how, addresses[how], flood.rubbish()))
@@ -147,7 +147,7 @@ def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) 
         )
         with Session(load_robot(None, table), _ahead, PERIOD) as session:
             if page is not None:
-                page.start(lambda: _shown(session), {"title": "a robot under attack"})
+                page.start(lambda: shown(session), {"title": "a robot under attack"})
             script = _Script(session, [input_of(a) for a in attackers], input_of(presser))
             session.drive(lambda: script(seconds))
             read = session.driver.health().counters.get("bytes_in", 0)
@@ -158,17 +158,17 @@ def run(surface: Surface, floods: Sequence[Flood], seconds: float = HEAD_START) 
         pressed = float(presser.stdout.readline())
         input_of(vehicle).close()
         vehicle.wait()
-        stood = _standstill(trace, script.stopped)
+        stood = standstill(trace, script.stopped)
         # in this order: where the gate never obeyed, that is no number, and stays none
         return Trial(script.late, stood, max(script.obeyed - pressed, 0.0), read)
 
 
-def _page(socket_path: Path) -> Feed:
+def live_page(socket_path: Path) -> Feed:
     """Make a live page, at whatever port is free."""
     return Feed(LiveAddress(port=0), "firmware_bridge.live.page", {"socket": str(socket_path)})
 
 
-def _shown(session: Session) -> dict[str, Any]:
+def shown(session: Session) -> dict[str, Any]:
     """Give what a page shows of a session."""
     shot = session.loop.snapshot
     gate = "WAITING" if shot is None else shot.output.state.name
@@ -181,7 +181,7 @@ def _ahead(state: State) -> VelocityCommand:
     return VelocityCommand(SPEED, 0.0, time.monotonic())
 
 
-def _standstill(trace: Path, since: float) -> float:
+def standstill(trace: Path, since: float) -> float:
     """How long after `since` [s] the robot of a trace stood."""
     rows = [tuple(map(float, line.split())) for line in trace.read_text().splitlines()]
     ahead = 0
@@ -199,9 +199,9 @@ def _standstill(trace: Path, since: float) -> float:
 
 
 @contextmanager
-def _child(module: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+def child(module: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
     """Run a module of this folder until the end of its standard input; it has said "ready"."""
-    child = subprocess.Popen(
+    running = subprocess.Popen(
         [sys.executable, "-m", f"firmware_bridge.attacks.{module}", *arguments],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
@@ -210,19 +210,19 @@ def _child(module: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
         env={**os.environ, "PYTHONUNBUFFERED": "1"},
     )
     try:
-        assert child.stdout is not None
-        if child.stdout.readline() != "ready\n":
+        assert running.stdout is not None
+        if running.stdout.readline() != "ready\n":
             raise LinkError(f"{module} {' '.join(arguments)}: did not start")
-        yield child
+        yield running
     finally:
-        input_of(child).close()
+        input_of(running).close()
         try:
-            child.wait(5.0)
+            running.wait(5.0)
         except subprocess.TimeoutExpired:
-            child.kill()
-            child.wait()
-        assert child.stdout is not None
-        child.stdout.close()
+            running.kill()
+            running.wait()
+        assert running.stdout is not None
+        running.stdout.close()
 
 
 @contextmanager
@@ -232,8 +232,8 @@ def attacker(
     """Run an attacker (attacker.KINDS) in a process of its own."""
     file = folder / f"rubbish-{kind}"
     file.write_bytes(rubbish)
-    with _child("attacker", kind, *map(str, address), str(file)) as child:
-        yield child
+    with child("attacker", kind, *map(str, address), str(file)) as running:
+        yield running
 
 
 def input_of(child: subprocess.Popen[str]) -> IO[str]:
@@ -252,7 +252,8 @@ def tell(pipes: Sequence[IO[str]], word: str) -> None:
             pipe.close()
 
 
-def _free_port(kind: str) -> int:
+def free_port(kind: str) -> int:
+    """Find a port of this computer that nobody uses."""
     sort = socket.SOCK_DGRAM if kind == "udp" else socket.SOCK_STREAM
     with socket.socket(socket.AF_INET, sort) as probe:
         probe.bind(("127.0.0.1", 0))

@@ -65,7 +65,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default=[10.0, 50.0],
         help="rates of plans and commands [Hz] (default: 10 50)",
     )
-
     add(
         "--flood",
         nargs="*",
@@ -87,12 +86,21 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="instead: drive through a door so often on a computer that does nothing else, with\n"
         "every core and the disk busy, and so with real-time priority; tells what that costs",
     )
+    add(
+        "--stops",
+        type=count,
+        metavar="N",
+        help="instead: press STOP N times on the live page of an emulated rover that\n"
+        "drives; tells how long that takes",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
     """Measure and print the table."""
     if options.live_clients is not None:
         return _watched(options)
+    if options.stops is not None:
+        return _stops(options)
     if options.flood is not None:
         return _flood(options)
     if options.busy is not None:
@@ -128,6 +136,16 @@ def _flood(options: argparse.Namespace) -> int:
     return 0
 
 
+def _stops(options: argparse.Namespace) -> int:
+    """Measure and print what a STOP on the page takes."""
+    from firmware_bridge.attacks import presses
+
+    need("--stops", "pymavlink")
+    found = presses.run(options.stops)
+    print(json.dumps(presses.as_dict(found)) if options.json else presses.told(found))
+    return 0
+
+
 def _watched(options: argparse.Namespace) -> int:
     """Measure and print what browsers cost."""
     from functools import partial
@@ -153,10 +171,8 @@ def _watched(options: argparse.Namespace) -> int:
             where = (job.robot, job.navigator, job.period, job.origin)
             drive_robot(*where, None, None, watched=watch)
     rows = turns.table()
-    if options.json:
-        print(json.dumps({"clients": options.live_clients, "times_ms": rows}))
-        return 0
-    print(told(rows, options.live_clients))
+    times = {"clients": options.live_clients, "times_ms": rows}
+    print(json.dumps(times) if options.json else told(rows, options.live_clients))
     return 0
 
 
@@ -276,6 +292,7 @@ COMMAND = Command(
         "kmpc latency --flood",
         "kmpc latency --live-clients 50 --seconds 60",
         "kmpc latency --busy 5",
+        "kmpc latency --stops 10",
     ),
     add_options=add_options,
     run=run,

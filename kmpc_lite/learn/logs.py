@@ -60,6 +60,8 @@ class Log:
     """What a user should know of how the file was read, one line each."""
     where: Callable[[int], str] = row_number
     """Names a row as the file does: ``line 7``."""
+    shares: bool = False
+    """Whether the commands are shares of full throttle and steering: their size tells nothing."""
 
     @property
     def span(self) -> float:

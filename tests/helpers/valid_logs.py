@@ -205,6 +205,13 @@ def _counted(table: np.ndarray) -> np.ndarray:
     return table
 
 
+def _wheels(table: np.ndarray) -> np.ndarray:
+    """Speeds of the left and the right wheel, which stand 0.4 m apart."""
+    v, omega = table[:, 4].copy(), 0.2 * table[:, 5]
+    table[:, 4], table[:, 5] = v - omega, v + omega
+    return table
+
+
 def _no_sign(table: np.ndarray) -> np.ndarray:
     """Speeds without a direction."""
     table[:, 4] = np.abs(table[:, 4])
@@ -249,6 +256,10 @@ WRONG: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
     "latitude": (_all(_times("x", 1e-5), _times("y", 1e-5)), "longitude and latitude"),
     "pixels": (_all(_times("x", 200.0), _times("y", -200.0)), "--units x=cm y=cm"),
     "no sign": (_no_sign, "positions move neither"),
+    "feet": (_all(_times("x", 3.2808), _times("y", 3.2808)), "--units x=ft y=ft"),
+    "km/h": (_times("v", 3.6), "--units v=km/h"),
+    "wheels": (_wheels, "the speeds of two wheels"),
+    "another plane": (_constant(2, 0.0), "y never changes"),
     "no commands": (_all(_constant(4, 0.0), _constant(5, 0.0)), "all commands are 0"),
 }
 """What is done to a valid log, and a word of the line that it must get."""

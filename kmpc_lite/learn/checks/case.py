@@ -77,7 +77,8 @@ def is_seen(case: Case, channel: int, length: int = 32) -> bool:
         return False
     expected = 0.1 * np.sqrt(np.mean((asked[length:] - asked[:-length]) ** 2))
     bends = moved[2:] - 2.0 * moved[1:-1] + moved[:-2]
-    noise = np.median(np.abs(bends)) / 1.65  # of a pose; its share of a bend is sqrt(6)
+    middle = 2.88 if np.iscomplexobj(bends) else 1.65  # of a bend, times sqrt(6) of a pose's noise
+    noise = np.median(np.abs(bends)) / middle
     return bool(expected > NOISE * noise)
 
 

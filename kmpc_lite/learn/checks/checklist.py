@@ -22,7 +22,7 @@ from kmpc_lite.learn.checks.frames import (
     turns_the_other_way,
 )
 from kmpc_lite.learn.checks.motion import gather
-from kmpc_lite.learn.checks.relations import clocks_differ, other_source, unrelated
+from kmpc_lite.learn.checks.relations import clocks_differ, other_source, unrelated, wheel_speeds
 from kmpc_lite.learn.checks.scales import (
     beyond_grip,
     counted_rows,
@@ -36,6 +36,7 @@ CHECKS: dict[str, Callable[[Case], str | None]] = {
     "time": time_unit,
     "rows": counted_rows,
     "degrees": theta_in_degrees,
+    "wheels": wheel_speeds,
     "unrelated": unrelated,
     "frame": mirrored,
     "rotation": rotated,
@@ -101,6 +102,10 @@ def judge(log: Log) -> Verdict:
     return Verdict(suspects, case.evidence.delay)
 
 
+TURNED = 1.0
+"""Headings that a robot has taken whose x and y must both have changed [rad]."""
+
+
 def find_still(log: Log) -> str | None:
     """Whether nothing moves or turns, or nothing is asked for."""
     moved = float(np.ptp(log.poses.values, axis=0).max())
@@ -118,6 +123,12 @@ def find_still(log: Log) -> str | None:
             "were meant (--columns, --topics)"
         )
     turned = float(np.ptp(log.poses.values[:, 2]))
+    for k, name in enumerate("xy"):
+        if np.ptp(log.poses.values[:, k]) <= 1e-9 and turned > TURNED:
+            return (
+                f"{name} never changes though the robot drives and turns: another column was meant "
+                f"for {name}, or the ground is another plane of a camera's frame (--columns)"
+            )
     if turned <= 1e-9 and np.abs(log.commands.values[:, 1]).max() > 0.0:
         return (
             "theta never changes though omega is asked for and the robot moves: another column or "

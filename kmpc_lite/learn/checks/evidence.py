@@ -48,6 +48,11 @@ class Explained(NamedTuple):
     """Rows of a window."""
 
     @property
+    def beyond_chance(self) -> float:
+        """Share of what chance leaves unexplained."""
+        return (self.share - self.chance) / max(1.0 - self.chance, 1e-12)
+
+    @property
     def sure(self) -> bool:
         """Whether it explains more than chance could."""
         return self.share > max(LEAST_SHARE, self.chance)
@@ -132,7 +137,7 @@ def _best(motion: Motion, moved: Array, asked: Array, along: Array | float) -> E
     found = [
         result for lag in lags for result in _explain(motion, moved, asked, along, lag, LENGTHS)
     ]
-    return max(found, key=lambda e: e.share, default=NOTHING)
+    return max(found, key=lambda e: e.beyond_chance, default=NOTHING)
 
 
 def _explain(

@@ -14,6 +14,25 @@ from kmpc_lite.types import Array
 AHEAD, BEHIND = 0.5, 2.5
 """How far a motion may come before its command, and after it [s]."""
 
+WHEELS = 0.7
+"""Share of the turns that omega explains where it is one, and a wheel's speed does not."""
+
+
+def wheel_speeds(case: Case) -> str | None:
+    """Sum and difference of the commands explain what the commands do not: those of two wheels."""
+    if case.turns.sure and case.turns.share > WHEELS:
+        return None
+    motion = case.evidence.motion
+    left, right = motion.asked.T
+    other = examine(replace(motion, asked=np.column_stack([left + right, right - left])))
+    moves, turns = other.moves[case.reading], other.turns[case.degrees]
+    if not (moves.sure and turns.sure and turns.share > WHEELS and moves.share > case.moves.share):
+        return None
+    return (
+        "the robot drives by the sum of v and omega and turns by their difference: they are the "
+        "speeds of two wheels; expected v = (right + left) / 2 and omega = (right - left) / width"
+    )
+
 
 def unrelated(case: Case) -> str | None:
     """Neither displacements nor turns follow the commands."""

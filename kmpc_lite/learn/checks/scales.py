@@ -38,6 +38,8 @@ def time_unit(case: Case) -> str | None:
 LENGTHS = (
     (2.4, 4.0, "x=mm y=mm", "the path is a thousand times as long as v says: x and y are in mm"),
     (1.5, 2.4, "x=cm y=cm", "the path is a hundred times as long as v says: x and y are in cm"),
+    (0.42, 0.62, "x=ft y=ft", "the path is three times as long as v says: x and y are in feet"),
+    (-0.62, -0.5, "v=km/h", "the path is a quarter of what v says: v is in km/h"),
     (-2.4, -1.5, "v=cm/s", "the path is a hundredth of what v says: v is in cm/s"),
     (-4.0, -2.4, "v=mm/s", "the path is a thousandth of what v says: v is in mm/s, or x, y in km"),
 )
@@ -50,7 +52,7 @@ def length_unit(case: Case) -> str | None:
         return None
     power = power_of(case.moves)
     for low, high, option, reason in LENGTHS:
-        if low <= power < high:
+        if low <= power < high and not (case.log.shares and abs(power) < 1.0):
             return f"{reason} (factor {abs(case.moves.factor):.3g}); --units {option}"
     if abs(power) >= 4.0:
         return (

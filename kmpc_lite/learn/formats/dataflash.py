@@ -175,7 +175,7 @@ def read_dataflash(path: Path, options: ReadOptions) -> Log:
         for name, count in sorted(counts.items())
     )
     notes = (f"poses: {poses.source}; commands: {commands.source}", *note)
-    return Log(str(path), poses, commands, topics=topics, notes=notes)
+    return Log(str(path), poses, commands, shares=SHARES in notes, topics=topics, notes=notes)
 
 
 def pick(path: Path, name: str, chosen: Mapping[str, str], there: list[str], seen: str) -> str:

@@ -182,7 +182,7 @@ def _log(
     notes = (f"poses: {chosen}, ATTITUDE; commands: {source}", *(() if speeds else (SHARES,)))
     held = Series(rows[source][:, 0], rows[source][:, 1:], source)
     pose = Series(found[:, 0], _wrapped(enu(found)), f"{chosen}, ATTITUDE")
-    return Log(str(path), pose, held, topics=topics, notes=notes)
+    return Log(str(path), pose, held, shares=not speeds, topics=topics, notes=notes)
 
 
 def _wrapped(poses: Array) -> Array:

@@ -64,7 +64,9 @@ def read_ulog(path: Path, options: ReadOptions) -> Log:
     source = ", ".join(f"{t}.{f}" for t, f in ((row[0], row[1]), (row[2] or row[0], row[3])))
     commands = Series(both[:, 0], both[:, 1:] * [1.0, -1.0], source)
     notes = (f"poses: {poses.source}; commands: {source}", *((SHARES,) if row in SHARED else ()))
-    return Log(str(path), poses, commands, topics=_topics(data), notes=notes)
+    return Log(
+        str(path), poses, commands, shares=SHARES in notes, topics=_topics(data), notes=notes
+    )
 
 
 def _load(path: Path, names: list[str]) -> tuple[list[Any], str]:

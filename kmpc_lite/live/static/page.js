@@ -3,11 +3,11 @@
 
 import { Drawing } from "./map.js";
 
-const LOST = 1500, RETRY = 400, UNCONFIRMED = 1500, HOLD = 1200, CONFIRM = 5000, ANSWER = 3000;  // [ms]
+const LOST = 1500, RETRY = 400, UNCONFIRMED = 1500, HOLD = 1200, CONFIRM = 5000, ANSWER = 3000, LOOK = 100;  // [ms]
 const ENDED = ["IDLE", "RELEASED", "YIELDED", "ESTOP"];
 const id = (name) => document.getElementById(name);
 const drawing = new Drawing(id("map"));
-let state = {}, heard = 0, opened = performance.now(), source = null, dirty = true, silence = 0;
+let state = {}, heard = 0, opened = performance.now(), source = null, dirty = false, silence = 0;
 
 // ---- what comes in
 
@@ -30,7 +30,7 @@ function take(news) {
   if (news.pose && !("trail" in news)) trail.push(news.pose[0], news.pose[1]);
   if (trail.length > 8000) trail.splice(0, 2000);
   state.trail = trail;
-  dirty = true;
+  draw();
 }
 
 // a hidden tab watches nothing: a browser has few connections, and STOP needs one
@@ -44,6 +44,7 @@ const SHOWN = { plan: "plan", path: "path", trail: "trail", margin: "margins", c
 
 const number = (value, digits, unit) =>
   typeof value === "number" ? `${value.toFixed(digits)} ${unit}` : "–";
+const colour = (name, kind) => { if (id(name).className !== kind) id(name).className = kind; };
 const say = (name, text) => { if (id(name).textContent !== text) id(name).textContent = text; };
 
 function words() {
@@ -52,7 +53,7 @@ function words() {
   say("gate", state.over ? "over" : state.gate || "connecting");
   const wrong = state.over ? [] : state.wrong || [];
   const bad = !state.over && (state.latched || wrong.length > 0);
-  id("gate").className = bad ? "bad" : state.gate === "ACTIVE" && !state.over ? "good" : "";
+  colour("gate", bad ? "bad" : state.gate === "ACTIVE" && !state.over ? "good" : "");
   say("distance", number(state.distance, 2, "m"));
   say("clearance", state.clearance === null ? "no obstacle" : number(state.clearance, 2, "m"));
   say("speed", command ? number(command[0], 2, "m/s") : "–");
@@ -84,23 +85,26 @@ function lostFor(now) {
   return silence > 1 ? silence : 0;
 }
 
-function frame() {
+// a picture is drawn when there is news, never in between: a finger does not wait for pictures
+function draw() {
+  if (!dirty) requestAnimationFrame(() => { dirty = false; words(); look(); drawing.draw(state); });
+  dirty = true;
+}
+
+function look() {
   const now = performance.now();
   const lost = state.lost ? "" : lostFor(now);
   const gone = Boolean(lost) || Boolean(state.lost && !state.over);
-  id("lost").hidden = !gone;
+  if (id("lost").hidden !== !gone) id("lost").hidden = !gone;
   document.body.classList.toggle("lost", gone);
   if (gone) {
     say("lost", (lost ? `NOT HEARD for ${Math.floor(lost)} s` : "THE BRIDGE HAS ENDED")
       + ": what you see is old, and STOP may not arrive. Use the switch on the robot.");
   }
-  if (dirty || gone) words();
-  if (gone) { say("gate", "not heard"); id("gate").className = "bad"; }
-  if (dirty) drawing.draw(state);
-  dirty = false;
+  if (gone) words();
+  if (gone) { say("gate", "not heard"); colour("gate", "bad"); }
   stopLook(now, gone);
   againLook(now);
-  requestAnimationFrame(frame);
 }
 
 // ---- STOP: sent again until the bridge has confirmed it
@@ -126,6 +130,7 @@ async function stop() {
       const answer = await post("stop");
       confirmed = Boolean(answer.confirmed);
       if (!confirmed) refused = (answer.why || []).join("; ");
+      look();
     } catch (error) { refused = String(error.message || error); }
     if (state.latched && state.gate === "ESTOP") confirmed = true;
     if (state.over) break;
@@ -139,7 +144,7 @@ function stopLook(now, gone) {
   if (!holds && !trying && confirmed && !gone && now - asked > 2000) { confirmed = false; asked = 0; }
   const late = trying && now - asked > UNCONFIRMED;
   const held = holds || (confirmed && !trying);
-  id("stop").className = held ? "held" : late ? "failed" : trying ? "asked" : "";
+  colour("stop", held ? "held" : late ? "failed" : trying ? "asked" : "");
   say("word", held ? "STOPPED" : trying ? (late ? "NOT CONFIRMED" : "STOP …") : "STOP");
   say("holds", held ? "confirmed: it holds until somebody lets it drive"
     : late ? "use the switch on the robot; still trying" + (refused ? `: ${refused}` : "")
@@ -200,7 +205,8 @@ for (const name of ["pointerup", "pointerleave", "pointercancel", "keyup", "blur
 }
 id("hold").addEventListener("contextmenu", (event) => event.preventDefault());
 id("confirm").addEventListener("click", confirmIt);
-window.addEventListener("resize", () => { dirty = true; });
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { dirty = true; });
+window.addEventListener("resize", draw);
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
 open();
-requestAnimationFrame(frame);
+draw();
+setInterval(look, LOOK);

@@ -10,7 +10,7 @@ from firmware_bridge.attacks.attacker import KINDS
 from firmware_bridge.attacks.floods import EVERYTHING, FLOODS, SIZE
 from firmware_bridge.attacks.robots import sections
 from firmware_bridge.attacks.table import Row, chosen, table
-from firmware_bridge.attacks.trial import Trial, _standstill
+from firmware_bridge.attacks.trial import Trial, standstill
 from firmware_bridge.attacks.watching import Turns, told
 from firmware_bridge.cli.main import main
 from firmware_bridge.robot_file import DRIVERS, load_robot
@@ -31,13 +31,13 @@ def test_every_driver_is_flooded():
         assert robot.link.driver == driver and robot.driver_table()["board"] is not None
 
 
-def test_a_standstill_is_found_in_a_trace(tmp_path):
+def test_astandstill_is_found_in_a_trace(tmp_path):
     path = tmp_path / "trace"
     rows = [(k * 0.005, min(k, 400) * 0.0015) for k in range(600)]  # 0.3 m/s until 2.0 s
     path.write_text("".join(f"{100 + t:.4f} {x:.5f} 0\n" for t, x in rows))
-    assert _standstill(path, 101.5) == pytest.approx(0.5, abs=0.02)
-    assert _standstill(path, 102.5) == pytest.approx(0.0, abs=0.01)
-    assert _standstill(path, 102.98) == math.inf
+    assert standstill(path, 101.5) == pytest.approx(0.5, abs=0.02)
+    assert standstill(path, 102.5) == pytest.approx(0.0, abs=0.01)
+    assert standstill(path, 102.98) == math.inf
 
 
 def quick(monkeypatch):
