@@ -258,32 +258,6 @@ def press_page(link: str, rubbish: bytes) -> None:
             connection.close()
 
 
-def finger(link: str, path: str, rubbish: bytes) -> None:
-    """Press STOP on a page at each line, say when it began and was confirmed [s]; drive again."""
-    import http.client
-    from urllib.parse import urlsplit
-
-    from firmware_bridge.safety.estop_client import NoBridge, ask
-
-    _ready()
-    url = urlsplit(link)
-    for _ in sys.stdin:
-        began, told = time.monotonic(), b""
-        while b'"confirmed": true' not in told:
-            connection = http.client.HTTPConnection(HOST, int(url.port or 0), timeout=PATIENCE)
-            connection.request("POST", f"{url.path}stop")
-            told = connection.getresponse().read()
-            connection.close()
-        _say(f"{began} {time.monotonic()}")
-        time.sleep(PATIENCE / 2.0)  # the gate looks at its ramp to the end
-        for word in ("reset", "enable"):
-            try:
-                ask(Path(path), word)
-            except NoBridge:  # that was the last press
-                return
-            time.sleep(0.2)
-
-
 KINDS: dict[str, Callable[..., None]] = {
     "tcp": stand_between_tcp,
     "lidar": stand_between_tcp,
@@ -297,7 +271,6 @@ KINDS: dict[str, Callable[..., None]] = {
     "station": send_beside,
     "watchers": watch_page,
     "press_page": press_page,
-    "finger": finger,
 }
 
 

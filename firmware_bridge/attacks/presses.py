@@ -13,7 +13,6 @@ from typing import IO, Any
 
 from firmware_bridge.attacks.robots import SPEED, sections
 from firmware_bridge.attacks.trial import (
-    attacker,
     child,
     free_port,
     input_of,
@@ -24,7 +23,7 @@ from firmware_bridge.attacks.trial import (
 )
 from firmware_bridge.messages import LinkError, State, VelocityCommand
 from firmware_bridge.robot_file import load_robot
-from firmware_bridge.runtime.loop import Snapshot
+from firmware_bridge.runtime.observer import Snapshot
 from firmware_bridge.runtime.session import Session
 from firmware_bridge.safety.gate_table import GateState
 
@@ -102,7 +101,7 @@ def run(count: int) -> list[Press]:
         trace = folder / "trace"
         vehicle = stack.enter_context(child("vehicle", "mavlink", url, "", str(trace), "", ""))
         page = stack.enter_context(live_page(path))
-        finger = stack.enter_context(attacker(folder, "finger", (page.links[0], path), b""))
+        finger = stack.enter_context(child("finger", page.links[0], str(path)))
         robot = load_robot(None, sections("mavlink", url, socket=str(path)))
         with Session(robot, _circle, PERIOD) as session:
             page.start(lambda: shown(session), {"title": "a robot that is stopped"})
