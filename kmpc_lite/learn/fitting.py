@@ -125,10 +125,11 @@ def _fit_once(
     if not noise:
         return model
     found = fit_noise(model, seen)
-    if delay:
+    if delay or (symmetric and model.history):
         # here, for few logs need it
         from kmpc_lite.learn.noise_sources import split_noise_sources
 
-        # a robot that coasts shows errors at rest that are no noise of its poses
+        # a robot that coasts shows errors at rest that are no noise of its poses, and errors of one
+        # period do not tell those that last
         found = replace(found, sources=split_noise_sources(model, seen))
     return replace(model, noise_model=found)
