@@ -124,9 +124,19 @@ class Footprint:
     @property
     def inner_radius(self) -> float:
         """Of the largest circle about the pose that lies in the outline; 0 for a pose outside."""
+        return float(self._inner_radii(np.zeros((1, 2)))[0])
+
+    @property
+    def core_radius(self) -> float:
+        """Of circles about the middles of those that cover it, all of which lie in it [m]."""
+        return float(self._inner_radii(self.circles).min())
+
+    def _inner_radii(self, points: Array) -> Array:
+        """Radii (n,) of the largest circles about points (n, 2) that lie in the outline [m]."""
         edges = np.roll(self.outline, -1, axis=0) - self.outline
         outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.hypot(*edges.T)[:, None]
-        return max(float((outward * self.outline).sum(axis=1).min()), 0.0)
+        depth = (outward * self.outline).sum(axis=1) - points @ outward.T
+        return np.asarray(np.maximum(depth.min(axis=1), 0.0))
 
     @property
     def circles(self) -> Array:
@@ -174,6 +184,16 @@ class Footprint:
             if radius <= enough:
                 break
         return np.array([circle[:2] for circle in found]), radius
+
+
+def places_of(footprint: Footprint | None, poses: Array) -> Array:
+    """Places (n C, 2) that are kept off obstacles at poses (..., 3), n in all [m].
+
+    Those of a footprint's circles, pose by pose; of a round robot the poses' own.
+    """
+    if footprint is None:
+        return poses[..., :2].reshape(-1, 2)
+    return footprint.places(poses).reshape(-1, 2)
 
 
 def _longer_side(outline: Array) -> tuple[Array, float]:

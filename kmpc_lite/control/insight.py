@@ -62,6 +62,8 @@ def _margins(controller: Controller, plan: Plan) -> Array:
     past = command_windows(known.model.history, state.history.commands, inputs)
     lin = known.model.linearize(states[:-1], inputs, past)
     around = np.column_stack([np.cos(DIRECTIONS), np.sin(DIRECTIONS)])
+    if controller.problem.footprint is not None:
+        around = np.column_stack([around, np.zeros(len(around))])
     clearance = math.inf if state.guide is None else state.guide.path_clearance
     found = known.margins.tightening.margins(
         state.drift, lin, states, inputs, np.tile(around, (len(inputs), 1, 1)), clearance

@@ -28,7 +28,8 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.safe_stop.backup import Backup
 from kmpc_lite.control.safe_stop.braking import Braking
-from kmpc_lite.control.safe_stop.stop_trajectory import StopTask, StopTrajectories, StopTrajectory
+from kmpc_lite.control.safe_stop.stop_task import StopTask, StopTrajectory
+from kmpc_lite.control.safe_stop.stop_trajectory import stop_trajectories
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE, StepClock
 from kmpc_lite.control.verification import Verification, Verified
@@ -81,7 +82,7 @@ class Pipeline:
         self._rates = RateLimit(units)
         self._braking = Braking(units, options.stop)
         emerging = options.sight.emerging_speed / scale.speed
-        stops = StopTrajectories(units, options.stop, emerging)
+        stops = stop_trajectories(units, options.stop, emerging)
         self._backup = Backup(units, options.stop)
         self._verification = Verification(units, step, stops)
         self._answers = Answers(problem, scale)

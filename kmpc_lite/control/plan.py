@@ -67,12 +67,11 @@ class PlannedAround:
     def clearances(self, states: Array) -> Array:
         """Distances (K,) between the edges of robot and obstacles at states (K, 3) [m]."""
         # here, for a plan is imported before obstacles are
+        from kmpc_lite.control.footprint import places_of
         from kmpc_lite.control.obstacles.circles import circle_distances
 
-        times, places, count = self.dt * np.arange(len(states)), states[:, :2], len(states)
-        if self.footprint is not None:
-            places = self.footprint.places(states).reshape(-1, 2)
-            times = np.repeat(times, len(places) // max(count, 1))
+        places, count = places_of(self.footprint, states), len(states)
+        times = np.repeat(self.dt * np.arange(count), len(places) // max(count, 1))
         least = np.full(len(places), np.inf)
         if len(self.circles):
             distances, _ = circle_distances(self.circles, places, times)
@@ -84,7 +83,7 @@ class PlannedAround:
             distances = self.hits.least(places / self.unit)
             least = np.minimum(least, self.unit * distances)
         out: Array = least - self.radius
-        return out if len(out) == count else out.reshape(count, -1).min(axis=1)
+        return out if self.footprint is None else out.reshape(count, -1).min(axis=1)
 
     def clearance(self, states: Array) -> float:
         """Smallest of the `clearances` [m]."""

@@ -227,6 +227,11 @@ class NavigationProblem:
         return self.robot_radius if self.footprint is None else self.footprint.circle_radius
 
     @property
+    def half_width(self) -> float:
+        """How far the robot reaches aside of the line on which it drives ahead [m]."""
+        return self.robot_radius if self.footprint is None else self.footprint.half_width
+
+    @property
     def bounds(self) -> tuple[Array, Array, Array, Array]:
         """u_min (2,), u_max (2,), x_min (3,), x_max (3,)."""
         return self.u_min, self.u_max, self.x_min, self.x_max

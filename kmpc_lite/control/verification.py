@@ -19,7 +19,8 @@ from kmpc_lite.control.options import StepOptions, unit_length
 from kmpc_lite.control.plan import PlannedAround
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.control.safe_stop.stop_trajectory import StopTask, StopTrajectories, StopTrajectory
+from kmpc_lite.control.safe_stop.stop_task import StopTask, StopTrajectory
+from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectories
 from kmpc_lite.types import Array
 
 

@@ -205,6 +205,9 @@ TESTS: dict[str, tuple[str, ...]] = {
         "step.shortest_period",
         "step.longest_period",
     ),
+    "control/guidance/test_body_paths.py::test_a_path_is_looked_at_all_along": (
+        "guidance.body_samples",
+    ),
     "control/options/test_effects.py::test_nor_for_one_that_is_turned_by_a_radian": (
         "solver.lost_heading",
     ),

@@ -67,7 +67,11 @@ class PathMap:
 
     def distance(self, point: Array) -> float:
         """Distance of a point (2,) from the nearest solid [m]; of what that was made of at most."""
-        return float(self.solids.whole.least(point[None, :2])[0]) + self._coarseness
+        return float(self.distances(point[None, :2])[0])
+
+    def distances(self, points: Array) -> Array:
+        """The same of points (n, 2), (n,) [m]."""
+        return self.solids.whole.least(points) + self._coarseness
 
 
 def distance_around(point: Array, circles: Array, path_map: PathMap | None) -> float:

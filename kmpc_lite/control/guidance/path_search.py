@@ -7,6 +7,8 @@ obstacles as the path that is driven, if that is hardly slower.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from kmpc_lite.control.guidance.capabilities import Capabilities
@@ -19,6 +21,9 @@ from kmpc_lite.control.guidance.turning_centre import swing
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.guidance.body_paths import BodyPaths
 
 NO_EDGES = np.empty((0, 2), dtype=np.intp)
 
@@ -36,8 +41,11 @@ class PathSearcher:
 
     def __init__(self, problem: NavigationProblem, options: GuidanceOptions) -> None:
         _, _, x_min, x_max = problem.bounds
-        self._options, self._radius = options, problem.robot_radius
-        self._inflation = problem.robot_radius + problem.margin
+        self._options, self._radius = options, problem.half_width
+        self._inflation = problem.half_width + problem.margin
+        self._turning = problem.robot_radius - problem.half_width
+        """What the robot needs beyond that to turn on the spot [m]; a round one nothing."""
+        self._body = _body_paths(problem, options)
         self._low, self._high = x_min[:2], x_max[:2]
         self._narrow = [options.narrow_clearance, options.least_clearance]
 
@@ -61,6 +69,7 @@ class PathSearcher:
         if path_map is not None and not path_map.is_ready:
             path_map.prepare(search.pose, search.goal)
         elif search.stage is Stage.OBSTACLES:
+            search.centre = centre
             search.obstacles = self._gather(search, swing(centre))
             search.reason = self._why_blocked(search, capabilities.tolerances.enter_distance)
             if search.reason:
@@ -83,6 +92,11 @@ class PathSearcher:
         clearances = [widest, *self._narrow]
         if at_speed > widest:
             clearances = [at_speed, *clearances]
+        if self._turning:
+            # first where it may turn anywhere, then where it just fits through
+            wider = [c + self._turning + swing(centre) for c in clearances]
+            beside = 0.0 if centre is None else abs(float(centre[1]))
+            return wider + [c + beside for c in (widest, *self._narrow)]
         if centre is None:
             return clearances
         # the pose swings around the turning centre: where that is too wide, only as far as it lies
@@ -113,7 +127,10 @@ class PathSearcher:
 
     def _why_blocked(self, search: PathSearch, tolerance: float) -> str:
         """Why the robot cannot stand within a tolerance [m] of its goal; nothing if it can."""
-        distance = distance_around(search.target[:2], search.circles, search.path_map)
+        if self._body is None:
+            distance = distance_around(search.target[:2], search.circles, search.path_map)
+        else:
+            distance = self._body.distance_at(search) - self._body.radius + self._radius
         if distance < self._radius:
             return "the goal lies so near to an obstacle that the robot would touch it"
         if distance < self._inflation - tolerance:
@@ -188,6 +205,10 @@ class PathSearcher:
         """Whether a path that was found ends the search: it or the quickest is chosen."""
         obstacles = search.obstacles
         assert obstacles is not None
+        if self._body is not None and not self._body.fits(path, search):
+            if search.instead is None:
+                search.instead, search.instead_clearance = path, search.clearance
+            return False
         landmarks, avoid = obstacles.landmarks, search.avoid
         if avoid is not None and same_side(avoid, search.avoid_place, path, search.pose, landmarks):
             if search.instead is None:
@@ -209,6 +230,16 @@ class PathSearcher:
             _choose(search, path, False)
             return True
         return False
+
+
+def _body_paths(problem: NavigationProblem, options: GuidanceOptions) -> BodyPaths | None:
+    """What looks whether a robot that is not round fits on a path."""
+    if problem.footprint is None:
+        return None
+    # here, since most robots are round
+    from kmpc_lite.control.guidance.body_paths import BodyPaths
+
+    return BodyPaths(problem, problem.footprint, options)
 
 
 def _preferred(search: PathSearch) -> GeometricPath | None:

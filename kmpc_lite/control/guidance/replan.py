@@ -48,7 +48,8 @@ class Replanner:
         self, problem: NavigationProblem, options: GuidanceOptions, clock: Callable[[], float]
     ) -> None:
         self._options, self._clock, self._dt = options, clock, problem.dt
-        self._inflation = problem.robot_radius + problem.margin
+        self._inflation = problem.half_width + problem.margin
+        self._turning = problem.robot_radius + problem.margin
         moved = options.moved_distance
         self._moved = np.array([moved, moved, 0.0, 0.0, 0.0])
         self._progress = ProgressChecker(options)
@@ -288,6 +289,6 @@ class Replanner:
         o = self._options
         length = float(np.hypot(*np.diff(search.path.points, axis=0).T).sum())
         nearest = distance_around(search.pose[:2], search.circles, search.path_map)
-        around = max(nearest - self._inflation, 0.0)
+        around = max(nearest - self._turning, 0.0)
         shares = length / o.free_turn_length, around / o.free_turn_clearance
         return o.free_turn * min(1.0, *shares)

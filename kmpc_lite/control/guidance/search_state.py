@@ -67,6 +67,8 @@ class PathSearch:
     """Whether the robot has stood for too long."""
     stage: Stage = Stage.OBSTACLES
     obstacles: SearchObstacles | None = None
+    centre: Array | None = None
+    """Turning centre (2,) that it is made for; none: the tracked pose."""
     clearances: list[float] = field(default_factory=list)
     """Still to be tried [m]."""
     clearance: float = math.inf

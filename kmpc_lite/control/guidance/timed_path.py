@@ -47,7 +47,7 @@ class TimedPath:
         wheels: tuple[float, float] = (0.0, math.inf),
     ) -> None:
         self.geometry = geometry
-        self.poses = _poses(geometry, start, goal, free_turn)
+        self.poses = poses_along(geometry, start, goal, free_turn)
         steps = np.diff(self.poses, axis=0)
         lengths = np.hypot(steps[:, 0], steps[:, 1])
         turns = np.abs(steps[:, 2])
@@ -125,7 +125,9 @@ class TimedPath:
         return float(before + share * (turned - before))
 
 
-def _poses(geometry: GeometricPath, start: Array, goal: Array, free_turn: float) -> Array:
+def poses_along(
+    geometry: GeometricPath, start: Array, goal: Array, free_turn: float = 0.0
+) -> Array:
     """Poses (K + 2, 3): the path's points between a turn at the start and one at the goal."""
     headings = geometry.headings + (math.pi if geometry.reverse else 0.0)
     first = float(wrap(headings[0] - start[2]))

@@ -10,7 +10,7 @@ WALL_RADIUS = 1e6
 """Radius that a flat wall is reckoned with [m]."""
 
 
-def chord_margins(states: Array, radii: Array | float) -> Array:
+def chord_margins(states: Array, radii: Array | float, reach: float = 0.0) -> Array:
     """Distances beyond the radii that samples must keep, so that the path between them keeps radii.
 
     A chord of length L whose ends keep a distance D from a centre comes as near as ``sqrt(D^2 -
@@ -24,6 +24,8 @@ def chord_margins(states: Array, radii: Array | float) -> Array:
     radii : ndarray or float
         Distance of the robot's centre from each obstacle's at touch [m]: (S,), or (N, S), infinite
         for a wall. One number for all: the smallest is safe for the others.
+    reach : float
+        How far from the pose the point lies that the distances are kept for [m].
 
     Returns
     -------
@@ -32,6 +34,8 @@ def chord_margins(states: Array, radii: Array | float) -> Array:
     """
     steps = np.abs(states[1:] - states[:-1])
     squares = steps[:, 0] ** 2 + steps[:, 1] ** 2
+    if reach:
+        squares = (np.sqrt(squares) + reach * steps[:, 2]) ** 2
     bulges = np.sqrt(squares) * steps[:, 2] / 8
     squares /= 4
     # a sample ends one chord and begins the next

@@ -60,7 +60,7 @@ class CommandCheck:
             options.solver_margin * unit,
             options.check_margin * unit,
         )
-        self._touch = problem.robot_radius
+        self._touch = problem.body_radius
 
     def step_margin(self, drift: DriftState, v: float, omega: float) -> float:
         """Distance that a command may end away from where the model says, in any direction [m].
@@ -172,3 +172,15 @@ class CommandCheck:
         approach += np.sqrt(centres**2 + 0.25 * distance**2) - centres
         out: Array = approach
         return out
+
+
+def command_check(
+    model: MotionModel, noise: ModelNoise, problem: NavigationProblem, options: MarginOptions
+) -> CommandCheck:
+    """Give the command check of a problem's robot; arguments as of `CommandCheck`."""
+    if problem.footprint is None:
+        return CommandCheck(model, noise, problem, options)
+    # here, since most robots are round
+    from kmpc_lite.control.margins.body_check import BodyCommandCheck
+
+    return BodyCommandCheck(model, noise, problem, problem.footprint, options)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kmpc_lite.control.margins.command_check import CommandCheck
+from kmpc_lite.control.margins.command_check import command_check
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_noise import ModelNoise
 from kmpc_lite.control.margins.obstacle_margins import Tightening
@@ -74,8 +74,9 @@ class Margins:
         self.noise = ModelNoise(model, problem, options, adapted)
         self.drift_detector = self.noise.drift_detector
         self.tightening = Tightening(self.noise, problem, options)
-        self.command_check = CommandCheck(model, self.noise, problem, options)
+        self.command_check = command_check(model, self.noise, problem, options)
         self._model, self._horizon = model, problem.horizon
+        self._directions = 2 if problem.footprint is None else 3
 
     def straight(self, speed: float) -> tuple[float, float]:
         """Margins ahead and aside [m] of the last stage of a straight drive, without headway.
@@ -92,7 +93,7 @@ class Margins:
         states[:, 0] = speed * model.dt * np.arange(stages + 1)
         past = np.tile(command, (stages, model.history, 1))
         lin = model.linearize(states[:-1], inputs, past)
-        normals = np.tile(np.eye(2), (stages, 1, 1))
+        normals = np.tile(np.eye(2, self._directions), (stages, 1, 1))
         found = self.tightening.margins(
             DriftState(), lin, states, inputs, normals, path_clearance=0.0
         )

@@ -45,18 +45,22 @@ class Tightening:
     def __init__(
         self, noise: ModelNoise, problem: NavigationProblem, options: MarginOptions
     ) -> None:
-        self._noise, self._spread = noise, TubeSpread(noise)
+        footprint = problem.footprint
+        self._reach = 0.0 if footprint is None else footprint.reach
+        """How far what is kept off obstacles lies from the pose: turning moves it [m]."""
+        self._noise, self._spread = noise, TubeSpread(noise, 2 if footprint is None else 3)
         unit = unit_length(problem)
         self._solver_margin = options.solver_margin * unit
         self.side_margin = options.side_margin * unit
         self.far_clearance = options.far_clearance * unit
-        self._robot_radius = float(problem.robot_radius)
-        self._touch = float(problem.robot_radius + problem.margin)
+        self._robot_radius = float(problem.body_radius)
+        self._touch = float(problem.body_radius + problem.margin)
         self._fastest = fastest(problem)
         self._headway = options.headway * unit / self._fastest[0]
         """Time of driving on at a speed that is the least margin [s]."""
         pose = noise.tube.pose + self._fastest[0] ** 2 * noise.tube.pose_by_speed
         self._pose_variance = float(pose[0, 0] + pose[1, 1])
+        self._heading_variance = float(pose[2, 2])
         self.pose_deviation = math.sqrt(max(0.5 * self._pose_variance, 0.0))
         felt = noise.felt(DriftState())
         self._widest_for, self._widest = felt, self._work_out_widest(felt)
@@ -82,7 +86,8 @@ class Tightening:
         states, inputs : ndarray
             The plan: (N + 1, 3) and (N, 2).
         normals : ndarray
-            Unit vectors away from the obstacles, (N, S, 2).
+            Unit vectors away from the obstacles, (N, S, 2); of a robot with a footprint (N, S, 3):
+            slopes of its clearances by x, y and heading.
         path_clearance : float
             What the path keeps from obstacles beyond the problem's margin [m]: headway is no more
             than that, or the robot would not drive through narrow passages.
@@ -96,7 +101,7 @@ class Tightening:
         ndarray
             (N, S) [m].
         """
-        chords = chord_margins(states, self._touch if radii is None else radii)
+        chords = chord_margins(states, self._touch if radii is None else radii, self._reach)
         chords += self._solver_margin
         headway = np.abs(inputs[:, :1])
         headway *= self._headway
@@ -137,6 +142,7 @@ class Tightening:
         aside = [min(k, noise.delay + 1.0 / TURN) for k in range(1, periods + 1)]
         by_speed, by_turn_rate = felt.plan_trace
         turned = felt.plan.item(0, 8) * v * v + felt.plan.item(1, 8) * omega * omega
+        turn_variance = periods * turned + self._heading_variance
         variance = (
             periods * (v * v * by_speed + omega * omega * by_turn_rate)
             + travel * travel * turned * sum(a * a for a in aside)
@@ -147,7 +153,12 @@ class Tightening:
             turned = felt.lasting.item(0, 8) * v * v + felt.lasting.item(1, 8) * omega * omega
             variance += periods**2 * (v * v * by_speed + omega * omega * by_turn_rate)
             variance += travel * travel * turned * sum(aside) ** 2
+            turn_variance += periods**2 * turned
+        travel += self._reach * omega * dt
         bulge = travel * omega * dt / 8
         chord = math.hypot(self._robot_radius + bulge, travel / 2) - self._robot_radius
         headway = self._headway * float(v)
-        return max(noise.quantile * math.sqrt(variance), headway) + chord + self._solver_margin
+        deviation = math.sqrt(variance)
+        if self._reach:
+            deviation += self._reach * math.sqrt(turn_variance)
+        return max(noise.quantile * deviation, headway) + chord + self._solver_margin

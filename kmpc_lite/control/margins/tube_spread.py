@@ -24,9 +24,12 @@ class TubeSpread:
     ----------
     noise : ModelNoise
         Of the model that linearises the plans.
+    directions : int
+        How many coordinates of the state are asked for: 2 for the position, 3 with the heading.
     """
 
-    def __init__(self, noise: ModelNoise) -> None:
+    def __init__(self, noise: ModelNoise, directions: int = 2) -> None:
+        self._directions = directions
         tube = noise.tube
         self._pose = factor(tube.pose)
         self._pose_by_speed = factor(tube.pose_by_speed) if tube.pose_by_speed.any() else None
@@ -49,7 +52,7 @@ class TubeSpread:
         Returns
         -------
         ndarray
-            (N, 2, C), of the position at stages 1 to N; overwritten by the next call.
+            (N, `directions`, C), at stages 1 to N; overwritten by the next call.
         """
         headings = states[:-1, 2]
         cos, sin = np.cos(headings), np.sin(headings)
@@ -87,11 +90,12 @@ class TubeSpread:
             width, span = 2 * width, 2 * span
         if kept is not None:
             wide[..., -kept.shape[2] :] = sum(parts, kept)
-        np.matmul(turned[:, :2], self._pose, out=wide[:, :2, fresh : fresh + STATES])
+        rows = self._directions
+        np.matmul(turned[:, :rows], self._pose, out=wide[:, :rows, fresh : fresh + STATES])
         if self._pose_by_speed is not None:
-            by_speed = wide[:, :2, fresh + STATES : fresh + 2 * STATES]
-            np.matmul(turned[:, :2], self._pose_by_speed * inputs[:, :1, None], out=by_speed)
-        return wide[:, :2]
+            by_speed = wide[:, :rows, fresh + STATES : fresh + 2 * STATES]
+            np.matmul(turned[:, :rows], self._pose_by_speed * inputs[:, :1, None], out=by_speed)
+        return wide[:, :rows]
 
     def _memory(self, stages: int, fresh: int, felt: FeltNoise) -> Array:
         """Give room for the columns: noise first, then the pose's, then what lasts."""
@@ -105,7 +109,7 @@ class TubeSpread:
         self, felt: FeltNoise, lin: Linearization, states: Array, inputs: Array
     ) -> Array:
         """Covariances (N, 2, 2) of the position at stages 1 to N [m^2]; arguments as `factors`."""
-        factors = self.factors(felt, lin, states, inputs)
+        factors = self.factors(felt, lin, states, inputs)[:, :2]
         out: Array = factors @ factors.transpose(0, 2, 1)
         return out
 

@@ -115,5 +115,6 @@ class QPFiller:
         else:
             margins[:, :count] = widest
         if task.spread is not None:
-            margins[:, : len(task.spread)] += self._keep_out.growth(task.spread)
+            grown = self._keep_out.growth(task.spread)
+            margins[:, : grown.shape[1]] += grown
         return margins

@@ -52,6 +52,8 @@ class NavigationQP:
         self._arguments = problem, history, slots, curved, options
         n = problem.horizon
         self.problem, self.horizon, self.history, self.slots = problem, n, history, slots
+        # turning moves what is not round
+        self._directions = 2 if problem.footprint is None else 3
         self.half_plane_scale, self.slack_scale = options.half_plane_scale, options.slack_scale
         self.least_curvature = options.least_curvature
         self.state_columns = np.arange(STATES * n).reshape(n, STATES)
@@ -117,7 +119,9 @@ class NavigationQP:
             block(dynamics[j:, :, None], inputs[: n - j, None, :], 0.0)
             for j in range(min(self.history, n - 1) + 1)
         ]
-        normal_start = block(self.half_plane_rows[..., None], states[:, None, :2], 0.0)
+        normal_start = block(
+            self.half_plane_rows[..., None], states[:, None, : self._directions], 0.0
+        )
         block(self.half_plane_rows, self.slack_columns[:, None], self.half_plane_scale)
         block(self.input_rows, inputs, 1.0)
         block(self.slack_rows, self.slack_columns, self.slack_scale)
@@ -139,8 +143,8 @@ class NavigationQP:
         # where the numbers of each block stand in A.data
         self._a_place = place[a_start : a_start + (n - 1) * STATES * STATES]
         self._b_places = [place[s : s + (n - j) * STATES * INPUTS] for j, s in enumerate(b_starts)]
-        self._normal_place = place[normal_start : normal_start + n * self.slots * 2]
-        self._scaled_normals = np.empty(n * self.slots * 2)
+        self._normal_place = place[normal_start : normal_start + n * self.slots * self._directions]
+        self._scaled_normals = np.empty(n * self.slots * self._directions)
 
     def _build_cost(self, problem: NavigationProblem, curved: bool) -> None:
         q, r, q_terminal = problem.weights
@@ -241,7 +245,7 @@ class NavigationQP:
             States (N + 1, 3).
         normals, offsets : ndarray
             Half-planes ``normal . p + slack >= offset`` of stages 1 to N: (N, slots, 2) and (N,
-            slots).
+            slots); (N, slots, 3) with the heading, of a robot with a footprint.
         """
         data, n = self.A.data, self.horizon
         data[self._a_place] = -lin.A[1:].ravel()

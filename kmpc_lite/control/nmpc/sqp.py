@@ -30,7 +30,7 @@ from kmpc_lite.control.nmpc.sqp_state import Progress, SQPResult, SQPState
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, command_windows
 from kmpc_lite.control.nmpc.warm_start import WarmStart
-from kmpc_lite.control.obstacles.half_planes import KeepOut
+from kmpc_lite.control.obstacles.half_planes import keep_out
 from kmpc_lite.control.options import SolverOptions, StepOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
@@ -86,12 +86,12 @@ class SQP:
         self.options = options = SolverOptions() if options is None else options
         self.problem, self.clock = problem, clock
         self.iterations, self.tolerance = iterations, tolerance
-        # what a command bends many periods later is left out
-        exact_hessian = iterations > 1 and not history
+        exact_hessian = iterations > 1 and not history  # what a command bends later is left out
+        slots *= 1 if problem.footprint is None else 2  # at either end of what is not round
         self.qp = NavigationQP(problem, history, slots, exact_hessian, options)
         settings = options.real_time if iterations == 1 else options.converged
         self.workspace = choose_solver(solver, self.qp, settings)
-        self.keep_out = KeepOut(problem, slots)
+        self.keep_out = keep_out(problem, slots)
         self._filler = QPFiller(self.qp, self.keep_out, exact_hessian, options)
         self.warm_start = WarmStart(problem, self.qp, options)
         self._search = LineSearch(self.qp, self.keep_out, options.armijo, clock)

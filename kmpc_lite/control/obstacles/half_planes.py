@@ -50,6 +50,9 @@ class KeepOut:
         Half-planes per stage: the nearest of all obstacles and sides.
     """
 
+    directions = 2
+    """By how many of a state's coordinates a clearance has slopes: x and y."""
+
     def __init__(self, problem: NavigationProblem, slots: int) -> None:
         _, _, x_min, x_max = problem.bounds
         sides = [
@@ -62,7 +65,7 @@ class KeepOut:
             [[sign if axis == i else 0.0 for i in (0, 1)] for axis, sign, _ in sides]
         ).reshape(-1, 2)
         self._side_offsets = np.array([sign * bound for _, sign, bound in sides])
-        self._distance = problem.robot_radius + problem.margin
+        self._distance = problem.body_radius + problem.margin
         self._range = problem.sensor_range
         self._side_count = len(sides) + (self._range is not None)
         self.horizon, self.slots = problem.horizon, slots
@@ -70,7 +73,7 @@ class KeepOut:
         self._count = -1
         self._row_starts = np.arange(problem.horizon)[:, None]
         self._nearest: Array | None = None
-        self._normals = np.zeros((self.horizon, slots, 2))
+        self._normals = np.zeros((self.horizon, slots, self.directions))
         self._offsets = np.full((self.horizon, slots), -np.inf)
 
     def clearances(self, states: Array, circles: Array, solids: Nearby | None) -> Clearances:
@@ -142,7 +145,7 @@ class KeepOut:
         Returns
         -------
         normals, offsets : ndarray
-            (N, slots, 2); (N, slots) [m], minus infinity where a slot is not needed.
+            (N, slots, `directions`); (N, slots) [m], minus infinity where a slot is not needed.
         """
         kinds = clearances.shape[1]
         used = min(kinds, self.slots)
@@ -155,8 +158,8 @@ class KeepOut:
             nearest += kinds * self._row_starts
             self._nearest = nearest
             clearances = clearances.take(nearest)
-            normals = normals.reshape(-1, 2).take(nearest, axis=0)
-        offsets = np.matmul(normals, states[1:, :2, None])[..., 0]
+            normals = normals.reshape(-1, self.directions).take(nearest, axis=0)
+        offsets = np.matmul(normals, states[1:, : self.directions, None])[..., 0]
         offsets -= clearances
         if used == self.slots:
             return normals, offsets
@@ -210,3 +213,13 @@ class KeepOut:
             outside = np.concatenate([inside, outside], axis=1)
         deepest: Array = (outside + margins).max(axis=1, initial=0.0)
         return deepest
+
+
+def keep_out(problem: NavigationProblem, slots: int) -> KeepOut:
+    """What a problem's robot must stay out of, with so many half-planes per stage."""
+    if problem.footprint is None:
+        return KeepOut(problem, slots)
+    # here, since most robots are round
+    from kmpc_lite.control.obstacles.body_half_planes import BodyKeepOut
+
+    return BodyKeepOut(problem, problem.footprint, slots)

@@ -30,6 +30,10 @@ class GuidanceOptions:
     """How much nearer than start or goal a path may come to an obstacle, where these are nearer
     than its clearance [radii]."""
 
+    body_samples: int = count(400, least=2)
+    """Largest number of poses of a path at which it is looked whether a robot that is not round
+    fits."""
+
     # when a new path is looked for
     off_path_share: float = share(0.08)
     """Distance from the path at which a new one is looked for, as a share of the distance to the

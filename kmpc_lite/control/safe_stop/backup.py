@@ -12,7 +12,7 @@ import numpy as np
 from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.safe_stop.braking import Braking
-from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectory
+from kmpc_lite.control.safe_stop.stop_task import StopTrajectory
 from kmpc_lite.types import Array
 
 

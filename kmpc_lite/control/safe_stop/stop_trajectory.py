@@ -29,11 +29,10 @@ It holds as far as these are true:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from kmpc_lite.control.footprint import places_of
 from kmpc_lite.control.margins.command_check import CommandCheck
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.obstacles.circles import circle_distances, stand_ins
@@ -42,65 +41,9 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.safe_stop.braking import ROUNDING, Braking
 from kmpc_lite.control.safe_stop.quick_look import QuickLook
+from kmpc_lite.control.safe_stop.stop_task import CheckedPlan, StopTask, StopTrajectory
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import Array
-
-if TYPE_CHECKING:
-    from kmpc_lite.control.obstacles.nearby import Nearby
-
-NO_SOLIDS = np.zeros(2), np.empty(0), np.empty((0, 2))
-"""`StopTask.solids_ahead` where there are none."""
-
-
-class StopTrajectory(NamedTuple):
-    """What follows the coming command."""
-
-    further: int = 0
-    """Commands of the plan after the coming one."""
-    at_once: bool = False
-    """Whether the brake is zero at once, not the ramp."""
-
-    def commands(self, inputs: Array, braking: Braking) -> Array:
-        """Commands (T, 2) from the coming one to zero, of a plan's inputs (N, 2)."""
-        driven = inputs[: 1 + self.further]
-        brake = np.zeros((1, 2)) if self.at_once else braking.ramp(driven[-1])
-        return np.concatenate([driven, brake])
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class StopTask:
-    """What a stop trajectory starts from, and what it must be clear of."""
-
-    model: MotionModel
-    """Predicts."""
-    past: Array
-    """(L, 2) commands already sent, oldest first."""
-    last: Array
-    """(2,) the command sent last."""
-    circles: Array
-    """(M, 5) rows x, y, radius, vx, vy, as they are now."""
-    nearby: Nearby | None = None
-    """Solids that the robot can come to."""
-    solids_ahead: tuple[Array, Array, Array] = NO_SOLIDS
-    """A point near the robot (2,), the distances of these solids from it (C,), and the normals
-    there (C, 2): a half-plane that a convex solid lies behind is as good as the solid."""
-    check: CommandCheck | None = None
-    """Margins of single commands; without them every plan is accepted."""
-    drift: DriftState | None = None
-    """Of the drift detector; given with `check`."""
-
-
-class CheckedPlan(NamedTuple):
-    """A plan after it was checked for a stop."""
-
-    stop: StopTrajectory | None
-    """None where the robot could not stop clear: the plan must not be driven."""
-    states: Array
-    """(N + 1, 3), rolled out anew where the plan was slowed."""
-    inputs: Array
-    """(N, 2), whose first is the coming command."""
-    slowed: bool = False
-    """Whether the coming command was slowed."""
 
 
 class StopTrajectories:
@@ -123,7 +66,8 @@ class StopTrajectories:
         emerging_speed: float = 0.0,
     ) -> None:
         self._options = options = StopOptions() if options is None else options
-        self._dt, self._radius = problem.dt, problem.robot_radius
+        self._dt, self._radius = problem.dt, problem.body_radius
+        self._footprint = problem.footprint
         self._braking = Braking(problem, options)
         self._quick_look = QuickLook(problem, self._braking, options)
         self._further = min(round(options.further_time / problem.dt), problem.horizon - 1)
@@ -156,6 +100,7 @@ class StopTrajectories:
         distance = self._braking.distance(v, periods)
         if model.history:
             distance += self._dt * float(np.abs(task.past[:, 0]).sum())
+        distance += self._swing(omega, periods, task)
         margin = check.step_margin(drift, v, omega)
         # far from everything, which is most of the time, nothing needs to be rolled out
         approach = self._dt * closing * (periods + model.history + 1.0)
@@ -167,11 +112,9 @@ class StopTrajectories:
         if not (model.history or self._rates.active):
             # a robot without lag stands when it is told to, and the coming period was checked above
             plan = plan if in_sight else self._within_sight(plan, margin, task)
-            clear = in_sight and self._quick_look.ramp_is_clear(plan.states, periods, ahead, margin)
+            clear = in_sight and self._ramp_is_clear(plan, periods, ahead, margin, task)
             return plan._replace(stop=StopTrajectory(at_once=not clear))
-        if in_sight and self._quick_look.lagging_ramp_is_clear(
-            model, plan.states, plan.inputs[0], task.past, ahead, margin
-        ):
+        if in_sight and self._lagging_ramp_is_clear(plan, ahead, margin, task):
             return plan
         return self._search(plan, task, check, drift)
 
@@ -210,12 +153,30 @@ class StopTrajectories:
             ahead = np.concatenate([ahead, stand_ins(*task.solids_ahead)])
         return ahead, closing
 
+    def _swing(self, omega: float, periods: float, task: StopTask) -> float:
+        """How far turning moves what is kept off obstacles, down a ramp [m]: a round robot none."""
+        return 0.0
+
+    def _ramp_is_clear(
+        self, plan: CheckedPlan, periods: float, ahead: Array, margin: float, task: StopTask
+    ) -> bool:
+        """Whether the ramp of a robot without lag keeps a margin [m]."""
+        return self._quick_look.ramp_is_clear(plan.states, periods, ahead, margin)
+
+    def _lagging_ramp_is_clear(
+        self, plan: CheckedPlan, ahead: Array, margin: float, task: StopTask
+    ) -> bool:
+        """Whether the ramp of a robot that lags keeps a margin [m], as a quick look tells."""
+        return self._quick_look.lagging_ramp_is_clear(
+            task.model, plan.states, plan.inputs[0], task.past, ahead, margin
+        )
+
     def _slowed(self, plan: CheckedPlan, share: float, task: StopTask) -> CheckedPlan:
         """Slow the coming command, and roll the plan out anew."""
         inputs = plan.inputs.copy()
         # where it may hardly drive it turns on the spot, which a round robot always may
-        turn_share = share if share > self._options.turn_only_share else 1.0
-        inputs[0] *= (share, turn_share)
+        turns = share <= self._options.turn_only_share and self._footprint is None
+        inputs[0] *= (share, 1.0 if turns else share)
         if self._rates.active:
             inputs[0] = self._rates.limit(inputs[0], task.last)
         states = task.model.rollout(plan.states[0], inputs, task.past)
@@ -224,7 +185,8 @@ class StopTrajectories:
     def _within_sight(self, plan: CheckedPlan, margin: float, task: StopTask) -> CheckedPlan:
         """Slow the command of a robot without lag until the coming period ends in what is known."""
         allowed = max(self._known - margin - self._dt * self._emerging, 0.0)
-        driven = self._dt * abs(float(plan.inputs[0, 0]))
+        v, omega = plan.inputs[0].tolist()
+        driven = self._dt * abs(v) + self._swing(omega, 0.0, task)
         return plan if driven <= allowed else self._slowed(plan, allowed / driven, task)
 
     def _search(
@@ -264,20 +226,23 @@ class StopTrajectories:
         """Which of the stop trajectories (C, T, 2) from a pose (3,) are clear, (C,)."""
         states = self.rollout(task.model, here, commands, task.past)[:, 1:]
         count, length = states.shape[:2]
-        points = states[..., :2].reshape(-1, 2)
-        times = np.tile(self._dt * np.arange(1, length + 1), count)
+        # a round robot has one place to look at, another one has those of its circles
+        points, places = places_of(self._footprint, states), places_of(self._footprint, here)
+        each = len(places)
+        times = np.repeat(np.tile(self._dt * np.arange(1, length + 1), count), each)
         distances, standing = [], []
         if len(task.circles):
             distances.append(circle_distances(task.circles, points, times)[0])
-            still = np.repeat(here[None, :2], length, axis=0)
-            beside = circle_distances(task.circles, still, times[:length])[0]
+            still = np.tile(places, (length, 1))
+            beside = circle_distances(task.circles, still, times[: length * each])[0]
             standing.append(np.tile(beside, (count, 1)))
         if task.nearby:
             distances.append(task.nearby.least(points)[:, None])
-            standing.append(np.full((len(points), 1), task.nearby.least(here[None, :2])[0]))
+            standing.append(np.tile(task.nearby.least(places), count * length)[:, None])
         if self._known < math.inf:
             # as the distance from an obstacle all around that comes nearer
-            away = np.hypot(*(points - here[:2]).T) + self._emerging * times
+            away = points - np.tile(places, (count * length, 1))
+            away = np.hypot(*away.T) + self._emerging * times
             distances.append((self._known + self._radius - away)[:, None])
             still = self._known + self._radius - self._emerging * times
             standing.append(still[:, None])
@@ -288,8 +253,20 @@ class StopTrajectories:
         )
         kept = (1.0 - self._options.spend_share) * still_clearance
         left = np.where(still_clearance > 0.0, kept, still_clearance)
-        needed = np.minimum(np.repeat(margins, length)[:, None], left)
+        needed = np.minimum(np.repeat(margins, length * each)[:, None], left)
         # also false for NaN
         enough = (clearance >= needed - ROUNDING).all(axis=1)
-        clear: Array = enough.reshape(count, length).all(axis=1)
+        clear: Array = enough.reshape(count, -1).all(axis=1)
         return clear
+
+
+def stop_trajectories(
+    problem: NavigationProblem, options: StopOptions, emerging_speed: float
+) -> StopTrajectories:
+    """What finds stop trajectories of a problem's robot; arguments as of `StopTrajectories`."""
+    if problem.footprint is None:
+        return StopTrajectories(problem, options, emerging_speed)
+    # here, since most robots are round
+    from kmpc_lite.control.safe_stop.body_stop import BodyStopTrajectories
+
+    return BodyStopTrajectories(problem, problem.footprint, options, emerging_speed)

@@ -11,7 +11,7 @@ from kmpc_lite import NavigationProblem
 from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.safe_stop.backup import Backup, BackupState
 from kmpc_lite.control.safe_stop.braking import Braking
-from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectory
+from kmpc_lite.control.safe_stop.stop_task import StopTrajectory
 
 PROBLEM = NavigationProblem()
 

@@ -14,12 +14,8 @@ from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.safe_stop.braking import Braking
 from kmpc_lite.control.safe_stop.quick_look import QuickLook
-from kmpc_lite.control.safe_stop.stop_trajectory import (
-    CheckedPlan,
-    StopTask,
-    StopTrajectories,
-    StopTrajectory,
-)
+from kmpc_lite.control.safe_stop.stop_task import CheckedPlan, StopTask, StopTrajectory
+from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectories
 
 
 def task(model: kl.KoopmanModel, circle: list[float], past_speed: float = 0.0) -> StopTask:

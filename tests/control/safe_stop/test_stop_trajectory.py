@@ -10,12 +10,8 @@ import kmpc_lite as kl
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.safe_stop.backup import Backup, BackupState
-from kmpc_lite.control.safe_stop.stop_trajectory import (
-    CheckedPlan,
-    StopTask,
-    StopTrajectories,
-    StopTrajectory,
-)
+from kmpc_lite.control.safe_stop.stop_task import CheckedPlan, StopTask, StopTrajectory
+from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectories
 
 
 def found(

@@ -52,7 +52,13 @@ class Sight:
     ) -> None:
         self.options = in_metres(options, unit_length(problem))
         self._scale, self._reach, self._dt = scale, reach, problem.dt
-        self._radius = problem.robot_radius
+        self._radius, self._footprint = problem.body_radius, problem.footprint
+        # hits nearer than the first are the robot's own; within the second of its circles' middles
+        # there is nothing but the robot
+        self._inside = self._core = problem.robot_radius
+        if problem.footprint is not None:
+            self._inside = problem.footprint.inner_radius
+            self._core = problem.footprint.core_radius
         self._area = problem.x_min[:2], problem.x_max[:2]
         self._emerging = options.emerging_speed / scale.speed
         self._deceleration = float(problem.deceleration[0])
@@ -83,7 +89,7 @@ class Sight:
         here.follow(pose[:2])
         here.remember_pose(pose, options.trail)
         here.forget(options.memory)
-        scans = [s.with_self_radius(self._radius * self._scale.length) for s in scans]
+        scans = [s.with_self_radius(self._inside * self._scale.length) for s in scans]
         rays = [Rays(s, self._pose_of(here, s, pose), self._scale.length) for s in scans]
         for ray in rays:
             error = math.hypot(ray.noise, pose_noise)
@@ -189,16 +195,22 @@ class Sight:
 
     def _stand(self, here: LocalMap, pose: Array, reach: float) -> None:
         """Where the robot stands, within a reach of its centre, nothing else does."""
-        window = here.window(pose[:2], reach)
+        arms = 0.0 if self._footprint is None else self._footprint.reach
+        window = here.window(pose[:2], reach + arms)
         distance = self._distance(here, window, pose)
         state, under = here.state[window], distance <= reach
         state[under & (state == UNKNOWN)] = 0
-        state[distance <= self._radius - here.cell] = 0
+        state[distance <= self._core - here.cell] = 0
         here.seen[window][under] = here.clock
 
     def _distance(self, here: LocalMap, window: tuple[slice, slice], pose: Array) -> Array:
-        """Distance of the middles of a window's cells from the robot."""
+        """Distance of the middles of a window's cells from the middle of the robot's circle."""
         x, y = here.centres(*window)
+        if self._footprint is not None:
+            places = self._footprint.places(pose)
+            return np.asarray(
+                np.hypot(x[:, None] - places[:, 0], y[:, None, None] - places[:, 1]).min(axis=-1)
+            )
         away: Array = np.hypot(x[None, :] - pose[0], y[:, None] - pose[1])
         return away
 

@@ -1,0 +1,74 @@
+"""Which paths a robot that is not round fits on: all of its circles, turns on the spot included."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from kmpc_lite.control.footprint import Footprint
+from kmpc_lite.control.guidance.search_state import PathSearch
+from kmpc_lite.control.guidance.tangent_graph import GeometricPath
+from kmpc_lite.control.guidance.timed_path import poses_along
+from kmpc_lite.control.guidance.turning_centre import seen_from
+from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.types import Array
+
+
+class BodyPaths:
+    """Looks at paths that were found for half the robot's width.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Margin.
+    footprint : Footprint
+        Its own.
+    options : GuidanceOptions
+        In metres.
+
+    Attributes
+    ----------
+    radius : float
+        Of the circles that cover the robot [m].
+    """
+
+    def __init__(
+        self, problem: NavigationProblem, footprint: Footprint, options: GuidanceOptions
+    ) -> None:
+        self._footprint, self._options, self._margin = footprint, options, problem.margin
+        self.radius = footprint.circle_radius
+
+    def distance_at(self, search: PathSearch) -> float:
+        """Distance of the nearest circle's middle from an obstacle, of a robot at its goal [m]."""
+        return float(self._distances(search.target[None], search).min())
+
+    def fits(self, path: GeometricPath, search: PathSearch) -> bool:
+        """Whether all circles stay off obstacles along a path, and where it begins and ends."""
+        corners = poses_along(path, search.pose, search.goal)
+        steps = np.diff(corners, axis=0)
+        moved = np.hypot(steps[:, 0], steps[:, 1]) + self._footprint.reach * np.abs(steps[:, 2])
+        places = np.concatenate([[0.0], np.cumsum(moved)])
+        count = min(2 + math.ceil(places[-1] / (0.5 * self.radius)), self._options.body_samples)
+        along = np.linspace(0.0, places[-1], count)
+        poses = np.stack([np.interp(along, places, column) for column in corners.T], axis=1)
+        if search.centre is not None:
+            poses = seen_from(poses, -search.centre)
+        distances = self._distances(poses, search)
+        # where it stands now, and where it is to stand, it may be as near as it is
+        needed = min(self.radius + self._margin, float(distances[0]), float(distances[-1]))
+        return bool((distances >= needed - self._options.cut_depth).all())
+
+    def _distances(self, poses: Array, search: PathSearch) -> Array:
+        """Least distance (n,) of the circles' middles from obstacles, at poses (n, 3) [m]."""
+        points = self._footprint.places(poses).reshape(-1, 2)
+        circles, path_map = search.circles, search.path_map
+        least = np.full(len(points), np.inf)
+        if len(circles):
+            x, y = points.T[..., None] - circles[:, :2].T[:, None]
+            least = (np.hypot(x, y) - circles[:, 2]).min(axis=1)
+        if path_map is not None:
+            least = np.minimum(least, path_map.distances(points))
+        nearest: Array = least.reshape(len(poses), -1).min(axis=1)
+        return nearest

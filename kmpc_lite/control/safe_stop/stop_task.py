@@ -1,0 +1,71 @@
+"""What a stop trajectory is, what it starts from, and what comes of looking for one: plain data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from kmpc_lite.control.margins.command_check import CommandCheck
+from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.safe_stop.braking import Braking
+from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.obstacles.nearby import Nearby
+
+NO_SOLIDS = np.zeros(2), np.empty(0), np.empty((0, 2))
+"""`StopTask.solids_ahead` where there are none."""
+
+
+class StopTrajectory(NamedTuple):
+    """What follows the coming command."""
+
+    further: int = 0
+    """Commands of the plan after the coming one."""
+    at_once: bool = False
+    """Whether the brake is zero at once, not the ramp."""
+
+    def commands(self, inputs: Array, braking: Braking) -> Array:
+        """Commands (T, 2) from the coming one to zero, of a plan's inputs (N, 2)."""
+        driven = inputs[: 1 + self.further]
+        brake = np.zeros((1, 2)) if self.at_once else braking.ramp(driven[-1])
+        return np.concatenate([driven, brake])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class StopTask:
+    """What a stop trajectory starts from, and what it must be clear of."""
+
+    model: MotionModel
+    """Predicts."""
+    past: Array
+    """(L, 2) commands already sent, oldest first."""
+    last: Array
+    """(2,) the command sent last."""
+    circles: Array
+    """(M, 5) rows x, y, radius, vx, vy, as they are now."""
+    nearby: Nearby | None = None
+    """Solids that the robot can come to."""
+    solids_ahead: tuple[Array, Array, Array] = NO_SOLIDS
+    """A point near the robot (2,), the distances of these solids from it (C,), and the normals
+    there (C, 2): a half-plane that a convex solid lies behind is as good as the solid."""
+    check: CommandCheck | None = None
+    """Margins of single commands; without them every plan is accepted."""
+    drift: DriftState | None = None
+    """Of the drift detector; given with `check`."""
+
+
+class CheckedPlan(NamedTuple):
+    """A plan after it was checked for a stop."""
+
+    stop: StopTrajectory | None
+    """None where the robot could not stop clear: the plan must not be driven."""
+    states: Array
+    """(N + 1, 3), rolled out anew where the plan was slowed."""
+    inputs: Array
+    """(N, 2), whose first is the coming command."""
+    slowed: bool = False
+    """Whether the coming command was slowed."""
