@@ -15,11 +15,11 @@ from pathlib import Path
 from firmware_bridge.attacks.robots import sections
 from firmware_bridge.cli.emulate import build_emulator
 from firmware_bridge.emulator.lidar.kinds import emulated_lidar
-from firmware_bridge.emulator.lidar.rays import World
 from firmware_bridge.emulator.mocap import MocapSender
 from firmware_bridge.robot_file import load_robot
+from kmpc_lite.sim.lidar import World
 
-PILLARS = [[-3.0, 0.0, 2.0], [6.0, 0.0, 2.0], [0.0, 4.0, 2.0], [0.0, -4.0, 2.0]]
+PILLARS = [(x, y, 2.0, 0.0, 0.0) for x, y in ((-3.0, 0.0), (6.0, 0.0), (0.0, 4.0), (0.0, -4.0))]
 """What its lidar sees: rows x, y, radius [m], beside its path."""
 SAMPLE = 0.005
 """Between lines of the trace [s]."""
@@ -33,7 +33,7 @@ def main(driver: str, url: str, poses: str, trace: str, lidar: str, link: str) -
     camera = MocapSender(lambda: emulator.pose, poses, 0) if poses else None
     eyes = None
     if robot.lidar is not None:
-        world = World(lambda time: PILLARS)
+        world = World(PILLARS)
         eyes = emulated_lidar(robot.lidar, world, lambda: emulator.pose)
         eyes.start(link)
     lines: list[str] = []

@@ -11,8 +11,8 @@ from firmware_bridge.messages import ConfigError, State
 from firmware_bridge.robot_file import Robot
 
 if TYPE_CHECKING:
-    from firmware_bridge.emulator.lidar.rays import World
     from firmware_bridge.sensors.scan import Scan
+    from kmpc_lite.sim.lidar import World
 
 DIRECTIONS = 720
 """Into which the map is looked at from the sensor."""
@@ -32,9 +32,9 @@ def against_map(scan: Scan, state: State, robot: Robot) -> list[str]:
     ConfigError
         For a scenario that cannot be read.
     """
-    from firmware_bridge.emulator.lidar.rays import World
     from kmpc_lite.errors import KmpcError
     from kmpc_lite.sim import Scenario
+    from kmpc_lite.sim.lidar import world_of
 
     assert robot.lidar is not None and robot.control.scenario is not None
     try:
@@ -49,7 +49,7 @@ def against_map(scan: Scan, state: State, robot: Robot) -> list[str]:
         y + sin * state.x + cos * state.y,
         theta + state.theta,
     )
-    return fit(scan, pose, World.of(scenario), robot.lidar.mirrored)
+    return fit(scan, pose, world_of(scenario), robot.lidar.mirrored)
 
 
 def fit(scan: Scan, pose: tuple[float, float, float], world: World, mirrored: bool) -> list[str]:
@@ -62,7 +62,7 @@ def fit(scan: Scan, pose: tuple[float, float, float], world: World, mirrored: bo
     place = np.array([pose[0] + cos * ahead - sin * left, pose[1] + sin * ahead + cos * left])
     step = math.tau / DIRECTIONS
     directions = step * np.arange(DIRECTIONS)
-    there = world.cast(np.tile(place, (DIRECTIONS, 1)), directions, 0.0)
+    there = world.ranges(place, directions)
     ranges, angles = scan.ranges[hits], scan.angles[hits]
 
     def fits(flipped: bool, other: Any) -> Any:

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.sim.scenario.files import Scenario
@@ -36,36 +37,53 @@ class World:
 
     Parameters
     ----------
-    circles : ndarray
+    circles : array_like
         (M, 5) rows x, y, radius, vx, vy [m, m/s].
-    edges : ndarray
+    edges : array_like
         (S, 4) rows x1, y1, x2, y2 [m].
+
+    Examples
+    --------
+    >>> world = World([(2.0, 0.0, 0.5, 0.0, 0.0)], [(-1.0, -1.0, -1.0, 1.0)])
+    >>> world.ranges(np.zeros(2), np.array([0.0, math.pi, math.pi / 2])).round(3).tolist()
+    [1.5, 1.0, inf]
     """
 
-    def __init__(self, circles: Array, edges: Array) -> None:
+    def __init__(self, circles: ArrayLike = (), edges: ArrayLike = ()) -> None:
         self.circles = np.asarray(circles, dtype=float).reshape(-1, 5)
         self.edges = np.asarray(edges, dtype=float).reshape(-1, 4)
 
     def ranges(self, origin: Array, directions: Array, time: float = 0.0) -> Array:
-        """How far rays (B,) from a point (2,) go until they meet something, (B,) [m]."""
-        cos, sin = np.cos(directions), np.sin(directions)
+        """How far rays go until they meet something, (B,) [m]; infinite where they meet nothing.
+
+        Parameters
+        ----------
+        origin : ndarray
+            Where they begin: (2,) all of them, or (B, 2) each [m].
+        directions : ndarray
+            (B,) [rad].
+        time : float
+            For which circles have moved [s].
+        """
+        begin_x, begin_y = origin[..., 0, None], origin[..., 1, None]
+        cos, sin = np.cos(directions)[:, None], np.sin(directions)[:, None]
         nearest = np.full(len(directions), np.inf)
         if len(self.circles):
-            x = self.circles[:, 0] + time * self.circles[:, 3] - origin[0]
-            y = self.circles[:, 1] + time * self.circles[:, 4] - origin[1]
-            along = np.outer(cos, x) + np.outer(sin, y)
-            aside = np.outer(sin, x) - np.outer(cos, y)
+            x = self.circles[:, 0] + time * self.circles[:, 3] - begin_x
+            y = self.circles[:, 1] + time * self.circles[:, 4] - begin_y
+            along, aside = cos * x + sin * y, sin * x - cos * y
             half = self.circles[:, 2] ** 2 - aside**2
             enters = along - np.sqrt(np.maximum(half, 0.0))
             met = (half >= 0.0) & (enters >= 0.0)
             nearest = np.where(met, enters, np.inf).min(axis=1)
         if len(self.edges):
-            x1, y1, x2, y2 = (self.edges - np.tile(origin, 2)).T
+            x1, x2 = self.edges[:, 0] - begin_x, self.edges[:, 2] - begin_x
+            y1, y2 = self.edges[:, 1] - begin_y, self.edges[:, 3] - begin_y
             step_x, step_y = x2 - x1, y2 - y1
-            across = np.outer(cos, step_y) - np.outer(sin, step_x)
+            across = cos * step_y - sin * step_x
             with np.errstate(divide="ignore", invalid="ignore"):
                 distance = (x1 * step_y - y1 * step_x) / across
-                share = (np.outer(sin, x1) - np.outer(cos, y1)) / across
+                share = (sin * x1 - cos * y1) / across
                 # no comparison is true of a ray along an edge: it meets the next one
                 met = (distance >= 0.0) & (share >= 0.0) & (share <= 1.0)
             nearest = np.minimum(nearest, np.where(met, distance, np.inf).min(axis=1))

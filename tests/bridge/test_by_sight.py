@@ -12,7 +12,6 @@ import kmpc_lite as kl
 from firmware_bridge.cli.course import laser_scan
 from firmware_bridge.emulator.lidar import ld06 as emulated
 from firmware_bridge.emulator.lidar.ld06 import Ld06Emulator
-from firmware_bridge.emulator.lidar.rays import World
 from firmware_bridge.emulator.vesc import VescEmulator
 from firmware_bridge.messages import State
 from firmware_bridge.robot_file import load_robot
@@ -21,6 +20,7 @@ from firmware_bridge.runtime.drive import run
 from firmware_bridge.sensors.lidar.ld06 import Ld06
 from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.sight import Sight
+from kmpc_lite.sim.lidar import World, world_of
 
 PILLAR = (1.0, 0.05, 0.2)
 RADIUS = 0.15
@@ -38,7 +38,7 @@ def test_a_pillar_that_nobody_tells_of_is_passed_by_the_bytes_of_a_lidar():
     options = LidarOptions("ld06", "pty:x", mount=(0.05, 0.0, 0.5), no_return="free")
     here = lambda: (where[0].x, where[0].y, where[0].theta)  # noqa: E731
     model = emulated.LidarModel(mount=options.mount)
-    lamp = Ld06Emulator(World(lambda time: [PILLAR]), here, model, 1, clock=clock)
+    lamp = Ld06Emulator(World([(*PILLAR, 0.0, 0.0)]), here, model, 1, clock=clock)
     lidar = Ld06(Wire())
     sight = Sight(options, lidar.sweep)
     problem = kl.NavigationProblem(u_max=(0.6, 2.0), u_min=(-0.6, -2.0))
@@ -83,7 +83,7 @@ def robot(tmp_path):
     robot = load_robot(None, sections)
     board = VescEmulator.from_options(robot.driver_table(), slip=0.02, seed=1)
     board.place(*scenario.start)
-    lamp = emulated_lidar(robot.lidar, World.of(scenario), lambda: board.pose)
+    lamp = emulated_lidar(robot.lidar, world_of(scenario), lambda: board.pose)
     board.start(robot.link.url)
     lamp.start(robot.lidar.link)
     yield robot, board, lamp, scenario

@@ -11,9 +11,9 @@ from firmware_bridge.sensors.lidar.options import LidarOptions
 
 if TYPE_CHECKING:
     from firmware_bridge.emulator.lidar.lidar import LidarEmulator, Pose
-    from firmware_bridge.emulator.lidar.rays import World
     from firmware_bridge.emulator.rover.telemetry import Around
     from kmpc_lite.sim import Scenario
+    from kmpc_lite.sim.lidar import World
 
 
 class Eyes:
@@ -39,9 +39,9 @@ class Eyes:
             raise ConfigError("--lidar: the robot has no [lidar]: give --lidar NAME")
         if scenario is None:
             raise ConfigError("--lidar: nothing to see: give --scenario NAME")
-        from firmware_bridge.emulator.lidar.rays import World
+        from kmpc_lite.sim.lidar import world_of
 
-        self._options, self._world, self._seed = options, World.of(scenario), seed
+        self._options, self._world, self._seed = options, world_of(scenario), seed
 
     @property
     def around(self) -> Around | None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 
 from firmware_bridge.emulator.lidar.lidar import LidarEmulator, LidarModel
-from firmware_bridge.emulator.lidar.rays import Array
 from firmware_bridge.sensors.lidar.ld06_frames import CIRCLE, POINTS, Ld06Packet
+from kmpc_lite.types import Array
 
 MODEL = LidarModel(rate=10.0, beams=450, reach=12.0)
 INTENSITY = 200

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from firmware_bridge.emulator.lidar.rays import Array, World
 from firmware_bridge.emulator.server import line_speed, serve
 from firmware_bridge.link import Transport
 from firmware_bridge.options import bounded, check
+from kmpc_lite.sim.lidar import World
+from kmpc_lite.types import Array
 
 Pose = tuple[float, float, float]
 PERIOD = 0.01
@@ -169,7 +170,7 @@ class LidarEmulator:
         x, y, theta = model.mount
         cos, sin = np.cos(way[:, 2]), np.sin(way[:, 2])
         places = way[:, :2] + np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
-        ranges = self.world.cast(places, way[:, 2] + theta + turned, now - self._began)
+        ranges = self.world.ranges(places, way[:, 2] + theta + turned, now - self._began)
         ranges = ranges + self._noise.normal(0.0, model.noise, len(ranges))
         lost = (self._noise.random(len(ranges)) < model.dropouts) | faults.covered
         return np.where(lost | (ranges > model.reach), np.inf, ranges)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 from firmware_bridge.emulator.lidar.lidar import LidarEmulator, LidarModel, Pose
-from firmware_bridge.emulator.lidar.rays import Array, World
 from firmware_bridge.sensors.lidar.rplidar_frames import (
     CIRCLE,
     GET_HEALTH,
@@ -25,6 +24,8 @@ from firmware_bridge.sensors.lidar.rplidar_frames import (
     descriptor,
     request,
 )
+from kmpc_lite.sim.lidar import World
+from kmpc_lite.types import Array
 
 MODEL = LidarModel(rate=5.5, beams=360, reach=12.0)
 A1, FIRMWARE, HARDWARE = 0x18, (29, 1), 7

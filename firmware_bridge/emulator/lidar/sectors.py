@@ -9,7 +9,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from firmware_bridge.emulator.lidar.lidar import LidarModel, Pose
-from firmware_bridge.emulator.lidar.rays import World
+from kmpc_lite.sim.lidar import World
 
 SECTORS = 72
 RAYS = 5
@@ -46,7 +46,7 @@ class SectorSensor:
         place = np.array([x + cos * ahead - sin * left, y + sin * ahead + cos * left])
         ray = (np.arange(SECTORS * RAYS) - (RAYS - 1) / 2) * math.tau / (SECTORS * RAYS)
         directions = theta + turn - ray
-        ranges = self._world.cast(np.tile(place, (len(ray), 1)), directions, uptime)
+        ranges = self._world.ranges(place, directions, uptime)
         nearest = ranges.reshape(SECTORS, RAYS).min(axis=1)
         nearest = nearest + self._noise.normal(0.0, model.noise, SECTORS)
         reach = round(100 * model.reach)

@@ -11,10 +11,10 @@ from firmware_bridge.cli.lidar_fit import fit
 from firmware_bridge.cli.main import main
 from firmware_bridge.cli.options import add_robot_options, read_robot
 from firmware_bridge.emulator.lidar.kinds import emulated_lidar
-from firmware_bridge.emulator.lidar.rays import World
 from firmware_bridge.emulator.vesc import VescEmulator
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.sensors.scan import Scan
+from kmpc_lite.sim.lidar import World
 
 ROBOT = """
 [link]
@@ -48,7 +48,7 @@ def file(tmp_path):
     path.write_text((ROBOT + LIDAR).format(folder=tmp_path))
     robot = load_robot(path)
     board = VescEmulator.from_options(robot.driver_table())
-    world = World(lambda time: [[0.0, 1.0, 0.3], [-0.25, 0.0, 0.05]], WALLS)
+    world = World([(0.0, 1.0, 0.3, 0.0, 0.0), (-0.25, 0.0, 0.05, 0.0, 0.0)], WALLS)
     lamp = emulated_lidar(robot.lidar, world, lambda: board.pose)
     board.start(robot.link.url)
     lamp.start(robot.lidar.link)
@@ -112,10 +112,10 @@ def test_hints_follow_from_what_is_seen(tmp_path):
 
 @pytest.mark.parametrize(("mirrored", "turn"), [(False, 0.0), (True, 0.0), (False, 1.5708)])
 def test_a_wrong_mount_is_found_by_the_map(mirrored, turn):
-    world, place = World(lambda time: [[1.0, 1.0, 0.3]], WALLS), (0.5, -0.4, 0.7)
+    world, place = World([(1.0, 1.0, 0.3, 0.0, 0.0)], WALLS), (0.5, -0.4, 0.7)
     angles = -np.pi + 2 * np.pi / 360 * np.arange(360)
     own = (-angles if mirrored else angles) + turn
-    ranges = world.cast(np.tile(place[:2], (360, 1)), place[2] + own, 0.0)
+    ranges = world.ranges(np.array(place[:2]), place[2] + own)
     told = fit(scan_of(ranges), place, world, False)
     if not mirrored and not turn:
         assert told == ["lidar: 100 % of its hits lie where the map has something"]

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from firmware_bridge.emulator.lidar.rays import World
 from firmware_bridge.messages import State
 from firmware_bridge.runtime.controller_thread import unicycle_arc
 from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.scan import Sweep
 from firmware_bridge.sensors.sight import Sight, compose, into_bins
+from kmpc_lite.sim.lidar import World
 
 BEAMS = 360
 
@@ -97,13 +97,13 @@ def test_a_bin_takes_the_nearest_of_its_beams():
 def test_the_motion_during_a_turn_is_undone(v, omega):
     """A robot that drives sees a round pillar round, and where it is."""
     took, mount = 0.18, (0.1, 0.05, 0.4)
-    world = World(lambda time: [[2.0, 0.5, 0.3], [-1.0, -1.0, 0.4], [0.5, 2.0, 0.2]])
+    world = World([(2.0, 0.5, 0.3, 0, 0), (-1.0, -1.0, 0.4, 0, 0), (0.5, 2.0, 0.2, 0, 0)])
     begin = State(0.0, 0.0, 0.3, v, omega, 10.0)
     stamps = 10.0 + took * np.arange(BEAMS) / BEAMS
     poses = [unicycle_arc(begin, v, omega, t - 10.0) for t in stamps]
     places = compose(np.array([(p.x, p.y, p.theta) for p in poses]), mount)
     angles = -math.tau * np.arange(BEAMS) / BEAMS
-    ranges = world.cast(places[:, :2], places[:, 2] + angles, 0.0)
+    ranges = world.ranges(places[:, :2], places[:, 2] + angles)
     sweep = Sweep(angles, np.where(ranges > 8.0, np.nan, ranges), stamps, 0.1, 8.0)
     sight = Sight(options(mount=mount), lambda: sweep)
     for k in range(12):

@@ -12,9 +12,9 @@ from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
 from firmware_bridge.drivers.mavlink.core import MavlinkCore
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
 from firmware_bridge.drivers.mavlink.sectors import KEPT, Sectors
-from firmware_bridge.emulator.lidar.rays import World
 from firmware_bridge.emulator.lidar.sectors import SectorSensor
 from firmware_bridge.messages import State
+from kmpc_lite.sim.lidar import World
 
 FACING_NORTH = State(0.0, 0.0, math.pi / 2, 0.0, 0.0, 0.0)
 
@@ -162,7 +162,7 @@ def test_whatever_comes_is_bounded(told, step, fine, offset, frame, limits):
 
 
 def test_the_emulated_sensor_sees_a_pillar_where_it_is():
-    sensor = SectorSensor(World(lambda time: [[2.0, 0.0, 0.5]]))
+    sensor = SectorSensor(World([(2.0, 0.0, 0.5, 0.0, 0.0)]))
     sectors, say = rig()
     say(sensor.message((0.0, 0.0, 0.0), 1.0), 5.0)
     assert at(sectors.sweep(), 0.0) == pytest.approx(1.5, abs=0.05)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from lidars import lidar_pair, until
 
-from firmware_bridge.emulator.lidar.rays import World
 from firmware_bridge.link.tty import TtyEndpoint
 from firmware_bridge.messages import ConfigError, LinkError, State
 from firmware_bridge.sensors.lidar.kinds import lidar_transport, open_lidar
 from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.sight import make_scan
+from kmpc_lite.sim.lidar import world_of
 
 KINDS = ("rplidar", "ld06")
 
@@ -207,7 +207,7 @@ def test_a_world_is_seen_from_its_scenario():
         },
         "robot": {"radius": 0.15, "start": [0, 0, 0], "goal": [1, 1, 0]},
     }
-    world = World.of(Scenario.from_table(table, "seen", "seen"))
+    world = world_of(Scenario.from_table(table, "seen", "seen"))
     directions = np.array([0.0, math.pi, -math.pi / 2, math.pi / 2])
-    seen = world.cast(np.zeros((4, 2)), directions, 0.0)
+    seen = world.ranges(np.zeros((4, 2)), directions)
     assert seen == pytest.approx([2.5, 1.9, 3.0, math.inf])
