@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-from functools import partial
 
-from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import count
 from kmpc_lite.cli.progress import Progress
+from kmpc_lite.cli.study.named import chosen, named
 from kmpc_lite.studies.options import add_runner, runner
 
 STUDIES = {
@@ -48,20 +47,13 @@ def run(options: argparse.Namespace, name: str) -> int:
                 rows.append(job.result())
                 bar(done, len(jobs))
         else:
-            robots = [*(scaled(STANDARD, by) for by in SCALES), *KNOWN]
-            words = options.only or [""]
-            chosen = [r for r in robots if any(word in r.name for word in words)]
-            rows = study(chosen, seeds, executor, bar)
+            robots = {
+                robot.name: robot for robot in (*(scaled(STANDARD, by) for by in SCALES), *KNOWN)
+            }
+            asked = [robots[name] for name in chosen(robots, options.only)]
+            rows = study(asked, seeds, executor, bar)
     print(json.dumps([row.as_dict() for row in rows]) if options.json else format_rows(rows))
     return 0
 
 
-COMMANDS = {
-    name: Command(
-        text=text,
-        examples=(f"kmpc study {name} --drives 10", f"kmpc study {name} --json > {name}.json"),
-        add_options=add_options,
-        run=partial(run, name=name),
-    )
-    for name, text in STUDIES.items()
-}
+COMMANDS = named(STUDIES, add_options, run)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-from functools import partial
 
-from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import count
 from kmpc_lite.cli.progress import Progress
+from kmpc_lite.cli.study.named import chosen, named
 from kmpc_lite.studies.options import add_runner, runner
 
 STUDIES = {
@@ -37,12 +36,12 @@ def run(options: argparse.Namespace, name: str) -> int:
     bar = Progress(name, quiet=options.json)
     with runner(options) as executor:
         if name == "jumps":
-            kinds = _chosen(jumps.KINDS, options.only)
+            kinds = chosen(jumps.KINDS, options.only)
             records = jumps.study(
                 executor, options.drives, kinds, jumps.SIZES, first, bar, options.records
             )
         else:
-            seen = _chosen(pedestrians.SEEN, options.only)
+            seen = chosen(pedestrians.SEEN, options.only)
             records = pedestrians.study(
                 executor, options.drives, pedestrians.COUNTS, seen, first, bar, options.records
             )
@@ -51,17 +50,4 @@ def run(options: argparse.Namespace, name: str) -> int:
     return int(any(record.get("collided") or record.get("driven_into") for record in records))
 
 
-def _chosen(names: tuple[str, ...], words: list[str] | None) -> list[str]:
-    """Names that hold one of the words; all of them where none is asked for."""
-    return [name for name in names if not words or any(word in name for word in words)]
-
-
-COMMANDS = {
-    name: Command(
-        text=text,
-        examples=(f"kmpc study {name} --drives 10", f"kmpc study {name} --json > {name}.json"),
-        add_options=add_options,
-        run=partial(run, name=name),
-    )
-    for name, text in STUDIES.items()
-}
+COMMANDS = named(STUDIES, add_options, run)
