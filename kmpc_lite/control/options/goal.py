@@ -11,51 +11,55 @@ from kmpc_lite.control.options.fields import angle, check, radii, share
 class GoalOptions:
     """Tolerances of the goal checker for a pose with little noise, and how noise widens them.
 
-    A tolerance that ends in `_noise` counts standard deviations of the measured pose above the
-    quiet ones: chance alone hardly carries single poses past 3 to 5 of them, and the averaged pose,
-    whose own deviation is a third, past as many of its own.
+    Each option that ends in `_noise` widens the tolerance before it where poses are noisy: by this
+    many times the amount by which the measured pose's standard deviation exceeds the quiet one.
+    Chance hardly ever carries a single pose farther than 3 to 5 standard deviations; those of the
+    averaged pose are a third as large.
     """
 
     turn_distance: float = radii(0.08)
     """Distance from the goal at which the last turn on the spot may begin [radii]."""
     turn_distance_noise: float = share(1.0)
-    """What noise adds to it [standard deviations]."""
+    """How much noise widens `turn_distance` [standard deviations]."""
     turn_limit: float = radii(0.1)
-    """Distance at which a last turn is given up: the robot drives to its goal again [radii]."""
+    """A robot that is farther from its goal than this during the last turn gives that turn up, and
+    drives to its goal again [radii]."""
     turn_limit_noise: float = share(3.5)
-    """What noise adds to it [standard deviations]."""
+    """How much noise widens `turn_limit` [standard deviations]."""
     enter_distance: float = radii(0.09)
-    """Distance at which the robot has arrived [radii]."""
+    """A robot that is nearer to its goal than this [radii] ..."""
     enter_angle: float = angle(0.025)
-    """Error of the heading at which the robot has arrived [rad]."""
+    """... with a smaller error of its heading than this [rad] has arrived."""
     enter_noise: float = share(1.0)
-    """What noise adds to both [standard deviations]."""
+    """How much noise widens `enter_distance` and `enter_angle` [standard deviations]."""
     leave_distance: float = radii(0.1)
-    """Distance of the averaged pose at which a robot that had arrived drives again [radii]."""
+    """A robot that had arrived drives again when its averaged pose is farther from the goal than
+    this [radii] ..."""
     leave_distance_noise: float = share(2.5)
-    """What noise adds to it [standard deviations]."""
+    """How much noise widens `leave_distance` [standard deviations]."""
     leave_angle: float = angle(0.05)
-    """Error of the averaged heading at which it drives again [rad]."""
+    """... or when the averaged heading is wrong by more than this [rad] ..."""
     leave_angle_noise: float = share(1.5)
-    """What noise adds to it [standard deviations]."""
+    """How much noise widens `leave_angle` [standard deviations]."""
     pushed_distance: float = radii(0.05 / 0.15)
-    """Distance of one single pose at which it drives again: somebody pushed it [radii]."""
+    """... or when one single pose is farther away than this: somebody pushed it [radii] ..."""
     pushed_distance_noise: float = share(4.0)
-    """What noise adds to it [standard deviations]."""
+    """How much noise widens `pushed_distance` [standard deviations]."""
     pushed_angle: float = angle(0.15)
-    """Error of one single heading at which it drives again [rad]."""
+    """... or when one single heading is wrong by more than this [rad]."""
     pushed_angle_noise: float = share(4.5)
-    """What noise adds to it [standard deviations]."""
+    """How much noise widens `pushed_angle` [standard deviations]."""
     off_path: float = radii(0.01 / 0.15)
-    """Distance from its path at which a robot near its goal looks for a new one [radii]."""
+    """A robot near its goal looks for a new path when it is farther from its path than this
+    [radii]."""
     off_path_noise: float = share(3.0)
-    """What noise adds to it [standard deviations]."""
+    """How much noise widens `off_path` [standard deviations]."""
     quiet_position: float = radii(0.006 / 0.15)
-    """Standard deviation of a measured position that widens nothing [radii]."""
+    """A standard deviation of measured positions up to this widens nothing [radii]."""
     quiet_heading: float = angle(0.024)
-    """Standard deviation of a measured heading that widens nothing [rad]."""
+    """A standard deviation of measured headings up to this widens nothing [rad]."""
     averaging: float = share(0.2)
-    """Share of the newest pose in the average: a robot at rest may average its noise away."""
+    """Weight of the newest pose in the averaged one: a robot at rest averages its noise away."""
 
     def __post_init__(self) -> None:
         check(self)

@@ -26,66 +26,71 @@ class MarginOptions:
     """Margin from the sides of the area [radii]: nothing is hit there, the robot must only not
     creep out."""
     far_clearance: float = radii(2 / 3)
-    """Beyond the widest margin by this much [radii] the margins of a plan are not worked out: the
-    widest ones do as well."""
+    """Margins are worked out for obstacles within the widest margin and this much more [radii]; for
+    those farther away the widest margin is used."""
 
     step_risk: float = probability(1e-3)
     """Probability that the error of a single command exceeds what the command check allows for."""
     adapted_step_risk: float = probability(1e-4)
-    """The same with a model that was corrected while driving, which knows its floor from a few
-    seconds."""
+    """The same with a model that was corrected while driving: it knows its floor from a few seconds
+    only."""
     step_quantile_limit: float = share(2.0, zero=False)
-    """Largest quantile of a single command, in quantiles of the plan: exponential slip asks for
-    1.9; a log whose pose jumps would ask for nonsense."""
+    """The margin of a single command, in standard deviations, is at most this many times that of a
+    plan: slip with exponential tails needs 1.9 times as many; a log whose pose jumps would ask for
+    nonsense."""
     adapted_step_quantile_limit: float = share(3.0, zero=False)
-    """The same with a model that was corrected while driving: exponential slip asks for 2.6."""
+    """The same with a model that was corrected while driving: slip with exponential tails needs 2.6
+    times as many."""
     unknown_floor_inflation: float = share(3.0, zero=False)
-    """Inflation of the noise beyond which the floor counts as unknown."""
+    """The floor counts as unknown where errors are more than this many times as large as the model
+    expects."""
     unknown_floor_slip: float = share(0.35)
     """Standard deviation of a command's error on an unknown floor, as a share of what it drives: a
     slip of 0.2 pushes farther than five times that once in ten thousand periods."""
     check_margin: float = radii(1 / 150)
-    """What the command check keeps for reckoning along straight lines [radii]."""
+    """Clearance that the command check keeps because it reckons along straight lines [radii]."""
     check_corrections: int = count(3)
-    """How often the command check shortens a command and looks again."""
+    """How often the command check may shorten a command and look again."""
     check_far_periods: float = share(3.0, zero=False)
-    """What a command drives in this many periods is far: no robot drives three times as fast as it
-    is told."""
+    """The command check leaves obstacles out that are farther away than a command drives in this
+    many periods: no robot drives three times as fast as it is told."""
     retreat_share: float = part(0.25)
     """Share of a command that is always allowed straight away from an obstacle: a robot that
     touches must get free."""
 
     innovation_attack: float = part(0.2)
-    """Weight of a new error that is larger than before, per period: ten times the slip widens the
-    margins 4-fold after one period and 8-fold after five."""
+    """Weight of the newest error in the running mean where that error is larger: ten times the slip
+    widens the margins 4-fold after one period and 8-fold after five."""
     innovation_release: float = part(0.1)
-    """Weight of a new error that is smaller than before, per period: on a calm floor the margins
-    are narrow again within two seconds."""
+    """Weight of the newest error where it is smaller: on a calm floor the margins are narrow again
+    within two seconds."""
     innovation_calm: float = share(2.5, zero=False)
-    """Mean squared error, against the expected one, that widens nothing: heavy-tailed slip exceeds
-    it in one period of ten."""
+    """Running mean of squared errors, as a multiple of the expected one, up to which margins stay
+    as they are: slip with heavy tails exceeds it in one period of ten."""
     largest_innovation: float = share(400.0, zero=False)
-    """Largest squared error, against the expected one, that counts: beyond it the measurement is
-    broken."""
+    """Largest squared error that counts, as a multiple of the expected one: a larger one is a
+    broken measurement."""
     judged_step: float = radii(1 / 30)
-    """Shortest distance of a period whose error is judged [radii]."""
+    """Errors are judged only of periods that drive at least this far [radii]."""
     step_tolerance: float = radii(1 / 150, zero=False)
-    """Error of a period that even a model without noise may make [radii]."""
+    """Error of the position in one period that is always expected, even of a model without noise
+    [radii]."""
     step_tolerance_share: float = share(0.02)
     """The same as a share of the distance driven."""
     turn_tolerance: float = angle(5e-3, zero=False)
-    """Error of the heading that even a model without noise may make in a period [rad]."""
+    """Error of the heading in one period that is always expected, even of a model without noise
+    [rad]."""
     turn_tolerance_share: float = share(0.05)
     """The same as a share of the turn."""
     usual_speed: float = share(2 / 3, zero=False)
-    """Speed, as a share of the fastest, at which errors that were too large are taken to have been
-    made, where only their size is known."""
+    """Where only the size of errors is known, they are taken to have been made at this speed, as a
+    share of the fastest."""
     drift_threshold: float = share(6.0, zero=False)
-    """Squared sum of recent errors, against the expected one, beyond which the floor counts as
-    unknown: where poses are noisy no single error tells much, but a floor pushes to one side again
-    and again."""
+    """Squared sum of recent errors, as a multiple of the expected one, beyond which the floor
+    counts as unknown: where poses are noisy, a single error tells little, but a floor that pushes
+    to one side does so again and again."""
     drift_fading: float = part(0.8)
-    """What the sum of recent errors keeps of itself per period."""
+    """Factor by which the sum of recent errors fades per period."""
 
     def __post_init__(self) -> None:
         check(self)

@@ -16,13 +16,13 @@ class MovingObstacleOptions:
     look_step: float = seconds(0.2)
     """Time between two moments at which distances are looked at [s]."""
     clearance: float = radii(0.8)
-    """Clearance beyond the problem's margin below which a moving circle is in the way [radii]: a
-    robot that lags loses it soon."""
+    """A moving circle is in the way where it comes nearer than this, beyond the problem's margin
+    [radii]: a robot that lags loses this much soon."""
     path_clearance: float = radii(0.4)
-    """How much of it a path keeps [radii]."""
+    """How much of this clearance paths keep [radii]."""
     long_look: float = share(3.0)
-    """How many times as far evasive arcs are looked along, where some are clear for so long: what
-    is clear for now only is pushed along by a circle that follows."""
+    """Evasive arcs are first looked at this many times as far ahead, and those that are clear for
+    so long are preferred: on others a circle that follows would push the robot along."""
     speed_scales: tuple[float, ...] = shares(0.6, 0.3, 0.0)
     """Shares of the speed that are tried where the full one is not clear; the first that is clear
     is driven."""
@@ -32,11 +32,12 @@ class MovingObstacleOptions:
     arc_turns: tuple[float, ...] = shares(0.0, 1.0, -1.0)
     """Their rates of turn, as shares of the fastest."""
     arc_times: tuple[float, ...] = moments(1.0, 2.0, 4.0)
-    """When the robot stops on them [s]."""
+    """How long the robot drives on them before it stops [s]."""
     touch: float = radii(0.001 / 0.15)
-    """How deep an evasive arc may lead into the margin of a solid [radii]."""
+    """How far an evasive arc may lead into the margin of a solid, or out of the area [radii]."""
     switch_clearance: float = radii(0.2)
-    """How much more clearance another arc must promise than the one begun [radii]."""
+    """The robot leaves the arc that it is on for another one only where that promises this much
+    more clearance [radii]."""
 
     def __post_init__(self) -> None:
         check(self)

@@ -21,17 +21,17 @@ class StepOptions:
     longest_period: float = seconds(100.0)
     """Largest `dt` of a problem [s]: what is longer is no control period but a slip of the pen."""
     reach_beyond_plan: float = radii(2.0)
-    """Polygons, walls and grids count as far as this beyond the reach of the fastest plan [radii]:
-    for margins, and for a pose that is not where it was thought."""
+    """Polygons, walls and grids are looked at as far as the fastest plan reaches and this much
+    farther [radii]: for margins, and because the pose may be wrong."""
     lookup_distance: float = radii(2.0)
-    """How far the robot drives before what is near is looked up again [radii]."""
+    """Which solids are near is looked up again after the robot has driven this far [radii]."""
     accepted_defect: float = radii(1 / 3)
-    """How far the model may contradict a plan over one period [radii, and 0.15 rad a radius] before
-    the solver linearises again where the plan has come to, and before the plan's commands are
-    rolled out anew."""
+    """How far the model's prediction may be from the plan over one period [radii, and 0.15 rad a
+    radius]. Beyond it the solver linearises again around the plan; if that does not help, the
+    plan's commands are rolled out with the model."""
     accepted_depth: float = radii(2 / 15)
-    """How deep such a rolled-out plan may cut into an obstacle and still be driven [radii]: the
-    next pass mends the rest."""
+    """How deep a plan that was rolled out may cut into an obstacle and still be driven [radii]: the
+    next pass mends it."""
     guide_share: float = share(1 / 3)
     """Share of a time budget after which a search for a path is left to the next step."""
 

@@ -26,13 +26,13 @@ class StopOptions:
     rate: turning moves a round robot by a fraction of a millimetre, standing still would be for
     ever."""
     overspeed: float = share(1.25, zero=False)
-    """How much farther than its commands say a robot is taken to drive where nothing is looked at
-    more closely."""
+    """A robot is taken to drive up to this many times as far as its commands say, where it is only
+    decided whether to look more closely."""
     quick_look_error: float = radii(1 / 30)
-    """What the quick look at a robot that lags is taken to be wrong by [radii]; a robot that is
-    nearer to an obstacle is rolled out instead."""
+    """Error that is assumed of the quick look at a robot that lags [radii]; nearer to an obstacle
+    than this, the stop is rolled out with the model instead."""
     quick_look_error_share: float = share(0.05)
-    """The same as a share of the distance driven."""
+    """The same error as a share of the distance driven; both add up."""
     longest_ramp: float = seconds(10.0, zero=False)
     """Longest braking ramp [s]; a robot that brakes more slowly is told to stand by then."""
 
