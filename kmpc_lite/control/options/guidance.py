@@ -107,8 +107,8 @@ class GuidanceOptions:
     free_turn_clearance: float = radii(4.0)
     """Clearance that the whole free turn needs: the robot may back up in it [radii]."""
     goal_stretch: float = seconds(0.5)
-    """The reference holds the heading of the path until the robot reaches the goal's position, and
-    begins the last turn only then; this is how long before that it is held [s]."""
+    """For so long before the path reaches the goal's position, the reference ends there: it does
+    not begin the last turn yet [s]."""
     grid_step: float = seconds(0.05)
     """Time between neighbouring poses of a path, among which the robot's place is looked for [s].
     """

@@ -109,10 +109,12 @@ def test_speed_share_is_not_deceived_by_a_curve_that_ends_farther_away():
         assert np.hypot(trace[:, 0], trace[:, 1]).min() >= 0.35 - 1e-9
 
 
-@pytest.mark.parametrize("periods", [1.5, 3.0])
-def test_what_is_farther_than_some_periods_of_driving_is_not_looked_at(periods, monkeypatch):
+@pytest.mark.parametrize(("options", "periods"), [({"check_far_periods": 1.5}, 1.5), ({}, 3.0)])
+def test_what_is_farther_than_some_periods_of_driving_is_not_looked_at(
+    options, periods, monkeypatch
+):
     model, u = nominal_unicycle(0.1), np.array([0.6, 0.0])
-    wary, looks = Wary(model, check_far_periods=periods), []
+    wary, looks = Wary(model, **options), []
     predict = KoopmanModel.predict
     monkeypatch.setattr(KoopmanModel, "predict", lambda *rest: looks.append(rest) or predict(*rest))
     far = periods * 0.06 + wary.options.check_margin * PROBLEM.robot_radius

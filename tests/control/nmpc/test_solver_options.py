@@ -63,9 +63,10 @@ def searches(monkeypatch: pytest.MonkeyPatch, options: SolverOptions, **more: An
 
 
 def test_line_searches_end_at_the_length_of_their_mode(monkeypatch: pytest.MonkeyPatch) -> None:
-    options = SolverOptions(shortest_step=0.3, shortest_converging_step=0.02)
-    assert set(searches(monkeypatch, options)) == {0.3}
-    assert set(searches(monkeypatch, options, iterations=4)) == {0.02}
+    other = SolverOptions(shortest_step=0.3, shortest_converging_step=0.02)
+    for options, lengths in ((SolverOptions(), (0.1, 1e-3)), (other, (0.3, 0.02))):
+        assert set(searches(monkeypatch, options)) == {lengths[0]}
+        assert set(searches(monkeypatch, options, iterations=4)) == {lengths[1]}
 
 
 @pytest.mark.parametrize("name", ["straight_defect", "straight_turn_defect"])
@@ -119,14 +120,16 @@ def progress(sqp: SQP, depth: float, slack: float = 100.0) -> tuple[Progress, Ta
 
 
 def test_the_slack_penalty_grows_while_a_plan_stands_in_an_obstacle() -> None:
-    options = SolverOptions(penalty_growth=7.0, largest_penalty=600.0, accepted_depth=2e-3)
-    sqp = SQP(PROBLEM, 0, iterations=9, options=options)
-    for depth, slack, grown in ((3e-3, 100.0, True), (1e-3, 100.0, False), (3e-3, 700.0, False)):
-        run, task = progress(sqp, depth, slack)
-        assert sqp._has_ended(run, task) is not grown
-        assert run.penalties.slack == (7.0 * slack if grown else slack)
-        if grown:
-            assert sqp.qp.slack_penalty == 7.0 * slack
+    other = SolverOptions(penalty_growth=7.0, largest_penalty=600.0)
+    for options, growth, largest in ((SolverOptions(), 10.0, 1e5), (other, 7.0, 600.0)):
+        sqp = SQP(PROBLEM, 0, iterations=9, options=options)
+        for slack, grown in ((100.0, True), (0.99 * largest, True), (1.01 * largest, False)):
+            run, task = progress(sqp, 3e-3, slack)
+            assert sqp._has_ended(run, task) is not grown
+            assert run.penalties.slack == (growth * slack if grown else slack)
+            if not grown:
+                continue
+            assert sqp.qp.slack_penalty == growth * slack
             # the last growth has not halved the depth: it must stand there
             assert sqp._has_ended(run, task)
 
@@ -144,13 +147,13 @@ def test_passes_to_convergence_solve_with_four_thousand_iterations_at_the_most()
 
 
 def test_the_exact_hessian_is_used_late_or_after_a_shortened_step() -> None:
-    sqp = SQP(PROBLEM, 0, iterations=99, options=SolverOptions(gauss_newton_passes=12))
+    sqp = SQP(PROBLEM, 0, iterations=99)
     run, _ = progress(sqp, 0.0)
     used = []
     for run.passes in range(20):
         run.length = 1.0
         used.append(sqp._filler._wants_exact_hessian(run))
-    assert [k for k, wanted in enumerate(used) if wanted] == [12, 14, 16, 18]
+    assert [k for k, wanted in enumerate(used) if wanted] == [10, 12, 14, 16, 18]
     run.passes, run.length = 1, 0.5
     assert sqp._filler._wants_exact_hessian(run)
 

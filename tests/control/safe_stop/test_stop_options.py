@@ -53,16 +53,17 @@ def test_the_rest_of_the_plan_is_tried_for_as_long_as_it_is_told(
         return np.zeros(len(commands), dtype=bool)
 
     monkeypatch.setattr(StopTrajectories, "_are_clear", refuse)
-    for further_time, further in ((0.5, 5), (0.6, 6), (0.2, 2)):
+    for options, further in (({}, 5), ({"further_time": 0.6}, 6), ({"further_time": 0.2}, 2)):
         tried.clear()
-        assert any(plan.stop is None for plan in scenes(StopOptions(further_time=further_time), 20))
+        assert any(plan.stop is None for plan in scenes(StopOptions(**options), 20))
         # the whole command alone, then it and what may follow, then its shares
         assert set(tried) == {1, further + 3}
 
 
 def test_commands_are_slowed_to_the_shares_that_are_told() -> None:
-    for shares in ((0.5, 0.25, 0.0), (0.6, 0.2, 0.1)):
-        plans = scenes(StopOptions(further_time=0.0, slower_shares=shares))
+    usual = (0.5, 0.25, 0.0)
+    for options, shares in (({}, usual), ({"slower_shares": (0.6, 0.2, 0.1)}, (0.6, 0.2, 0.1))):
+        plans = scenes(StopOptions(further_time=0.0, **options))
         seen = {round(float(p.inputs[0, 0]) / 0.6, 9) for p in plans if p.slowed and p.stop}
         assert set(shares) <= seen
 
@@ -93,12 +94,14 @@ def test_a_command_that_may_hardly_drive_turns_on_the_spot(limit: float) -> None
         np.testing.assert_allclose(slowed.inputs[0], (share * 0.6, turn))
 
 
-@pytest.mark.parametrize("overspeed", [1.25, 1.8])
-def test_what_is_far_is_not_looked_at(overspeed: float, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("options", "overspeed"), [({}, 1.25), ({"overspeed": 1.8}, 1.8)])
+def test_what_is_far_is_not_looked_at(
+    options: dict[str, float], overspeed: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     model, looks = kl.nominal_unicycle(0.1), []
     monkeypatch.setattr(QuickLook, "ramp_is_clear", lambda *rest: bool(looks.append(rest)) or True)
     plan = straight(model, np.zeros((0, 2)))
-    stops = StopTrajectories(PROBLEM, StopOptions(overspeed=overspeed))
+    stops = StopTrajectories(PROBLEM, StopOptions(**options))
     kept = 0.005 + 0.001  # of the solver, and of the command check
     for beyond, expected in ((1e-3, 0), (-1e-3, 1)):
         looks.clear()
