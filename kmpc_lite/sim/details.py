@@ -24,26 +24,26 @@ class Details:
     """
 
     times: Array
-    """(T,) [s], growing."""
+    """(T,) when each step was made, since the first command passed [s]."""
     poses: Array
-    """(T, 3) that each step planned from."""
+    """(T, 3) pose that each step planned from."""
     plans: Array
     """(T, S, 3) states of the plans, `stage_time` apart."""
     stage_time: float
-    """[s]"""
+    """Time between the stages of a plan [s]."""
     margins: Array
-    """(T, S) what these keep from obstacles beyond the radii [m]."""
+    """(T, S) margins that the plans keep at these stages [m]."""
     commands: Array
-    """(T, 2) that the plans begin with."""
+    """(T, 2) commands that the plans begin with."""
     statuses: tuple[str, ...]
     progress: tuple[str, ...]
     reasons: tuple[str, ...]
     clearances: Array
-    """(T,) of the plans [m]; infinite without obstacles."""
+    """(T,) clearance of the plans [m]; infinite without obstacles."""
     pose_ages: Array
-    """(T,) [s]; NaN where it is not known."""
+    """(T,) age of each step's pose [s]; NaN where it is not known."""
     step_times: Array
-    """(T,) [s]."""
+    """(T,) time that each step took [s]."""
     paths: tuple[Array, ...]
     """Paths (K, 2) that guidance followed [m]."""
     path_of: Array

@@ -23,7 +23,7 @@ class LidarSpec:
     reach: float = 4.0
     """How far it sees [m]."""
     beams: int = 360
-    """All around, evenly."""
+    """Number of beams, spread evenly all around."""
     noise: float = 0.01
     """Standard deviation of a range [m]."""
     dropout: float = 0.01

@@ -29,7 +29,7 @@ class Walks:
     side : float
         They walk within a square about the origin of this side [m].
     start_distance : float
-        At which they begin from the robot, edge to edge at least [m].
+        Least distance from the robot, edge to edge, at which they begin [m].
     """
 
     count: int

@@ -21,33 +21,33 @@ from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.types import Array
 
 LOOKS = 10
-"""Looks at a collision in a period."""
+"""How often in a period collisions are looked for."""
 UNIT_RADIUS, UNIT_SPEED, UNIT_TURN = 0.15, 0.6, math.pi / 4
 
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot that is like no other."""
+    """A robot as it is drawn or described."""
 
     name: str
     radius: float = 0.15
-    """[m]."""
+    """Radius [m]."""
     speed: float = 0.6
-    """Fastest [m/s]."""
+    """Largest speed [m/s]."""
     turn_rate: float = math.pi / 4
-    """Fastest [rad/s]."""
+    """Largest turn rate [rad/s]."""
     dt: float = 0.1
-    """Period of the controller [s]."""
+    """Control period [s]."""
     lag: float = 0.0
     """Time constant of the motors [s]."""
     dead_time: float = 0.0
-    """[s]."""
+    """Time from a command to the motors' first reaction [s]."""
     slip: float = 0.0
     """Mean of the slip ratios."""
     turn_gain: float = 1.0
     """Share of a commanded turn that happens."""
     turning_point: tuple[float, float] = (0.0, 0.0)
-    """About which it turns, ahead and to the left of the tracked pose [m]."""
+    """Turning centre, ahead and to the left of the tracked pose [m]."""
     noise: tuple[float, float] = (0.0, 0.0)
     """Standard deviation of a measured pose [m, rad]."""
     reverse: bool = True
@@ -104,7 +104,7 @@ KNOWN = (
     Robot("slow turner", turn_rate=0.25, slip=0.05, learned=False),
     Robot("fast", speed=3.0, turn_rate=2.0, slip=0.05, learned=False),
 )
-"""Robots of the release's promise, with the nominal model on a slipping floor."""
+"""Robots of known kinds, driven with the nominal model on a slipping floor."""
 
 
 def scaled(robot: Robot, by: float) -> Robot:

@@ -3,9 +3,9 @@
 The solver, the clock, the warm start or the pose fails again and again.
 
 Each drive has one kind of failure, in bursts of random length between stretches of sane steps.
-Counted are collisions (at four sub-samples), whether the commands came to a stop within the tail
-that was verified before, whether a plan was had within a second of sane inputs, and whether the
-command was zero after three seconds without a usable pose.
+Counted are collisions (at four sub-samples), whether the robot was stopped within the stop
+trajectory that was verified before, whether a plan was found within a second of sane inputs, and
+whether the command was zero after three seconds without a usable pose.
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ def format_faults(rows: Sequence[Counts]) -> str:
     total = {c: sum(getattr(row, c) for row in rows) for c in columns.values()}
     lines.append(f"{'all':36}" + "".join(f"{total[c]:11d}" for c in columns.values()))
     lines.append(
-        "late stop: steps still driven after the tail's end; late plan: "
+        "late stop: steps driven past the end of the stop trajectory; late plan: "
         "none within 1 s of sane inputs; "
         "blind: commands other than zero after 3 s without a pose"
     )

@@ -31,11 +31,12 @@ OTHERS = (
 )
 KINDS = (*STATUSES, *OTHERS)
 RECOVERY = 1.0
-"""Within which a plan must be had again once the inputs are sane [s]."""
+"""A plan must be found again within this time after the inputs are sane again [s]."""
 BLIND = 3.0
-"""After which without a usable pose the command must be zero [s]."""
+"""After this time without a usable pose the command must be zero [s]."""
 BUDGET = 0.05
-"""Time budget of the drives whose clock jumps [s], by more than that at each look."""
+"""Time budget of the drives whose clock jumps [s]; the clock jumps by more than that at each look.
+"""
 
 
 @dataclass
@@ -47,14 +48,14 @@ class Counts:
     drives: int = 0
     steps: int = 0
     failed_steps: int = 0
-    """With the failure injected."""
+    """Steps in which the failure was forced."""
     fallback: int = 0
     stopped: int = 0
     collisions: int = 0
     late_stops: int = 0
-    """Steps on which the robot was still told to drive, though its tail had ended."""
+    """Steps in which the robot was still told to drive, though its stop trajectory had ended."""
     late_recoveries: int = 0
-    """Seconds of sane inputs after a failure in which no plan was had."""
+    """Seconds of sane inputs after a failure in which no plan was found."""
     blind_steps: int = 0
     """Steps with a command other than zero after three seconds without a usable pose."""
     arrived: int = 0
@@ -95,7 +96,7 @@ class FaultyLoop:
         self._braking = Braking(self.controller.problem, StopOptions())
         self._step, self._begin, self._end = 0, 0, 0
         self._frozen = np.zeros(3)
-        self._tail_left, self._sane, self._blind, self._planned = 0, 0, 0, False
+        self._stop_left, self._sane, self._blind, self._planned = 0, 0, 0, False
         self._next_burst()
 
     def _clock(self) -> float:
@@ -146,13 +147,13 @@ class FaultyLoop:
         counts.fallback += plan.status is PlanStatus.FALLBACK
         counts.stopped += plan.status is PlanStatus.STOPPED
         if plan.status in (PlanStatus.FALLBACK, PlanStatus.STOPPED):
-            counts.late_stops += bool(self._tail_left <= 0 and plan.command.any())
-            self._tail_left -= 1
+            counts.late_stops += bool(self._stop_left <= 0 and plan.command.any())
+            self._stop_left -= 1
         else:
-            # the longest that a tail of this command can be; its last command is zero
-            self._tail_left = len(self._braking.ramp(plan.command)) - 1
+            # the longest stop trajectory that this command can have; its last command is zero
+            self._stop_left = len(self._braking.ramp(plan.command)) - 1
             if self.controller.model.history:
-                self._tail_left += round(StopOptions().further_time / DT)
+                self._stop_left += round(StopOptions().further_time / DT)
         self._sane = 0 if failing else self._sane + 1
         self._planned = not failing and (
             self._planned or plan.status not in (PlanStatus.FALLBACK, PlanStatus.STOPPED)

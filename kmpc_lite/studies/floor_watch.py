@@ -20,7 +20,7 @@ from kmpc_lite.sim.scenario.values import Floor
 from kmpc_lite.studies.training import DT, TRAINING_SEED
 
 TIME = 5.0
-"""Of motion, after which the model is judged [s]."""
+"""Time of motion after which the model is judged [s]."""
 MOTION = (0.05, 0.05)
 """A command below which the robot does not move to speak of [m/s, rad/s]."""
 FASTEST = (0.6, 0.785)

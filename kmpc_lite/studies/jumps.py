@@ -27,14 +27,14 @@ from kmpc_lite.types import Array
 
 KINDS = ("one sample", "a second", "heading", "for good")
 SIZES = (0.05, 0.1, 0.3, 1.0)
-"""Of the jumps [m]; a heading jumps by as many radians."""
+"""Sizes of the jumps [m]; a heading jumps by as many radians."""
 FAMILY = "dense"
 BETWEEN = (2.0, 5.0)
 """Time from the end of a jump to the next one [s]."""
 LASTS = 1.0
-"""How long a wrong pose lasts that is not for one sample [s]."""
+"""How long a pose stays wrong, where it is not for a single sample [s]."""
 LOOKS = 10
-"""Looks for collisions in a period."""
+"""How often in a period collisions are looked for."""
 TIMEOUT = 60.0
 """[s]"""
 SLIP = 0.05

@@ -48,7 +48,7 @@ class Row:
 
 
 class Moves(Protocol):
-    """A robot as it is."""
+    """The true robot, as a drive needs it."""
 
     def drive(self, pose: Array, command: Array) -> Array:
         """Poses (n, 3) during one period from a pose (3,)."""
@@ -65,7 +65,7 @@ class Course:
     """(3,)."""
     circles: list[Circle]
     side: float
-    """Of the area [m]."""
+    """Side of the area [m]."""
     spread: Array
     """Standard deviations of a measured pose, (3,) [m, m, rad]."""
     ideal: float

@@ -31,7 +31,7 @@ def slippery() -> KoopmanModel:
 @pytest.mark.parametrize(
     ("fixed", "failures"), [((), 600), pytest.param(FIXED, 1000, marks=pytest.mark.long)]
 )
-def test_forced_failures_never_collide_and_stop_within_the_tail(
+def test_forced_failures_never_collide_and_end_in_a_verified_stop(
     fixed: tuple[str, ...], failures: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(faults, "FIXED", fixed)  # on a random map only, or on four more

@@ -27,7 +27,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "qz": ("q_z", "rot_z"),
     "qw": ("q_w", "rot_w"),
 }
-"""Whole names, in lower case, what parts their words being an underscore."""
+"""Whole names, in lower case, with underscores between their words."""
 ENDINGS: dict[str, tuple[str, ...]] = {
     "t": ("header_stamp", "timestamp", "time"),
     "x": ("position_x", "pos_x", "translation_x", "pose_x", "r_x"),
@@ -43,7 +43,8 @@ WORDS = {"°": "deg", "degrees": "deg", "degree": "deg", "°/s": "deg/s", "degre
 COMMANDED = ("cmd", "command", "target", "setpoint", "desired", "ref")
 """Words that tell a command from a measured speed."""
 LONGEST_NAME = 100
-"""Characters of a column's name that are looked at: searches for brackets take their square."""
+"""Most characters of a column's name that are searched: the time that a search for brackets takes
+grows with their square."""
 BRACKETS = re.compile(r"\s*[\[(]\s*(?P<unit>[^\])]*?)\s*[\])]\s*$")
 SUFFIX = re.compile(r"_(?P<unit>ns|us|ms|sec|deg|rad|mm|cm)$")
 
@@ -53,11 +54,12 @@ class Found:
     """Where the columns of a table are."""
 
     where: dict[str, int]
-    """Position by our name; theta, or the quaternion's four."""
+    """Position of each column in the table, by our name: theta, or the four parts of a quaternion.
+    """
     names: dict[str, str]
-    """The file's name by ours."""
+    """The file's name of each column, by our name."""
     units: dict[str, str] = field(default_factory=dict)
-    """As the header tells them, by our name, where they are not SI."""
+    """Unit of each column, by our name, where the header tells one that is not SI."""
     passed_over: tuple[str, ...] = ()
     """Columns that look like commands though others were taken."""
 

@@ -36,13 +36,13 @@ class Layout:
 
     header: list[str]
     delimiter: str | None
-    """None: blanks."""
+    """What parts the values of a line; None stands for blanks."""
     skipped: int
     """Lines before the first row."""
     first: str
     """The line that was taken for the first row where there is no header, or nothing."""
     where: str
-    """Names the header in messages."""
+    """What messages call the header."""
 
     def values(self, line: str) -> list[str]:
         """Values of one line; quotes may hold delimiters."""
@@ -164,7 +164,7 @@ def _bad_value(file: Path, layout: Layout, found: Found) -> str | None:
 
 
 def _expected(text: str) -> str:
-    """What a value that is no number is told."""
+    """What an error says was expected where a value is no number."""
     return f"expected a number, got {short(text)!r}"
 
 

@@ -33,7 +33,7 @@ LETTERS: dict[str, tuple[str, float]] = {
     **{"c": ("h", 0.01), "C": ("H", 0.01), "e": ("i", 0.01), "E": ("I", 0.01), "L": ("i", 1e-7)},
     "g": ("e", 1.0),
 }
-"""Of struct, and what a number is multiplied by."""
+"""Letters of ArduPilot's formats: the letter of Python's struct, and the factor of the number."""
 FIELDS = {
     "XKF1": ("PN", "PE", "Yaw"),
     "NKF1": ("PN", "PE", "Yaw"),
@@ -54,7 +54,7 @@ class Kind:
     name: str
     unpack: struct.Struct
     places: tuple[int, ...]
-    """Of the time, the core and the fields among what is unpacked; -1: there is none."""
+    """Where time, core and fields stand among the unpacked values; -1: nowhere."""
     scales: tuple[float, ...]
 
 
@@ -106,7 +106,8 @@ def messages(
 ) -> Iterator[tuple[str, Any, list[float]]]:
     """Yield name, core, and time [s] with fields of the messages in `FIELDS`; count all others.
 
-    Bytes that are none are passed over: logs that were cut off or sent by radio have such.
+    Bytes that belong to no message are passed over: logs that were cut off, or sent by radio, have
+    such bytes.
     """
     formats, data, at = _Formats(), b"", 0
     while True:

@@ -1,4 +1,4 @@
-"""Two values that are logged in messages of their own, put beside each other."""
+"""Values that are logged in messages of their own, put into rows of one table."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ EARTH = 6_378_137.0
 
 
 def held_together(first: Array, second: Array) -> Array:
-    """Rows (n, 3) of time and two values that change apart: each held until its next.
+    """Rows (n, 3) of time and two values that are logged apart: each is held until its next one.
 
     Parameters
     ----------

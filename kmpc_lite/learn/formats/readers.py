@@ -1,4 +1,4 @@
-"""Which file is read by which reader; what is missing is told before anything is read."""
+"""Which reader reads which file; a package that is missing is told before anything is read."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from kmpc_lite.reading import open_regular
 
 
 class Reader(NamedTuple):
-    """Where a format is read."""
+    """What reads one format, and what it needs."""
 
     where: str
     """``module:function`` within this folder."""

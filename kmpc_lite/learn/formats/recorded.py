@@ -17,7 +17,7 @@ POSES, COMMANDS, GATE = "/pose", "/command", "/gate"
 DRIVING = ("ACTIVE", "STOPPING", "HOLDING")
 """States of the safety gate in which the robot obeys the commands that are recorded."""
 LARGEST_MESSAGE = 2**20
-"""A longer message is none of ours [bytes]."""
+"""Length of the longest message that kmpc writes [bytes]."""
 BREAKS = 0.3
 """Where the robot did not obey, poses are left out, and so is this long after it [s]."""
 

@@ -37,16 +37,16 @@ OTHER = {
 MAX_METADATA = 2**24
 """Largest metadata.yaml that is read [bytes]."""
 USUAL = {"odom": ("/odom", "/odometry/filtered"), "cmd": ("/cmd_vel",)}
-"""Names that are meant where there are several topics of a type."""
+"""Names of topics that are preferred where several topics have the right type."""
 BODIES = ("base_footprint", "base_link", "base", "body", "chassis")
 """Frames of the robot in TF."""
 SAME_CLOCK = 1.0
-"""Stamps that differ more from the time of recording are of another clock [s]."""
+"""Stamps that differ by more than this from the time of recording come from another clock [s]."""
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """A topic that is read, and what of its messages."""
+    """A topic that is read, and which part of its messages."""
 
     topic: str
     kind: str

@@ -32,10 +32,10 @@ from kmpc_lite.types import Array
 ENDINGS = (".csv", ".npz", ".tsv", ".txt", ".tum")
 WRITTEN = (".csv", ".npz")
 MAX_NPZ_BYTES = 8 * 6 * MAX_ROWS
-"""Memory of the largest npz log."""
+"""Most memory that an npz log may take [bytes]."""
 LARGEST = 1e9
-"""Beyond this a pose or a command [m, rad, m/s, rad/s] is none: differences of such numbers are
-lost to rounding, squares overflow."""
+"""Largest number of a pose or a command [m, rad, m/s, rad/s]: differences of larger ones are lost
+to rounding, and their squares overflow."""
 
 
 def read_table(file: Path, options: ReadOptions) -> Log:

@@ -30,7 +30,7 @@ class Thinned:
         self._rows = array("d")
         self._last: float | None = None
         self.seen = 0
-        """Samples that came."""
+        """Number of samples that have come."""
 
     def wants(self, time: float) -> bool:
         """Count a sample at a time [s]; whether it is to be kept: one that runs back always is."""

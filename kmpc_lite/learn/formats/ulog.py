@@ -85,7 +85,7 @@ def _load(path: Path, names: list[str]) -> tuple[list[Any], str]:
 
 
 class _Bounded:
-    """A file that is read so often at most: pyulog reads the end of some damaged logs for ever."""
+    """A file that may be read only so often: pyulog reads the end of some damaged logs for ever."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file

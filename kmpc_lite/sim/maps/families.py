@@ -30,7 +30,7 @@ from kmpc_lite.types import Array
 PASSAGE = 0.1
 """Distance that the passage keeps beyond the radii [m]."""
 CELL = 0.02
-"""Of the grid on which passages are looked for [m]."""
+"""Side of the cells of the grid on which passages are looked for [m]."""
 ATTEMPTS = 1000
 
 

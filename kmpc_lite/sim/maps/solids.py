@@ -10,7 +10,7 @@ from kmpc_lite.sim.maps.layout import BOUNDS, Layout, Random, at_rest, draw_ends
 from kmpc_lite.types import Array
 
 CELL = 0.05
-"""Of the rooms' grid [m]."""
+"""Side of the cells of the rooms' grid [m]."""
 ROOM = 3.9
 """Sides of the house, outer walls included [m]."""
 WALL, DOOR = 0.10, (0.56, 0.75)

@@ -15,7 +15,7 @@ from kmpc_lite.sim.twin.mjcf import WHEEL_RADIUS
 from kmpc_lite.sim.twin.plant import Twin, load_mujoco
 
 SIZE = (480, 360)
-"""Of a frame [pixels]."""
+"""Width and height of a frame [pixels]."""
 
 
 class NoRenderer(KmpcError):

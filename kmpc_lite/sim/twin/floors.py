@@ -26,7 +26,7 @@ class Floor:
     """Of the tyre's contact: the moment that resists spinning on the spot is sliding * patch_radius
     * load [m]."""
     rolling: float
-    """Moment that brakes each wheel, from axle and pile [N m]."""
+    """Moment that brakes each wheel, from its axle and from the carpet's pile [N m]."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""

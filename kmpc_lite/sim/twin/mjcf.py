@@ -16,9 +16,10 @@ from kmpc_lite.control.obstacles.circles import Circle
 
 WHEEL_RADIUS = 0.0425
 WHEELBASE, TRACK = 0.106, 0.192
-"""Between the axles, and between the wheels of an axle [m]."""
+"""Distance between the axles, and between the wheels of an axle [m]."""
 TORQUE, TOP_SPEED = 1.5, 24.0
-"""Of a motor at the wheel: stalled [N m], and without load [rad/s]."""
+"""A motor, measured at the wheel: its torque when stalled [N m], and its speed without load
+[rad/s]."""
 WHEELS = ("fl", "fr", "rl", "rr")
 LEFT = (True, False, True, False)
 GAIN = 0.25
@@ -26,9 +27,10 @@ GAIN = 0.25
 ROTOR = 5e-4
 """Inertia of rotor and gears at the wheel: 4e-7 kg m^2 behind a gear of 1:34 [kg m^2]."""
 TIMESTEP = 0.0025
-"""Longest at which halving it moves the robot by less than 1.5 % of its way [s]."""
+"""Time step of the physics [s]: the longest for which halving it changes where the robot comes to
+by less than 1.5 % of its way."""
 HEIGHT = 0.30
-"""Of the obstacles [m]."""
+"""Height of the obstacles [m]."""
 ROBOT_HITS, OBSTACLE = 1, 2
 """Bits of collision filtering: the robot meets obstacles; wheels meet the floor through pairs of
 their own."""

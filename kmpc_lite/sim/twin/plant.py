@@ -22,7 +22,7 @@ from kmpc_lite.types import INPUTS, STATES, Array
 SERVO_LAG = 0.04
 """First-order lag of the set-point in the motor board: its loop and its speed filter [s]."""
 RESET_TIME = 0.08
-"""Of the motor board's speed loops [s]."""
+"""Integral time of the motor board's speed loops [s]."""
 FLOOR_PERIOD = 8
 """Steps between looks at what is under the wheels, and at the heading: 12 mm at 0.6 m/s."""
 WARM_UP = 120
