@@ -36,7 +36,8 @@ def from_table(kind: type[T], table: Mapping[str, Any], section: str) -> T:
     Parameters
     ----------
     kind : type
-        A frozen dataclass whose fields are bool, int, float or str, or those or None.
+        A frozen dataclass whose fields are bool, int, float or str, or those or None; or Any, which
+        is checked where it is used.
     table : mapping
         The section.
     section : str
@@ -78,6 +79,8 @@ def _typed(value: Any, expected: str, name: str) -> Any:
         "str": (str,),
     }
     kind = expected.split(" ")[0]
+    if kind == "Any":
+        return value
     if not isinstance(value, kinds[kind]) or (isinstance(value, bool) and kind != "bool"):
         raise ConfigError(f"{name}: expected {kind}, got {value!r}")
     typed: Any = value

@@ -27,10 +27,9 @@ TOPICS = "ros2"
 """In place of a driver where ROS 2 topics are the robot's link: see `kmpc ros2`."""
 SECTIONS = ("link", "board", "geometry", "limits", "safety", "frame", "control", "lidar", "robot")
 NOMINAL_LATENCY = {**dict.fromkeys(DRIVERS, 0.0), "mavlink": 0.2, TOPICS: 0.1}
-"""Taken for a model without input history where nobody says better [s].  An autopilot's own speed
-loop lags: on the emulated rover the nominal unicycle grazes obstacles with 0.1 s or less, but not
-with 0.2 or 0.3 s. With a motor controller's 0.05 s the clearance is the same for 0, 0.05 and 0.1 s.
-"""
+"""Taken for a model without input history where nobody says better [s]. An autopilot's own speed
+loop lags: on the emulated rover the nominal unicycle grazes obstacles with 0.1 s or less, not with
+0.2 or 0.3 s. With a motor controller's 0.05 s the clearance is the same for 0, 0.05 and 0.1 s."""
 LOOSE = 1.5
 """The watchdog must be this many control periods long, or one late plan would stop the robot."""
 
@@ -41,6 +40,8 @@ class RobotOptions:
 
     name: str | None = None
     """Of this vehicle; its recordings carry it, and a model of another name is refused."""
+    footprint: Any = None
+    """What it covers about its pose: length, width and ahead [m], or corners; as read."""
 
     def __post_init__(self) -> None:
         """Check the length."""
@@ -125,7 +126,8 @@ class Robot:
     sections: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """As read; `board` and `geometry` are checked by the driver."""
     name: str | None = None
-    """Of the vehicle."""
+    footprint: Any = None
+    """Both of the vehicle: `RobotOptions`."""
 
     @property
     def vehicle(self) -> dict[str, str | float | bool]:
@@ -183,8 +185,7 @@ def load_robot(
     ConfigError
         Names file, section and key.
     """
-    where = "command line" if path is None else str(path)
-    table = {} if path is None else _read(Path(path))
+    where, table = ("command line", {}) if path is None else (str(path), _read(Path(path)))
     sections: dict[str, dict[str, Any]] = {}
     for name in (*table, *(overrides or {})):
         if name not in SECTIONS:
@@ -215,7 +216,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
-    name = from_table(RobotOptions, sections.get("robot", {}), "robot").name
+    vehicle = from_table(RobotOptions, sections.get("robot", {}), "robot")
     link_table = sections.get("link", {})
     for key, option in (("url", "--link URL"), ("driver", "--driver NAME")):
         if key not in link_table:
@@ -254,7 +255,8 @@ def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
         None if socket is None else Path(socket),
         _lidar(sections.get("lidar", {}), link),
         sections,
-        name,
+        vehicle.name,
+        vehicle.footprint,
     )
 
 

@@ -75,7 +75,7 @@ def course(
     if robot.control.scenario is None:
         raise ConfigError(f"{robot.where}: control.scenario: missing: give --scenario NAME")
     try:
-        scenario = Scenario.load(robot.control.scenario)
+        scenario = _with_footprint(robot, Scenario.load(robot.control.scenario))
         robot, learned, notes = load_model(robot, rehearse)
         controller = build_controller(robot, scenario, learned)
     except kl.KmpcError as error:
@@ -117,6 +117,15 @@ def course(
     navigator = Navigator(step, task, settle, seconds, wait=wait)
     name, made = scenario.name, (scenario, controller, watchers)
     return Course(name, robot, navigator, period, origin, notes, *made)
+
+
+def _with_footprint(robot: Robot, scenario: Any) -> Any:
+    """Put the footprint of a robot's file in the place of the scenario's robot."""
+    from kmpc_lite.control import Footprint
+
+    if robot.footprint is None:
+        return scenario
+    return replace(scenario, footprint=Footprint.of(robot.footprint))
 
 
 def laser_scan(scan: Any) -> Any:

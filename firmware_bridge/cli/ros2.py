@@ -143,7 +143,8 @@ def run(options: argparse.Namespace) -> int:
     node, robot = node_options(options, options.name, ROUTER), _robot(options)
     driver = Ros2Driver(node, _ros2_options(options, node.root))
     try:
-        robot, controller, notes = _controller(robot, options.radius)
+        drawn = None if emulated is None else emulated.footprint
+        robot, controller, notes = _controller(robot, options.radius, drawn)
     except kl.KmpcError as error:
         raise ConfigError(f"{robot.where}: {error}") from error
     errand = Errand(
@@ -225,20 +226,24 @@ def _ros2_options(options: argparse.Namespace, namespace: str) -> Ros2Options:
     )
 
 
-def _controller(robot: Robot, radius: float) -> tuple[Robot, Any, tuple[str, ...]]:
+def _controller(robot: Robot, radius: float, footprint: Any) -> tuple[Robot, Any, tuple[str, ...]]:
     """The robot within what its model has shown, its controller, and notes for the user.
 
-    The robot stays within its geofence if it has one.
+    The robot stays within its geofence if it has one. The footprint of its file comes first, then
+    that of a scenario, then the radius.
     """
     import kmpc_lite as kl
     from firmware_bridge.cli.course import adaptation, base_problem, load_model
 
     robot, model, notes = load_model(robot)
+    if robot.footprint is not None:
+        footprint = kl.Footprint.of(robot.footprint)
     inf = float("inf")
     x_min, y_min, x_max, y_max = robot.gate.geofence or (-inf, -inf, inf, inf)
     problem = replace(
         base_problem(robot, model.dt),
-        robot_radius=radius,
+        robot_radius=radius if footprint is None else footprint.radius,
+        footprint=footprint,
         x_min=(x_min, y_min, -inf),
         x_max=(x_max, y_max, inf),
         slack_weights=None,

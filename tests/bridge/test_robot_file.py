@@ -6,12 +6,14 @@ from pathlib import Path
 
 import pytest
 
+from firmware_bridge.cli.course import course
 from firmware_bridge.link import open_transport
 from firmware_bridge.messages import ConfigError, LinkStatus, State
 from firmware_bridge.robot_file import DRIVERS, check_period, load_robot
 from firmware_bridge.runtime.session import open_driver
 from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.sensors.placed import PlacedDriver
+from kmpc_lite import Footprint
 
 ROBOTS = Path(__file__).parents[2] / "docs" / "robots"
 LINK = '[link]\nurl = "tcp:127.0.0.1:1"\ndriver = "mavlink"\n'
@@ -102,6 +104,19 @@ def test_the_command_line_lies_over_the_file_and_may_do_without_it(tmp_path):
     )
     alone = load_robot(None, {"link": {"url": "tcp::1", "driver": "mavlink"}})
     assert alone.where == "command line" and alone.link.driver == "mavlink"
+
+
+def test_a_footprint_takes_the_place_of_the_scenarios_robot(tmp_path):
+    text = (
+        LINK + '[robot]\nfootprint = {length = 0.5, width = 0.3}\n[control]\nscenario = "mehrez"\n'
+    )
+    robot = load_robot(write(tmp_path, text))
+    made = course(robot, settle=0.5, seconds=10.0)
+    assert made.controller.problem.footprint == Footprint.rectangle(0.5, 0.3)
+    assert made.scenario.footprint == made.controller.problem.footprint
+    wrong = load_robot(write(tmp_path, text.replace("0.3}", "-0.3}")))
+    with pytest.raises(ConfigError, match="footprint: width: expected a number > 0"):
+        course(wrong, settle=0.5, seconds=10.0)
 
 
 @pytest.mark.parametrize(

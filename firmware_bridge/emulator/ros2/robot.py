@@ -26,6 +26,7 @@ from firmware_bridge.ros2.message_types import (
 from firmware_bridge.ros2.names import Qos
 from firmware_bridge.ros2.node import Node, NodeOptions, Publisher, Subscription
 from firmware_bridge.ros2.transforms import planar, planar_matrix
+from kmpc_lite.control import Footprint
 from kmpc_lite.sim import Scenario
 from kmpc_lite.sim.closed_loop import obstacle_gaps
 from kmpc_lite.sim.plants.lag import LaggingDrive
@@ -156,6 +157,11 @@ class Ros2Emulator:
         with self._lock:
             x, y, theta = self._pose.tolist()
         return x, y, theta
+
+    @property
+    def footprint(self) -> Footprint | None:
+        """What it covers; none where it is round."""
+        return self._scenario.footprint
 
     @property
     def stopped(self) -> bool:

@@ -27,22 +27,22 @@ class BodyPaths:
         Its own.
     options : GuidanceOptions
         In metres.
-
-    Attributes
-    ----------
-    radius : float
-        Of the circles that cover the robot [m].
     """
 
     def __init__(
         self, problem: NavigationProblem, footprint: Footprint, options: GuidanceOptions
     ) -> None:
         self._footprint, self._options, self._margin = footprint, options, problem.margin
-        self.radius = footprint.circle_radius
+        self._radius = footprint.circle_radius
 
-    def distance_at(self, search: PathSearch) -> float:
-        """Distance of the nearest circle's middle from an obstacle, of a robot at its goal [m]."""
-        return float(self._distances(search.target[None], search).min())
+    def why_blocked(self, search: PathSearch, tolerance: float) -> str:
+        """Why the robot cannot stand within a tolerance [m] of its goal; nothing if it can."""
+        distance = float(self._distances(search.target[None], search).min())
+        if distance < self._radius:
+            return "the goal lies so near to an obstacle that a circle of the footprint touches it"
+        if distance < self._radius + self._margin - tolerance:
+            return "the goal lies within the margin of an obstacle"
+        return ""
 
     def fits(self, path: GeometricPath, search: PathSearch) -> bool:
         """Whether all circles stay off obstacles along a path, and where it begins and ends."""
@@ -50,14 +50,14 @@ class BodyPaths:
         steps = np.diff(corners, axis=0)
         moved = np.hypot(steps[:, 0], steps[:, 1]) + self._footprint.reach * np.abs(steps[:, 2])
         places = np.concatenate([[0.0], np.cumsum(moved)])
-        count = min(2 + math.ceil(places[-1] / (0.5 * self.radius)), self._options.body_samples)
+        count = min(2 + math.ceil(places[-1] / (0.5 * self._radius)), self._options.body_samples)
         along = np.linspace(0.0, places[-1], count)
         poses = np.stack([np.interp(along, places, column) for column in corners.T], axis=1)
         if search.centre is not None:
             poses = seen_from(poses, -search.centre)
         distances = self._distances(poses, search)
         # where it stands now, and where it is to stand, it may be as near as it is
-        needed = min(self.radius + self._margin, float(distances[0]), float(distances[-1]))
+        needed = min(self._radius + self._margin, float(distances[0]), float(distances[-1]))
         return bool((distances >= needed - self._options.cut_depth).all())
 
     def _distances(self, poses: Array, search: PathSearch) -> Array:

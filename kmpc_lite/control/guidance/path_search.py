@@ -41,7 +41,7 @@ class PathSearcher:
 
     def __init__(self, problem: NavigationProblem, options: GuidanceOptions) -> None:
         _, _, x_min, x_max = problem.bounds
-        self._options, self._radius = options, problem.half_width
+        self._options, self._radius = options, problem.robot_radius
         self._inflation = problem.half_width + problem.margin
         self._turning = problem.robot_radius - problem.half_width
         """What the robot needs beyond that to turn on the spot [m]; a round one nothing."""
@@ -127,10 +127,9 @@ class PathSearcher:
 
     def _why_blocked(self, search: PathSearch, tolerance: float) -> str:
         """Why the robot cannot stand within a tolerance [m] of its goal; nothing if it can."""
-        if self._body is None:
-            distance = distance_around(search.target[:2], search.circles, search.path_map)
-        else:
-            distance = self._body.distance_at(search) - self._body.radius + self._radius
+        if self._body is not None:
+            return self._body.why_blocked(search, tolerance)
+        distance = distance_around(search.target[:2], search.circles, search.path_map)
         if distance < self._radius:
             return "the goal lies so near to an obstacle that the robot would touch it"
         if distance < self._inflation - tolerance:
