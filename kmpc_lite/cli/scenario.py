@@ -100,6 +100,8 @@ def read_scenario(options: argparse.Namespace) -> Scenario:
     for section, key in (("plant", "slip"), ("run", "margin"), ("run", "seed"), ("run", "timeout")):
         if (value := getattr(options, key)) is not None:
             table.setdefault(section, {})[key] = value
+    if (reach := getattr(options, "lidar", None)) is not None:
+        table.setdefault("lidar", {})["reach"] = reach
     return Scenario.from_table(table, name, "command line")
 
 

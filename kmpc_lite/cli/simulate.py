@@ -20,7 +20,6 @@ from kmpc_lite.defaults import SHORTEST_PERIOD
 if TYPE_CHECKING:
     from kmpc_lite.recording.simulated import SimulationRecorder
     from kmpc_lite.sim import Run, Scenario
-    from kmpc_lite.sim.lidar import Lidar
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -63,7 +62,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--lidar",
         type=positive,
         metavar="M",
-        help="tell the controller no obstacles: it sees with a lidar of this reach [m]",
+        help="tell the controller no obstacles: it sees with a lidar of this reach [m]; a [lidar]\n"
+        "of the scenario is that, too, and says what else it is like",
     )
     add = parser.add_argument_group("what to write").add_argument
     add("-o", "--output", type=Path, metavar="FILE", help="run file to write (.npz)")
@@ -96,11 +96,6 @@ def run(options: argparse.Namespace) -> int:
     )
     adaptation = False if options.no_adaptation else None
     views = asked_views(options)
-    lidar = None
-    if options.lidar is not None:
-        from kmpc_lite.sim.lidar import Lidar, LidarSpec
-
-        lidar = Lidar(scenario, LidarSpec(options.lidar))
     drive, recorder = simulate(
         model,
         scenario,
@@ -109,7 +104,6 @@ def run(options: argparse.Namespace) -> int:
         options.iterations,
         adaptation,
         views,
-        lidar,
     )
     drive.info["command"] = command_line()
     recorded = recorder.write(options.record, drive) if options.record else None
@@ -137,7 +131,6 @@ def simulate(
     iterations: int,
     adaptation: bool | None = None,
     views: Views | None = None,
-    lidar: Lidar | None = None,
 ) -> tuple[Run, SimulationRecorder]:
     """Drive one scenario with our controller at the model's period; watched by a recorder.
 
@@ -164,6 +157,11 @@ def simulate(
         "u_max": u_max.tolist(),
     }
     recorder = SimulationRecorder(controller)
+    lidar = None
+    if scenario.lidar is not None:
+        from kmpc_lite.sim.lidar import Lidar
+
+        lidar = Lidar(scenario, scenario.lidar)
     if views is None or views == (None, None):
         run = drive(controller, scenario, robot, model.dt, info=info, watch=recorder, lidar=lidar)
         return run, recorder

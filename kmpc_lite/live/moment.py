@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from kmpc_lite.control.insight import Insight, insight
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.live.channel import Packet
+from kmpc_lite.recording.seen import outline
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
@@ -98,6 +99,7 @@ def plan_packet(sight: Sight, goal: Sequence[float]) -> Packet:
         "margins": numbers(sight.insight.margins),
         "circles": numbers(circles),
         "scan": None if sight.scan is None else numbers(hits(sight.scan, sight.pose)),
+        "seen": None if sight.scan is None else numbers(_placed(outline(sight.scan), sight.pose)),
         "distance": math.dist(sight.pose[:2], tuple(goal)[:2]),
         "clearance": clearance if math.isfinite(clearance) else None,
         "status": plan.status.name,
@@ -123,6 +125,11 @@ def hits(scan: LaserScan, pose: tuple[float, float, float]) -> Array:
     x, y, heading = scan.mount
     along = heading + (-angles[near] if scan.mirrored else angles[near])
     points = np.array([x, y]) + ranges[near, None] * np.column_stack([np.cos(along), np.sin(along)])
+    return _placed(points, pose)
+
+
+def _placed(points: Array, pose: tuple[float, float, float]) -> Array:
+    """Points (B, 2) of the robot's frame on the map [m]."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     turned: Array = points @ np.array([[cos, sin], [-sin, cos]]) + np.array(pose[:2])
     return turned

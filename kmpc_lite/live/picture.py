@@ -13,11 +13,13 @@ from typing import Any
 DIGITS = 4
 """Numbers are shown to a tenth of a millimetre."""
 LONGEST_TEXT = 500
+LONGER = {"cells": 100_000}
+"""Longest texts of some names: a grid's cells, which come as one."""
 TRAIL, STEP = 2000, 0.02
 """Poses of the driven path that are kept, so far apart [m]."""
 
 
-def plain(value: Any) -> Any:
+def plain(value: Any, longest: int = LONGEST_TEXT) -> Any:
     r"""Make a value of a packet one that JSON has: arrays lists, what is not finite None.
 
     Examples
@@ -32,10 +34,12 @@ def plain(value: Any) -> Any:
     if isinstance(value, float):
         return round(value, DIGITS) if math.isfinite(value) else None
     if isinstance(value, str):
-        shown = "".join(c if c.isprintable() else "?" for c in value[:LONGEST_TEXT])
-        return shown if len(value) <= LONGEST_TEXT else shown + " ..."
+        shown = "".join(c if c.isprintable() else "?" for c in value[:longest])
+        return shown if len(value) <= longest else shown + " ..."
     if isinstance(value, dict):
-        return {str(name): plain(entry) for name, entry in value.items()}
+        return {
+            str(name): plain(entry, LONGER.get(name, LONGEST_TEXT)) for name, entry in value.items()
+        }
     if isinstance(value, list | tuple):
         return [plain(entry) for entry in value]
     return value

@@ -19,6 +19,7 @@ from kmpc_lite.live.feed import Feed, tell_links
 from kmpc_lite.live.moment import Sight, map_packet, plan_packet, sight_of
 from kmpc_lite.live.viewer import Shown, Viewer
 from kmpc_lite.recording.records import Record
+from kmpc_lite.recording.seen import scan_among
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ class WatchedController:
         self._goal = tuple(np.asarray(goal, dtype=float).tolist())
         self._times.append(plan.timing["total"])
         self._command, self._steps = command, self._steps + 1
-        self._sight = sight_of(controller, x, plan)
+        self._sight = sight_of(controller, x, plan, scan_among(obstacles))
         self._wait(dt)
         return plan
 

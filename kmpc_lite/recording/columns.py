@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.mcap.read import Found
+from kmpc_lite.sim.scan_arrays import ranges_of
 from kmpc_lite.types import Array
 
 LARGEST_MESSAGE = 2**20
@@ -38,7 +40,7 @@ class Columns:
         self.plans: dict[int, Array] = {}
         self.paths: list[tuple[int, Array]] = []
         self.circles: list[tuple[int, Array]] = []
-        self.scans: list[tuple[int, Array]] = []
+        self.scans: list[tuple[int, LaserScan]] = []
         self.measured: list[tuple[int, float, float, float]] = []
         self.truth: list[tuple[int, float, float, float]] = []
         self.sent: list[tuple[int, float, float]] = []
@@ -46,12 +48,14 @@ class Columns:
         self.health: list[tuple[int, Mapping[str, Any]]] = []
         self.notes: list[tuple[int, str, bool]] = []
         self._others = 0
+        self._sight: float | None = None
+        """How far beams of the next scan see that meet nothing [m]; its step comes before it."""
         self._take: dict[str, Callable[[int, dict[str, Any]], None]] = {
             "/step": self._step,
             "/plan": lambda t, m: self.plans.__setitem__(t, _poses(m, MOST_STAGES)),
             "/path": lambda t, m: self.paths.append((t, _poses(m, MOST_POINTS)[:, :2])),
             "/obstacles": lambda t, m: self.circles.append((t, _rows(m["circles"], 5))),
-            "/scan": lambda t, m: self.scans.append((t, _hits(m))),
+            "/scan": lambda t, m: self.scans.append((t, _scan(m, self._sight))),
             "/pose": lambda t, m: self.measured.append((t, *_pose(m["pose"]))),
             "/truth": lambda t, m: self.truth.append((t, *_pose(m["pose"]))),
             "/command": lambda t, m: self.sent.append((t, number(m["v"]), number(m["omega"]))),
@@ -86,6 +90,8 @@ class Columns:
         if told["status"] not in self._statuses or told["progress"] not in self._progresses:
             raise ValueError("a step of a status that nobody knows")
         clearance, age = told["clearance"], told["pose_age"]
+        sight = told.get("sight")  # drives of older versions do not tell
+        self._sight = None if sight is None else number(sight)
         kept = {
             "pose": _numbers(told["pose"], 3),
             "status": str(told["status"]),
@@ -138,19 +144,16 @@ def _poses(told: dict[str, Any], most: int) -> Array:
     return np.array([_pose(pose) for pose in poses], dtype=np.float32).reshape(-1, 3)
 
 
-def _hits(told: dict[str, Any]) -> Array:
-    """Points (B, 2) that a scan hit, in the robot's frame [m]."""
+def _scan(told: dict[str, Any], reach: float | None) -> LaserScan:
+    """Give what a scan saw whose beams see so far [m]."""
     ranges = told["ranges"]
-    if not isinstance(ranges, list) or len(ranges) > MOST_BEAMS:
+    if not isinstance(ranges, list) or not 1 <= len(ranges) <= MOST_BEAMS:
         raise ValueError("expected a list of ranges")
-    lengths = np.array([number(r) for r in ranges])
-    angles = np.linspace(number(told["start_angle"]), number(told["end_angle"]), len(lengths))
-    x, y, heading = _pose(told["pose"])
-    hit = lengths > 0.0
-    along = angles[hit] + heading
-    points = np.column_stack([np.cos(along), np.sin(along)]) * lengths[hit, None] + (x, y)
-    out: Array = points.astype(np.float32)
-    return out
+    lengths = ranges_of(np.array([number(r) for r in ranges]))
+    first, last = number(told["start_angle"]), number(told["end_angle"])
+    step = (last - first) / max(len(lengths) - 1, 1)
+    farthest = 1.0 + float(lengths[np.isfinite(lengths)].max(initial=0.0))
+    return LaserScan(lengths, first, step, reach or farthest, mount=_pose(told["pose"]))
 
 
 def _word(word: Any) -> str:

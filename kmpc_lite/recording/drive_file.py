@@ -202,7 +202,7 @@ class _Drive:
             gates=tuple((self._second(t), state, why) for t, state, why in columns.gates),
             health=tuple((self._second(t), told) for t, told in columns.health),
             notes=tuple((self._second(t), text, bad) for t, text, bad in columns.notes),
-            scans=tuple((self._second(t), points) for t, points in columns.scans),
+            scans=tuple((self._second(t), scan) for t, scan in columns.scans),
         )
 
     def _second(self, time: int) -> float:

@@ -161,7 +161,7 @@ class DriveEncoder:
             self._scene_time = record.time
             yield Message("/scene", now, step_scene(now, self._scenario.radius, record))
         if record.scan is not None:
-            yield from self._scan(record.scan, now)
+            yield Message("/scan", now, foxglove.laser_scan(now, record.scan))
         words = f"{plan.status.name.lower()}: {plan.reason}" if plan.reason else plan.status.name
         if words != self._status:
             self._status = words
@@ -183,16 +183,10 @@ class DriveEncoder:
             "step_time": round(plan.timing["total"], 7),
             "phases": {n: round(t, 7) for n, t in plan.timing.items() if n != "total"},
             "pose_age": None if record.pose_age is None else round(record.pose_age, 5),
+            "sight": None if record.scan is None else record.scan.range_max,
             "stage_time": stride * self._dt,
             "margins": np.round(_finite(record.margins[::stride]), 5).tolist(),
         }
-
-    def _scan(self, scan: Any, now: int) -> Iterator[Message]:
-        sense = -1.0 if scan.mirrored else 1.0
-        told = foxglove.laser_scan(
-            now, scan.ranges, sense * scan.angle_min, sense * scan.angle_increment, scan.mount
-        )
-        yield Message("/scan", now, told)
 
 
 def _finite(values: Array) -> Array:

@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from kmpc_lite.types import Array
+from kmpc_lite.control.obstacles.scan import LaserScan
+from kmpc_lite.sim.scan_arrays import told_ranges
 
 Content = dict[str, Any]
 MAP, ROBOT = "map", "base_link"
@@ -67,18 +68,17 @@ def transform(time: int, place: Sequence[float]) -> Content:
     }
 
 
-def laser_scan(
-    time: int, ranges: Array, angle_min: float, angle_increment: float, mount: Sequence[float]
-) -> Content:
-    """A ``foxglove.LaserScan``; a beam that saw nothing is -1, which no sensor measures."""
-    told = [round(float(r), DIGITS) if math.isfinite(r) else -1.0 for r in ranges]
+def laser_scan(time: int, scan: LaserScan) -> Content:
+    """A ``foxglove.LaserScan``: -1 for a beam that tells nothing, -2 for one that met nothing."""
+    sense = -1.0 if scan.mirrored else 1.0
+    first, step = sense * scan.angle_min, sense * scan.angle_increment
     return {
         "timestamp": stamp(time),
         "frame_id": ROBOT,
-        "pose": pose(*mount),
-        "start_angle": angle_min,
-        "end_angle": angle_min + angle_increment * (len(told) - 1),
-        "ranges": told,
+        "pose": pose(*scan.mount),
+        "start_angle": first,
+        "end_angle": first + step * (len(scan) - 1),
+        "ranges": [round(r, DIGITS) for r in told_ranges(scan).tolist()],
         "intensities": [],
     }
 

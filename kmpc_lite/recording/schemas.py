@@ -121,6 +121,7 @@ STEP = table(
     step_time=NUMBER,
     phases={"type": "object", "additionalProperties": NUMBER},
     pose_age=either(NUMBER),
+    sight=either(NUMBER),
     stage_time=NUMBER,
     margins=NUMBERS,
 )

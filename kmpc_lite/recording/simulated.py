@@ -13,7 +13,6 @@ import numpy as np
 
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.insight import insight
-from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.files import write_whole
@@ -22,6 +21,7 @@ from kmpc_lite.recording.drive_file import drive_of
 from kmpc_lite.recording.encoder import DriveEncoder
 from kmpc_lite.recording.outcome import outcome_of
 from kmpc_lite.recording.records import Ended, PoseSeen, Record, Sent, Stepped, TruePose
+from kmpc_lite.recording.seen import scan_among
 from kmpc_lite.sim.closed_loop import Run
 from kmpc_lite.types import Array
 
@@ -55,7 +55,7 @@ class SimulationRecorder:
                 behind.path,
                 behind.margins,
                 circle_rows(obstacles),
-                scan=next((o for o in obstacles if isinstance(o, LaserScan)), None),
+                scan=scan_among(obstacles),
             ),
             Sent(time, (float(plan.command[0]), float(plan.command[1]))),
         )

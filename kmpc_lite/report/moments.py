@@ -72,6 +72,7 @@ def _worked_out(run: Run) -> Details:
         circles_of=np.arange(count) * _moves(run),
         measured=np.empty((0, 4)),
         sent=np.column_stack([times, run.inputs]),
+        scans=run.scans,
     )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
 from kmpc_lite.control.obstacles.outlines import corners_of
 from kmpc_lite.control.obstacles.shapes import Wall
+from kmpc_lite.recording.seen import CORNERS, STEP, hits, outline
 from kmpc_lite.report.maps import view_of
 from kmpc_lite.report.moments import Moments, moments
 from kmpc_lite.report.pictures.commands import limits
@@ -22,11 +23,11 @@ from kmpc_lite.sim.closed_loop import Run
 from kmpc_lite.types import Array
 
 FILES = Path(__file__).parent / "page_files"
-SCRIPTS = ("data.js", "map.js", "charts.js", "player.js")
+SCRIPTS = ("data.js", "sight.js", "map.js", "charts.js", "player.js")
 MOST_MOMENTS = 3000
 """Instants that a page plays: of a longer drive every so manieth."""
-STAGES, PATH_POINTS, BEAMS = 11, 60, 120
-"""Places of a plan, points of a path and hits of a scan that are shown at the most."""
+STAGES, PATH_POINTS = 11, 60
+"""Places of a plan and points of a path that are shown at the most."""
 BUDGET = 900_000
 """Characters that all of it may take; with less of the instants it takes less."""
 MOST_BOXES = 3000
@@ -81,7 +82,7 @@ def _table(run: Run, now: Moments, shown: Array, u_min: Any, u_max: Any) -> dict
         "pathOf": _packed(details.path_of[shown], "i4"),
         "circles": _ragged([details.circles[k] for k in _used(details.circles_of[shown])]),
         "circlesOf": _packed(_renumbered(details.circles_of[shown]), "i4"),
-        "scans": _scans(now, shown),
+        "scans": _scans(now, shown, run.scenario.options.sight.memory),
         "status": [details.statuses[k] for k in shown],
         "statusWords": STATUS_WORDS,
         "progress": [details.progress[k] for k in shown],
@@ -195,16 +196,23 @@ def _ragged(parts: list[Array]) -> dict[str, Any]:
     return {"width": width, "ends": _packed(ends, "i4"), "rows": _packed(flat, "f4")}
 
 
-def _scans(now: Moments, shown: Array) -> dict[str, Any]:
-    """Hits of the newest scan at each instant, in the robot's frame."""
+def _scans(now: Moments, shown: Array, memory: float) -> dict[str, Any]:
+    """Newest scan at each instant: its hits, what it saw to be free, and how long that counts."""
     scans = now.details.scans
     if not scans:
         return {}
     times = np.array([time for time, _ in scans])
     newest = np.searchsorted(times, now.details.times[shown] + 1e-6, side="right") - 1
     chosen = [scans[k][1] for k in _used(newest)]
-    thin = [points[:: max(1, -(-len(points) // BEAMS))] for points in chosen]
-    return {**_ragged(thin), "of": _packed(_renumbered(newest), "i4")}
+    corners = np.array([outline(scan) for scan in chosen]).reshape(-1, CORNERS + 1, 2)
+    told = np.clip(np.round(corners / STEP), -32_767, 32_767)
+    return {
+        **_ragged([hits(scan) for scan in chosen]),
+        "of": _packed(_renumbered(newest), "i4"),
+        "outline": {**_packed(told, "i2"), "step": STEP},
+        "corners": CORNERS + 1,
+        "memory": memory,
+    }
 
 
 def _used(numbers: Array) -> list[int]:

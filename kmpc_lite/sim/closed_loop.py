@@ -23,6 +23,7 @@ from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
+    from kmpc_lite.control.obstacles.scan import LaserScan
     from kmpc_lite.sim.lidar import Lidar
 
 SUBSAMPLES = 4
@@ -79,6 +80,8 @@ class Run:
     """What the caller wants to keep with the run; values that JSON can hold."""
     details: Details | None = None
     """What lay behind each step, where it was recorded."""
+    scans: tuple[tuple[float, LaserScan], ...] = ()
+    """What a simulated lidar saw: the ends of its turns [s], and their scans."""
 
     @property
     def position_error(self) -> float:
@@ -179,8 +182,7 @@ def drive(
     noise = np.random.default_rng([scenario.seed, 1])
     goal, x = np.array(scenario.goal), np.array(scenario.start)
     states, path, inputs, plans = [x], [x], [], []
-    statuses: list[str] = []
-    times: list[float] = []
+    statuses, times = list[str](), list[float]()
     steps = int(np.ceil(scenario.timeout / dt - 1e-9))
     clearance, outcome, inside, duration = np.inf, Outcome.TIMEOUT, 0.0, steps * dt
     moments = dt * np.arange(1, SUBSAMPLES + 1) / SUBSAMPLES
@@ -223,6 +225,7 @@ def drive(
         np.array(times),
         clearance,
         {**_tuned(controller), **(info or {})},
+        scans=() if lidar is None else tuple(lidar.seen),
     )
 
 

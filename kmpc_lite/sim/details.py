@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.types import Array
 
@@ -62,8 +63,8 @@ class Details:
     """Times [s], and the state of link and vehicle."""
     notes: tuple[tuple[float, str, bool], ...] = ()
     """Times [s], what was told, and whether it is bad."""
-    scans: tuple[tuple[float, Array], ...] = ()
-    """Times [s], and what was hit, (B, 2) in the robot's frame [m]."""
+    scans: tuple[tuple[float, LaserScan], ...] = ()
+    """Times [s], and what was seen."""
 
     def between(self, begin: float, end: float) -> Details:
         """Give the steps from one time to another [s].

@@ -6,30 +6,14 @@ It shares no code with what the controller makes of a scan.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.sim.scenario.files import Scenario
+from kmpc_lite.sim.scenario.lidar import LidarSpec as LidarSpec
 from kmpc_lite.types import Array
-
-
-@dataclass(frozen=True)
-class LidarSpec:
-    """A scanner as its data sheet has it."""
-
-    reach: float = 4.0
-    """How far it sees [m]."""
-    beams: int = 360
-    """Number of beams, spread evenly all around."""
-    noise: float = 0.01
-    """Standard deviation of a range [m]."""
-    dropout: float = 0.01
-    """Share of beams that come back without a range."""
-    nearest: float = 0.05
-    """Least range [m]."""
 
 
 class World:
@@ -129,7 +113,7 @@ def box_edges(x1: float, y1: float, x2: float, y2: float) -> Array:
 
 
 class Lidar:
-    """A scanner in the middle of a scenario's robot.
+    """The scanner on a scenario's robot.
 
     Parameters
     ----------
@@ -142,14 +126,32 @@ class Lidar:
     def __init__(self, scenario: Scenario, spec: LidarSpec) -> None:
         self.spec, self._world = spec, world_of(scenario)
         self._random = np.random.default_rng([scenario.seed, 2])
+        self.seen: list[tuple[float, LaserScan]] = []
+        """Its turns: when each ended [s], and what it saw."""
 
     def scan(self, pose: Array, time: float) -> LaserScan:
-        """What it sees from a pose (3,) at a time [s]."""
+        """What it saw last, from a pose (3,) at a time [s]."""
         spec = self.spec
-        ranges, directions = scan_ranges(self._world, spec, pose, self._random, time)
+        if self.seen and spec.rate:
+            last, scan = self.seen[-1]
+            if (time - last) * spec.rate < 1.0 - 1e-6:
+                return self._scan(scan.ranges, time - last)
+        ahead, left, heading = spec.mount
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        x, y = pose[0] + cos * ahead - sin * left, pose[1] + sin * ahead + cos * left
+        place = np.array([x, y, pose[2] + heading])
+        ranges, _ = scan_ranges(self._world, spec, place, self._random, time)
+        scan = self._scan(ranges, 0.0)
+        self.seen.append((time, scan))
+        return scan
+
+    def _scan(self, ranges: Array, age: float) -> LaserScan:
+        spec = self.spec
         step = 2.0 * math.pi / spec.beams
         return LaserScan(
-            ranges, float(directions[0]), step, spec.reach, spec.nearest, noise=spec.noise
+            *(ranges, -math.pi, step, spec.reach, spec.nearest, spec.mount),
+            noise=spec.noise,
+            age=age,
         )
 
 

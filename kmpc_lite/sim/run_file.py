@@ -13,6 +13,7 @@ from kmpc_lite.errors import ScenarioError
 from kmpc_lite.files import MAX_ARCHIVE_BYTES, read_npz, real_array, write_whole
 from kmpc_lite.reading import parse_toml
 from kmpc_lite.sim.closed_loop import Outcome, Run
+from kmpc_lite.sim.scan_arrays import SCAN_ARRAYS, scans_of, scans_to_arrays
 from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.types import Array
 
@@ -39,6 +40,7 @@ def save_run(run: Run, path: Path) -> None:
     try:
         with write_whole(path) as file:
             arrays = {name: getattr(run, name) for name in ARRAYS}
+            arrays |= scans_to_arrays(run.scans)
             np.savez_compressed(
                 file, allow_pickle=False, header=np.array(json.dumps(header)), **arrays
             )
@@ -51,7 +53,7 @@ def load_run(path: Path) -> Run:
     try:
         # a drive of a day takes more, but its plans are no zeros, which pack a thousand times
         most = max(MAX_ARCHIVE_BYTES, 20 * path.stat().st_size)
-        arrays, _ = read_npz(path, ("header", *ARRAYS), most)
+        arrays, _ = read_npz(path, ("header", *ARRAYS, *SCAN_ARRAYS), most)
     except OSError as error:
         raise ScenarioError(f"{path}: cannot read the run: {error.strerror or error}") from error
     except ValueError as error:
@@ -79,6 +81,7 @@ def load_run(path: Path) -> Run:
             if header["clearance"] is None
             else _number("clearance", header["clearance"]),
             info=_table(header["info"]),
+            scans=scans_of(arrays),
             **_checked(arrays, len(statuses)),
         )
     except ScenarioError:

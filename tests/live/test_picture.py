@@ -37,6 +37,14 @@ def test_words_of_a_vehicle_stay_words():
     assert shown[0].startswith("</script>") and len(shown[1]) < LONGEST_TEXT + 10
 
 
+def test_the_cells_of_a_map_come_whole():
+    """A text that is cut is no base64 any more, and the page would draw nothing."""
+    told = json.loads(
+        Picture(lambda: 0.0).take({"grid": {"cells": "A" * 20_000, "name": "B" * 900}})
+    )
+    assert told["grid"]["cells"] == "A" * 20_000 and len(told["grid"]["name"]) < LONGEST_TEXT + 10
+
+
 def test_a_channel_never_waits_and_gives_whole_packets():
     ours, theirs = Channel.pair()
     sent = 0

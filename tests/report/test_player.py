@@ -37,6 +37,11 @@ start = [0.0, 0.0, 0.0]
 goal = [1.2, 0.1, 0.0]
 """
 STEPS = 24
+HOLES = (
+    "[...document.querySelectorAll('#map mask path')]"
+    ".filter((p) => /^M[-0-9., ]+Z/.test(p.getAttribute('d'))).length"
+)
+"""Masks of the map through which something is seen."""
 
 
 @pytest.fixture(scope="module")
@@ -167,6 +172,7 @@ def test_it_says_why(browser: Browser, file: Path) -> None:
 def test_the_map_shows_what_was_there(browser: Browser, file: Path, run: Run) -> None:
     page = opened(browser, file)
     shown = "[...document.querySelectorAll('#map .{}')].length"
+    assert page.run(shown.format("shade")) == 2 and page.run(HOLES) == 2
     assert page.run(shown.format("scan")) >= 2 and page.run(shown.format("plan")) == 1
     assert page.run(shown.format("room")) == 10 and page.run(shown.format("ring")) >= 1
     assert page.run(shown.format("path")) == 1 and page.run(shown.format("edge")) == 1
@@ -180,7 +186,7 @@ def test_the_map_shows_what_was_there(browser: Browser, file: Path, run: Run) ->
         "return [numbers(robot).slice(0, 2), numbers(driven).slice(-2)]; })()"
     )
     assert ends[0] == pytest.approx(ends[1], abs=0.1), "the robot stands where its path ends"
-    page.run("document.querySelector('.layers input').click()")
+    page.run("document.querySelectorAll('.layers input')[1].click()")
     assert (
         page.run("getComputedStyle(document.querySelector('#map .plan').parentNode).display")
         == "none"
@@ -282,7 +288,7 @@ def test_a_day_fits_into_a_page(run: Run) -> None:
         statuses=details.statuses * many,
         progress=details.progress * many,
         reasons=details.reasons * many,
-        scans=tuple((0.1 * k, np.zeros((360, 2))) for k in range(many)),
+        scans=tuple((0.1 * k, kl.LaserScan(np.ones(360), 0.0, 0.01, 4.0)) for k in range(many)),
     )
     text = player_data(replace(run, details=long), None, None)
     assert len(text) < BUDGET and json.loads(text)["every"] > 10

@@ -34,6 +34,7 @@ export class Drawing {
     this.polyline(state.trail, "trail", 2);
     this.tube(state);
     this.polyline(state.plan, "plan", 3, [], 3);
+    this.unseen(state);
     this.points(state.scan);
     this.robot(state);
   }
@@ -191,6 +192,27 @@ export class Drawing {
     }
     pen.fill();
     pen.globalAlpha = 1;
+  }
+
+  unseen({ seen, views }) {  // out of sight now, and darker what was not seen lately either
+    if (!seen) return;
+    const { canvas, pen } = this;
+    for (const outlines of [[seen], [...(views || []), seen]]) {
+      const veil = this.veil || (this.veil = document.createElement("canvas")), cut = veil.getContext("2d");
+      veil.width = canvas.width; veil.height = canvas.height;
+      cut.setTransform(pen.getTransform());
+      cut.globalAlpha = 0.2;
+      cut.fillStyle = this.colour("soft");
+      cut.fillRect(0, 0, ...this.size);
+      cut.globalAlpha = 1;
+      cut.globalCompositeOperation = "destination-out";
+      for (const outline of outlines) {
+        cut.beginPath();
+        for (let k = 0; k + 1 < outline.length; k += 2) cut.lineTo(...this.at(outline[k], outline[k + 1]));
+        cut.fill();
+      }
+      pen.drawImage(veil, 0, 0, ...this.size);
+    }
   }
 
   points(numbers) {

@@ -3,7 +3,8 @@
 
 import { Drawing } from "./map.js";
 
-const LOST = 1500, RETRY = 400, UNCONFIRMED = 1500, HOLD = 1200, CONFIRM = 5000, ANSWER = 3000, LOOK = 100;  // [ms]
+const LOST = 1500, RETRY = 400, UNCONFIRMED = 1500, HOLD = 1200, CONFIRM = 5000, ANSWER = 3000, LOOK = 100, VIEW = 500;  // [ms]
+const VIEWS = 120;  // what was seen within the last minute
 const ENDED = ["IDLE", "RELEASED", "YIELDED", "ESTOP"];
 const id = (name) => document.getElementById(name);
 const drawing = new Drawing(id("map"));
@@ -30,7 +31,16 @@ function take(news) {
   if (news.pose && !("trail" in news)) trail.push(news.pose[0], news.pose[1]);
   if (trail.length > 8000) trail.splice(0, 2000);
   state.trail = trail;
+  if (news.seen) remember(news.seen);
   draw();
+}
+
+function remember(seen) {  // now and then one; the newest is drawn all the same
+  const views = state.views || (state.views = []);
+  if (performance.now() - (state.viewed || -Infinity) < VIEW) return;
+  state.viewed = performance.now();
+  views.push(seen);
+  if (views.length > VIEWS) views.shift();
 }
 
 // a hidden tab watches nothing: a browser has few connections, and STOP needs one
@@ -40,7 +50,7 @@ document.addEventListener("visibilitychange", () => {
 
 // ---- what is shown
 
-const SHOWN = { plan: "plan", path: "path", trail: "trail", margin: "margins", circle: "circles", scan: "scan", goal: "goal" };
+const SHOWN = { plan: "plan", path: "path", trail: "trail", margin: "margins", circle: "circles", scan: "scan", unseen: "seen", goal: "goal" };
 
 const number = (value, digits, unit) =>
   typeof value === "number" ? `${value.toFixed(digits)} ${unit}` : "–";

@@ -1,5 +1,6 @@
 // The map: what stays is drawn once for a width, what changes at every instant.
 const LAYERS = [
+  ['unseen', 'out of sight, dark: unknown', '--soft'],
   ['plan', 'plan', '--plan'], ['room', 'margins', '--plan'], ['path', 'path', '--good'],
   ['scan', 'scan', '--scan'], ['trace', 'whole drive', '--robot'],
 ];
@@ -30,6 +31,7 @@ function buildMap() {
   for (const [name] of LAYERS) M[name] = draw(map, 'g');
   M.circles = draw(map, 'g');
   map.insertBefore(M.circles, M.plan);
+  buildSight(left, 0, scale * wide, scale * tall);
   const whole = [];
   for (let k = 0; k < count; k++) whole.push([pose[3 * k], pose[3 * k + 1]]);
   draw(M.trace, 'polyline', { class: 'trace', points: lineOf(whole) });
@@ -86,6 +88,7 @@ function drawGoal(parent) {
 
 function drawMoment(index, place) {
   const points = plan(index), circles = circlesAt(index);
+  drawSight(index);
   M.circles.replaceChildren();
   for (const [x, y, r] of circles) {
     draw(M.circles, 'circle', { class: 'solid', cx: M.x(x), cy: M.y(y), r: M.scale * r });

@@ -131,7 +131,7 @@ function onKey(event) {
 
 function makeLayers() {
   for (const [name, words, paint] of LAYERS) {
-    if (name === 'scan' && !scanOf) continue;
+    if ((name === 'scan' || name === 'unseen') && !scanOf) continue;
     if (name === 'path' && !D.paths.length) continue;
     if (name === 'room' && !keepsMargins) continue;
     const label = make(document.querySelector('.layers'), 'label');

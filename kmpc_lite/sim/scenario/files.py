@@ -25,6 +25,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
 from kmpc_lite.reading import read_toml
 from kmpc_lite.sim.scenario.bundled import bundled, bundled_file
+from kmpc_lite.sim.scenario.lidar import LIDAR, LidarSpec, lidar_to_toml, read_lidar
 from kmpc_lite.sim.scenario.places import check_place
 from kmpc_lite.sim.scenario.shapes import grid_to_toml, to_toml
 from kmpc_lite.sim.scenario.values import (
@@ -101,6 +102,8 @@ class Scenario:
     it."""
     options: ControllerOptions = ControllerOptions()
     """What the controller is tuned with; in a file tables [controller.ROOM]."""
+    lidar: LidarSpec | None = None
+    """By what a simulated robot sees; without one, all obstacles are known."""
     footprint: Footprint | None = None
     """What the robot covers, where that is no circle about its pose; `radius` then follows from it.
     In a file a table of length, width and ahead, or a list of corners."""
@@ -155,9 +158,9 @@ class Scenario:
     @classmethod
     def from_table(cls, table: Mapping[str, Any], name: str, where: str) -> Scenario:
         """Check a parsed scenario, section by section."""
-        sections = (*KEYS, CONTROLLER)
+        sections = (*KEYS, LIDAR, CONTROLLER)
         for section, content in table.items():
-            if section == CONTROLLER:
+            if section in (LIDAR, CONTROLLER):
                 continue
             if section not in KEYS:
                 raise ScenarioError(
@@ -183,7 +186,8 @@ class Scenario:
                     f"{where}: [{section}] {key}", key, given.get(key, default)
                 )
         options = read_options(f"{where}: [{CONTROLLER}]", table.get(CONTROLLER, {}))
-        return cls(name=name, options=options, **values)
+        lidar = read_lidar(f"{where}: [{LIDAR}]", table.get(LIDAR))
+        return cls(name=name, options=options, lidar=lidar, **values)
 
     def to_toml(self) -> str:
         """Render as a scenario file that `load` reads back."""
@@ -195,15 +199,10 @@ class Scenario:
             "start": list(self.start),
             "goal": list(self.goal),
         }
-        values["pose_noise"], values["floors"] = (
-            list(self.pose_noise),
-            [list(f) for f in self.floors],
-        )
-        values["turning_point"] = list(self.turning_point)
-        values["ground_changes"], values["ground_patches"] = (
-            [list(c) for c in self.ground_changes],
-            [list(p) for p in self.ground_patches],
-        )
+        for key in ("pose_noise", "turning_point"):
+            values[key] = list(getattr(self, key))
+        for key in ("floors", "ground_changes", "ground_patches"):
+            values[key] = [list(row) for row in getattr(self, key)]
         pairs = {"du_max": self.du_max, "wheels": self.wheels}
         values.update({key: list(pair or ()) for key, pair in pairs.items()})
         values["footprint"] = () if self.footprint is None else self.footprint.corners
@@ -222,7 +221,8 @@ class Scenario:
                 if section == "map" and self.grid is not None
                 else [""]
             )
-        return "\n".join([*lines, *options_to_toml(self.options.changed())])
+        more = (*lidar_to_toml(self.lidar), *options_to_toml(self.options.changed()))
+        return "\n".join([*lines, *more])
 
     def problem(self, base: NavigationProblem | None = None) -> NavigationProblem:
         """Navigation problem of this map and robot, the rest as in `base` or the paper."""
