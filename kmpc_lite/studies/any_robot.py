@@ -1,6 +1,7 @@
 """``kmpc study anyrobot`` and ``scales``: whether it drives a robot that nobody has tuned it for.
 
-Size, speed, period, lag, slip, turning centre and noise of a robot are drawn at random from a seed.
+Size, speed, period, lag, slip, turning centre, noise and, of one in three, a footprint that is no
+circle are drawn at random from a seed.
 It is learned from its own log as the documentation says, and driven on a random map of its size.
 Judged by the truth: in pose within a tenth of the radius (or three standard deviations of the
 pose's noise) and 0.1 rad, held; ten looks at collisions a period. The plant shares no code with the
@@ -14,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from kmpc_lite.control import NavigationProblem
+from kmpc_lite.control import Footprint, NavigationProblem
 from kmpc_lite.learn import Dataset, Episode, fit, with_quantiles
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle
@@ -56,6 +57,8 @@ class Robot:
     """Whether it drives with a model learned from its log, or with the nominal one."""
     seconds: float = 90.0
     """How long its log is [s]."""
+    footprint: Footprint | None = None
+    """What it covers, where that is no circle of its radius; that is then the size of its map."""
 
     def problem(self, side: float) -> NavigationProblem:
         """Its navigation problem in a square area of a side [m]."""
@@ -67,12 +70,21 @@ class Robot:
             u_max=(self.speed, self.turn_rate),
             x_min=(-half, -half, -np.inf),
             x_max=(half, half, np.inf),
-            robot_radius=self.radius,
+            robot_radius=self.radius if self.footprint is None else self.footprint.radius,
+            footprint=self.footprint,
         )
 
 
-def random_robot(seed: int) -> Robot:
-    """Draw a robot: from a desk's toy to a farm's machine."""
+def random_robot(seed: int, shapes: bool = True) -> Robot:
+    """Draw a robot: from a desk's toy to a farm's machine.
+
+    Parameters
+    ----------
+    seed : int
+        Of the draw.
+    shapes : bool
+        Whether one in three is no circle; all else is drawn alike.
+    """
     random = np.random.default_rng([seed, 11])
     radius = float(np.exp(random.uniform(np.log(0.04), np.log(1.0))))
     speed = radius * float(np.exp(random.uniform(np.log(1.5), np.log(5.0))))
@@ -91,7 +103,25 @@ def random_robot(seed: int) -> Robot:
         turn_gain=float(random.uniform(0.5, 1.0)),
         turning_point=(float(centre[0]), float(centre[1])),
         noise=(0.03 * radius, 0.01) if noisy else (0.0, 0.0),
+        footprint=random_footprint(seed, radius) if shapes else None,
     )
+
+
+def random_footprint(seed: int, radius: float) -> Footprint | None:
+    """Draw a rectangle about a pose that is not its middle; none for two robots of three.
+
+    It is narrower than a circle of the radius [m], and up to half as far again from end to end:
+    maps that have a passage for that circle leave it room to turn at start and goal.
+    """
+    random = np.random.default_rng([seed, 13])
+    if random.random() >= 1.0 / 3.0:
+        return None
+    side = radius * random.uniform(0.5, 0.9)
+    front = math.sqrt((radius * random.uniform(1.0, 1.5)) ** 2 - side**2)
+    back = front * random.uniform(0.5, 1.0)
+    ends = (-back, front) if random.random() < 0.5 else (-front, back)
+    ahead = -0.5 * (ends[0] + ends[1])
+    return Footprint.rectangle(ends[1] - ends[0], 2.0 * side, ahead)
 
 
 STANDARD = Robot("standard", slip=0.05, learned=False)
@@ -116,6 +146,7 @@ def scaled(robot: Robot, by: float) -> Robot:
         speed=by * robot.speed,
         turning_point=(by * robot.turning_point[0], by * robot.turning_point[1]),
         noise=(by * robot.noise[0], robot.noise[1]),
+        footprint=None if robot.footprint is None else robot.footprint.scaled(1.0 / by),
     )
 
 

@@ -14,10 +14,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from kmpc_lite.control import Circle, Controller
+from kmpc_lite.control import Circle, Controller, NavigationProblem
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.maps.families import random_map
+from kmpc_lite.sim.touch import footprint_gaps
 from kmpc_lite.studies.any_robot import UNIT_RADIUS, Plant, Robot, learn, random_robot
 from kmpc_lite.types import Array
 
@@ -97,7 +98,7 @@ def drive(robot: Robot, seed: int, family: str = "open", model: KoopmanModel | N
 
 def judge(name: str, seed: int, controller: Controller, plant: Moves, course: Course) -> Row:
     """Drive over a course, and judge by the true poses."""
-    radius, dt = controller.problem.robot_radius, controller.problem.dt
+    radius, dt = controller.problem.body_radius, controller.problem.dt
     random, goal, pose = np.random.default_rng([seed, 7]), course.goal, course.start
     tolerance = max(0.1 * radius, 3.0 * float(course.spread[0]))
     turn_tolerance = max(0.1, 3.0 * float(course.spread[2]))
@@ -107,9 +108,7 @@ def judge(name: str, seed: int, controller: Controller, plant: Moves, course: Co
         poses = plant.drive(pose, plan.command)
         pose, k = poses[-1], k + 1
         stopped += plan.status is PlanStatus.STOPPED
-        for circle in course.circles:
-            away = np.hypot(poses[:, 0] - circle.x, poses[:, 1] - circle.y)
-            clearance = min(clearance, float(away.min()) - circle.radius - radius)
+        clearance = min(clearance, _least_gap(controller.problem, poses, course.circles))
         if clearance < 0.0:
             break
         error = pose - goal
@@ -130,10 +129,23 @@ def judge(name: str, seed: int, controller: Controller, plant: Moves, course: Co
     )
 
 
-def drive_random(seed: int) -> Row:
-    """Draw a robot, learn it and drive it."""
-    robot = random_robot(seed)
-    return replace(drive(robot, seed), robot="any robot")
+def _least_gap(problem: NavigationProblem, poses: Array, circles: Sequence[Circle]) -> float:
+    """Least distance between a robot at poses (n, 3) and circles at rest [m]; of the outline."""
+    if problem.footprint is not None:
+        rows = np.tile(np.array(circles).reshape(1, -1, 5), (len(poses), 1, 1))
+        return float(footprint_gaps(problem.footprint, poses, rows, ()).min())
+    least = np.inf
+    for circle in circles:
+        away = np.hypot(poses[:, 0] - circle.x, poses[:, 1] - circle.y)
+        least = min(least, float(away.min()) - circle.radius - problem.robot_radius)
+    return least
+
+
+def drive_random(seed: int, shapes: bool = True) -> Row:
+    """Draw a robot, learn it and drive it; `shapes`: whether it may be one that is not round."""
+    robot = random_robot(seed, shapes)
+    name = "any robot" if robot.footprint is None else "not round"
+    return replace(drive(robot, seed), robot=name)
 
 
 def _ideal_seconds(robot: Robot, start: Array, goal: Array) -> float:

@@ -12,11 +12,13 @@ from kmpc_lite.studies.any_robot import (
     KNOWN,
     STANDARD,
     Plant,
+    Robot,
+    random_footprint,
     random_robot,
     record,
     scaled,
 )
-from kmpc_lite.studies.robot_drives import drive, summary
+from kmpc_lite.studies.robot_drives import course_of, drive, judge, summary
 
 
 @pytest.mark.parametrize("robot", KNOWN[:3], ids=lambda r: r.name)
@@ -53,3 +55,39 @@ def test_a_robot_that_touches_is_counted() -> None:
     row = drive(replace(STANDARD, speed=0.6), 3003)
     bad = replace(row, collided=True, in_pose=False)
     assert summary([row, bad])["collisions"] == 1 and summary([row, bad])["in_pose"] == row.in_pose
+
+
+def test_one_in_three_is_not_round_and_all_else_is_drawn_alike() -> None:
+    robots = [random_robot(seed) for seed in range(300)]
+    shaped = [robot for robot in robots if robot.footprint is not None]
+    assert 70 < len(shaped) < 130
+    assert [random_robot(seed, shapes=False) for seed in range(300)] == [
+        replace(robot, footprint=None) for robot in robots
+    ]
+    for robot in shaped:
+        assert robot.footprint is not None
+        assert robot.footprint.radius <= 1.5 * robot.radius * (1.0 + 1e-9)
+        assert robot.footprint.inner_radius < robot.radius
+        assert robot.problem(4.0).footprint == robot.footprint
+    larger = scaled(shaped[0], 2.0).footprint
+    assert larger is not None and larger.radius == pytest.approx(2.0 * robots_radius(shaped[0]))
+
+
+def robots_radius(robot: Robot) -> float:
+    assert robot.footprint is not None
+    return robot.footprint.radius
+
+
+def test_a_robot_that_is_not_round_is_judged_by_its_outline() -> None:
+    footprint = next(f for f in (random_footprint(s, 0.15) for s in range(99)) if f is not None)
+    robot = replace(STANDARD, footprint=footprint)
+    row = drive(robot, 3004)
+    assert row.in_pose and not row.collided
+    course = course_of(robot, 3004)
+    corner = max(
+        footprint.at(course.start).tolist(), key=lambda p: np.hypot(*(p - course.start[:2]))
+    )
+    in_it = [kl.Circle(*corner, 0.02)]
+    controller = kl.Controller(kl.nominal_unicycle(0.1), robot.problem(course.side))
+    touched = judge("x", 1, controller, Plant(robot, 1), replace(course, circles=in_it))
+    assert touched.collided

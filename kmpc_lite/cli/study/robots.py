@@ -12,7 +12,8 @@ from kmpc_lite.studies.options import add_runner, runner
 
 STUDIES = {
     "anyrobot": "Robots drawn at random from a seed: size, speed, period, lag, slip, turning "
-    "centre and noise. Each is learned from its own log and drives a map of its size.",
+    "centre, noise and, of one in three, a footprint. Each is learned from its own log and drives "
+    "a map of its size.",
     "scales": "The standard robot at six scales, and robots of other numbers: Husky-like, "
     "Warthog-like, micro, forward only, slow to turn, fast.",
 }
@@ -29,6 +30,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="seed of the first robot (default: 2000)",
     )
+    add("--round", action="store_true", help="anyrobot: round robots only, else drawn alike")
     add("--only", nargs="+", metavar="WORD", help="robots whose names contain one of these words")
     add_runner(parser)
 
@@ -42,7 +44,7 @@ def run(options: argparse.Namespace, name: str) -> int:
     bar = Progress(name, quiet=options.json)
     with runner(options) as executor:
         if name == "anyrobot":
-            jobs = [executor.submit(drive_random, seed) for seed in seeds]
+            jobs = [executor.submit(drive_random, seed, not options.round) for seed in seeds]
             for done, job in enumerate(jobs, 1):
                 rows.append(job.result())
                 bar(done, len(jobs))
