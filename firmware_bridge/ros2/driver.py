@@ -17,6 +17,8 @@ from firmware_bridge.ros2.reader import SLOW_PAUSE, Reader
 
 QUIET = 1.0
 """Without a goal zeros are published for so long, and then nothing: others may drive [s]."""
+ASK_AGAIN = 3.0
+"""Between two requests for maps that are missing [s]."""
 COMMANDS = Qos(depth=1)
 
 
@@ -52,6 +54,9 @@ class Ros2Driver:
         self.readers: list[Reader] = []
         """Of all but maps, and of maps."""
         self._idle_since = -math.inf
+        self._asked = clock()
+        self._malformed: dict[str, int] = {}
+        """What was no message on each map's topic when the map was asked for last."""
 
     def connect(self, timeout: float, read: bool = True) -> None:
         """Open the session and wait for a router or a peer; LinkError after `timeout` [s].
@@ -72,7 +77,7 @@ class Ros2Driver:
         slow = [pair for pair in self.subscriptions if pair[1].slow]
         self.readers = [
             Reader(fast, clock=self._clock),
-            Reader(slow, SLOW_PAUSE, self.inputs.build, self._clock),
+            Reader(slow, SLOW_PAUSE, self._mind_maps, self._clock),
         ]
         if read:
             for reader in self.readers:
@@ -115,6 +120,22 @@ class Ros2Driver:
             scan_stamp=-math.inf if blind else min(scans, default=None),
             scan_faults=blind,
         )
+
+    def _mind_maps(self, now: float) -> None:
+        """Make grids of new maps; ask again for those that were lost among what is no message.
+
+        A map server sends its map once: one that a flood has pushed out would never come again.
+        """
+        self.inputs.build(now)
+        if now - self._asked < ASK_AGAIN:
+            return
+        self._asked = now
+        missing = {grid.name for grid in self.inputs.grids if grid.is_missing}
+        for subscription, source in self.subscriptions:
+            lost = subscription.malformed > self._malformed.get(source.name, 0)
+            if source.qos.transient_local and source.slow and (lost or source.name in missing):
+                self._malformed[source.name] = subscription.malformed
+                subscription.ask_again()
 
     @property
     def published(self) -> int:

@@ -11,7 +11,7 @@ import json
 import re
 import struct
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -109,11 +109,17 @@ class Publisher:
 class Subscription:
     """The newest messages of one topic."""
 
-    def __init__(self, source: Any, topic: TopicKey, types: MessageTypes) -> None:
-        self._source, self._types = source, types
+    def __init__(self, declare: Callable[[], Any], topic: TopicKey, types: MessageTypes) -> None:
+        self._declare, self._types = declare, types
+        self._source = declare()
         self.topic = topic
         self.received = self.malformed = 0
         self.last_error = ""
+
+    def ask_again(self) -> None:
+        """Subscribe anew: publishers that keep their last message send it once more."""
+        before, self._source = self._source, self._declare()
+        before.undeclare()
 
     def take(self) -> tuple[Any, int] | None:
         """Take the oldest message that is kept, decoded, and its size [bytes].
@@ -226,17 +232,18 @@ class Node:
         from zenoh import ext, handlers
 
         topic, token = self._topic(name, kind, SUBSCRIPTION, qos)
-        ring: Any = handlers.RingChannel(qos.depth)
-        if qos.transient_local:
+        key = topic.key(self.options.domain)
+
+        def declare() -> Any:
+            ring: Any = handlers.RingChannel(qos.depth)
+            if not qos.transient_local:
+                return self._session.declare_subscriber(key, ring)
             late = ext.HistoryConfig(detect_late_publishers=True, max_samples=qos.depth)
-            source: Any = ext.declare_advanced_subscriber(
-                self._session, topic.key(self.options.domain), ring, history=late
-            )
-        else:
-            source = self._session.declare_subscriber(topic.key(self.options.domain), ring)
-        self._kept.append(source)
+            return ext.declare_advanced_subscriber(self._session, key, ring, history=late)
+
+        subscription = Subscription(declare, topic, self.types)
+        self._kept.append(subscription)
         self._declare(token)
-        subscription = Subscription(source, topic, self.types)
         # rosbags writes the decoder when the first message of a type comes: that one shall not wait
         self.types.prepare(kind)
         return subscription

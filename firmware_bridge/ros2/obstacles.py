@@ -69,6 +69,11 @@ class GridInput:
         self.refused = ""
         """Why the newest map was not taken."""
 
+    @property
+    def is_missing(self) -> bool:
+        """Whether no map has come that can be one."""
+        return self._cells is None
+
     def take(self, message: Any, now: float) -> None:
         """Take an OccupancyGrid that came at `now` [s]."""
         info, cells = message.info, np.asarray(message.data)

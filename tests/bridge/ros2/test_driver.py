@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("zenoh", reason="the extra ros2 (eclipse-zenoh) is not installed")
@@ -12,8 +14,11 @@ pytest.importorskip("zenoh", reason="the extra ros2 (eclipse-zenoh) is not insta
 from topic_rig import TopicRig, short_course, wait_for
 
 from firmware_bridge.emulator.ros2.robot import EmulatedRobot
+from firmware_bridge.ros2.driver import Ros2Driver
 from firmware_bridge.ros2.message_types import DIAGNOSTICS, LARGEST, MARKERS, PATH
 from firmware_bridge.ros2.names import Qos
+from firmware_bridge.ros2.node import NodeOptions
+from firmware_bridge.ros2.options import Ros2Options, read_topics
 from firmware_bridge.ros2.telling import Telling
 from firmware_bridge.safety.gate_table import GateState, Reason
 
@@ -76,6 +81,28 @@ def test_a_drive_past_an_obstacle_that_only_a_scan_topic_tells() -> None:
         drive(rig)
         assert rig.navigator.reached == 1, (rig.loop.why(), rig.planner.last_error)
         assert rig.clearance > 0.0
+
+
+def test_maps_that_are_missing_or_were_pushed_out_are_asked_for_now_and_then() -> None:
+    now, asked = [100.0], list[str]()
+    options = Ros2Options(topics=read_topics(["map=/map", "map=/costmap", "scan="], "/"))
+    driver = Ros2Driver(NodeOptions(), options, clock=lambda: now[0])
+    for source in driver.inputs.sources():
+        heard = SimpleNamespace(malformed=0, ask_again=lambda name=source.name: asked.append(name))
+        driver.subscriptions.append((heard, source))
+    driver.inputs.grids[0]._cells = np.zeros((2, 2), np.int8)
+    for _ in range(80):
+        now[0] += 0.1
+        driver._mind_maps(now[0])
+    assert asked == ["/costmap", "/costmap"]  # of two maps, the one that has not come
+    driver.inputs.grids[1]._cells = np.zeros((2, 2), np.int8)
+    garbled = next(heard for heard, source in driver.subscriptions if source.name == "/map")
+    garbled.malformed = 7
+    asked.clear()
+    for _ in range(80):
+        now[0] += 0.1
+        driver._mind_maps(now[0])
+    assert asked == ["/map"]
 
 
 def test_garbage_on_every_topic_ends_nothing() -> None:

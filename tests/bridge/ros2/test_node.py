@@ -106,6 +106,18 @@ def test_who_comes_late_gets_the_last_map(router: Node, node: Node) -> None:
     assert taken[-1][0].linear.x == 1.0
 
 
+def test_what_was_lost_comes_once_more_when_it_is_asked_for(router: Node, node: Node) -> None:
+    publisher = router.publisher("latched", TWIST, LATCHED)
+    publisher.publish(Outputs(node.types, "map").command(1.0, 0.0, None, ""))
+    late = node.subscription("latched", TWIST, LATCHED)
+    assert wait_for(lambda: late.take() is not None)
+    assert late.take() is None
+    late.ask_again()
+    taken: list[Any] = []
+    assert wait_for(lambda: taken.append(late.take()) or taken[-1] is not None)
+    assert taken[-1][0].linear.x == 1.0
+
+
 def test_the_independent_client_gets_our_last_message_when_it_comes_late(
     router: Node, node: Node
 ) -> None:
