@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from firmware_bridge.drivers.polled import PolledDriver
+from firmware_bridge.drivers.polled.timing import check_watchdog, counts_per_metre
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import Lines, crc16
-from firmware_bridge.messages import ConfigError, LinkError
+from firmware_bridge.messages import LinkError
 from firmware_bridge.options import bounded, check, from_table
 
 VERSION = 1
@@ -57,11 +57,7 @@ class ArduinoOptions:
     def __post_init__(self) -> None:
         """Check the ranges."""
         check(self)
-        if self.command_timeout >= self.watchdog:
-            raise ConfigError(
-                f"command_timeout: expected less than the watchdog of {self.watchdog:g} s, "
-                f"got {self.command_timeout:g}"
-            )
+        check_watchdog(self.command_timeout, self.watchdog)
 
 
 class ArduinoDriver(PolledDriver):
@@ -79,21 +75,8 @@ class ArduinoDriver(PolledDriver):
         self, transport: Transport, geometry: WheelGeometry, options: ArduinoOptions
     ) -> None:
         odometry = WheelOdometry(geometry, options.counts_per_turn, wraps=True)
-        super().__init__(
-            transport,
-            geometry,
-            odometry,
-            options.poll_hz,
-            options.reply_timeout,
-            options.command_timeout,
-        )
-        per_metre = (
-            options.counts_per_turn * geometry.gear_ratio / (math.tau * geometry.wheel_radius)
-        )
-        if geometry.max_wheel_speed * per_metre >= INT32:
-            raise ConfigError(
-                f"board.counts_per_turn: {options.counts_per_turn:g} makes speeds past 32 bits"
-            )
+        super().__init__(transport, geometry, odometry, options)
+        counts_per_metre(geometry, options.counts_per_turn)
         self._counts_per_turn = options.counts_per_turn
         self._watchdog = round(options.watchdog * 1000.0)
         self._lines = Lines()

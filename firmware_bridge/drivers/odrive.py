@@ -11,6 +11,7 @@ from typing import Any
 
 from firmware_bridge.drivers.odrive_errors import REGISTERS
 from firmware_bridge.drivers.polled import STANDSTILL, NoReply, PolledDriver
+from firmware_bridge.drivers.polled.timing import check_watchdog
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import Lines, odrive_line, odrive_text
@@ -48,11 +49,7 @@ class ODriveOptions:
                 "second_axis: expected another axis than first_axis, "
                 f"got {self.second_axis} for both"
             )
-        if self.command_timeout >= self.watchdog:
-            raise ConfigError(
-                f"command_timeout: expected less than the watchdog of {self.watchdog:g} s, "
-                f"got {self.command_timeout:g}"
-            )
+        check_watchdog(self.command_timeout, self.watchdog)
 
 
 class ODriveDriver(PolledDriver):
@@ -73,14 +70,7 @@ class ODriveDriver(PolledDriver):
     ) -> None:
         options = options or ODriveOptions()
         odometry = WheelOdometry(geometry, 1.0, wraps=False)
-        super().__init__(
-            transport,
-            geometry,
-            odometry,
-            options.poll_hz,
-            options.reply_timeout,
-            options.command_timeout,
-        )
+        super().__init__(transport, geometry, odometry, options)
         self._axes, self._options = (options.first_axis, options.second_axis), options
         self._lines = Lines()
         self._bad_lines = 0

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from firmware_bridge.drivers.polled import NoReply, PolledDriver
+from firmware_bridge.drivers.polled.timing import counts_per_metre
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import RoboClawReplies, roboclaw_packet, roboclaw_request
-from firmware_bridge.messages import ConfigError, LinkError
+from firmware_bridge.messages import LinkError
 from firmware_bridge.options import bounded, check, from_table
 
 SET_TIMEOUT, GET_TIMEOUT, DUTY, SPEED, SPEED_ACCEL, COUNTS, RAW_SPEEDS, STATUS = (
@@ -126,22 +127,8 @@ class RoboClawDriver(PolledDriver):
         self, transport: Transport, geometry: WheelGeometry, options: RoboClawOptions
     ) -> None:
         odometry = WheelOdometry(geometry, options.counts_per_turn, wraps=True)
-        super().__init__(
-            transport,
-            geometry,
-            odometry,
-            options.poll_hz,
-            options.reply_timeout,
-            options.command_timeout,
-        )
-        per_metre = (
-            options.counts_per_turn * geometry.gear_ratio / (math.tau * geometry.wheel_radius)
-        )
-        if geometry.max_wheel_speed * per_metre >= 2**31:
-            raise ConfigError(
-                f"board.counts_per_turn: {options.counts_per_turn:g} makes speeds past the "
-                "board's 32 bits"
-            )
+        super().__init__(transport, geometry, odometry, options)
+        per_metre = counts_per_metre(geometry, options.counts_per_turn)
         self._counts_per_turn, self._address = options.counts_per_turn, options.address
         self._watchdog = math.ceil(round(options.watchdog * 10.0, 6))
         self._acceleration = (

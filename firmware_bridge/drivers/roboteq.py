@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from firmware_bridge.drivers.polled import PolledDriver
+from firmware_bridge.drivers.polled.timing import check_watchdog
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import Lines
-from firmware_bridge.messages import ConfigError, LinkError
+from firmware_bridge.messages import LinkError
 from firmware_bridge.options import bounded, check, from_table
 
 FAULTS = (
@@ -62,11 +63,7 @@ class RoboteqOptions:
     def __post_init__(self) -> None:
         """Check the ranges."""
         check(self)
-        if self.command_timeout >= self.watchdog:
-            raise ConfigError(
-                f"command_timeout: expected less than the watchdog of {self.watchdog:g} s, "
-                f"got {self.command_timeout:g}"
-            )
+        check_watchdog(self.command_timeout, self.watchdog)
 
 
 class RoboteqDriver(PolledDriver):
@@ -83,14 +80,7 @@ class RoboteqDriver(PolledDriver):
         self, transport: Transport, geometry: WheelGeometry, options: RoboteqOptions
     ) -> None:
         odometry = WheelOdometry(geometry, options.counts_per_turn, wraps=True)
-        super().__init__(
-            transport,
-            geometry,
-            odometry,
-            options.poll_hz,
-            options.reply_timeout,
-            options.command_timeout,
-        )
+        super().__init__(transport, geometry, odometry, options)
         self._counts_per_turn = options.counts_per_turn
         self._watchdog = round(options.watchdog * 1000.0)
         self._lines = Lines()

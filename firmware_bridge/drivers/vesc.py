@@ -103,14 +103,7 @@ class VescDriver(PolledDriver):
 
     def __init__(self, transport: Transport, geometry: WheelGeometry, options: VescOptions) -> None:
         odometry = WheelOdometry(geometry, STEPS_PER_ELECTRIC_TURN * options.pole_pairs, wraps=True)
-        super().__init__(
-            transport,
-            geometry,
-            odometry,
-            options.poll_hz,
-            options.reply_timeout,
-            options.command_timeout,
-        )
+        super().__init__(transport, geometry, odometry, options)
         self._erpm = 60.0 * options.pole_pairs
         if (
             geometry.max_wheel_speed

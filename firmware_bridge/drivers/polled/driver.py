@@ -24,12 +24,8 @@ class PolledDriver(PollingThread):
         Of the robot.
     odometry : WheelOdometry
         Fits the board's counters.
-    poll_hz : float
-        Rounds of questions per second [Hz].
-    reply_timeout : float
-        How long a reply may take [s].
-    command_timeout : float
-        The driver itself sends zero speed when the last command is older [s].
+    timing : Timing
+        How often the board is asked, and how long replies and commands last: the board's options.
     """
 
     def connect(self, timeout: float) -> None:

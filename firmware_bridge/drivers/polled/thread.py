@@ -10,6 +10,7 @@ from firmware_bridge.drivers.polled.board import Board
 from firmware_bridge.drivers.polled.board_pose import BoardPose
 from firmware_bridge.drivers.polled.exchange import Exchange, NoReply
 from firmware_bridge.drivers.polled.held_command import HeldCommand
+from firmware_bridge.drivers.polled.timing import Timing
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import LinkError
@@ -30,7 +31,7 @@ class PollingThread(Board):
 
     Parameters
     ----------
-    transport, geometry, odometry, poll_hz, reply_timeout, command_timeout
+    transport, geometry, odometry, timing
         As `PolledDriver` takes them.
     """
 
@@ -39,15 +40,13 @@ class PollingThread(Board):
         transport: Transport,
         geometry: WheelGeometry,
         odometry: WheelOdometry,
-        poll_hz: float,
-        reply_timeout: float,
-        command_timeout: float,
+        timing: Timing,
     ) -> None:
         self._transport, self._geometry = transport, geometry
         self._pose = BoardPose(geometry, odometry)
-        self._period = 1.0 / poll_hz
-        self._held = HeldCommand(command_timeout, 0 if self.answers_commands else ZEROS)
-        self._exchange = Exchange(transport, reply_timeout, self._begin)
+        self._period = 1.0 / timing.poll_hz
+        self._held = HeldCommand(timing.command_timeout, 0 if self.answers_commands else ZEROS)
+        self._exchange = Exchange(transport, timing.reply_timeout, self._begin)
         self._changed = self._exchange.changed
         self._thread: threading.Thread | None = None
         self._configured = False
