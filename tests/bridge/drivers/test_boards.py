@@ -334,18 +334,24 @@ def test_wire_shows_only_speeds_within_the_limit_under_faults(name):
         cut_for=0.05,
         delay=0.002,
     )
+
+    def rims() -> list[float]:
+        return [speed for frame in rig.wire.frames for speed in rim_speeds(name, frame)]
+
+    def seen() -> bool:
+        faults = wire.bridge.counters["faults"] + wire.board.counters["faults"]
+        return len(rims()) > 50 and faults > 20 and rig.counters["timeouts"] > 5
+
     wire.faults = storm
     rig.drive(0.4, 0.6, 1.2, period=0.01)
+    for _ in range(20):  # a busy machine sends less in a second
+        if not seen():
+            rig.drive(0.4, 0.6, 1.0, period=0.01)
     wire.faults = Faults()
     rig.is_ready()
     counters = rig.counters
     assert counters["driver_errors"] == counters["errors"] == 0
-    assert (
-        counters["timeouts"] > 5
-        and wire.bridge.counters["faults"] + wire.board.counters["faults"] > 20
-    )
-    rims = [speed for frame in rig.wire.frames for speed in rim_speeds(name, frame)]
-    assert len(rims) > 50 and max(map(abs, rims)) <= 0.9 * 1.001
+    assert seen() and max(map(abs, rims())) <= 0.9 * 1.001
     rig.starts(0.3, 0.0)
     rig.close()
 
