@@ -20,6 +20,7 @@ from kmpc_lite.report.moments import Moments, moments
 from kmpc_lite.report.pictures.commands import limits
 from kmpc_lite.report.words import STATUS_WORDS
 from kmpc_lite.sim.closed_loop import Run
+from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.types import Array
 
 FILES = Path(__file__).parent / "page_files"
@@ -116,6 +117,7 @@ def _map(run: Run) -> dict[str, Any]:
         "view": np.round(view_of(scenario, [run]), 3).ravel().tolist(),
         "bounds": list(scenario.bounds),
         "radius": scenario.radius,
+        **_body(scenario),
         "start": list(scenario.start),
         "goal": list(scenario.goal),
         "tolerance": scenario.tolerance,
@@ -123,6 +125,19 @@ def _map(run: Run) -> dict[str, Any]:
         "outlines": outlines,
         "walls": walls,
         "boxes": boxes,
+    }
+
+
+def _body(scenario: Scenario) -> dict[str, Any]:
+    """The robot: its outline where it is not round, how far it reaches ahead and aside [m]."""
+    footprint = scenario.footprint
+    if footprint is None:
+        return {"outline": None, "front": scenario.radius, "aside": scenario.radius}
+    outline = np.round(footprint.outline, 4)
+    return {
+        "outline": outline.tolist(),
+        "front": float(outline[:, 0].max()),
+        "aside": footprint.half_width,
     }
 
 

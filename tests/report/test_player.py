@@ -318,3 +318,13 @@ def test_what_happened_is_told_once(run: Run) -> None:
     flutter = replace(run.details, statuses=statuses, reasons=("",) * STEPS)
     said = [event for event in events_of(flutter) if "stopped early" in event.words]
     assert len(said) == 1 and said[0].bad and APART > 0.2
+
+
+def test_a_robot_that_is_not_round_is_drawn_as_it_is(run: Run) -> None:
+    cart = kl.Footprint.rectangle(0.4, 0.2, ahead=-0.1)
+    scenario = replace(run.scenario, footprint=cart)
+    drawn = json.loads(player_data(replace(run, scenario=scenario), None, None))["map"]
+    assert np.allclose(drawn["outline"], cart.corners)
+    assert drawn["front"] == pytest.approx(0.3) and drawn["aside"] == cart.half_width
+    usual = json.loads(player_data(run, None, None))["map"]
+    assert usual["outline"] is None and usual["front"] == usual["aside"] == run.scenario.radius

@@ -37,10 +37,12 @@ function buildMap() {
   draw(M.trace, 'polyline', { class: 'trace', points: lineOf(whole) });
   M.driven = draw(map, 'polyline', { class: 'driven' });
   M.points = lineOf(whole).split(' ');
-  const r = scale * D.map.radius;
   M.robot = draw(map, 'g');
-  draw(M.robot, 'circle', { class: 'robot', r });
-  draw(M.robot, 'line', { class: 'nose', x1: 0, y1: 0, x2: r, y2: 0 });
+  if (D.map.outline) { // its own frame: the page's y points down
+    const points = D.map.outline.map(([x, y]) => scale * x + ',' + -scale * y).join(' ');
+    draw(M.robot, 'polygon', { class: 'robot', points });
+  } else draw(M.robot, 'circle', { class: 'robot', r: scale * D.map.radius });
+  draw(M.robot, 'line', { class: 'nose', x1: 0, y1: 0, x2: scale * D.map.front, y2: 0 });
   for (const [name] of LAYERS) M[name].style.display = hidden[name] ? 'none' : '';
 }
 
@@ -78,7 +80,11 @@ function drawGoal(parent) {
   const tipX = M.x(x + far * Math.cos(heading)), tipY = M.y(y + far * Math.sin(heading));
   const place = { cx: M.x(x), cy: M.y(y) };
   draw(parent, 'circle', { ...place, class: 'goal there', r: M.scale * D.map.tolerance });
-  draw(parent, 'circle', { ...place, class: 'goal', r: M.scale * r });
+  if (D.map.outline) {
+    const c = Math.cos(heading), s = Math.sin(heading);
+    const corners = D.map.outline.map(([a, b]) => [x + c * a - s * b, y + s * a + c * b]);
+    draw(parent, 'polygon', { class: 'goal', points: lineOf(corners) });
+  } else draw(parent, 'circle', { ...place, class: 'goal', r: M.scale * r });
   draw(parent, 'line', { class: 'goal', x1: M.x(x), y1: M.y(y), x2: tipX, y2: tipY });
   for (const [words, at] of [['goal', D.map.goal], ['start', D.map.start]]) {
     draw(parent, 'text', { class: 'name', x: M.x(at[0]), 'text-anchor': 'middle',
@@ -125,7 +131,7 @@ function drawMargins(index, points, circles) {
   M.room.replaceChildren();
   const room = draw(M.room, 'g', { class: 'rooms' }); // one shade, however many lie on each other
   for (let j = 1; j < stages && keepsMargins; j++) {
-    const r = M.scale * (D.map.radius + margin[index * stages + j]);
+    const r = M.scale * (D.map.aside + margin[index * stages + j]);
     draw(room, 'circle', { class: 'room', cx: M.x(points[j][0]), cy: M.y(points[j][1]), r });
   }
   for (const circle of circles) {
