@@ -54,7 +54,13 @@ def recorder_of(job: Course, command: str) -> Callable[[Session, Path], DriveRec
     """Give what records a course, once there is a session."""
 
     def make(session: Session, name: Path) -> DriveRecorder:
-        return DriveRecorder(name.with_name(f"{name.name}.mcap"), job, session, command)
+        from firmware_bridge.recording.durable import DurableFile
+        from kmpc_lite.recording.encoder import DriveEncoder
+
+        now, path = time.monotonic(), name.with_name(f"{name.name}.mcap")
+        about = _about(job, command)
+        encoder = DriveEncoder(job.scenario, job.period, about, offset=time.time() - now)
+        return DriveRecorder(DurableFile(path, encoder.encode, encoder.begin(now)), job, session)
 
     return make
 
@@ -66,26 +72,19 @@ class DriveRecorder:
 
     Parameters
     ----------
-    path : Path
-        Of a new .mcap file.
+    file : DurableFile
+        A new .mcap file, which encodes what it is given.
     job : Course
         What is driven; its watchers get this one too.
     session : Session
         Whose loop knows the health of the link.
-    command : str
-        The user's command line.
     """
 
-    def __init__(self, path: Path, job: Course, session: Session, command: str) -> None:
-        from firmware_bridge.recording.durable import DurableFile
+    def __init__(self, file: DurableFile[Any], job: Any, session: Session) -> None:
         from kmpc_lite.control.insight import insight
-        from kmpc_lite.recording.encoder import DriveEncoder
 
         self._job, self._session, self._insight = job, session, insight
-        now = time.monotonic()
-        about = _about(job, command)
-        encoder = DriveEncoder(job.scenario, job.period, about, offset=time.time() - now)
-        self._file: DurableFile[Any] = DurableFile(path, encoder.encode, encoder.begin(now))
+        self._file = file
         self._looked = -1.0
         self._stamps: deque[float] = deque([-1.0], maxlen=STAMPS)
         self._gate: tuple[Any, Any] = (None, ())
@@ -123,7 +122,15 @@ class DriveRecorder:
         began = time.monotonic() - plan.timing["total"]
         known = [stamp for stamp in tuple(self._stamps) if 0.0 < stamp <= began]
         age = began - known[-1] if known else None
-        self._plan = began, pose, plan, age, self._job.navigator.scan
+        self._plan = began, pose, plan, age, self._seen()
+
+    def _seen(self) -> Any:
+        """What the robot saw, as it is at hand where it plans."""
+        return self._job.navigator.scan
+
+    def _scan(self, seen: Any) -> Any:
+        """Make the controller's scan of it, None without."""
+        return None if seen is None else laser_scan(seen)
 
     def planned(self) -> None:
         """Look behind the plan, in the same thread, once its command is on its way."""
@@ -132,7 +139,7 @@ class DriveRecorder:
         if self._plan is None:
             return
         (began, pose, plan, age, seen), self._plan = self._plan, None
-        scan = None if seen is None else laser_scan(seen)
+        scan = self._scan(seen)
         behind = self._insight(self._job.controller, plan)
         circles = plan.around.circles
         self._file.put(Stepped(began, pose, plan, behind.path, behind.margins, circles, age, scan))

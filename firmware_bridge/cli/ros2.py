@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 import socket
+from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from firmware_bridge.cli.options import add_limits, overrides_of, people, prepare
@@ -15,6 +17,7 @@ from firmware_bridge.robot_file import TOPICS, Robot, load_robot
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import number, positive
+from kmpc_lite.cli.output import command_line
 
 if TYPE_CHECKING:
     from firmware_bridge.emulator.ros2.robot import Ros2Emulator
@@ -117,7 +120,7 @@ def _add_driving(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="how long a goal must be held [s] (default: 1)",
     )
-    add("--record", metavar="NAME", help="record to NAME.csv")
+    add("--record", type=Path, metavar="DIR", help="folder for the drive: .mcap, .csv")
     add("--realtime", action="store_true", help="ask for real-time priority")
     add(
         "--timeout",
@@ -132,6 +135,8 @@ def run(options: argparse.Namespace) -> int:
     """Serve goals until Ctrl-C, or drive to one."""
     need("kmpc ros2", "zenoh", "rosbags")
     import kmpc_lite as kl
+    from firmware_bridge.cli.recording import recording_to
+    from firmware_bridge.cli.ros2_recording import Driven, topic_recorder
     from firmware_bridge.ros2.drive import Errand
     from firmware_bridge.ros2.drive import run as drive
     from firmware_bridge.ros2.driver import Ros2Driver
@@ -147,24 +152,25 @@ def run(options: argparse.Namespace) -> int:
         robot, controller, notes = _controller(robot, options.radius, drawn)
     except kl.KmpcError as error:
         raise ConfigError(f"{robot.where}: {error}") from error
-    errand = Errand(
-        period=robot.control.period or controller.problem.dt,
-        radius=options.radius,
-        goal=None if options.goal is None else Goal(*options.goal),
-        seconds=options.seconds,
-        record=options.record,
-        notes=notes,
-    )
     prepare(options)
     controller.step((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))  # the first step loads what it needs
     navigator = GoalNavigator(controller, driver.inputs, options.settle)
-    try:
+    period = robot.control.period or controller.problem.dt
+    job = Driven(controller, navigator, navigator.watchers)
+    with ExitStack() as stack:
+        errand = Errand(
+            period=period,
+            radius=options.radius,
+            goal=None if options.goal is None else Goal(*options.goal),
+            seconds=options.seconds,
+            record=stack.enter_context(recording_to(options.record)),
+            recorder=topic_recorder(job, period, command_line()),
+            notes=notes,
+        )
         if emulated is not None:
+            stack.callback(emulated.close)
             emulated.start(node.connect[0].replace("/", ":"))
         report, status = drive(driver, robot, navigator, errand, people(options))
-    finally:
-        if emulated is not None:
-            emulated.close()
     if options.json:
         print(json.dumps(report))
     return status

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
@@ -15,6 +16,7 @@ from firmware_bridge.ros2.inputs import Goal
 from firmware_bridge.ros2.navigator import GoalNavigator
 from firmware_bridge.ros2.telling import Telling
 from firmware_bridge.runtime.drive import DONE, INTERRUPTED, NOT_DONE, SIGNALS
+from firmware_bridge.runtime.drive_logs import Recorder
 from firmware_bridge.runtime.session import Session
 from firmware_bridge.runtime.timing import table
 from firmware_bridge.safety.gate import GateOutput, SafetyGate
@@ -34,7 +36,9 @@ class Errand:
     seconds: float | None = None
     """Give up after so long [s]."""
     record: str | None = None
-    """Record to this name with .csv put behind."""
+    """Record to this name with .csv and .mcap put behind."""
+    recorder: Callable[[Session, Path], Recorder] | None = None
+    """Makes what writes the .mcap."""
     notes: tuple[str, ...] = ()
     """What a user should know before it drives."""
 
@@ -93,6 +97,7 @@ def run(
         out=out,
         driver=driver,
         observers=(enabler,),
+        record=None if errand.record is None else errand.recorder,
     ) as session:
         enabler.gate, navigator.held = session.gate, lambda: session.planner.held
         driver.is_wanted = lambda: navigator.goal is not None
@@ -129,6 +134,7 @@ def run(
             "why": [] if navigator.reached == navigator.started > 0 else why or session.why(),
             **session.report(),
         }
+        session.logs.finish(report)
     report["problems"] = session.problems()
     if out is not None:
         _tell(report, session, out)

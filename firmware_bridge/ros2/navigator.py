@@ -6,7 +6,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from firmware_bridge.messages import State, VelocityCommand
 from firmware_bridge.ros2.inputs import Goal, Inputs
@@ -55,6 +55,10 @@ class GoalNavigator:
         """Newest, while there is a goal."""
         self.said = WAITS
         """What it does, in words."""
+        self.obstacles: list[Any] = []
+        """Those of the newest plan."""
+        self.watchers: list[Callable[[Any, Any], None]] = []
+        """Are told each pose and plan, in the thread that plans."""
         self.reached = 0
         """Number of goals that were reached."""
         self.started = 0
@@ -76,7 +80,9 @@ class GoalNavigator:
             return VelocityCommand(0.0, 0.0, now)
         place = (state.x, state.y, state.theta)
         plan = self._controller.step(place, goal, obstacles, sent=self.held() or UNKNOWN)
-        self.plan = plan
+        self.plan, self.obstacles = plan, obstacles
+        for saw in self.watchers:
+            saw(place, plan)
         self.statuses[plan.status.name] += 1
         self.said = f"{plan.progress.value}{plan.reason and ': '}{plan.reason}"
         self._judge(plan, now)

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import kmpc_lite as kl
-from firmware_bridge.cli.recording import DriveRecorder, recording_to
+from firmware_bridge.cli.recording import DriveRecorder, recorder_of, recording_to
 from firmware_bridge.messages import ConfigError, LinkStatus, State
 from firmware_bridge.safety.gate import GateOutput
 from firmware_bridge.safety.gate_table import Action, GateState, Reason
@@ -85,7 +85,7 @@ def test_a_drive_is_recorded_as_it_happened(
     course, clock = job(), [10.0]
     monkeypatch.setattr("time.monotonic", lambda: clock[0])
     monkeypatch.setattr("time.time", lambda: 1.7e9)
-    recorder = DriveRecorder(tmp_path / "drive.mcap", course, session(), "kmpc run --x <script>")
+    recorder = recorder_of(course, "kmpc run --x <script>")(session(), tmp_path / "drive")
     for k in range(50):
         clock[0] = 10.0 + 0.02 * k
         drive(recorder, course, 0.02, clock[0])
@@ -104,7 +104,7 @@ def test_a_drive_is_recorded_as_it_happened(
 
 def test_what_the_gate_does_is_told_when_it_changes(tmp_path: Path) -> None:
     course = job()
-    recorder = DriveRecorder(tmp_path / "drive.mcap", course, session(), "")
+    recorder = recorder_of(course, "")(session(), tmp_path / "drive")
     drive(recorder, course, 1.0, 100.0)
     recorder.finish({**REPORT, "touched": True})
     recorder.close()
@@ -118,7 +118,7 @@ def test_what_the_gate_does_is_told_when_it_changes(tmp_path: Path) -> None:
 
 def test_a_drive_that_was_cut_off_is_there_up_to_the_last_moment(tmp_path: Path) -> None:
     course = job()
-    recorder = DriveRecorder(tmp_path / "drive.mcap", course, session(), "")
+    recorder = recorder_of(course, "")(session(), tmp_path / "drive")
     drive(recorder, course, 1.0, 100.0)
     recorder.file.close()  # as far as the disk has it; nothing told how it ended
     run = load_drive(tmp_path)
@@ -141,7 +141,7 @@ def test_a_full_disk_is_told_and_what_was_written_is_read(
         return done
 
     recorder: DriveRecorder | None = None
-    recorder = DriveRecorder(tmp_path / "drive.mcap", course, session(), "")
+    recorder = recorder_of(course, "")(session(), tmp_path / "drive")
     monkeypatch.setattr("os.write", full)
     for k in range(6):
         drive(recorder, course, 0.5, 100.0 + k)
