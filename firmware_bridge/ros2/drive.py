@@ -138,9 +138,7 @@ def run(
     report["problems"] = session.problems()
     if out is not None:
         _tell(report, session, out)
-    if errand.goal is None:
-        return report, INTERRUPTED if interrupted and not navigator.reached else DONE
-    if navigator.reached:
+    if navigator.reached or (errand.goal is None and not interrupted):
         return report, DONE
     return report, INTERRUPTED if interrupted else NOT_DONE
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -16,11 +17,25 @@ pytest.importorskip("zenoh", reason="the extra ros2 (eclipse-zenoh) is not insta
 
 from topic_rig import free_port
 
+from firmware_bridge.messages import LinkError
+from firmware_bridge.safety.estop_client import ask
+
 KMPC = (sys.executable, "-m", "firmware_bridge.cli.main")
 
 
 def start(*words: str) -> subprocess.Popen[str]:
     return subprocess.Popen([*KMPC, *words], stdout=subprocess.PIPE, text=True)
+
+
+def wait_for_gate(node: subprocess.Popen[str], socket: Path, *states: str) -> bool:
+    """Wait until the gate of a bridge is in one of some states; it may take long to start."""
+    until = time.monotonic() + 120.0
+    while time.monotonic() < until and node.poll() is None:
+        with contextlib.suppress(LinkError):
+            if ask(socket, "status")["gate"] in states:
+                return True
+        time.sleep(0.05)
+    return False
 
 
 @pytest.mark.long
@@ -31,17 +46,18 @@ def test_a_drive_whose_robot_is_killed_and_comes_back(sees: str, tmp_path: Path)
     robot = ["emulate", "ros2", "--link", f"tcp:127.0.0.1:{port}", "--sees", sees, "--json"]
     drive = ["ros2", "--connect", f"tcp/127.0.0.1:{port}", "--topic", f"{other}=", "--json"]
     # it comes back where it is put down, not where it was
-    drive += ["--set", "safety.resume_within=10.0"]
-    drive += ["--goal", "1.5", "1.5", "0", "--v-max", "0.3", "--seconds", "100", "--timeout", "60"]
+    drive += ["--set", "safety.resume_within=10.0", "--set", "safety.resume=120.0"]
+    drive += ["--goal", "1.5", "1.5", "0", "--v-max", "0.3", "--seconds", "300", "--timeout", "60"]
     first, node = start(*robot), start(*drive, "--socket", str(tmp_path / "estop"))
     try:
-        time.sleep(25.0)
+        assert wait_for_gate(node, tmp_path / "estop", "ACTIVE")
+        time.sleep(1.0)
         first.kill()
         first.wait()
-        time.sleep(4.0)
+        assert wait_for_gate(node, tmp_path / "estop", "HOLDING", "STOPPING", "RELEASED")
         second = start(*robot, "--start", "0.2", "0.0", "0.0")
         try:
-            out, _ = node.communicate(timeout=150.0)
+            out, _ = node.communicate(timeout=330.0)
         finally:
             second.send_signal(signal.SIGINT)
             second.wait(20.0)
@@ -63,7 +79,7 @@ def test_ctrl_c_leaves_a_robot_that_stands(tmp_path: Path) -> None:
     goal = ("--goal", "1.5", "1.5", "0", "--topic", "scan=", "--json", "--timeout", "60")
     node = start("ros2", *where, *goal)
     try:
-        time.sleep(25.0)
+        assert wait_for_gate(node, tmp_path / "estop", "ACTIVE")
         os.kill(node.pid, signal.SIGINT)
         out, _ = node.communicate(timeout=20.0)
         robot.send_signal(signal.SIGINT)
