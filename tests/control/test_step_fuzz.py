@@ -124,9 +124,12 @@ class Sender:
         return self.one_of((None, None, self.numbers(2), np.zeros(3))) if self.below(3) else None
 
 
-def fuzz(steps: int, seed: int) -> None:
-    """Drive all kinds of controllers through steps, with a new map and goal every few."""
-    sender = Sender(seed)
+def fuzz(steps: int, seed: int) -> dict[int, float]:
+    """Drive all kinds of controllers through steps, with a new map and goal every few.
+
+    Numbers of the steps that took too long, and the processor's time for each [s].
+    """
+    sender, slow = Sender(seed), {}
     controllers = [kl.Controller(kl.nominal_unicycle(0.1), **kind) for kind in KINDS]
     for number in range(steps):
         controller = controllers[number % len(controllers)]
@@ -143,7 +146,8 @@ def fuzz(steps: int, seed: int) -> None:
         finally:
             took = time.process_time() - begun
             budget = KINDS[number % len(KINDS)].get("time_budget", 0.0)
-            assert took < max(1.2 * budget, LONGEST_STEP), (seed, number, took)
+            if took > max(1.2 * budget, LONGEST_STEP):
+                slow[number] = took
         low, high, _, _ = controller.problem.bounds
         assert np.isfinite(plan.command).all(), (seed, number)
         assert (plan.command >= low - 1e-9).all(), (seed, number)
@@ -151,17 +155,24 @@ def fuzz(steps: int, seed: int) -> None:
         assert np.isfinite(plan.inputs).all() and np.isfinite(plan.states).all(), (seed, number)
         assert plan.reason.isprintable() or "\n" in plan.reason
         pose = plan.states[1]
+    return slow
+
+
+def judge(steps: int, seed: int) -> None:
+    """Fuzz; a step that took too long is tried again: what else runs here may have held it up."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        slow = fuzz(steps, seed)
+        if slow:
+            again = fuzz(max(slow) + 1, seed)
+            assert not slow.keys() & again.keys(), (seed, slow, again)
 
 
 def test_fuzzed_steps_command_what_a_robot_can_do() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        fuzz(int(os.environ.get("KMPC_STEPS", "400")), seed=0)
+    judge(int(os.environ.get("KMPC_STEPS", "400")), seed=0)
 
 
 @pytest.mark.long
 def test_a_million_fuzzed_steps_too() -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        for seed in range(100):
-            fuzz(int(os.environ.get("KMPC_STEPS", "1000000")) // 100, seed=seed + 1)
+    for seed in range(1, 101):
+        judge(int(os.environ.get("KMPC_STEPS", "1000000")) // 100, seed)
