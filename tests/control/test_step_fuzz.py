@@ -23,12 +23,18 @@ SHAPES: tuple[Any, ...] = (
 KINDS: tuple[dict[str, Any], ...] = (
     {},
     {"guidance": False},
-    {"guidance": False, "tightening": None, "sqp_iterations": 3},
+    # solves to the bitter end whatever cannot be solved: a short horizon lets it do more of it
+    {
+        "guidance": False,
+        "tightening": None,
+        "sqp_iterations": 3,
+        "problem": kl.NavigationProblem(horizon=6),
+    },
     {"time_budget": 0.005},
     {"pose_age": 0.15, "adaptation": True},
     {"problem": kl.NavigationProblem(du_max=(0.5, 1.5), horizon=8)},
-    {"problem": kl.NavigationProblem(u_min=(0.0, -0.4), robot_radius=0.0, margin=0.05)},
-    {"problem": kl.NavigationProblem(x_min=[-np.inf] * 3, x_max=[np.inf] * 3)},
+    {"problem": kl.NavigationProblem(u_min=(0.0, -0.4), robot_radius=0.0, margin=0.05, horizon=12)},
+    {"problem": kl.NavigationProblem(x_min=[-np.inf] * 3, x_max=[np.inf] * 3, horizon=10)},
     {"problem": kl.NavigationProblem(sensor_range=1.5), "time_budget": 0.05},
 )
 LONGEST_STEP = 0.5
