@@ -28,6 +28,8 @@ def has_grown_elsewhere(
     same_circles = now.circles.tobytes() == state.circles_at_rest
     if now.target.tolist() != state.goal.tolist() or not same_circles:
         return False
+    if path.drive_end - state.place > options.grid_step * options.lattice_nodes:
+        return False  # more than can be looked at in a step
     points = points_ahead(state, now, path, inflation, options)
     return not len(points) or bool((solids.whole.least(points) >= inflation).all())
 
@@ -37,9 +39,11 @@ def points_ahead(
 ) -> Array:
     """Points (n, 2) of the path that is left, but for those where the robot is and is to stand.
 
-    There it may come as near to things as it must.
+    There it may come as near to things as it must. Of a path longer than can be looked at in a step
+    the beginning is given.
     """
-    points = path.at(np.arange(state.place, path.drive_end, options.grid_step))[:, :2]
+    end = min(path.drive_end, state.place + options.grid_step * options.lattice_nodes)
+    points = path.at(np.arange(state.place, end, options.grid_step))[:, :2]
     ends = [np.hypot(*(points - pose[:2]).T) for pose in (now.pose, now.goal)]
     ahead: Array = points[np.minimum(*ends) > inflation]
     return ahead

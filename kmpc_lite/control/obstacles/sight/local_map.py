@@ -105,6 +105,13 @@ class LocalMap:
         inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
         return np.where(inside, row * width + column, 0), inside
 
+    def is_near(self, points: Array, distance: float) -> NDArray[np.bool_]:
+        """Which points (n, 2) lie on the map, or no farther from it than a distance."""
+        low = self.cell * np.array((self.column, self.row)) - distance
+        high = low + self.cell * np.array(self.state.shape[::-1]) + 2.0 * distance
+        near = (points >= low) & (points <= high)
+        return near[:, 0] & near[:, 1]
+
     def points(self, cells: NDArray[np.intp]) -> Array:
         """Where the last hits in cells with flat numbers (n,) lay, (n, 2)."""
         row, column = np.divmod(cells, self.state.shape[1])

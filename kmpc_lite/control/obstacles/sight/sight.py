@@ -138,6 +138,7 @@ class Sight:
 
     def blocks(self, here: LocalMap, points: Array, distance: float) -> bool:
         """Whether something stands nearer than a distance to any of the points (n, 2)."""
+        points = points[here.is_near(points, distance)]
         reach = math.ceil(distance / here.cell) + 1
         row, column = (a.ravel() for a in np.mgrid[-reach : reach + 1, -reach : reach + 1])
         around = np.stack([column, row], axis=1)[np.hypot(row, column) <= reach] * here.cell

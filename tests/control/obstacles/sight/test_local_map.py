@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 
@@ -123,3 +125,15 @@ def test_points_keep_their_place_within_a_cell() -> None:
     seen = look(sight(), None, ROUND)
     points = seen.points(np.flatnonzero(seen.state > 0))
     np.testing.assert_allclose(np.hypot(*points.T), 1.0, atol=1e-6)
+
+
+def test_what_stands_beside_a_path_of_any_length_is_found_in_time() -> None:
+    s = sight()
+    seen = look(s, None, np.full(360, 1.0))
+    hit = np.array([[0.95, 0.0]])
+    # ten thousand kilometres in steps of half a metre, past the hit
+    path = np.stack([np.zeros(20_000), 500.0 * np.arange(20_000)], axis=1)
+    begun = time.process_time()
+    assert not s.blocks(seen, path + [3.0, 20.0], 0.2)
+    assert s.blocks(seen, np.concatenate([path + [3.0, 20.0], hit]), 0.2)
+    assert time.process_time() - begun < 0.4
