@@ -22,7 +22,7 @@ FAULTS = {
     "none": "nothing is wrong",
     "lowered": "another station asks for 4 Hz every 15 s, as MAVProxy does",
     "restart": "the autopilot restarts 3 s after it began to drive, where it stands then",
-    "refused": "arming is refused for ever, in words longer than one STATUSTEXT",
+    "refused": "its estimator never gets ready, and it refuses to arm",
 }
 STANDS = 0.02
 """Slower than this it stands [m/s]."""
