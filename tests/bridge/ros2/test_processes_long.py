@@ -46,7 +46,7 @@ def test_a_drive_whose_robot_is_killed_and_comes_back(sees: str, tmp_path: Path)
     robot = ["emulate", "ros2", "--link", f"tcp:127.0.0.1:{port}", "--sees", sees, "--json"]
     drive = ["ros2", "--connect", f"tcp/127.0.0.1:{port}", "--topic", f"{other}=", "--json"]
     # it comes back where it is put down, not where it was
-    drive += ["--set", "safety.resume_within=10.0", "--set", "safety.resume=120.0"]
+    drive += ["--set", "safety.resume_within=10.0", "--set", "safety.resume=60.0"]
     drive += ["--goal", "1.5", "1.5", "0", "--v-max", "0.3", "--seconds", "300", "--timeout", "60"]
     first, node = start(*robot), start(*drive, "--socket", str(tmp_path / "estop"))
     try:
