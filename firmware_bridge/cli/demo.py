@@ -22,6 +22,7 @@ from firmware_bridge.cli.stage import Stage
 from firmware_bridge.messages import BridgeError
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.loop import TICK
+from firmware_bridge.safety.gate_table import Reason
 from firmware_bridge.sensors.lidar.options import LIDARS
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.demo import COMMAND as SIMULATED
@@ -43,6 +44,9 @@ LAGS = [0, 1, 2, 3]
 """Past commands that the model knows: the rover obeys late."""
 SETTLE = 1.0
 """How long the goal must be held [s]."""
+HOLD, MUCH = 20.0, 0.05
+"""How long the emulated rover waits for plans on a busy machine until it is given back [s], and the
+share of the time with late plans that is told."""
 LIDAR = "ld06"
 """Which lidar the rover carries where nobody says."""
 PATIENCE = 60.0
@@ -174,7 +178,7 @@ def demo(
         say("stopped: no report")
         return report, status
     driven.save(folder / "run.npz")
-    say(f"   {describe(driven)}")
+    say(f"   {describe(driven)}{_busy(report['loop'])}")
     page = folder / "report.html"
     write_report(page, driven, model=model, fit_report=errors, command=command_line())
     say(f"4  open {page.resolve()}")
@@ -186,6 +190,14 @@ def demo(
         **driven.summary(),
     }
     return result, DONE if driven.outcome is Outcome.REACHED else NOT_DONE
+
+
+def _busy(loop: dict[str, Any]) -> str:
+    """Tell where plans came too late for much of the time; or nothing."""
+    late = loop["reasons"].get(Reason.COMMAND.value, 0) / max(loop["ticks"], 1)
+    if late < MUCH:
+        return ""
+    return f"\n   this computer was busy: for {100.0 * late:.0f} % of the time plans were too late"
 
 
 def _record(stage: Stage, seconds: float, seed: int) -> tuple[dict[str, Any], int]:
@@ -244,8 +256,9 @@ def _drive(stage: Stage) -> tuple[Run | None, dict[str, Any], int]:
     stage.say(f"3  driving {stage.scenario.name} with it, {how}over a pseudo-terminal again")
     control = {**COMMANDS, "model": str(stage.folder / "robot.npz"), "scenario": SCENARIO}
     control["map"] = not eyes
-    # by sight a plan takes longer: where a busy machine makes some late, the rover waits for them
-    safety = {"hold": 3.0} if eyes else {}
+    # by sight a plan takes longer: where a busy machine makes some late, the rover waits for them;
+    # one that is given back would stand there until the patience ends
+    safety = {"hold": HOLD} if eyes else {}
     robot = load_robot(stage.file, {"control": control, "lidar": eyes, "safety": safety})
     job = course(robot, SETTLE, PATIENCE, wait=WAIT)
     folder = stage.folder / "run"

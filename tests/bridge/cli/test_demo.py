@@ -77,3 +77,12 @@ def test_the_demo_by_sight_alone_reaches_its_goal(tmp_path, capsys, lidar):
     report = json.loads(capsys.readouterr().out)
     assert report["outcome"] == "reached" and report["clearance_m"] > 0.0
     assert report["link"]["reasons"].get("no scan of the lidar, or too old", 0) < 50
+
+
+def test_a_busy_computer_is_told():
+    from firmware_bridge.cli.demo import _busy
+    from firmware_bridge.safety.gate_table import Reason
+
+    assert _busy({"ticks": 1000, "reasons": {Reason.COMMAND.value: 10}}) == ""
+    assert "for 30 % of the time" in _busy({"ticks": 1000, "reasons": {Reason.COMMAND.value: 300}})
+    assert _busy({"ticks": 0, "reasons": {}}) == ""
