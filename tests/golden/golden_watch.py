@@ -205,7 +205,8 @@ TESTS: dict[str, tuple[str, ...]] = {
         "step.shortest_period",
         "step.longest_period",
     ),
-    "control/guidance/test_body_paths.py::test_a_path_is_looked_at_all_along": (
+    "control/guidance/test_guidance_options.py::"
+    "test_a_robot_that_is_not_round_is_looked_at_in_400_places_of_a_path": (
         "guidance.body_samples",
     ),
     "control/options/test_effects.py::test_nor_for_one_that_is_turned_by_a_radian": (

@@ -10,6 +10,7 @@ from guided import GuideInUse
 from paths import OPTIONS, quickest_paths
 
 import kmpc_lite as kl
+from kmpc_lite.control.guidance.body_paths import BodyPaths
 from kmpc_lite.control.guidance.capabilities import capabilities
 from kmpc_lite.control.guidance.path_search import PathSearcher
 from kmpc_lite.control.guidance.search_state import PathSearch, SearchObstacles
@@ -194,3 +195,21 @@ def test_a_model_is_asked_for_turns_at_eight_headings() -> None:
     model = Turning(0.05)
     centre(model)
     assert model.headings == 8
+
+
+def test_a_robot_that_is_not_round_is_looked_at_in_400_places_of_a_path(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    looks: list[int] = []
+
+    def watched(paths: BodyPaths, poses: Array, search: PathSearch) -> Array:
+        looks.append(len(poses))
+        return np.ones(len(poses))
+
+    monkeypatch.setattr(BodyPaths, "_distances", watched)
+    goal = np.array([200.0, 0.0, 0.0])
+    path = GeometricPath(np.array([[0.0, 0.0], [200.0, 0.0]]), np.zeros(2), 400.0, False)
+    search = PathSearch(np.zeros(3), goal, goal, NO_CIRCLES, None, None, True, False)
+    cart = kl.Footprint.rectangle(0.8, 0.3)
+    BodyPaths(kl.NavigationProblem(footprint=cart), cart, OPTIONS).fits(path, search)
+    assert looks == [400]
