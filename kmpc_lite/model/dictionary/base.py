@@ -80,6 +80,34 @@ class Dictionary(Protocol):
         return {}
 
 
+class LiftedAsBase(Dictionary):
+    """A dictionary that lifts poses as its base does, and differs from it in its inputs."""
+
+    base: Dictionary
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the base's coordinates."""
+        return self.base.names
+
+    @property
+    def size(self) -> int:
+        """As the base."""
+        return self.base.size
+
+    def lift(self, x: Array) -> Array:
+        """As the base."""
+        return self.base.lift(x)
+
+    def jacobian(self, x: Array) -> Array:
+        """As the base."""
+        return self.base.jacobian(x)
+
+    def expand(self, x: Array) -> Array:
+        """As the base."""
+        return self.base.expand(x)
+
+
 def dictionary_to_config(dictionary: Dictionary) -> dict[str, Any]:
     """Describe a dictionary as values that JSON can hold."""
     return {"kind": dictionary.kind, **dictionary.config()}

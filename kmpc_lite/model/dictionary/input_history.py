@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.errors import ModelError
-from kmpc_lite.model.dictionary.base import MAX_LAG, Dictionary, dictionary_to_config
+from kmpc_lite.model.dictionary.base import MAX_LAG, Dictionary, LiftedAsBase, dictionary_to_config
 from kmpc_lite.types import INPUTS, Array
 
 
-class InputHistoryDictionary(Dictionary):
+class InputHistoryDictionary(LiftedAsBase):
     """A dictionary whose model is driven by past commands too: motor lag and dead time.
 
     The model is bilinear in ``w = [u(k - j) for j in lags]``; ``lags=(0, 1, 2)`` learns a response
@@ -54,23 +54,6 @@ class InputHistoryDictionary(Dictionary):
                 "InputHistoryDictionary: its base must not have an input history itself"
             )
         self.base, self.lags, self.product = base, tuple(int(j) for j in ages), bool(product)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the base's coordinates."""
-        return self.base.names
-
-    def lift(self, x: Array) -> Array:
-        """As the base."""
-        return self.base.lift(x)
-
-    def jacobian(self, x: Array) -> Array:
-        """As the base."""
-        return self.base.jacobian(x)
-
-    def expand(self, x: Array) -> Array:
-        """As the base."""
-        return self.base.expand(x)
 
     @property
     def history(self) -> int:

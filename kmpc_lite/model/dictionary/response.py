@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.errors import ModelError
-from kmpc_lite.model.dictionary.base import MAX_LAG, Dictionary, dictionary_to_config
+from kmpc_lite.model.dictionary.base import MAX_LAG, Dictionary, LiftedAsBase, dictionary_to_config
 from kmpc_lite.types import INPUTS, Array
 
 LINEAR = ("v", "omega")
@@ -31,7 +31,7 @@ SLIP = (
 TERMS = LINEAR + SLIP
 
 
-class ResponseDictionary(Dictionary):
+class ResponseDictionary(LiftedAsBase):
     """A dictionary whose model is driven by filtered commands and their slip terms.
 
     The model is bilinear in ``w = [terms of (vbar, omegabar)]`` with ``|omega|`` smoothed to
@@ -93,28 +93,6 @@ class ResponseDictionary(Dictionary):
         self._kernel[: len(self.turn), 1] = self.turn
         self._past = np.ascontiguousarray(self._kernel[:0:-1])
         self._columns = np.array([TERMS.index(t) for t in self.terms])
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the base's coordinates."""
-        return self.base.names
-
-    @property
-    def size(self) -> int:
-        """As the base."""
-        return self.base.size
-
-    def lift(self, x: Array) -> Array:
-        """As the base."""
-        return self.base.lift(x)
-
-    def jacobian(self, x: Array) -> Array:
-        """As the base."""
-        return self.base.jacobian(x)
-
-    def expand(self, x: Array) -> Array:
-        """As the base."""
-        return self.base.expand(x)
 
     @property
     def history(self) -> int:
