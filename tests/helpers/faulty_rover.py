@@ -63,7 +63,7 @@ def main() -> None:
     station = MavlinkCodec(255, 230)
     rover.start(given.link)
     start = now = time.monotonic()
-    watch, faults, turn = Watch(), 0, 0.0
+    watch, faults = Watch(), 0
     try:
         while now - start < given.seconds:
             time.sleep(0.02)
@@ -81,9 +81,10 @@ def main() -> None:
                 faults += 1
     finally:
         rover.close()
+    place = tuple(round(p, 2) for p in rover.pose)
     sys.stdout.write(
         f"{given.fault}: {watch.stops} stops, {watch.moved:.2f} m driven, "
-        f"{watch.after:.2f} m of them after the fault; at {tuple(round(p, 2) for p in rover.pose)}\n"
+        f"{watch.after:.2f} m of them after the fault; at {place}\n"
     )
 
 
