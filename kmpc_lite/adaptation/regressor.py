@@ -74,6 +74,9 @@ class Regressor:
     ) -> list[float] | None:
         """What one step adds to the sums, or None where it tells nothing; the raw step is kept."""
         numbers = [*before.tolist(), *after.tolist(), *command.tolist()]
+        was_after, state.after = state.after, tuple(numbers[3:6])
+        if tuple(numbers[:3]) != was_after:
+            state.earlier = NO_STEPS
         known = past is None or bool(np.isfinite(past).all())
         if not (isfinite(sum(numbers)) and known):
             self._leave_out(state, rejected=True)

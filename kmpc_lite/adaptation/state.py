@@ -57,6 +57,8 @@ class AdaptationState:
     """Fading mean of the variance of position and of turns."""
     earlier: tuple[float, ...] = NO_STEPS
     """Fading sum of the steps before, which whitens the next one."""
+    after: tuple[float, ...] = ()
+    """Pose at which the step before ended: one that begins elsewhere shares no noise with it."""
     gains: Gains = Gains()
     """The gains in use."""
     errors: tuple[float, float] = (0.0, 0.0)

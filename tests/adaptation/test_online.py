@@ -128,6 +128,7 @@ def test_margins_learn_with_the_floor():
 
 LASTING = [1500, pytest.param(10_000, marks=pytest.mark.long)]
 """Steps in which nothing happens."""
+LASTING_NOISE = pytest.param(0.0, 10_000, marks=pytest.mark.long)
 
 
 @pytest.mark.parametrize("steps", LASTING)
@@ -209,13 +210,34 @@ def test_noise_of_poses_that_the_log_had_is_seen_through():
     assert np.quantile(ratios, 0.8) <= 1.5
 
 
-@pytest.mark.parametrize("steps", LASTING)
-@pytest.mark.parametrize("slip", [0.0, 0.1])
+@pytest.mark.parametrize(("slip", "steps"), [(0.0, 1500), (0.1, 1500), LASTING_NOISE])
 def test_a_good_model_of_a_noisy_log_is_left_alone(slip, steps):
     model = noisy_model(slip)
     adaptation = OnlineAdaptation(model)
     assert not go(adaptation, DifferentialDrive(slip, seed=3), steps, 3, noise=NOISY)
     assert adaptation.model is model
+
+
+@pytest.mark.long
+def test_slip_that_looks_like_a_change_once_in_a_quarter_of_an_hour_does_no_harm():
+    """Two seconds in which slip happens to lie far off its mean."""
+    adaptation = OnlineAdaptation(noisy_model(0.1))
+    given = go(adaptation, DifferentialDrive(0.1, seed=3), 10_000, 3, noise=NOISY)
+    assert len(given) <= 4
+    ratios = errors(adaptation.model, 0.1, 1.0) / errors(noisy_model(0.1), 0.1, 1.0)
+    assert ratios.max() < 1.05
+
+
+def test_a_pose_that_does_not_follow_the_one_before_shares_no_noise_with_it():
+    """Somebody carried the robot, or nobody knew for a period what it was told."""
+    adaptation, random = OnlineAdaptation(noisy_model()), np.random.default_rng(1)
+    plant, x = DifferentialDrive(), np.zeros(3)
+    for _ in range(20):
+        after = plant.step(x, (0.4, 0.2), DT)
+        seen = [pose + random.normal(size=3) * NOISY for pose in (x, after)]
+        adaptation.update(seen[0], (0.4, 0.2), seen[1])
+        np.testing.assert_array_equal(adaptation.state.earlier[2:4], (seen[1] - seen[0])[:2])
+        x = after
 
 
 def test_whitening_leaves_no_trace_of_a_pose_in_the_next_step():
