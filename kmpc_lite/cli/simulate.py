@@ -54,9 +54,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--iterations",
         type=int,
-        default=1,
         metavar="N",
-        help="SQP passes per step: 1 is real time, more converge (default: 1)",
+        help="SQP passes per step: 1 is real time, more converge (default: 1, or more where the "
+        "robot turns far in a period)",
     )
     add(
         "--lidar",
@@ -128,7 +128,7 @@ def simulate(
     scenario: Scenario,
     plant: str,
     horizon: int,
-    iterations: int,
+    iterations: int | None,
     adaptation: bool | None = None,
     views: Views | None = None,
 ) -> tuple[Run, SimulationRecorder]:

@@ -27,6 +27,7 @@ from kmpc_lite.control.settings import (
     check_settings,
     choose_adaptation,
     choose_options,
+    choose_passes,
 )
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import StepClock
@@ -61,9 +62,9 @@ class Controller:
     pose_age : float
         How old the pose is on arrival [s]; it is brought forward with the commands given meanwhile,
         as it is by how late the robot answers where the log shows more than the model.
-    sqp_iterations : int
+    sqp_iterations : int, optional
         Passes per step: 1 is the real-time iteration, more run until the plan changes by less than
-        `tolerance`.
+        `tolerance`. Where not given: 1, or more where the robot turns far in a period.
     tolerance : float
         Change of the plan from pass to pass below which no more passes are run.
     time_budget : float, optional
@@ -108,7 +109,7 @@ class Controller:
         risk: float | None = None,
         adaptation: bool | OnlineAdaptation | None = None,
         pose_age: float = 0.0,
-        sqp_iterations: int = 1,
+        sqp_iterations: int | None = None,
         tolerance: float = 1e-5,
         obstacle_slots: int = 5,
         time_budget: float | None = None,
@@ -120,7 +121,9 @@ class Controller:
         self.options = options = choose_options(options, guidance, risk)
         settings: dict[str, Any] = {
             "pose_age": pose_age,
-            "sqp_iterations": sqp_iterations,
+            "sqp_iterations": choose_passes(
+                problem, sqp_iterations, bool(guidance), options.solver
+            ),
             "tolerance": tolerance,
             "obstacle_slots": obstacle_slots,
             "time_budget": time_budget,
@@ -144,7 +147,7 @@ class Controller:
         self._sqp = SQP(
             units,
             model.history,
-            iterations=sqp_iterations,
+            iterations=settings["sqp_iterations"],
             tolerance=tolerance,
             slots=obstacle_slots,
             options=options.solver,

@@ -8,7 +8,12 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
-from kmpc_lite.control.options import ControllerOptions, GuidanceOptions, StepOptions
+from kmpc_lite.control.options import (
+    ControllerOptions,
+    GuidanceOptions,
+    SolverOptions,
+    StepOptions,
+)
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import SAME_DT
@@ -32,6 +37,20 @@ def choose_options(
         margins = replace(chosen.margins, risk=float(risk))
         chosen = replace(chosen, margins=margins)
     return chosen
+
+
+def choose_passes(
+    problem: NavigationProblem, passes: int | None, guides: bool, options: SolverOptions
+) -> int:
+    """Passes per step: as asked, or as many as the robot needs that turns so far in a period.
+
+    Without guidance it is the paper's single pass.
+    """
+    if passes is not None:
+        return passes
+    u_min, u_max, _, _ = problem.bounds
+    turn = problem.dt * max(float(u_max[1]), -float(u_min[1]))
+    return options.long_period_passes if guides and turn > options.real_time_turn else 1
 
 
 def check_settings(

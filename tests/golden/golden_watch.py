@@ -319,6 +319,11 @@ TESTS: dict[str, tuple[str, ...]] = {
     "test_passes_to_convergence_solve_with_four_thousand_iterations_at_the_most": (
         "solver.converged.max_iter",
     ),
+    "control/nmpc/test_solver_options.py::"
+    "test_more_than_0_6_radians_in_a_period_need_more_than_one_pass": (
+        "solver.real_time_turn",
+        "solver.long_period_passes",
+    ),
     "control/nmpc/test_solver_options.py::test_a_qp_gets_some_time_even_past_the_deadline": (
         "solver.least_solve_time",
     ),

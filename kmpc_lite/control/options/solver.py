@@ -66,6 +66,11 @@ class SolverOptions:
     slack_scale: float = share(8.0, zero=False)
     """The same of the rows that keep slacks from being negative."""
 
+    real_time_turn: float = angle(0.6, zero=False)
+    """Largest turn in a period [rad] that one pass a period keeps up with: the plan of the period
+    before is no linearisation to begin with where it has turned farther ..."""
+    long_period_passes: int = count(10)
+    """... and so many passes are made; there is time for them in such a period."""
     cold_passes: int = count(10)
     """Most passes of a step that has no warm start: the first linearisation, at rest, does not see
     that steering has an effect."""

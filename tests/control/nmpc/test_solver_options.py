@@ -177,3 +177,23 @@ def test_a_qp_gets_some_time_even_past_the_deadline(
         sqp.solve(SQPState(search_time=0.1), at_rest(sqp.qp, np.zeros(3)), task)
     np.testing.assert_allclose(limits[:2], [least, 0.1])
     assert limits[2] is None
+
+
+def test_more_than_0_6_radians_in_a_period_need_more_than_one_pass() -> None:
+    def passes(turn: float, **settings: Any) -> list[int]:
+        problem = kl.NavigationProblem(dt=1.0, u_min=(-0.6, -0.1), u_max=(0.6, turn))
+        options = kl.ControllerOptions(solver=replace(SolverOptions(), long_period_passes=3))
+        controller = kl.Controller(
+            kl.nominal_unicycle(1.0), problem, options=options, adaptation=False, **settings
+        )
+        pose, used = np.zeros(3), []
+        for _ in range(4):
+            plan = controller.step(pose, (3.0, 2.0, 0.0))
+            used.append(plan.iterations)
+            pose = plan.states[1]
+        return used[1:]
+
+    assert max(passes(0.59)) == 1
+    assert max(passes(0.61)) == 3
+    assert max(passes(0.61, sqp_iterations=1)) == 1
+    assert max(passes(0.61, guidance=False)) == 1
