@@ -14,6 +14,7 @@ import numpy as np
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import Episode
 from kmpc_lite.learn.stops import Stop, find_stops
+from kmpc_lite.learn.unmodelled_delay import DelayOptions, unmodelled_delay
 from kmpc_lite.learn.windows import largest_speeds
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
@@ -27,10 +28,6 @@ class StoppingOptions:
     """Stops from which on something is said."""
     sure: float = 2.0
     """Standard errors by which the robot must drive on farther than predicted."""
-    window: float = 1.0
-    """Motions over so long are compared with the commands, to tell how late they come [s]."""
-    longest: float = 1.0
-    """Latest answer that is looked for [s]."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +76,7 @@ def measure_stopping(
                 told.append(_told_deceleration(episode, stop))
                 beyond.append(_farther_than_predicted(model, episode, stop))
                 energy.append(0.5 * episode.inputs[stop.begin - 1, 0] ** 2)
-    delay = _known_delay(model) or measure_delay(episodes, options)
+    delay = _delay(model, Dataset(episodes))
     if len(told) < options.fewest:
         return Stopping(delay, len(told), None)
     slowness = 1.0 / float(np.median(told))
@@ -115,32 +112,12 @@ def _excess(beyond: Array, energy: Array, sure: float) -> float:
     return found + error if found > sure * error else max(0.0, found)
 
 
-def _known_delay(model: KoopmanModel) -> float:
-    """Delay that the model has learned [s]; 0 where it has learned none."""
-    response = model.info.get("response")
-    return float(sum(response["speed"])) if isinstance(response, dict) else 0.0
-
-
-def measure_delay(episodes: list[Episode], options: StoppingOptions | None = None) -> float:
+def _delay(model: KoopmanModel, log: Dataset) -> float:
     """How late the motion along the heading follows the commanded speed [s].
 
-    The lag in whole periods at which motions and commands over a window are most alike.
+    As the model has learned it, else as the log shows it: the likeliest delay even where it is not
+    sure, for one that is told too short is a stop that comes too late.
     """
-    options = StoppingOptions() if options is None else options
-    dt = episodes[0].dt
-    span, lags = max(1, round(options.window / dt)), round(options.longest / dt)
-    moments = np.zeros((lags + 1, 2))
-    for episode in episodes:
-        if len(episode) < span + lags + 1:
-            continue
-        step, theta = np.diff(episode.states, axis=0), episode.states[:-1, 2]
-        ahead = np.cos(theta) * step[:, 0] + np.sin(theta) * step[:, 1]
-        way = np.concatenate([[0.0], np.cumsum(ahead)])
-        told = np.concatenate([[0.0], np.cumsum(episode.inputs[:, 0] * dt)])
-        moved = way[lags + span :] - way[lags:-span]
-        for lag in range(lags + 1):
-            stop = len(told) - lag
-            asked = told[lags - lag + span : stop] - told[lags - lag : stop - span]
-            moments[lag] += asked @ moved, asked @ asked
-    likeness = moments[:, 0] / np.sqrt(np.maximum(moments[:, 1], 1e-12))
-    return float(np.argmax(likeness)) * dt
+    response = model.info.get("response")
+    known = float(sum(response["speed"])) if isinstance(response, dict) else 0.0
+    return known or unmodelled_delay(log, DelayOptions(sure=0.0, turns=False))

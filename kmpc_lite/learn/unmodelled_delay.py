@@ -1,4 +1,4 @@
-"""How late a robot answers, for a model that does not know it.
+"""How late a robot answers: for a model that does not know it, and for the way that it stops in.
 
 A model without input history moves with the command of the present period. Where the log shows that
 the robot answers later, the delay is kept beside the model, and the controller brings poses forward
@@ -33,6 +33,8 @@ class DelayOptions:
     """Standard errors by which a delay must explain more than none."""
     most_steps: int = 40_000
     """Steps of the log that are looked at."""
+    turns: bool = True
+    """Whether the turn rate is looked at, too, or the speed alone."""
 
 
 def unmodelled_delay(dataset: Dataset, options: DelayOptions | None = None) -> float:
@@ -60,6 +62,8 @@ def unmodelled_delay(dataset: Dataset, options: DelayOptions | None = None) -> f
     asked, moved = _rows(dataset, lags, 1, options.most_steps)
     if len(moved) < 4 * options.blocks:
         return 0.0
+    kinds = INPUTS if options.turns else 1
+    asked, moved = asked[..., :kinds], moved[:, :kinds]
     tried = np.arange(options.parts * lags + 1) / options.parts
     errors = np.stack([_errors(asked, moved, delay, options.blocks) for delay in tried])
     gain = errors[0] - errors[int(errors.sum(axis=1).argmin())]
@@ -68,6 +72,7 @@ def unmodelled_delay(dataset: Dataset, options: DelayOptions | None = None) -> f
         return 0.0
     # slowly changing motion shows the mean of an answer that is drawn out
     asked, moved = _rows(dataset, lags, lags, options.most_steps)
+    asked, moved = asked[..., :kinds], moved[:, :kinds]
     left = [float(_errors(asked, moved, delay, 1)[0]) for delay in tried]
     return dataset.dt * float(tried[int(np.argmin(left))])
 

@@ -1,4 +1,4 @@
-"""``kmpc study anyrobot`` and ``scales``: whether it drives a robot that nobody has tuned it for.
+"""Studies ``anyrobot``, ``scales``, ``limits``: whether it drives a robot nobody has tuned it for.
 
 Size, speed, period, lag, slip, turning centre, noise and, of one in three, a footprint that is no
 circle are drawn at random from a seed.
@@ -59,12 +59,15 @@ class Robot:
     """How long its log is [s]."""
     footprint: Footprint | None = None
     """What it covers, where that is no circle of its radius; that is then the size of its map."""
+    horizon: int = 20
+    """Periods that are planned ahead."""
 
     def problem(self, side: float) -> NavigationProblem:
         """Its navigation problem in a square area of a side [m]."""
         half = 0.5 * side
         backwards = -self.speed if self.reverse else 0.0
         return NavigationProblem(
+            horizon=self.horizon,
             dt=self.dt,
             u_min=(backwards, -self.turn_rate),
             u_max=(self.speed, self.turn_rate),
@@ -135,6 +138,14 @@ KNOWN = (
     Robot("fast", speed=3.0, turn_rate=2.0, slip=0.05, learned=False),
 )
 """Robots of known kinds, driven with the nominal model on a slipping floor."""
+LIMITS = (
+    Robot("one-minute log", noise=(0.02, math.radians(3.0)), slip=0.05, seconds=60.0),
+    *(
+        Robot(f"1 s, N {n}", dt=1.0, horizon=n, slip=0.05, learned=False, turn_rate=UNIT_TURN)
+        for n in (10, 20, 40)
+    ),
+)
+"""A short log of badly measured poses, and the paper's period at three horizons."""
 
 
 def scaled(robot: Robot, by: float) -> Robot:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.learn.stopping import Stopping, measure_delay, measure_stopping
+from kmpc_lite.learn.stopping import Stopping, measure_stopping
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 
 DT = 0.1
@@ -84,4 +84,5 @@ def test_too_few_stops_say_nothing_of_braking(model: kl.KoopmanModel) -> None:
 @pytest.mark.parametrize(("lag", "dead_time"), [(0.0, 0.0), (0.0, 0.3), (0.3, 0.1)])
 def test_the_delay_of_any_model_is_that_of_the_motion(lag: float, dead_time: float) -> None:
     data = log(lag=lag, dead_time=dead_time, noise=0.005)
-    assert measure_delay(list(data.episodes)) == pytest.approx(lag + dead_time, abs=0.11)
+    found = measure_stopping(kl.nominal_unicycle(DT), data)
+    assert found.delay == pytest.approx(lag + dead_time, abs=0.11)
