@@ -51,9 +51,8 @@ def run(options: argparse.Namespace, name: str) -> int:
                 rows.append(job.result())
                 bar(done, len(jobs))
         else:
-            known = (
-                LIMITS if name == "limits" else (*(scaled(STANDARD, by) for by in SCALES), *KNOWN)
-            )
+            at_scales = (*(scaled(STANDARD, by) for by in SCALES), *KNOWN)
+            known = LIMITS if name == "limits" else at_scales
             robots = {robot.name: robot for robot in known}
             asked = [robots[name] for name in chosen(robots, options.only)]
             rows = study(asked, seeds, executor, bar)
