@@ -121,9 +121,7 @@ class Controller:
         self.options = options = choose_options(options, guidance, risk)
         settings: dict[str, Any] = {
             "pose_age": pose_age,
-            "sqp_iterations": choose_passes(
-                problem, sqp_iterations, bool(guidance), options.solver
-            ),
+            "sqp_iterations": choose_passes(problem, sqp_iterations, guidance, options),
             "tolerance": tolerance,
             "obstacle_slots": obstacle_slots,
             "time_budget": time_budget,

@@ -8,12 +8,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
-from kmpc_lite.control.options import (
-    ControllerOptions,
-    GuidanceOptions,
-    SolverOptions,
-    StepOptions,
-)
+from kmpc_lite.control.options import ControllerOptions, GuidanceOptions, StepOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import SAME_DT
@@ -40,7 +35,10 @@ def choose_options(
 
 
 def choose_passes(
-    problem: NavigationProblem, passes: int | None, guides: bool, options: SolverOptions
+    problem: NavigationProblem,
+    passes: int | None,
+    guidance: bool | GuidanceOptions,
+    options: ControllerOptions,
 ) -> int:
     """Passes per step: as asked, or as many as the robot needs that turns so far in a period.
 
@@ -50,7 +48,8 @@ def choose_passes(
         return passes
     u_min, u_max, _, _ = problem.bounds
     turn = problem.dt * max(float(u_max[1]), -float(u_min[1]))
-    return options.long_period_passes if guides and turn > options.real_time_turn else 1
+    far = bool(guidance) and turn > options.solver.real_time_turn
+    return options.solver.long_period_passes if far else 1
 
 
 def check_settings(
