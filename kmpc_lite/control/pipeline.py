@@ -35,6 +35,7 @@ from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE, StepClock
 from kmpc_lite.control.verification import Verification, Verified
 from kmpc_lite.control.watching import Watching
 from kmpc_lite.scale import Scale
+from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.guidance.guide import Guide
@@ -160,7 +161,9 @@ class Pipeline:
         guess, passes = self._sqp.warm_start.from_last(state.trajectory, seen.here), 1
         if guess is None:
             guess, passes = at_rest(qp, seen.here), options.cold_passes
-        elif guidance is not None and guidance.switched:
+        elif guidance is not None and (
+            guidance.switched or self._cuts_deeper(guess.states, reference, seen)
+        ):
             # a plan along the old path is no good start for the new one
             guess, passes = along(qp, reference, seen.here), options.new_path_passes
         deadline = clock.deadline(max(state.after_solve, LEAST_AFTER_SOLVE))
@@ -182,6 +185,17 @@ class Pipeline:
         result = self._sqp.solve(state.sqp, guess, task, passes)
         clock.add(result.timing)
         return result
+
+    def _cuts_deeper(self, states: Array, reference: Array, seen: Observation) -> bool:
+        """Whether a plan (N + 1, 3) cuts deeper than the reference into who was seen to move.
+
+        He has turned where the plan leads: it is no start for one that lets him pass.
+        """
+        if seen.spread is None:
+            return False
+        moving, depth = seen.circles[seen.spread > 0.0], self._sqp.keep_out.penetration
+        cut, needed = (float(depth(s, moving).max()) for s in (states, reference))
+        return cut > needed
 
     def verify(
         self,

@@ -20,6 +20,7 @@ from kmpc_lite.model.koopman import KoopmanModel
 if TYPE_CHECKING:
     from kmpc_lite.control.guidance.state import GuideState
     from kmpc_lite.control.obstacles.sight.local_map import LocalMap
+    from kmpc_lite.control.obstacles.tracks import Tracks
 
 
 @dataclass(slots=True)
@@ -52,6 +53,8 @@ class ControllerState:
     """Whether the pose has jumped."""
     circles: MotionWatchState = field(default_factory=MotionWatchState)
     """Who moves otherwise than told."""
+    walkers: Tracks | None = None
+    """Who walks, as scans show it, in metres and seconds; None without scans."""
     trajectory: Trajectory | None = None
     """Last plan: the warm start of the next step."""
     adaptation: AdaptationState | None = None

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from kmpc_lite.control.answers import Answers
 from kmpc_lite.control.estimation.pose_watch import PoseWatch
 from kmpc_lite.control.knowledge import Knowledge
@@ -16,6 +18,7 @@ from kmpc_lite.scale import Scale
 
 if TYPE_CHECKING:
     from kmpc_lite.control.obstacles.sight.sight import Sight
+    from kmpc_lite.control.obstacles.walkers import Walkers
 
 
 class Watching:
@@ -49,6 +52,7 @@ class Watching:
         speed = fastest(units)[0] or 1.0
         self._motion = MotionWatch(units.dt, options.tracker, unit_length(units), speed)
         self._sight: Sight | None = None
+        self._walkers: Walkers | None = None
 
     def watch(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
         """Compare circles and pose with what was expected of them.
@@ -60,17 +64,39 @@ class Watching:
         if known.margins is None:
             return
         seen.circles, seen.spread = self._motion.see(state.circles, seen.circles)
+        if seen.pose_is_known and (seen.scans or state.walkers is not None):
+            self._find_walkers(state, seen)
         noise, pose = known.margins.noise, seen.pose if seen.pose_is_known else None
         doubted = state.pose.believed is not None
         instead = self._poses.see(state.pose, state.history, known.model, noise, pose)
         if instead is not None:
             # circles that are seen from a pose that jumped have jumped, too
             self._motion.forget(state.circles)
+            state.walkers = None
             seen.pose = instead
             seen.refusal = seen.refusal or self._answers.jump(state.pose.jump)
         elif doubted and state.pose.agreed:
             # the poses stay where they jumped to: what scans showed lies elsewhere now
             state.seen = None
+
+    def _find_walkers(self, state: ControllerState, seen: Observation) -> None:
+        """Add who walks, as scans show it, to the circles."""
+        # here, since most robots have no scanner
+        from kmpc_lite.control.obstacles.tracks import Tracks
+        from kmpc_lite.control.obstacles.walkers import Walkers
+
+        if self._walkers is None:
+            dt = self._units.dt * self._scale.time
+            self._walkers = Walkers(dt, self._options.tracker, self._scale)
+        before = Tracks() if state.walkers is None else state.walkers
+        state.walkers, rows, spread = self._walkers.see(
+            before, seen.scans, seen.measured, seen.circles
+        )
+        if not len(rows):
+            return
+        told = np.zeros(len(seen.circles)) if seen.spread is None else seen.spread
+        seen.circles = np.concatenate([seen.circles, rows])
+        seen.spread = np.concatenate([told, spread])
 
     def look(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
         """Look around: what scans show, and what they have shown before."""
@@ -83,7 +109,8 @@ class Watching:
         if self._sight is None:
             self._sight = Sight(self._units, self._scale, self._options.sight, self._reach)
         noise = 0.0 if known.margins is None else known.margins.tightening.pose_deviation
-        state.seen = self._sight.look(state.seen, seen.scans, seen.measured, noise)
+        moving = seen.circles[seen.circles[:, 3:].any(axis=1)]
+        state.seen = self._sight.look(state.seen, seen.scans, seen.measured, noise, moving)
         if state.seen is not None:
             speed = float(state.history.command[0])
             seen.view = View(self._sight, state.seen, seen.here, speed)

@@ -17,7 +17,6 @@ import numpy as np
 
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.obstacles.scan import LaserScan
-from kmpc_lite.control.obstacles.tracker import ObstacleTracker
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import wrap
 from kmpc_lite.model.nominal import nominal_unicycle
@@ -30,7 +29,7 @@ from kmpc_lite.types import Array
 
 SEEN = ("told", "zero", "noisy", "lidar")
 """How the controller sees people: with their velocity, with zero, with zero and noise of the place,
-or in scans, out of which a tracker finds who walks."""
+or in scans alone."""
 COUNTS = (4, 8)
 NOISE = 0.01
 """Of noisy circles, along each axis [m]."""
@@ -100,14 +99,12 @@ def drive(people: int, turning: bool, seen: str, seed: int) -> Drive:
     pose, goal = ends(seed, walks.side)
     crowd = Pedestrians(walks, seed, pose[:2])
     plant, noise = DifferentialDrive(SLIP, seed), np.random.default_rng([seed, 4])
-    tracker = ObstacleTracker(DT)
     counts = Counts(people, turning, seen, seed)
     touching, trail = np.zeros(people, dtype=bool), [pose[:2]]
     poses, circles, statuses, contacts = [pose], [crowd.circles], list[str](), []
     while counts.steps * DT < TIMEOUT and not counts.arrived:
         if seen == "lidar":
-            scan = _scan(pose, crowd.circles, noise)
-            around: Any = [scan, *tracker.see(scan, pose)]
+            around: Any = [_scan(pose, crowd.circles, noise)]
         else:
             around = _as_seen(crowd.circles, seen, noise)
         plan = controller.step(pose, goal, around)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import pickle
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.control.obstacles.motion_watch import MotionWatch, MotionWatchState
 from kmpc_lite.control.options import TrackerOptions
+from kmpc_lite.sim.lidar import World
 from kmpc_lite.studies import pedestrians
 from kmpc_lite.types import Array
 
@@ -98,6 +100,59 @@ def test_a_drive_with_walkers_goes_on_after_a_copy_and_a_pickle() -> None:
         for other in others:
             np.testing.assert_array_equal(other.step(pose, GOAL, walker(k)).inputs, plan.inputs)
         pose = kl.DifferentialDrive().step(pose, plan.command, DT)
+
+
+def test_who_turns_on_the_spot_counts_as_moving_without_a_break() -> None:
+    state, looking, random = MotionWatchState(), watch(), np.random.default_rng(1)
+    for k in range(20):
+        turned = max(k - 12, 0)
+        place = [0.8 * DT * (min(k, 12) - 0.3 * turned), 0.7 * DT * turned]
+        row = [*(place + 0.01 * random.normal(size=2)), 0.25, 0.0, 0.0]
+        _, spread = looking.see(state, np.array([row]))
+        assert k < 6 or (spread is not None and spread[0] > 0.0)
+
+
+BEAMS = 180
+POST = [0.6, 1.6, 0.1, 0.0, 0.0]
+
+
+def scanned(pose: Array, k: int) -> kl.LaserScan:
+    """What a scanner sees of somebody who crosses the way, and of a post."""
+    directions = math.tau / BEAMS * np.arange(BEAMS)
+    circles = np.vstack([walker(k), POST])
+    ranges = World(circles, np.empty((0, 4))).ranges(pose[:2], pose[2] + directions)
+    return kl.LaserScan(np.where(ranges > 4.0, np.inf, ranges), 0.0, math.tau / BEAMS, 4.0)
+
+
+def test_who_walks_is_found_in_scans_alone_and_let_pass() -> None:
+    controller = kl.Controller(kl.nominal_unicycle(DT))
+    pose, plant, gap, found = np.zeros(3), kl.DifferentialDrive(0.05, seed=1), np.inf, 0
+    for k in range(60):
+        plan = controller.step(pose, GOAL, [scanned(pose, k)])
+        tracks = controller.state.walkers
+        assert tracks is not None
+        moving = tracks.states[tracks.moving]
+        found += any(np.hypot(*(row[2:4] - (0.0, 0.7))) < 0.25 for row in moving)
+        if k == 15:
+            other = pickle.loads(pickle.dumps(controller))
+            again = copy.deepcopy(other).step(pose, GOAL, [scanned(pose, k + 1)])
+            after = controller.step(pose, GOAL, [scanned(pose, k + 1)])
+            np.testing.assert_array_equal(after.inputs, again.inputs)
+        pose = plant.step(pose, plan.command, DT)
+        gap = min(gap, float(np.hypot(*(pose - walker(k + 1)[0, :3])[:2])) - 0.35)
+    assert gap > 0.0 and found >= 10
+    assert np.hypot(*(pose - GOAL)[:2]) < 0.1
+
+
+def test_who_is_told_and_seen_counts_once_and_leaves_no_marks_on_the_map() -> None:
+    controller, pose = kl.Controller(kl.nominal_unicycle(DT)), np.array([-0.5, 0.0, 0.0])
+    for k in range(12):
+        told = kl.Circle(*walker(k)[0, :3], vy=0.7)
+        controller.step(pose, pose, [scanned(pose, k), told])
+    seen = controller.state.seen
+    assert seen is not None and controller.state.guide is not None
+    hits = seen.points(np.flatnonzero(seen.state > 0))
+    assert len(hits) and (hits[:, 1] > 1.0).all()
 
 
 def test_circles_that_stand_give_the_drive_of_a_controller_that_watches_nothing() -> None:

@@ -158,19 +158,17 @@ class Replanner:
 
     def _is_new(self, state: GuideState, now: Situation) -> bool:
         """Whether the goal or the map is another one than the last search was begun for."""
+        circles = now.told
         if (
-            len(now.circles) != len(state.circles)
+            len(circles) != len(state.circles)
             or not same_solids(now.solids, state.solids)
             or now.target.tolist() != state.goal.tolist()
         ):
             return True
-        if not len(now.circles) or now.circles.tobytes() == state.circles_at_rest:
+        if not len(circles) or circles.tobytes() == state.circles_at_rest:
             return False
-        change = now.circles - state.circles
+        change = circles - state.circles
         change[:, :2] -= state.age * state.circles[:, 3:]
-        if now.moving is not None and now.moving.spread is not None:
-            # a velocity that is seen differs from step to step: the place tells, and what it blocks
-            change[now.moving.spread > 0.0, 3:] = 0.0
         return bool((np.abs(change, out=change) > self._moved).any())
 
     def _is_blocked(self, state: GuideState, now: Situation) -> bool:
@@ -212,7 +210,7 @@ class Replanner:
         if state.path_map is None and now.solids is not None:
             later = state.only_renews
             state.path_map = PathMap(now.solids, self._options, later=later)
-        state.goal, state.circles = now.target.copy(), now.circles.copy()
+        state.goal, state.circles = now.target.copy(), now.told.copy()
         state.solids, state.age, state.centre_moved = now.solids, 0.0, False
         state.circles_at_rest = b"" if now.moving is not None else now.circles.tobytes()
         shuttle = self._new_shuttle(state, now)
@@ -222,7 +220,7 @@ class Replanner:
             pose=now.pose.copy(),
             goal=(now.goal if state.shuttle is None else state.shuttle).copy(),
             target=state.goal,
-            circles=state.circles if now.moving is None else now.moving.where_met(now.pose),
+            circles=now.circles.copy() if now.moving is None else now.moving.where_met(now.pose),
             path_map=state.path_map,
             previous=state.path if same_goal and not stuck else None,
             same_goal=same_goal,

@@ -43,6 +43,15 @@ class Situation:
     view: View | None = None
     """What scans have shown; none without any."""
 
+    @property
+    def told(self) -> Array:
+        """Circles (K, 5) that do as they are told: who was seen to move is no part of the map."""
+        moving = self.moving
+        if moving is None or moving.spread is None:
+            return self.circles
+        told: Array = self.circles[moving.spread == 0.0]
+        return told
+
 
 def lies_outside(goal: Array, low: list[float], high: list[float], tolerance: float) -> bool:
     """Whether a goal (3,) lies outside the area by more than a tolerance [m]."""

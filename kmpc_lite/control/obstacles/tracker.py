@@ -16,6 +16,7 @@ from kmpc_lite.control.obstacles.circles import Circle, circles_to_array
 from kmpc_lite.control.obstacles.clusters import clusters
 from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.obstacles.tracks import Follower, Tracks
+from kmpc_lite.control.obstacles.walkers import who_walks
 from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.scale import UNIT_RADIUS, UNIT_SPEED
@@ -132,12 +133,7 @@ class ObstacleTracker:
         options = self._follower.options
         found = clusters(scan, here, options.gap, options.largest_cluster, options.fewest_hits)
         self.follow(np.hstack([found, np.zeros((len(found), 2))]))
-        tracks = self.tracks
-        velocities = tracks.velocities
-        # in a second at the most: who has walked and stands is a thing again
-        walked = np.hypot(*velocities.T) * np.minimum(tracks.seen - tracks.unseen, 1.0)
-        walks = tracks.moving & (walked > options.strayed * tracks.radii)
-        rows = np.hstack([tracks.states[:, :2], tracks.radii[:, None], velocities])[walks]
+        rows, _ = who_walks(self.tracks, options)
         return [Circle(*row) for row in rows.tolist()]
 
     def follow(self, circles: Array) -> Array:

@@ -94,7 +94,7 @@ class Follower:
             (N,) index of each circle's track; -1 for those that are too many.
         """
         states, covariances = self._filter.predict(tracks.states, tracks.covariances)
-        rows, columns, covariances = self._pairs(states, covariances, circles)
+        rows, columns, turned, covariances = self._pairs(states, covariances, circles)
         if len(rows):
             states[rows], covariances[rows] = self._filter.update(
                 states[rows], covariances[rows], circles[columns, :2]
@@ -117,6 +117,10 @@ class Follower:
         seen = np.concatenate([seen[alive], none])
         # two sightings may be two circles
         followed = seen > 1.5 * self.dt
+        # who turns on the spot moves on
+        moved = np.zeros(len(tracks), dtype=bool)
+        moved[turned] = tracks.moving[turned]
+        moved = np.concatenate([moved[alive], np.zeros(len(new), dtype=bool)])
         states = np.concatenate([states[alive], first])
         covariances = np.concatenate([covariances[alive], uncertain])
         after = Tracks(
@@ -124,7 +128,7 @@ class Follower:
             covariances,
             np.concatenate([radii[alive], circles[new, 2]]),
             told,
-            followed & moving(states, covariances, told, self._chance),
+            moved | (followed & moving(states, covariances, told, self._chance)),
             np.concatenate([tracks.numbers[alive], numbers]),
             seen,
             np.concatenate([unseen[alive], none]),
@@ -134,10 +138,11 @@ class Follower:
 
     def _pairs(
         self, states: Array, covariances: Array, circles: Array
-    ) -> tuple[Array, Array, Array]:
+    ) -> tuple[Array, Array, Array, Array]:
         """Which track (P,) was seen as which circle (P,): the likeliest pairs within the gate.
 
-        Covariances (M, 5, 5) are larger for those who can be paired only if they turned round.
+        Then tracks (T,) that can be paired only if they turned round; covariances (M, 5, 5) are
+        larger for those.
         """
         squares, spread = self._filter.distances(states, covariances, circles[:, :2])
         wide = self._filter.turned_round(covariances)
@@ -148,4 +153,4 @@ class Follower:
         turns = rows[squares[rows, columns] > self._gate]
         covariances = covariances.copy()
         covariances[turns] = wide[turns]
-        return rows, columns, covariances
+        return rows, columns, turns, covariances

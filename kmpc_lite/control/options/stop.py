@@ -25,6 +25,12 @@ class StopOptions:
     """A command that must be slowed to less than this share turns on the spot at its full turn
     rate: turning moves a round robot by a fraction of a millimetre, standing still would be for
     ever."""
+    swerve_time: float = seconds(0.3)
+    """Longest time for which who moves may walk anywhere at his speed, instead of where he walks,
+    until the robot stands [s]; at least a period."""
+    makes_room: float = part(0.5)
+    """Cosine of the angle to the direction straight away from somebody within which a motion makes
+    room for him."""
     overspeed: float = share(1.25, zero=False)
     """A robot is taken to drive up to this many times as far as its commands say, where it is only
     decided whether to look more closely."""

@@ -16,8 +16,8 @@ It holds as far as these are true:
 
 - the model is wrong about the stop trajectory by less than the margin of the coming command
   (`CommandCheck.step_margin`);
-- circles keep their velocity and solids stay until the robot stands; a standing robot can still be
-  driven into;
+- circles keep their velocity, or turn on the spot (`passers_by`), and solids stay until the robot
+  stands; a standing robot can still be driven into;
 - the pose is right, and every obstacle that the stop trajectory comes to is known: all are told,
   or those within `NavigationProblem.sensor_range`, or a scan has shown the place to be free;
 - a robot whose model has no input history, and whose commands may change as they like (no
@@ -40,6 +40,7 @@ from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.safe_stop.braking import ROUNDING, Braking
+from kmpc_lite.control.safe_stop.passers_by import PassersBy
 from kmpc_lite.control.safe_stop.quick_look import QuickLook
 from kmpc_lite.control.safe_stop.stop_task import CheckedPlan, StopTask, StopTrajectory
 from kmpc_lite.model.motion import MotionModel
@@ -70,6 +71,7 @@ class StopTrajectories:
         self._footprint = problem.footprint
         self._braking = Braking(problem, options)
         self._quick_look = QuickLook(problem, self._braking, options)
+        self._passers_by = PassersBy(problem, self._braking, options)
         self._further = min(round(options.further_time / problem.dt), problem.horizon - 1)
         self._rates = RateLimit(problem)
         known = problem.sensor_range
@@ -86,12 +88,16 @@ class StopTrajectories:
             What it must be clear of.
         """
         check, drift = task.check, task.drift
-        anything = len(task.circles) or task.nearby or self._known < math.inf
-        if check is None or drift is None or not anything:
+        something = len(task.circles) or task.nearby or self._known < math.inf
+        if check is None or drift is None or not something:
             return CheckedPlan(StopTrajectory(), states, inputs)
         ahead, closing = self._ahead(task)
         model, here = task.model, states[0]
         share, nearest = check.speed_share(drift, here, inputs[0], ahead, task.past)
+        if closing:
+            share = min(
+                share, self._passers_by.share(task.circles, states, inputs[0], model.history)
+            )
         plan = CheckedPlan(StopTrajectory(), states, inputs)
         if share < 1.0:
             plan = self._slowed(plan, share, task)

@@ -21,6 +21,7 @@ from kmpc_lite.types import Array
 
 WORLD = OccupancyGrid([[0]], 1.0)
 """A grid in the world's own frame, for rectangles that belong to none."""
+NOBODY = np.empty((0, 5))
 
 
 class Seen(NamedTuple):
@@ -64,7 +65,12 @@ class Sight:
         self._deceleration = float(problem.deceleration[0])
 
     def look(
-        self, before: LocalMap | None, scans: Sequence[LaserScan], pose: Array, pose_noise: float
+        self,
+        before: LocalMap | None,
+        scans: Sequence[LaserScan],
+        pose: Array,
+        pose_noise: float,
+        moving: Array = NOBODY,
     ) -> LocalMap | None:
         """Bring the map up to date.
 
@@ -78,6 +84,8 @@ class Sight:
             (3,) as measured.
         pose_noise : float
             Standard deviation of its position.
+        moving : ndarray
+            (M, 5) circles that move: what is hit of them is no part of the map.
         """
         begins = before is None
         if before is None:
@@ -96,7 +104,11 @@ class Sight:
             here.rounding = max(here.rounding, options.certainty * error)
             self._clear(here, ray)
         for ray in rays:
-            here.mark(ray.hits, options.passes)
+            hits = ray.hits
+            if len(moving):
+                away = np.hypot(*(hits[:, None] - moving[:, :2]).transpose(2, 0, 1))
+                hits = hits[(away > moving[:, 2] + here.cell).all(axis=1)]
+            here.mark(hits, options.passes)
         # what the robot overlaps by a part is free where it begins; later it must have been seen
         self._stand(here, pose, self._radius + begins * math.sqrt(0.5) * here.cell)
         return here
