@@ -176,6 +176,10 @@ TESTS: dict[str, tuple[str, ...]] = {
     "test_the_rest_of_the_plan_is_tried_for_as_long_as_it_is_told": ("stop.further_time",),
     "control/safe_stop/test_stop_options.py::"
     "test_commands_are_slowed_to_the_shares_that_are_told": ("stop.slower_shares",),
+    "control/safe_stop/test_passers_by.py::"
+    "test_he_may_turn_for_three_tenths_of_a_second_at_the_most": ("stop.swerve_time",),
+    "control/safe_stop/test_passers_by.py::"
+    "test_a_motion_makes_room_that_leads_away_by_sixty_degrees": ("stop.makes_room",),
     "control/safe_stop/test_stop_options.py::test_what_is_far_is_not_looked_at": (
         "stop.overspeed",
     ),

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.safe_stop.passers_by import share_beside
+from kmpc_lite.control.options import StopOptions
+from kmpc_lite.control.safe_stop.braking import Braking
+from kmpc_lite.control.safe_stop.passers_by import PassersBy, share_beside
 from kmpc_lite.types import Array
 
 RADIUS, TIME, AWAY = 0.15, 0.1, 0.5
@@ -47,10 +49,30 @@ def test_who_stands_and_who_is_far_does_not_count() -> None:
 def test_a_controller_does_not_drive_towards_who_walks_beside_it(
     du_max: tuple[float, float] | None,
 ) -> None:
-    limits = {} if du_max is None else {"du_max": du_max}
-    controller = kl.Controller(kl.nominal_unicycle(0.1), kl.NavigationProblem(**limits))
+    problem = kl.NavigationProblem() if du_max is None else kl.NavigationProblem(du_max=du_max)
+    controller = kl.Controller(kl.nominal_unicycle(0.1), problem)
     # walks past at 6 cm, and would be clear if he kept his way
     command = controller.step(
         (0.0, 0.0, 0.0), (2.0, 0.0, 0.0), [kl.Circle(0.2, 0.42, 0.25, vx=-0.8)]
     ).command
     assert command[0] <= 0.02
+
+
+def slowed_by(problem: kl.NavigationProblem, gap: float, bearing: float = 0.0) -> float:
+    """Share of 0.1 m/s at which the robot passes who walks at 1 m/s, at a gap and a bearing."""
+    passers_by = PassersBy(problem, Braking(problem, StopOptions()), StopOptions())
+    away = gap + 0.25 + RADIUS
+    person = [away * np.cos(bearing), away * np.sin(bearing), 0.25, 0.0, 1.0]
+    states = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0]])
+    return passers_by.share(np.array([person]), states, np.array([0.1, 0.7]), 8)
+
+
+def test_he_may_turn_for_three_tenths_of_a_second_at_the_most() -> None:
+    assert slowed_by(kl.NavigationProblem(du_max=(0.1, 0.1)), 0.32) == 1.0
+    assert slowed_by(kl.NavigationProblem(du_max=(0.1, 0.1)), 0.30) < 0.1
+
+
+def test_a_motion_makes_room_that_leads_away_by_sixty_degrees() -> None:
+    bearing = np.arccos(-0.55), np.arccos(-0.45)
+    assert slowed_by(kl.NavigationProblem(), 0.1, bearing[0]) == 1.0
+    assert slowed_by(kl.NavigationProblem(), 0.1, bearing[1]) == 0.0
