@@ -48,7 +48,8 @@ def clusters(scan: LaserScan, pose: Array, gap: float, largest: float, fewest: i
     last = np.flatnonzero(apart)
     first = np.concatenate([[0], last[:-1] + 1])
     left, right = reach[first - 1], reach[(last + 1) % len(reach)]
-    free = (left > reach[first]) & (right > reach[last])
+    # what ends at the scanner's reach goes on beyond it
+    free = (left > reach[first] + gap) & (right > reach[last] + gap)
     step = abs(scan.angle_increment) * np.minimum(reach[first], reach[last])
     chords = np.hypot(*(ends[last] - ends[first]).T)
     # the outermost beams that hit miss the sides by half a step each

@@ -38,6 +38,8 @@ class Tracks:
     """(M,) since when each is followed [s]."""
     unseen: Array = field(default_factory=lambda: np.empty(0))
     """(M,) for how long each is hidden [s]."""
+    walked: Array = field(default_factory=lambda: np.empty(0))
+    """(M,) for how long scans have shown each to leave the place where it was [s]."""
     next_number: int = 0
     """Of the next track."""
 
@@ -132,6 +134,7 @@ class Follower:
             np.concatenate([tracks.numbers[alive], numbers]),
             seen,
             np.concatenate([unseen[alive], none]),
+            np.concatenate([tracks.walked[alive], none]),
             tracks.next_number + len(new),
         )
         return after, found

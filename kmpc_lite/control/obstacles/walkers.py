@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kmpc_lite.control.obstacles.clusters import clusters
 from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.obstacles.tracks import Follower, Tracks
 from kmpc_lite.control.options.tracker import TrackerOptions
+from kmpc_lite.geometry import rotate, wrap
 from kmpc_lite.scale import UNIT_RADIUS, UNIT_SPEED, Scale
 from kmpc_lite.types import Array
 
@@ -17,15 +19,52 @@ WINDOW = 1.0
 """Time over which a cluster's way counts [s]: who has walked and stands is a thing again."""
 
 
-def who_walks(tracks: Tracks, options: TrackerOptions) -> tuple[Array, Array]:
-    """Circles of tracks that walk (M, 5), and the standard deviations of their velocities (M,)."""
+def who_walks(
+    tracks: Tracks, options: TrackerOptions, dt: float, scans: Sequence[LaserScan], pose: Array
+) -> tuple[Array, Array]:
+    """Find the circles of tracks that walk (M, 5), and the standard deviations of their velocities (M,).
+
+    Whoever walks has left the place where he was: it is seen to be free, or hidden behind himself.
+    What is seen of a wall also seems to move as the robot does, but the wall is still there.
+    """
     velocities = tracks.velocities
-    walked = np.hypot(*velocities.T) * np.minimum(tracks.seen - tracks.unseen, WINDOW)
-    walks = tracks.moving & (walked > options.strayed * tracks.radii)
-    if not walks.any():
-        return np.empty((0, 5)), np.empty(0)
-    rows = np.hstack([tracks.states[:, :2], tracks.radii[:, None], velocities])[walks]
-    return rows, tracks.velocity_deviations[walks]
+    lasted = np.minimum(tracks.seen - tracks.unseen, WINDOW)
+    moved = np.hypot(*velocities.T) * lasted > options.strayed * tracks.radii
+    rows = np.hstack([tracks.states[:, :2], tracks.radii[:, None], velocities])
+    is_seen = tracks.unseen == 0.0
+    walks = tracks.moving & moved
+    here = np.flatnonzero(walks & is_seen)
+    if len(here):
+        before = rows[here, :2] - lasted[here, None] * velocities[here]
+        left = [_has_left(scan, pose, rows[here], before, options) for scan in scans]
+        walks[here] = np.any(left, axis=0)
+    # who is hidden walks on for as long as he was seen to
+    times = np.where(is_seen, tracks.walked + dt, tracks.walked)
+    tracks.walked = np.where(walks, times, 0.0)
+    walks &= (tracks.walked >= options.begins) & (tracks.unseen <= tracks.walked)
+    return rows[walks], tracks.velocity_deviations[walks]
+
+
+def _has_left(
+    scan: LaserScan, pose: Array, rows: Array, before: Array, options: TrackerOptions
+) -> NDArray[np.bool_]:
+    """Whether a scan shows the places (M, 2) where circles (M, 5) were to be left."""
+    told = np.flatnonzero(~scan.unknown)
+    if not len(told):
+        return np.zeros(len(rows), dtype=bool)
+    x, y = rotate(*(before - pose[:2]).T, -float(pose[2]))
+    x, y = x - scan.mount[0], y - scan.mount[1]
+    aside = wrap(scan.directions[told][None] - np.arctan2(y, x)[:, None])
+    beam = told[np.abs(aside).argmin(axis=1)]
+    distance = np.hypot(x, y)
+    passed = scan.reach[beam] > distance + rows[:, 2]
+    # who comes nearer hides where he was: the beam ends at himself, well before that place
+    ends = np.stack(rotate(*scan.ends[beam].T, float(pose[2])), axis=1) + pose[:2]
+    at_himself = np.hypot(*(ends - rows[:, :2]).T) < rows[:, 2] + options.gap
+    way = np.hypot(*(rows[:, :2] - before).T)
+    well_before = scan.reach[beam] < distance - rows[:, 2] - 0.5 * way
+    found: NDArray[np.bool_] = passed | (at_himself & well_before)
+    return found
 
 
 class Walkers:
@@ -81,7 +120,7 @@ class Walkers:
         if not len(seen) and not len(tracks):
             return tracks, np.empty((0, 5)), np.empty(0)
         tracks, _ = self._follower.follow(tracks, np.hstack([seen, np.zeros((len(seen), 2))]))
-        rows, deviations = who_walks(tracks, options)
+        rows, deviations = who_walks(tracks, options, self._follower.dt, scans, here)
         rows = rows / scale.circle
         spread = options.spread * deviations / scale.speed
         if len(rows) and len(circles):

@@ -20,9 +20,14 @@ POSTS = np.array(
 WALLS = np.array([[-1.0, 2.0, 4.0, 2.0], [-1.0, -2.0, 4.0, -2.0], [-1.0, -2.0, -1.0, 2.0]])
 
 
-def look(circles: Array, pose: Array, random: np.random.Generator | None = None) -> kl.LaserScan:
+def look(
+    circles: Array,
+    pose: Array,
+    random: np.random.Generator | None = None,
+    walls: Array = WALLS,
+) -> kl.LaserScan:
     directions = math.tau / BEAMS * np.arange(BEAMS)
-    ranges = World(circles, WALLS).ranges(pose[:2], pose[2] + directions)
+    ranges = World(circles, walls).ranges(pose[:2], pose[2] + directions)
     if random is not None:
         ranges = ranges + 0.01 * random.normal(size=BEAMS)
         ranges[random.random(BEAMS) < 0.01] = np.nan
@@ -78,6 +83,21 @@ def test_posts_do_not_walk_when_a_robot_drives_by() -> None:
         walking += len(tracker.see(look(POSTS, pose, random), pose))
         pose = pose + (0.03, 0.0, 0.01)
     assert walking <= 3
+
+
+def test_pieces_of_walls_do_not_walk_when_a_robot_drives_by() -> None:
+    random, tracker, walking = np.random.default_rng(4), ObstacleTracker(DT), 0
+    walls = np.array([[0.4 * k, 0.8, 0.4 * k + 0.25, 0.8] for k in range(-3, 12)])
+    for k in range(60):
+        pose = np.array([0.05 * k, 0.1 * math.sin(0.1 * k), 0.02 * k])
+        walking += len(tracker.see(look(POSTS, pose, random, walls), pose))
+    assert walking <= 3
+
+
+def test_a_wall_that_goes_on_beyond_the_scanners_reach_is_none() -> None:
+    walls = np.array([[0.98 * REACH, -9.0, 0.98 * REACH, 9.0]])
+    scan = look(np.empty((0, 5)), np.zeros(3), walls=walls)
+    assert scan.hits.any() and not len(clusters(scan, np.zeros(3), 0.15, 3.0, 3))
 
 
 def test_a_pose_of_another_shape_is_refused() -> None:
