@@ -395,6 +395,8 @@ TESTS: dict[str, tuple[str, ...]] = {
     ),
     "control/obstacles/test_tracker_options.py::"
     "test_somebody_moves_by_half_of_his_radius_in_a_second": ("tracker.strayed",),
+    "control/obstacles/test_tracker_options.py::"
+    "test_somebody_has_left_his_place_for_three_tenths_of_a_second": ("tracker.begins",),
     "control/obstacles/sight/test_sight_options.py::"
     "test_cells_have_a_third_of_a_radius_and_twice_the_noise_of_the_ranges": (
         "sight.cell",

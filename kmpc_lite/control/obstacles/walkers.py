@@ -22,7 +22,7 @@ WINDOW = 1.0
 def who_walks(
     tracks: Tracks, options: TrackerOptions, dt: float, scans: Sequence[LaserScan], pose: Array
 ) -> tuple[Array, Array]:
-    """Find the circles of tracks that walk (M, 5), and the standard deviations of their velocities (M,).
+    """Find the circles of tracks that walk (M, 5), and the deviations of their velocities (M,).
 
     Whoever walks has left the place where he was: it is seen to be free, or hidden behind himself.
     What is seen of a wall also seems to move as the robot does, but the wall is still there.
@@ -52,14 +52,16 @@ def _has_left(
     told = np.flatnonzero(~scan.unknown)
     if not len(told):
         return np.zeros(len(rows), dtype=bool)
-    x, y = rotate(*(before - pose[:2]).T, -float(pose[2]))
+    heading, away = float(pose[2]), before - pose[:2]
+    x, y = rotate(away[:, 0], away[:, 1], -heading)
     x, y = x - scan.mount[0], y - scan.mount[1]
     aside = wrap(scan.directions[told][None] - np.arctan2(y, x)[:, None])
     beam = told[np.abs(aside).argmin(axis=1)]
     distance = np.hypot(x, y)
     passed = scan.reach[beam] > distance + rows[:, 2]
     # who comes nearer hides where he was: the beam ends at himself, well before that place
-    ends = np.stack(rotate(*scan.ends[beam].T, float(pose[2])), axis=1) + pose[:2]
+    ends = scan.ends[beam]
+    ends = np.stack(rotate(ends[:, 0], ends[:, 1], heading), axis=1) + pose[:2]
     at_himself = np.hypot(*(ends - rows[:, :2]).T) < rows[:, 2] + options.gap
     way = np.hypot(*(rows[:, :2] - before).T)
     well_before = scan.reach[beam] < distance - rows[:, 2] - 0.5 * way

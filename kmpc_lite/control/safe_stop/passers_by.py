@@ -30,7 +30,8 @@ class PassersBy:
     """
 
     def __init__(self, problem: NavigationProblem, braking: Braking, options: StopOptions) -> None:
-        self._dt, self._radius, self._braking = problem.dt, problem.robot_radius, braking
+        self._dt, self._radius, self._braking = problem.dt, problem.body_radius, braking
+        self._footprint = problem.footprint
         self._ramps = RateLimit(problem).active
         self._longest = max(options.swerve_time, problem.dt)
         self._away = options.makes_room
@@ -51,8 +52,14 @@ class PassersBy:
         """
         ramp = self._braking.periods(*command.tolist()) if self._ramps else 0.0
         time = min(self._dt * (1.0 + history + ramp), self._longest)
-        here, there = states[:2, :2]
-        return share_beside(circles, here, there, self._radius, time, self._away)
+        if self._footprint is None:
+            places = states[:2, None, :2]
+        else:
+            places = self._footprint.places(states[:2])
+        return min(
+            share_beside(circles, here, there, self._radius, time, self._away)
+            for here, there in places.transpose(1, 0, 2)
+        )
 
 
 def share_beside(

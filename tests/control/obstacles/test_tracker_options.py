@@ -11,6 +11,7 @@ import kmpc_lite as kl
 from kmpc_lite.control.obstacles.motion_watch import MotionWatch, MotionWatchState
 from kmpc_lite.control.obstacles.tracker import ObstacleTracker
 from kmpc_lite.control.options import TrackerOptions
+from kmpc_lite.sim.lidar import World
 from kmpc_lite.types import Array
 
 DT = 0.1
@@ -121,7 +122,24 @@ def test_a_step_of_a_radius_separates_two_things(apart: float, one: bool) -> Non
     assert bool(tracker.tracks.radii[0] > 0.05) is one
 
 
+def walking(velocity: tuple[float, float], times: int, radius: float) -> int:
+    """How many are somebody in the last of scans of who walks and comes 2 m ahead of it."""
+    angles, tracker, here = 0.01 * (np.arange(201) - 100), ObstacleTracker(DT), np.zeros(3)
+    for k in range(times):
+        place = np.array([2.0, 0.0]) + DT * (k + 1 - times) * np.array(velocity)
+        ranges = World(np.array([[*place, radius, 0.0, 0.0]]), np.empty((0, 4))).ranges(
+            here[:2], angles
+        )
+        people = tracker.see(scan(np.where(ranges < 9.0, ranges, np.inf), 0.01), here)
+    return len(people)
+
+
 @pytest.mark.parametrize(("speed", "walks"), [(0.76, 0), (0.84, 1)])
 def test_somebody_moves_by_half_of_his_radius_in_a_second(speed: float, walks: int) -> None:
     tracker = walked(speed, 40, radius=1.6)
+    tracker.tracks.walked[:] = 1.0  # seen to leave his place, and hidden now
     assert len(tracker.see(scan(np.full(41, np.inf), 0.01), np.zeros(3))) == walks
+
+
+def test_somebody_has_left_his_place_for_three_tenths_of_a_second() -> None:
+    assert [walking((0.0, 0.8), times, 0.2) for times in (5, 6)] == [0, 1]
