@@ -90,7 +90,7 @@ class Watching:
             self._walkers = Walkers(dt, self._options.tracker, self._scale)
         before = Tracks() if state.walkers is None else state.walkers
         state.walkers, rows, spread = self._walkers.see(
-            before, seen.scans, seen.measured, seen.circles
+            before, seen.scans, seen.measured, seen.circles, state.seen
         )
         if not len(rows):
             return

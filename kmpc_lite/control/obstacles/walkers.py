@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from kmpc_lite.control.obstacles.clusters import clusters
 from kmpc_lite.control.obstacles.scan import LaserScan
+from kmpc_lite.control.obstacles.sight.local_map import LocalMap
 from kmpc_lite.control.obstacles.tracks import Follower, Tracks
 from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.geometry import rotate, wrap
@@ -18,14 +19,23 @@ from kmpc_lite.types import Array
 WINDOW = 1.0
 """Time over which a cluster's way counts [s]: who has walked and stands is a thing again."""
 
+BEHIND = 1.5
+"""How far behind its middle a cluster must have been free, too, in cells: a wall is none."""
+
 
 def who_walks(
-    tracks: Tracks, options: TrackerOptions, dt: float, scans: Sequence[LaserScan], pose: Array
+    tracks: Tracks,
+    options: TrackerOptions,
+    dt: float,
+    scans: Sequence[LaserScan],
+    pose: Array,
+    was_free: Callable[[Array], NDArray[np.bool_]] | None = None,
 ) -> tuple[Array, Array]:
     """Find the circles of tracks that walk (M, 5), and the deviations of their velocities (M,).
 
     Whoever walks has left the place where he was: it is seen to be free, or hidden behind himself.
-    What is seen of a wall also seems to move as the robot does, but the wall is still there.
+    What is seen of a wall also seems to move as the robot does, but the wall is still there, and
+    nothing was free where it seems to come to, as `was_free` tells of circles (M, 5).
     """
     velocities = tracks.velocities
     lasted = np.minimum(tracks.seen - tracks.unseen, WINDOW)
@@ -38,6 +48,9 @@ def who_walks(
         before = rows[here, :2] - lasted[here, None] * velocities[here]
         left = [_has_left(scan, pose, rows[here], before, options) for scan in scans]
         walks[here] = np.any(left, axis=0)
+        if was_free is not None:
+            # later he walks over what was seen of himself
+            walks[here] &= (tracks.walked[here] >= options.begins) | was_free(rows[here])
     # who is hidden walks on for as long as he was seen to
     times = np.where(is_seen, tracks.walked + dt, tracks.walked)
     tracks.walked = np.where(walks, times, 0.0)
@@ -69,6 +82,17 @@ def _has_left(
     return found
 
 
+def _was_free(before: LocalMap | None, places: Array, robot: Array) -> NDArray[np.bool_]:
+    """Whether cells at places (M, 2), and behind them as seen from the robot, were seen free."""
+    if before is None:
+        return np.zeros(len(places), dtype=bool)
+    away = places - robot
+    away *= BEHIND * before.cell / np.maximum(np.hypot(*away.T), before.cell)[:, None]
+    cells, inside = before.cells_of(np.concatenate([places, places + away]))
+    free: NDArray[np.bool_] = inside & (before.state.ravel()[cells] == 0)
+    return free[: len(places)] & free[len(places) :]
+
+
 class Walkers:
     """Finds who walks in the scans of a controller; it remembers nothing itself.
 
@@ -88,7 +112,12 @@ class Walkers:
         self._follower = Follower(dt, options, radius, speed)
 
     def see(
-        self, tracks: Tracks, scans: Sequence[LaserScan], pose: Array, circles: Array
+        self,
+        tracks: Tracks,
+        scans: Sequence[LaserScan],
+        pose: Array,
+        circles: Array,
+        before: LocalMap | None,
     ) -> tuple[Tracks, Array, Array]:
         """Take in the scans of a step.
 
@@ -102,6 +131,8 @@ class Walkers:
             Of the robot (3,), in the robot's units.
         circles : ndarray
             (M, 5) what was told, in the robot's units: who is among them is not told twice.
+        before : LocalMap or None
+            What the scans before have shown.
 
         Returns
         -------
@@ -122,7 +153,12 @@ class Walkers:
         if not len(seen) and not len(tracks):
             return tracks, np.empty((0, 5)), np.empty(0)
         tracks, _ = self._follower.follow(tracks, np.hstack([seen, np.zeros((len(seen), 2))]))
-        rows, deviations = who_walks(tracks, options, self._follower.dt, scans, here)
+        period, length = self._follower.dt, scale.length
+
+        def was_free(rows: Array) -> NDArray[np.bool_]:
+            return _was_free(before, rows[:, :2] / length, pose[:2])
+
+        rows, deviations = who_walks(tracks, options, period, scans, here, was_free)
         rows = rows / scale.circle
         spread = options.spread * deviations / scale.speed
         if len(rows) and len(circles):
