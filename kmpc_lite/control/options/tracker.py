@@ -47,8 +47,9 @@ class TrackerOptions:
     """How far a cluster must have moved to be somebody, in its own radii: what is seen of a post
     changes with the place that it is seen from."""
 
-    begins: float = seconds(0.3)
-    """How long a cluster must have left the place where it was to be somebody [s]."""
+    begins: float = seconds(0.85)
+    """How long a cluster must have left the place where it was to be somebody [s]; a third of it
+    where it comes to what was seen to be free."""
 
     def __post_init__(self) -> None:
         check(self)
