@@ -49,11 +49,11 @@ class Footprint:
 
     Examples
     --------
-    >>> cart = Footprint.rectangle(0.8, 0.3, ahead=-0.2)
+    >>> cart = Footprint.rectangle(1.0, 0.5, ahead=-0.25)
     >>> cart.corners
-    ((-0.2, -0.15), (0.6, -0.15), (0.6, 0.15), (-0.2, 0.15))
+    ((-0.25, -0.25), (0.75, -0.25), (0.75, 0.25), (-0.25, 0.25))
     >>> len(cart.circles), round(cart.circle_radius, 3), round(cart.radius, 3)
-    (4, 0.18, 0.618)
+    (3, 0.3, 0.791)
     """
 
     corners: tuple[tuple[float, float], ...]

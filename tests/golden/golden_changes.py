@@ -28,13 +28,16 @@ TURNS = (
     "who moves may turn on the spot: beside him the robot drives only as fast as it can stand "
     "before he is there"
 )
+GAP = "adaptation takes no noise of an earlier pose over a gap: a good model is left alone"
 KEPT = "a path is kept where something new appears elsewhere"
 CHANGED: dict[int, str] = {
     **dict.fromkeys((3, 40, 92, 106, 175, 213, 217, 225, 238, 240, 261), CONTRADICTED),
     **dict.fromkeys((17, 19, 29, 57, 93, 101, 142, 178, 182, 248, 276), JUMPED),
     **dict.fromkeys((86, 136, 204, 235, 250), BESIDE),
     **dict.fromkeys((51, 192, 262), TURNS),
+    201: GAP,
     205: OWN,
+    219: GAP,
     281: KEPT,
 }
 """Reasons by the number of the drive."""
