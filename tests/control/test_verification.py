@@ -117,7 +117,9 @@ def test_what_the_model_contradicts_is_linearised_again() -> None:
     for solver in (SolverOptions(contradicted_passes=1), SolverOptions()):
         options = ControllerOptions(solver=solver)
         problem = replace(robot.problem(course.side), horizon=20)
-        controller = kl.Controller(kl.nominal_unicycle(1.0), problem, options=options, sqp_iterations=1)
+        controller = kl.Controller(
+            kl.nominal_unicycle(1.0), problem, options=options, sqp_iterations=1
+        )
         pose, plant, worst = course.start, Plant(robot, 605), 0
         for k in range(12):
             plan = controller.step(pose, course.goal, course.circles)
