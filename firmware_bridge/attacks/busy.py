@@ -54,7 +54,7 @@ def busy(folder: Path) -> Iterator[None]:
     jobs = [[BURN]] * (os.cpu_count() or 1) + [[WRITE, str(file)]]
     with ExitStack() as stack:
         for job in jobs:
-            child = subprocess.Popen([sys.executable, "-c", *job], start_new_session=True)
+            child = subprocess.Popen([sys.executable, "-c", *job])
             stack.callback(child.wait)
             stack.callback(child.kill)
         yield
