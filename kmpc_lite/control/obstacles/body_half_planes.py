@@ -82,15 +82,6 @@ class BodyKeepOut(KeepOut):
         normals: Array = np.concatenate([away, slopes], axis=-1).reshape(self.horizon, -1, 3)
         return normals
 
-    def _outside(self, states: Array) -> Array:
-        """How far stages 1 to N lie beyond the sides (N, sides) [m]."""
-        beyond: Array = self._side_offsets_from(states[0]) - states[1:, :2] @ self._side_normals.T
-        if self._range is not None:
-            away = states[1:, :2] - states[0, :2]
-            farther = np.hypot(away[:, 0], away[:, 1]) - self._range
-            beyond = np.concatenate([beyond, farther[:, None]], axis=1)
-        return beyond
-
     def growth(self, spread: Array) -> Array:
         """How much circles that grow have grown, for each circle of the robot, (N, C M) [m]."""
         return np.tile(super().growth(spread), self._count_of_circles)

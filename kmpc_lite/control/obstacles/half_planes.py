@@ -126,6 +126,15 @@ class KeepOut:
         offsets: Array = np.minimum(self._side_offsets, self._side_normals @ present[:2])
         return offsets
 
+    def _outside(self, states: Array) -> Array:
+        """How far stages 1 to N lie beyond the sides (N, sides) [m]."""
+        beyond: Array = self._side_offsets_from(states[0]) - states[1:, :2] @ self._side_normals.T
+        if self._range is not None:
+            away = states[1:, :2] - states[0, :2]
+            farther = np.hypot(away[:, 0], away[:, 1]) - self._range
+            beyond = np.concatenate([beyond, farther[:, None]], axis=1)
+        return beyond
+
     def growth(self, spread: Array) -> Array:
         """How much circles that grow at speeds (M,) have grown at stages 1 to N, (N, M) [m].
 
@@ -196,11 +205,7 @@ class KeepOut:
         `margins` (N, K) [m] are added to what must be kept.
         """
         count = len(circles)
-        outside = self._side_offsets_from(states[0]) - states[1:, :2] @ self._side_normals.T
-        if self._range is not None:
-            away = states[1:, :2] - states[0, :2]
-            beyond = np.hypot(away[:, 0], away[:, 1]) - self._range
-            outside = np.concatenate([outside, beyond[:, None]], axis=1)
+        outside = self._outside(states)
         x, y = states[1:, 0:1], states[1:, 1:2]
         if solids is not None:
             inside = self._distance - solids.again(states[1:, :2])
