@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from firmware_bridge.cli.course import Course
     from firmware_bridge.messages import LinkStatus, State
     from firmware_bridge.recording.durable import DurableFile
+    from firmware_bridge.robot_file import Robot
     from firmware_bridge.runtime.session import Session
     from firmware_bridge.safety.gate import GateOutput
 
@@ -58,7 +59,9 @@ def recorder_of(job: Course, command: str) -> Callable[[Session, Path], DriveRec
         from kmpc_lite.recording.encoder import DriveEncoder
 
         now, path = time.monotonic(), name.with_name(f"{name.name}.mcap")
-        about = _about(job, command)
+        link = job.robot.link
+        plant = f"{link.driver} over {link.url}; poses as they came through the link"
+        about = about_drive(job.robot, plant, job.controller, command)
         encoder = DriveEncoder(job.scenario, job.period, about, offset=time.time() - now)
         return DriveRecorder(DurableFile(path, encoder.encode, encoder.begin(now)), job, session)
 
@@ -165,13 +168,13 @@ class DriveRecorder:
         self._file.close()
 
 
-def _about(job: Course, command: str) -> dict[str, Any]:
-    """What to keep with a drive."""
-    limits, link = job.robot.gate.limits, job.robot.link
+def about_drive(robot: Robot, plant: str, controller: Any, command: str) -> dict[str, Any]:
+    """What to keep with a drive of a plant that is told in words."""
+    limits = robot.gate.limits
     return {
         "kind": "driven",
-        "plant": f"{link.driver} over {link.url}; poses as they came through the link",
-        "model": job.controller.model.info.get("method", ""),
+        "plant": plant,
+        "model": controller.model.info.get("method", ""),
         "u_min": [-limits.v_reverse, -limits.omega_max],
         "u_max": [limits.v_max, limits.omega_max],
         "command": command,

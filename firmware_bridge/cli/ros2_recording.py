@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from firmware_bridge.cli.recording import DriveRecorder
+from firmware_bridge.cli.recording import DriveRecorder, about_drive
 from firmware_bridge.recording.durable import DurableFile
 from firmware_bridge.ros2.navigator import GoalNavigator
 from kmpc_lite.control.controller import Controller
@@ -139,15 +139,8 @@ def topic_recorder(
     """Give what records drives to the goals of topics, once there is a session."""
 
     def make(session: Session, name: Path) -> TopicRecorder:
-        limits, link = session.robot.gate.limits, session.robot.link
-        about = {
-            "kind": "driven",
-            "plant": f"ROS 2 topics over {link.url}; poses as they came",
-            "model": job.controller.model.info.get("method", ""),
-            "u_min": [-limits.v_reverse, -limits.omega_max],
-            "u_max": [limits.v_max, limits.omega_max],
-            "command": command,
-        }
+        plant = f"ROS 2 topics over {session.robot.link.url}; poses as they came"
+        about = about_drive(session.robot, plant, job.controller, command)
         return TopicRecorder(name.with_name(f"{name.name}.mcap"), job, session, about, period)
 
     return make
