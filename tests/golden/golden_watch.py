@@ -262,6 +262,10 @@ TESTS: dict[str, tuple[str, ...]] = {
     "control/guidance/test_guidance_options.py::"
     "test_three_parts_of_a_hurried_search_are_done_in_a_step": ("guidance.hurried_parts",),
     "control/guidance/test_guidance_options.py::"
+    "test_sixty_parts_of_a_search_that_is_needed_at_once_are_done_in_a_step": (
+        "guidance.urgent_parts",
+    ),
+    "control/guidance/test_guidance_options.py::"
     "test_another_side_is_taken_where_it_is_quicker_by_half_a_second_and_a_tenth": (
         "guidance.switch_time",
         "guidance.switch_share",

@@ -88,6 +88,9 @@ class Replanner:
         # the robot drives on what it knows meanwhile, and keeps clear of what has shown up
         cut = state.search is None and not at_once and self._is_cut(state, now)
         state.hurried = cut or (state.hurried and state.search is not None)
+        # whatever has come up meanwhile, a search that is needed comes to an end: one that begins
+        # anew in each step never does
+        at_once = at_once and not (state.urgent and state.search is not None)
         if at_once or cut:
             self._progress.expect_new_path(state.progress)
         renewed = grown or (state.search is None and self._is_to_be_renewed(state, now))
@@ -232,11 +235,14 @@ class Replanner:
         )
 
     def _advance_search(self, state: GuideState, now: Situation) -> tuple[bool, bool]:
-        """Bring the search forward: to its end if it is urgent, else by a part or a few."""
+        """Bring the search forward: nearly always to its end if it is urgent, else by a few parts.
+        """
         refreshed = switched = False
         parts = min(max(state.attempts - 1, 1), self._options.hurried_parts)
         if state.hurried:
             parts = self._options.hurried_parts
+        if state.urgent:
+            parts = self._options.urgent_parts
         while (search := state.search) is not None:
             if search.stage is Stage.CHOSEN and search.path is None and state.shuttle is not None:
                 state.shuttle, state.shuttles = None, self._options.shuttles
@@ -248,7 +254,7 @@ class Replanner:
                 self._searcher.advance(search, state.place, now.capabilities, state.turning_centre)
             parts -= 1
             out_of_time = now.until < math.inf and self._clock() > now.until
-            if (parts <= 0 and not state.urgent) or out_of_time:
+            if parts <= 0 or out_of_time:
                 break
         return refreshed, switched
 

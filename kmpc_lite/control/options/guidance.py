@@ -56,6 +56,10 @@ class GuidanceOptions:
     that lags more than its model knows has soon left the place where the search began."""
     hurried_parts: int = count(3)
     """Most parts of a hurried search that are done in one step."""
+    urgent_parts: int = count(60)
+    """Most parts of a search that the robot needs at once that are done in one step. Most searches
+    end sooner; among very many obstacles the robot drives on as before, or stands, for a step more,
+    which else would come late."""
     switch_time: float = seconds(0.5)
     """A path that passes an obstacle on another side than before is taken only where it is quicker
     by this time [s] ..."""

@@ -101,6 +101,22 @@ def test_three_parts_of_a_hurried_search_are_done_in_a_step(
     assert len(parts) == 3
 
 
+def test_sixty_parts_of_a_search_that_is_needed_at_once_are_done_in_a_step(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    guide, parts = GuideInUse(PROBLEM), []
+    monkeypatch.setattr(PathSearcher, "advance", lambda *rest: parts.append(rest))
+    guide.reference(START, GOAL, NO_CIRCLES)
+    assert guide.state.urgent and len(parts) == 60
+
+
+def test_a_search_that_is_needed_ends_though_there_is_a_new_reason_in_each_step() -> None:
+    guide = GuideInUse(PROBLEM, options=kl.GuidanceOptions(urgent_parts=2))
+    goals = (GOAL + [0.0, 0.01 * i, 0.0] for i in range(100))
+    paths = [guide.reference(START, goal, NO_CIRCLES).refreshed for goal in goals]
+    assert sum(paths) >= 5
+
+
 def _search(previous: TimedPath | None) -> PathSearch:
     return PathSearch(START, GOAL, GOAL, NO_CIRCLES, None, previous, True, False)
 
