@@ -235,27 +235,35 @@ def watch_page(link: str, count: str, rubbish: bytes) -> None:
 
 
 def press_page(link: str, rubbish: bytes) -> None:
-    """Press STOP on a page when told, again until it is confirmed; say when that began [s]."""
+    """Press STOP as a page does: on the line that it keeps, again until it is confirmed.
+
+    Says when that began [s].
+    """
     import http.client
     from urllib.parse import urlsplit
 
     _ready()
     orders, url = Orders(), urlsplit(link)
+    connection = http.client.HTTPConnection(HOST, int(url.port or 0), timeout=PATIENCE)
+
+    def post(path: str) -> bytes:
+        try:
+            connection.request("POST", f"{url.path}{path}")
+            return connection.getresponse().read()
+        except (OSError, http.client.HTTPException):
+            connection.close()  # the next one opens another
+            return b""
+
     while not (orders.attacking or orders.over):
+        post("line")
         orders.look([], 1.0)
     if not orders.attacking:
         return
     _say(str(time.monotonic()))
     for _ in range(TRIES):
-        connection = http.client.HTTPConnection(HOST, int(url.port or 0), timeout=PATIENCE)
-        try:
-            connection.request("POST", f"{url.path}stop")
-            if b'"confirmed": true' in connection.getresponse().read():
-                return
-        except (OSError, http.client.HTTPException):
-            time.sleep(0.05)
-        finally:
-            connection.close()
+        if b'"confirmed": true' in post("stop"):
+            return
+        time.sleep(0.05)
 
 
 KINDS: dict[str, Callable[..., None]] = {

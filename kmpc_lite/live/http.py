@@ -1,4 +1,4 @@
-"""As much of HTTP/1.1 as a page needs: one bounded request a connection, and its answer."""
+"""As much of HTTP/1.1 as a page needs: bounded requests and their answers."""
 
 from __future__ import annotations
 
@@ -46,6 +46,11 @@ class Request:
     """Names in lower case."""
     body: bytes = b""
 
+    @property
+    def may_keep(self) -> bool:
+        """Whether who asks would send more on the same connection."""
+        return self.headers.get("connection", "keep-alive").lower() == "keep-alive"
+
     def json(self) -> dict[str, Any]:
         """Give the body as an object; BadRequest where it is none."""
         try:
@@ -57,8 +62,10 @@ class Request:
         return value
 
 
-async def read_request(reader: asyncio.StreamReader) -> Request | None:
-    """Read one request; None where the client left without a word.
+async def read_request(
+    reader: asyncio.StreamReader, patience: float = PATIENCE
+) -> Request | None:
+    """Read one request within so long [s]; None where the client left without a word.
 
     Raises
     ------
@@ -67,7 +74,7 @@ async def read_request(reader: asyncio.StreamReader) -> Request | None:
     TimeoutError
         Where it takes too long.
     """
-    async with asyncio.timeout(PATIENCE):
+    async with asyncio.timeout(patience):
         try:
             head = await reader.readuntil(b"\r\n\r\n")
         except asyncio.IncompleteReadError as error:
@@ -125,15 +132,14 @@ def _body_size(headers: Mapping[str, str]) -> int:
 
 
 def answer(
-    status: HTTPStatus, body: bytes, kind: str = "text/plain; charset=utf-8", **more: str
+    status: HTTPStatus, body: bytes, kind: str = "text/plain; charset=utf-8", keep: bool = False
 ) -> bytes:
-    """Write an answer after which the connection is closed."""
+    """Write an answer, after which the connection is closed but where it is kept."""
     headers = {
         "Content-Type": kind,
         "Content-Length": str(len(body)),
-        "Connection": "close",
+        "Connection": "keep-alive" if keep else "close",
         **SAFETY,
-        **more,
     }
     return _head(status, headers) + body
 

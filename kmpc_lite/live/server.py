@@ -38,6 +38,8 @@ Ask = Callable[[str], dict[str, Any]]
 gate, confirmed, why."""
 CONNECTIONS = 512
 """One more closes the oldest that watches nothing."""
+LINES, LINE_PATIENCE = 64, 30.0
+"""Connections that are kept for a STOP, and how long each may say nothing [s]."""
 ASKING = 4
 """Requests of people that are carried out at once; stops share one."""
 SILENCE = 0.5
@@ -78,12 +80,14 @@ class Server:
         self._stopping: asyncio.Task[dict[str, Any]] | None = None
         self._idle: dict[asyncio.StreamWriter, None] = {}
         """Connections that watch nothing, the oldest first."""
+        self._lines: set[asyncio.StreamWriter] = set()
+        """Those that are kept: a page asks for one, on which its STOP meets no crowd."""
         self._files = {path: (STATIC / name).read_bytes() for path, (name, _) in FILES.items()}
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Answer one connection, whatever it says."""
         self._idle[writer] = None
-        if len(self._idle) + len(self.watchers) > CONNECTIONS:
+        if len(self._idle) + len(self._lines) + len(self.watchers) > CONNECTIONS:
             next(iter(self._idle)).transport.abort()
         try:
             await self._answer(reader, writer)
@@ -91,41 +95,48 @@ class Server:
             pass  # it said nothing in time, or has gone
         finally:
             self._idle.pop(writer, None)
+            self._lines.discard(writer)
             with contextlib.suppress(OSError):
                 writer.close()
 
     async def _answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
             request = await read_request(reader)
-            if request is None:
-                return
-            path, with_token = self._guard.enter(request)
-            if (request.method, path) == ("GET", "/events"):
-                await self._stream(reader, writer)
-                return
-            reply = await self._reply(request, path, with_token)
+            while request is not None:
+                path, with_token = self._guard.enter(request)
+                if (request.method, path) == ("GET", "/events"):
+                    await self._stream(reader, writer)
+                    return
+                if path == "/line" and request.may_keep and len(self._lines) < LINES:
+                    self._idle.pop(writer, None)
+                    self._lines.add(writer)
+                keep = writer in self._lines
+                writer.write(await self._reply(request, path, with_token, keep))
+                await asyncio.wait_for(writer.drain(), FAREWELL)
+                request = await read_request(reader, LINE_PATIENCE) if keep else None
         except BadRequest as refused:
-            reply = answer(refused.status, f"{refused}\n".encode())
-        writer.write(reply)
-        await asyncio.wait_for(writer.drain(), FAREWELL)
+            writer.write(answer(refused.status, f"{refused}\n".encode()))
+            await asyncio.wait_for(writer.drain(), FAREWELL)
 
-    async def _reply(self, request: Request, path: str, with_token: bool) -> bytes:
+    async def _reply(self, request: Request, path: str, with_token: bool, keep: bool) -> bytes:
         if request.method == "GET":
             if path in FILES:
-                return answer(HTTPStatus.OK, self._files[path], FILES[path][1])
+                return answer(HTTPStatus.OK, self._files[path], FILES[path][1], keep)
             if path == "/state":
-                return _json(self._picture.whole())
+                return _json(self._picture.whole(), keep)
             raise BadRequest(HTTPStatus.NOT_FOUND, "no such page")
-        if request.method != "POST" or path not in ("/stop", "/first", "/second"):
+        if request.method != "POST" or path not in ("/line", "/stop", "/first", "/second"):
             raise BadRequest(HTTPStatus.METHOD_NOT_ALLOWED, "no such button")
+        if path == "/line":
+            return _json("{}", keep)
         if path == "/stop":
-            return _json(json.dumps(await self._stop()))
+            return _json(json.dumps(await self._stop()), keep)
         self._guard.check_deliberate(request, with_token)
         if path == "/first":
-            return _json(json.dumps({"code": self._two.first()}))
+            return _json(json.dumps({"code": self._two.first()}), keep)
         if not self._two.second(request.json().get("code")):
             raise BadRequest(HTTPStatus.CONFLICT, "confirm within 5 s after holding the button")
-        return _json(json.dumps(await self._enable()))
+        return _json(json.dumps(await self._enable()), keep)
 
     async def _stop(self) -> dict[str, Any]:
         """Press the emergency stop; whoever presses while that lasts gets the same answer."""
@@ -193,8 +204,8 @@ class Server:
             loop.remove_reader(channel.socket)
 
 
-def _json(text: str) -> bytes:
-    return answer(HTTPStatus.OK, text.encode(), "application/json")
+def _json(text: str, keep: bool) -> bytes:
+    return answer(HTTPStatus.OK, text.encode(), "application/json", keep)
 
 
 async def _run(channel: Channel, doors: list[socket.socket], server: Server) -> None:

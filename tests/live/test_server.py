@@ -1,6 +1,7 @@
 """The page's process: what it serves, to whom, and who is dropped."""
 
 import contextlib
+import http.client
 import socket
 import time
 from urllib.parse import urlsplit
@@ -10,6 +11,7 @@ from browsing import Stream, ask, press, state, wait_for
 
 from kmpc_lite.live.address import LiveAddress, LiveError, is_loopback
 from kmpc_lite.live.feed import Feed
+from kmpc_lite.live.server import LINES
 from kmpc_lite.live.watchers import MOST
 
 
@@ -162,6 +164,47 @@ def test_connections_that_say_nothing_do_not_keep_a_stop_out():
         assert press(link, "stop")["confirmed"] and robot.words == ["stop"]
         for sock in held:
             sock.close()
+
+
+def line(link: str):
+    """A connection that is kept, and what it is asked."""
+    url = urlsplit(link)
+    connection = http.client.HTTPConnection(url.hostname, url.port, timeout=20)
+
+    def post(path: str) -> str | None:
+        connection.request("POST", url.path + path)
+        answer = connection.getresponse()
+        answer.read()
+        return answer.headers["Connection"]
+
+    return connection, post
+
+
+def test_a_page_keeps_a_line_for_its_stop_whoever_crowds_the_door():
+    with served() as (link, robot, _), contextlib.ExitStack() as crowd:
+        url = urlsplit(link)
+        connection, post = line(link)
+        assert post("line") == "keep-alive"
+        kept = connection.sock
+        for _ in range(600):  # more than are served, and no more than the kernel keeps waiting
+            sock = crowd.enter_context(socket.socket())
+            sock.setblocking(False)
+            sock.connect_ex((url.hostname, url.port))
+        assert post("line") == post("stop") == "keep-alive" and connection.sock is kept
+        assert robot.words == ["stop"]
+        connection.close()
+
+
+def test_lines_are_for_those_who_may_come_in_and_not_without_end():
+    with served("0.0.0.0") as (link, _, _), contextlib.ExitStack() as held:
+        stranger, post = line(link.rpartition("/")[0].rpartition("/")[0] + "/")
+        assert post("line") == "close" and stranger.sock is None
+        for _ in range(LINES):
+            connection, post = line(link)
+            held.callback(connection.close)
+            assert post("line") == "keep-alive"
+        last, post = line(link)
+        assert post("line") == post("stop") == "close" and last.sock is None
 
 
 def test_an_address_that_cannot_be_had_is_told_with_its_option():

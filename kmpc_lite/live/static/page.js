@@ -3,7 +3,7 @@
 
 import { Drawing } from "./map.js";
 
-const LOST = 1500, RETRY = 400, UNCONFIRMED = 1500, HOLD = 1200, CONFIRM = 5000, ANSWER = 3000, LOOK = 100, VIEW = 500;  // [ms]
+const LOST = 1500, RETRY = 400, UNCONFIRMED = 1500, HOLD = 1200, CONFIRM = 5000, ANSWER = 3000, LOOK = 100, VIEW = 500, LINE = 5000;  // [ms]
 const VIEWS = 120;  // what was seen within the last minute
 const ENDED = ["IDLE", "RELEASED", "YIELDED", "ESTOP"];
 const id = (name) => document.getElementById(name);
@@ -15,6 +15,7 @@ let state = {}, heard = 0, opened = performance.now(), source = null, dirty = fa
 function open() {
   if (source || document.hidden) return;
   source = new EventSource("events");
+  source.onopen = keepLine;  // not before: the stream would take it
   source.onmessage = (event) => take(JSON.parse(event.data));
   source.onerror = () => {
     if (source && source.readyState === EventSource.CLOSED) { source = null; setTimeout(open, 1000); }
@@ -131,6 +132,11 @@ async function post(path, body, patience = ANSWER) {
   return JSON.parse(text);
 }
 
+// a connection that is in use now and then stays open: STOP takes it, whoever crowds the door
+function keepLine() {
+  if (!document.hidden && !trying) post("line").catch(() => {});  // the stream tells what is lost
+}
+
 async function stop() {
   if (trying) return;
   trying = true; confirmed = false; refused = ""; asked = performance.now();
@@ -220,3 +226,4 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
 open();
 draw();
 setInterval(look, LOOK);
+setInterval(keepLine, LINE);
