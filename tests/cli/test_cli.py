@@ -698,7 +698,9 @@ def test_control_c_ends_it_at_once_without_a_traceback(tmp_path: Path) -> None:
         out, err = process.communicate(timeout=60)
     finally:
         process.kill()
-    assert (process.returncode, err) == (130, "kmpc: stopped\n")
+    # the interpreter ends by the signal itself where that came while C code ran some Python of its
+    # own, as a busy machine that still imports may do: a shell shows 130 for both
+    assert process.returncode in (130, -signal.SIGINT) and err == "kmpc: stopped\n"
     assert out in ("", "Solver interrupted\n")  # OSQP's own words
     assert [p.name for p in tmp_path.iterdir()] == ["endless.toml"]
 
