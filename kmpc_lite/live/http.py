@@ -62,9 +62,7 @@ class Request:
         return value
 
 
-async def read_request(
-    reader: asyncio.StreamReader, patience: float = PATIENCE
-) -> Request | None:
+async def read_request(reader: asyncio.StreamReader, patience: float = PATIENCE) -> Request | None:
     """Read one request within so long [s]; None where the client left without a word.
 
     Raises

@@ -235,8 +235,7 @@ class Replanner:
         )
 
     def _advance_search(self, state: GuideState, now: Situation) -> tuple[bool, bool]:
-        """Bring the search forward: nearly always to its end if it is urgent, else by a few parts.
-        """
+        """Bring the search forward: nearly always to its end if urgent, else by a few parts."""
         refreshed = switched = False
         parts = min(max(state.attempts - 1, 1), self._options.hurried_parts)
         if state.hurried:
