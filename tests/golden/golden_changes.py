@@ -30,11 +30,22 @@ TURNS = (
 )
 GAP = "adaptation takes no noise of an earlier pose over a gap: a good model is left alone"
 KEPT = "a path is kept where something new appears elsewhere"
+LAGS = (
+    "QPs of a model with input history are solved in 300 iterations at the most, with another rho "
+    "after 60, instead of being left after 60"
+)
+STOPS = "a stop that lasts keeps a margin for the errors of all its periods, not of the first alone"
+SPOT = "near an obstacle a turn on the spot is slowed for its own error"
 CHANGED: dict[int, str] = {
     **dict.fromkeys((3, 40, 92, 106, 175, 213, 217, 225, 238, 240, 261), CONTRADICTED),
     **dict.fromkeys((17, 19, 29, 57, 93, 101, 142, 178, 182, 248, 276), JUMPED),
     **dict.fromkeys((86, 136, 204, 235, 250), BESIDE),
     **dict.fromkeys((51, 192, 262), TURNS),
+    **dict.fromkeys((0, 8, 14, 22, 26, 28, 32, 33, 60, 66, 69, 72, 79, 96, 105, 122), LAGS),
+    **dict.fromkeys((126, 127, 131, 132, 151, 168, 184, 187, 190, 194, 220, 222, 226), LAGS),
+    **dict.fromkeys((237, 257, 260, 265, 268, 284), LAGS),
+    **dict.fromkeys((156, 256, 267, 271), STOPS),
+    **dict.fromkeys((11, 41, 75), SPOT),
     201: GAP,
     205: OWN,
     219: GAP,

@@ -74,6 +74,34 @@ class CommandCheck:
         """
         return self._solver_margin + self._error(self._noise.felt(drift), v, omega)
 
+    def stop_margins(self, drift: DriftState, distances: Array, turns: Array) -> Array:
+        """Distances that a robot may be away from where the model says, at each stage of a stop.
+
+        Errors of single periods add up by their squares; those that last add up as they are.
+
+        Parameters
+        ----------
+        drift : DriftState
+            Of the drift detector.
+        distances, turns : ndarray
+            What it drives [m] and turns [rad] in each period, (..., T).
+
+        Returns
+        -------
+        ndarray
+            (..., T) [m].
+        """
+        felt = self._noise.felt(drift)
+        variance = np.zeros(distances.shape)
+        for moved, whole, lasting in zip(
+            (distances, turns), felt.command_trace, felt.lasting_trace, strict=True
+        ):
+            rates = np.abs(moved) / self._model.dt
+            variance += max(whole - lasting, 0.0) * np.cumsum(rates * rates, axis=-1)
+            variance += lasting * np.cumsum(rates, axis=-1) ** 2
+        margins: Array = self._solver_margin + self._noise.step_quantile * np.sqrt(variance)
+        return margins
+
     def speed_share(
         self,
         drift: DriftState,
@@ -134,6 +162,16 @@ class CommandCheck:
             # again, for a curve that is driven slowly turns less in the period than the share says
             share *= float(limits[worst])
         return CommandShare(share, nearest)
+
+    def turn_share(self, drift: DriftState, clearance: float, omega: float) -> float:
+        """Share of a turn on the spot whose error a clearance [m] allows for.
+
+        Like a retreat, a part of it is always allowed: a robot that touches must get free.
+        """
+        error = self._error(self._noise.felt(drift), 0.0, omega)
+        if error <= max(clearance, 0.0):
+            return 1.0
+        return max(clearance / error, self._options.retreat_share)
 
     def _error(self, felt: FeltNoise, v: float, omega: float) -> float:
         """Quantile of a command's error in any direction [m]."""

@@ -42,6 +42,7 @@ def osqp_settings(options: OSQPOptions) -> dict[str, Any]:
         "rho": options.rho,
         "alpha": options.alpha,
         "adaptive_rho": int(options.adaptive_rho),
+        "adaptive_rho_interval": options.adaptive_rho_interval,
         "scaling": options.scaling,
         "check_termination": options.check_termination,
     }
@@ -99,8 +100,8 @@ class OSQPWorkspace:
             np.array(upper, dtype=float),
         )
         self._settings = settings
-        # OSQP adapts rho to the QPs that it solves, and rounds in scaling and unscaling them
-        self._learns = bool(settings.get("adaptive_rho", 1) or settings.get("scaling", 1))
+        # OSQP rounds in scaling and unscaling QPs, and keeps the rho that it has adapted to one
+        self._rounds = bool(settings.get("scaling", 1))
         self._fresh = False
         self._set_up()
 
@@ -116,7 +117,7 @@ class OSQPWorkspace:
         # codes.
         self._solver = self._osqp._solver
         self._time_limit = self._osqp.settings.time_limit
-        self._own_P, self._fresh = True, True
+        self._own_P, self._fresh, self._adapted = True, True, False
 
     def __reduce__(self) -> tuple[Any, ...]:
         # OSQP's own memory does not copy; nothing in it outlives a step
@@ -128,8 +129,8 @@ class OSQPWorkspace:
         return True
 
     def restart(self) -> None:
-        """Set OSQP up anew where it learns from one solve to the next."""
-        if self._learns:
+        """Set OSQP up anew where it has learned from an earlier solve."""
+        if self._rounds or self._adapted:
             self._set_up()
 
     def solve(
@@ -173,6 +174,7 @@ class OSQPWorkspace:
         solver.solve()
         info = solver.info
         status = info.status_val
+        self._adapted = self._adapted or info.rho_updates > 0
         if status == SOLVED:
             outcome, reason = QPStatus.SOLVED, ""
         elif status in EARLY:

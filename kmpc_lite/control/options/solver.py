@@ -34,6 +34,8 @@ class OSQPOptions:
     """Over-relaxation of ADMM."""
     adaptive_rho: bool = switch(False)
     """Whether `rho` is adapted in a solve. Without that, all solves take nearly the same time."""
+    adaptive_rho_interval: int = count(50)
+    """Iterations between two adaptations."""
     scaling: int = count(0, least=0)
     """Rounds of scaling. None: the rows are scaled by `SolverOptions`, once for all QPs."""
     check_termination: int = count(10)
@@ -49,6 +51,11 @@ class SolverOptions:
 
     real_time: OSQPOptions = group(OSQPOptions())
     """For one pass a period."""
+    lagging: OSQPOptions = group(
+        OSQPOptions(max_iter=300, adaptive_rho=True, adaptive_rho_interval=60)
+    )
+    """The same for a model with input history, whose QPs need more iterations near obstacles: what
+    the robot still does of past commands it cannot take back, and the multipliers become large."""
     converged: OSQPOptions = group(
         OSQPOptions(
             tolerance=1e-7,

@@ -7,15 +7,15 @@ through its past commands. Where no stop trajectory of the plan is clear, its co
 slowed; where that does not help either, the plan is not accepted, and the stop trajectory of the
 one before is driven.
 
-Clear means: up to the stop, no obstacle comes nearer than the margin of the coming command, or than
-a part of the clearance that a standing robot would have had (`StopOptions.spend_share`). So
+Clear means: up to the stop, no obstacle comes nearer than the margin of what is driven, or than a
+part of the clearance that a standing robot would have had (`StopOptions.spend_share`). So
 standing is always allowed, a robot that is near an obstacle can pass by, and one that touches can
 get free.
 
 It holds as far as these are true:
 
-- the model is wrong about the stop trajectory by less than the margin of the coming command
-  (`CommandCheck.step_margin`);
+- the model is wrong about the stop trajectory by less than its margins (`CommandCheck.stop_margins`;
+  of the coming command alone for a robot that stops within its period, `CommandCheck.step_margin`);
 - circles keep their velocity, or turn on the spot (`passers_by`), and solids stay until the robot
   stands; a standing robot can still be driven into;
 - the pose is right, and every obstacle that the stop trajectory comes to is known: all are told,
@@ -44,7 +44,7 @@ from kmpc_lite.control.safe_stop.passers_by import PassersBy
 from kmpc_lite.control.safe_stop.quick_look import QuickLook
 from kmpc_lite.control.safe_stop.stop_task import CheckedPlan, StopTask, StopTrajectory
 from kmpc_lite.model.motion import MotionModel
-from kmpc_lite.types import Array
+from kmpc_lite.types import STATES, Array
 
 
 class StopTrajectories:
@@ -100,14 +100,19 @@ class StopTrajectories:
             )
         plan = CheckedPlan(StopTrajectory(), states, inputs)
         if share < 1.0:
-            plan = self._slowed(plan, share, task)
+            turn_share = check.turn_share(drift, nearest, float(inputs[0, 1]))
+            plan = self._slowed(plan, share, turn_share, task)
         v, omega = plan.inputs[0].tolist()
         periods = self._braking.periods(v, omega)
         distance = self._braking.distance(v, periods)
         if model.history:
             distance += self._dt * float(np.abs(task.past[:, 0]).sum())
         distance += self._swing(omega, periods, task)
-        margin = check.step_margin(drift, v, omega)
+        if model.history or self._rates.active:
+            turned = self._dt * (abs(omega) * (1.0 + periods) + np.abs(task.past[:, 1]).sum())
+            margin = float(check.stop_margins(drift, np.array([distance]), np.array([turned]))[0])
+        else:
+            margin = check.step_margin(drift, v, omega)
         # far from everything, which is most of the time, nothing needs to be rolled out
         approach = self._dt * closing * (periods + model.history + 1.0)
         farthest = self._options.overspeed * distance + margin
@@ -177,12 +182,14 @@ class StopTrajectories:
             task.model, plan.states, plan.inputs[0], task.past, ahead, margin
         )
 
-    def _slowed(self, plan: CheckedPlan, share: float, task: StopTask) -> CheckedPlan:
+    def _slowed(
+        self, plan: CheckedPlan, share: float, turn_share: float, task: StopTask
+    ) -> CheckedPlan:
         """Slow the coming command, and roll the plan out anew."""
         inputs = plan.inputs.copy()
-        # where it may hardly drive it turns on the spot, which a round robot always may
+        # where it may hardly drive it turns on the spot, which moves a round robot by its noise
         turns = share <= self._options.turn_only_share and self._footprint is None
-        inputs[0] *= (share, 1.0 if turns else share)
+        inputs[0] *= (share, max(share, turn_share) if turns else share)
         if self._rates.active:
             inputs[0] = self._rates.limit(inputs[0], task.last)
         states = task.model.rollout(plan.states[0], inputs, task.past)
@@ -193,7 +200,7 @@ class StopTrajectories:
         allowed = max(self._known - margin - self._dt * self._emerging, 0.0)
         v, omega = plan.inputs[0].tolist()
         driven = self._dt * abs(v) + self._swing(omega, 0.0, task)
-        return plan if driven <= allowed else self._slowed(plan, allowed / driven, task)
+        return plan if driven <= allowed else self._slowed(plan, allowed / driven, 1.0, task)
 
     def _search(
         self, plan: CheckedPlan, task: StopTask, check: CommandCheck, drift: DriftState
@@ -254,16 +261,20 @@ class StopTrajectories:
             standing.append(still[:, None])
         clearance = np.concatenate(distances, axis=1) - self._radius
         still_clearance = np.concatenate(standing, axis=1) - self._radius
-        margins = np.array(
-            [check.step_margin(drift, v, omega) for v, omega in commands[:, 0].tolist()]
-        )
+        margins = check.stop_margins(drift, *_moved(here, states)).reshape(-1).repeat(each)
         kept = (1.0 - self._options.spend_share) * still_clearance
         left = np.where(still_clearance > 0.0, kept, still_clearance)
-        needed = np.minimum(np.repeat(margins, length * each)[:, None], left)
+        needed = np.minimum(margins[:, None], left)
         # also false for NaN
         enough = (clearance >= needed - ROUNDING).all(axis=1)
         clear: Array = enough.reshape(count, -1).all(axis=1)
         return clear
+
+
+def _moved(here: Array, states: Array) -> tuple[Array, Array]:
+    """Distances and turns of the periods of stop trajectories (C, T, 3) from a pose (3,)."""
+    steps = np.diff(states, axis=1, prepend=np.broadcast_to(here, (len(states), 1, STATES)))
+    return np.hypot(steps[..., 0], steps[..., 1]), steps[..., 2]
 
 
 def stop_trajectories(

@@ -10,6 +10,7 @@ from kmpc_lite import (
     DifferentialDrive,
     nominal_unicycle,
 )
+from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.options import MarginOptions
 from kmpc_lite.model.koopman import KoopmanModel
 
@@ -122,3 +123,28 @@ def test_what_is_farther_than_some_periods_of_driving_is_not_looked_at(
         looks.clear()
         assert wary.speed_share(np.array([1.0 - 0.35 - far - beyond, 0.0, 0.0]), u, CIRCLES) == 1.0
         assert len(looks) == expected
+
+
+def test_errors_of_a_stop_add_up_by_their_squares_and_what_lasts_as_it_is() -> None:
+    check = Wary(slipping(0.2), PROBLEM).of.command_check
+    calm = DriftState()
+    felt, solver = check._noise.felt(calm), check.step_margin(calm, 0.0, 0.0)
+    one, four = (check.stop_margins(calm, np.full(n, 0.06), np.full(n, 0.03))[-1] for n in (1, 4))
+    assert one == pytest.approx(check.step_margin(calm, 0.6, 0.3))
+    lasting = 0.6**2 * felt.lasting_trace[0] + 0.3**2 * felt.lasting_trace[1]
+    whole = 0.6**2 * felt.command_trace[0] + 0.3**2 * felt.command_trace[1]
+    expected = ((4 * (whole - lasting) + 16 * lasting) / whole) ** 0.5
+    assert (four - solver) / (one - solver) == pytest.approx(expected)
+    # a robot that has stopped errs no farther
+    stopped = check.stop_margins(calm, np.array([0.06, 0.0, 0.0]), np.zeros(3))
+    assert stopped == pytest.approx(np.full(3, check.step_margin(calm, 0.6, 0.0)))
+
+
+def test_a_turn_on_the_spot_has_room_for_its_error_and_a_quarter_is_always_allowed() -> None:
+    wary = Wary(slipping(0.2), PROBLEM)
+    check, error = wary.of.command_check, wary.step_margin(0.0, 0.7) - wary.step_margin(0.0, 0.0)
+    assert error > 0.0
+    shares = [check.turn_share(wary.drift, share * error, 0.7) for share in (1.1, 0.6, 0.1, -1.0)]
+    assert shares == pytest.approx([1.0, 0.6, 0.25, 0.25])
+    sure = Wary(nominal_unicycle(0.1), PROBLEM).of.command_check
+    assert sure.turn_share(DriftState(), -1.0, 0.7) == 1.0

@@ -30,7 +30,7 @@ TASK = Task(MODEL, GOAL, np.empty((0, 5)), np.zeros((0, 2)), np.zeros(2))
 
 
 def test_options_of_osqp_reach_it_by_its_names() -> None:
-    options = OSQPOptions(1e-5, 77, 0.3, 1.2, True, 4, 15)
+    options = OSQPOptions(1e-5, 77, 0.3, 1.2, True, 35, 4, 15)
     assert osqp_settings(options) == {
         "eps_abs": 1e-5,
         "eps_rel": 1e-5,
@@ -38,11 +38,13 @@ def test_options_of_osqp_reach_it_by_its_names() -> None:
         "rho": 0.3,
         "alpha": 1.2,
         "adaptive_rho": 1,
+        "adaptive_rho_interval": 35,
         "scaling": 4,
         "check_termination": 15,
     }
-    for iterations, name in ((1, "real_time"), (2, "converged")):
-        sqp = SQP(PROBLEM, 0, iterations=iterations, options=SolverOptions(**{name: options}))
+    for iterations, history, name in ((1, 0, "real_time"), (1, 2, "lagging"), (2, 2, "converged")):
+        solver = SolverOptions(**{name: options})
+        sqp = SQP(PROBLEM, history, iterations=iterations, options=solver)
         assert sqp.workspace._osqp.settings.max_iter == 77  # type: ignore[attr-defined]
 
 

@@ -90,7 +90,7 @@ def test_a_command_that_may_hardly_drive_turns_on_the_spot(limit: float) -> None
     stops = StopTrajectories(PROBLEM, StopOptions(turn_only_share=limit))
     for share, turn in ((1.02 * limit, 1.02 * limit * 0.5), (0.98 * limit, 0.5)):
         checked = CheckedPlan(StopTrajectory(), plan.states, plan.inputs)
-        slowed = stops._slowed(checked, share, task(model, [1.0, 0.0, 0.2]))
+        slowed = stops._slowed(checked, share, 1.0, task(model, [1.0, 0.0, 0.2]))
         np.testing.assert_allclose(slowed.inputs[0], (share * 0.6, turn))
 
 

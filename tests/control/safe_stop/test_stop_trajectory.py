@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from lagging_robot import BRAKING, PROBLEM, lagging, straight
+from wary import slipping
 
 import kmpc_lite as kl
 from kmpc_lite.control.margins.drift_detector import DriftState
@@ -98,6 +99,22 @@ def test_a_standing_robot_that_lags_may_always_stand_and_may_leave_what_it_touch
         assert towards.stop is None or abs(towards.inputs[0, 0]) <= 0.15
         still = found(model, circles, v=0.0).stop
         assert still is not None and not still.further
+
+
+def test_behind_a_slow_command_a_fast_one_needs_its_own_margin() -> None:
+    model = slipping(0.2)
+    check, stops = Margins(model, PROBLEM).command_check, StopTrajectories(PROBLEM)
+    beside = np.array([[0.241, 0.35 + 0.02, 0.2, 0.0, 0.0]])
+    assert (
+        check.step_margin(DriftState(), 0.01, 0.0)
+        < 0.02
+        < check.step_margin(DriftState(), 0.6, 0.0)
+    )
+    task = StopTask(model, np.zeros((0, 2)), np.zeros(2), beside, check=check, drift=DriftState())
+    commands = np.zeros((2, 6, 2))
+    commands[:, 0, 0], commands[1, 1:5, 0] = 0.01, 0.6
+    clear = stops._are_clear(np.zeros(3), commands, task, check, DriftState())
+    assert clear.tolist() == [True, False]
 
 
 def test_without_margins_no_plan_is_refused() -> None:
