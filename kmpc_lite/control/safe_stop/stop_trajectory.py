@@ -14,8 +14,8 @@ get free.
 
 It holds as far as these are true:
 
-- the model is wrong about the stop trajectory by less than its margins (`CommandCheck.stop_margins`;
-  of the coming command alone for a robot that stops within its period, `CommandCheck.step_margin`);
+- the model is wrong about the stop trajectory by less than its margins: `stop_margins` of the
+  `CommandCheck`; for a robot that stops within its period `step_margin`, of the coming command;
 - circles keep their velocity, or turn on the spot (`passers_by`), and solids stay until the robot
   stands; a standing robot can still be driven into;
 - the pose is right, and every obstacle that the stop trajectory comes to is known: all are told,
@@ -266,8 +266,8 @@ class StopTrajectories:
         left = np.where(still_clearance > 0.0, kept, still_clearance)
         needed = np.minimum(margins[:, None], left)
         # also false for NaN
-        enough = (clearance >= needed - ROUNDING).all(axis=1)
-        clear: Array = enough.reshape(count, -1).all(axis=1)
+        enough: Array = clearance >= needed - ROUNDING
+        clear: Array = np.logical_and.reduce(enough.reshape(count, -1), axis=1)
         return clear
 
 
