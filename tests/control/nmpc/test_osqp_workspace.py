@@ -376,11 +376,14 @@ def test_agrees_with_other_solvers_on_the_controllers_problems(
         )
 
 
-def test_where_osqp_learns_a_restart_makes_it_forget_to_the_last_bit() -> None:
+@pytest.mark.parametrize("scaling", [10, 0])
+def test_where_osqp_learns_a_restart_makes_it_forget_to_the_last_bit(scaling: int) -> None:
     random = np.random.default_rng(4)
-    first, second = Box(n=6, adaptive_rho=1), Box(n=6, adaptive_rho=1)
+    settings = {"adaptive_rho": 1, "adaptive_rho_interval": 10, "scaling": scaling}
+    first, second = Box(n=6, **settings), Box(n=6, **settings)
     for _ in range(5):
         second.solve(q=random.normal(size=6), Ax=10.0 ** random.uniform(-3, 3, 6))
+    assert second.workspace._adapted
     first.workspace.restart()
     second.workspace.restart()
     q, scale = random.normal(size=6), 10.0 ** random.uniform(-1, 1, 6)
