@@ -71,6 +71,15 @@ DRIVES: dict[str, int] = {
     "solver.real_time.adaptive_rho": 1,
     "solver.real_time.scaling": 1,
     "solver.real_time.check_termination": 1,
+    "solver.lagging.tolerance": 8,
+    "solver.lagging.max_iter": 0,
+    "solver.lagging.rho": 8,
+    "solver.lagging.alpha": 8,
+    "solver.lagging.adaptive_rho": 8,
+    "solver.lagging.adaptive_rho_interval": 8,
+    "solver.lagging.scaling": 8,
+    "solver.lagging.check_termination": 8,
+    "solver.converged.adaptive_rho_interval": 20,
     "solver.converged.tolerance": 20,
     "solver.converged.rho": 20,
     "solver.converged.alpha": 20,
@@ -316,6 +325,9 @@ TESTS: dict[str, tuple[str, ...]] = {
     ),
     "control/margins/test_quantiles.py::test_a_single_command_is_allowed_an_error_in_a_thousand": (
         "margins.step_risk",
+    ),
+    "control/nmpc/test_solver_options.py::test_rho_is_adapted_as_often_as_osqp_does_by_itself": (
+        "solver.real_time.adaptive_rho_interval",
     ),
     "control/nmpc/test_solver_options.py::"
     "test_a_step_must_bring_its_share_of_the_predicted_decrease": ("solver.armijo",),

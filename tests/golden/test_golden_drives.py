@@ -72,7 +72,8 @@ def test_a_change_of_a_millionth_is_seen(
     recorded: tuple[list[kl.KoopmanModel], list[Drive]],
 ) -> None:
     models, drives = recorded
-    values, codes = replay(drives[0], models)
+    drive = next(d for d in drives if d.number not in CHANGED)
+    values, codes = replay(drive, models)
     values[5, 1] += 1e-6
-    found = first_difference(drives[0], values, codes)
+    found = first_difference(drive, values, codes)
     assert found is not None and found[0] == 5

@@ -89,9 +89,7 @@ class SQP:
         exact_hessian = iterations > 1 and not history  # what a command bends later is left out
         slots *= 1 if problem.footprint is None else 2  # at either end of what is not round
         self.qp = NavigationQP(problem, history, slots, exact_hessian, options)
-        settings = options.lagging if history else options.real_time
-        if iterations > 1:
-            settings = options.converged
+        settings = options.converged if iterations > 1 else options.one_pass(history)
         self.workspace = choose_solver(solver, self.qp, settings)
         self.keep_out = keep_out(problem, slots)
         self._filler = QPFiller(self.qp, self.keep_out, exact_hessian, options)

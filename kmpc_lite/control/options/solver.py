@@ -133,3 +133,7 @@ class SolverOptions:
 
     def __post_init__(self) -> None:
         check(self)
+
+    def one_pass(self, history: int) -> OSQPOptions:
+        """Settings for one pass a period, of a model with so many past commands."""
+        return self.lagging if history else self.real_time

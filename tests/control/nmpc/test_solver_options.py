@@ -6,7 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import osqp
 import pytest
+import scipy.sparse as sp
 
 import kmpc_lite as kl
 from kmpc_lite.control.nmpc.line_search import (
@@ -46,6 +48,13 @@ def test_options_of_osqp_reach_it_by_its_names() -> None:
         solver = SolverOptions(**{name: options})
         sqp = SQP(PROBLEM, history, iterations=iterations, options=solver)
         assert sqp.workspace._osqp.settings.max_iter == 77  # type: ignore[attr-defined]
+
+
+def test_rho_is_adapted_as_often_as_osqp_does_by_itself() -> None:
+    own = osqp.OSQP()
+    eye = sp.csc_matrix(np.eye(1))
+    own.setup(eye, np.zeros(1), eye, np.zeros(1), np.zeros(1), verbose=False)
+    assert SolverOptions().real_time.adaptive_rho_interval == own.settings.adaptive_rho_interval
 
 
 def searches(monkeypatch: pytest.MonkeyPatch, options: SolverOptions, **more: Any) -> list[float]:
