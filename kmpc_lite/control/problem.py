@@ -208,7 +208,8 @@ class NavigationProblem:
         >>> problem.within_bounds(np.array((0.6, 9.0))).round(3)
         array([0.476, 0.622])
         """
-        inside = np.clip(commands, self.u_min, self.u_max)
+        # half the time of np.clip
+        inside: Array = np.minimum(np.maximum(commands, self.u_min), self.u_max)
         if self.limits_wheels:
             faster = np.abs(inside[..., 0]) + 0.5 * self.track * np.abs(inside[..., 1])
             share = self.max_wheel_speed / np.maximum(faster, self.max_wheel_speed)

@@ -42,6 +42,11 @@ class SceneState:
     """(2,) where those that are near were looked up last."""
 
 
+def _holds_prepared(obstacles: Sequence[object]) -> bool:
+    """Whether there is anything but circles: of many, there are few kinds."""
+    return any(issubclass(kind, PREPARED) for kind in set(map(type, obstacles)))
+
+
 def too_many(obstacles: Obstacles, most: ObstacleOptions) -> str:
     """Say of which obstacles a step looks at fewer than are given; nothing where it bears them.
 
@@ -55,8 +60,9 @@ def too_many(obstacles: Obstacles, most: ObstacleOptions) -> str:
     if not isinstance(obstacles, np.ndarray) and isinstance(obstacles, Sequence):
         if total > most.circles + most.edges:
             return f"{total:,} obstacles: at most {most.circles:,} circles are looked at"
-        solids = [o for o in obstacles if isinstance(o, SOLID)]
-        scans = sum(isinstance(o, LaserScan) for o in obstacles)
+        if _holds_prepared(obstacles):
+            solids = [o for o in obstacles if isinstance(o, SOLID)]
+            scans = sum(isinstance(o, LaserScan) for o in obstacles)
     if not solids and not scans:
         beyond = total > most.circles
         return f"{total:,} circles: at most {most.circles:,} are looked at" if beyond else ""
@@ -105,9 +111,9 @@ class Scene:
         """
         if isinstance(obstacles, np.ndarray) or not isinstance(obstacles, Sequence):
             return circles_to_array(cast(ArrayLike, obstacles)), None, ()
-        others = tuple(o for o in obstacles if isinstance(o, PREPARED))
-        if not others:
+        if not _holds_prepared(obstacles):
             return circles_to_array(cast(ArrayLike, obstacles)), None, ()
+        others = tuple(o for o in obstacles if isinstance(o, PREPARED))
         scans = tuple(o for o in others if isinstance(o, LaserScan))
         solids = tuple(o for o in others if not isinstance(o, LaserScan))
         circles = circles_to_array([o for o in obstacles if not isinstance(o, PREPARED)])
