@@ -38,8 +38,10 @@ Ask = Callable[[str], dict[str, Any]]
 gate, confirmed, why."""
 CONNECTIONS = 512
 """One more closes the oldest that watches nothing."""
-LINES, LINE_PATIENCE = 64, 30.0
-"""Connections that are kept for a STOP, and how long each may say nothing [s]."""
+LINES = 64
+"""Connections that are kept for a STOP."""
+LINE_PACE, LINE_PATIENCE = 0.5, 30.0
+"""How soon each may be used again but for that, and for how long it may say nothing [s]."""
 ASKING = 4
 """Requests of people that are carried out at once; stops share one."""
 SILENCE = 0.5
@@ -80,8 +82,9 @@ class Server:
         self._stopping: asyncio.Task[dict[str, Any]] | None = None
         self._idle: dict[asyncio.StreamWriter, None] = {}
         """Connections that watch nothing, the oldest first."""
-        self._lines: set[asyncio.StreamWriter] = set()
-        """Those that are kept: a page asks for one, on which its STOP meets no crowd."""
+        self._lines: dict[asyncio.StreamWriter, float] = {}
+        """Those that are kept, and when each was used last [s]: a page asks for one, on which its
+        STOP meets no crowd."""
         self._files = {path: (STATIC / name).read_bytes() for path, (name, _) in FILES.items()}
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -95,7 +98,7 @@ class Server:
             pass  # it said nothing in time, or has gone
         finally:
             self._idle.pop(writer, None)
-            self._lines.discard(writer)
+            self._lines.pop(writer, None)
             with contextlib.suppress(OSError):
                 writer.close()
 
@@ -107,10 +110,7 @@ class Server:
                 if (request.method, path) == ("GET", "/events"):
                     await self._stream(reader, writer)
                     return
-                if path == "/line" and request.may_keep and len(self._lines) < LINES:
-                    self._idle.pop(writer, None)
-                    self._lines.add(writer)
-                keep = writer in self._lines
+                keep = request.may_keep and self._keeps(path, writer)
                 writer.write(await self._reply(request, path, with_token, keep))
                 await asyncio.wait_for(writer.drain(), FAREWELL)
                 request = await read_request(reader, LINE_PATIENCE) if keep else None
@@ -118,12 +118,25 @@ class Server:
             writer.write(answer(refused.status, f"{refused}\n".encode()))
             await asyncio.wait_for(writer.drain(), FAREWELL)
 
+    def _keeps(self, path: str, writer: asyncio.StreamWriter) -> bool:
+        """Whether a connection is kept for a STOP: nothing else goes through it, nor too often."""
+        now = time.monotonic()
+        last = self._lines.get(writer)
+        if path == "/stop":
+            return last is not None
+        too_soon = last is not None and now - last < LINE_PACE
+        if path != "/line" or too_soon or (last is None and len(self._lines) >= LINES):
+            return False
+        self._idle.pop(writer, None)
+        self._lines[writer] = now
+        return True
+
     async def _reply(self, request: Request, path: str, with_token: bool, keep: bool) -> bytes:
         if request.method == "GET":
             if path in FILES:
-                return answer(HTTPStatus.OK, self._files[path], FILES[path][1], keep)
+                return answer(HTTPStatus.OK, self._files[path], FILES[path][1])
             if path == "/state":
-                return _json(self._picture.whole(), keep)
+                return _json(self._picture.whole())
             raise BadRequest(HTTPStatus.NOT_FOUND, "no such page")
         if request.method != "POST" or path not in ("/line", "/stop", "/first", "/second"):
             raise BadRequest(HTTPStatus.METHOD_NOT_ALLOWED, "no such button")
@@ -133,10 +146,10 @@ class Server:
             return _json(json.dumps(await self._stop()), keep)
         self._guard.check_deliberate(request, with_token)
         if path == "/first":
-            return _json(json.dumps({"code": self._two.first()}), keep)
+            return _json(json.dumps({"code": self._two.first()}))
         if not self._two.second(request.json().get("code")):
             raise BadRequest(HTTPStatus.CONFLICT, "confirm within 5 s after holding the button")
-        return _json(json.dumps(await self._enable()), keep)
+        return _json(json.dumps(await self._enable()))
 
     async def _stop(self) -> dict[str, Any]:
         """Press the emergency stop; whoever presses while that lasts gets the same answer."""
@@ -172,7 +185,8 @@ class Server:
         if watcher is None:
             writer.write(b'data: {"full":true}\n\n')
             return
-        del self._idle[writer]
+        for others in (self._idle, self._lines):
+            others.pop(writer, None)
         try:
             while await reader.read(LONGEST_HEAD):  # what it says is not heard
                 pass
@@ -204,7 +218,7 @@ class Server:
             loop.remove_reader(channel.socket)
 
 
-def _json(text: str, keep: bool) -> bytes:
+def _json(text: str, keep: bool = False) -> bytes:
     return answer(HTTPStatus.OK, text.encode(), "application/json", keep)
 
 

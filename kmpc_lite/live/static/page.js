@@ -128,6 +128,7 @@ async function post(path, body, patience = ANSWER) {
     headers: { "Content-Type": "application/json", "X-Kmpc": "1" }, body: JSON.stringify(body || {}),
   });
   const text = await answer.text();
+  if (path !== "line" && path !== "stop") keepLine();  // that may have taken the line
   if (!answer.ok) throw new Error(text.trim());
   return JSON.parse(text);
 }
