@@ -45,7 +45,7 @@ CHANGED: dict[int, str] = {
     **dict.fromkeys((126, 127, 131, 132, 151, 168, 184, 187, 190, 194, 220, 222, 226), LAGS),
     **dict.fromkeys((237, 257, 260, 265, 268, 284), LAGS),
     **dict.fromkeys((156, 256, 267, 271), STOPS),
-    **dict.fromkeys((11, 41, 75), SPOT),
+    **dict.fromkeys((11, 41), SPOT),
     201: GAP,
     205: OWN,
     219: GAP,

@@ -77,7 +77,8 @@ class CommandCheck:
     def stop_margins(self, drift: DriftState, distances: Array, turns: Array) -> Array:
         """Distances that a robot may be away from where the model says, at each stage of a stop.
 
-        Errors of single periods add up by their squares; those that last add up as they are.
+        Errors of single periods add up by their squares, and are as rare as the step risk; those
+        that last add up as they are, with the risk of a plan: they are there all the time.
 
         Parameters
         ----------
@@ -91,15 +92,18 @@ class CommandCheck:
         ndarray
             (..., T) [m].
         """
-        felt = self._noise.felt(drift)
-        variance = np.zeros(distances.shape)
+        felt, rare, usual = self._noise.felt(drift), self._noise.step_quantile, self._noise.quantile
+        single, summed = np.zeros(distances.shape), np.zeros(distances.shape)
         for moved, whole, lasting in zip(
             (distances, turns), felt.command_trace, felt.lasting_trace, strict=True
         ):
             rates = np.abs(moved) / self._model.dt
-            variance += max(whole - lasting, 0.0) * np.cumsum(rates * rates, axis=-1)
-            variance += lasting * np.cumsum(rates, axis=-1) ** 2
-        margins: Array = self._solver_margin + self._noise.step_quantile * np.sqrt(variance)
+            squares, white = rates * rates, max(whole - lasting, 0.0)
+            single += rare**2 * whole * squares
+            summed += rare**2 * white * np.cumsum(squares, axis=-1)
+            summed += usual**2 * lasting * np.cumsum(rates, axis=-1) ** 2
+        worst = np.maximum.accumulate(single, axis=-1)
+        margins: Array = self._solver_margin + np.sqrt(np.maximum(worst, summed))
         return margins
 
     def speed_share(
