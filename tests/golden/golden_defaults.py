@@ -74,9 +74,14 @@ def _with_default(source: str, path: list[str], value: Any) -> str:
     elif isinstance(given, ast.Call):
         parts = given.args
     lines = source.encode().splitlines(keepends=True)
-    first, last = parts[0], parts[-1]
+    first, last = (parts[0], parts[-1]) if parts else (given, given)
     begin = sum(map(len, lines[: first.lineno - 1])) + first.col_offset
     assert last.end_lineno is not None and last.end_col_offset is not None
     end = sum(map(len, lines[: last.end_lineno - 1])) + last.end_col_offset
+    if not parts:
+        # of a group that is made without values of its own: group(Options())
+        assert source.encode()[begin:end].endswith(b"())")
+        begin = end = end - 2
+        texts = [f"{path[1]}={texts[0]}"]
     whole = source.encode()
     return (whole[:begin] + ", ".join(texts).encode() + whole[end:]).decode()

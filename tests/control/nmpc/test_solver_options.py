@@ -24,6 +24,7 @@ from kmpc_lite.control.nmpc.sqp_state import Progress, SQPState
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, at_rest
 from kmpc_lite.control.options import OSQPOptions, SolverOptions
+from kmpc_lite.control.settings import choose_passes
 
 MODEL = kl.nominal_unicycle(0.1)
 PROBLEM = kl.NavigationProblem().with_default_weights(guidance=False)
@@ -204,6 +205,8 @@ def test_more_than_0_6_radians_in_a_period_need_more_than_one_pass() -> None:
             pose = plan.states[1]
         return used[1:]
 
+    quick = kl.NavigationProblem(dt=1.0, u_min=(-0.6, -0.1), u_max=(0.6, 0.61))
+    assert choose_passes(quick, None, True, kl.ControllerOptions()) == 10
     assert max(passes(0.59)) == 1
     assert max(passes(0.61)) == 3
     assert max(passes(0.61, sqp_iterations=1)) == 1
