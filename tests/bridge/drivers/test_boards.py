@@ -73,8 +73,10 @@ def test_drives_and_reads_back(name, url):
         assert math.hypot(*rig.emulator.pose[:2]) > 0.05
         counters = rig.counters
         assert counters["frames"] > 10
-        assert counters["driver_errors"] == counters["bad_bytes"] == 0
-        # an answer that a busy machine gave too late is one that nobody waits for any more
+        assert counters["driver_errors"] == 0
+        # an answer that a busy machine gave too late is one that nobody waits for any more, whole
+        # or in parts
+        assert counters["bad_bytes"] == 0 or counters["timeouts"]
         assert counters["unexpected_replies"] <= counters["timeouts"]
     finally:
         rig.close()
