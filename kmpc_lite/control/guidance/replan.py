@@ -78,19 +78,14 @@ class Replanner:
         grown = has_grown_elsewhere(state, now, self._inflation, self._options)
         is_new = not grown and self._is_new(state, now)
         turned_back = self._turns_back(state, now, is_new)
-        at_once = (
-            off > self._options.lost_distance
-            or is_new
-            or turned_back
-            or self._is_blocked(state, now)
-        )
+        # whatever has come up meanwhile, a search that is needed comes to an end: one that begins
+        # anew in each step never does
+        wanted = off > self._options.lost_distance or is_new or self._is_blocked(state, now)
+        at_once = turned_back or (wanted and not (state.urgent and state.search is not None))
         stalled = self._has_stalled(state, now)
         # the robot drives on what it knows meanwhile, and keeps clear of what has shown up
         cut = state.search is None and not at_once and self._is_cut(state, now)
         state.hurried = cut or (state.hurried and state.search is not None)
-        # whatever has come up meanwhile, a search that is needed comes to an end: one that begins
-        # anew in each step never does
-        at_once = at_once and not (state.urgent and state.search is not None)
         if at_once or cut:
             self._progress.expect_new_path(state.progress)
         renewed = grown or (state.search is None and self._is_to_be_renewed(state, now))
@@ -237,11 +232,11 @@ class Replanner:
     def _advance_search(self, state: GuideState, now: Situation) -> tuple[bool, bool]:
         """Bring the search forward: nearly always to its end if urgent, else by a few parts."""
         refreshed = switched = False
-        parts = min(max(state.attempts - 1, 1), self._options.hurried_parts)
-        if state.hurried:
-            parts = self._options.hurried_parts
+        parts, most = max(state.attempts - 1, 1), self._options.hurried_parts
         if state.urgent:
             parts = self._options.urgent_parts
+        elif state.hurried or parts > most:
+            parts = most
         while (search := state.search) is not None:
             if search.stage is Stage.CHOSEN and search.path is None and state.shuttle is not None:
                 state.shuttle, state.shuttles = None, self._options.shuttles
