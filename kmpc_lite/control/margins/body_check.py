@@ -100,6 +100,11 @@ class BodyCommandCheck(CommandCheck):
         aside = self._noise.step_quantile * self._reach * float(turn)
         return super()._error(felt, v, omega) + aside
 
+    def _stop_errors(self, felt: FeltNoise, rates: Array) -> Array:
+        """The same with what turning may be wrong by, at the ends of the robot."""
+        aside = self._added_up(rates, felt.command[:, 8].tolist(), felt.lasting[:, 8].tolist())
+        return super()._stop_errors(felt, rates) + self._reach * aside
+
     def _approaches(
         self,
         felt: FeltNoise,

@@ -8,6 +8,7 @@ come nearer to an obstacle.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -92,19 +93,25 @@ class CommandCheck:
         ndarray
             (..., T) [m].
         """
-        felt, rare, usual = self._noise.felt(drift), self._noise.step_quantile, self._noise.quantile
-        single, summed = np.zeros(distances.shape), np.zeros(distances.shape)
-        for moved, whole, lasting in zip(
-            (distances, turns), felt.command_trace, felt.lasting_trace, strict=True
-        ):
-            rates = np.abs(moved) / self._model.dt
-            squares, white = rates * rates, max(whole - lasting, 0.0)
-            single += rare**2 * whole * squares
+        rates = np.abs(np.stack([distances, turns])) / self._model.dt
+        return self._solver_margin + self._stop_errors(self._noise.felt(drift), rates)
+
+    def _stop_errors(self, felt: FeltNoise, rates: Array) -> Array:
+        """Quantile of the errors in any direction [m] of speeds and turn rates (2, ..., T)."""
+        return self._added_up(rates, felt.command_trace, felt.lasting_trace)
+
+    def _added_up(self, rates: Array, whole: Sequence[float], lasting: Sequence[float]) -> Array:
+        """Quantile of what a variance, by v^2 and by omega^2, adds up to at each stage (..., T)."""
+        rare, usual = self._noise.step_quantile, self._noise.quantile
+        single, summed = np.zeros(rates.shape[1:]), np.zeros(rates.shape[1:])
+        for rate, each, lasts in zip(rates, whole, lasting, strict=True):
+            squares, white = rate * rate, max(each - lasts, 0.0)
+            single += rare**2 * each * squares
             summed += rare**2 * white * np.cumsum(squares, axis=-1)
-            summed += usual**2 * lasting * np.cumsum(rates, axis=-1) ** 2
+            summed += usual**2 * lasts * np.cumsum(rate, axis=-1) ** 2
         worst = np.maximum.accumulate(single, axis=-1)
-        margins: Array = self._solver_margin + np.sqrt(np.maximum(worst, summed))
-        return margins
+        errors: Array = np.sqrt(np.maximum(worst, summed))
+        return errors
 
     def speed_share(
         self,

@@ -108,7 +108,8 @@ class StopTrajectories:
         if model.history:
             distance += self._dt * float(np.abs(task.past[:, 0]).sum())
         distance += self._swing(omega, periods, task)
-        if model.history or self._rates.active:
+        lags = model.history or self._rates.active
+        if lags:
             turned = self._dt * (abs(omega) * (1.0 + periods) + np.abs(task.past[:, 1]).sum())
             margin = float(check.stop_margins(drift, np.array([distance]), np.array([turned]))[0])
         else:
@@ -120,7 +121,7 @@ class StopTrajectories:
         in_sight = farthest + emerging <= self._known
         if in_sight and nearest > farthest + approach:
             return plan
-        if not (model.history or self._rates.active):
+        if not lags:
             # a robot without lag stands when it is told to, and the coming period was checked above
             plan = plan if in_sight else self._within_sight(plan, margin, task)
             clear = in_sight and self._ramp_is_clear(plan, periods, ahead, margin, task)

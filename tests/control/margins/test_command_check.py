@@ -8,6 +8,8 @@ from wary import CIRCLES, PROBLEM, Wary, slipping
 
 from kmpc_lite import (
     DifferentialDrive,
+    Footprint,
+    NavigationProblem,
     nominal_unicycle,
 )
 from kmpc_lite.control.margins.drift_detector import DriftState
@@ -149,3 +151,15 @@ def test_a_turn_on_the_spot_has_room_for_its_error_and_a_quarter_is_always_allow
     assert shares == pytest.approx([1.0, 0.6, 0.25, 0.25])
     sure = Wary(nominal_unicycle(0.1), PROBLEM).of.command_check
     assert sure.turn_share(DriftState(), -1.0, 0.7) == 1.0
+
+
+def test_a_stop_of_a_robot_that_is_not_round_has_room_for_errors_of_its_turn() -> None:
+    long = NavigationProblem(footprint=Footprint.rectangle(0.8, 0.3, ahead=0.2))
+    wary, turns = Wary(slipping(0.2), long), np.full(3, 0.03)
+    check, still = wary.of.command_check, np.zeros(3)
+    assert check.stop_margins(wary.drift, still[:1], turns[:1])[0] == pytest.approx(
+        wary.step_margin(0.0, 0.3)
+    )
+    round_one = Wary(slipping(0.2), PROBLEM).of.command_check
+    wider = check.stop_margins(wary.drift, still, turns)
+    assert (wider > 2.0 * round_one.stop_margins(DriftState(), still, turns)).all()
