@@ -16,15 +16,8 @@ import numpy as np
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.least_squares import least_squares
 from kmpc_lite.model.dictionary import Dictionary
+from kmpc_lite.model.symmetric import Trigonometry, find_trigonometry
 from kmpc_lite.types import STATES, Array
-
-
-class Trigonometry(NamedTuple):
-    """Places of 1, cos(theta) and sin(theta) in a dictionary's lifted state."""
-
-    one: int
-    cos: int
-    sin: int
 
 
 class Solution(NamedTuple):
@@ -40,16 +33,6 @@ class Solution(NamedTuple):
     """Inputs that the log tells apart, at most nw."""
     condition: float
     """Condition number of the inputs, as columns of length one."""
-
-
-def find_trigonometry(dictionary: Dictionary) -> Trigonometry | None:
-    """Places of 1, cos(theta) and sin(theta) in the lifted state; None where it lacks one."""
-    names = dictionary.names
-    cos = next((n for n in ("cos", "cos(theta)") if n in names), None)
-    sin = next((n for n in ("sin", "sin(theta)") if n in names), None)
-    if "1" not in names or cos is None or sin is None:
-        return None
-    return Trigonometry(names.index("1"), names.index(cos), names.index(sin))
 
 
 def require_trigonometry(dictionary: Dictionary) -> Trigonometry:

@@ -16,6 +16,7 @@ from kmpc_lite.model.arguments import broadcast
 from kmpc_lite.model.bilinear import TABLEAUX, BilinearForm, integrate
 from kmpc_lite.model.dictionary import Dictionary
 from kmpc_lite.model.noise_model import LARGEST, NoiseModel
+from kmpc_lite.model.symmetric import SymmetricForm
 from kmpc_lite.types import INPUTS, STATES, Array
 
 
@@ -115,8 +116,19 @@ class KoopmanModel:
             self.noise_model.check()
         form = BilinearForm.fold(self.dictionary, self.A, self.B, self.H, self.C)
         object.__setattr__(self, "_form", form)
+        object.__setattr__(self, "_symmetric", self._fold_symmetric(form))
 
     _form: BilinearForm = field(init=False, repr=False)
+    _symmetric: SymmetricForm | None = field(init=False, repr=False)
+
+    def _fold_symmetric(self, form: BilinearForm) -> SymmetricForm | None:
+        """Give the closed form of a symmetric model; None for any other."""
+        if not self.continuous:
+            return None
+        nz, nw = self.dictionary.size, self.dictionary.input_size
+        blocks = form.H_by_input.reshape(nw, STATES, nz).transpose(1, 0, 2)
+        tableau = TABLEAUX[self.integrator]
+        return SymmetricForm.fold(self.dictionary, form.A, form.B, blocks, self.dt, tableau)
 
     @property
     def history(self) -> int:
@@ -144,7 +156,8 @@ class KoopmanModel:
             For wrong shapes.
         """
         x, u, past = broadcast(x, u, history, self.history)
-        return self.advance(x, self.dictionary.inputs(u, past))
+        w = self.dictionary.inputs(u, past)
+        return self.advance(x, w) if self._symmetric is None else self._symmetric.advance(x, w)
 
     def advance(self, x: Array, w: Array) -> Array:
         """Next states (..., 3) for bilinear inputs (..., nw) of any dtype, symbols included."""
@@ -185,6 +198,9 @@ class KoopmanModel:
         commands = np.broadcast_to(commands, (*x.shape[:-1], steps, INPUTS))
         before = np.zeros((*x.shape[:-1], length, INPUTS)) if past is None else past
         all_commands = np.concatenate([before, commands], axis=-2)
+        if self._symmetric is not None:
+            w = self.dictionary.inputs(commands, _windows(all_commands, length))
+            return self._symmetric.rollout(x, w)
         states = np.empty((*x.shape[:-1], steps + 1, STATES))
         states[..., 0, :] = x
         for k in range(steps):
@@ -215,9 +231,13 @@ class KoopmanModel:
         x, u, past = broadcast(x, u, history, self.history)
         w = self.dictionary.inputs(u, past)
         lead = w.shape[:-1]
-        start = self._form.start(x, w)
-        by_all = self._integrate(self._form.slope_and_derivatives(w, start), start)
-        value, by_x, by_w = by_all[..., 0], by_all[..., 1 : 1 + STATES], by_all[..., 1 + STATES :]
+        if self._symmetric is not None:
+            value, by_x, by_w = self._symmetric.linearize(x, w)
+        else:
+            start = self._form.start(x, w)
+            by_all = self._integrate(self._form.slope_and_derivatives(w, start), start)
+            value, by_x = by_all[..., 0], by_all[..., 1 : 1 + STATES]
+            by_w = by_all[..., 1 + STATES :]
         jacobian = self.dictionary.inputs_jacobian(u, past)
         if jacobian is None:
             return Linearization(value, by_x, by_w, np.empty((*lead, 0, STATES, INPUTS)))
@@ -285,3 +305,11 @@ class KoopmanModel:
         from kmpc_lite.model.npz import load_model
 
         return load_model(path, dictionary)
+
+
+def _windows(commands: Array, length: int) -> Array:
+    """The `length` commands before each one, oldest first, (..., T, length, 2)."""
+    if not length:
+        return np.empty((*commands.shape[:-1], 0, INPUTS))
+    windows = np.lib.stride_tricks.sliding_window_view(commands[..., :-1, :], length, axis=-2)
+    return windows.swapaxes(-1, -2)

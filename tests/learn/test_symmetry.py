@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.learn.symmetry import find_trigonometry, symmetric_generator
+from kmpc_lite.learn.symmetry import symmetric_generator
+from kmpc_lite.model.symmetric import find_trigonometry
 
 TRIG = kl.HermiteTrigDictionary(0)
 DICTIONARIES = [

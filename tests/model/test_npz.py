@@ -20,6 +20,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.model.bilinear import BilinearForm
 from kmpc_lite.model.noise_model import NoiseModel
+from kmpc_lite.model.symmetric import SymmetricForm
 
 TRIG = kl.HermiteTrigDictionary(0)
 INFO = {
@@ -56,7 +57,7 @@ def assert_same(model: Any, other: Any) -> None:
             np.testing.assert_array_equal(mine, theirs)
         elif isinstance(mine, NoiseModel):
             np.testing.assert_array_equal(mine.coefficients, theirs.coefficients)
-        elif isinstance(mine, BilinearForm):
+        elif isinstance(mine, BilinearForm | SymmetricForm):
             assert_same(mine, theirs)
         elif name == "dictionary":
             assert (type(mine), mine.config()) == (type(theirs), theirs.config())
