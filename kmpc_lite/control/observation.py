@@ -124,13 +124,14 @@ class Admission:
             refusal, solids = f"obstacle not usable: reaches out to {far:g} m", None
         else:
             target[2] -= nearest_turn(float(target[2]))
+        measured = pose / scale.state
         return Observation(
-            pose / scale.state,
+            measured,
             target / scale.state,
             circles / scale.circle,
             solids,
             None if command is None else command / scale.command,
             refusal,
             scans=scans,
-            measured=pose / scale.state,
+            measured=measured,
         )

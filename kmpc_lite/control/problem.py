@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -197,7 +198,7 @@ class NavigationProblem:
     @property
     def limits_wheels(self) -> bool:
         """Whether the wheels limit speed and turn rate together."""
-        return bool(np.isfinite(self.max_wheel_speed))
+        return math.isfinite(self.max_wheel_speed)
 
     def within_bounds(self, commands: Array) -> Array:
         """Bring commands (..., 2) within the command bounds; what wheels cannot do keeps its curve.

@@ -165,9 +165,10 @@ class SymmetricForm:
 
 def _lifts(dictionary: Dictionary, place: Trigonometry) -> bool:
     """Whether a dictionary lifts as the names of its coordinates say."""
-    lifted = dictionary.lift(_SOMEWHERE)[list(place)]
-    heading = float(_SOMEWHERE[2])
-    return bool(np.allclose(lifted, (1.0, math.cos(heading), math.sin(heading)), atol=1e-12))
+    lifted, heading = dictionary.lift(_SOMEWHERE).tolist(), float(_SOMEWHERE[2])
+    found = [lifted[i] for i in place]
+    told = 1.0, math.cos(heading), math.sin(heading)
+    return bool(max(abs(f - t) for f, t in zip(found, told, strict=True)) <= ROUNDING)
 
 
 _DIAGONAL = np.arange(STATES)

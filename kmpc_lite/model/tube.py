@@ -54,12 +54,9 @@ def closed_loop(by_state: Array, cos: Array, sin: Array) -> Array:
     # is steered back
     drift = cos * out[..., 1, 2] - sin * out[..., 0, 2]
     gain = LATERAL * drift / (drift * drift + STILL * STILL)
-    half = FORWARD * cos
-    out[..., 0, 0] -= half * cos
-    half = half * sin
-    out[..., 0, 1] -= half
-    out[..., 1, 0] -= half
-    out[..., 1, 1] -= FORWARD * (sin * sin)
+    ahead = np.empty((*cos.shape, 2))
+    ahead[..., 0], ahead[..., 1] = cos, sin
+    out[..., :2, :2] -= (FORWARD * ahead)[..., None] * ahead[..., None, :]
     out[..., 2, 0] += gain * sin
     out[..., 2, 1] -= gain * cos
     out[..., 2, 2] -= TURN

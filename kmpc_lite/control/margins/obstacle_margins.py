@@ -62,6 +62,8 @@ class Tightening:
         self._pose_variance = float(pose[0, 0] + pose[1, 1])
         self._heading_variance = float(pose[2, 2])
         self.pose_deviation = math.sqrt(max(0.5 * self._pose_variance, 0.0))
+        self._heading_periods = self._steering_back(noise)
+        self._chord_at_full_speed = self._chord(noise.dt)
         felt = noise.felt(DriftState())
         self._widest_for, self._widest = felt, self._work_out_widest(felt)
 
@@ -136,29 +138,38 @@ class Tightening:
     def _work_out_widest(self, felt: FeltNoise) -> float:
         """Add up all noise at full speed, taken back by nothing but time."""
         v, omega = self._fastest
-        dt, noise = self._noise.dt, self._noise
-        travel, periods = v * dt, MEMORY + noise.delay
-        # how far a heading error leads aside: until it is steered back
-        aside = [min(k, noise.delay + 1.0 / TURN) for k in range(1, periods + 1)]
+        noise = self._noise
+        travel, periods = v * noise.dt, MEMORY + noise.delay
+        squares, whole = self._heading_periods
         by_speed, by_turn_rate = felt.plan_trace
         turned = felt.plan.item(0, 8) * v * v + felt.plan.item(1, 8) * omega * omega
         turn_variance = periods * turned + self._heading_variance
         variance = (
             periods * (v * v * by_speed + omega * omega * by_turn_rate)
-            + travel * travel * turned * sum(a * a for a in aside)
+            + travel * travel * turned * squares
             + self._pose_variance
         )
         if felt.lasting_factor is not None:
             by_speed, by_turn_rate = felt.lasting_trace
             turned = felt.lasting.item(0, 8) * v * v + felt.lasting.item(1, 8) * omega * omega
             variance += periods**2 * (v * v * by_speed + omega * omega * by_turn_rate)
-            variance += travel * travel * turned * sum(aside) ** 2
+            variance += travel * travel * turned * whole**2
             turn_variance += periods**2 * turned
-        travel += self._reach * omega * dt
-        bulge = travel * omega * dt / 8
-        chord = math.hypot(self._robot_radius + bulge, travel / 2) - self._robot_radius
         headway = self._headway * float(v)
         deviation = math.sqrt(variance)
         if self._reach:
             deviation += self._reach * math.sqrt(turn_variance)
-        return max(noise.quantile * deviation, headway) + chord + self._solver_margin
+        widest = max(noise.quantile * deviation, headway)
+        return widest + self._chord_at_full_speed + self._solver_margin
+
+    def _steering_back(self, noise: ModelNoise) -> tuple[float, float]:
+        """For how many periods a heading error leads aside: sums over errors, squared and whole."""
+        aside = [min(k, noise.delay + 1.0 / TURN) for k in range(1, MEMORY + noise.delay + 1)]
+        return sum(a * a for a in aside), sum(aside)
+
+    def _chord(self, dt: float) -> float:
+        """What a period at full speed, driving and turning, cuts off [m]."""
+        v, omega = self._fastest
+        travel = v * dt + self._reach * omega * dt
+        bulge = travel * omega * dt / 8
+        return math.hypot(self._robot_radius + bulge, travel / 2) - self._robot_radius

@@ -140,11 +140,15 @@ class NavigationQP:
         self.A = sp.csc_matrix(
             (value[order], row[order], pointers), shape=(self.row_count, self.size)
         )
-        # where the numbers of each block stand in A.data
-        self._a_place = place[a_start : a_start + (n - 1) * STATES * STATES]
-        self._b_places = [place[s : s + (n - j) * STATES * INPUTS] for j, s in enumerate(b_starts)]
-        self._normal_place = place[normal_start : normal_start + n * self.slots * self._directions]
-        self._scaled_normals = np.empty(n * self.slots * self._directions)
+        # what every pass writes is gathered block by block, then put in its places at once
+        end = normal_start + n * self.slots * self._directions
+        self._written, self._places = np.empty(end - a_start), place[a_start:end]
+        parts = np.split(self._written, np.array([*b_starts, normal_start]) - a_start)
+        self._by_state = parts[0].reshape(n - 1, STATES, STATES)
+        self._by_command = [
+            part.reshape(n - j, STATES, INPUTS) for j, part in enumerate(parts[1:-1])
+        ]
+        self._normals = parts[-1].reshape(n, self.slots, self._directions)
 
     def _build_cost(self, problem: NavigationProblem, curved: bool) -> None:
         q, r, q_terminal = problem.weights
@@ -247,9 +251,9 @@ class NavigationQP:
             Half-planes ``normal . p + slack >= offset`` of stages 1 to N: (N, slots, 2) and (N,
             slots); (N, slots, 3) with the heading, of a robot with a footprint.
         """
-        data, n = self.A.data, self.horizon
-        data[self._a_place] = -lin.A[1:].ravel()
-        data[self._b_places[0]] = -lin.B.ravel()
+        n = self.horizon
+        np.negative(lin.A[1:], out=self._by_state)
+        np.negative(lin.B, out=self._by_command[0])
         # x_{k+1} - A_k x_k - sum_j B_kj u_{k-j} = f - A_k x - sum_j B_kj u: what is known moves to
         # the right
         right = lin.value - (lin.B @ u[..., None])[..., 0]
@@ -257,12 +261,12 @@ class NavigationQP:
         for j in range(1, self.history + 1):
             by_age = lin.B_past[:, j - 1]
             if j < n:
-                data[self._b_places[j]] = -by_age[j:].ravel()
+                np.negative(by_age[j:], out=self._by_command[j])
                 right[j:] -= (by_age[j:] @ u[: n - j, :, None])[..., 0]
         self._dynamics_lower[:] = right
         self._dynamics_upper[:] = right
-        np.multiply(normals.ravel(), self.half_plane_scale, out=self._scaled_normals)
-        data[self._normal_place] = self._scaled_normals
+        np.multiply(normals, self.half_plane_scale, out=self._normals)
+        self.A.data[self._places] = self._written
         np.multiply(offsets, self.half_plane_scale, out=self._half_plane_lower)
         np.maximum(self._half_plane_lower, -OPEN, out=self._half_plane_lower)
         np.matmul(reference[1:-1], self._pull, out=self._q_states[:-1])
