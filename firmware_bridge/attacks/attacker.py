@@ -22,10 +22,8 @@ AT_ONCE = 50
 """Datagrams, or connections, between two looks at everything else."""
 DATAGRAM = 1400
 IDLE = 9
-PATIENCE = 3.0
-"""Of whoever presses STOP on a page [s]."""
-BROWSERS, TRIES = 300, 20
-"""Connections that are held to a page, and how often its STOP is pressed at most."""
+BROWSERS = 300
+"""Connections that are held to a page."""
 
 
 class Orders:
@@ -239,31 +237,17 @@ def press_page(link: str, rubbish: bytes) -> None:
 
     Says when that began [s].
     """
-    import http.client
-    from urllib.parse import urlsplit
+    from firmware_bridge.attacks.page_line import PageLine
 
     _ready()
-    orders, url = Orders(), urlsplit(link)
-    connection = http.client.HTTPConnection(HOST, int(url.port or 0), timeout=PATIENCE)
-
-    def post(path: str) -> bytes:
-        try:
-            connection.request("POST", f"{url.path}{path}")
-            return connection.getresponse().read()
-        except (OSError, http.client.HTTPException):
-            connection.close()  # the next one opens another
-            return b""
-
+    orders, page = Orders(), PageLine(link)
     while not (orders.attacking or orders.over):
-        post("line")
+        page.keep()
         orders.look([], 1.0)
     if not orders.attacking:
         return
     _say(str(time.monotonic()))
-    for _ in range(TRIES):
-        if b'"confirmed": true' in post("stop"):
-            return
-        time.sleep(0.05)
+    page.stop()
 
 
 KINDS: dict[str, Callable[..., None]] = {
