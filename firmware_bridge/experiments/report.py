@@ -105,6 +105,10 @@ def picture(file: Path, trials: Sequence[Trial]) -> None:
             axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max))
             axes.set_title(name.removeprefix("twin_"), fontsize=9)
             axes.tick_params(labelsize=7)
+            if i % columns == 0:
+                axes.set_ylabel("y [m]", fontsize=8)
+            if i + columns >= len(maps):
+                axes.set_xlabel("x [m]", fontsize=8)
         for k, label in enumerate(labels):
             colour, line, _ = LINES[k % len(LINES)]
             axes.plot([], [], color=colour, linestyle=line, label=label)
