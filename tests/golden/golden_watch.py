@@ -446,6 +446,10 @@ TESTS: dict[str, tuple[str, ...]] = {
     "control/obstacles/sight/test_sight_options.py::"
     "test_a_lattice_of_what_was_seen_has_twelve_thousand_nodes": ("sight.lattice_nodes",),
     "control/obstacles/sight/test_sight_options.py::"
+    "test_nodes_of_a_lattice_of_what_was_seen_lie_seven_and_a_half_centimetres_apart": (
+        "sight.lattice_step",
+    ),
+    "control/obstacles/sight/test_sight_options.py::"
     "test_a_path_without_a_change_of_gear_may_take_two_seconds_longer": ("sight.gear_time",),
     "adaptation/test_adaptation_options.py::"
     "test_the_window_has_two_seconds_and_eight_steps_and_the_memory_thirty_seconds": (

@@ -26,7 +26,9 @@ class PathMap:
     coarseness : float
         How far the solids may stand out of what they were made of: they are cells [m].
     later : bool
-        Whether the lattice is made part by part, by `prepare`.
+        Whether the lattice is made part by part, by `prepare`, and a path on it found so, too.
+    limits : tuple of ndarray, optional
+        Corners (2,), (2,) of the area that paths lie in [m].
     """
 
     def __init__(
@@ -35,8 +37,12 @@ class PathMap:
         options: GuidanceOptions,
         coarseness: float = 0.0,
         later: bool = False,
+        limits: tuple[Array, Array] | None = None,
     ) -> None:
+        self._limits = limits
         self.solids, self._coarseness, self._options = solids, coarseness, options
+        self.later = later
+        """Whether work on the lattice is done part by part."""
         self.lattice: Lattice | None = None
         """Where the grids have too many corners."""
         many = solids.rectangle_count > options.lattice_rectangles
@@ -62,7 +68,7 @@ class PathMap:
         # it takes image filters, which are slow to import
         from kmpc_lite.control.guidance.lattice import Lattice
 
-        self.lattice = Lattice(self.solids, self._options)
+        self.lattice = Lattice(self.solids, self._options, self._limits)
         self.landmarks = np.concatenate([self.corners.middles, self.lattice.landmarks])
 
     def distance(self, point: Array) -> float:

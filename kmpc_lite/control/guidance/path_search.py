@@ -78,6 +78,11 @@ class PathSearcher:
             clearances = self._clearances(capabilities.clearance, centre)
             search.clearances = clearances[-2:] if search.narrow else clearances
             self._try_next_clearance(search, place, capabilities)
+        elif search.stage is Stage.LINKED and path_map is not None and path_map.lattice is not None:
+            path_map.lattice.find(*self._on_lattice(search))
+            search.stage = Stage.STRAIGHTEN
+        elif search.stage is Stage.STRAIGHTEN:
+            self._straighten(search)
         elif search.stage is Stage.LATTICE and search.lattice_path is None:
             self._try_next_clearance(search, place, capabilities)
         elif search.stage is Stage.LATTICE:
@@ -152,16 +157,27 @@ class PathSearcher:
             return
         search.clearance = search.clearances.pop(0)
         search.best = search.same_gear = None
-        lattice = None if search.path_map is None else search.path_map.lattice
-        if lattice is not None:
-            inflation = self._inflation + search.clearance
-            search.lattice_path = lattice.path(
-                search.pose, search.goal, inflation, search.circles, obstacles.area
-            )
-            search.stage = Stage.LATTICE
+        path_map = search.path_map
+        if path_map is not None and path_map.lattice is not None:
+            path_map.lattice.link(*self._on_lattice(search))
+            search.stage = Stage.LINKED
+            if not path_map.later:
+                self._straighten(search)
             return
         self._begin_graph(search, capabilities)
         self._look(search, place, capabilities)
+
+    def _on_lattice(self, search: PathSearch) -> tuple[Array, Array, float, Array, Array]:
+        """Between what, and how far from what, a path on the lattice is looked for."""
+        assert search.obstacles is not None
+        inflation = self._inflation + search.clearance
+        return search.pose, search.goal, inflation, search.circles, search.obstacles.area
+
+    def _straighten(self, search: PathSearch) -> None:
+        """Pull the lattice's path straight, if there is one."""
+        assert search.path_map is not None and search.path_map.lattice is not None
+        search.lattice_path = search.path_map.lattice.path(*self._on_lattice(search))
+        search.stage = Stage.LATTICE
 
     def _begin_graph(self, search: PathSearch, capabilities: Capabilities) -> None:
         """Begin a search on the tangent graph."""

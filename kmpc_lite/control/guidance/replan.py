@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import lru_cache
 
 import numpy as np
 
@@ -26,9 +26,6 @@ from kmpc_lite.control.guidance.turning_centre import swing
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
-
-if TYPE_CHECKING:
-    pass
 
 
 class Replanner:
@@ -52,6 +49,7 @@ class Replanner:
         self._turning = problem.robot_radius + problem.margin
         moved = options.moved_distance
         self._moved = np.array([moved, moved, 0.0, 0.0, 0.0])
+        self._limits = problem.x_min[:2], problem.x_max[:2]
         self._progress = ProgressChecker(options)
         self._searcher = PathSearcher(problem, options)
         self._shuttles = ShuttleFinder(problem, options)
@@ -89,12 +87,15 @@ class Replanner:
         if at_once or cut:
             self._progress.expect_new_path(state.progress)
         renewed = grown or (state.search is None and self._is_to_be_renewed(state, now))
-        if at_once or cut or stalled or renewed or (strayed and state.search is None):
+        begins = at_once or cut or stalled or renewed or (strayed and state.search is None)
+        if begins:
             state.only_renews = renewed and not (at_once or cut or stalled or strayed)
             self._begin_search(state, now)
             near = now.distance < self._options.near_goal and not at_once
             state.attempts = state.attempts + 1 if near else 0
         state.urgent = state.urgent or at_once
+        if begins and now.view is not None and not state.urgent:
+            return False, False  # what was seen has been made a map of: work enough for a step
         return self._advance_search(state, now)
 
     def _turns_back(self, state: GuideState, now: Situation, is_new: bool) -> bool:
@@ -201,8 +202,10 @@ class Replanner:
         stuck = state.progress.stuck
         if now.view is not None:
             known, coarse = now.view.solids(now.solids), now.view.coarseness
-            options = replace(self._options, lattice_nodes=now.view.lattice_nodes)
-            state.path_map = None if known is None else PathMap(known, options, coarse, True)
+            options = _coarser(self._options, now.view.lattice_nodes, now.view.lattice_step)
+            state.path_map = (
+                None if known is None else PathMap(known, options, coarse, True, self._limits)
+            )
         elif not same_solids(now.solids, state.solids):
             state.path_map = None
         if state.path_map is None and now.solids is not None:
@@ -245,6 +248,7 @@ class Replanner:
                 refreshed, switched = True, self._take_over(state, now, search)
                 state.search, state.urgent = None, False
             else:
+                parts -= most * search.is_on_lattice
                 self._searcher.advance(search, state.place, now.capabilities, state.turning_centre)
             parts -= 1
             out_of_time = now.until < math.inf and self._clock() > now.until
@@ -290,3 +294,9 @@ class Replanner:
         around = max(nearest - self._turning, 0.0)
         shares = length / o.free_turn_length, around / o.free_turn_clearance
         return o.free_turn * min(1.0, *shares)
+
+
+@lru_cache(maxsize=16)
+def _coarser(options: GuidanceOptions, nodes: int, step: float) -> GuidanceOptions:
+    """Options whose lattice has so many nodes at the most, so far from each other at least."""
+    return replace(options, lattice_nodes=nodes, lattice_step=step)

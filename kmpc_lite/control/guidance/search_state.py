@@ -19,6 +19,10 @@ class Stage(Enum):
 
     OBSTACLES = auto()
     """Gather the obstacles, and begin with the widest clearance."""
+    LINKED = auto()
+    """Search the lattice, whose nodes are linked."""
+    STRAIGHTEN = auto()
+    """Pull the lattice's path straight, if there is one."""
     LATTICE = auto()
     """Take over the lattice's path, if there is one."""
     TANGENTS = auto()
@@ -99,3 +103,9 @@ class PathSearch:
     """Whether more obstacles were in the way than a search takes."""
     switched: bool = True
     """Whether it leads around some obstacle on another side than the previous one."""
+
+    @property
+    def is_on_lattice(self) -> bool:
+        """Whether the next part is one of the long ones, on a lattice that is made part by part."""
+        in_parts = self.path_map is not None and self.path_map.later
+        return in_parts and self.stage not in (Stage.LATTICE, Stage.TANGENTS, Stage.CHOSEN)

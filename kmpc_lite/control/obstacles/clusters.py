@@ -37,9 +37,12 @@ def clusters(scan: LaserScan, pose: Array, gap: float, largest: float, fewest: i
     if len(told) < fewest + 2:
         return np.empty((0, 3))
     hits, reach, ends = scan.hits[told], scan.reach[told], scan.ends[told]
-    after = np.roll(ends, -1, axis=0)
-    apart = np.hypot(*(after - ends).T) > gap
-    apart |= ~hits | ~np.roll(hits, -1)
+    # from each to the next one, and from the last to the first
+    x, y = (np.diff(column, append=column[0]) for column in ends.T)
+    apart = np.hypot(x, y) > gap
+    apart |= ~hits
+    apart[:-1] |= ~hits[1:]
+    apart[-1] |= ~hits[0]
     if not apart.any():
         return np.empty((0, 3))
     # begin behind a gap, so that no cluster lies across the ends of the ring

@@ -262,9 +262,10 @@ def rectangles_of(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
     height, width = occupied.shape
     padded = np.zeros((height, width + 2), dtype=np.int8)
     padded[:, 1:-1] = occupied
-    change = np.diff(padded, axis=1)
-    rows, begins = np.nonzero(change == 1)
-    _, ends = np.nonzero(change == -1)
+    # no run goes on from one row to the next: all rows are looked at as one
+    change = np.diff(padded.ravel())
+    rows, begins = np.divmod(np.flatnonzero(change == 1), width + 2)
+    ends = np.flatnonzero(change == -1) - (width + 2) * rows
     # runs of equal columns stand one after the other; a rectangle goes on while the rows do
     order = np.lexsort((rows, ends, begins))
     rows, begins, ends = rows[order], begins[order], ends[order]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,9 @@ from kmpc_lite.types import Array
 
 Sector = tuple[float, float]
 """From one direction counter-clockwise to another [rad]."""
+Layout = tuple[int, float, float, float, bool]
+"""Number of beams, direction of the first and from beam to beam, heading of the mount [rad], and
+whether they count clockwise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,9 +151,13 @@ class LaserScan:
     @cached_property
     def directions(self) -> Array:
         """Directions (B,) of the beams in the robot's frame [rad]."""
-        own = self.angle_min + self.angle_increment * np.arange(len(self.ranges))
-        found: Array = self.mount[2] + (-own if self.mirrored else own)
-        return found
+        return beams(*self.layout)[0]
+
+    @property
+    def layout(self) -> Layout:
+        """What the directions of the beams follow from: scans of one scanner have the same."""
+        count, heading = len(self.ranges), self.mount[2]
+        return count, self.angle_min, self.angle_increment, heading, self.mirrored
 
     @cached_property
     def ages(self) -> Array:
@@ -161,8 +168,7 @@ class LaserScan:
     @cached_property
     def ends(self) -> Array:
         """Where the beams end in the robot's frame, (B, 2) [m]; the scanner, where unknown."""
-        along = np.stack([np.cos(self.directions), np.sin(self.directions)], axis=1)
-        found: Array = self.reach[:, None] * along + self.mount[:2]
+        found: Array = self.reach[:, None] * beams(*self.layout)[1] + self.mount[:2]
         return found
 
     @cached_property
@@ -197,14 +203,12 @@ class LaserScan:
         ranges, directions = self.ranges, self.directions
         clear = (ranges == np.inf) | (ranges == self.range_max)
         hits = (ranges >= self.range_min) & (ranges > 0.0) & (ranges < self.range_max)
-        told = np.ones(len(ranges), dtype=bool)
         for begin, end in self.ignore:
-            told &= np.mod(directions - begin, 2.0 * np.pi) > np.mod(end - begin, 2.0 * np.pi)
-        hits, clear = hits & told, clear & told
+            told = np.mod(directions - begin, 2.0 * np.pi) > np.mod(end - begin, 2.0 * np.pi)
+            hits, clear = hits & told, clear & told
         if self.self_radius > 0.0:
             near = np.where(hits, ranges, 0.0)
-            x = self.mount[0] + near * np.cos(directions)
-            y = self.mount[1] + near * np.sin(directions)
+            x, y = (near[:, None] * beams(*self.layout)[1] + self.mount[:2]).T
             hits &= np.hypot(x, y) > self.self_radius
         return hits, clear
 
@@ -213,10 +217,27 @@ class LaserScan:
         if radius <= self.self_radius:
             return self
         other = copy(self)
-        for name in ("hits", "reach", "ends", "points", "_kinds"):
-            other.__dict__.pop(name, None)
         object.__setattr__(other, "self_radius", float(radius))
+        outside = np.hypot(self.ends[:, 0], self.ends[:, 1]) > radius
+        outside |= ~self.hits
+        if not outside.all():
+            for name in ("hits", "reach", "ends", "points"):
+                other.__dict__.pop(name, None)
+            other.__dict__["_kinds"] = self.hits & outside, self.clear
         return other
+
+
+@lru_cache(maxsize=16)
+def beams(
+    count: int, first: float, increment: float, heading: float, mirrored: bool
+) -> tuple[Array, Array]:
+    """Directions (B,) of a scanner's beams in the robot's frame [rad], and unit vectors (B, 2)."""
+    own = first + increment * np.arange(count)
+    directions = heading + (-own if mirrored else own)
+    along = np.stack([np.cos(directions), np.sin(directions)], axis=1)
+    for array in (directions, along):
+        array.flags.writeable = False
+    return directions, along
 
 
 def _number(name: str, value: Any, least: float) -> float:

@@ -43,6 +43,8 @@ class SightOptions:
     lattice_nodes: int = count(12_000)
     """Most nodes of the lattice on which paths are looked for: a search is a matter of
     milliseconds."""
+    lattice_step: float = radii(0.5, zero=False)
+    """Least distance between neighbours of that lattice [radii]."""
     trail: int = count(64, least=2)
     """How many poses of the past are kept, to tell where old beams were sent from."""
     emerging_speed: float = speed(0.0)

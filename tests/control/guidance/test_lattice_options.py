@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lite.control.guidance.grid_field import cells_joined
 from kmpc_lite.control.guidance.lattice import Lattice
 from kmpc_lite.control.guidance.lattice_path import LatticePath
 from kmpc_lite.control.guidance.path_map import PathMap
@@ -59,8 +60,7 @@ def test_a_field_has_a_million_cells_at_the_most(length: int, joined: int) -> No
     # 1.2 m are laid around a grid of 5 cm on each side: 50 m, and more
     cells = np.zeros((length, length), dtype=bool)
     cells[0, 0] = True
-    lattice = Lattice(Solids([kl.OccupancyGrid(np.ones((2, 2), dtype=bool), 0.05)]), OPTIONS)
-    assert lattice._joined(kl.OccupancyGrid(cells, 0.05)) == joined
+    assert cells_joined(kl.OccupancyGrid(cells, 0.05), OPTIONS) == joined
 
 
 def test_a_step_along_an_obstacle_counts_a_fifth_more() -> None:
@@ -68,7 +68,7 @@ def test_a_step_along_an_obstacle_counts_a_fifth_more() -> None:
     lattice = Lattice(walls(200, 0, 11), OPTIONS)
     start, goal = np.array([3.0, 0.3]), np.array([7.0, 0.3])
     lattice.cover(start, goal)
-    cost, _ = lattice._search(start, goal, 0.2249, NO_CIRCLES, AREA)
+    cost, _ = lattice.find(start, goal, 0.2249, NO_CIRCLES, AREA)
     assert cost[lattice._node(start)] == pytest.approx(1.2 * 4.0, rel=0.002)
 
 
@@ -92,7 +92,9 @@ def test_lines_are_looked_at_every_four_centimetres_at_400_points_at_the_most(
     monkeypatch.setattr(wall, "distances", watched)
     for length in (4.0, 40.0):
         wall.lines_free(np.zeros((1, 2)), np.array([[length, 0.0]]), 0.2)
-    assert asked[0] == pytest.approx(4.0 / 0.04, abs=2) and asked[1] == 400
+    coarse, fine = asked[::2], asked[1::2]
+    assert fine[0] == pytest.approx(4.0 / 0.04, abs=2) and fine[1] == 400
+    assert [8 * few for few in coarse] == pytest.approx(fine, abs=8)
 
 
 def test_the_farthest_node_in_sight_is_looked_for_among_eighty(wall: Lattice) -> None:

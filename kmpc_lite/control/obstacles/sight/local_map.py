@@ -97,6 +97,14 @@ class LocalMap:
         y = self.cell * (self.row + 0.5 + np.arange(rows.start, rows.stop))
         return x, y
 
+    def occupied(self, window: tuple[slice, slice]) -> NDArray[np.intp]:
+        """Flat numbers (n,) of a window's occupied cells."""
+        rows, columns = window
+        state = self.state[window]
+        row, column = np.divmod(np.flatnonzero(state > 0), max(state.shape[1], 1))
+        cells: NDArray[np.intp] = (row + rows.start) * self.state.shape[1] + column + columns.start
+        return cells
+
     def cells_of(self, points: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
         """Flat numbers (n,) of the cells of points (n, 2), and which points lie on the map."""
         place = np.floor(points / self.cell).astype(np.intp) - (self.column, self.row)

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
-from kmpc_lite.control.obstacles.scan import LaserScan
+from kmpc_lite.control.obstacles.scan import LaserScan, Layout, beams
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
 
 DIRECTIONS = 2048
 """Directions that are told apart all around: the beams of the finest scanner that is usual."""
+NOTHING = 1e-15
+"""Keeps a quotient finite: what it is added to changes by less than rounding."""
+
+EQUAL = 1e-9
+"""Difference of two angles that is rounding [rad]."""
 
 
 class Rays:
@@ -25,60 +32,102 @@ class Rays:
         in the robot's units.
     unit : float
         Metres of one of the robot's units.
+    cell : float
+        Side of the cells that are looked at.
     """
 
-    def __init__(self, scan: LaserScan, poses: Array, unit: float) -> None:
+    def __init__(self, scan: LaserScan, poses: Array, unit: float, cell: float) -> None:
+        one = poses.ndim == 1
         cos, sin = np.cos(poses[..., 2]), np.sin(poses[..., 2])
-        ends, mount = scan.ends / unit, np.array(scan.mount[:2]) / unit
+        hits, (mount_x, mount_y, _) = scan.hits, scan.mount
 
-        def placed(x: Array | float, y: Array | float) -> Array:
-            return np.stack(
-                [poses[..., 0] + cos * x - sin * y, poses[..., 1] + sin * x + cos * y], axis=-1
-            )
+        def placed(x: Array | float, y: Array | float, some: Array | slice) -> Array:
+            at, c, s = (poses, cos, sin) if one else (poses[some], cos[some], sin[some])
+            return np.stack([at[..., 0] + c * x - s * y, at[..., 1] + s * x + c * y], axis=-1)
 
-        ends = placed(ends[:, 0], ends[:, 1])
-        self.origin = placed(*mount.tolist()).reshape(-1, 2)[-1]
-        """(2,) the scanner; at the time of the last beam."""
-        self.hits = ends[scan.hits]
-        """(M, 2) what was hit."""
+        ends = scan.ends / unit
+        self.hits = placed(ends[hits, 0], ends[hits, 1], hits)
+        """(M, 2) what was hit, counter-clockwise: of hits in one cell the last one counts."""
+        if scan.mirrored != (scan.angle_increment < 0.0):
+            self.hits = self.hits[::-1]
         self.noise = scan.noise / unit
         """Standard deviation of a range."""
-        away = ends - self.origin
-        if scan.time_increment:
-            directions = np.arctan2(away[:, 1], away[:, 0])
-            reach = np.where(scan.unknown, 0.0, np.hypot(away[:, 0], away[:, 1]))
-        else:
-            directions = scan.directions + poses[..., 2]
+        self.origin = placed(mount_x / unit, mount_y / unit, slice(None)).reshape(-1, 2)[-1]
+        """(2,) the scanner; at the time of the last beam."""
+        if one:
+            # beams of one moment lie in the robot's frame as those of the scan before
+            self._cos, self._sin = float(cos), float(sin)
             reach = scan.reach / unit
+            nearest, aside = _nearest_beams_of(scan.layout)
+        else:
+            self._cos, self._sin = 1.0, 0.0
+            away = placed(ends[:, 0], ends[:, 1], slice(None)) - self.origin
+            reach = np.where(scan.unknown, 0.0, np.hypot(away[:, 0], away[:, 1]))
+            nearest, aside = _nearest_beams(np.arctan2(away[:, 1], away[:, 0]))
         self.farthest = float(reach.max())
         """Longest ray."""
-        order = np.argsort(wrap(directions))
-        self._directions, self._reach = wrap(directions)[order], reach[order]
-        self._table()
+        # only so far does the nearest beam pass through a cell in a direction beside it
+        within = np.minimum(reach.take(nearest), 0.5 * cell / np.maximum(aside, NOTHING))
+        self._clear = np.empty(DIRECTIONS + 1, dtype=np.float32)
+        self._clear[:-1] = within * within
+        self._clear[-1] = self._clear[0]
 
-    def _table(self) -> None:
-        """For each direction the reach of the nearest beam, and how far aside that one points."""
-        wanted = (np.arange(DIRECTIONS) + 0.5) * (2.0 * np.pi / DIRECTIONS) - np.pi
-        known = self._directions
-        after = np.searchsorted(known, wanted)
-        first, second = (after - 1) % len(known), after % len(known)
-        aside = [np.abs(wrap(known[i] - wanted)) for i in (first, second)]
-        nearer = aside[0] <= aside[1]
-        self._clear = self._reach[np.where(nearer, first, second)]
-        self._aside = np.where(nearer, aside[0], aside[1])
-
-    def passed(self, x: Array, y: Array, cell: float) -> NDArray[np.bool_]:
-        """Whether rays passed through the middles of cells, of a side, at x and y that broadcast.
+    def passed(self, x: Array, y: Array) -> NDArray[np.bool_]:
+        """Whether rays passed through the middles of cells, at x and y that broadcast.
 
         The nearest ray counts, where it passes through the cell at all.
         """
-        away_x, away_y = x - self.origin[0], y - self.origin[1]
-        distance = np.sqrt(away_x * away_x + away_y * away_y)
-        direction = np.arctan2(away_y, away_x)
-        direction += np.pi
-        direction *= DIRECTIONS / (2.0 * np.pi)
-        number = np.minimum(direction.astype(np.intp), DIRECTIONS - 1)
-        passed: NDArray[np.bool_] = self._clear.take(number) >= distance
-        distance *= self._aside.take(number)
-        passed &= distance <= 0.5 * cell
-        return passed
+        # single precision is a micrometre here, and half the time
+        x, y = (x - self.origin[0]).astype(np.float32), (y - self.origin[1]).astype(np.float32)
+        ahead, aside = self._cos * x + self._sin * y, self._cos * y - self._sin * x
+        clear = self._clear.take(_numbers(ahead, aside))
+        found: NDArray[np.bool_] = clear >= x * x + y * y
+        return found
+
+
+def _numbers(x: Array, y: Array) -> NDArray[np.intp]:
+    """Number each direction (x, y) from 0, straight back, counter-clockwise.
+
+    Without an arc tangent: by the sum of both sides of a triangle. Straight back has the number
+    DIRECTIONS, too.
+    """
+    size = np.abs(x)
+    size += np.abs(y)
+    size += NOTHING
+    turn = np.divide(x, size, out=size)
+    turn *= -0.25 * DIRECTIONS
+    turn += 0.25 * DIRECTIONS
+    np.copysign(turn, y, out=turn)
+    turn += 0.5 * DIRECTIONS
+    return turn.astype(np.intp)
+
+
+def _middles() -> Array:
+    """Angles (DIRECTIONS,) of the middles of the numbered directions [rad], from -pi upwards."""
+    share = (np.arange(DIRECTIONS) + 0.5) * (4.0 / DIRECTIONS) - 2.0
+    along = 1.0 - np.abs(share)
+    found: Array = np.arctan2(np.copysign(1.0 - np.abs(along), share), along)
+    return found
+
+
+MIDDLES = _middles()
+
+
+def _nearest_beams(directions: Array) -> tuple[NDArray[np.intp], Array]:
+    """For each numbered direction the nearest of beams (B,), and how far aside that one points."""
+    directions = wrap(directions)
+    order = np.argsort(directions)
+    known = directions[order]
+    after = np.searchsorted(known, MIDDLES)
+    first, second = (after - 1) % len(known), after % len(known)
+    aside = [np.abs(wrap(known[i] - MIDDLES)) for i in (first, second)]
+    # what lies in the middle of two beams, but for rounding, goes to the first
+    nearer = aside[0] <= aside[1] + EQUAL
+    nearest: NDArray[np.intp] = order[np.where(nearer, first, second)]
+    return nearest, np.where(nearer, *aside)
+
+
+@lru_cache(maxsize=16)
+def _nearest_beams_of(layout: Layout) -> tuple[NDArray[np.intp], Array]:
+    """The same of a scanner whose beams are of one moment, in the robot's frame."""
+    return _nearest_beams(beams(*layout)[0])

@@ -98,7 +98,8 @@ class Sight:
         here.remember_pose(pose, options.trail)
         here.forget(options.memory)
         scans = [s.with_self_radius(self._inside * self._scale.length) for s in scans]
-        rays = [Rays(s, self._pose_of(here, s, pose), self._scale.length) for s in scans]
+        unit = self._scale.length
+        rays = [Rays(s, self._pose_of(here, s, pose), unit, here.cell) for s in scans]
         for ray in rays:
             error = math.hypot(ray.noise, pose_noise)
             here.rounding = max(here.rounding, options.certainty * error)
@@ -118,10 +119,7 @@ class Sight:
         window = here.window(pose[:2], self._reach)
         rows, columns = window
         state = here.state[window]
-        width = here.state.shape[1]
-        row, column = np.nonzero(state > 0)
-        cells = (row + rows.start) * width + column + columns.start
-        hits = here.points(cells)
+        hits = here.points(here.occupied(window))
         unknown = state == UNKNOWN
         grow = 0.0
         if self._emerging > 0.0:
@@ -151,15 +149,18 @@ class Sight:
     def blocks(self, here: LocalMap, points: Array, distance: float) -> bool:
         """Whether something stands nearer than a distance to any of the points (n, 2)."""
         points = points[here.is_near(points, distance)]
-        reach = math.ceil(distance / here.cell) + 1
-        row, column = (a.ravel() for a in np.mgrid[-reach : reach + 1, -reach : reach + 1])
-        around = np.stack([column, row], axis=1)[np.hypot(row, column) <= reach] * here.cell
-        places = (points[:, None] + around).reshape(-1, 2)
-        cells, inside = here.cells_of(places)
-        inside &= here.state.ravel()[cells] > 0
-        hits = here.points(cells[inside])
-        whose = np.repeat(np.arange(len(points)), len(around))[inside]
-        return bool((np.hypot(*(hits - points[whose]).T) < distance).any())
+        if not len(points):
+            return False
+        low, high = points.min(axis=0), points.max(axis=0)
+        middle, half = 0.5 * (low + high), float((high - low).max()) / 2.0
+        hits = here.points(here.occupied(here.window(middle, half + distance + here.cell)))
+        near = (hits > low - distance) & (hits < high + distance)
+        hits = hits[near[:, 0] & near[:, 1]]
+        x, y = (hits[:, axis, None] - points[:, axis] for axis in (0, 1))
+        x *= x
+        y *= y
+        x += y
+        return bool(x.min(initial=np.inf) < distance * distance)
 
     def _begin(self, scans: Sequence[LaserScan], pose: Array) -> LocalMap:
         """Begin a map that holds the whole area where that is small, else the neighbourhood."""
@@ -187,15 +188,17 @@ class Sight:
         distance = min(self.options.free_distance, rays.farthest)
         window = here.window(rays.origin, distance)
         x, y = here.centres(*window)
-        passed = rays.passed(x[None, :], y[:, None], here.cell)
+        passed = rays.passed(x[None, :], y[:, None])
         state = here.state[window]
         # one pass less for what was occupied; what was unknown is free
-        np.copyto(state, np.maximum(state - 1, 0), where=passed)
-        np.copyto(here.seen[window], np.float32(here.clock), where=passed)
+        state -= np.sign(state) * passed
+        seen = here.seen[window]
+        np.maximum(seen, passed * np.float32(here.clock), out=seen)
         if rays.farthest <= distance:
             return
         # farther away only what was occupied
-        cells = np.flatnonzero(here.state > 0)
+        around = here.window(rays.origin, rays.farthest)
+        cells = here.occupied(around)
         row, column = np.divmod(cells, here.state.shape[1])
         rows, columns = window
         far = (row < rows.start) | (row >= rows.stop)
@@ -203,7 +206,7 @@ class Sight:
         cells = cells[far]
         x, y = here.points(cells).T
         # beyond what was hit there
-        gone = cells[rays.passed(x, y, here.cell)]
+        gone = cells[rays.passed(x, y)]
         here.state.ravel()[gone] -= 1
 
     def _stand(self, here: LocalMap, pose: Array, reach: float) -> None:

@@ -45,6 +45,7 @@ class View:
         self.refresh_interval = sight.options.refresh_interval
         self.gear_time = sight.options.gear_time
         self.lattice_nodes = sight.options.lattice_nodes
+        self.lattice_step = sight.options.lattice_step
 
     def around(self, solids: Nearby | None) -> Nearby | None:
         """Solids that the robot can come to, what was hit, and what was not seen to be free."""

@@ -13,7 +13,7 @@ from kmpc_lite.control.guidance.tangent_graph import GeometricPath
 from kmpc_lite.control.obstacles.sight.local_map import UNKNOWN, LocalMap
 from kmpc_lite.control.obstacles.sight.sight import Sight
 from kmpc_lite.control.obstacles.solids import Solids
-from kmpc_lite.control.options import SightOptions
+from kmpc_lite.control.options import SightOptions, in_metres
 from kmpc_lite.types import Array
 
 SMALL = kl.NavigationProblem()
@@ -128,6 +128,7 @@ class OneView:
             options.refresh_interval,
         )
         self.gear_time, self.lattice_nodes = options.gear_time, options.lattice_nodes
+        self.lattice_step = in_metres(options, 0.15).lattice_step
         self._known, self.looks = known, 0
 
     def solids(self, given: Solids | None) -> Solids | None:
@@ -170,6 +171,17 @@ def test_a_lattice_of_what_was_seen_has_twelve_thousand_nodes() -> None:
     path_map = guide.state.path_map
     assert path_map is not None and path_map.lattice is not None
     assert len(path_map.lattice._places) == pytest.approx(12_000, rel=0.04)
+
+
+def test_nodes_of_a_lattice_of_what_was_seen_lie_seven_and_a_half_centimetres_apart() -> None:
+    cells = np.zeros((20, 20), dtype=bool)
+    cells[::2, ::2] = True
+    guide = GuideInUse(LARGE)
+    view = OneView(Solids([kl.OccupancyGrid(cells, 0.05, (1.0, 1.0))]))
+    guide.reference(HERE, np.array([0.0, 1.0, 0.0]), np.empty((0, 5)), view=view)
+    path_map = guide.state.path_map
+    assert path_map is not None and path_map.lattice is not None
+    assert path_map.lattice.step == pytest.approx(0.075)
 
 
 @pytest.mark.parametrize(("time", "kept"), [(11.99, True), (12.01, False)])
