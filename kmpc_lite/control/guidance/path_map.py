@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,6 +80,12 @@ class PathMap:
     def distances(self, points: Array) -> Array:
         """The same of points (n, 2), (n,) [m]."""
         return self.solids.whole.least(points) + self._coarseness
+
+
+@lru_cache(maxsize=16)
+def coarser(options: GuidanceOptions, nodes: int, step: float) -> GuidanceOptions:
+    """Options whose lattice has so many nodes at the most, so far from each other at least [m]."""
+    return replace(options, lattice_nodes=nodes, lattice_step=step)
 
 
 def distance_around(point: Array, circles: Array, path_map: PathMap | None) -> float:

@@ -4,18 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 
-from kmpc_lite.control.guidance.path_map import PathMap, distance_around
+from kmpc_lite.control.guidance.path_map import PathMap, coarser, distance_around
 from kmpc_lite.control.guidance.path_search import PathSearcher
-from kmpc_lite.control.guidance.path_watch import (
-    has_grown_elsewhere,
-    points_ahead,
-    same_solids,
-)
+from kmpc_lite.control.guidance.path_watch import PathWatch, same_solids
 from kmpc_lite.control.guidance.progress_checker import ProgressChecker
 from kmpc_lite.control.guidance.search_state import PathSearch, Stage
 from kmpc_lite.control.guidance.shuttle import ShuttleFinder
@@ -25,7 +19,11 @@ from kmpc_lite.control.guidance.timed_path import TimedPath
 from kmpc_lite.control.guidance.turning_centre import swing
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.types import Array
+
+FORGETTING = 0.95
+"""Factor per search by which the remembered time of the longest one shrinks."""
 
 
 class Replanner:
@@ -45,7 +43,7 @@ class Replanner:
         self, problem: NavigationProblem, options: GuidanceOptions, clock: Callable[[], float]
     ) -> None:
         self._options, self._clock, self._dt = options, clock, problem.dt
-        self._inflation = problem.half_width + problem.margin
+        self._watch = PathWatch(problem, options)
         self._turning = problem.robot_radius + problem.margin
         moved = options.moved_distance
         self._moved = np.array([moved, moved, 0.0, 0.0, 0.0])
@@ -73,7 +71,7 @@ class Replanner:
             leads another way around than the path before.
         """
         strayed = self._has_strayed(state, now, off)
-        grown = has_grown_elsewhere(state, now, self._inflation, self._options)
+        grown = self._watch.has_grown_elsewhere(state, now)
         is_new = not grown and self._is_new(state, now)
         turned_back = self._turns_back(state, now, is_new)
         # whatever has come up meanwhile, a search that is needed comes to an end: one that begins
@@ -82,15 +80,16 @@ class Replanner:
         at_once = turned_back or (wanted and not (state.urgent and state.search is not None))
         stalled = self._has_stalled(state, now)
         # the robot drives on what it knows meanwhile, and keeps clear of what has shown up
-        cut = state.search is None and not at_once and self._is_cut(state, now)
-        state.hurried = cut or (state.hurried and state.search is not None)
+        cut = state.search is None and not at_once and self._watch.is_cut(state, now)
+        state.hurried = cut or now.view is not None or (state.hurried and state.search is not None)
         if at_once or cut:
             self._progress.expect_new_path(state.progress)
-        renewed = grown or (state.search is None and self._is_to_be_renewed(state, now))
+        renewed = grown or (state.search is None and self._watch.is_to_be_renewed(state, now))
         begins = at_once or cut or stalled or renewed or (strayed and state.search is None)
         if begins:
             state.only_renews = renewed and not (at_once or cut or stalled or strayed)
-            self._begin_search(state, now)
+            drives_on = not (at_once or stalled or strayed or state.urgent)
+            self._begin_search(state, now, self._watch.lead(state, now) if drives_on else 0.0)
             near = now.distance < self._options.near_goal and not at_once
             state.attempts = state.attempts + 1 if near else 0
         state.urgent = state.urgent or at_once
@@ -177,40 +176,27 @@ class Replanner:
         recent = state.age <= self._options.replan_interval
         return not recent and now.moving.blocks(state.path, state.place)
 
-    def _is_to_be_renewed(self, state: GuideState, now: Situation) -> bool:
-        """Whether to look if what was in the way has gone."""
-        if now.view is None or state.path is None or state.turning:
-            return False
-        return now.distance > self._options.near_goal and state.age > now.view.refresh_interval
+    def _begin_search(self, state: GuideState, now: Situation, lead: float = 0.0) -> None:
+        """Begin a search from where the robot will be on its path after a time [s].
 
-    def _is_cut(self, state: GuideState, now: Situation) -> bool:
-        """Whether something that scans have shown lately stands on the path."""
-        view, path = now.view, state.path
-        if view is None or path is None or state.turning:
-            return False
-        state.unwatched += self._dt
-        if state.unwatched < view.blocked_interval or state.age <= self._options.replan_interval:
-            return False
-        state.unwatched = 0.0
-        return view.blocks(
-            points_ahead(state, now, path, self._inflation, self._options), self._inflation
-        )
-
-    def _begin_search(self, state: GuideState, now: Situation) -> None:
-        """Begin a search from here; one that is under way is given up."""
+        One that is under way is given up.
+        """
+        pose = now.pose.copy()
+        if lead > 0.0 and state.path is not None:
+            pose = state.path.at(np.array([state.place + lead]))[0]
+            pose[2] -= nearest_turn(float(pose[2] - now.pose[2]))
         same_goal = bool((now.target == state.goal).all())
         stuck = state.progress.stuck
         if now.view is not None:
             known, coarse = now.view.solids(now.solids), now.view.coarseness
-            options = _coarser(self._options, now.view.lattice_nodes, now.view.lattice_step)
+            options = coarser(self._options, now.view.lattice_nodes, now.view.lattice_step)
             state.path_map = (
                 None if known is None else PathMap(known, options, coarse, True, self._limits)
             )
         elif not same_solids(now.solids, state.solids):
             state.path_map = None
         if state.path_map is None and now.solids is not None:
-            later = state.only_renews
-            state.path_map = PathMap(now.solids, self._options, later=later)
+            state.path_map = PathMap(now.solids, self._options, later=state.only_renews)
         state.goal, state.circles = now.target.copy(), now.told.copy()
         state.solids, state.age, state.centre_moved = now.solids, 0.0, False
         state.circles_at_rest = b"" if now.moving is not None else now.circles.tobytes()
@@ -218,7 +204,8 @@ class Replanner:
         if shuttle is not None:
             state.shuttle, state.shuttles = shuttle, state.shuttles + 1
         state.search = PathSearch(
-            pose=now.pose.copy(),
+            pose=pose,
+            lead=lead,
             goal=(now.goal if state.shuttle is None else state.shuttle).copy(),
             target=state.goal,
             circles=now.circles.copy() if now.moving is None else now.moving.where_met(now.pose),
@@ -244,17 +231,30 @@ class Replanner:
             if search.stage is Stage.CHOSEN and search.path is None and state.shuttle is not None:
                 state.shuttle, state.shuttles = None, self._options.shuttles
                 self._begin_search(state, now)
+            elif search.stage is Stage.CHOSEN and state.age < search.lead - 0.5 * self._dt:
+                break  # the robot is on its way to where the path begins
             elif search.stage is Stage.CHOSEN:
                 refreshed, switched = True, self._take_over(state, now, search)
                 state.search, state.urgent = None, False
             else:
-                parts -= most * search.is_on_lattice
-                self._searcher.advance(search, state.place, now.capabilities, state.turning_centre)
+                parts -= self._do_part(state, now, search) - 1
             parts -= 1
             out_of_time = now.until < math.inf and self._clock() > now.until
             if parts <= 0 or out_of_time:
                 break
         return refreshed, switched
+
+    def _do_part(self, state: GuideState, now: Situation, search: PathSearch) -> int:
+        """Do a part of a search; return its share of the parts of a step: the long ones are all."""
+        most = self._options.hurried_parts
+        work = most if search.is_on_lattice else 1
+        search.work += work
+        self._searcher.advance(search, state.place, now.capabilities, state.turning_centre)
+        if search.stage is Stage.CHOSEN:
+            # one more, in which it began
+            steps = 1 + math.ceil(search.work / most)
+            state.search_time = max(steps * self._dt, FORGETTING * state.search_time)
+        return work
 
     def _take_over(self, state: GuideState, now: Situation, search: PathSearch) -> bool:
         """Follow the path that was chosen, and tell whether it leads another way around."""
@@ -294,9 +294,3 @@ class Replanner:
         around = max(nearest - self._turning, 0.0)
         shares = length / o.free_turn_length, around / o.free_turn_clearance
         return o.free_turn * min(1.0, *shares)
-
-
-@lru_cache(maxsize=16)
-def _coarser(options: GuidanceOptions, nodes: int, step: float) -> GuidanceOptions:
-    """Options whose lattice has so many nodes at the most, so far from each other at least."""
-    return replace(options, lattice_nodes=nodes, lattice_step=step)

@@ -69,6 +69,10 @@ class PathSearch:
     """Whether the path before led to this goal."""
     stuck: bool
     """Whether the robot has stood for too long."""
+    lead: float = 0.0
+    """How long after the search began the robot is to be where the path begins [s]."""
+    work: int = 0
+    """Parts that were done; a long one counts as all parts of a step."""
     stage: Stage = Stage.OBSTACLES
     obstacles: SearchObstacles | None = None
     centre: Array | None = None

@@ -142,20 +142,32 @@ class TangentSearch:
         return cut_obstacles(points, query.centres, query.radii, query.edges, depth)
 
     def _straight(self) -> GeometricPath | None:
-        """The lattice's path, straight from corner to corner, forwards, with turns on the spot."""
+        """The lattice's path, straight from corner to corner, with turns on the spot.
+
+        Forwards or backwards, whichever is quicker.
+        """
         query = self._query
         if query.lattice_path is None:
             return None
         points, (speed, turn_rate) = query.lattice_path.points, query.speed
         steps = np.diff(points, axis=0)
         directions = np.arctan2(steps[:, 1], steps[:, 0])
-        turns = wrap(np.diff(directions, prepend=query.start[2]))
-        headings = query.start[2] + np.cumsum(turns)
-        time = np.hypot(steps[:, 0], steps[:, 1]).sum() / speed
-        time += (np.abs(turns).sum() + abs(wrap(query.goal[2] - headings[-1]))) / turn_rate
-        return GeometricPath(
-            np.stack([points[:-1], points[1:]], axis=1).reshape(-1, 2),
-            np.repeat(headings, 2),
-            float(time),
-            False,
-        )
+        driving = float(np.hypot(steps[:, 0], steps[:, 1]).sum()) / speed
+        paths = []
+        for gear, share in ((0.0, 1.0), (np.pi, query.backward_share)):
+            if share <= 0.0:
+                continue
+            start, goal = query.start[2] - gear, query.goal[2] - gear
+            turns = wrap(np.diff(directions, prepend=start))
+            headings = start + np.cumsum(turns)
+            turned = np.abs(turns).sum() + abs(wrap(goal - headings[-1]))
+            time = (driving + turned / turn_rate) / share
+            paths.append(
+                GeometricPath(
+                    np.stack([points[:-1], points[1:]], axis=1).reshape(-1, 2),
+                    np.repeat(headings, 2),
+                    float(time),
+                    gear > 0.0,
+                )
+            )
+        return min(paths, key=lambda path: path.time)

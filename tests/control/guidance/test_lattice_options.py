@@ -141,6 +141,18 @@ def test_corners_are_added_twelve_times_before_the_lattices_own_path_is_taken() 
     assert found is not None and found.points[1].tolist() == [0.0, 1.0]
 
 
+@pytest.mark.parametrize(("heading", "reverse"), [(0.75, False), (0.75 - np.pi, True)])
+def test_the_lattices_own_path_is_driven_in_the_quicker_gear(heading: float, reverse: bool) -> None:
+    asked = query(np.empty((0, 2)), 0.0, AlwaysCut())
+    asked.start[2] = asked.goal[2] = heading
+    search, found = TangentSearch(asked, OPTIONS), None
+    while search.part is not Part.NOTHING:
+        found = search.advance()
+    assert found is not None and found.reverse is reverse
+    # direction of travel, whichever way the robot faces
+    np.testing.assert_allclose(np.mod(found.headings, 2.0 * np.pi)[:2], np.pi / 4)
+
+
 @pytest.mark.parametrize(("count", "gave_up"), [(150, False), (151, True)])
 def test_a_graph_takes_150_circles(count: int, gave_up: bool) -> None:
     in_the_way = np.column_stack([np.linspace(-0.9, 0.9, count), np.zeros(count)])

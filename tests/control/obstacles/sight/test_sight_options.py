@@ -156,6 +156,21 @@ def test_a_path_is_looked_for_anew_after_three_seconds() -> None:
     assert max(drive(OneView(), 60)) == pytest.approx(3.0, abs=0.15)
 
 
+def test_a_path_is_looked_for_from_where_the_robot_will_be() -> None:
+    guide, view, begun = GuideInUse(LARGE), OneView(), []
+    for k in range(60):
+        pose = np.array([0.06 * k, 0.0, 0.0])
+        guide.reference(pose, np.array([20.0, 0.0, 0.0]), np.empty((0, 5)), view=view)
+        search = guide.state.search
+        if search is not None:
+            begun.append(search)
+            taken_over = k + 1
+    # one is under way until the robot has come there
+    assert len({id(search) for search in begun}) == 1
+    assert begun[0].lead == pytest.approx(0.1 * len(begun))
+    np.testing.assert_allclose(begun[0].pose, (0.06 * taken_over, 0.0, 0.0), atol=1e-6)
+
+
 def test_five_times_a_second_is_looked_for_what_stands_on_the_path() -> None:
     view = OneView()
     drive(view, 30)
