@@ -245,9 +245,9 @@ class Replanner:
         return refreshed, switched
 
     def _do_part(self, state: GuideState, now: Situation, search: PathSearch) -> int:
-        """Do a part of a search; return its share of the parts of a step: the long ones are all."""
+        """Do a part of a search; return how many parts it counts as."""
         most = self._options.hurried_parts
-        work = most if search.is_on_lattice else 1
+        work = search.weight(most)
         search.work += work
         self._searcher.advance(search, state.place, now.capabilities, state.turning_centre)
         if search.stage is Stage.CHOSEN:

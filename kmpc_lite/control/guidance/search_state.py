@@ -31,6 +31,10 @@ class Stage(Enum):
     """A path is chosen, or there is none; the guide takes it over."""
 
 
+ON_LATTICE = Stage.OBSTACLES, Stage.LINKED, Stage.STRAIGHTEN
+"""Where a search on a lattice that is made part by part does the most work."""
+
+
 @dataclass(slots=True)
 class SearchObstacles:
     """Circles, and corners of solids, as the search sees them."""
@@ -108,8 +112,10 @@ class PathSearch:
     switched: bool = True
     """Whether it leads around some obstacle on another side than the previous one."""
 
-    @property
-    def is_on_lattice(self) -> bool:
-        """Whether the next part is one of the long ones, on a lattice that is made part by part."""
-        in_parts = self.path_map is not None and self.path_map.later
-        return in_parts and self.stage not in (Stage.LATTICE, Stage.TANGENTS, Stage.CHOSEN)
+    def weight(self, most: int) -> int:
+        """How many parts the next one counts as: long ones on a lattice as the most of a step."""
+        if self.path_map is not None and self.path_map.later and self.stage in ON_LATTICE:
+            return most
+        if self.stage is Stage.TANGENTS and self.tangents is not None:
+            return self.tangents.weight
+        return 1

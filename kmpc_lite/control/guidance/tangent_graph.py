@@ -111,6 +111,8 @@ class TangentGraph:
         options: GuidanceOptions,
     ) -> None:
         self._query, self._options = query, options
+        self.size = len(centres)
+        """How many circles it holds."""
         start, goal = query.start, query.goal
         self._ends = np.stack([start, goal])
         across = np.stack([-np.sin(self._ends[:, 2]), np.cos(self._ends[:, 2])], axis=1)

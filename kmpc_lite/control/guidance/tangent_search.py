@@ -87,6 +87,17 @@ class TangentSearch:
             return self._next_candidate(graph)
         return None
 
+    @property
+    def weight(self) -> int:
+        """How many parts the next one counts as.
+
+        Each tangent, of which there are as many as pairs of circles, is looked at beside each
+        circle. A graph of a quarter of the circles that it takes at the most counts as one.
+        """
+        if self.part is not Part.TANGENTS or self._graph is None:
+            return 1
+        return max(round((4.0 * self._graph.size / self._options.graph_circles) ** 3), 1)
+
     def _begin_round(self) -> GeometricPath | None:
         """Begin a graph of the circles that are known to be in the way.
 
