@@ -16,8 +16,11 @@ broken sensor."""
 
 def is_plausible(pose: Array) -> bool:
     """Whether a pose (3,), or a command (2,), is finite and within reach."""
-    # also false for NaN; three numbers are looked at faster one by one than as an array
-    return all(abs(value) <= POSITION_LIMIT for value in pose.tolist())
+    # three numbers are looked at faster one by one than as an array
+    for value in pose.tolist():  # noqa: SIM110  # half the time of `all`
+        if not abs(value) <= POSITION_LIMIT:  # also for NaN
+            return False
+    return True
 
 
 def are_plausible(circles: Array) -> bool:

@@ -114,10 +114,12 @@ class KoopmanModel:
             )
         if self.noise_model is not None:
             self.noise_model.check()
+        object.__setattr__(self, "_history", self.dictionary.history)
         form = BilinearForm.fold(self.dictionary, self.A, self.B, self.H, self.C)
         object.__setattr__(self, "_form", form)
         object.__setattr__(self, "_symmetric", self._fold_symmetric(form))
 
+    _history: int = field(init=False, repr=False)
     _form: BilinearForm = field(init=False, repr=False)
     _symmetric: SymmetricForm | None = field(init=False, repr=False)
 
@@ -133,7 +135,7 @@ class KoopmanModel:
     @property
     def history(self) -> int:
         """How many past commands the model needs, L."""
-        return self.dictionary.history
+        return self._history
 
     def predict(self, x: ArrayLike, u: ArrayLike, history: ArrayLike | None = None) -> Array:
         """Predict the state one `dt` ahead (paper, eq. 12).

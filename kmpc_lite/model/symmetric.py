@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -113,24 +114,23 @@ class SymmetricForm:
         """Next states (..., 3), their derivatives by x, (..., 3, 3), and by w, (..., 3, nw)."""
         body = w @ self.motion
         ahead, left, turned = body[..., 0], body[..., 1], body[..., 2]
-        headings = x[..., 2]
-        cos: Array | float = 0.0
-        sin: Array | float = 0.0
-        late_cos: Array | float = 0.0
-        late_sin: Array | float = 0.0
+        terms = []
         for node, weight in self.nodes:
-            angle = headings + node * turned
-            c, s = weight * np.cos(angle), weight * np.sin(angle)
-            cos, sin = cos + c, sin + s
-            late_cos, late_sin = late_cos + node * c, late_sin + node * s
-        by_x = np.zeros((*w.shape[:-1], STATES, STATES))
-        by_body = np.zeros_like(by_x)
+            angle = x[..., 2] + node * turned
+            cos, sin = np.cos(angle), np.sin(angle)
+            if weight != 1.0:
+                cos, sin = weight * cos, weight * sin
+            dx, dy = ahead * cos - left * sin, ahead * sin + left * cos
+            # the last two: by the turn that leads to the node
+            terms.append((cos, sin, dx, dy, -node * dy, node * dx))
+        cos, sin, dx, dy, dx_by_turn, dy_by_turn = (
+            reduce(np.add, parts) for parts in zip(*terms, strict=True)
+        )
+        by_x, by_body = np.empty((2, *w.shape[:-1], STATES, STATES))
+        by_x[...] = by_body[...] = _IDENTITY
         by_body[..., 0, 0] = by_body[..., 1, 1] = cos
         by_body[..., 1, 0], by_body[..., 0, 1] = sin, -sin
-        by_body[..., 0, 2] = -(ahead * late_sin + left * late_cos)
-        by_body[..., 1, 2] = ahead * late_cos - left * late_sin
-        by_x[..., _DIAGONAL, _DIAGONAL] = by_body[..., 2, 2] = 1.0
-        dx, dy = ahead * cos - left * sin, ahead * sin + left * cos
+        by_body[..., 0, 2], by_body[..., 1, 2] = dx_by_turn, dy_by_turn
         by_x[..., 0, 2], by_x[..., 1, 2] = -dy, dx
         value = x.copy()
         value[..., 0] += dx
@@ -171,6 +171,6 @@ def _lifts(dictionary: Dictionary, place: Trigonometry) -> bool:
     return bool(max(abs(f - t) for f, t in zip(found, told, strict=True)) <= ROUNDING)
 
 
-_DIAGONAL = np.arange(STATES)
+_IDENTITY = np.eye(STATES)
 _SOMEWHERE = np.array((0.3, -0.7, 1.1))
 """A pose whose coordinates tell all liftings apart."""

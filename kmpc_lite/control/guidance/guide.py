@@ -24,6 +24,7 @@ from kmpc_lite.control.guidance.situation import Situation, lies_outside
 from kmpc_lite.control.guidance.state import GuideState
 from kmpc_lite.control.guidance.timed_path import TimedPath
 from kmpc_lite.control.guidance.turning_centre import point_of, seen_from, swing
+from kmpc_lite.control.obstacles.circles import some_move
 from kmpc_lite.control.options import (
     GoalOptions,
     GuidanceOptions,
@@ -194,7 +195,7 @@ class Guide:
         # circles at rest that were seen before are known again in a moment
         if not len(circles) or circles.tobytes() == state.circles_at_rest:
             return None
-        if not circles[:, 3:].any():
+        if not some_move(circles):
             return None
         inflation = self._inflation + swing(state.turning_centre)
         speed = capabilities.evasive

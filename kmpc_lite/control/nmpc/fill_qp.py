@@ -108,7 +108,7 @@ class QPFiller:
         if not count:
             return margins
         widest = tightening.widest(drift)
-        if clearances[:, :count].min() < widest + tightening.far_clearance:
+        if np.minimum.reduce(clearances[:, :count], axis=None) < widest + tightening.far_clearance:
             margins[:, :count] = tightening.margins(
                 drift, lin, guess.states, guess.inputs, normals[:, :count], task.path_clearance
             )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from kmpc_lite.control.input_checks import POSITION_LIMIT
@@ -63,9 +65,9 @@ class WarmStart:
         guess = shifted(self._qp, last, here)
         # also false for NaN
         if not (
-            np.abs(guess.states).max() <= 2 * POSITION_LIMIT
-            and np.abs(guess.inputs).max() <= self._largest_command
-            and np.isfinite(guess.duals.sum())
+            np.maximum.reduce(np.abs(guess.states), axis=None) <= 2 * POSITION_LIMIT
+            and np.maximum.reduce(np.abs(guess.inputs), axis=None) <= self._largest_command
+            and math.isfinite(np.add.reduce(guess.duals))
         ):
             return None
         if turns:

@@ -86,6 +86,12 @@ def circles_to_array(obstacles: Sequence[Circle] | ArrayLike) -> Array:
     return array
 
 
+def some_move(circles: Array) -> bool:
+    """Whether any of circles (M, 5) has a velocity."""
+    # a third of the time of `any`, which each step would ask three times
+    return bool(np.count_nonzero(circles[:, 3:]))
+
+
 def circle_distances(circles: Array, positions: Array, times: Array) -> tuple[Array, Array]:
     """Distances to the circles' edges and the directions away from them.
 
@@ -102,10 +108,10 @@ def circle_distances(circles: Array, positions: Array, times: Array) -> tuple[Ar
         (n, M) [m], negative inside, and (n, M, 2); a normal at a centre is arbitrary.
     """
     away = positions[:, None, :] - circles[:, :2]
-    if circles[:, 3:].any():
+    if some_move(circles):
         away -= times[:, None, None] * circles[:, 3:]
     length = np.hypot(away[..., 0], away[..., 1])
-    if length.min() < 1e-9:
+    if np.minimum.reduce(length, axis=None) < 1e-9:
         at_centre = length < 1e-9
         away[at_centre] = (1e-9, 0.0)
         length[at_centre] = 1e-9

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kmpc_lite.control.obstacles.circles import circle_distances
+from kmpc_lite.control.obstacles.circles import circle_distances, some_move
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
 
@@ -211,7 +211,7 @@ class KeepOut:
             inside = self._distance - solids.again(states[1:, :2])
             outside = np.concatenate([inside, outside], axis=1)
         if count:
-            if circles[:, 3:].any():
+            if some_move(circles):
                 x = x - self._times[:, None] * circles[:, 3]
                 y = y - self._times[:, None] * circles[:, 4]
             inside = circles[:, 2] + self._distance - np.hypot(x - circles[:, 0], y - circles[:, 1])

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kmpc_lite.control.obstacles.circles import some_move
 from kmpc_lite.control.obstacles.tracks import Follower, Tracks
 from kmpc_lite.control.options import TrackerOptions
 from kmpc_lite.types import Array
@@ -96,9 +97,9 @@ class MotionWatch:
         """Whether circles (M, 5) are where the last ones said that they would be."""
         if len(last) != len(circles):
             return False
-        if circles.tobytes() == last.tobytes() and not circles[:, 3:].any():
+        if circles.tobytes() == last.tobytes() and not some_move(circles):
             return True
         away = circles[:, :2] - last[:, :2]
-        if last[:, 3:].any():
+        if some_move(last):
             away -= self._dt * last[:, 3:]
         return bool(np.abs(away).max() <= self._rounding)

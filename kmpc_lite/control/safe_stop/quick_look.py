@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from kmpc_lite.control.obstacles.circles import some_move
 from kmpc_lite.control.options import StopOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.safe_stop.braking import Braking
@@ -113,7 +114,7 @@ class QuickLook:
     def _least_clearance(self, x: Array, y: Array, times: Array, circles: Array) -> float:
         """Clearance at places (T,) [m], at times (T,) after the coming period [s]."""
         x, y = x[:, None], y[:, None]
-        if circles[:, 3:].any():
+        if some_move(circles):
             x, y = x - times[:, None] * circles[:, 3], y - times[:, None] * circles[:, 4]
         distances = np.hypot(x - circles[:, 0], y - circles[:, 1]) - circles[:, 2]
         return float(distances.min(initial=np.inf)) - self._radius

@@ -35,7 +35,7 @@ import numpy as np
 from kmpc_lite.control.footprint import places_of
 from kmpc_lite.control.margins.command_check import CommandCheck
 from kmpc_lite.control.margins.drift_detector import DriftState
-from kmpc_lite.control.obstacles.circles import circle_distances, stand_ins
+from kmpc_lite.control.obstacles.circles import circle_distances, some_move, stand_ins
 from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
@@ -157,7 +157,7 @@ class StopTrajectories:
     def _ahead(self, task: StopTask) -> tuple[Array, float]:
         """Circles and stand-ins for solids at the end of the coming period, and their speed."""
         ahead, closing = task.circles, 0.0
-        if ahead[:, 3:].any():
+        if some_move(ahead):
             closing = float(np.abs(ahead[:, 3:]).sum(axis=1).max())
             ahead = ahead.copy()
             ahead[:, :2] += self._dt * ahead[:, 3:]
