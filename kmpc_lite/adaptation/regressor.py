@@ -6,6 +6,7 @@ rule), as in the integral fit.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import cos, hypot, isfinite, pi, remainder, sin
 
 import numpy as np
@@ -40,6 +41,7 @@ class Regressor:
         self, model: KoopmanModel, options: AdaptationOptions, scale: Scale, memory: int
     ) -> None:
         self._dictionary, self._dt, self._memory = model.dictionary, model.dt, memory
+        self._closed_form = model.closed_form
         radius = scale.length * 0.15
         self._least_step, self._least_turn = options.least_step * radius, options.least_turn
         self._jump_factor = options.jump_factor
@@ -131,8 +133,11 @@ class Regressor:
         turned: float,
         command: Array,
         past: Array | None,
-    ) -> list[float]:
+    ) -> Sequence[float]:
         """Displacement x, y, turn and distance ahead that the model gives between two poses."""
+        w = self._dictionary.inputs(command, past)
+        if self._closed_form is not None:
+            return self._closed_form.between(heading, turned, w)
         points = self._points
         points[0] = numbers[0], numbers[1], heading
         points[2] = numbers[3], numbers[4], heading + turned
@@ -142,7 +147,7 @@ class Regressor:
             heading + 0.5 * turned,
         )
         np.matmul(SIMPSON, self._dictionary.lift(points), out=self._lifted[:-1])
-        self._weights[1:] = self._dictionary.inputs(command, past)
+        self._weights[1:] = w
         rates = (self._weights @ self._rates).reshape(STATES + 1, -1)
         given: list[float] = ((rates @ self._lifted) * self._dt).tolist()
         return given

@@ -117,11 +117,12 @@ class KoopmanModel:
         object.__setattr__(self, "_history", self.dictionary.history)
         form = BilinearForm.fold(self.dictionary, self.A, self.B, self.H, self.C)
         object.__setattr__(self, "_form", form)
-        object.__setattr__(self, "_symmetric", self._fold_symmetric(form))
+        object.__setattr__(self, "closed_form", self._fold_symmetric(form))
 
     _history: int = field(init=False, repr=False)
     _form: BilinearForm = field(init=False, repr=False)
-    _symmetric: SymmetricForm | None = field(init=False, repr=False)
+    closed_form: SymmetricForm | None = field(init=False, repr=False)
+    """Of a symmetric model; None for any other."""
 
     def _fold_symmetric(self, form: BilinearForm) -> SymmetricForm | None:
         """Give the closed form of a symmetric model; None for any other."""
@@ -159,7 +160,7 @@ class KoopmanModel:
         """
         x, u, past = broadcast(x, u, history, self.history)
         w = self.dictionary.inputs(u, past)
-        return self.advance(x, w) if self._symmetric is None else self._symmetric.advance(x, w)
+        return self.advance(x, w) if self.closed_form is None else self.closed_form.advance(x, w)
 
     def advance(self, x: Array, w: Array) -> Array:
         """Next states (..., 3) for bilinear inputs (..., nw) of any dtype, symbols included."""
@@ -200,9 +201,9 @@ class KoopmanModel:
         commands = np.broadcast_to(commands, (*x.shape[:-1], steps, INPUTS))
         before = np.zeros((*x.shape[:-1], length, INPUTS)) if past is None else past
         all_commands = np.concatenate([before, commands], axis=-2)
-        if self._symmetric is not None:
+        if self.closed_form is not None:
             w = self.dictionary.inputs(commands, _windows(all_commands, length))
-            return self._symmetric.rollout(x, w)
+            return self.closed_form.rollout(x, w)
         states = np.empty((*x.shape[:-1], steps + 1, STATES))
         states[..., 0, :] = x
         for k in range(steps):
@@ -233,8 +234,8 @@ class KoopmanModel:
         x, u, past = broadcast(x, u, history, self.history)
         w = self.dictionary.inputs(u, past)
         lead = w.shape[:-1]
-        if self._symmetric is not None:
-            value, by_x, by_w = self._symmetric.linearize(x, w)
+        if self.closed_form is not None:
+            value, by_x, by_w = self.closed_form.linearize(x, w)
         else:
             start = self._form.start(x, w)
             by_all = self._integrate(self._form.slope_and_derivatives(w, start), start)

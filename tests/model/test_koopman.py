@@ -361,9 +361,9 @@ def test_closed_form_of_a_symmetric_model_is_its_bilinear_form(name: str, integr
     pull[2] = random.normal(size=nw)
     parts = np.zeros((3, nz)), pull, h, np.eye(3)
     closed = kl.KoopmanModel(dictionary, 0.2, *parts, continuous=True, integrator=integrator)
-    assert closed._symmetric is not None
+    assert closed.closed_form is not None
     free = replace(closed)
-    object.__setattr__(free, "_symmetric", None)
+    object.__setattr__(free, "closed_form", None)
     x, u = random.normal(size=(2, 7, 3)), random.normal(size=(2, 7, 2))
     past = random.normal(size=(2, 7, dictionary.history, 2))
     assert_close = partial(np.testing.assert_allclose, rtol=1e-12, atol=1e-13)
@@ -382,7 +382,7 @@ def test_a_model_that_is_not_symmetric_has_no_closed_form(place: tuple[str, int,
     matrix = getattr(symmetric, name).copy()
     matrix[row, column] += 1e-6
     other = replace(symmetric, **{name: matrix})
-    assert other._symmetric is None
+    assert other.closed_form is None
     assert not np.array_equal(
         other.predict([0.4, 0.2, 0.9], [0.5, 0.3]), symmetric.predict([0.4, 0.2, 0.9], [0.5, 0.3])
     )
@@ -393,4 +393,20 @@ def test_a_dictionary_that_lifts_otherwise_than_its_names_say_has_no_closed_form
         def lift(self, x: Any) -> Any:
             return super().lift(np.asarray(x) * (1.0, 1.0, 2.0))
 
-    assert replace(kl.nominal_unicycle(0.1), dictionary=Doubled())._symmetric is None
+    assert replace(kl.nominal_unicycle(0.1), dictionary=Doubled()).closed_form is None
+
+
+def test_displacement_along_measured_headings_is_the_generator_integrated_by_simpson() -> None:
+    random = np.random.default_rng(8)
+    model = replace(kl.nominal_unicycle(0.2), B=np.array([[0.0, 0.0], [0.0, 0.0], [0.3, -0.2]]))
+    assert model.closed_form is not None
+    heading, turned, w = 0.7, -0.9, random.normal(size=2)
+    x, y, turn, ahead = model.closed_form.between(heading, turned, w)
+    poses = np.zeros((3, 3))
+    poses[:, 2] = heading + turned * np.array((0.0, 0.5, 1.0))
+    z = model.dictionary.lift(poses)
+    blocks = model.H.reshape(3, 2, -1)
+    rates = np.einsum("ran,a,tn->tr", blocks, w, z) + model.B @ w
+    expected = 0.2 * np.array((1.0, 4.0, 1.0)) @ rates / 6.0
+    np.testing.assert_allclose((x, y, turn), expected, rtol=1e-12)
+    assert ahead == pytest.approx(0.2 * w[0])
