@@ -37,6 +37,7 @@ LAGS = (
 STOPS = "a stop that lasts keeps a margin for the errors of all its periods, not of the first alone"
 SPOT = "near an obstacle a turn on the spot is slowed for its own error"
 BACKWARDS = "a path that a lattice alone has found is driven backwards where that is quicker"
+FEWER = "a search that is repeated near the goal does two parts in a step at the most, not three"
 CHANGED: dict[int, str] = {
     **dict.fromkeys((3, 40, 92, 106, 175, 213, 217, 225, 238, 240, 261), CONTRADICTED),
     **dict.fromkeys((17, 19, 29, 57, 93, 101, 142, 178, 182, 248, 276), JUMPED),
@@ -47,10 +48,12 @@ CHANGED: dict[int, str] = {
     **dict.fromkeys((237, 257, 260, 265, 268, 284), LAGS),
     **dict.fromkeys((156, 256, 267, 271), STOPS),
     **dict.fromkeys((11, 41), SPOT),
+    44: FEWER,
     183: BACKWARDS,
     201: GAP,
     205: OWN,
     219: GAP,
+    249: FEWER,
     281: KEPT,
 }
 """Reasons by the number of the drive."""

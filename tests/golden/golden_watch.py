@@ -271,6 +271,10 @@ TESTS: dict[str, tuple[str, ...]] = {
     "control/guidance/test_guidance_options.py::"
     "test_three_parts_of_a_hurried_search_are_done_in_a_step": ("guidance.hurried_parts",),
     "control/guidance/test_guidance_options.py::"
+    "test_two_parts_of_a_third_search_near_the_goal_are_done_in_a_step": (
+        "guidance.near_goal_parts",
+    ),
+    "control/guidance/test_guidance_options.py::"
     "test_sixty_parts_of_a_search_that_is_needed_at_once_are_done_in_a_step": (
         "guidance.urgent_parts",
     ),

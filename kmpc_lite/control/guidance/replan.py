@@ -222,11 +222,13 @@ class Replanner:
     def _advance_search(self, state: GuideState, now: Situation) -> tuple[bool, bool]:
         """Bring the search forward: nearly always to its end if urgent, else by a few parts."""
         refreshed = switched = False
-        parts, most = max(state.attempts - 1, 1), self._options.hurried_parts
+        o, parts = self._options, 1
         if state.urgent:
-            parts = self._options.urgent_parts
-        elif state.hurried or parts > most:
-            parts = most
+            parts = o.urgent_parts
+        elif state.hurried:
+            parts = o.hurried_parts
+        elif state.attempts > 2:
+            parts = o.near_goal_parts
         while (search := state.search) is not None:
             if search.stage is Stage.CHOSEN and search.path is None and state.shuttle is not None:
                 state.shuttle, state.shuttles = None, self._options.shuttles

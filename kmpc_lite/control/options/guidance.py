@@ -54,6 +54,8 @@ class GuidanceOptions:
     near_goal: float = radii(2.0)
     """Distance to the goal below which repeated searches for a path are hurried [radii]: a robot
     that lags more than its model knows has soon left the place where the search began."""
+    near_goal_parts: int = count(2)
+    """Most parts of such a search that are done in one step."""
     hurried_parts: int = count(3)
     """Most parts of a hurried search that are done in one step."""
     urgent_parts: int = count(60)

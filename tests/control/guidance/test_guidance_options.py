@@ -101,6 +101,18 @@ def test_three_parts_of_a_hurried_search_are_done_in_a_step(
     assert len(parts) == 3
 
 
+@pytest.mark.parametrize(("attempts", "expected"), [(2, 1), (3, 2), (9, 2)])
+def test_two_parts_of_a_third_search_near_the_goal_are_done_in_a_step(
+    attempts: int, expected: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    guide, parts = GuideInUse(PROBLEM), []
+    guide.reference(START, GOAL, NO_CIRCLES)
+    monkeypatch.setattr(PathSearcher, "advance", lambda *rest: parts.append(rest))
+    guide.state.search, guide.state.attempts = _search(None), attempts
+    guide.reference(START, GOAL, NO_CIRCLES)
+    assert len(parts) == expected
+
+
 def test_sixty_parts_of_a_search_that_is_needed_at_once_are_done_in_a_step(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
