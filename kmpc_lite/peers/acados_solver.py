@@ -25,8 +25,9 @@ def build_solver(
 
     ocp = AcadosOcp()
     ocp.model, ocp.dims.N = _acados_model(model, problem, obstacles), problem.horizon
-    # the name of the folder is that of one controller: no other may load its library
-    ocp.model.name = folder.name
+    # the folder is that of one controller: no other may load its library. In C the name may hold
+    # letters and digits, and no underscore at its end
+    ocp.model.name = "kmpc_" + "".join(c if c.isalnum() else "0" for c in folder.name)
     ocp.parameter_values = np.zeros(3 * obstacles)
     _set_cost(ocp, problem)
     _set_bounds(ocp, problem)
