@@ -93,9 +93,9 @@ class SymmetricForm:
 
     def advance(self, x: Array, w: Array) -> Array:
         """Next states (..., 3) for bilinear inputs (..., nw)."""
-        if x.ndim == w.ndim == 1:
-            return self._advance_one(x, w)
         body = w @ self.motion
+        if x.ndim == w.ndim == 1 and math.isfinite(x[2] + body[2]):
+            return self._advance_one(x, body)
         out: Array = x + self._led(x[..., 2], body)
         return out
 
@@ -162,9 +162,9 @@ class SymmetricForm:
             cos, sin = cos + weight * np.cos(angle), sin + weight * np.sin(angle)
         return np.stack([ahead * cos - left * sin, ahead * sin + left * cos, turned], axis=-1)
 
-    def _advance_one(self, x: Array, w: Array) -> Array:
+    def _advance_one(self, x: Array, body: Array) -> Array:
         """Next state of a single one: plain floats are five times as fast as arrays."""
-        ahead, left, turned = (w @ self.motion).tolist()
+        ahead, left, turned = body.tolist()
         px, py, heading = x.tolist()
         cos = sin = 0.0
         for node, weight in self.nodes:

@@ -410,3 +410,13 @@ def test_displacement_along_measured_headings_is_the_generator_integrated_by_sim
     expected = 0.2 * np.array((1.0, 4.0, 1.0)) @ rates / 6.0
     np.testing.assert_allclose((x, y, turn), expected, rtol=1e-12)
     assert ahead == pytest.approx(0.2 * w[0])
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_what_is_not_finite_stays_so_and_raises_nothing(bad: float) -> None:
+    model = kl.nominal_unicycle(0.1)
+    with np.errstate(invalid="ignore"):
+        assert np.isnan(model.predict([0.0, 0.0, bad], [0.5, 0.1])[0])
+        assert np.isnan(model.predict([0.0, 0.0, 0.0], [0.5, bad])[0])
+        assert np.isnan(model.rollout([0.0, 0.0, bad], [[0.5, 0.1]])[1, 0])
+        assert np.isnan(model.linearize([0.0, 0.0, bad], [0.5, 0.1]).value[0])
