@@ -137,7 +137,7 @@ class Regressor:
         """Displacement x, y, turn and distance ahead that the model gives between two poses."""
         w = self._dictionary.inputs(command, past)
         if self._closed_form is not None:
-            return self._closed_form.between(heading, turned, w)
+            return self._closed_form.displacement(heading, turned, w)
         points = self._points
         points[0] = numbers[0], numbers[1], heading
         points[2] = numbers[3], numbers[4], heading + turned

@@ -96,7 +96,7 @@ class SymmetricForm:
         body = w @ self.motion
         if x.ndim == w.ndim == 1 and math.isfinite(x[2] + body[2]):
             return self._advance_one(x, body)
-        out: Array = x + self._led(x[..., 2], body)
+        out: Array = x + self._displacements(x[..., 2], body)
         return out
 
     def rollout(self, x0: Array, w: Array) -> Array:
@@ -107,7 +107,7 @@ class SymmetricForm:
         out[..., 1:, 2] = body[..., 2]
         # sums in the order of time, as step by step
         headings = np.cumsum(out[..., 2], axis=-1)
-        out[..., 1:, :] = self._led(headings[..., :-1], body)
+        out[..., 1:, :] = self._displacements(headings[..., :-1], body)
         return np.cumsum(out, axis=-2)
 
     def linearize(self, x: Array, w: Array) -> tuple[Array, Array, Array]:
@@ -140,7 +140,9 @@ class SymmetricForm:
         by_w = by_body.reshape(-1, STATES) @ self.motion.T
         return value, by_x, by_w.reshape(*by_body.shape[:-1], -1)
 
-    def between(self, heading: float, turned: float, w: Array) -> tuple[float, float, float, float]:
+    def displacement(
+        self, heading: float, turned: float, w: Array
+    ) -> tuple[float, float, float, float]:
         """Displacement x, y, turn and distance ahead of inputs (nw,), along measured headings.
 
         The motion in the robot's frame, integrated from a heading to the one `turned` farther on
@@ -152,7 +154,7 @@ class SymmetricForm:
         sin = (math.sin(heading) + 4.0 * math.sin(middle) + math.sin(end)) / 6.0
         return ahead * cos - left * sin, ahead * sin + left * cos, round_, ahead
 
-    def _led(self, headings: Array, body: Array) -> Array:
+    def _displacements(self, headings: Array, body: Array) -> Array:
         """Where motions (..., 3) in the robot's frame lead from headings (...)."""
         ahead, left, turned = body[..., 0], body[..., 1], body[..., 2]
         cos: Array | float = 0.0

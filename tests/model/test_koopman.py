@@ -401,7 +401,7 @@ def test_displacement_along_measured_headings_is_the_generator_integrated_by_sim
     model = replace(kl.nominal_unicycle(0.2), B=np.array([[0.0, 0.0], [0.0, 0.0], [0.3, -0.2]]))
     assert model.closed_form is not None
     heading, turned, w = 0.7, -0.9, random.normal(size=2)
-    x, y, turn, ahead = model.closed_form.between(heading, turned, w)
+    x, y, turn, ahead = model.closed_form.displacement(heading, turned, w)
     poses = np.zeros((3, 3))
     poses[:, 2] = heading + turned * np.array((0.0, 0.5, 1.0))
     z = model.dictionary.lift(poses)

@@ -62,7 +62,7 @@ class Tightening:
         self._pose_variance = float(pose[0, 0] + pose[1, 1])
         self._heading_variance = float(pose[2, 2])
         self.pose_deviation = math.sqrt(max(0.5 * self._pose_variance, 0.0))
-        self._heading_periods = self._steering_back(noise)
+        self._heading_periods = self._periods_off(noise)
         self._chord_at_full_speed = self._chord(noise.dt)
         felt = noise.felt(DriftState())
         self._widest_for, self._widest = felt, self._work_out_widest(felt)
@@ -162,8 +162,8 @@ class Tightening:
         widest = max(noise.quantile * deviation, headway)
         return widest + self._chord_at_full_speed + self._solver_margin
 
-    def _steering_back(self, noise: ModelNoise) -> tuple[float, float]:
-        """For how many periods a heading error leads aside: sums over errors, squared and whole."""
+    def _periods_off(self, noise: ModelNoise) -> tuple[float, float]:
+        """For how many periods each heading error leads aside: sum of the squares, and sum."""
         aside = [min(k, noise.delay + 1.0 / TURN) for k in range(1, MEMORY + noise.delay + 1)]
         return sum(a * a for a in aside), sum(aside)
 
