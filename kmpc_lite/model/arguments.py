@@ -40,3 +40,11 @@ def broadcast(
         )
         past = None if past is None else np.broadcast_to(past, (*lead, length, INPUTS))
     return states, commands, past
+
+
+def windows(commands: Array, length: int) -> Array:
+    """The `length` commands before each one, oldest first, (..., T, length, 2)."""
+    if not length:
+        return np.empty((*commands.shape[:-1], 0, INPUTS))
+    windows = np.lib.stride_tricks.sliding_window_view(commands[..., :-1, :], length, axis=-2)
+    return windows.swapaxes(-1, -2)

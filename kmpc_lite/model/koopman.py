@@ -5,35 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.errors import ModelError
 from kmpc_lite.files import real_array
-from kmpc_lite.model.arguments import broadcast
+from kmpc_lite.model.arguments import broadcast, windows
 from kmpc_lite.model.bilinear import TABLEAUX, BilinearForm, integrate
 from kmpc_lite.model.dictionary import Dictionary
+from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.model.noise_model import LARGEST, NoiseModel
 from kmpc_lite.model.symmetric import SymmetricForm
 from kmpc_lite.types import INPUTS, STATES, Array
-
-
-class Linearization(NamedTuple):
-    """First-order expansion of the model at n points.
-
-    ``x+ = value + A dx + B du + sum_j B_past[j] dpast[j]``.
-    """
-
-    value: Array
-    """Predicted states, (..., 3)."""
-    A: Array
-    """Derivative by the state, (..., 3, 3)."""
-    B: Array
-    """Derivative by the present command, (..., 3, 2)."""
-    B_past: Array
-    """Derivative by past commands, newest first, (..., L, 3, 2)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +187,7 @@ class KoopmanModel:
         before = np.zeros((*x.shape[:-1], length, INPUTS)) if past is None else past
         all_commands = np.concatenate([before, commands], axis=-2)
         if self.closed_form is not None:
-            w = self.dictionary.inputs(commands, _windows(all_commands, length))
+            w = self.dictionary.inputs(commands, windows(all_commands, length))
             return self.closed_form.rollout(x, w)
         states = np.empty((*x.shape[:-1], steps + 1, STATES))
         states[..., 0, :] = x
@@ -308,11 +293,3 @@ class KoopmanModel:
         from kmpc_lite.model.npz import load_model
 
         return load_model(path, dictionary)
-
-
-def _windows(commands: Array, length: int) -> Array:
-    """The `length` commands before each one, oldest first, (..., T, length, 2)."""
-    if not length:
-        return np.empty((*commands.shape[:-1], 0, INPUTS))
-    windows = np.lib.stride_tricks.sliding_window_view(commands[..., :-1, :], length, axis=-2)
-    return windows.swapaxes(-1, -2)

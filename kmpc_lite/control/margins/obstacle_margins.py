@@ -17,7 +17,7 @@ from kmpc_lite.control.margins.model_noise import FeltNoise, ModelNoise
 from kmpc_lite.control.margins.tube_spread import TubeSpread
 from kmpc_lite.control.options import MarginOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.model.koopman import Linearization
+from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.model.tube import MEMORY, TURN
 from kmpc_lite.types import Array
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from kmpc_lite.control.margins.model_noise import FeltNoise, ModelNoise, factor
-from kmpc_lite.model.koopman import Linearization
+from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.model.tube import MEMORY, closed_loop, rotations
 from kmpc_lite.types import STATES, Array
 

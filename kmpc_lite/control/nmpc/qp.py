@@ -15,7 +15,7 @@ import scipy.sparse as sp
 
 from kmpc_lite.control.options import SolverOptions
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.model.koopman import Linearization
+from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.types import INPUTS, STATES, Array
 
 OPEN = 1e3

@@ -9,7 +9,7 @@ import pytest
 from wary import of_noise
 
 import kmpc_lite as kl
-from kmpc_lite.model.koopman import Linearization
+from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.model.noise_sources import NoiseSources
 from kmpc_lite.model.tube import (

@@ -13,7 +13,7 @@ from scipy import sparse
 
 from kmpc_lite import NavigationProblem
 from kmpc_lite.control.nmpc.qp import NavigationQP
-from kmpc_lite.model.koopman import Linearization
+from kmpc_lite.model.linearization import Linearization
 
 Q = np.array([[2.0, 0.3, 0.1], [0.3, 5.0, 0.0], [0.1, 0.0, 0.2]])
 R = np.array([[0.5, 0.02], [0.02, 0.1]])
