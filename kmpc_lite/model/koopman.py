@@ -99,29 +99,20 @@ class KoopmanModel:
             )
         if self.noise_model is not None:
             self.noise_model.check()
-        object.__setattr__(self, "_history", self.dictionary.history)
         form = BilinearForm.fold(self.dictionary, self.A, self.B, self.H, self.C)
         object.__setattr__(self, "_form", form)
-        object.__setattr__(self, "closed_form", self._fold_symmetric(form))
+        tableau = TABLEAUX[self.integrator]
+        closed = SymmetricForm.fold(form, self.dt, tableau) if self.continuous else None
+        object.__setattr__(self, "closed_form", closed)
 
-    _history: int = field(init=False, repr=False)
     _form: BilinearForm = field(init=False, repr=False)
     closed_form: SymmetricForm | None = field(init=False, repr=False)
     """Of a symmetric model; None for any other."""
 
-    def _fold_symmetric(self, form: BilinearForm) -> SymmetricForm | None:
-        """Give the closed form of a symmetric model; None for any other."""
-        if not self.continuous:
-            return None
-        nz, nw = self.dictionary.size, self.dictionary.input_size
-        blocks = form.H_by_input.reshape(nw, STATES, nz).transpose(1, 0, 2)
-        tableau = TABLEAUX[self.integrator]
-        return SymmetricForm.fold(self.dictionary, form.A, form.B, blocks, self.dt, tableau)
-
     @property
     def history(self) -> int:
         """How many past commands the model needs, L."""
-        return self._history
+        return self.dictionary.history
 
     def predict(self, x: ArrayLike, u: ArrayLike, history: ArrayLike | None = None) -> Array:
         """Predict the state one `dt` ahead (paper, eq. 12).
@@ -186,14 +177,13 @@ class KoopmanModel:
         commands = np.broadcast_to(commands, (*x.shape[:-1], steps, INPUTS))
         before = np.zeros((*x.shape[:-1], length, INPUTS)) if past is None else past
         all_commands = np.concatenate([before, commands], axis=-2)
+        w = self.dictionary.inputs(commands, windows(all_commands, length))
         if self.closed_form is not None:
-            w = self.dictionary.inputs(commands, windows(all_commands, length))
             return self.closed_form.rollout(x, w)
         states = np.empty((*x.shape[:-1], steps + 1, STATES))
         states[..., 0, :] = x
         for k in range(steps):
-            w = self.dictionary.inputs(commands[..., k, :], all_commands[..., k : k + length, :])
-            states[..., k + 1, :] = x = self.advance(x, w)
+            states[..., k + 1, :] = x = self.advance(x, w[..., k, :])
         return states
 
     def linearize(

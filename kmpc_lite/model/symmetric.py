@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kmpc_lite.model.bilinear import BilinearForm
 from kmpc_lite.model.dictionary import Dictionary
 from kmpc_lite.types import STATES, Array
 
@@ -53,30 +54,25 @@ class SymmetricForm:
 
     @classmethod
     def fold(
-        cls,
-        dictionary: Dictionary,
-        A: Array,
-        B: Array,
-        blocks: Array,
-        dt: float,
-        tableau: Sequence[tuple[float, float]],
+        cls, form: BilinearForm, dt: float, tableau: Sequence[tuple[float, float]]
     ) -> SymmetricForm | None:
-        """Fold a model's matrices, as seen by the state; None where they are not symmetric.
+        """Fold the derivative of a state further; None where it is not symmetric.
 
         Parameters
         ----------
-        dictionary : Dictionary
-            Lifts the pose.
-        A, B, blocks : ndarray
-            (3, nz), (3, nw), and H by row, input and lifted coordinate, (3, nw, nz).
+        form : BilinearForm
+            Of the model.
         dt : float
             Period [s].
         tableau : sequence of tuple
             Node and weight of each stage.
         """
+        dictionary, B = form.dictionary, form.B
         place = find_trigonometry(dictionary)
-        if place is None or A.any() or B[:2].any() or not _lifts(dictionary, place):
+        if place is None or form.A.any() or B[:2].any() or not _lifts(dictionary, place):
             return None
+        # by row, input and lifted coordinate
+        blocks = form.H_by_input.reshape(B.shape[1], STATES, -1).transpose(1, 0, 2)
         along, across = blocks[0, :, place.cos], blocks[1, :, place.cos]
         heading = B[2] + blocks[2, :, place.one]
         expected = np.zeros_like(blocks)

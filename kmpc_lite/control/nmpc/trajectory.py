@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kmpc_lite.control.nmpc.qp import NavigationQP
+from kmpc_lite.model.arguments import windows
 from kmpc_lite.types import INPUTS, Array
 
 
@@ -59,6 +60,4 @@ def command_windows(history: int, past: Array, inputs: Array) -> Array | None:
     """
     if not history:
         return None
-    commands = np.concatenate([past, inputs[:-1]])
-    windows = np.lib.stride_tricks.sliding_window_view(commands, history, axis=0)
-    return windows.transpose(0, 2, 1)
+    return windows(np.concatenate([past, inputs]), history)
