@@ -38,6 +38,10 @@ STOPS = "a stop that lasts keeps a margin for the errors of all its periods, not
 SPOT = "near an obstacle a turn on the spot is slowed for its own error"
 BACKWARDS = "a path that a lattice alone has found is driven backwards where that is quicker"
 FEWER = "a search that is repeated near the goal does two parts in a step at the most, not three"
+SURE = (
+    "near an obstacle a robot with noisy poses may use up a share of the clearance that is sure, "
+    "not of the one measured: with many steps that came to touching"
+)
 CHANGED: dict[int, str] = {
     **dict.fromkeys((3, 40, 92, 106, 175, 213, 217, 225, 238, 240, 261), CONTRADICTED),
     **dict.fromkeys((17, 19, 29, 57, 93, 101, 142, 178, 182, 248, 276), JUMPED),
@@ -48,6 +52,8 @@ CHANGED: dict[int, str] = {
     **dict.fromkeys((237, 257, 260, 265, 268, 284), LAGS),
     **dict.fromkeys((156, 256, 267, 271), STOPS),
     **dict.fromkeys((11, 41), SPOT),
+    **dict.fromkeys((31, 37, 45, 54, 55, 68, 76, 81, 82, 84, 138, 147, 153, 158, 165), SURE),
+    **dict.fromkeys((174, 177, 199, 203, 218, 227, 236, 270, 275, 280), SURE),
     44: FEWER,
     183: BACKWARDS,
     201: GAP,

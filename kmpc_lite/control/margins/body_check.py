@@ -82,7 +82,8 @@ class BodyCommandCheck(CommandCheck):
             closing = approach > clearance
             if not closing.any():
                 break
-            possible = np.maximum(clearance, 0.0) / np.maximum(approach, AT_CENTRE)
+            sure = np.maximum(clearance - self.pose_error, 0.0)
+            possible = sure / np.maximum(approach, AT_CENTRE)
             limits = np.where(closing, possible, 1.0)
             entering = closing & (leaving < 0.0)
             if not entering.any():

@@ -18,6 +18,7 @@ from kmpc_lite.control.margins.model_noise import FeltNoise, ModelNoise
 from kmpc_lite.control.options import MarginOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.model.tube import FLOOR
 from kmpc_lite.types import Array
 
 AT_CENTRE = 1e-9
@@ -46,6 +47,13 @@ class CommandCheck:
         Robot radius.
     options : MarginOptions
         What is kept, and what is always allowed.
+
+    Attributes
+    ----------
+    pose_error : float
+        Quantile of how far a measured pose is off [m]: only what a clearance has beyond it is sure.
+        Near an obstacle every step may use up a share of its clearance; with one that is not sure,
+        many steps would end in the obstacle.
     """
 
     def __init__(
@@ -62,6 +70,9 @@ class CommandCheck:
             options.check_margin * unit,
         )
         self._touch = problem.body_radius
+        pose = noise.tube.one_pose
+        variance = 0.5 * float(pose[0, 0] + pose[1, 1]) - FLOOR**2
+        self.pose_error = noise.quantile * math.sqrt(max(variance, 0.0))
 
     def step_margin(self, drift: DriftState, v: float, omega: float) -> float:
         """Distance that a command may end away from where the model says, in any direction [m].
@@ -159,7 +170,8 @@ class CommandCheck:
             closing = approach > clearance
             if not closing.any():
                 break
-            possible = np.maximum(clearance, 0.0) / np.maximum(approach, AT_CENTRE)
+            sure = np.maximum(clearance - self.pose_error, 0.0)
+            possible = sure / np.maximum(approach, AT_CENTRE)
             limits = np.where(closing, possible, 1.0)
             worst = int(limits.argmin())
             # a robot at the very centre can only go away

@@ -19,8 +19,9 @@ class StopOptions:
     """Shares of the coming command that are tried, in this order, where the whole one has no clear
     stop trajectory."""
     spend_share: float = part(0.25)
-    """Share of the present clearance that a stop trajectory may use up where that clearance is less
-    than the margin: a robot near an obstacle may pass by, one that touches may get free."""
+    """Share of the present clearance, as far as it is sure, that a stop trajectory may use up where
+    that clearance is less than the margin: a robot near an obstacle may pass by, one that touches
+    may get free."""
     turn_only_share: float = part(0.05)
     """A command that must be slowed to less than this share turns on the spot at its full turn
     rate: turning moves a round robot by a fraction of a millimetre, standing still would be for

@@ -7,10 +7,10 @@ through its past commands. Where no stop trajectory of the plan is clear, its co
 slowed; where that does not help either, the plan is not accepted, and the stop trajectory of the
 one before is driven.
 
-Clear means: up to the stop, no obstacle comes nearer than the margin of what is driven, or than a
-part of the clearance that a standing robot would have had (`StopOptions.spend_share`). So
-standing is always allowed, a robot that is near an obstacle can pass by, and one that touches can
-get free.
+Clear means: up to the stop, no obstacle comes nearer than the margin of what is driven, or than the
+clearance that a standing robot would have had, less a share of what the pose's noise leaves sure of
+it (`StopOptions.spend_share`). So standing is always allowed, a robot that is near an obstacle can
+pass by, and one that touches can get free.
 
 It holds as far as these are true:
 
@@ -263,8 +263,8 @@ class StopTrajectories:
         clearance = np.concatenate(distances, axis=1) - self._radius
         still_clearance = np.concatenate(standing, axis=1) - self._radius
         margins = check.stop_margins(drift, *_moved(here, states)).reshape(-1).repeat(each)
-        kept = (1.0 - self._options.spend_share) * still_clearance
-        left = np.where(still_clearance > 0.0, kept, still_clearance)
+        sure = np.maximum(still_clearance - check.pose_error, 0.0)
+        left = still_clearance - self._options.spend_share * sure
         needed = np.minimum(margins[:, None], left)
         # also false for NaN
         enough: Array = clearance >= needed - ROUNDING

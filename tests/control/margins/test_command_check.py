@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from wary import CIRCLES, PROBLEM, Wary, slipping
@@ -15,6 +17,7 @@ from kmpc_lite import (
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.options import MarginOptions
 from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.noise_model import NoiseModel
 
 STRANGE = MarginOptions().unknown_floor_inflation, MarginOptions().unknown_floor_slip
 
@@ -41,6 +44,37 @@ def test_speed_share_never_lets_the_slip_reach_an_obstacle():
         touched += bool((np.hypot(trace[:, 0] - 1.0, trace[:, 1]) < 0.35).any())
     assert slowed > 1000
     assert touched <= 4
+
+
+def test_many_steps_with_noisy_poses_do_not_end_in_the_obstacle():
+    """Each may use up what is left as measured; only what noise leaves sure keeps that outside."""
+    noise, ahead = 0.004, np.array([0.6, 0.0])
+    model = slipping(0.1)
+    wary, random = Wary(model, PROBLEM), np.random.default_rng(4)
+    left = {}
+    for name, error in (("as measured", 0.0), ("sure", wary.quantile * noise)):
+        wary.of.command_check.pose_error = error
+        ends = []
+        for _ in range(40):
+            x = 1.0 - 0.35 - 0.05
+            for _ in range(100):
+                seen = np.array([x + random.normal(0.0, noise), 0.0, 0.0])
+                x += 0.1 * wary.speed_share(seen, ahead, CIRCLES) * ahead[0]
+            ends.append(1.0 - 0.35 - x)
+        left[name] = ends
+    assert max(left["as measured"]) < 0.0
+    assert np.mean(np.array(left["sure"]) < 0.0) < 0.3 and min(left["sure"]) > -0.003
+
+
+def test_what_is_sure_of_a_pose_comes_from_its_noise():
+    model, residuals = nominal_unicycle(0.1), np.zeros((3, 3, 3))
+    for noise in (0.0, 0.002, 0.01):
+        # a residual has a pose at either end
+        residuals[0] = 2.0 * np.diag([noise**2, noise**2, 1e-6])
+        blurred = dataclasses.replace(model, noise_model=NoiseModel(residuals.copy()))
+        wary = Wary(blurred, PROBLEM)
+        expected = pytest.approx(wary.quantile * noise, rel=1e-2)
+        assert wary.of.command_check.pose_error == expected
 
 
 def test_speed_share_lets_a_touching_robot_get_free(model):

@@ -83,6 +83,21 @@ def test_a_robot_near_an_obstacle_may_spend_a_share_of_its_clearance(spend: floa
         assert found.tolist() == [clear]
 
 
+def test_only_what_is_sure_of_a_clearance_may_be_spent() -> None:
+    """With poses that err by 2 mm (95 %), of 4 mm that are measured 2 may be shared out."""
+    model, clearance, sure = kl.nominal_unicycle(0.1), 0.004, 0.002
+    asked = task(model, [0.35 + clearance, 0.0, 0.2])
+    stops = StopTrajectories(PROBLEM, StopOptions(spend_share=0.25))
+    assert asked.check is not None and asked.drift is not None
+    for error in (clearance - sure, 2.0 * clearance):
+        asked.check.pose_error = error
+        spent = 0.25 * max(clearance - error, 0.0)
+        for driven, clear in ((0.0, True), (0.95 * spent, True), (spent + 1e-4, False)):
+            commands = np.array([[[driven / 0.1, 0.0], [0.0, 0.0]]])
+            found = stops._are_clear(np.zeros(3), commands, asked, asked.check, asked.drift)
+            assert found.tolist() == [clear]
+
+
 @pytest.mark.parametrize("limit", [0.05, 0.2])
 def test_a_command_that_may_hardly_drive_turns_on_the_spot(limit: float) -> None:
     model = kl.nominal_unicycle(0.1)
