@@ -9,6 +9,7 @@ from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.units import scaled_problem
+from kmpc_lite.control.weights import with_goal_weights, with_tracking_weights
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import MotionModel, in_units
 from kmpc_lite.scale import Scale
@@ -41,12 +42,12 @@ def problem_in_units(
     """Return a problem in the robot's units, with the weights that its mode uses by default."""
     units = scaled_problem(problem, problem.scale)
     if not guides:
-        return units.with_default_weights(False)
+        return with_goal_weights(units)
     from kmpc_lite.control.guidance.capabilities import speed_shares
 
     # where the robot does not reach its command bounds, the weights say so
     shares = speed_shares(motion_model(model, problem.scale), units, options.guidance)
-    return units.with_default_weights(True, shares)
+    return with_tracking_weights(units, shares)
 
 
 class Examiner:

@@ -179,6 +179,7 @@ class Pipeline:
             None if margins is None else margins.tightening,
             state.drift,
             math.inf if guidance is None else guidance.path_clearance,
+            1.0 if guidance is None else guidance.share_at_goal,
             deadline,
             seen.spread,
         )
@@ -243,7 +244,7 @@ class Pipeline:
         status = PlanStatus.FEASIBLE if verified.reason else PlanStatus.SOLVED
         reason, reachable, progress = verified.reason, True, GoalProgress.DRIVING
         if guidance is not None:
-            reason = reason or guidance.reason
+            reason = "; ".join(filter(None, (guidance.reason, reason)))
             reachable, progress = guidance.reachable, guidance.progress
         return self._answers.plan(
             seen,

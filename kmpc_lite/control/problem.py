@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.problem_fields import scalar, vector, weight
+from kmpc_lite.control.weights import GOAL_Q, GOAL_R
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import INPUTS, STATES, Array
 
-GOAL_Q, GOAL_R = (1.0, 5.0, 0.1), (0.5, 0.05)
-"""The paper's weights, of a goal that may be far away."""
-TRACKING_Q, TRACKING_R = (5.0, 5.0, 0.5), (0.1, 0.02)
-"""Weights of a reference that is always near: with the paper's, plans cut corners and creep at the
-end."""
 UNIT_DECELERATION = np.array((1.0, 4.0))
 """Of the braking ramp of a robot that is its own unit [m/s^2, rad/s^2]."""
 UNIT_SLACK_WEIGHTS = np.array((100.0, 1000.0))
@@ -44,10 +40,12 @@ class NavigationProblem:
     Q, R : array_like, optional
         Weights of state (3,) and command (2,), or full positive semidefinite matrices. With
         guidance the state's weigh the distance from the guided reference. Where not given they are
-        the default of the controller's mode: with guidance `TRACKING_Q` and `TRACKING_R`, without
-        it the paper's `GOAL_Q` and `GOAL_R`.
+        the default of the controller's mode (`kmpc_lite.control.weights`): without guidance the
+        paper's.
     Q_terminal : array_like, optional
-        Weight of the last state; zero where not given, as in the paper.
+        Weight of the last state. With guidance it counts by the share of the plan that is at the
+        goal; where not given it follows from Q and how fast the robot turns. Without guidance it
+        is zero where not given, as in the paper.
     u_min, u_max : array_like
         Command bounds (2,) [m/s, rad/s]; they contain zero, since braking must be allowed.
     x_min, x_max : array_like
@@ -247,37 +245,14 @@ class NavigationProblem:
             np.zeros((STATES, STATES)) if self.Q_terminal is None else self.Q_terminal,
         )
 
-    def with_default_weights(
-        self, guidance: bool, gains: tuple[float, float] = (1.0, 1.0)
-    ) -> NavigationProblem:
-        """Return the problem with the weights that are used in a mode, given or not.
-
-        Parameters
-        ----------
-        guidance : bool
-            Whether the weights are those of a guided reference, else of the goal itself.
-        gains : tuple, optional
-            Speed and rate of turn that a robot reaches, as shares of what it is told: the defaults
-            of R are those of the motion.
-        """
-        q, r = (TRACKING_Q, TRACKING_R) if guidance else (GOAL_Q, GOAL_R)
-        # what is weighed is the motion: a robot that turns by a third of what it is told needs
-        # three times the command for it
-        r = (r[0] * gains[0] ** 2, r[1] * gains[1] ** 2)
-        terminal = np.zeros(STATES) if self.Q_terminal is None else self.Q_terminal
-        return replace(
-            self,
-            Q=q if self.Q is None else self.Q,
-            R=r if self.R is None else self.R,
-            Q_terminal=terminal,
-        )
-
     @property
     def limits_changes(self) -> bool:
         """Whether `du_max` limits anything."""
         return bool(np.isfinite(self.du_max).any())
 
-    def cost(self, states: Array, inputs: Array, reference: Array) -> float:
+    def cost(
+        self, states: Array, inputs: Array, reference: Array, terminal_share: float = 1.0
+    ) -> float:
         """Objective of a plan without penalties.
 
         Parameters
@@ -286,10 +261,14 @@ class NavigationProblem:
             (N + 1, 3) and (N, 2).
         reference : ndarray
             (3,) or (N + 1, 3).
+        terminal_share : float
+            Part of `Q_terminal` that counts.
         """
         q, r, q_terminal = self.weights
         error = states - reference
         on_way, end = error[:-1], error[-1]
         return float(
-            np.vdot(on_way @ q, on_way) + np.vdot(inputs @ r, inputs) + end @ q_terminal @ end
+            np.vdot(on_way @ q, on_way)
+            + np.vdot(inputs @ r, inputs)
+            + terminal_share * (end @ q_terminal @ end)
         )

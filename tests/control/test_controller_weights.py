@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.problem import GOAL_Q, GOAL_R, TRACKING_Q, TRACKING_R
+from kmpc_lite.control.nmpc.qp import NavigationQP
+from kmpc_lite.control.weights import (
+    GOAL_Q,
+    GOAL_R,
+    TRACKING_Q,
+    TRACKING_R,
+    with_goal_weights,
+    with_tracking_weights,
+)
 
 MODEL = kl.nominal_unicycle(0.1)
 MODES: list[dict[str, Any]] = [{}, {"guidance": False}]
@@ -51,8 +59,10 @@ def test_a_larger_weight_of_the_speed_makes_the_drive_slower(options: dict[str, 
     [{"Q": (1.0, 9.0, 0.2)}, {"Q_terminal": (50.0, 50.0, 5.0)}, {"R": (0.3, 0.3)}],
 )
 def test_every_weight_changes_the_plan(options: dict[str, Any], weights: dict[str, Any]) -> None:
+    # with guidance the terminal weight counts where the plan ends at the goal
+    start, goal = (TURNING[0], 0.4 * TURNING[1]) if "Q_terminal" in weights else TURNING
     first, other = (
-        kl.Controller(MODEL, problem, **options).step(*TURNING)
+        kl.Controller(MODEL, problem, **options).step(start, goal)
         for problem in (kl.NavigationProblem(), kl.NavigationProblem(**weights))
     )
     assert np.abs(first.inputs - other.inputs).max() > 1e-3
@@ -73,11 +83,51 @@ def test_slack_weights_tell_how_firmly_obstacles_are_kept_clear_of(options: dict
 
 def test_weights_that_are_not_given_are_those_of_the_mode() -> None:
     problem = kl.NavigationProblem(R=(1.0, 2.0))
-    guided, plain = problem.with_default_weights(True), problem.with_default_weights(False)
+    guided, plain = with_tracking_weights(problem), with_goal_weights(problem)
     np.testing.assert_array_equal(guided.Q, np.diag(TRACKING_Q))
     np.testing.assert_array_equal(plain.Q, np.diag(GOAL_Q))
     for used in (guided, plain):
         np.testing.assert_array_equal(used.R, np.diag((1.0, 2.0)))
-        assert not used.Q_terminal.any() and used.margin == problem.margin
-    default = kl.NavigationProblem().with_default_weights(True)
+        assert used.margin == problem.margin
+    assert not plain.Q_terminal.any()
+    default = with_tracking_weights(kl.NavigationProblem())
     np.testing.assert_array_equal(default.R, np.diag(TRACKING_R))
+
+
+def test_what_a_plan_leaves_at_the_goal_counts_for_as_long_as_two_full_turns_take() -> None:
+    for dt, turn_rate, gain in ((0.1, 0.5, 1.0), (0.05, 2.0, 0.5)):
+        problem = kl.NavigationProblem(dt=dt, u_min=(-0.6, -turn_rate), u_max=(0.6, turn_rate))
+        periods = 4.0 * np.pi / (turn_rate * gain) / dt
+        used = with_tracking_weights(problem, (1.0, gain))
+        np.testing.assert_allclose(used.Q_terminal, periods * np.diag(TRACKING_Q))
+    own = with_tracking_weights(kl.NavigationProblem(Q_terminal=(1.0, 2.0, 3.0)))
+    np.testing.assert_array_equal(own.Q_terminal, np.diag((1.0, 2.0, 3.0)))
+
+
+def test_a_plan_that_reaches_its_goal_ends_there_and_not_beside_it() -> None:
+    """Fast, to a goal ahead and a little aside: turning in takes longer than driving past it."""
+    start, goal = np.zeros(3), np.array([0.8, 0.3, 0.0])
+    beside = {}
+    for name, weight in (("none", (0.0, 0.0, 0.0)), ("default", None)):
+        controller, x = kl.Controller(MODEL, kl.NavigationProblem(Q_terminal=weight)), start
+        for _ in range(22):
+            x = MODEL.predict(x, controller.step(x, goal).command)
+        beside[name] = abs(x[1] - goal[1])
+    assert beside["default"] < 0.25 * beside["none"] and beside["none"] > 0.005
+
+
+def test_the_terminal_weight_grows_with_the_share_of_the_plan_that_is_at_the_goal() -> None:
+    problem = kl.NavigationProblem()
+    cost = NavigationQP(with_tracking_weights(problem), 0, 1).cost
+    whole, other = cost.terminal_cost.copy(), cost.P.data.copy()
+    cost.set_terminal_share(0.25)
+    np.testing.assert_allclose(cost.terminal_cost, 0.25 * whole)
+    assert np.abs(cost.P.data - other).max() > 0.5 * np.abs(whole).max()
+    cost.set_terminal_share(1.0)
+    np.testing.assert_array_equal(cost.P.data, other)
+    # far from the goal none of it counts: another weight plans the same
+    plans = [
+        kl.Controller(MODEL, kl.NavigationProblem(Q_terminal=weight)).step(*TURNING)
+        for weight in ((0.0, 0.0, 0.0), (50.0, 50.0, 5.0))
+    ]
+    np.testing.assert_array_equal(plans[0].inputs, plans[1].inputs)

@@ -120,11 +120,11 @@ def test_what_the_model_contradicts_is_linearised_again() -> None:
         controller = kl.Controller(
             kl.nominal_unicycle(1.0), problem, options=options, sqp_iterations=1
         )
-        pose, plant, worst = course.start, Plant(robot, 605), 0
+        pose, plant, made = course.start, Plant(robot, 605), set()
         for k in range(12):
             plan = controller.step(pose, course.goal, course.circles)
             # the first step has no plan to start from and makes more passes anyway
-            worst = max(worst, plan.iterations if k else 0)
+            made |= {plan.iterations} if k else set()
             pose = plant.drive(pose, plan.command)[-1]
-        passes.append(worst)
-    assert passes[0] <= 2 < passes[1] == 4
+        passes.append(made)
+    assert max(passes[0]) <= 2 and 4 in passes[1]

@@ -236,6 +236,7 @@ class Guide:
             time_left=np.inf,
             refreshed=refreshed,
             switched=switched,
+            share_at_goal=0.0,
             path_clearance=state.path_clearance,
         )
 
@@ -274,6 +275,7 @@ class Guide:
             time_left=path.duration - place,
             refreshed=refreshed,
             switched=switched,
+            share_at_goal=path.share_at_goal(states),
             path_clearance=state.path_clearance,
         )
 

@@ -45,6 +45,8 @@ class Guidance:
     """What the robot does about its goal."""
     reason: str
     """Why it neither drives there nor holds."""
+    share_at_goal: float
+    """Of the stages: at how many the reference has come to the goal's position."""
     path_clearance: float
     """What the path keeps beyond the problem's margin [m]; less where a passage is narrow."""
 

@@ -14,6 +14,8 @@ from kmpc_lite.types import Array
 
 INSTANT = 1e-9
 """Time between two poses that are the same [s]: times must grow."""
+AT_GOAL = 1e-6
+"""Distance that rounding leaves to the goal [m]."""
 
 
 class TimedPath:
@@ -79,6 +81,11 @@ class TimedPath:
         poses[:, :2] = places.view(float).reshape(-1, 2)
         poses[:, 2] = np.interp(times, self.times, self._headings)
         return poses
+
+    def share_at_goal(self, states: Array) -> float:
+        """Share of the stages 1 to N of a reference (N + 1, 3) that have come to its goal."""
+        away = np.abs(states[1:, :2] - self.poses[-1, :2])
+        return float((away <= AT_GOAL).all(axis=1).mean())
 
     def locate(self, pose: Array, place: float, least: float = 0.0) -> tuple[float, float]:
         """Find the robot's place: the time of the path's pose that is nearest.

@@ -47,7 +47,7 @@ def hessians(
         (N, 5, 5) and (3, 3); in the first only the block of the command is meant, for its state is
         given.
     """
-    stages, terminal = qp.stage_cost.copy(), qp.terminal_cost.copy()
+    stages, terminal = qp.cost.stage_cost.copy(), qp.cost.terminal_cost.copy()
     stages -= dynamics_curvature(model, states[:-1], inputs, duals[qp.dynamics_rows])
     # the distance to a circle bends across the normal; its multipliers are negative, those of lower
     # bounds

@@ -26,7 +26,7 @@ class Linearized(NamedTuple):
     violation: Array
     """(N,) of the half-planes by the guess [m]."""
     cost: Array | None
-    """Entries of P where the exact Hessian is used."""
+    """Entries of P; None where they are those that the QP was made with."""
 
 
 class QPFiller:
@@ -76,14 +76,15 @@ class QPFiller:
         centred = lin._replace(value=lin.value - run.origin)
         qp.fill(centred, local, guess.inputs, reference, normals, offsets)
         if not self._exact_hessian:
-            return Linearized(lin, local, violation, None)
-        stages, terminal = qp.stage_cost, qp.terminal_cost
+            whole = qp.cost.terminal_share == 1.0
+            return Linearized(lin, local, violation, None if whole else qp.P.data)
+        stages, terminal = qp.cost.stage_cost, qp.cost.terminal_cost
         if self._wants_exact_hessian(run):
             bends = keep_out.bends(guess.states, task.circles)
             stages, terminal = hessians(
                 task.model, qp, guess.states, guess.inputs, guess.duals, normals, bends
             )
-        qp.fill_cost(stages, terminal, local, guess.inputs)
+        qp.cost.fill(stages, terminal, local, guess.inputs)
         return Linearized(lin, local, violation, qp.P.data)
 
     def _wants_exact_hessian(self, run: Progress) -> bool:

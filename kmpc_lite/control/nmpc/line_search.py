@@ -103,13 +103,13 @@ class LineSearch:
             Length at which the search ends.
         """
         guess, found, before, predicted, slack, violation, margins = direction
-        cost, reference = self._problem.cost, task.reference
+        cost, reference, share = self._problem.cost, task.reference, task.terminal_share
         largest_dual = float(np.abs(found.duals[self._qp.dynamics_rows]).max())
         penalties.dynamics = max(penalties.dynamics, DUAL_EXCESS * largest_dual)
         defect = float(np.abs(guess.states[1:] - before).sum())
-        objective = cost(guess.states, guess.inputs, reference)
+        objective = cost(guess.states, guess.inputs, reference, share)
         now = self.merit(penalties, objective, violation, defect)
-        objective = cost(found.states, found.inputs, reference)
+        objective = cost(found.states, found.inputs, reference, share)
         expected = now - objective - self._penalty(penalties, np.maximum(slack, 0.0))
         length, trial = 1.0, found
         while True:
@@ -126,7 +126,7 @@ class LineSearch:
             states = guess.states + length * (found.states - guess.states)
             inputs = guess.inputs + length * (found.inputs - guess.inputs)
             trial = Trajectory(states, inputs, found.duals)
-            objective = cost(trial.states, trial.inputs, reference)
+            objective = cost(trial.states, trial.inputs, reference, share)
             predicted = predict_stages(trial, task)
 
     def merit(

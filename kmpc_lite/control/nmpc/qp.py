@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from kmpc_lite.control.nmpc.qp_cost import QPCost
 from kmpc_lite.control.options import SolverOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.linearization import Linearization
@@ -34,8 +35,8 @@ class NavigationQP:
     slots : int
         Half-plane rows per stage.
     curved : bool
-        Whether `fill_cost` may write other Hessians than the problem's own, which know no curvature
-        of the constraints.
+        Whether `QPCost.fill` may write other Hessians than the problem's own, which know no
+        curvature of the constraints.
     options : SolverOptions, optional
         Scales of the rows.
     """
@@ -82,7 +83,10 @@ class NavigationQP:
         ):
             self._next_stage[part] = np.concatenate([part[1:], part[-1:]])
         self._build_constraints()
-        self._build_cost(problem, curved)
+        self.cost = QPCost(
+            problem, self.state_columns, self.input_columns, self.slack_columns, curved
+        )
+        self.P, self.q = self.cost.P, self.cost.q
         self.lower, self.upper = np.zeros(self.row_count), np.full(self.row_count, np.inf)
         self.upper[self.dynamics_rows] = 0.0
         self.lower[self.half_plane_rows] = -OPEN
@@ -150,78 +154,6 @@ class NavigationQP:
         ]
         self._normals = parts[-1].reshape(n, self.slots, self._directions)
 
-    def _build_cost(self, problem: NavigationProblem, curved: bool) -> None:
-        q, r, q_terminal = problem.weights
-        _, quadratic = problem.slack_weights
-        n = self.horizon
-        self.terminal_cost = 2 * q_terminal
-        self.stage_cost = np.zeros((n, STATES + INPUTS, STATES + INPUTS))
-        self.stage_cost[:, :STATES, :STATES] = 2 * q
-        self.stage_cost[:, STATES:, STATES:] = 2 * r
-        self._slack_cost = np.full(n, 2 * quadratic)
-        # upper triangles: of the stages' blocks, whose first has no state among the variables, and
-        # of the last state's
-        given = np.full((1, STATES), -1)
-        columns = np.concatenate(
-            [np.concatenate([given, self.state_columns[:-1]]), self.input_columns], axis=1
-        )
-        upper = np.triu_indices(STATES + INPUTS)
-        stored = (self.stage_cost[0][upper] != 0.0) | curved
-        self._stage_entries = upper[0][stored], upper[1][stored]
-        self._last_entries = np.triu_indices(STATES)
-        rows, cols = (
-            np.concatenate(
-                [columns[:, stage].ravel(), self.state_columns[-1][last], self.slack_columns]
-            )
-            for stage, last in zip(self._stage_entries, self._last_entries, strict=True)
-        )
-        order = np.lexsort((rows, cols))
-        # where the entries of P come from, in CSC order
-        self._p_from = order[rows[order] >= 0]
-        pointers = np.concatenate(
-            [[0], np.cumsum(np.bincount(cols[self._p_from], minlength=self.size))]
-        )
-        values = self._cost_entries(self.stage_cost, self.terminal_cost)
-        self.P = sp.csc_matrix((values, rows[self._p_from], pointers), shape=(self.size, self.size))
-        self.q = np.zeros(self.size)
-        self.set_slack_penalty(float(problem.slack_weights[0]))
-        self._pull, self._pull_terminal = -2 * q, -2 * q_terminal
-        self._q_states = self.q[: STATES * n].reshape(n, STATES)
-        self._q_inputs = self.q[STATES * n : (STATES + INPUTS) * n].reshape(n, INPUTS)
-
-    def _cost_entries(self, stages: Array, terminal: Array) -> Array:
-        """Entries of P in CSC order for Hessians (N, 5, 5) and (3, 3)."""
-        i, j = self._stage_entries
-        entries: Array = np.concatenate(
-            [stages[:, i, j].ravel(), terminal[self._last_entries], self._slack_cost]
-        )[self._p_from]
-        return entries
-
-    def fill_cost(self, stages: Array, terminal: Array, x: Array, u: Array) -> None:
-        """Write other Hessians than the cost's own, after `fill`.
-
-        What they add to the cost is zero at the iterate, and so is its slope.
-
-        Parameters
-        ----------
-        stages, terminal : ndarray
-            Convex, (N, 5, 5) by state and command, of the first by the command alone, and (3, 3).
-        x, u : ndarray
-            The iterate: (N + 1, 3), (N, 2).
-        """
-        self.P.data[:] = self._cost_entries(stages, terminal)
-        slopes = ((stages - self.stage_cost) @ np.concatenate([x[:-1], u], axis=1)[..., None])[
-            ..., 0
-        ]
-        self._q_states[:-1] -= slopes[1:, :STATES]
-        self._q_states[-1] -= (terminal - self.terminal_cost) @ x[-1]
-        self._q_inputs[:] = -slopes[:, STATES:]
-
-    def set_slack_penalty(self, weight: float) -> None:
-        """Write the linear weight of the slacks [1/m]."""
-        self.slack_penalty = weight
-        self.q[self.slack_columns] = weight
-
     def set_last_command(self, command: Array) -> None:
         """Write the command (2,) that was sent last, where the problem limits changes."""
         last = command[self._limited]
@@ -269,8 +201,7 @@ class NavigationQP:
         self.A.data[self._places] = self._written
         np.multiply(offsets, self.half_plane_scale, out=self._half_plane_lower)
         np.maximum(self._half_plane_lower, -OPEN, out=self._half_plane_lower)
-        np.matmul(reference[1:-1], self._pull, out=self._q_states[:-1])
-        np.matmul(reference[-1], self._pull_terminal, out=self._q_states[-1])
+        self.cost.pull_to(reference)
 
     def pack(self, x: Array, u: Array, slack: Array) -> Array:
         """One vector of variables from states (N + 1, 3), commands (N, 2) and slacks (N,)."""

@@ -163,7 +163,8 @@ class SQP:
         if self.iterations > 1:
             limit, tolerance = self.iterations, self.tolerance
         penalty = float(self.problem.slack_weights[0])
-        self.qp.set_slack_penalty(penalty)
+        self.qp.cost.set_slack_penalty(penalty)
+        self.qp.cost.set_terminal_share(task.terminal_share)
         return Progress(
             guess,
             limit,
@@ -274,7 +275,7 @@ class SQP:
         if self.iterations == 1 or not self._is_penalty_too_weak(run, task):
             return True
         run.penalties.slack *= self.options.penalty_growth
-        self.qp.set_slack_penalty(run.penalties.slack)
+        self.qp.cost.set_slack_penalty(run.penalties.slack)
         return False
 
     def _is_penalty_too_weak(self, run: Progress, task: Task) -> bool:

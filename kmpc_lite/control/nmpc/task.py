@@ -37,6 +37,8 @@ class Task:
     """Of the drift detector; given with `tightening`."""
     path_clearance: float = math.inf
     """What the path keeps from obstacles beyond the problem's margin [m]."""
+    terminal_share: float = 1.0
+    """Part of the terminal weight that counts."""
     deadline: float = math.inf
     """When the answer must be there, on the clock of the SQP [s]."""
     spread: Array | None = None

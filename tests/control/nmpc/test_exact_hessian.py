@@ -108,9 +108,9 @@ def test_a_qp_with_other_hessians_is_the_old_one_at_the_iterate() -> None:
     n, random = PROBLEM.horizon, np.random.default_rng(4)
     plain, curved = NavigationQP(PROBLEM, 0, 3), NavigationQP(PROBLEM, 0, 3, curved=True)
     x, u = random.normal(size=(n + 1, 3)), random.normal(size=(n, 2))
-    stages = convex(random.normal(size=(n, 1, 1)) * np.ones((5, 5)) + plain.stage_cost, LEAST)
+    stages = convex(random.normal(size=(n, 1, 1)) * np.ones((5, 5)) + plain.cost.stage_cost, LEAST)
     stages[0, :3, 3:] = stages[0, 3:, :3] = 0.0
-    terminal = plain.terminal_cost + np.eye(3)
+    terminal = plain.cost.terminal_cost + np.eye(3)
 
     def objective(qp: NavigationQP, v: np.ndarray) -> float:
         upper = qp.P.toarray()
@@ -118,17 +118,17 @@ def test_a_qp_with_other_hessians_is_the_old_one_at_the_iterate() -> None:
 
     for _ in range(2):  # again after a fill: nothing is left over
         curved.q[:] = plain.q
-        curved.fill_cost(stages, terminal, x, u)
+        curved.cost.fill(stages, terminal, x, u)
         differences = []
         for _ in range(4):
             dx, du = random.normal(size=(n + 1, 3)), random.normal(size=(n, 2))
             dx[0] = 0.0
             v = plain.pack(x + dx, u + du, random.normal(size=n))
             more = sum(
-                0.5 * d @ (stages[k] - plain.stage_cost[k]) @ d
+                0.5 * d @ (stages[k] - plain.cost.stage_cost[k]) @ d
                 for k, d in enumerate(np.concatenate([dx[:-1], du], axis=1))
             )
-            more += 0.5 * dx[-1] @ (terminal - plain.terminal_cost) @ dx[-1]
+            more += 0.5 * dx[-1] @ (terminal - plain.cost.terminal_cost) @ dx[-1]
             differences.append(objective(curved, v) - objective(plain, v) - more)
         # but for what no variable changes
         np.testing.assert_allclose(differences, differences[0], atol=1e-8)
@@ -185,6 +185,6 @@ def test_states_on_which_gauss_newton_needs_hundreds_of_passes(
     newton = passes()
     monkeypatch.setattr(
         "kmpc_lite.control.nmpc.fill_qp.hessians",
-        lambda _, qp, *rest: (qp.stage_cost, qp.terminal_cost),
+        lambda _, qp, *rest: (qp.cost.stage_cost, qp.cost.terminal_cost),
     )
     assert newton <= 40 and newton < 0.5 * passes()

@@ -25,9 +25,10 @@ from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, at_rest
 from kmpc_lite.control.options import OSQPOptions, SolverOptions
 from kmpc_lite.control.settings import choose_passes
+from kmpc_lite.control.weights import with_goal_weights
 
 MODEL = kl.nominal_unicycle(0.1)
-PROBLEM = kl.NavigationProblem().with_default_weights(guidance=False)
+PROBLEM = with_goal_weights(kl.NavigationProblem())
 GOAL = np.tile((1.5, 1.5, 0.0), (21, 1))
 TASK = Task(MODEL, GOAL, np.empty((0, 5)), np.zeros((0, 2)), np.zeros(2))
 
@@ -141,7 +142,7 @@ def test_the_slack_penalty_grows_while_a_plan_stands_in_an_obstacle() -> None:
             assert run.penalties.slack == (growth * slack if grown else slack)
             if not grown:
                 continue
-            assert sqp.qp.slack_penalty == growth * slack
+            assert sqp.qp.cost.slack_penalty == growth * slack
             # the last growth has not halved the depth: it must stand there
             assert sqp._has_ended(run, task)
 

@@ -17,9 +17,10 @@ from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.sqp_state import SQPState
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, at_rest
+from kmpc_lite.control.weights import with_goal_weights
 
 COPIES = [copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
-PROBLEM = kl.NavigationProblem().with_default_weights(guidance=False)
+PROBLEM = with_goal_weights(kl.NavigationProblem())
 GOAL = np.array([1.4, 1.1, 0.6])
 CIRCLES = np.array([[0.6, 0.5, 0.15, 0.0, 0.0], [1.0, 1.3, 0.1, 0.0, -0.05]])
 

@@ -16,6 +16,7 @@ from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.trajectory import at_rest
 from kmpc_lite.control.options import GuidanceOptions, StopOptions, in_metres
 from kmpc_lite.control.safe_stop.braking import Braking
+from kmpc_lite.control.weights import with_goal_weights
 
 PROBLEM = kl.NavigationProblem()
 GUIDANCE = in_metres(GuidanceOptions(), PROBLEM.robot_radius)
@@ -83,7 +84,7 @@ def test_nor_for_one_that_is_turned_by_a_radian(turned: float, kept: bool) -> No
 
 def test_a_ramp_takes_ten_seconds_at_most() -> None:
     slow = kl.NavigationProblem(deceleration=(0.01, 0.01))
-    braking = Braking(slow.with_default_weights(False), StopOptions())
+    braking = Braking(with_goal_weights(slow), StopOptions())
     assert len(braking.ramp(np.array([0.6, 0.0]))) == 100
 
 
