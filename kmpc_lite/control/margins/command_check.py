@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kmpc_lite.control.margins.chords import halves, least_on_way
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_noise import FeltNoise, ModelNoise
 from kmpc_lite.control.options import MarginOptions, unit_length
@@ -214,8 +215,9 @@ class CommandCheck:
     ) -> Array:
         """How much nearer a command may come to each circle, errors included, (M,) [m]."""
         there = self._model.predict(here, command, past)
-        after = np.hypot(there[0] - circles[:, 0], there[1] - circles[:, 1])
-        approach = before - after
+        first, second, aside = halves(there - here)
+        least = np.minimum(least_on_way(away, first), least_on_way(away + first, second))
+        approach = before - least
         if felt.command_errs:
             cos, sin = np.cos(here[2]), np.sin(here[2])
             noise = ((command * command) @ felt.command).reshape(3, 3)
@@ -227,10 +229,7 @@ class CommandCheck:
             )
             deviation = self._noise.step_quantile * np.sqrt(np.maximum(variance, 0.0))
             approach += deviation / np.maximum(before, AT_CENTRE)
-        # a path that passes by comes nearer between its ends by what a chord cuts off
-        distance = np.hypot(there[0] - here[0], there[1] - here[1])
-        centres = np.maximum(before, self._touch)
-        approach += np.sqrt(centres**2 + 0.25 * distance**2) - centres
+        approach += aside
         out: Array = approach
         return out
 
