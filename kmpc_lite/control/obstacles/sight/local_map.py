@@ -84,10 +84,16 @@ class LocalMap:
 
     def window(self, point: Array, distance: float) -> tuple[slice, slice]:
         """Rows and columns of the cells within a distance of a point (2,), along each axis."""
-        low = np.floor((point - distance) / self.cell).astype(int) - (self.column, self.row)
-        high = np.floor((point + distance) / self.cell).astype(int) + 1 - (self.column, self.row)
+        return self.between(point - distance, point + distance)
+
+    def between(self, low: Array, high: Array) -> tuple[slice, slice]:
+        """Rows and columns of the cells between two corners (2,)."""
         (left, bottom), (right, top) = low.tolist(), high.tolist()
         height, width = self.state.shape
+        bottom = math.floor(bottom / self.cell) - self.row
+        left = math.floor(left / self.cell) - self.column
+        top = math.floor(top / self.cell) - self.row + 1
+        right = math.floor(right / self.cell) - self.column + 1
         rows = slice(min(max(bottom, 0), height), min(max(top, 0), height))
         return rows, slice(min(max(left, 0), width), min(max(right, 0), width))
 
@@ -97,11 +103,18 @@ class LocalMap:
         y = self.cell * (self.row + 0.5 + np.arange(rows.start, rows.stop))
         return x, y
 
-    def occupied(self, window: tuple[slice, slice]) -> NDArray[np.intp]:
-        """Flat numbers (n,) of a window's occupied cells."""
+    def occupied(
+        self, window: tuple[slice, slice], beyond: tuple[slice, slice] | None = None
+    ) -> NDArray[np.intp]:
+        """Flat numbers (n,) of a window's occupied cells: of all, or those beyond another one."""
         rows, columns = window
-        state = self.state[window]
-        row, column = np.divmod(np.flatnonzero(state > 0), max(state.shape[1], 1))
+        state = self.state[window] > 0
+        if beyond is not None:
+            inner, across = beyond
+            skipped = slice(max(inner.start - rows.start, 0), max(inner.stop - rows.start, 0))
+            along = slice(max(across.start - columns.start, 0), max(across.stop - columns.start, 0))
+            state[skipped, along] = False
+        row, column = np.divmod(np.flatnonzero(state), max(state.shape[1], 1))
         cells: NDArray[np.intp] = (row + rows.start) * self.state.shape[1] + column + columns.start
         return cells
 
