@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+# here, for no step has time to import its image filters
+from kmpc_lite.control.guidance.lattice import Lattice
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.guidance.lattice import Lattice
     from kmpc_lite.control.obstacles.solids import Solids
 
 
@@ -67,9 +68,6 @@ class PathMap:
         self._make_lattice(limits)
 
     def _make_lattice(self, limits: tuple[Array, Array] | None) -> None:
-        # it takes image filters, which are slow to import
-        from kmpc_lite.control.guidance.lattice import Lattice
-
         self.lattice = Lattice(self.solids, self._options, limits)
         self.landmarks = np.concatenate([self.corners.middles, self.lattice.landmarks])
         self.is_ready = True

@@ -48,12 +48,13 @@ class Tracks:
 
     def take(self, chosen: Array) -> Tracks:
         """Those (M,) that are chosen."""
-        return Tracks(*(getattr(self, name)[chosen] for name in ARRAYS), self.next_number)
+        rows = {name: getattr(self, name)[chosen] for name in ARRAYS}
+        return Tracks(**rows, next_number=self.next_number)
 
     def joined_by(self, others: Tracks) -> Tracks:
         """These, and then the others."""
-        both = ((getattr(self, name), getattr(others, name)) for name in ARRAYS)
-        return Tracks(*(np.concatenate(pair) for pair in both), others.next_number)
+        rows = {n: np.concatenate([getattr(self, n), getattr(others, n)]) for n in ARRAYS}
+        return Tracks(**rows, next_number=others.next_number)
 
     @property
     def velocities(self) -> Array:
@@ -72,7 +73,7 @@ class Tracks:
         return worst_axis(self.covariances[:, 2:4, 2:4])
 
 
-ARRAYS = tuple(f.name for f in fields(Tracks))[:-1]
+ARRAYS = [f.name for f in fields(Tracks) if f.name != "next_number"]
 """What has a row for each track."""
 
 

@@ -13,6 +13,7 @@ from kmpc_lite.control.obstacles.occupancy import OccupancyGrid, rectangles_of
 from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.obstacles.sight.local_map import UNKNOWN, LocalMap, side_of
 from kmpc_lite.control.obstacles.sight.rays import Rays
+from kmpc_lite.control.obstacles.sight.view import View
 from kmpc_lite.control.obstacles.solids import Solids
 from kmpc_lite.control.options import SightOptions, in_metres, unit_length
 from kmpc_lite.control.problem import NavigationProblem
@@ -113,6 +114,10 @@ class Sight:
         # what the robot overlaps by a part is free where it begins; later it must have been seen
         self._stand(here, pose, self._radius + begins * math.sqrt(0.5) * here.cell)
         return here
+
+    def view(self, here: LocalMap, pose: Array, speed: float) -> View:
+        """What is known around a robot at a pose (3,) with a speed."""
+        return View(self, here, pose, speed)
 
     def seen(self, here: LocalMap, pose: Array, speed: float) -> Seen:
         """What a robot at a pose (3,) with a speed must not drive into."""
