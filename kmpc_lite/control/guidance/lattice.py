@@ -205,12 +205,14 @@ class Lattice:
         begins = np.zeros(free.size + 1, dtype=np.int32)
         counts = sum(links[..., i].astype(np.int32) for i in range(len(NEIGHBOURS)))
         np.cumsum(counts, out=begins[1:])
-        tail = np.repeat(np.arange(free.size), np.diff(begins))
-        kind = np.flatnonzero(links) - len(NEIGHBOURS) * tail
+        linked = np.flatnonzero(links)
+        tail = linked // len(NEIGHBOURS)
+        kind = linked - len(NEIGHBOURS) * tail
         ahead = np.array([dx * width + dy for dx, dy in NEIGHBOURS])
         length = np.array([self.step * np.hypot(dx, dy) for dx, dy in NEIGHBOURS])
-        head = (tail + ahead[kind]).astype(np.int32)
-        return csr_matrix((length[kind] * cost[tail], head, begins), (free.size, free.size))
+        head = (tail + ahead.take(kind)).astype(np.int32)
+        lengths = length.take(kind) * cost.take(tail)
+        return csr_matrix((lengths, head, begins), (free.size, free.size))
 
     def distances(self, points: Array) -> Array:
         """Distance (...) of points (..., 2) from the solids, between the lattice's nodes [m]."""
