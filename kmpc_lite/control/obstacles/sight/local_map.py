@@ -120,11 +120,13 @@ class LocalMap:
 
     def cells_of(self, points: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
         """Flat numbers (n,) of the cells of points (n, 2), and which points lie on the map."""
-        place = np.floor(points / self.cell).astype(np.intp) - (self.column, self.row)
         height, width = self.state.shape
-        column, row = place[:, 0], place[:, 1]
+        column = np.floor(points[:, 0] / self.cell).astype(np.intp) - self.column
+        row = np.floor(points[:, 1] / self.cell).astype(np.intp) - self.row
         inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
-        return np.where(inside, row * width + column, 0), inside
+        row *= width
+        row += column
+        return np.where(inside, row, 0), inside
 
     def is_near(self, points: Array, distance: float) -> NDArray[np.bool_]:
         """Which points (n, 2) lie on the map, or no farther from it than a distance."""
@@ -136,14 +138,17 @@ class LocalMap:
     def points(self, cells: NDArray[np.intp]) -> Array:
         """Where the last hits in cells with flat numbers (n,) lay, (n, 2)."""
         row, column = np.divmod(cells, self.state.shape[1])
-        corner = np.stack([column + self.column, row + self.row], axis=1) * self.cell
-        found: Array = corner + self.offset.reshape(-1, 2)[cells]
+        found = np.empty((len(cells), 2))
+        np.multiply(column + self.column, self.cell, out=found[:, 0])
+        np.multiply(row + self.row, self.cell, out=found[:, 1])
+        found += self.offset.reshape(-1, 2).take(cells, axis=0)
         return found
 
     def mark(self, points: Array, level: int) -> None:
         """Mark the cells of hits (n, 2) as occupied."""
         cells, inside = self.cells_of(points)
-        cells, points = cells[inside], points[inside]
+        if not inside.all():
+            cells, points = cells[inside], points[inside]
         self.state.ravel()[cells] = level
         self.seen.ravel()[cells] = self.clock
         self.offset.reshape(-1, 2)[cells] = points - self.cell * np.floor(points / self.cell)
