@@ -50,11 +50,11 @@ class Rays:
         hits = np.flatnonzero(scan.hits)
         if scan.mirrored != (scan.angle_increment < 0.0):
             hits = hits[::-1]
-        self.hits = ends[hits]
+        self.hits = ends.take(hits, axis=0)
         """(M, 2) what was hit, counter-clockwise: of hits in one cell the last one counts."""
         self.noise = scan.noise / unit
         """Standard deviation of a range."""
-        self.origin = np.stack(placed(mount_x / unit, mount_y / unit), axis=-1).reshape(-1, 2)[-1]
+        self.origin = np.array(placed(mount_x / unit, mount_y / unit)).reshape(2, -1)[:, -1]
         """(2,) the scanner; at the time of the last beam."""
         self.low = np.minimum((x.min(), y.min()), self.origin) - cell
         """(2,) corner of the area that no beam has left ..."""
