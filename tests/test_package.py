@@ -99,6 +99,19 @@ def test_the_import_prints_nothing() -> None:
     assert run("import kmpc_lite") == ""
 
 
+def test_no_step_with_a_scan_imports_anything() -> None:
+    loaded = run(
+        "import sys, numpy as np, kmpc_lite as kl\n"
+        "controller = kl.Controller(kl.nominal_unicycle(0.1))\n"
+        "ranges = np.where(np.arange(360) % 40 < 30, 0.8, np.inf)\n"
+        "scan = kl.LaserScan(ranges, 0.0, np.pi / 180, range_max=4.0)\n"
+        "before = set(sys.modules)\n"
+        "for _ in range(3): controller.step((0, 0, 0), (1.6, 1.2, 0), [scan])\n"
+        "print(*sorted(set(sys.modules) - before))"
+    )
+    assert loaded.split() == []
+
+
 @pytest.mark.long
 def test_importing_costs_little_more_than_what_is_needed() -> None:
     def seconds(code: str) -> float:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from kmpc_lite.control.answers import Answers
@@ -11,14 +9,11 @@ from kmpc_lite.control.estimation.pose_watch import PoseWatch
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.obstacles.motion_watch import MotionWatch
+from kmpc_lite.control.obstacles.tracks import Tracks
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.scale import Scale
-
-if TYPE_CHECKING:
-    from kmpc_lite.control.obstacles.sight.sight import Sight
-    from kmpc_lite.control.obstacles.walkers import Walkers
 
 
 class Watching:
@@ -46,13 +41,16 @@ class Watching:
         reach: float,
         answers: Answers,
     ) -> None:
-        self._units, self._scale, self._options = units, scale, options
-        self._reach, self._answers = reach, answers
+        # here, for importing the package has no need of them, and no step has time to
+        from kmpc_lite.control.obstacles.sight.sight import Sight
+        from kmpc_lite.control.obstacles.walkers import Walkers
+
+        self._answers = answers
         self._poses = PoseWatch(units, options.pose)
         speed = fastest(units)[0] or 1.0
         self._motion = MotionWatch(units.dt, options.tracker, unit_length(units), speed)
-        self._sight: Sight | None = None
-        self._walkers: Walkers | None = None
+        self._sight = Sight(units, scale, options.sight, reach)
+        self._walkers = Walkers(units.dt * scale.time, options.tracker, scale)
 
     def watch(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
         """Compare circles and pose with what was expected of them.
@@ -81,13 +79,6 @@ class Watching:
 
     def _find_walkers(self, state: ControllerState, seen: Observation) -> None:
         """Add who walks, as scans show it, to the circles."""
-        # here, since most robots have no scanner
-        from kmpc_lite.control.obstacles.tracks import Tracks
-        from kmpc_lite.control.obstacles.walkers import Walkers
-
-        if self._walkers is None:
-            dt = self._units.dt * self._scale.time
-            self._walkers = Walkers(dt, self._options.tracker, self._scale)
         before = Tracks() if state.walkers is None else state.walkers
         state.walkers, rows, spread = self._walkers.see(
             before, seen.scans, seen.measured, seen.circles, state.seen
@@ -102,16 +93,10 @@ class Watching:
         """Look around: what scans show, and what they have shown before."""
         if not seen.scans and state.seen is None:
             return
-        # here, since most robots have no scanner
-        from kmpc_lite.control.obstacles.sight.sight import Sight
-        from kmpc_lite.control.obstacles.sight.view import View
-
-        if self._sight is None:
-            self._sight = Sight(self._units, self._scale, self._options.sight, self._reach)
         noise = 0.0 if known.margins is None else known.margins.tightening.pose_deviation
         moving = seen.circles[seen.circles[:, 3:].any(axis=1)]
         state.seen = self._sight.look(state.seen, seen.scans, seen.measured, noise, moving)
         if state.seen is not None:
             speed = float(state.history.command[0])
-            seen.view = View(self._sight, state.seen, seen.here, speed)
+            seen.view = self._sight.view(state.seen, seen.here, speed)
             seen.nearby = seen.view.around(seen.nearby)

@@ -25,39 +25,75 @@ class GridField:
         Whose.
     options : GuidanceOptions
         In metres.
+    limits : tuple of ndarray
+        Corners (2,), (2,) beyond which no distance is asked for [m].
     """
 
-    def __init__(self, grid: OccupancyGrid, options: GuidanceOptions) -> None:
+    def __init__(
+        self, grid: OccupancyGrid, options: GuidanceOptions, limits: tuple[Array, Array]
+    ) -> None:
         self._grid, joined = grid, cells_joined(grid, options)
         self._side = joined * grid.resolution
-        self._border = math.ceil(2.0 * options.lattice_border / self._side)
         blocks = _blocks(grid.occupied, joined)
-        distance = ndimage.distance_transform_edt(
-            ~np.pad(blocks, self._border), sampling=self._side
+        border = self._borders(
+            blocks.shape, math.ceil(2.0 * options.lattice_border / self._side), limits
         )
-        self._distance = distance - 0.5 * self._side
+        self._border = border[:, 0]
+        self._distance = self._side * (_away(np.pad(blocks, border)) - 0.5)
         self.landmarks = grid.to_map(self._side * _pieces(blocks))
         """(L, 2) a point in each of the grid's pieces that hang together [m]."""
 
-    def distances(self, places: Array, axes: list[Array]) -> Array:
-        """Distance (n,) of places (n, 2), of all pairs on two axes, from the occupied cells [m]."""
-        at = self._rows_and_columns(places, axes)
-        found: Array = ndimage.map_coordinates(self._distance, at, order=1, mode="nearest")
+    def _borders(
+        self, shape: tuple[int, ...], most: int, limits: tuple[Array, Array]
+    ) -> NDArray[np.intp]:
+        """Free cells around (2, 2): before the first row and behind the last, so for columns."""
+        if self._grid.origin[2]:
+            return np.full((2, 2), most)
+        begin = np.array(self._grid.origin[:2])
+        end = begin + self._side * np.array(shape[::-1])
+        # one more, since distances are of the cells' middles
+        beyond = np.stack([begin - limits[0], limits[1] - end], axis=1) / self._side + 1.0
+        found: NDArray[np.intp] = np.clip(np.ceil(beyond), 0, most).astype(np.intp)[::-1]
         return found
 
-    def _rows_and_columns(self, places: Array, axes: list[Array]) -> Array:
-        """Row and column (2, n) of places on the field."""
+    def distances(self, places: Array, axes: list[Array]) -> Array:
+        """Distance (n,) of places (n, 2), of all pairs on two axes, from the occupied cells [m]."""
         grid, side = self._grid, self._side
         if grid.origin[2]:
-            at: Array = grid.to_grid(places).T[::-1] / side - 0.5 + self._border
-            return at
-        x, y = (
-            (axis - begin) / side - 0.5 + self._border
-            for axis, begin in zip(axes, grid.origin[:2], strict=True)
+            at = grid.to_grid(places).T[::-1] / side - 0.5 + self._border[:, None]
+            found: Array = ndimage.map_coordinates(self._distance, at, order=1, mode="nearest")
+            return found
+        # along the field's axes: first between its rows, then between its columns
+        columns, rows = (
+            (axis - begin) / side - 0.5 + border
+            for axis, begin, border in zip(axes, grid.origin[:2], self._border[::-1], strict=True)
         )
-        at = np.empty((2, len(x), len(y)))
-        at[0], at[1] = y, x[:, None]
-        return at.reshape(2, -1)
+        between = _between(_between(self._distance, rows).T, columns)
+        return between.ravel()
+
+
+def _away(occupied: NDArray[np.bool_]) -> Array:
+    """Distances (H, W) of cells from the nearest occupied one, in cells."""
+    # half the time of having the distances worked out, too
+    rows, columns = ndimage.distance_transform_edt(
+        ~occupied, return_distances=False, return_indices=True
+    )
+    rows -= np.arange(rows.shape[0], dtype=rows.dtype)[:, None]
+    columns -= np.arange(rows.shape[1], dtype=rows.dtype)
+    squares = np.multiply(rows, rows, dtype=float)
+    squares += np.multiply(columns, columns, dtype=float)
+    found: Array = np.sqrt(squares, out=squares)
+    return found
+
+
+def _between(values: Array, places: Array) -> Array:
+    """Rows (n, K) of values (m, K) at places (n,) between these; the outermost beyond them."""
+    last = len(values) - 1
+    first = np.clip(places.astype(np.intp), 0, max(last - 1, 0))
+    share = np.clip(places - first, 0.0, 1.0)[:, None]
+    found: Array = (1.0 - share) * values[first]
+    found += share * values[np.minimum(first + 1, last)]
+    return found
 
 
 def cells_joined(grid: OccupancyGrid, options: GuidanceOptions) -> int:
@@ -82,6 +118,9 @@ def _blocks(occupied: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
 def _pieces(blocks: NDArray[np.bool_]) -> Array:
     """Column and row (L, 2) of the middle of a block in each piece that hangs together."""
     labels, pieces = ndimage.label(blocks, np.ones((3, 3)))
-    _, first = np.unique(labels, return_index=True)
-    row, column = np.unravel_index(first[len(first) - pieces :], labels.shape)
+    occupied = np.flatnonzero(labels)[::-1]
+    first = np.empty(pieces + 1, dtype=np.intp)
+    # of the blocks of a piece the one that comes last counts: the first of all
+    first[labels.ravel()[occupied]] = occupied
+    row, column = np.divmod(first[1:], labels.shape[1])
     return np.column_stack([column, row]) + 0.5

@@ -22,6 +22,7 @@ from kmpc_lite.types import Array
 if TYPE_CHECKING:
     from kmpc_lite.control.obstacles.solids import Solids
 
+EVERYWHERE = np.full(2, -np.inf), np.full(2, np.inf)
 PORTION = 2**18
 """Nodes times edges that are looked at at once: a matter of memory alone."""
 NEIGHBOURS = ((0, 1), (1, -1), (1, 0), (1, 1))
@@ -50,11 +51,13 @@ class Lattice:
         self, solids: Solids, options: GuidanceOptions, limits: tuple[Array, Array] | None = None
     ) -> None:
         self._solids, self.options = solids, options
-        self._limits = (-np.inf, np.inf) if limits is None else limits
+        self._limits = EVERYWHERE if limits is None else limits
         self._low, self._high = np.zeros(2), np.zeros(2)
+        corners = solids.outermost
+        self._corners = corners.min(axis=0), corners.max(axis=0)
         self._searches: dict[tuple[object, ...], Search] = {}
         self._linked: tuple[tuple[object, ...], csr_matrix] | None = None
-        self._fields = [GridField(boxes.grid, options) for boxes in solids.boxes]
+        self._fields = [GridField(b.grid, options, self._limits) for b in solids.boxes]
         self.landmarks = np.concatenate([field.landmarks for field in self._fields])
         """(L, 2) a point in each of the grids' pieces that hang together [m]."""
 
@@ -62,10 +65,10 @@ class Lattice:
         """Lay the lattice so that it holds the solids and points (2,)."""
         border = self.options.lattice_border
         ends = np.stack([p[:2] for p in points])
-        corners = np.concatenate([self._solids.outermost, ends])
-        low = np.maximum(corners.min(axis=0) - border, self._limits[0])
-        high = np.minimum(corners.max(axis=0) + border, self._limits[1])
-        low, high = np.minimum(low, ends.min(axis=0)), np.maximum(high, ends.max(axis=0))
+        first, last = ends.min(axis=0), ends.max(axis=0)
+        low = np.maximum(np.minimum(self._corners[0], first) - border, self._limits[0])
+        high = np.minimum(np.maximum(self._corners[1], last) + border, self._limits[1])
+        low, high = np.minimum(low, first), np.maximum(high, last)
         if (low >= self._low).all() and (high <= self._high).all():
             return
         self._low, self._high = low, high
@@ -178,10 +181,15 @@ class Lattice:
         # a robot may stand nearer to an obstacle than a path leads: from there outwards
         for point in (start, goal):
             x, y = (a - p for a, p in zip(self._axes, point[:2], strict=True))
-            near = np.hypot(x[:, None], y) <= 2.0 * inflation
+            reach = 2.0 * inflation
+            rows, columns = (
+                slice(*np.searchsorted(a, (-reach, reach + self.step))) for a in (x, y)
+            )
+            some = rows, columns
+            near = np.hypot(x[rows, None], y[columns]) <= reach
             allowed = min(float(distance[self._node(point)]) - self.step, inflation)
-            above = (distance >= allowed) & (distance > 0.0)
-            free |= near & above.reshape(self._shape)
+            around = distance.reshape(self._shape)[some]
+            free[some] |= near & (around >= allowed) & (around > 0.0)
         # between obstacles, paths away from them are no longer than those along them, and better
         near = np.maximum(1.0 - (distance - inflation) / inflation, 0.0)
         return self._links(free, 1.0 + self.options.lattice_near_cost * near)
@@ -195,13 +203,16 @@ class Lattice:
             here = free[: height - dx, left:right]
             links[: height - dx, left:right, i] = here & free[dx:, left + dy : right + dy]
         begins = np.zeros(free.size + 1, dtype=np.int32)
-        np.cumsum(links.sum(axis=2), out=begins[1:])
-        tail = np.repeat(np.arange(free.size), np.diff(begins))
-        kind = np.flatnonzero(links) - len(NEIGHBOURS) * tail
+        counts = sum(links[..., i].astype(np.int32) for i in range(len(NEIGHBOURS)))
+        np.cumsum(counts, out=begins[1:])
+        linked = np.flatnonzero(links)
+        tail = linked // len(NEIGHBOURS)
+        kind = linked - len(NEIGHBOURS) * tail
         ahead = np.array([dx * width + dy for dx, dy in NEIGHBOURS])
         length = np.array([self.step * np.hypot(dx, dy) for dx, dy in NEIGHBOURS])
-        head = (tail + ahead[kind]).astype(np.int32)
-        return csr_matrix((length[kind] * cost[tail], head, begins), (free.size, free.size))
+        head = (tail + ahead.take(kind)).astype(np.int32)
+        lengths = length.take(kind) * cost.take(tail)
+        return csr_matrix((lengths, head, begins), (free.size, free.size))
 
     def distances(self, points: Array) -> Array:
         """Distance (...) of points (..., 2) from the solids, between the lattice's nodes [m]."""

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+# here, for no step has time to import its image filters
+from kmpc_lite.control.guidance.lattice import Lattice
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.guidance.lattice import Lattice
     from kmpc_lite.control.obstacles.solids import Solids
 
 
@@ -55,23 +56,21 @@ class PathMap:
         self.is_ready = not many
         """Whether a search may begin."""
         if many and not later:
-            self._make_lattice()
-            self.is_ready = True
+            self._make_lattice(limits)
 
     def prepare(self, start: Array, goal: Array) -> None:
-        """Do one part of what is left before a search from a start to a goal may begin."""
-        if self.lattice is None:
-            self._make_lattice()
-        else:
-            self.lattice.cover(start, goal)
-            self.is_ready = True
+        """Do what is left before a search from a start to a goal may begin."""
+        limits = self._limits
+        if limits is not None:
+            # only start and goal may lie outside
+            low, high = np.minimum(start[:2], goal[:2]), np.maximum(start[:2], goal[:2])
+            limits = np.minimum(limits[0], low), np.maximum(limits[1], high)
+        self._make_lattice(limits)
 
-    def _make_lattice(self) -> None:
-        # it takes image filters, which are slow to import
-        from kmpc_lite.control.guidance.lattice import Lattice
-
-        self.lattice = Lattice(self.solids, self._options, self._limits)
+    def _make_lattice(self, limits: tuple[Array, Array] | None) -> None:
+        self.lattice = Lattice(self.solids, self._options, limits)
         self.landmarks = np.concatenate([self.corners.middles, self.lattice.landmarks])
+        self.is_ready = True
 
     def distance(self, point: Array) -> float:
         """Distance of a point (2,) from the nearest solid [m]; of what that was made of at most."""

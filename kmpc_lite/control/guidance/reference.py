@@ -67,7 +67,9 @@ def wait_in_sight(states: Array, now: Situation, known: float) -> None:
     """
     if now.view is None and known == math.inf:
         return
-    dark = np.hypot(*(states[:, :2] - now.pose[:2]).T) > known
+    dark = np.zeros(len(states), dtype=bool)
+    if known < math.inf:
+        dark = np.hypot(*(states[:, :2] - now.pose[:2]).T) > known
     if now.view is not None:
         dark |= now.view.is_dark(states[:, :2], 0.0)
     first = int(dark.argmax())

@@ -34,34 +34,45 @@ def clusters(scan: LaserScan, pose: Array, gap: float, largest: float, fewest: i
         (N, 3) rows x, y, radius [m] in the frame of the pose.
     """
     told = np.flatnonzero(scan.hits | scan.clear)
-    if len(told) < fewest + 2:
+    count = len(told)
+    if count < fewest + 2:
         return np.empty((0, 3))
-    hits, reach, ends = scan.hits[told], scan.reach[told], scan.ends[told]
     # from each to the next one, and from the last to the first
-    x, y = (np.diff(column, append=column[0]) for column in ends.T)
-    apart = np.hypot(x, y) > gap
-    apart |= ~hits
-    apart[:-1] |= ~hits[1:]
-    apart[-1] |= ~hits[0]
-    if not apart.any():
-        return np.empty((0, 3))
-    # begin behind a gap, so that no cluster lies across the ends of the ring
-    order = (np.arange(len(told)) + int(apart.argmax()) + 1) % len(told)
-    hits, reach, ends, apart = hits[order], reach[order], ends[order], apart[order]
-    last = np.flatnonzero(apart)
-    first = np.concatenate([[0], last[:-1] + 1])
-    left, right = reach[first - 1], reach[(last + 1) % len(reach)]
+    following = np.concatenate([told[1:], told[:1]])
+    step = scan.ends.take(following, axis=0) - scan.ends.take(told, axis=0)
+    together = scan.hits.take(told) & scan.hits.take(following)
+    together &= np.hypot(step[:, 0], step[:, 1]) <= gap
+    # a cluster lies between two gaps of the ring; the one behind the first gap comes first
+    gaps = np.flatnonzero(~together)
+    begins, ends = (gaps + 1) % count, np.concatenate([gaps[1:], gaps[:1]])
+    large = scan.hits.take(told.take(begins)) & ((ends - begins) % count + 1 >= fewest)
+    begins, ends = begins[large], ends[large]
+    left, right = told.take(begins - 1), told.take((ends + 1) % count)
+    return _circles(scan, pose, gap, largest, (left, told.take(begins), told.take(ends), right))
+
+
+def _circles(
+    scan: LaserScan, pose: Array, gap: float, largest: float, beams: tuple[Array, ...]
+) -> Array:
+    """Circles (N, 3) of runs of hits, of those that stand free.
+
+    Each run has four beams (K,): before it, the first, the last, and behind it.
+    """
+    before, first, last, behind = beams
+    reach, ends = scan.reach, scan.ends
     # what ends at the scanner's reach goes on beyond it
-    free = (left > reach[first] + gap) & (right > reach[last] + gap)
-    step = abs(scan.angle_increment) * np.minimum(reach[first], reach[last])
-    chords = np.hypot(*(ends[last] - ends[first]).T)
+    free = (reach[before] > reach[first] + gap) & (reach[behind] > reach[last] + gap)
+    first, last = first[free], last[free]
+    begin, end = ends[first], ends[last]
+    width = abs(scan.angle_increment) * np.minimum(reach[first], reach[last])
+    chords = np.hypot(*(end - begin).T)
     # the outermost beams that hit miss the sides by half a step each
-    radii = 0.5 * (chords + step)
-    chosen = hits[first] & free & (last - first + 1 >= fewest) & (radii <= largest)
-    radii, chords = radii[chosen], chords[chosen]
-    middle = 0.5 * (ends[first] + ends[last])[chosen] - scan.mount[:2]
+    radii = 0.5 * (chords + width)
+    small = radii <= largest
+    radii, chords = radii[small], chords[small]
+    middle = 0.5 * (begin + end)[small] - scan.mount[:2]
     # the chord lies before the centre
-    behind = np.sqrt(radii**2 - 0.25 * chords**2)
-    middle *= (1.0 + behind / np.maximum(np.hypot(*middle.T), radii))[:, None]
+    beyond = np.sqrt(radii**2 - 0.25 * chords**2)
+    middle *= (1.0 + beyond / np.maximum(np.hypot(*middle.T), radii))[:, None]
     x, y = rotate(middle[:, 0] + scan.mount[0], middle[:, 1] + scan.mount[1], float(pose[2]))
     return np.column_stack([x + pose[0], y + pose[1], radii])

@@ -266,10 +266,13 @@ def rectangles_of(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
     change = np.diff(padded.ravel())
     rows, begins = np.divmod(np.flatnonzero(change == 1), width + 2)
     ends = np.flatnonzero(change == -1) - (width + 2) * rows
-    # runs of equal columns stand one after the other; a rectangle goes on while the rows do
-    order = np.lexsort((rows, ends, begins))
-    rows, begins, ends = rows[order], begins[order], ends[order]
-    goes_on = (np.diff(rows) == 1) & (np.diff(begins) == 0) & (np.diff(ends) == 0)
-    first = np.flatnonzero(np.concatenate([[True], ~goes_on])[: len(rows)])
-    last = np.append(first[1:], len(rows)) - 1 if len(first) else first
-    return np.stack([begins[first], rows[first], ends[first], rows[last] + 1], axis=1)
+    # in one number: runs of equal columns stand one after the other, and a rectangle goes on while
+    # the rows do
+    runs = (begins * (width + 1) + ends) * (height + 1) + rows
+    runs.sort()
+    goes_on = runs[1:] == runs[:-1] + 1
+    first = np.flatnonzero(np.concatenate([[True], ~goes_on])[: len(runs)])
+    last = np.append(first[1:], len(runs)) - 1 if len(first) else first
+    columns, bottom = np.divmod(runs[first], height + 1)
+    left, right = np.divmod(columns, width + 1)
+    return np.stack([left, bottom, right, runs[last] % (height + 1) + 1], axis=1)

@@ -100,6 +100,8 @@ class Outlines:
 
     def walls_and_polygons(self) -> list[Outlines]:
         """Give the same apart, where there are both: walls have one edge, and need not more."""
+        if not len(self):
+            return []
         walls, polygons = self.take(self.is_line), self.take(~self.is_line)
         walls = Outlines(walls.begins[:, :1], walls.steps[:, :1], walls.rounding, walls.is_line)
         return [part for part in (walls, polygons) if len(part)]

@@ -27,7 +27,7 @@ def pairs(costs: Array) -> tuple[Array, Array]:
     if not left.size:
         return rows[:0], columns[:0]
     nearest = left.argmin(axis=1)
-    if len(np.unique(nearest)) == len(rows):
+    if np.bincount(nearest).max() == 1:
         # each has a favourite of its own: nothing is cheaper
         return rows, columns[nearest]
     # here, for it takes time to import: `Follower` does so where it is made

@@ -17,8 +17,7 @@ from kmpc_lite.types import Array
 STATES = 5
 SEEN = 2
 """How many of them are seen: the position."""
-STRAIGHT = 1e-9
-"""Turn rate that counts as none [rad/s]."""
+ITSELF = np.eye(STATES)
 
 
 class TrackFilter:
@@ -47,7 +46,12 @@ class TrackFilter:
         self._noise = options.noise**2 * np.eye(SEEN)
         speed = (options.first_speed * fastest) ** 2
         # at the same pace, the other way
-        self._turned_speed = 0.5 * options.first_speed * fastest
+        other = 0.5 * options.first_speed * fastest
+        self._turned = np.zeros((STATES, STATES))
+        for axis in (0, 1):
+            self._turned[axis, axis] = (dt * other) ** 2
+            self._turned[axis + 2, axis + 2] = other**2
+            self._turned[axis, axis + 2] = self._turned[axis + 2, axis] = dt * other**2
         seen = options.noise**2
         self._first = np.diag([seen, seen, speed, speed, options.turn_rate**2])
 
@@ -59,14 +63,8 @@ class TrackFilter:
 
     def turned_round(self, covariances: Array) -> Array:
         """Covariances (M, 5, 5) of a period in which everybody may have changed his velocity."""
-        dt, speed = self.dt, self._turned_speed
-        out = covariances.copy()
-        for axis in (0, 1):
-            out[:, axis, axis] += (dt * speed) ** 2
-            out[:, axis + 2, axis + 2] += speed**2
-            out[:, axis, axis + 2] += dt * speed**2
-            out[:, axis + 2, axis] += dt * speed**2
-        return out
+        found: Array = covariances + self._turned
+        return found
 
     def predict(self, states: Array, covariances: Array) -> tuple[Array, Array]:
         """One period later."""
@@ -106,7 +104,8 @@ class TrackFilter:
         spread = covariances[:, :SEEN, :SEEN] + self._noise
         gains = covariances[:, :, :SEEN] @ _inverse(spread)[0]
         after = states + (gains @ (seen - states[:, :SEEN])[..., None])[..., 0]
-        kept = np.tile(np.eye(STATES), (len(states), 1, 1))
+        kept = np.empty((len(states), STATES, STATES))
+        kept[:] = ITSELF
         kept[:, :, :SEEN] -= gains
         # Joseph's form: symmetric and positive whatever is rounded
         left = kept @ covariances @ kept.transpose(0, 2, 1)

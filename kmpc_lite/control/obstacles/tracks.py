@@ -7,7 +7,7 @@ hidden for a while is taken to go on.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -46,6 +46,16 @@ class Tracks:
     def __len__(self) -> int:
         return len(self.states)
 
+    def take(self, chosen: Array) -> Tracks:
+        """Those (M,) that are chosen."""
+        rows = {name: getattr(self, name)[chosen] for name in ARRAYS}
+        return Tracks(**rows, next_number=self.next_number)
+
+    def joined_by(self, others: Tracks) -> Tracks:
+        """These, and then the others."""
+        rows = {n: np.concatenate([getattr(self, n), getattr(others, n)]) for n in ARRAYS}
+        return Tracks(**rows, next_number=others.next_number)
+
     @property
     def velocities(self) -> Array:
         """(M, 2) as seen where a circle moves otherwise than told, else as told [m/s]."""
@@ -61,6 +71,10 @@ class Tracks:
     def velocity_deviations(self) -> Array:
         """(M,) standard deviation of the velocity along its worst axis [m/s]."""
         return worst_axis(self.covariances[:, 2:4, 2:4])
+
+
+ARRAYS = [f.name for f in fields(Tracks) if f.name != "next_number"]
+"""What has a row for each track."""
 
 
 class Follower:
@@ -105,39 +119,53 @@ class Follower:
         unseen[rows] = 0.0
         radii, told = tracks.radii.copy(), tracks.told.copy()
         radii[rows], told[rows] = circles[columns, 2], circles[columns, 3:]
-        alive = unseen <= np.minimum(self.options.coast, seen - unseen)
-        place = np.full(len(states), -1)
-        place[alive] = np.arange(np.count_nonzero(alive))
-        found = np.full(len(circles), -1)
-        found[columns] = place[rows]
-        kept = np.count_nonzero(alive)
-        new = np.flatnonzero(found < 0)[: max(self.options.most - kept, 0)]
-        found[new] = kept + np.arange(len(new))
-        first, uncertain = self._filter.first(circles[new, :2], circles[new, 3:])
-        none, numbers = np.zeros(len(new)), tracks.next_number + np.arange(len(new))
-        told = np.concatenate([told[alive], circles[new, 3:]])
-        seen = np.concatenate([seen[alive], none])
-        # two sightings may be two circles
-        followed = seen > 1.5 * self.dt
         # who turns on the spot moves on
         moved = np.zeros(len(tracks), dtype=bool)
         moved[turned] = tracks.moving[turned]
-        moved = np.concatenate([moved[alive], np.zeros(len(new), dtype=bool)])
-        states = np.concatenate([states[alive], first])
-        covariances = np.concatenate([covariances[alive], uncertain])
         after = Tracks(
             states,
             covariances,
-            np.concatenate([radii[alive], circles[new, 2]]),
+            radii,
             told,
-            moved | (followed & moving(states, covariances, told, self._chance)),
-            np.concatenate([tracks.numbers[alive], numbers]),
+            moved,
+            tracks.numbers,
             seen,
-            np.concatenate([unseen[alive], none]),
-            np.concatenate([tracks.walked[alive], none]),
-            tracks.next_number + len(new),
+            unseen,
+            tracks.walked,
+            tracks.next_number,
         )
+        found = np.full(len(circles), -1)
+        found[columns] = rows
+        alive = unseen <= np.minimum(self.options.coast, seen - unseen)
+        if not alive.all():
+            found[columns] = (np.cumsum(alive) - 1)[rows]
+            after = after.take(alive)
+        if len(columns) < len(circles):
+            new = np.flatnonzero(found < 0)[: max(self.options.most - len(after), 0)]
+            found[new] = len(after) + np.arange(len(new))
+            after = after.joined_by(self._begin(circles[new], after.next_number))
+        # two sightings may be two circles
+        followed = after.seen > 1.5 * self.dt
+        differ = moving(after.states, after.covariances, after.told, self._chance)
+        after.moving = after.moving | (followed & differ)
         return after, found
+
+    def _begin(self, circles: Array, number: int) -> Tracks:
+        """Tracks of circles (N, 5) that are seen for the first time."""
+        states, covariances = self._filter.first(circles[:, :2], circles[:, 3:])
+        count, none = len(circles), np.zeros(len(circles))
+        return Tracks(
+            states,
+            covariances,
+            circles[:, 2],
+            circles[:, 3:],
+            np.zeros(count, dtype=bool),
+            number + np.arange(count),
+            none,
+            none,
+            none,
+            number + count,
+        )
 
     def _pairs(
         self, states: Array, covariances: Array, circles: Array

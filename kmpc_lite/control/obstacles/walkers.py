@@ -39,6 +39,9 @@ def who_walks(
     What is seen of a wall also seems to move as the robot does, but the wall is still there, and
     mostly nothing was free where it seems to come to, as `was_free` tells of circles (M, 5).
     """
+    if not tracks.moving.any():
+        tracks.walked = np.zeros(len(tracks))
+        return np.empty((0, 5)), np.empty(0)
     velocities = tracks.velocities
     lasted = np.minimum(tracks.seen - tracks.unseen, WINDOW)
     moved = np.hypot(*velocities.T) * lasted > options.strayed * tracks.radii
@@ -151,19 +154,23 @@ class Walkers:
             clusters(scan, here, options.gap, options.largest_cluster, options.fewest_hits)
             for scan in scans
         ]
-        seen = np.concatenate(found) if found else np.empty((0, 3))
+        seen = found[0] if len(found) == 1 else np.concatenate([np.empty((0, 3)), *found])
         if not len(seen) and not len(tracks):
             return tracks, np.empty((0, 5)), np.empty(0)
-        tracks, _ = self._follower.follow(tracks, np.hstack([seen, np.zeros((len(seen), 2))]))
+        standing = np.zeros((len(seen), 5))
+        standing[:, :3] = seen
+        tracks, _ = self._follower.follow(tracks, standing)
         period, length = self._follower.dt, scale.length
 
         def was_free(rows: Array) -> NDArray[np.bool_]:
             return _was_free(before, rows[:, :2] / length, pose[:2])
 
         rows, deviations = who_walks(tracks, options, period, scans, here, was_free)
+        if not len(rows):
+            return tracks, rows, deviations
         rows = rows / scale.circle
         spread = options.spread * deviations / scale.speed
-        if len(rows) and len(circles):
+        if len(circles):
             away = np.hypot(*(rows[:, None, :2] - circles[:, :2]).transpose(2, 0, 1))
             new = (away > rows[:, 2:3] + circles[:, 2]).all(axis=1)
             rows, spread = rows[new], spread[new]

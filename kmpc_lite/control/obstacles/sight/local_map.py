@@ -84,10 +84,16 @@ class LocalMap:
 
     def window(self, point: Array, distance: float) -> tuple[slice, slice]:
         """Rows and columns of the cells within a distance of a point (2,), along each axis."""
-        low = np.floor((point - distance) / self.cell).astype(int) - (self.column, self.row)
-        high = np.floor((point + distance) / self.cell).astype(int) + 1 - (self.column, self.row)
+        return self.between(point - distance, point + distance)
+
+    def between(self, low: Array, high: Array) -> tuple[slice, slice]:
+        """Rows and columns of the cells between two corners (2,)."""
         (left, bottom), (right, top) = low.tolist(), high.tolist()
         height, width = self.state.shape
+        bottom = math.floor(bottom / self.cell) - self.row
+        left = math.floor(left / self.cell) - self.column
+        top = math.floor(top / self.cell) - self.row + 1
+        right = math.floor(right / self.cell) - self.column + 1
         rows = slice(min(max(bottom, 0), height), min(max(top, 0), height))
         return rows, slice(min(max(left, 0), width), min(max(right, 0), width))
 
@@ -97,21 +103,30 @@ class LocalMap:
         y = self.cell * (self.row + 0.5 + np.arange(rows.start, rows.stop))
         return x, y
 
-    def occupied(self, window: tuple[slice, slice]) -> NDArray[np.intp]:
-        """Flat numbers (n,) of a window's occupied cells."""
+    def occupied(
+        self, window: tuple[slice, slice], beyond: tuple[slice, slice] | None = None
+    ) -> NDArray[np.intp]:
+        """Flat numbers (n,) of a window's occupied cells: of all, or those beyond another one."""
         rows, columns = window
-        state = self.state[window]
-        row, column = np.divmod(np.flatnonzero(state > 0), max(state.shape[1], 1))
+        state = self.state[window] > 0
+        if beyond is not None:
+            inner, across = beyond
+            skipped = slice(max(inner.start - rows.start, 0), max(inner.stop - rows.start, 0))
+            along = slice(max(across.start - columns.start, 0), max(across.stop - columns.start, 0))
+            state[skipped, along] = False
+        row, column = np.divmod(np.flatnonzero(state), max(state.shape[1], 1))
         cells: NDArray[np.intp] = (row + rows.start) * self.state.shape[1] + column + columns.start
         return cells
 
     def cells_of(self, points: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
         """Flat numbers (n,) of the cells of points (n, 2), and which points lie on the map."""
-        place = np.floor(points / self.cell).astype(np.intp) - (self.column, self.row)
         height, width = self.state.shape
-        column, row = place[:, 0], place[:, 1]
+        column = np.floor(points[:, 0] / self.cell).astype(np.intp) - self.column
+        row = np.floor(points[:, 1] / self.cell).astype(np.intp) - self.row
         inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
-        return np.where(inside, row * width + column, 0), inside
+        row *= width
+        row += column
+        return np.where(inside, row, 0), inside
 
     def is_near(self, points: Array, distance: float) -> NDArray[np.bool_]:
         """Which points (n, 2) lie on the map, or no farther from it than a distance."""
@@ -123,14 +138,17 @@ class LocalMap:
     def points(self, cells: NDArray[np.intp]) -> Array:
         """Where the last hits in cells with flat numbers (n,) lay, (n, 2)."""
         row, column = np.divmod(cells, self.state.shape[1])
-        corner = np.stack([column + self.column, row + self.row], axis=1) * self.cell
-        found: Array = corner + self.offset.reshape(-1, 2)[cells]
+        found = np.empty((len(cells), 2))
+        np.multiply(column + self.column, self.cell, out=found[:, 0])
+        np.multiply(row + self.row, self.cell, out=found[:, 1])
+        found += self.offset.reshape(-1, 2).take(cells, axis=0)
         return found
 
     def mark(self, points: Array, level: int) -> None:
         """Mark the cells of hits (n, 2) as occupied."""
         cells, inside = self.cells_of(points)
-        cells, points = cells[inside], points[inside]
+        if not inside.all():
+            cells, points = cells[inside], points[inside]
         self.state.ravel()[cells] = level
         self.seen.ravel()[cells] = self.clock
         self.offset.reshape(-1, 2)[cells] = points - self.cell * np.floor(points / self.cell)

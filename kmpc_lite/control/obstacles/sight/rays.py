@@ -39,31 +39,36 @@ class Rays:
     def __init__(self, scan: LaserScan, poses: Array, unit: float, cell: float) -> None:
         one = poses.ndim == 1
         cos, sin = np.cos(poses[..., 2]), np.sin(poses[..., 2])
-        hits, (mount_x, mount_y, _) = scan.hits, scan.mount
+        mount_x, mount_y, _ = scan.mount
 
-        def placed(x: Array | float, y: Array | float, some: Array | slice) -> Array:
-            at, c, s = (poses, cos, sin) if one else (poses[some], cos[some], sin[some])
-            return np.stack([at[..., 0] + c * x - s * y, at[..., 1] + s * x + c * y], axis=-1)
+        def placed(x: Array | float, y: Array | float) -> tuple[Array, Array]:
+            return poses[..., 0] + cos * x - sin * y, poses[..., 1] + sin * x + cos * y
 
-        ends = scan.ends / unit
-        self.hits = placed(ends[hits, 0], ends[hits, 1], hits)
-        """(M, 2) what was hit, counter-clockwise: of hits in one cell the last one counts."""
+        reach = scan.reach / unit
+        x, y = placed(scan.ends[:, 0] / unit, scan.ends[:, 1] / unit)
+        ends = np.stack([x, y], axis=1)
+        hits = np.flatnonzero(scan.hits)
         if scan.mirrored != (scan.angle_increment < 0.0):
-            self.hits = self.hits[::-1]
+            hits = hits[::-1]
+        self.hits = ends.take(hits, axis=0)
+        """(M, 2) what was hit, counter-clockwise: of hits in one cell the last one counts."""
         self.noise = scan.noise / unit
         """Standard deviation of a range."""
-        self.origin = placed(mount_x / unit, mount_y / unit, slice(None)).reshape(-1, 2)[-1]
+        self.origin = np.array(placed(mount_x / unit, mount_y / unit)).reshape(2, -1)[:, -1]
         """(2,) the scanner; at the time of the last beam."""
+        self.low = np.minimum((x.min(), y.min()), self.origin) - cell
+        """(2,) corner of the area that no beam has left ..."""
+        self.high = np.maximum((x.max(), y.max()), self.origin) + cell
+        """... and the opposite one."""
         if one:
             # beams of one moment lie in the robot's frame as those of the scan before
             self._cos, self._sin = float(cos), float(sin)
-            reach = scan.reach / unit
             nearest, aside = _nearest_beams_of(scan.layout)
         else:
             self._cos, self._sin = 1.0, 0.0
-            away = placed(ends[:, 0], ends[:, 1], slice(None)) - self.origin
-            reach = np.where(scan.unknown, 0.0, np.hypot(away[:, 0], away[:, 1]))
-            nearest, aside = _nearest_beams(np.arctan2(away[:, 1], away[:, 0]))
+            x, y = x - self.origin[0], y - self.origin[1]
+            reach = np.where(scan.unknown, 0.0, np.hypot(x, y))
+            nearest, aside = _nearest_beams(np.arctan2(y, x))
         self.farthest = float(reach.max())
         """Longest ray."""
         # only so far does the nearest beam pass through a cell in a direction beside it

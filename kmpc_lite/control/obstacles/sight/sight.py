@@ -13,6 +13,7 @@ from kmpc_lite.control.obstacles.occupancy import OccupancyGrid, rectangles_of
 from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.obstacles.sight.local_map import UNKNOWN, LocalMap, side_of
 from kmpc_lite.control.obstacles.sight.rays import Rays
+from kmpc_lite.control.obstacles.sight.view import View
 from kmpc_lite.control.obstacles.solids import Solids
 from kmpc_lite.control.options import SightOptions, in_metres, unit_length
 from kmpc_lite.control.problem import NavigationProblem
@@ -114,6 +115,10 @@ class Sight:
         self._stand(here, pose, self._radius + begins * math.sqrt(0.5) * here.cell)
         return here
 
+    def view(self, here: LocalMap, pose: Array, speed: float) -> View:
+        """What is known around a robot at a pose (3,) with a speed."""
+        return View(self, here, pose, speed)
+
     def seen(self, here: LocalMap, pose: Array, speed: float) -> Seen:
         """What a robot at a pose (3,) with a speed must not drive into."""
         window = here.window(pose[:2], self._reach)
@@ -127,9 +132,8 @@ class Sight:
             unknown = unknown | ((state == 0) & (here.seen[window] < here.clock - self._dt))
             unknown &= self._distance(here, window, pose) > self._radius + here.cell
             grow = self._emerging * (self._dt + abs(speed) / self._deceleration)
-        blocks = rectangles_of(unknown) + np.tile([columns.start, rows.start], 2)
-        corner = np.tile([here.column, here.row], 2)
-        sides = here.cell * (blocks + corner)
+        left, bottom = columns.start + here.column, rows.start + here.row
+        sides = here.cell * (rectangles_of(unknown) + (left, bottom, left, bottom))
         behind = self.options.level * here.cell
         occupied = _boxes(hits - here.rounding, hits + here.rounding, behind)
         dark = _boxes(sides[:, :2] - grow, sides[:, 2:] + grow, behind)
@@ -186,7 +190,8 @@ class Sight:
     def _clear(self, here: LocalMap, rays: Rays) -> None:
         """Take note of what rays passed through."""
         distance = min(self.options.free_distance, rays.farthest)
-        window = here.window(rays.origin, distance)
+        low = np.maximum(rays.low, rays.origin - distance)
+        window = here.between(low, np.minimum(rays.high, rays.origin + distance))
         x, y = here.centres(*window)
         passed = rays.passed(x[None, :], y[:, None])
         state = here.state[window]
@@ -197,13 +202,9 @@ class Sight:
         if rays.farthest <= distance:
             return
         # farther away only what was occupied
-        around = here.window(rays.origin, rays.farthest)
-        cells = here.occupied(around)
-        row, column = np.divmod(cells, here.state.shape[1])
-        rows, columns = window
-        far = (row < rows.start) | (row >= rows.stop)
-        far |= (column < columns.start) | (column >= columns.stop)
-        cells = cells[far]
+        cells = here.occupied(here.between(rays.low, rays.high), window)
+        if not len(cells):
+            return
         x, y = here.points(cells).T
         # beyond what was hit there
         gone = cells[rays.passed(x, y)]

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kmpc_lite.control.obstacles.nearby import Nearby
 from kmpc_lite.control.obstacles.sight.local_map import LocalMap
-from kmpc_lite.control.obstacles.sight.sight import Sight
 from kmpc_lite.control.obstacles.solids import Solids
 from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.obstacles.sight.sight import Sight
 
 NOTHING = Solids([]).whole
 """No solids."""

@@ -9,6 +9,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.control.obstacles.sight.local_map import UNKNOWN, LocalMap
+from kmpc_lite.control.obstacles.sight.rays import Rays
 from kmpc_lite.control.obstacles.sight.sight import Sight
 from kmpc_lite.control.options import SightOptions
 from kmpc_lite.scale import Scale
@@ -137,3 +138,20 @@ def test_what_stands_beside_a_path_of_any_length_is_found_in_time() -> None:
     assert not s.blocks(seen, path + [3.0, 20.0], 0.2)
     assert s.blocks(seen, np.concatenate([path + [3.0, 20.0], hit]), 0.2)
     assert time.process_time() - begun < 0.4
+
+
+@pytest.mark.parametrize("turn", [0.0, 2.5])
+@pytest.mark.parametrize("old", [False, True])
+def test_no_cell_beyond_the_area_of_a_scan_is_passed_through(turn: float, old: bool) -> None:
+    random, cell = np.random.default_rng(4), 0.05
+    for _ in range(20):
+        ranges = random.uniform(0.2, 4.0, 40)
+        one = kl.LaserScan(ranges, -0.5, 0.02, 4.0, mount=(0.2, 0.1, turn))
+        poses = np.array([1.0, 2.0, random.uniform(-3.0, 3.0)])
+        if old:
+            poses = poses + np.linspace(-0.1, 0.0, len(ranges))[:, None] * (1.0, 1.0, 0.5)
+        rays = Rays(one, poses, 1.0, cell)
+        places = random.uniform((-4.0, -3.0), (6.0, 7.0), (20_000, 2))
+        passed = places[rays.passed(*places.T)]
+        assert len(passed)
+        assert ((passed > rays.low) & (passed < rays.high)).all()
