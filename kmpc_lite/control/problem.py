@@ -10,11 +10,12 @@ import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.problem_fields import scalar, vector, weight
-from kmpc_lite.control.weights import GOAL_Q, GOAL_R
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import INPUTS, STATES, Array
 
+GOAL_Q, GOAL_R = (1.0, 5.0, 0.1), (0.5, 0.05)
+"""The paper's weights, of a goal that may be far away."""
 UNIT_DECELERATION = np.array((1.0, 4.0))
 """Of the braking ramp of a robot that is its own unit [m/s^2, rad/s^2]."""
 UNIT_SLACK_WEIGHTS = np.array((100.0, 1000.0))

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.problem import GOAL_Q, GOAL_R, NavigationProblem
 from kmpc_lite.types import STATES
 
-if TYPE_CHECKING:
-    from kmpc_lite.control.problem import NavigationProblem
-
-GOAL_Q, GOAL_R = (1.0, 5.0, 0.1), (0.5, 0.05)
-"""The paper's weights, of a goal that may be far away."""
 TRACKING_Q, TRACKING_R = (5.0, 5.0, 0.5), (0.1, 0.02)
 """Weights of a reference that is always near: with the paper's, plans cut corners and creep at the
 end."""

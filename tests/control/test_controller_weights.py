@@ -10,9 +10,8 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.control.nmpc.qp import NavigationQP
+from kmpc_lite.control.problem import GOAL_Q, GOAL_R
 from kmpc_lite.control.weights import (
-    GOAL_Q,
-    GOAL_R,
     TRACKING_Q,
     TRACKING_R,
     with_goal_weights,
