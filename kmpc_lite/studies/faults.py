@@ -40,9 +40,12 @@ def drive_faults(
     """Drive scenarios with one kind of failure; this is what a worker does."""
     counts = Counts(kind, slip)
     for scenario in scenarios:
-        run = drive(FaultyLoop(model, scenario, kind, counts), scenario, dt=DT)
+        loop = FaultyLoop(model, scenario, kind, counts)
+        run = drive(loop, scenario, dt=DT)
         counts.drives += 1
+        # a collision ends the drive
         counts.collisions += run.outcome is Outcome.COLLISION
+        counts.collisions_failing += run.outcome is Outcome.COLLISION and loop.failing
         counts.arrived += run.outcome is Outcome.REACHED
     return counts
 
@@ -130,7 +133,8 @@ def _key(row: Record) -> FaultsKey:
 
 def _counts(row: Record) -> Counts:
     """Counts of a record."""
-    return Counts(**{field.name: row[field.name] for field in fields(Counts)})
+    # records of before know nothing of what was counted later
+    return Counts(**{field.name: row.get(field.name, field.default) for field in fields(Counts)})
 
 
 def format_faults(rows: Sequence[Counts]) -> str:
@@ -142,6 +146,7 @@ def format_faults(rows: Sequence[Counts]) -> str:
         "fallback": "fallback",
         "stopped": "stopped",
         "collisions": "collisions",
+        "of failing": "collisions_failing",
         "late stop": "late_stops",
         "late plan": "late_recoveries",
         "blind": "blind_steps",
@@ -156,6 +161,7 @@ def format_faults(rows: Sequence[Counts]) -> str:
     total = {c: sum(getattr(row, c) for row in rows) for c in columns.values()}
     lines.append(f"{'all':36}" + "".join(f"{total[c]:11d}" for c in columns.values()))
     lines.append(
+        "of failing: collisions in a period whose step was made to fail; "
         "late stop: steps driven past the end of the stop trajectory; late plan: "
         "none within 1 s of sane inputs; "
         "blind: commands other than zero after 3 s without a pose"

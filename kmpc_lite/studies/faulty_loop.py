@@ -52,6 +52,8 @@ class Counts:
     fallback: int = 0
     stopped: int = 0
     collisions: int = 0
+    collisions_failing: int = 0
+    """Those of them in a period whose step was made to fail."""
     late_stops: int = 0
     """Steps in which the robot was still told to drive, though its stop trajectory had ended."""
     late_recoveries: int = 0
@@ -97,6 +99,8 @@ class FaultyLoop:
         self._step, self._begin, self._end = 0, 0, 0
         self._frozen = np.zeros(3)
         self._stop_left, self._sane, self._blind, self._planned = 0, 0, 0, False
+        self.failing = False
+        """Whether the last step was made to fail."""
         self._next_burst()
 
     def _clock(self) -> float:
@@ -154,6 +158,7 @@ class FaultyLoop:
             self._stop_left = len(self._braking.ramp(plan.command)) - 1
             if self.controller.model.history:
                 self._stop_left += round(StopOptions().further_time / DT)
+        self.failing = failing
         self._sane = 0 if failing else self._sane + 1
         self._planned = not failing and (
             self._planned or plan.status not in (PlanStatus.FALLBACK, PlanStatus.STOPPED)

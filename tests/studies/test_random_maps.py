@@ -356,9 +356,11 @@ def test_a_model_is_judged_on_the_floor_that_the_robot_came_to() -> None:
         Contender("off", adaptation=False),
         Contender("on", adaptation=True),
     ]
-    off, on = (drive_maps(s, learning, 0.0, BOTH_CHANGE, "open", 0.0, [3]) for s in specs)
-    for without, with_it in zip(off, on, strict=True):
-        assert with_it["error_ratio"] < 0.5 * without["error_ratio"]
+    # a single short drive may teach little
+    seeds = [3, 4, 5]
+    off, on = (drive_maps(s, learning, 0.0, BOTH_CHANGE, "open", 0.0, seeds) for s in specs)
+    with_it, without = (np.median([r["error_ratio"] for r in drives]) for drives in (on, off))
+    assert with_it < 0.5 * without
     rows = summarise([*off, *on])
     assert rows[0].error_ratio is not None and rows[1].error_ratio is not None
     assert "to a fresh fit's" in format_maps(rows)

@@ -158,18 +158,17 @@ class SQP:
         if self._rates.active:
             self.qp.set_last_command(task.last)
             guess = replace(guess, inputs=self._rates.in_reach(guess.inputs, task.last))
-        options = self.options
-        limit, tolerance = passes, options.cold_tolerance
+        limit, tolerance = passes, self.options.cold_tolerance
         if self.iterations > 1:
             limit, tolerance = self.iterations, self.tolerance
-        penalty = float(self.problem.slack_weights[0])
-        self.qp.cost.set_slack_penalty(penalty)
-        self.qp.cost.set_terminal_share(task.terminal_share)
+        penalty, cost = float(self.problem.slack_weights[0]), self.qp.cost
+        cost.set_slack_penalty(penalty)
+        cost.set_terminal_share(task.terminal_share)
         return Progress(
             guess,
             limit,
             tolerance,
-            options.shortest_step if limit == 1 else options.shortest_converging_step,
+            self.options.shortest_step if limit == 1 else self.options.shortest_converging_step,
             Penalties(penalty),
             # the QP is solved around the robot, so that its relative tolerance does not depend on
             # where the map has its origin
