@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from kmpc_lite.control.options import fastest
 from kmpc_lite.control.problem import GOAL_Q, GOAL_R, NavigationProblem
 from kmpc_lite.types import STATES
 
@@ -44,7 +45,7 @@ def with_tracking_weights(
     """
     q = np.diag(TRACKING_Q) if problem.Q is None else problem.Q
     r = TRACKING_R[0] * gains[0] ** 2, TRACKING_R[1] * gains[1] ** 2
-    turn_rate = gains[1] * max(float(problem.u_max[1]), -float(problem.u_min[1]))
+    turn_rate = gains[1] * fastest(problem)[1]
     periods = CORRECTION_TURNS * math.tau / turn_rate / problem.dt
     return _filled(problem, q, r, periods * q)
 

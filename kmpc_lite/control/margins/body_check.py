@@ -82,8 +82,7 @@ class BodyCommandCheck(CommandCheck):
             closing = approach > clearance
             if not closing.any():
                 break
-            sure = np.maximum(clearance - self.pose_error, 0.0)
-            possible = sure / np.maximum(approach, AT_CENTRE)
+            possible = self.sure(clearance) / np.maximum(approach, AT_CENTRE)
             limits = np.where(closing, possible, 1.0)
             entering = closing & (leaving < 0.0)
             if not entering.any():

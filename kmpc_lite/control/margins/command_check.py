@@ -75,6 +75,11 @@ class CommandCheck:
         variance = 0.5 * float(pose[0, 0] + pose[1, 1]) - FLOOR**2
         self.pose_error = noise.quantile * math.sqrt(max(variance, 0.0))
 
+    def sure(self, clearances: Array) -> Array:
+        """What is sure of measured clearances, whatever the pose's noise pretends [m]."""
+        out: Array = np.maximum(clearances - self.pose_error, 0.0)
+        return out
+
     def step_margin(self, drift: DriftState, v: float, omega: float) -> float:
         """Distance that a command may end away from where the model says, in any direction [m].
 
@@ -171,8 +176,7 @@ class CommandCheck:
             closing = approach > clearance
             if not closing.any():
                 break
-            sure = np.maximum(clearance - self.pose_error, 0.0)
-            possible = sure / np.maximum(approach, AT_CENTRE)
+            possible = self.sure(clearance) / np.maximum(approach, AT_CENTRE)
             limits = np.where(closing, possible, 1.0)
             worst = int(limits.argmin())
             # a robot at the very centre can only go away

@@ -263,8 +263,7 @@ class StopTrajectories:
         clearance = np.concatenate(distances, axis=1) - self._radius
         still_clearance = np.concatenate(standing, axis=1) - self._radius
         margins = check.stop_margins(drift, *_moved(here, states)).reshape(-1).repeat(each)
-        sure = np.maximum(still_clearance - check.pose_error, 0.0)
-        left = still_clearance - self._options.spend_share * sure
+        left = still_clearance - self._options.spend_share * check.sure(still_clearance)
         needed = np.minimum(margins[:, None], left)
         # also false for NaN
         enough: Array = clearance >= needed - ROUNDING
