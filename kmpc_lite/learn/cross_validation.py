@@ -16,6 +16,8 @@ from kmpc_lite.types import Array
 
 FOLDS = 8
 """Parts that are left out in turn."""
+CHANCE = 0.05
+"""Probability with which more terms are taken that explain nothing."""
 RIDGE = 1e-9
 """Share of the scaled moments' diagonals that is added to them."""
 
@@ -129,12 +131,15 @@ def cross_validate(candidates: Sequence[Candidate], folds: Array, reference: Arr
 
 
 def choose(errors: Array, complexity: Sequence[int]) -> int:
-    """Index of the simplest candidate within a standard error of the best: errors (C, B)."""
-    total = errors.sum(axis=1)
+    """Index of the simplest candidate that the best one does not beat beyond chance: errors (C, B).
+
+    Of 20 terms that explain nothing, one is taken.
+    """
+    total, blocks = errors.sum(axis=1), errors.shape[1]
     best = int(np.argmin(total))
     behind = errors - errors[best]
-    spread = behind.std(axis=1, ddof=1) * np.sqrt(errors.shape[1])
-    near: Array = np.flatnonzero(total - total[best] <= spread)
+    spread = behind.std(axis=1, ddof=1) * np.sqrt(blocks)
+    near: Array = np.flatnonzero(total - total[best] <= critical_score(blocks, CHANCE) * spread)
     return int(min(near.tolist(), key=lambda c: (complexity[c], total[c])))
 
 

@@ -26,19 +26,47 @@ from kmpc_lite.learn.windows import (
 from kmpc_lite.model.dictionary.response import TERMS
 from kmpc_lite.types import Array
 
-Ladder = tuple[tuple[int, ...], ...]
+Ladder = tuple[tuple[str, tuple[int, ...]], ...]
+"""Names of its steps and the terms of each, of which there are ever more."""
 
 
-ALONG_LADDER: Ladder = ((0, 1), (0, 1, 2), (0, 1, 2, 3, 4, 5))
-"""Terms of the forward speed, ever more: gains; v*omega; what is even in omega or saturates."""
+ALONG_LADDER: Ladder = (
+    ("gain", (0,)),
+    ("gains", (0, 1)),
+    ("product", (0, 1, 2)),
+    ("slip", (0, 1, 2, 3, 4, 5)),
+)
+"""Terms of the forward speed: its own gain; a turning centre beside the pose; v*omega; what is even
+in omega or saturates."""
 
 
-ODD_LADDER: Ladder = ((0, 1), (0, 1, 2), (0, 1, 2, 6, 7, 8))
-"""Terms of the sideways speed and of the turn rate: gains; v*omega; what is odd in omega."""
+ACROSS_LADDER: Ladder = (
+    ("offset", (0,)),
+    ("centre", (1,)),
+    ("gains", (0, 1)),
+    ("product", (0, 1, 2)),
+    ("slip", (0, 1, 2, 6, 7, 8)),
+)
+"""Terms of the sideways speed: a heading that is off; a turning centre ahead of the pose; both;
+v*omega; what is odd in omega."""
 
 
-STEPS = ("nominal", "gains", "product", "slip")
-"""What the steps of the ladders are called, the nominal robot before them."""
+HEADING_LADDER: Ladder = (
+    ("gain", (1,)),
+    ("gains", (0, 1)),
+    ("product", (0, 1, 2)),
+    ("slip", (0, 1, 2, 6, 7, 8)),
+)
+"""Terms of the turn rate: its own gain; a robot that draws to one side; v*omega; what is odd in
+omega."""
+
+
+BESIDE = (0, 1, 2)
+"""Terms of the sideways speed that are free where the forward speed's are chosen."""
+
+
+NOMINAL = "nominal"
+"""Name of the nominal robot, the step before the ladders."""
 
 
 TERM_COUNT = len(TERMS)
@@ -49,7 +77,7 @@ class Direction:
     """What was chosen for one row."""
 
     step: str
-    """One of `STEPS`."""
+    """Of its ladder, or `NOMINAL`."""
     score: float
     """Gain over the nominal robot on blocks held out, in standard errors."""
     critical: float
@@ -84,12 +112,12 @@ def choose_heading(
     candidates, names = [], []
     for response in responses:
         moment = search.moments(AT_ONCE, response).heading
-        for step, terms in enumerate(ODD_LADDER):
+        for step, (_, terms) in enumerate(HEADING_LADDER):
             complexity = len(terms) + 2 * (response != AT_ONCE)
             candidates.append(Candidate(moment, moment, np.array(terms), base, complexity))
             names.append((response, step))
     reference = squared_errors(search.moments(AT_ONCE, AT_ONCE).heading, base)
-    return _decide(candidates, names, ODD_LADDER, reference, options)
+    return _decide(candidates, names, HEADING_LADDER, reference, options)
 
 
 def choose_along(
@@ -97,11 +125,11 @@ def choose_along(
 ) -> tuple[Response, Direction, tuple[int, ...]]:
     """Response and terms of the forward speed, with the sideways speed free."""
     responses = first_candidates(search.windows.dt, search.windows.longest)
-    beside = TERM_COUNT + np.array(ODD_LADDER[1])
+    beside = TERM_COUNT + np.array(BESIDE)
     candidates, names = [], []
     for response in responses:
         moment = search.moments(response, turn)
-        for step, terms in enumerate(ALONG_LADDER):
+        for step, (_, terms) in enumerate(ALONG_LADDER):
             complexity = len(terms) + 2 * (response != AT_ONCE)
             columns = np.concatenate([terms, beside])
             both = moment.along + moment.across
@@ -122,13 +150,13 @@ def choose_across(
     moment = search.moments(speed, turn)
     both = moment.along + moment.across
     candidates = []
-    for terms in ODD_LADDER:
+    for _, terms in ACROSS_LADDER:
         columns = np.concatenate([along_terms, TERM_COUNT + np.array(terms)]).astype(int)
         candidates.append(Candidate(both, moment.across, columns, position_base(), len(terms)))
     without = solve_columns(both.sum(axis=0), np.array(along_terms, dtype=int), position_base())
     reference = squared_errors(moment.across, without)
-    names = [(speed, step) for step in range(len(ODD_LADDER))]
-    _, direction, terms = _decide(candidates, names, ODD_LADDER, reference, options)
+    names = [(speed, step) for step in range(len(ACROSS_LADDER))]
+    _, direction, terms = _decide(candidates, names, ACROSS_LADDER, reference, options)
     return direction, terms
 
 
@@ -145,8 +173,9 @@ def _decide(
     critical = critical_score(blocks, options.significance)
     response, step = names[verdict.best]
     if not verdict.score > critical:
-        return AT_ONCE, Direction(STEPS[0], verdict.score, critical), ()
-    return response, Direction(STEPS[1 + step], verdict.score, critical), ladder[step]
+        return AT_ONCE, Direction(NOMINAL, verdict.score, critical), ()
+    name, terms = ladder[step]
+    return response, Direction(name, verdict.score, critical), terms
 
 
 def refine(
@@ -176,7 +205,7 @@ def heading_error(search: Search, turn: Response, terms: tuple[int, ...]) -> flo
 def along_error(search: Search, speed: Response, turn: Response, terms: tuple[int, ...]) -> float:
     """Squared forward error of the best rows for a response."""
     moment = search.moments(speed, turn)
-    columns = np.concatenate([terms, TERM_COUNT + np.array(ODD_LADDER[1])]).astype(int)
+    columns = np.concatenate([terms, TERM_COUNT + np.array(BESIDE)]).astype(int)
     both = (moment.along + moment.across).sum(axis=0)
     weights = solve_columns(both, columns, position_base())
     return float(squared_errors(moment.along.sum(axis=0)[None], weights)[0])

@@ -19,6 +19,9 @@ from kmpc_lite.model.koopman import KoopmanModel
 
 CHOSEN = {
     "nominal": "as commanded: the log supports no more",
+    "gain": "its own gain",
+    "offset": "a heading that is off",
+    "centre": "a turning centre ahead of the pose",
     "gains": "gains",
     "product": "gains and v*omega",
     "slip": "gains and slip terms",

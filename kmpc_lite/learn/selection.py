@@ -17,7 +17,7 @@ from kmpc_lite.learn.cross_validation import (
 )
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.directions import (
-    STEPS,
+    NOMINAL,
     TERM_COUNT,
     Direction,
     Search,
@@ -65,7 +65,7 @@ class Selection:
     @property
     def nominal(self) -> bool:
         """Whether nothing beat the nominal robot."""
-        return all(d.step == STEPS[0] for d in (self.along, self.across, self.heading))
+        return all(d.step == NOMINAL for d in (self.along, self.across, self.heading))
 
 
 def select(dataset: Dataset, options: SelectionOptions | None = None) -> Selection:
@@ -84,7 +84,7 @@ def select(dataset: Dataset, options: SelectionOptions | None = None) -> Selecti
     smoothing = 0.05 * limits[0], 0.05 * limits[1]
     blocks = len(windows.blocks)
     if blocks < 3:
-        stays = Direction(STEPS[0], 0.0, float("inf"))
+        stays = Direction(NOMINAL, 0.0, float("inf"))
         return Selection(
             nominal_rows(),
             AT_ONCE,

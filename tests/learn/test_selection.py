@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.learn.cross_validation import Candidate, assign_folds, cross_validate, solve_columns
+from kmpc_lite.learn.cross_validation import (
+    Candidate,
+    assign_folds,
+    choose,
+    cross_validate,
+    solve_columns,
+)
 from kmpc_lite.learn.responses import AT_ONCE, Response, first_candidates, neighbours
 from kmpc_lite.learn.selection import cut_for, select
 from kmpc_lite.learn.selection_options import SelectionOptions
@@ -94,9 +100,40 @@ def test_a_robot_that_answers_late_is_known_by_its_delay(seed: int) -> None:
     for response in (found.speed, found.turn):
         assert response.delay == pytest.approx(0.35, abs=0.04)
         assert response.dead_time == pytest.approx(0.1, abs=0.06)
-    assert found.along.step == found.heading.step == "gains"
+    assert found.along.step == found.heading.step == "gain"
     assert found.rows.along[0] == pytest.approx(1.05, abs=0.02)
     assert found.rows.across[0] == pytest.approx(-0.05, abs=0.02)
+
+
+def test_a_robot_that_turns_about_its_pose_gets_no_other_turning_centre() -> None:
+    """A lag and its noise are no reason for a term that is not there."""
+    found = [select(late_log(0.25, 0.1, (0.004, 0.004, 0.01), seed)) for seed in range(20, 28)]
+    assert sum(s.rows.along[1] == 0.0 for s in found) >= 7
+
+
+def test_a_turning_centre_beside_the_pose_is_found() -> None:
+    random = np.random.default_rng(4)
+    drives = []
+    for episode in late_log(0.25, 0.1, (0.0, 0.0, 0.0), 4).episodes:
+        poses = episode.states.copy()
+        # the pose is tracked 8 cm to the left of what it turns about
+        poses[:, 0] -= 0.08 * np.sin(poses[:, 2])
+        poses[:, 1] += 0.08 * np.cos(poses[:, 2])
+        poses += random.normal(size=poses.shape) * (0.004, 0.004, 0.01)
+        drives.append(kl.Episode(poses, episode.inputs, episode.dt))
+    found = select(kl.Dataset(drives))
+    assert found.along.step == "gains"
+    assert found.rows.along[1] == pytest.approx(-0.08, abs=0.01)
+
+
+def test_of_explanations_alike_the_simplest_is_taken() -> None:
+    errors = np.array([[1.0, 1.4, 0.9, 1.1, 1.2], [0.9, 1.0, 0.95, 1.0, 1.1]])
+    behind = errors[0] - errors[1]
+    score = behind.mean() / (behind.std(ddof=1) / np.sqrt(5))
+    # one in twenty: Student's quantile of four degrees of freedom
+    assert 1.0 < score < 2.13
+    assert choose(errors, [1, 2]) == 0
+    assert choose(errors - [[0.0], [0.3]], [1, 2]) == 1
 
 
 def test_a_robot_that_answers_at_once_gets_no_history() -> None:
@@ -130,7 +167,7 @@ def test_turns_that_come_out_at_six_tenths_gain_in_heading_and_lose_nothing_alon
     train, held = data.split(0.5)
     model = kl.fit(train, TRIG, lags="auto")
     directions = model.info["selection"]["directions"]
-    assert directions["heading"]["step"] == "gains" and directions["along"]["step"] == "nominal"
+    assert directions["heading"]["step"] == "gain" and directions["along"]["step"] == "nominal"
     errors = [
         np.sqrt(np.mean(np.concatenate(open_loop_errors(m, held.episodes)) ** 2, axis=0))
         for m in (model, kl.nominal_unicycle(0.1))
