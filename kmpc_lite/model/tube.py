@@ -7,6 +7,7 @@ at the last plan and stays outside the QP.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,9 +108,10 @@ class TubeNoise:
     """The same of errors that are alike in all periods of a plan, (2, 3, 3): they add up."""
 
     @property
-    def one_pose(self) -> Array:
-        """Covariance of one measured pose at rest, (3, 3)."""
-        return 0.5 * self.poses * self.pose
+    def pose_deviation(self) -> tuple[float, float]:
+        """Standard deviations of one measured pose at rest: of each coordinate, and of heading."""
+        x, y, heading = (0.5 * self.poses * self.pose.diagonal()).tolist()
+        return math.sqrt(0.5 * (x + y)), math.sqrt(heading)
 
 
 def tube_noise(noise: NoiseModel | None, dt: float) -> TubeNoise:

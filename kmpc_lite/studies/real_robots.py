@@ -226,8 +226,7 @@ def drive_real(
     model, its = _learn(real, recipe.lags)
     truth = fit(its, lags="auto")
     limits = largest_speeds(its)
-    noise = tube_noise(truth.noise_model, truth.dt).one_pose.diagonal()
-    spread = float(np.sqrt(0.5 * (noise[0] + noise[1]))), float(np.sqrt(noise[2]))
+    spread = tube_noise(truth.noise_model, truth.dt).pose_deviation
     turned = truth.predict(
         np.zeros(3), (0.0, limits[1]), np.tile((0.0, limits[1]), (truth.history, 1))
     )

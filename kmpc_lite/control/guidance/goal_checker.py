@@ -52,9 +52,9 @@ def goal_tolerances(model: MotionModel, options: GoalOptions) -> GoalTolerances:
     GoalTolerances
         Wider by multiples of the standard deviations beyond the quiet ones.
     """
-    measured = tube_noise(model.noise_model, model.dt).one_pose
-    noise = max(float(np.sqrt(0.5 * np.trace(measured[:2, :2]))) - options.quiet_position, 0.0)
-    turn_noise = max(float(np.sqrt(measured[2, 2])) - options.quiet_heading, 0.0)
+    position, heading = tube_noise(model.noise_model, model.dt).pose_deviation
+    noise = max(position - options.quiet_position, 0.0)
+    turn_noise = max(heading - options.quiet_heading, 0.0)
     o = options
     return GoalTolerances(
         turn_distance=o.turn_distance + o.turn_distance_noise * noise,

@@ -71,8 +71,7 @@ class CommandCheck:
             options.check_margin * unit,
         )
         self._touch = problem.body_radius
-        pose = noise.tube.one_pose
-        variance = 0.5 * float(pose[0, 0] + pose[1, 1]) - FLOOR**2
+        variance = noise.tube.pose_deviation[0] ** 2 - FLOOR**2
         self.pose_error = noise.quantile * math.sqrt(max(variance, 0.0))
 
     def sure(self, clearances: Array) -> Array:
