@@ -87,14 +87,20 @@ def _has_left(
     return found
 
 
-def _was_free(before: LocalMap | None, places: Array, robot: Array) -> NDArray[np.bool_]:
-    """Whether cells at places (M, 2), and behind them as seen from the robot, were seen free."""
+def _was_free(
+    before: LocalMap | None, places: Array, robot: Array, window: float
+) -> NDArray[np.bool_]:
+    """Whether cells at places (M, 2), and behind them as seen from the robot, were seen free.
+
+    Whoever comes nearer hides where his middle is: the cells there were free until he was seen in
+    front of them, which is no longer than a window ago.
+    """
     if before is None:
         return np.zeros(len(places), dtype=bool)
     away = places - robot
     away *= BEHIND * before.cell / np.maximum(np.hypot(*away.T), before.cell)[:, None]
     cells, inside = before.cells_of(np.concatenate([places, places + away]))
-    free: NDArray[np.bool_] = inside & (before.state.ravel()[cells] == 0)
+    free = inside & before.was_free(cells, window)
     return free[: len(places)] & free[len(places) :]
 
 
@@ -163,7 +169,7 @@ class Walkers:
         period, length = self._follower.dt, scale.length
 
         def was_free(rows: Array) -> NDArray[np.bool_]:
-            return _was_free(before, rows[:, :2] / length, pose[:2])
+            return _was_free(before, rows[:, :2] / length, pose[:2], WINDOW / scale.time)
 
         rows, deviations = who_walks(tracks, options, period, scans, here, was_free)
         if not len(rows):
