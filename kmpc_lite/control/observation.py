@@ -53,6 +53,8 @@ class Observation:
     """(3,) the pose as measured, not brought forward."""
     spread: Array | None = None
     """(M,) speeds at which circles grow whose velocity was seen, not told; None: none was."""
+    perhaps: Array = field(default_factory=lambda: np.empty((0, 5)))
+    """(P, 5) who seems to walk in scans, but may be a piece of something that stands."""
 
     @property
     def pose_is_known(self) -> bool:

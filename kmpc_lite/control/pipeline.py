@@ -217,6 +217,7 @@ class Pipeline:
             result.solids_ahead,
             None if margins is None else margins.command_check,
             state.drift,
+            seen.perhaps,
         )
         verified = self._verification.check(result, seen, task)
         state.trajectory = verified.trajectory

@@ -80,7 +80,7 @@ class Watching:
     def _find_walkers(self, state: ControllerState, seen: Observation) -> None:
         """Add who walks, as scans show it, to the circles."""
         before = Tracks() if state.walkers is None else state.walkers
-        state.walkers, rows, spread = self._walkers.see(
+        state.walkers, rows, spread, seen.perhaps = self._walkers.see(
             before, seen.scans, seen.measured, seen.circles, state.seen
         )
         if not len(rows):

@@ -144,6 +144,19 @@ def test_who_walks_is_found_in_scans_alone_and_let_pass() -> None:
     assert np.hypot(*(pose - GOAL)[:2]) < 0.1
 
 
+@pytest.mark.parametrize("speed", [0.6, 0.9])
+def test_who_comes_straight_to_the_robot_is_known_within_a_second(speed: float) -> None:
+    controller, pose = kl.Controller(kl.nominal_unicycle(DT)), np.zeros(3)
+    directions = math.tau / BEAMS * np.arange(BEAMS)
+    for k in range(8):
+        person = np.array([[1.8 - speed * DT * k, 0.0, 0.25, 0.0, 0.0]])
+        ranges = World(person, np.empty((0, 4))).ranges(pose[:2], directions)
+        ranges[ranges > 4.0] = np.inf
+        controller.step(pose, pose, [kl.LaserScan(ranges, 0.0, math.tau / BEAMS, 4.0)])
+    tracks = controller.state.walkers
+    assert tracks is not None and tracks.walked.max() >= TrackerOptions().begins
+
+
 def test_who_is_told_and_seen_counts_once_and_leaves_no_marks_on_the_map() -> None:
     controller, pose = kl.Controller(kl.nominal_unicycle(DT)), np.array([-0.5, 0.0, 0.0])
     for k in range(12):

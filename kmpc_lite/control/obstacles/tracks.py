@@ -39,7 +39,8 @@ class Tracks:
     unseen: Array = field(default_factory=lambda: np.empty(0))
     """(M,) for how long each is hidden [s]."""
     walked: Array = field(default_factory=lambda: np.empty(0))
-    """(M,) for how long scans have shown each to leave the place where it was [s]."""
+    """(M,) for how long scans have shown each to leave the place where it was [s]; less again where
+    nothing has told of it lately."""
     next_number: int = 0
     """Of the next track."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +18,27 @@ from kmpc_lite.scale import UNIT_RADIUS, UNIT_SPEED, Scale
 from kmpc_lite.types import Array
 
 WINDOW = 1.0
-"""Time over which a cluster's way counts [s]: who has walked and stands is a thing again."""
+"""Time over which a cluster's way counts [s]: who has walked and stands for so long is a thing
+again."""
 
 SURE = 3.0
 """How many times as much a step of somebody counts who comes to where it was seen to be free."""
 BEHIND = 1.5
 """How far behind its middle a cluster must have been free, too, in cells: a wall is none."""
+
+
+class Walking(NamedTuple):
+    """Circles of tracks that walk, and of those that seem to."""
+
+    rows: Array
+    """(M, 5) who walks."""
+    deviations: Array
+    """(M,) of their velocities."""
+    perhaps: Array
+    """(P, 5) who has left the place where he was, but not for long enough to be sure."""
+
+
+NOBODY = Walking(np.empty((0, 5)), np.empty(0), np.empty((0, 5)))
 
 
 def who_walks(
@@ -32,17 +48,21 @@ def who_walks(
     scans: Sequence[LaserScan],
     pose: Array,
     was_free: Callable[[Array], NDArray[np.bool_]] | None = None,
-) -> tuple[Array, Array]:
-    """Find the circles of tracks that walk (M, 5), and the deviations of their velocities (M,).
+) -> Walking:
+    """Find the circles of tracks that walk.
 
     Whoever walks has left the place where he was: it is seen to be free, or hidden behind himself.
     What is seen of a wall also seems to move as the robot does, but the wall is still there, and
     mostly nothing was free where it seems to come to, as `was_free` tells of circles (M, 5).
+    Whoever was seen to walk does so until nothing has told of it for a window: two who walk side by
+    side, or past each other, are one cluster for a while.
     """
-    if not tracks.moving.any():
+    begins = options.begins
+    knew = tracks.walked >= begins
+    if not (tracks.moving | knew).any():
         tracks.walked = np.zeros(len(tracks))
-        return np.empty((0, 5)), np.empty(0)
-    velocities = tracks.velocities
+        return NOBODY
+    velocities = tracks.states[:, 2:4]
     lasted = np.minimum(tracks.seen - tracks.unseen, WINDOW)
     moved = np.hypot(*velocities.T) * lasted > options.strayed * tracks.radii
     rows = np.hstack([tracks.states[:, :2], tracks.radii[:, None], velocities])
@@ -57,10 +77,12 @@ def who_walks(
             # he may walk over what was seen of himself
             faster[here] = np.where(was_free(rows[here]), SURE, 1.0)
     # who is hidden walks on for as long as he was seen to
-    times = np.where(is_seen, tracks.walked + faster * dt, tracks.walked)
-    tracks.walked = np.where(walks, times, 0.0)
-    walks &= (tracks.walked >= options.begins) & (tracks.unseen <= tracks.walked)
-    return rows[walks], tracks.velocity_deviations[walks]
+    longer = np.minimum(tracks.walked + faster * dt, begins + WINDOW)
+    times = np.where(is_seen, longer, tracks.walked)
+    tracks.walked = np.where(walks, times, np.where(knew, tracks.walked - dt, 0.0))
+    known = (tracks.walked >= begins) & (tracks.unseen <= tracks.walked)
+    perhaps = walks & is_seen & ~known
+    return Walking(rows[known], tracks.velocity_deviations[known], rows[perhaps])
 
 
 def _has_left(
@@ -87,14 +109,20 @@ def _has_left(
     return found
 
 
-def _was_free(before: LocalMap | None, places: Array, robot: Array) -> NDArray[np.bool_]:
-    """Whether cells at places (M, 2), and behind them as seen from the robot, were seen free."""
+def _was_free(
+    before: LocalMap | None, places: Array, robot: Array, window: float
+) -> NDArray[np.bool_]:
+    """Whether cells at places (M, 2), and behind them as seen from the robot, were seen free.
+
+    Whoever comes nearer hides where his middle is: the cells there were free until he was seen in
+    front of them, which is no longer than a window ago.
+    """
     if before is None:
         return np.zeros(len(places), dtype=bool)
     away = places - robot
     away *= BEHIND * before.cell / np.maximum(np.hypot(*away.T), before.cell)[:, None]
     cells, inside = before.cells_of(np.concatenate([places, places + away]))
-    free: NDArray[np.bool_] = inside & (before.state.ravel()[cells] == 0)
+    free = inside & before.was_free(cells, window)
     return free[: len(places)] & free[len(places) :]
 
 
@@ -123,7 +151,7 @@ class Walkers:
         pose: Array,
         circles: Array,
         before: LocalMap | None,
-    ) -> tuple[Tracks, Array, Array]:
+    ) -> tuple[Tracks, Array, Array, Array]:
         """Take in the scans of a step.
 
         Parameters
@@ -147,6 +175,8 @@ class Walkers:
             (W, 5) who walks, in the robot's units.
         spread : ndarray
             (W,) speeds at which they grow for what is not known of their velocity.
+        perhaps : ndarray
+            (P, 5) who seems to walk, but may be a piece of something that stands.
         """
         options, scale = self._follower.options, self._scale
         here = pose * scale.state
@@ -156,22 +186,20 @@ class Walkers:
         ]
         seen = found[0] if len(found) == 1 else np.concatenate([np.empty((0, 3)), *found])
         if not len(seen) and not len(tracks):
-            return tracks, np.empty((0, 5)), np.empty(0)
+            return tracks, *NOBODY
         standing = np.zeros((len(seen), 5))
         standing[:, :3] = seen
         tracks, _ = self._follower.follow(tracks, standing)
         period, length = self._follower.dt, scale.length
 
         def was_free(rows: Array) -> NDArray[np.bool_]:
-            return _was_free(before, rows[:, :2] / length, pose[:2])
+            return _was_free(before, rows[:, :2] / length, pose[:2], WINDOW / scale.time)
 
-        rows, deviations = who_walks(tracks, options, period, scans, here, was_free)
-        if not len(rows):
-            return tracks, rows, deviations
-        rows = rows / scale.circle
+        rows, deviations, perhaps = who_walks(tracks, options, period, scans, here, was_free)
+        rows, perhaps = rows / scale.circle, perhaps / scale.circle
         spread = options.spread * deviations / scale.speed
-        if len(circles):
+        if len(circles) and len(rows):
             away = np.hypot(*(rows[:, None, :2] - circles[:, :2]).transpose(2, 0, 1))
             new = (away > rows[:, 2:3] + circles[:, 2]).all(axis=1)
             rows, spread = rows[new], spread[new]
-        return tracks, rows, spread
+        return tracks, rows, spread, perhaps

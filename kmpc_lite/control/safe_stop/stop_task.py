@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -56,6 +56,8 @@ class StopTask:
     """Margins of single commands; without them every plan is accepted."""
     drift: DriftState | None = None
     """Of the drift detector; given with `check`."""
+    perhaps: Array = field(default_factory=lambda: np.empty((0, 5)))
+    """(P, 5) who may be walking, and who is else known as something that stands."""
 
 
 class CheckedPlan(NamedTuple):

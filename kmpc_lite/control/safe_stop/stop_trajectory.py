@@ -88,16 +88,17 @@ class StopTrajectories:
             What it must be clear of.
         """
         check, drift = task.check, task.drift
-        something = len(task.circles) or task.nearby or self._known < math.inf
+        something = len(task.circles) or task.nearby or self._known < math.inf or len(task.perhaps)
         if check is None or drift is None or not something:
             return CheckedPlan(StopTrajectory(), states, inputs)
         ahead, closing = self._ahead(task)
         model, here = task.model, states[0]
         share, nearest = check.speed_share(drift, here, inputs[0], ahead, task.past)
-        if closing:
-            share = min(
-                share, self._passers_by.share(task.circles, states, inputs[0], model.history)
-            )
+        if closing or len(task.perhaps):
+            # to keep away from who only seems to walk costs little: he has stood there anyway
+            walkers = np.concatenate([task.circles, task.perhaps])
+            beside = self._passers_by.share(walkers, states, inputs[0], model.history)
+            share = min(share, beside)
         plan = CheckedPlan(StopTrajectory(), states, inputs)
         if share < 1.0:
             turn_share = check.turn_share(drift, nearest, float(inputs[0, 1]))

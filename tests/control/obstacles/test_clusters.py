@@ -10,6 +10,8 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.control.obstacles.clusters import clusters
 from kmpc_lite.control.obstacles.tracker import ObstacleTracker
+from kmpc_lite.control.obstacles.walkers import who_walks
+from kmpc_lite.control.options import TrackerOptions, in_metres
 from kmpc_lite.sim.lidar import World
 from kmpc_lite.types import Array
 
@@ -92,6 +94,19 @@ def test_pieces_of_walls_do_not_walk_when_a_robot_drives_by() -> None:
         pose = np.array([0.05 * k, 0.1 * math.sin(0.1 * k), 0.02 * k])
         walking += len(tracker.see(look(POSTS, pose, random, walls), pose))
     assert walking <= 3
+
+
+def test_who_walks_is_somebody_until_nothing_has_told_of_it_for_a_second() -> None:
+    tracker, pose = ObstacleTracker(DT), np.zeros(3)
+    for k in range(20):
+        scan = look(np.array([[1.2, 0.06 * k - 1.2, 0.25, 0.0, 0.0]]), pose)
+        people = tracker.see(scan, pose)
+    assert len(people) == 1
+    tracks, options, known = tracker.tracks, in_metres(TrackerOptions(), 0.15), []
+    for _ in range(15):
+        tracks.moving[:] = False
+        known.append(len(who_walks(tracks, options, DT, [scan], pose).rows))
+    assert all(known[:9]) and not any(known[10:])
 
 
 def test_a_wall_that_goes_on_beyond_the_scanners_reach_is_none() -> None:

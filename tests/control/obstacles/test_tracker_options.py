@@ -137,7 +137,7 @@ def walking(velocity: tuple[float, float], times: int, radius: float) -> int:
 @pytest.mark.parametrize(("speed", "walks"), [(0.76, 0), (0.84, 1)])
 def test_somebody_moves_by_half_of_his_radius_in_a_second(speed: float, walks: int) -> None:
     tracker = walked(speed, 40, radius=1.6)
-    tracker.tracks.walked[:] = 1.0  # seen to leave his place, and hidden now
+    tracker.tracks.walked[:] = 0.9  # seen to leave his place, just so, and hidden now
     assert len(tracker.see(scan(np.full(41, np.inf), 0.01), np.zeros(3))) == walks
 
 

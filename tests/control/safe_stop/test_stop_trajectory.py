@@ -117,6 +117,26 @@ def test_behind_a_slow_command_a_fast_one_needs_its_own_margin() -> None:
     assert clear.tolist() == [True, False]
 
 
+@pytest.mark.parametrize("others", [[], [[3.0, 0.0, 0.2, 0.5, 0.0]]])
+def test_who_only_seems_to_walk_is_not_driven_up_to(others: list[list[float]]) -> None:
+    model, circles = kl.nominal_unicycle(0.1), np.array(others).reshape(-1, 5)
+    plan = straight(model, np.zeros((0, 2)))
+    check, stops = Margins(model, PROBLEM).command_check, StopTrajectories(PROBLEM)
+
+    def driven(gap: float) -> float:
+        perhaps = np.array([[gap + 0.25 + PROBLEM.robot_radius, 0.0, 0.25, -0.9, 0.0]])
+        none, drift = np.zeros((0, 2)), DriftState()
+        task = StopTask(
+            model, none, np.zeros(2), circles, check=check, drift=drift, perhaps=perhaps
+        )
+        return float(stops.find(plan.states, plan.inputs, task).inputs[0, 0])
+
+    # he walks 9 cm in a period
+    assert driven(0.08) == 0.0
+    assert 0.0 < driven(0.11) < 0.3
+    assert driven(0.3) == plan.inputs[0, 0]
+
+
 def test_without_margins_no_plan_is_refused() -> None:
     model = kl.nominal_unicycle(0.1)
     plan, circles = straight(model, np.zeros((0, 2))), np.array([[0.1, 0.0, 0.3, 0.0, 0.0]])

@@ -15,6 +15,10 @@ from kmpc_lite.types import Array
 
 UNKNOWN = -1
 """State of a cell of which nothing is known; see `LocalMap.state`."""
+NEVER = -np.inf
+"""Before every time; see `LocalMap.taken`."""
+EMPTY = ("state", UNKNOWN), ("seen", 0.0), ("offset", 0.0), ("taken", NEVER)
+"""What is told of cells of which nothing is known."""
 NO_POSES = np.empty((0, 4))
 
 
@@ -34,6 +38,8 @@ class LocalMap:
     """(H, W) when it was seen last, on `clock`."""
     offset: NDArray[np.float32]
     """(H, W, 2) where in an occupied cell the last hit lay, from the cell's corner."""
+    taken: NDArray[np.float32]
+    """(H, W) when an occupied cell was hit that was free until then, on `clock`."""
     is_fixed: bool
     """Whether it holds the whole area, so that it need not follow the robot."""
     clock: float = 0.0
@@ -58,6 +64,7 @@ class LocalMap:
             np.full(shape, UNKNOWN, dtype=np.int8),
             np.zeros(shape, dtype=np.float32),
             np.zeros((*shape, 2), dtype=np.float32),
+            np.full(shape, NEVER, dtype=np.float32),
             is_fixed,
         )
 
@@ -78,7 +85,7 @@ class LocalMap:
             return
         to_column, to_row = column - width // 2, row - height // 2
         right, up = to_column - self.column, to_row - self.row
-        for name, empty in (("state", UNKNOWN), ("seen", 0.0), ("offset", 0.0)):
+        for name, empty in EMPTY:
             setattr(self, name, _shifted(getattr(self, name), up, right, empty))
         self.column, self.row = to_column, to_row
 
@@ -149,9 +156,17 @@ class LocalMap:
         cells, inside = self.cells_of(points)
         if not inside.all():
             cells, points = cells[inside], points[inside]
-        self.state.ravel()[cells] = level
+        state = self.state.ravel()
+        self.taken.ravel()[cells[state[cells] == 0]] = self.clock
+        state[cells] = level
         self.seen.ravel()[cells] = self.clock
         self.offset.reshape(-1, 2)[cells] = points - self.cell * np.floor(points / self.cell)
+
+    def was_free(self, cells: NDArray[np.intp], time: float) -> NDArray[np.bool_]:
+        """Whether cells with flat numbers (n,) are free, or were until a time ago at most."""
+        state, taken = self.state.ravel()[cells], self.taken.ravel()[cells]
+        free: NDArray[np.bool_] = (state == 0) | ((state > 0) & (taken >= self.clock - time))
+        return free
 
     def forget(self, memory: float) -> None:
         """Forget what was seen longer ago than the memory reaches; at times, not in each step."""

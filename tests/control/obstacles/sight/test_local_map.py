@@ -49,6 +49,17 @@ def test_what_rays_pass_is_free_what_they_hit_is_occupied_and_the_rest_unknown()
     assert state_at(seen, 1.3, 0.0) == UNKNOWN
 
 
+def test_a_place_that_somebody_comes_to_was_free_until_he_was_seen_before_it() -> None:
+    s = sight()
+    seen = look(s, None, ROUND)
+    for reach in (0.9, 0.8, 0.7):
+        seen = look(s, seen, np.full(BEAMS, reach))
+    cells, _ = seen.cells_of(np.array([[0.6, 0.0], [0.801, 0.0], [0.901, 0.0], [1.001, 0.0]]))
+    # what was hit when the map began may have stood there for ever
+    assert seen.was_free(cells, 0.25).tolist() == [True, True, True, False]
+    assert seen.was_free(cells, 0.15).tolist() == [True, True, False, False]
+
+
 def test_beams_that_tell_nothing_free_nothing() -> None:
     for nothing in (np.nan, 0.0, -1.0):
         seen = look(sight(), None, np.where(np.arange(BEAMS) < BEAMS // 2, nothing, ROUND))
