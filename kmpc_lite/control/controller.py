@@ -28,6 +28,7 @@ from kmpc_lite.control.settings import (
     choose_adaptation,
     choose_options,
     choose_passes,
+    keeps_ways,
 )
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import StepClock
@@ -128,13 +129,8 @@ class Controller:
             "solver": solver,
         }
         check_settings(model, problem, tightening, guidance, settings, options.step)
-        self._settings = {
-            **settings,
-            "guidance": bool(guidance),
-            "tightening": tightening,
-            "options": options,
-            "clock": clock,
-        }
+        chosen = {"guidance": bool(guidance), "tightening": tightening}
+        self._settings = {**settings, **chosen, "options": options, "clock": clock}
         self.scale = scale = problem.scale
         self.adaptation = choose_adaptation(model, adaptation, tightening is not None, scale)
         self._units = units = problem_in_units(problem, model, options, bool(guidance))
@@ -152,6 +148,7 @@ class Controller:
             step=options.step,
             solver=solver,
             clock=clock,
+            ways=keeps_ways(units, self._settings, options.solver),
         )
         check_budget(time_budget, solver, self._sqp.workspace.can_be_stopped)
         self._pipeline = Pipeline(

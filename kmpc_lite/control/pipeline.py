@@ -19,7 +19,7 @@ from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.sqp_state import SQPResult
 from kmpc_lite.control.nmpc.task import Task
-from kmpc_lite.control.nmpc.trajectory import along, at_rest
+from kmpc_lite.control.nmpc.trajectory import along, at_rest, leads_elsewhere
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.obstacles.scene import Scene
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
@@ -159,10 +159,16 @@ class Pipeline:
         clock.lap("guide")
         qp, options = self._sqp.qp, self._options.solver
         guess, passes = self._sqp.warm_start.from_last(state.trajectory, seen.here), 1
-        if guess is None:
+        keeps_ways = guidance is not None and self._sqp.ways
+        if guess is None and not keeps_ways:
             guess, passes = at_rest(qp, seen.here), options.cold_passes
-        elif guidance is not None and (
-            guidance.switched or self._cuts_deeper(guess.states, reference, seen)
+        elif guess is None or (
+            guidance is not None
+            and (
+                guidance.switched
+                or self._cuts_deeper(guess.states, reference, seen)
+                or (keeps_ways and leads_elsewhere(guess.states, reference, seen.circles))
+            )
         ):
             # a plan along the old path is no good start for the new one
             guess, passes = along(qp, reference, seen.here), options.new_path_passes

@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
-from kmpc_lite.control.options import ControllerOptions, GuidanceOptions, StepOptions
+from kmpc_lite.control.options import (
+    ControllerOptions,
+    GuidanceOptions,
+    SolverOptions,
+    StepOptions,
+    fastest,
+    unit_length,
+)
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import SAME_DT
@@ -50,6 +57,19 @@ def choose_passes(
     turn = problem.dt * max(float(u_max[1]), -float(u_min[1]))
     far = bool(guidance) and turn > options.solver.real_time_turn
     return options.solver.long_period_passes if far else 1
+
+
+def keeps_ways(
+    problem: NavigationProblem, settings: dict[str, Any], options: SolverOptions
+) -> bool:
+    """Whether ways between stages are kept clear: steps are long, and passes are made for it.
+
+    The paper, without guidance or margins, looks at the stages alone.
+    """
+    if problem.footprint is not None or settings["sqp_iterations"] == 1:
+        return False
+    is_long = problem.dt * fastest(problem)[0] > options.long_step * unit_length(problem)
+    return bool(is_long and settings["guidance"] and settings["tightening"] is not None)
 
 
 def check_settings(

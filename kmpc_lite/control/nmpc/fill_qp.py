@@ -68,13 +68,14 @@ class QPFiller:
         run.solids_ahead = found.solids_ahead
         if task.tightening is not None:
             run.margins = self._margins(guess, task, lin, clearances, normals, found.obstacle_count)
-            clearances -= run.margins
+            clearances = keep_out.tighten(guess.states, task.circles, found, run.margins)
         violation = np.maximum(-clearances.min(axis=1, initial=0.0), 0.0)
         local = guess.states - run.origin
         normals, offsets = keep_out.half_planes(local, clearances, normals)
         reference = task.reference - run.origin
         centred = lin._replace(value=lin.value - run.origin)
-        qp.fill(centred, local, guess.inputs, reference, normals, offsets)
+        shares = keep_out.shares()
+        qp.fill(centred, local, guess.inputs, reference, normals, offsets, shares)
         if not self._exact_hessian:
             whole = qp.cost.terminal_share == 1.0
             return Linearized(lin, local, violation, None if whole else qp.P.data)
@@ -111,7 +112,13 @@ class QPFiller:
         widest = tightening.widest(drift)
         if np.minimum.reduce(clearances[:, :count], axis=None) < widest + tightening.far_clearance:
             margins[:, :count] = tightening.margins(
-                drift, lin, guess.states, guess.inputs, normals[:, :count], task.path_clearance
+                drift,
+                lin,
+                guess.states,
+                guess.inputs,
+                normals[:, :count],
+                task.path_clearance,
+                self._keep_out.chord_radii(len(task.circles), count),
             )
         else:
             margins[:, :count] = widest

@@ -17,6 +17,8 @@ from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, command_windows
 from kmpc_lite.control.obstacles.half_planes import KeepOut
+from kmpc_lite.control.options import SolverOptions, fastest, unit_length
+from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
 
 ROUNDING = 1e-10
@@ -146,3 +148,13 @@ def predict_stages(trajectory: Trajectory, task: Task) -> Array:
     past = command_windows(task.model.history, task.past, trajectory.inputs)
     predicted: Array = task.model.predict(trajectory.states[:-1], trajectory.inputs, past)
     return predicted
+
+
+def short_limits(problem: NavigationProblem, options: SolverOptions) -> tuple[Array, Array]:
+    """Changes of all states and commands that are short, and defects of a stage that are small."""
+    length, (speed, turn_rate) = unit_length(problem), fastest(problem)
+    state = options.short_step * length, options.short_step * length, options.short_turn
+    command = options.short_speed_change * speed, options.short_turn_rate_change * turn_rate
+    short = np.concatenate([np.tile(part, problem.horizon) for part in (state, command)])
+    defect = options.straight_defect * length
+    return short, np.array((defect, defect, options.straight_turn_defect))

@@ -39,6 +39,9 @@ class NavigationQP:
         curvature of the constraints.
     options : SolverOptions, optional
         Scales of the rows.
+    ways : bool
+        Whether half-planes may stand on the ways to their stages: their rows then have entries of
+        the stage before, too.
     """
 
     def __init__(
@@ -48,9 +51,10 @@ class NavigationQP:
         slots: int,
         curved: bool = False,
         options: SolverOptions | None = None,
+        ways: bool = False,
     ) -> None:
         options = SolverOptions() if options is None else options
-        self._arguments = problem, history, slots, curved, options
+        self._arguments = problem, history, slots, curved, options, ways
         n = problem.horizon
         self.problem, self.horizon, self.history, self.slots = problem, n, history, slots
         # turning moves what is not round
@@ -82,7 +86,7 @@ class NavigationQP:
             self.wheel_rows,
         ):
             self._next_stage[part] = np.concatenate([part[1:], part[-1:]])
-        self._build_constraints()
+        self._build_constraints(ways)
         self.cost = QPCost(
             problem, self.state_columns, self.input_columns, self.slack_columns, curved
         )
@@ -105,7 +109,7 @@ class NavigationQP:
         # its arrays are views of each other, which copies would not be
         return type(self), self._arguments
 
-    def _build_constraints(self) -> None:
+    def _build_constraints(self, ways: bool) -> None:
         n, blocks = self.horizon, []
 
         def block(rows: Array, columns: Array, values: Array | float) -> int:
@@ -126,6 +130,8 @@ class NavigationQP:
         normal_start = block(
             self.half_plane_rows[..., None], states[:, None, : self._directions], 0.0
         )
+        before = self.half_plane_rows[1 if ways else n :, :, None]
+        before_start = block(before, states[: len(before), None, : self._directions], 0.0)
         block(self.half_plane_rows, self.slack_columns[:, None], self.half_plane_scale)
         block(self.input_rows, inputs, 1.0)
         block(self.slack_rows, self.slack_columns, self.slack_scale)
@@ -145,14 +151,15 @@ class NavigationQP:
             (value[order], row[order], pointers), shape=(self.row_count, self.size)
         )
         # what every pass writes is gathered block by block, then put in its places at once
-        end = normal_start + n * self.slots * self._directions
+        end = before_start + len(before) * self.slots * self._directions
         self._written, self._places = np.empty(end - a_start), place[a_start:end]
-        parts = np.split(self._written, np.array([*b_starts, normal_start]) - a_start)
+        parts = np.split(self._written, np.array([*b_starts, normal_start, before_start]) - a_start)
         self._by_state = parts[0].reshape(n - 1, STATES, STATES)
         self._by_command = [
-            part.reshape(n - j, STATES, INPUTS) for j, part in enumerate(parts[1:-1])
+            part.reshape(n - j, STATES, INPUTS) for j, part in enumerate(parts[1:-2])
         ]
-        self._normals = parts[-1].reshape(n, self.slots, self._directions)
+        self._normals = parts[-2].reshape(n, self.slots, self._directions)
+        self._before = parts[-1].reshape(len(before), self.slots, self._directions)
 
     def set_last_command(self, command: Array) -> None:
         """Write the command (2,) that was sent last, where the problem limits changes."""
@@ -168,6 +175,7 @@ class NavigationQP:
         reference: Array,
         normals: Array,
         offsets: Array,
+        shares: Array | None = None,
     ) -> None:
         """Write one linearisation into the matrices.
 
@@ -182,6 +190,8 @@ class NavigationQP:
         normals, offsets : ndarray
             Half-planes ``normal . p + slack >= offset`` of stages 1 to N: (N, slots, 2) and (N,
             slots); (N, slots, 3) with the heading, of a robot with a footprint.
+        shares : ndarray, optional
+            Where p lies on the way to its stage, (N, slots); at its end where not given.
         """
         n = self.horizon
         np.negative(lin.A[1:], out=self._by_state)
@@ -198,6 +208,9 @@ class NavigationQP:
         self._dynamics_lower[:] = right
         self._dynamics_upper[:] = right
         np.multiply(normals, self.half_plane_scale, out=self._normals)
+        if shares is not None:
+            np.multiply(self._normals[1:], 1.0 - shares[1:, :, None], out=self._before)
+            self._normals *= shares[..., None]
         self.A.data[self._places] = self._written
         np.multiply(offsets, self.half_plane_scale, out=self._half_plane_lower)
         np.maximum(self._half_plane_lower, -OPEN, out=self._half_plane_lower)

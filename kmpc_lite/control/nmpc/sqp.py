@@ -23,6 +23,7 @@ from kmpc_lite.control.nmpc.line_search import (
     Penalties,
     Step,
     predict_stages,
+    short_limits,
 )
 from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.qp_solvers import QPSolution, QPStatus
@@ -31,7 +32,7 @@ from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, command_windows
 from kmpc_lite.control.nmpc.warm_start import WarmStart
 from kmpc_lite.control.obstacles.half_planes import keep_out
-from kmpc_lite.control.options import SolverOptions, StepOptions, fastest, unit_length
+from kmpc_lite.control.options import SolverOptions, StepOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.types import INPUTS, STATES, Array
@@ -63,6 +64,8 @@ class SQP:
         ``"osqp"``, or a name that qpsolvers knows.
     clock : callable
         Gives the time [s] that deadlines are on.
+    ways : bool
+        Whether the ways between the stages are kept out of circles, too: of a round robot.
 
     Raises
     ------
@@ -82,22 +85,23 @@ class SQP:
         step: StepOptions | None = None,
         solver: str = DEFAULT_SOLVER,
         clock: Callable[[], float] = perf_counter,
+        ways: bool = False,
     ) -> None:
         self.options = options = SolverOptions() if options is None else options
-        self.problem, self.clock = problem, clock
+        self.problem, self.clock, self.ways = problem, clock, ways
         self.iterations, self.tolerance = iterations, tolerance
         exact_hessian = iterations > 1 and not history  # what a command bends later is left out
         slots *= 1 if problem.footprint is None else 2  # at either end of what is not round
-        self.qp = NavigationQP(problem, history, slots, exact_hessian, options)
+        self.qp = NavigationQP(problem, history, slots, exact_hessian, options, ways)
         settings = options.converged if iterations > 1 else options.one_pass(history)
         self.workspace = choose_solver(solver, self.qp, settings)
-        self.keep_out = keep_out(problem, slots)
+        self.keep_out = keep_out(problem, slots, ways)
         self._filler = QPFiller(self.qp, self.keep_out, exact_hessian, options)
         self.warm_start = WarmStart(problem, self.qp, options)
         self._search = LineSearch(self.qp, self.keep_out, options.armijo, clock)
         self._u_min, self._u_max, _, _ = problem.bounds
         self._rates = RateLimit(problem)
-        self._short, self._straight = _limits(problem, options)
+        self._short, self._straight = short_limits(problem, options)
         self._contradicted = (step or StepOptions()).accepted_defect * unit_length(problem)
 
     def solve(self, state: SQPState, guess: Trajectory, task: Task, passes: int = 1) -> SQPResult:
@@ -162,6 +166,9 @@ class SQP:
         if self.iterations > 1:
             limit, tolerance = self.iterations, self.tolerance
         penalty, cost = float(self.problem.slack_weights[0]), self.qp.cost
+        if self.ways:
+            # a long step that is given up costs more than the usual weight
+            penalty *= self.options.penalty_growth
         cost.set_slack_penalty(penalty)
         cost.set_terminal_share(task.terminal_share)
         return Progress(
@@ -288,13 +295,3 @@ class SQP:
             and depth > self.options.accepted_depth
             and depth < 0.5 * before
         )
-
-
-def _limits(problem: NavigationProblem, options: SolverOptions) -> tuple[Array, Array]:
-    """Changes of all states and commands that are short, and defects of a stage that are small."""
-    length, (speed, turn_rate) = unit_length(problem), fastest(problem)
-    state = options.short_step * length, options.short_step * length, options.short_turn
-    command = options.short_speed_change * speed, options.short_turn_rate_change * turn_rate
-    short = np.concatenate([np.tile(part, problem.horizon) for part in (state, command)])
-    defect = options.straight_defect * length
-    return short, np.array((defect, defect, options.straight_turn_defect))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kmpc_lite.control.nmpc.qp import NavigationQP
+from kmpc_lite.geometry import wrap
 from kmpc_lite.model.arguments import windows
 from kmpc_lite.types import INPUTS, Array
 
@@ -61,3 +62,15 @@ def command_windows(history: int, past: Array, inputs: Array) -> Array | None:
     if not history:
         return None
     return windows(np.concatenate([past, inputs]), history)
+
+
+def leads_elsewhere(states: Array, reference: Array, circles: Array) -> bool:
+    """Whether states (N + 1, 3) pass one of circles (M, 5) on another side than a reference.
+
+    There and back, by way of the reference, they then lead around it.
+    """
+    loop = np.concatenate([states[:, :2], reference[::-1, :2], states[:1, :2]])
+    away = loop[:, None] - circles[:, :2]
+    angle = np.arctan2(away[..., 1], away[..., 0])
+    swept = wrap(np.diff(angle, axis=0)).sum(axis=0)
+    return bool((np.abs(swept) > np.pi).any())

@@ -143,6 +143,22 @@ class KeepOut:
         grown: Array = np.minimum(self._times[:, None] * spread, self._distance)
         return grown
 
+    def tighten(
+        self, states: Array, circles: Array, found: Clearances, margins: Array | float
+    ) -> Array:
+        """Take margins (N, K) [m] off what `clearances` has found for states and circles."""
+        clearances = found.values
+        clearances -= margins
+        return clearances
+
+    def chord_radii(self, circle_count: int, count: int) -> Array | None:
+        """Radii for the margins of chords, of circles and of all obstacles; none: the robot's."""
+        return None
+
+    def shares(self) -> Array | None:
+        """Where on the way to its stage each of the last half-planes stands; none: at its end."""
+        return None
+
     def half_planes(self, states: Array, clearances: Array, normals: Array) -> tuple[Array, Array]:
         """Nearest half-planes ``normal . p >= offset`` of stages 1 to N.
 
@@ -220,8 +236,13 @@ class KeepOut:
         return deepest
 
 
-def keep_out(problem: NavigationProblem, slots: int) -> KeepOut:
-    """What a problem's robot must stay out of, with so many half-planes per stage."""
+def keep_out(problem: NavigationProblem, slots: int, ways: bool = False) -> KeepOut:
+    """What a robot, or its ways, must stay out of, with so many half-planes per stage."""
+    if ways:
+        # here, since most steps are short
+        from kmpc_lite.control.obstacles.ways import WayKeepOut
+
+        return WayKeepOut(problem, slots)
     if problem.footprint is None:
         return KeepOut(problem, slots)
     # here, since most robots are round

@@ -78,6 +78,9 @@ class SolverOptions:
     before is no linearisation to begin with where it has turned farther ..."""
     long_period_passes: int = count(10)
     """... and so many passes are made; there is time for them in such a period."""
+    long_step: float = radii(3.0, zero=False)
+    """Where a robot that makes so many passes can drive farther than this in a period [radii], its
+    ways between the stages are kept out of circles, too: it could leap over one that it meets."""
     cold_passes: int = count(10)
     """Most passes of a step that has no warm start: the first linearisation, at rest, does not see
     that steering has an effect."""
