@@ -193,6 +193,8 @@ def base_problem(robot: Robot, dt: float) -> Any:
         horizon=min(100, max(20, round(LOOK_AHEAD / dt))),
         u_min=(-limits.v_reverse, -limits.omega_max),
         u_max=(limits.v_max, limits.omega_max),
+        # a plan that knows nothing of the gate's ramps brakes too late, and swings about its goal
+        du_max=(limits.acceleration, limits.angular_acceleration),
         deceleration=(limits.deceleration, limits.angular_deceleration),
         **_wheels(robot),
     )

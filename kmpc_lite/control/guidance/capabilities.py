@@ -44,6 +44,8 @@ class Capabilities:
     wheels: tuple[float, float] = (0.0, np.inf)
     """How far a wheel drives for each radian that the robot turns [m], and its fastest speed
     [m/s]."""
+    deceleration: float = np.inf
+    """With which a path ends [m/s^2]."""
 
     def with_speeds(self, speeds: Array, options: GuidanceOptions) -> Capabilities:
         """Return the same for other speeds (3,): ahead, backwards [m/s], rate of turn [rad/s]."""
@@ -98,6 +100,7 @@ def capabilities(
         goal_tolerances(model, in_metres(goal_options or GoalOptions(), unit)),
         clearance,
         _wheels(problem, float(speeds[2])),
+        options.brake_share * float(problem.du_max[0]),
     )
 
 

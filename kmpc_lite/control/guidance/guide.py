@@ -283,8 +283,8 @@ class Guide:
         self, path: TimedPath, place: float, scale: float, turning: bool, heading: float
     ) -> Array:
         """States (N + 1, 3) along the path at a share of its speed, their headings near one."""
-        times = self._ahead * scale
-        times += place
+        later = self._ahead * scale
+        times = place + later if turning else path.times_after(place, later)
         if not turning and place > path.drive_end - self._options.goal_stretch:
             np.minimum(times, path.drive_end, out=times)
         states = path.at(times)

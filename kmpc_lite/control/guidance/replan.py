@@ -270,13 +270,12 @@ class Replanner:
             state.path, state.why_none = None, search.reason
             return previous is not None
         state.waiting = None
-        free_turn = self._free_turn(search)
-        speed = now.capabilities.backward if path.reverse else now.capabilities.forward
+        free_turn, o, can = self._free_turn(search), self._options, now.capabilities
+        speed = can.backward if path.reverse else can.forward
         if state.shuttles:
-            speed = speed * (self._options.shuttle_speed, 1.0)
-        wheels = now.capabilities.wheels
+            speed = speed * (o.shuttle_speed, 1.0)
         state.path = TimedPath(
-            path, search.pose, search.goal, speed, self._options, free_turn, wheels
+            path, search.pose, search.goal, speed, o, free_turn, can.wheels, can.deceleration
         )
         state.path_clearance = max(search.clearance - swing(state.turning_centre), 0.0)
         other = search.switched or previous is None or not search.same_goal

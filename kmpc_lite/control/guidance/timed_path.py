@@ -36,6 +36,8 @@ class TimedPath:
     wheels : tuple
         How far a wheel drives for each radian that the robot turns [m], and its fastest speed
         [m/s].
+    deceleration : float
+        With which the drive ends [m/s^2]; infinite where the robot stands at once.
     """
 
     def __init__(
@@ -47,8 +49,9 @@ class TimedPath:
         options: GuidanceOptions,
         free_turn: float = 0.0,
         wheels: tuple[float, float] = (0.0, math.inf),
+        deceleration: float = math.inf,
     ) -> None:
-        self.geometry = geometry
+        self.geometry, self._braking = geometry, float(speed[0]) / deceleration
         self.poses = poses_along(geometry, start, goal, free_turn)
         steps = np.diff(self.poses, axis=0)
         lengths = np.hypot(steps[:, 0], steps[:, 1])
@@ -81,6 +84,31 @@ class TimedPath:
         poses[:, :2] = places.view(float).reshape(-1, 2)
         poses[:, 2] = np.interp(times, self.times, self._headings)
         return poses
+
+    def times_after(self, place: float, later: Array) -> Array:
+        """Times on the path of a robot that is at a place [s] and drives on, braking at the end.
+
+        On its times alone a path ends at full speed: whoever brakes before it has braked too late.
+
+        Parameters
+        ----------
+        place : float
+            Where it is [s], before the last turn.
+        later : ndarray
+            How much later, (n,) [s].
+        """
+        left, braking = self.drive_end - place, self._braking
+        if left <= 0.0 or braking == 0.0:
+            return place + later
+        # with a constant deceleration the root of the time that is left shrinks evenly
+        root, rate = math.sqrt(min(left, 0.5 * braking)), 1.0 / math.sqrt(2.0 * braking)
+        slowed = later - max(left - 0.5 * braking, 0.0)
+        times: Array = np.where(
+            slowed <= 0.0,
+            place + later,
+            self.drive_end - np.maximum(root - rate * slowed, 0.0) ** 2,
+        )
+        return times + np.maximum(slowed - root / rate, 0.0)
 
     def share_at_goal(self, states: Array) -> float:
         """Share of the stages 1 to N of a reference (N + 1, 3) that have come to its goal."""

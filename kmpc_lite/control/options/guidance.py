@@ -115,6 +115,9 @@ class GuidanceOptions:
     goal_stretch: float = seconds(0.5)
     """For so long before the path reaches the goal's position, the reference ends there: it does
     not begin the last turn yet [s]."""
+    brake_share: float = share(0.6)
+    """Share of `du_max` with which the reference brakes before the goal: turning takes the rest,
+    and what brakes with all of it has nothing left for an error."""
     grid_step: float = seconds(0.05)
     """Time between neighbouring poses of a path, among which the robot's place is looked for [s].
     """
