@@ -10,5 +10,9 @@ clearance alone to be spent.
 
 from __future__ import annotations
 
-CHANGED: dict[int, str] = {}
+BRAKES = (
+    "a robot whose commands change slowly is led to its goal as it can brake before it, not at "
+    "full speed to the end"
+)
+CHANGED: dict[int, str] = dict.fromkeys((0, 21, 43, 63, 71, 78, 155, 233, 247, 266), BRAKES)
 """Reasons by the number of the drive."""

@@ -22,6 +22,7 @@ DRIVES: dict[str, int] = {
     "guidance.free_turn_length": 90,
     "guidance.free_turn_clearance": 202,
     "guidance.goal_stretch": 169,
+    "guidance.brake_share": 63,
     "guidance.grid_step": 19,
     "guidance.turn_length": 55,
     "guidance.arc_step": 11,

@@ -114,7 +114,27 @@ class CommandCheck:
 
     def _stop_errors(self, felt: FeltNoise, rates: Array) -> Array:
         """Quantile of the errors in any direction [m] of speeds and turn rates (2, ..., T)."""
-        return self._added_up(rates, felt.command_trace, felt.lasting_trace)
+        own = self._added_up(rates, felt.command_trace, felt.lasting_trace)
+        errors: Array = np.hypot(own, self._led_aside(felt, rates))
+        return errors
+
+    def _led_aside(self, felt: FeltNoise, rates: Array) -> Array:
+        """Quantile of what headings that are off lead aside [m], over all that is driven after."""
+        driven = rates[0] * self._model.dt
+        ends = np.cumsum(driven, axis=-1)
+        begins, squared = ends - driven, np.zeros_like(ends)
+        whole, lasting = felt.command[:, 8].tolist(), felt.lasting[:, 8].tolist()
+        for rate, each, lasts in zip(rates, whole, lasting, strict=True):
+            white = self._noise.step_quantile**2 * max(each - lasts, 0.0) * rate * rate
+            # the sum of what comes from each period, by the squared way from its begin on
+            sums = (np.cumsum(white * begins**n, axis=-1) for n in range(3))
+            constant, linear, square = sums
+            squared += ends * (ends * constant - 2.0 * linear) + square
+            if lasts:
+                way = ends * np.cumsum(rate, axis=-1) - np.cumsum(rate * begins, axis=-1)
+                squared += self._noise.quantile**2 * lasts * way * way
+        aside: Array = np.sqrt(np.maximum(squared, 0.0))
+        return aside
 
     def _added_up(self, rates: Array, whole: Sequence[float], lasting: Sequence[float]) -> Array:
         """Quantile of what a variance, by v^2 and by omega^2, adds up to at each stage (..., T)."""

@@ -10,7 +10,7 @@ one before is driven.
 Clear means: up to the stop, no obstacle comes nearer than the margin of what is driven, or than the
 clearance that a standing robot would have had, less a share of what the pose's noise leaves sure of
 it (`StopOptions.spend_share`). So standing is always allowed, a robot that is near an obstacle can
-pass by, and one that touches can get free.
+pass by, and one that touches can get free. What drives on before it brakes has no such leave.
 
 It holds as far as these are true:
 
@@ -224,7 +224,7 @@ class StopTrajectories:
         commands = np.zeros((len(candidates), max(map(len, candidates)), 2))
         for row, candidate in zip(commands, candidates, strict=True):
             row[: len(candidate)] = candidate
-        clear = self._are_clear(here, commands, task, check, drift)
+        clear = self._are_clear(here, commands, task, check, drift, self._further)
         if not clear.any():
             return plan._replace(stop=None)
         first = int(clear.argmax())
@@ -236,7 +236,13 @@ class StopTrajectories:
         return CheckedPlan(StopTrajectory(), states, slower, slowed=True)
 
     def _are_clear(
-        self, here: Array, commands: Array, task: StopTask, check: CommandCheck, drift: DriftState
+        self,
+        here: Array,
+        commands: Array,
+        task: StopTask,
+        check: CommandCheck,
+        drift: DriftState,
+        strictly: int = 0,
     ) -> Array:
         """Which of the stop trajectories (C, T, 2) from a pose (3,) are clear, (C,)."""
         states = self.rollout(task.model, here, commands, task.past)[:, 1:]
@@ -266,6 +272,9 @@ class StopTrajectories:
         margins = check.stop_margins(drift, *_moved(here, states)).reshape(-1).repeat(each)
         left = still_clearance - self._options.spend_share * check.sure(still_clearance)
         needed = np.minimum(margins[:, None], left)
+        # the first ones keep their margins even where the robot has less: it need not drive on
+        strict = slice(strictly * length * each)
+        needed[strict] = margins[strict, None]
         # also false for NaN
         enough: Array = clearance >= needed - ROUNDING
         clear: Array = np.logical_and.reduce(enough.reshape(count, -1), axis=1)

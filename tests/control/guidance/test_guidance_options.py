@@ -25,11 +25,14 @@ NO_CIRCLES = np.empty((0, 5))
 AREA = np.array([-10.0, -10.0, 10.0, 10.0])
 
 
-def straight(length: float, speed: float = 0.5, turn: float = 1.0) -> TimedPath:
+def straight(
+    length: float, speed: float = 0.5, turn: float = 1.0, deceleration: float = np.inf
+) -> TimedPath:
     points = np.array([[0.0, 0.0], [length, 0.0]])
     geometry = GeometricPath(points, np.zeros(2), length / speed, False)
     ends = np.zeros(3), np.array([length, 0.0, 0.0])
-    return TimedPath(geometry, *ends, np.array([speed, turn]), OPTIONS)
+    speeds = np.array([speed, turn])
+    return TimedPath(geometry, *ends, speeds, OPTIONS, deceleration=deceleration)
 
 
 def gate(half_width: float) -> Array:
@@ -241,3 +244,40 @@ def test_a_robot_that_is_not_round_is_looked_at_in_400_places_of_a_path(
     cart = kl.Footprint.rectangle(0.8, 0.3)
     BodyPaths(kl.NavigationProblem(footprint=cart), cart, OPTIONS).fits(path, search)
     assert looks == [400]
+
+
+# braking
+
+
+def test_a_robot_that_brakes_slowly_is_led_to_its_goal_as_it_brakes() -> None:
+    path, later = straight(2.0, deceleration=0.25), np.arange(0.0, 8.0, 0.01)
+    for begin in (0.0, 2.0, 3.6):
+        places = path.at(path.times_after(begin, later))[:, 0]
+        speeds = np.diff(places) / 0.01
+        left = 2.0 - places[:-1]
+        assert (speeds <= np.minimum(0.5, np.sqrt(2.0 * 0.25 * left)) + 0.01).all()
+        assert np.diff(speeds).min() >= -0.25 * 0.01 - 1e-9
+        assert places[-1] == pytest.approx(2.0)
+    # a second later than at full speed to the end
+    arrives = later[np.argmax(path.at(path.times_after(0.0, later))[:, 0] >= 2.0 - 1e-9)]
+    assert arrives == pytest.approx(4.0 + 1.0, abs=0.02)
+
+
+def test_a_robot_that_stands_at_once_is_led_at_full_speed_to_the_end() -> None:
+    later = np.arange(0.0, 8.0, 0.1)
+    np.testing.assert_array_equal(straight(2.0).times_after(1.5, later), 1.5 + later)
+
+
+def test_after_its_drive_a_robot_that_brakes_turns_as_ever() -> None:
+    path = straight(2.0, deceleration=0.25)
+    np.testing.assert_array_equal(
+        path.times_after(path.drive_end, np.ones(1)), [path.drive_end + 1]
+    )
+    late = path.times_after(0.0, np.array([5.0, 6.0, 7.0]))
+    np.testing.assert_allclose(np.diff(late), 1.0)
+
+
+def test_paths_end_with_six_tenths_of_what_the_commands_may_change() -> None:
+    slow = kl.NavigationProblem(du_max=(1.5, 5.0))
+    assert capabilities(kl.nominal_unicycle(0.1), slow).deceleration == pytest.approx(0.9)
+    assert CAPABILITIES.deceleration == np.inf
