@@ -14,5 +14,11 @@ BRAKES = (
     "a robot whose commands change slowly is led to its goal as it can brake before it, not at "
     "full speed to the end"
 )
-CHANGED: dict[int, str] = dict.fromkeys((0, 21, 43, 63, 71, 78, 155, 233, 247, 266), BRAKES)
+STOPS = (
+    "a stop trajectory that drives on before it brakes keeps its whole margin, and a heading that "
+    "is off leads it aside"
+)
+CHANGED: dict[int, str] = dict.fromkeys((13, 121, 136, 191, 246, 264), STOPS) | dict.fromkeys(
+    (0, 21, 43, 63, 71, 78, 155, 233, 247, 266), BRAKES
+)
 """Reasons by the number of the drive."""

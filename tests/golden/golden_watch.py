@@ -509,5 +509,8 @@ TESTS: dict[str, tuple[str, ...]] = {
     "adaptation/test_adaptation_options.py::test_an_adapted_model_may_be_worse_by_a_tenth": (
         "adaptation.worse",
     ),
+    "control/obstacles/test_ways.py::test_ways_are_looked_at_where_steps_are_long": (
+        "solver.long_step",
+    ),
 }
 """Tests below tests, and the options that they watch."""

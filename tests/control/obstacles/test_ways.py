@@ -95,6 +95,8 @@ def test_ways_are_looked_at_where_steps_are_long() -> None:
 
     assert looks(1.0) and not looks(0.1) and not looks(0.5)
     assert not looks(0.1, sqp_iterations=10)
+    # three radii of 0.15 m are what 0.6 m/s make in 0.75 s
+    assert looks(0.8) and not looks(0.7, sqp_iterations=10)
     assert not looks(1.0, guidance=False) and not looks(1.0, tightening=None)
     assert type(keep_out(PROBLEM, 5)) is KeepOut
 

@@ -117,6 +117,19 @@ def test_behind_a_slow_command_a_fast_one_needs_its_own_margin() -> None:
     assert clear.tolist() == [True, False]
 
 
+def test_beside_an_obstacle_a_robot_may_brake_but_not_drive_on() -> None:
+    model = slipping(0.2)
+    check, stops = Margins(model, PROBLEM).command_check, StopTrajectories(PROBLEM)
+    beside = np.array([[0.0, 0.35 + 0.01, 0.2, 0.0, 0.0]])
+    assert check.step_margin(DriftState(), 0.6, 0.0) > 0.02
+    task = StopTask(model, np.zeros((0, 2)), np.zeros(2), beside, check=check, drift=DriftState())
+    commands = np.zeros((2, 3, 2))
+    commands[:, 0, 0] = 0.6
+    for strictly, expected in ((0, [True, True]), (1, [False, True])):
+        clear = stops._are_clear(np.zeros(3), commands, task, check, DriftState(), strictly)
+        assert clear.tolist() == expected
+
+
 @pytest.mark.parametrize("others", [[], [[3.0, 0.0, 0.2, 0.5, 0.0]]])
 def test_who_only_seems_to_walk_is_not_driven_up_to(others: list[list[float]]) -> None:
     model, circles = kl.nominal_unicycle(0.1), np.array(others).reshape(-1, 5)
