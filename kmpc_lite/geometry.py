@@ -239,3 +239,11 @@ def distances(points: Array, others: Array) -> Array:
     """
     apart: Array = np.hypot(points[..., 0] - others[..., 0], points[..., 1] - others[..., 1])
     return apart
+
+
+def angle_swept(points: Array, centres: Array) -> Array:
+    """Angle (M,) by which a path through points (K, 2) goes around each centre [rad]."""
+    away = points[:, None] - centres
+    angle = np.arctan2(away[..., 1], away[..., 0])
+    swept: Array = wrap(np.diff(angle, axis=0)).sum(axis=0)
+    return swept

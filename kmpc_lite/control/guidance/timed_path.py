@@ -9,7 +9,7 @@ import numpy as np
 
 from kmpc_lite.control.guidance.tangent_graph import GeometricPath
 from kmpc_lite.control.options import GuidanceOptions
-from kmpc_lite.geometry import wrap
+from kmpc_lite.geometry import angle_swept, wrap
 from kmpc_lite.types import Array
 
 INSTANT = 1e-9
@@ -196,14 +196,6 @@ def same_side(
     """
     if previous.geometry.reverse != path.reverse:
         return False
-    swept = _angle_swept(previous.points_left(pose, place), centres)
-    turned = swept - _angle_swept(path.points, centres)
+    swept = angle_swept(previous.points_left(pose, place), centres)
+    turned = swept - angle_swept(path.points, centres)
     return bool((np.abs(turned) < np.pi).all())
-
-
-def _angle_swept(points: Array, centres: Array) -> Array:
-    """Angle (M,) by which a path through points (K, 2) goes around each centre [rad]."""
-    away = points[:, None] - centres
-    angle = np.arctan2(away[..., 1], away[..., 0])
-    swept: Array = wrap(np.diff(angle, axis=0)).sum(axis=0)
-    return swept

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from kmpc_lite.control.nmpc.qp import NavigationQP
-from kmpc_lite.geometry import wrap
+from kmpc_lite.geometry import angle_swept
 from kmpc_lite.model.arguments import windows
 from kmpc_lite.types import INPUTS, Array
 
@@ -70,7 +70,4 @@ def leads_elsewhere(states: Array, reference: Array, circles: Array) -> bool:
     There and back, by way of the reference, they then lead around it.
     """
     loop = np.concatenate([states[:, :2], reference[::-1, :2], states[:1, :2]])
-    away = loop[:, None] - circles[:, :2]
-    angle = np.arctan2(away[..., 1], away[..., 0])
-    swept = wrap(np.diff(angle, axis=0)).sum(axis=0)
-    return bool((np.abs(swept) > np.pi).any())
+    return bool((np.abs(angle_swept(loop, circles[:, :2])) > np.pi).any())
