@@ -12,6 +12,7 @@ from kmpc_lite.control.guidance.goal_reference import GoalReferenceState
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.nmpc.sqp_state import SQPState
 from kmpc_lite.control.nmpc.trajectory import Trajectory
+from kmpc_lite.control.obstacles.circle_memory import CircleMemoryState
 from kmpc_lite.control.obstacles.motion_watch import MotionWatchState
 from kmpc_lite.control.obstacles.scene import SceneState
 from kmpc_lite.control.safe_stop.backup import BackupState
@@ -53,6 +54,8 @@ class ControllerState:
     """Whether the pose has jumped."""
     circles: MotionWatchState = field(default_factory=MotionWatchState)
     """Who moves otherwise than told."""
+    out_of_sight: CircleMemoryState = field(default_factory=CircleMemoryState)
+    """Circles that stand, told now or before; none without `sensor_range`."""
     walkers: Tracks | None = None
     """Who walks, as scans show it, in metres and seconds; None without scans."""
     trajectory: Trajectory | None = None

@@ -8,6 +8,7 @@ from kmpc_lite.control.answers import Answers
 from kmpc_lite.control.estimation.pose_watch import PoseWatch
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.observation import Observation
+from kmpc_lite.control.obstacles.circle_memory import CircleMemory, CircleMemoryState
 from kmpc_lite.control.obstacles.motion_watch import MotionWatch
 from kmpc_lite.control.obstacles.tracks import Tracks
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
@@ -26,7 +27,7 @@ class Watching:
     scale : Scale
         The robot's units.
     options : ControllerOptions
-        Of sight, tracker and pose.
+        Of sight, tracker and pose, and of which circle is which.
     reach : float
         How far from the robot things count, in units.
     answers : Answers
@@ -45,10 +46,11 @@ class Watching:
         from kmpc_lite.control.obstacles.sight.sight import Sight
         from kmpc_lite.control.obstacles.walkers import Walkers
 
-        self._answers = answers
+        self._answers, self._dt = answers, units.dt
         self._poses = PoseWatch(units, options.pose)
         speed = fastest(units)[0] or 1.0
         self._motion = MotionWatch(units.dt, options.tracker, unit_length(units), speed)
+        self._memory = CircleMemory(units, options)
         self._sight = Sight(units, scale, options.sight, reach)
         self._walkers = Walkers(units.dt * scale.time, options.tracker, scale)
 
@@ -56,8 +58,9 @@ class Watching:
         """Compare circles and pose with what was expected of them.
 
         Circles that move otherwise than told get the velocity that they were seen to have. A pose
-        that has jumped stops the robot, and the predicted one is put in its place. Controllers
-        without margins, as the paper's, believe what they are told.
+        that has jumped stops the robot, and the predicted one is put in its place. Circles that
+        stand out of reach are added to those that are told (`CircleMemory`). Controllers without
+        margins, as the paper's, believe what they are told.
         """
         if known.margins is None:
             return
@@ -75,7 +78,17 @@ class Watching:
             seen.refusal = seen.refusal or self._answers.jump(state.pose.jump)
         elif doubted and state.pose.agreed:
             # the poses stay where they jumped to: what scans showed lies elsewhere now
-            state.seen = None
+            state.seen, state.out_of_sight = None, CircleMemoryState()
+        if not seen.refusal and seen.pose_is_known:
+            driven = abs(float(state.history.command[0])) * self._dt
+            seen.circles, seen.spread = self._memory.recall(
+                state.out_of_sight,
+                seen.circles,
+                seen.spread,
+                seen.measured,
+                noise.pose_errors[0],
+                driven,
+            )
 
     def _find_walkers(self, state: ControllerState, seen: Observation) -> None:
         """Add who walks, as scans show it, to the circles."""

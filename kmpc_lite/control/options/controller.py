@@ -49,7 +49,7 @@ class ControllerOptions:
     obstacles: ObstacleOptions = group(ObstacleOptions())
     """How many obstacles it looks at."""
     sight: SightOptions = group(SightOptions())
-    """What is remembered of scans."""
+    """What is remembered of scans, and of circles that are told within a range."""
     pose: PoseOptions = group(PoseOptions())
     """When a pose has jumped."""
     step: StepOptions = group(StepOptions())

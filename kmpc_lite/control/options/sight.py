@@ -1,4 +1,4 @@
-"""Options of sight: what is remembered of scans, and what is assumed of what is out of sight."""
+"""Options of sight: what is remembered, and what is assumed of what is out of sight."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ class SightOptions:
     most_cells: int = count(400, least=20)
     """Most cells along a side of the map: what is farther away is not remembered."""
     memory: float = seconds(120.0, zero=False)
-    """How long what is out of sight is remembered [s]: then nothing is known there."""
+    """How long what is out of sight is remembered [s]: then nothing is known there. Scans, and
+    circles that are out of `sensor_range`."""
     passes: int = count(3)
     """How many scans must pass through a cell that was hit until it counts as free."""
     certainty: float = share(2.0)
