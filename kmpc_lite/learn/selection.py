@@ -2,8 +2,8 @@
 
 In each direction (heading, along, across) the choice begins with the nominal unicycle. A richer
 candidate replaces it only where it beats it, beyond chance, on blocks that it was neither fitted to
-nor chosen by; of those that do, the simplest within a standard error of the best is taken. All
-candidates are judged on the same windows.
+nor chosen by; of those that do, the simplest is taken that the best does not beat beyond chance.
+All candidates are judged on the same windows.
 """
 
 from __future__ import annotations
