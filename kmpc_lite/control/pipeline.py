@@ -159,17 +159,9 @@ class Pipeline:
         clock.lap("guide")
         qp, options = self._sqp.qp, self._options.solver
         guess, passes = self._sqp.warm_start.from_last(state.trajectory, seen.here), 1
-        keeps_ways = guidance is not None and self._sqp.ways
-        if guess is None and not keeps_ways:
+        if guess is None and not self._sqp.ways:
             guess, passes = at_rest(qp, seen.here), options.cold_passes
-        elif guess is None or (
-            guidance is not None
-            and (
-                guidance.switched
-                or self._cuts_deeper(guess.states, reference, seen)
-                or (keeps_ways and leads_elsewhere(guess.states, reference, seen.circles))
-            )
-        ):
+        elif guess is None or self._leads_astray(guess.states, guidance, reference, seen):
             # a plan along the old path is no good start for the new one
             guess, passes = along(qp, reference, seen.here), options.new_path_passes
         deadline = clock.deadline(max(state.after_solve, LEAST_AFTER_SOLVE))
@@ -192,6 +184,16 @@ class Pipeline:
         result = self._sqp.solve(state.sqp, guess, task, passes)
         clock.add(result.timing)
         return result
+
+    def _leads_astray(
+        self, states: Array, guidance: Guidance | None, reference: Array, seen: Observation
+    ) -> bool:
+        """Whether a plan (N + 1, 3) is no start for one along the guidance's reference."""
+        if guidance is None:
+            return False
+        if guidance.switched or self._cuts_deeper(states, reference, seen):
+            return True
+        return self._sqp.ways and leads_elsewhere(states, reference, seen.circles)
 
     def _cuts_deeper(self, states: Array, reference: Array, seen: Observation) -> bool:
         """Whether a plan (N + 1, 3) cuts deeper than the reference into who was seen to move.
