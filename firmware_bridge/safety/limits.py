@@ -95,7 +95,9 @@ class Limits:
         if share >= 1.0:
             return target
         v, omega = (a + share * (b - a) for a, b in zip(start, target, strict=True))
-        return (0.0 if abs(v) < ZERO else v), (0.0 if abs(omega) < ZERO else omega)
+        # on the way to zero only: a slow ramp away from it begins with less
+        v = 0.0 if max(abs(v), abs(target[0])) < ZERO else v
+        return v, 0.0 if max(abs(omega), abs(target[1])) < ZERO else omega
 
 
 def _within(value: float, low: float, high: float) -> float:
