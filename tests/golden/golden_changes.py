@@ -18,7 +18,13 @@ STOPS = (
     "a stop trajectory that drives on before it brakes keeps its whole margin, and a heading that "
     "is off leads it aside"
 )
-CHANGED: dict[int, str] = dict.fromkeys((13, 121, 136, 191, 246, 264), STOPS) | dict.fromkeys(
-    (0, 21, 43, 63, 71, 78, 155, 233, 247, 266), BRAKES
+RETREATS = (
+    "a robot that touches by less than its pose may err, and leads past the obstacle, is as slow "
+    "as one a little beside it: the floor may push it on"
+)
+CHANGED: dict[int, str] = (
+    dict.fromkeys((13, 121, 136, 191, 246, 264), STOPS)
+    | dict.fromkeys((0, 21, 43, 63, 71, 78, 155, 233, 247, 266), BRAKES)
+    | {40: RETREATS}
 )
 """Reasons by the number of the drive."""

@@ -87,9 +87,9 @@ class BodyCommandCheck(CommandCheck):
             entering = closing & (leaving < 0.0)
             if not entering.any():
                 worst = int(limits.argmin())
-                least = self._options.retreat_share
-                if clearance.item(worst) > 0.0:
-                    least *= leaving.item(worst) / before.item(worst)
+                least = self._retreat(
+                    leaving.item(worst), before.item(worst), clearance.item(worst)
+                )
                 return CommandShare(share * max(limits.item(worst), least), nearest)
             share *= float(limits[entering].min())
         return CommandShare(share, nearest)

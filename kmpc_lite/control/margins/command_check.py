@@ -201,10 +201,7 @@ class CommandCheck:
             # a robot at the very centre can only go away
             straight = math.copysign(1.0, v) * float(away[worst] @ (cos, sin))
             if straight >= 0.0:
-                least = self._options.retreat_share
-                if clearance[worst] > 0.0:
-                    # less for a command that leads past the obstacle: floors push robots aside
-                    least *= straight / float(before[worst])
+                least = self._retreat(straight, before.item(worst), clearance.item(worst))
                 return CommandShare(share * max(float(limits[worst]), least), nearest)
             # again, for a curve that is driven slowly turns less in the period than the share says
             share *= float(limits[worst])
@@ -219,6 +216,23 @@ class CommandCheck:
         if error <= max(clearance, 0.0):
             return 1.0
         return max(clearance / error, self._options.retreat_share)
+
+    def _retreat(self, leaving: float, distance: float, clearance: float) -> float:
+        """Share that is always allowed of a command which leads away from an obstacle.
+
+        What leads past it has less, for floors push robots aside; but a robot that touches for
+        sure, whatever the pose's noise pretends, must get free.
+
+        Parameters
+        ----------
+        leaving : float
+            Part of the distance [m] that lies in the direction of the command.
+        distance, clearance : float
+            Of the obstacle's middle and of its edge [m].
+        """
+        least = self._options.retreat_share
+        touches = clearance <= -self.pose_error
+        return least if touches else least * leaving / max(distance, AT_CENTRE)
 
     def _error(self, felt: FeltNoise, v: float, omega: float) -> float:
         """Quantile of a command's error in any direction [m]."""

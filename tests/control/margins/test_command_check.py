@@ -96,6 +96,21 @@ def test_a_robot_that_drives_past_an_obstacle_is_not_taken_for_one_that_leaves_i
     assert shares[0] < 0.06 < shares[1] < 0.2 and shares[2] >= 0.25
 
 
+def test_who_only_seems_to_touch_is_as_slow_past_an_obstacle_as_one_beside_it():
+    """Poses that err tell of a touch where there is none yet: the floor may push the robot on."""
+    wary, u = Wary(slipping(0.2), PROBLEM), np.array([0.6, 0.0])
+    wary.of.command_check.pose_error = 0.01
+
+    def share(turned: float, gap: float) -> float:
+        return wary.speed_share(np.array([0.65 - gap, 0.0, 0.5 * np.pi + turned]), u, CIRCLES)
+
+    assert share(0.02, 0.002) < 0.02 and share(0.02, -0.002) < 0.02
+    assert 0.06 < share(0.3, -0.002) < 0.1
+    assert share(0.5 * np.pi, -0.002) >= 0.25
+    # no noise takes a robot so deep: it must get free
+    assert share(0.02, -0.02) >= 0.25
+
+
 def test_a_robot_that_does_not_know_its_floor_is_wary_of_each_command():
     model = nominal_unicycle(0.1)
     wary = Wary(model, PROBLEM)
