@@ -48,6 +48,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
         help="show how the time grows with horizon and obstacles, for this controller only",
     )
     what.add_argument(
+        "--lidar",
+        dest="job",
+        action="store_const",
+        const=_lidar,
+        help="show what a lidar of 360 beams costs a step, beside four circles that are told",
+    )
+    what.add_argument(
         "--settings",
         dest="job",
         action="store_const",
@@ -181,6 +188,14 @@ def _scaling(options: argparse.Namespace) -> tuple[Any, str]:
     return rows, format_scaling(rows)
 
 
+def _lidar(options: argparse.Namespace) -> tuple[Any, str]:
+    from kmpc_lite.bench.lidar import format_lidar_steps, lidar_steps
+
+    bar = Progress("lidar", quiet=options.json)
+    rows = lidar_steps(options.drives, _seed(options), progress=bar)
+    return rows, format_lidar_steps(rows)
+
+
 def _quality(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lite.bench.drives import learned_model
     from kmpc_lite.bench.quality import as_dicts, compare, format_comparison
@@ -273,6 +288,7 @@ COMMAND = Command(
         "kmpc bench",
         "kmpc bench --drives 40 --picture bench.png",
         "kmpc bench --scaling",
+        "kmpc bench --lidar --drives 12",
         "kmpc bench --solvers",
         "kmpc bench --loop 100 --seconds 600",
         "kmpc bench --quality",

@@ -121,6 +121,7 @@ class Pipeline:
         self, state: ControllerState, seen: Observation, known: Knowledge, clock: StepClock
     ) -> Guidance | None:
         """Find the reference along a path; none without guidance."""
+        clock.lap("estimate")
         if self._guide is None or state.guide is None or known.capabilities is None:
             return None
         rest = None

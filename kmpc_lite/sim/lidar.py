@@ -106,6 +106,14 @@ def scan_ranges(
     return ranges, directions
 
 
+def scan_of(spec: LidarSpec, ranges: Array, age: float = 0.0) -> LaserScan:
+    """What `scan_ranges` gave, as the controller takes it, at an age [s]."""
+    step = 2.0 * math.pi / spec.beams
+    return LaserScan(
+        *(ranges, -math.pi, step, spec.reach, spec.nearest, spec.mount), noise=spec.noise, age=age
+    )
+
+
 def box_edges(x1: float, y1: float, x2: float, y2: float) -> Array:
     """The four sides (4, 4) of a rectangle along the axes."""
     corners = np.array([(x1, y1), (x2, y1), (x2, y2), (x1, y2)])
@@ -135,24 +143,15 @@ class Lidar:
         if self.seen and spec.rate:
             last, scan = self.seen[-1]
             if (time - last) * spec.rate < 1.0 - 1e-6:
-                return self._scan(scan.ranges, time - last)
+                return scan_of(spec, scan.ranges, time - last)
         ahead, left, heading = spec.mount
         cos, sin = math.cos(pose[2]), math.sin(pose[2])
         x, y = pose[0] + cos * ahead - sin * left, pose[1] + sin * ahead + cos * left
         place = np.array([x, y, pose[2] + heading])
         ranges, _ = scan_ranges(self._world, spec, place, self._random, time)
-        scan = self._scan(ranges, 0.0)
+        scan = scan_of(spec, ranges)
         self.seen.append((time, scan))
         return scan
-
-    def _scan(self, ranges: Array, age: float) -> LaserScan:
-        spec = self.spec
-        step = 2.0 * math.pi / spec.beams
-        return LaserScan(
-            *(ranges, -math.pi, step, spec.reach, spec.nearest, spec.mount),
-            noise=spec.noise,
-            age=age,
-        )
 
 
 def world_of(scenario: Scenario) -> World:

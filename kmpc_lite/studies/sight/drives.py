@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.control import Controller, LaserScan
+from kmpc_lite.control import Controller
 from kmpc_lite.control.plan import GoalProgress, PlanStatus
 from kmpc_lite.control.safe_stop.braking import Braking
 from kmpc_lite.control.units import scaled_problem
-from kmpc_lite.sim.lidar import LidarSpec, scan_ranges
+from kmpc_lite.sim.lidar import LidarSpec, scan_of, scan_ranges
 from kmpc_lite.studies.any_robot import KNOWN, STANDARD, Plant, Robot, learn
 from kmpc_lite.studies.sight.pursuit import Pursuit
 from kmpc_lite.studies.sight.seen_cells import SeenCells
@@ -118,14 +118,7 @@ class Drive:
             along = pose[2] + directions[hit]
             ends = pose[:2] + ranges[hit, None] * np.stack([np.cos(along), np.sin(along)], axis=1)
             return self.pursuit.command(pose, self.course.goal, ends, 0.1 * self.robot.radius)
-        scan = LaserScan(
-            ranges,
-            directions[0],
-            directions[1] - directions[0],
-            lidar.reach,
-            lidar.nearest,
-            noise=lidar.noise,
-        )
+        scan = scan_of(lidar, ranges)
         plan = self.controller.step(pose, self.course.goal, [scan])
         self.statuses.append(plan.status)
         self.times.append(1e3 * plan.timing["total"])
