@@ -12,6 +12,7 @@ from kmpc_lite.control.units import scaled_problem
 from kmpc_lite.control.weights import with_goal_weights, with_tracking_weights
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import MotionModel, in_units
+from kmpc_lite.model.tube import feedback_delay
 from kmpc_lite.scale import Scale
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ class Knowledge:
     """None without tightening."""
     capabilities: Capabilities | None
     """None without guidance."""
+    late: int = 0
+    """Periods until a command has had half of its effect, where the model knows of it."""
 
 
 def motion_model(model: KoopmanModel, scale: Scale) -> MotionModel:
@@ -83,6 +86,8 @@ class Examiner:
         margins = self._margins(motion, adapted)
         if not self._guides:
             return Knowledge(motion, margins, None)
+        # a delay that the model does not know is part of the pose's age
+        late = feedback_delay(motion) if model.history else 0
         found = self._learned_capabilities(base)
         if adapted:
             # adaptation corrects speeds; all else stays as the learned model says
@@ -90,7 +95,7 @@ class Examiner:
 
             guidance = self._options.guidance
             found = found.with_speeds(drivable_speeds(motion, self._units, guidance), guidance)
-        return Knowledge(motion, margins, found)
+        return Knowledge(motion, margins, found, late)
 
     def _margins(self, motion: MotionModel, adapted: bool) -> Margins | None:
         if not self._tightens:

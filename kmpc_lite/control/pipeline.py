@@ -15,6 +15,7 @@ from kmpc_lite.control.estimation.estimator import observe_drift
 from kmpc_lite.control.estimation.pose_age import advance_pose
 from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.guidance.goal_reference import GoalReference
+from kmpc_lite.control.guiding import Guiding
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.sqp_state import SQPResult
@@ -27,7 +28,6 @@ from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.safe_stop.backup import Backup
-from kmpc_lite.control.safe_stop.braking import Braking
 from kmpc_lite.control.safe_stop.stop_task import StopTask, StopTrajectory
 from kmpc_lite.control.safe_stop.stop_trajectory import stop_trajectories
 from kmpc_lite.control.state import ControllerState
@@ -78,10 +78,10 @@ class Pipeline:
     ) -> None:
         step = options.step
         self._options, self._problem = options, units
-        self._sqp, self._guide, self._pose_age = sqp, guide, pose_age
+        self._sqp, self._pose_age = sqp, pose_age
+        self._guiding = Guiding(units, options.stop, guide)
         self._goal_reference = GoalReference(units)
         self._rates = RateLimit(units)
-        self._braking = Braking(units, options.stop)
         emerging = options.sight.emerging_speed / scale.speed
         stops = stop_trajectories(units, options.stop, emerging)
         self._backup = Backup(units, options.stop)
@@ -122,24 +122,8 @@ class Pipeline:
     ) -> Guidance | None:
         """Find the reference along a path; none without guidance."""
         clock.lap("estimate")
-        if self._guide is None or state.guide is None or known.capabilities is None:
-            return None
-        rest = None
-        if self._rates.active:
-            rest = self._braking.pose_at_rest(seen.here, state.history.command)
         until = clock.after(self._options.step.guide_share)
-        return self._guide.reference(
-            state.guide,
-            known.capabilities,
-            seen.here,
-            seen.goal,
-            seen.circles,
-            seen.solids,
-            rest,
-            until,
-            seen.view,
-            seen.spread,
-        )
+        return self._guiding.reference(state, seen, known, until)
 
     def solve(
         self,

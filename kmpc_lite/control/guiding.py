@@ -1,0 +1,95 @@
+"""What the guide is asked in a step: from where, and when, a robot can still be led.
+
+A robot that answers late goes on for a while as earlier commands told it. What is decided now acts
+after that: its path is looked up from there, not from where it is. A reference from where it is
+would lie behind what the robot can do, and ask it to make up for that at full speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kmpc_lite.control.knowledge import Knowledge
+from kmpc_lite.control.observation import Observation
+from kmpc_lite.control.obstacles.circles import some_move
+from kmpc_lite.control.options import StopOptions
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.rate_limit import RateLimit
+from kmpc_lite.control.safe_stop.braking import Braking
+from kmpc_lite.control.state import ControllerState
+from kmpc_lite.types import INPUTS, Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.guidance.guide import Guide
+    from kmpc_lite.control.guidance.reference import Guidance
+
+
+class Guiding:
+    """Asks the guide for the reference of a step.
+
+    Parameters
+    ----------
+    units : NavigationProblem
+        In the robot's units.
+    options : StopOptions
+        Of the robot's braking ramps.
+    guide : Guide or None
+        Finds paths.
+    """
+
+    def __init__(self, units: NavigationProblem, options: StopOptions, guide: Guide | None) -> None:
+        self._guide, self._dt = guide, units.dt
+        self._ramps = Braking(units, options) if RateLimit(units).active else None
+
+    def reference(
+        self, state: ControllerState, seen: Observation, known: Knowledge, until: float
+    ) -> Guidance | None:
+        """Find the reference along a path; none without guidance.
+
+        Parameters
+        ----------
+        state : ControllerState
+            Updated.
+        seen : Observation
+            What the step was given.
+        known : Knowledge
+            What follows from the model.
+        until : float
+            When to leave a search to the next step [s].
+        """
+        if self._guide is None or state.guide is None or known.capabilities is None:
+            return None
+        led, circles = self._led(state, seen, known), seen.circles
+        here, late = led[-1], len(led) - 1
+        if late and some_move(circles):
+            circles = circles.copy()
+            circles[:, :2] += late * self._dt * circles[:, 3:]
+        rest = None
+        if self._ramps is not None:
+            rest = self._ramps.pose_at_rest(here, state.history.command)
+        guidance = self._guide.reference(
+            state.guide,
+            known.capabilities,
+            here,
+            seen.goal,
+            circles,
+            seen.solids,
+            rest,
+            until,
+            seen.view,
+            seen.spread,
+        )
+        if not late:
+            return guidance
+        states = np.concatenate([led[:-1], guidance.states])[: len(guidance.states)]
+        return replace(guidance, states=states)
+
+    def _led(self, state: ControllerState, seen: Observation, known: Knowledge) -> Array:
+        """Poses (d + 1, 3) from the present one to where the commands that were sent have led."""
+        if not known.late:
+            return seen.here[None]
+        nothing_more = np.zeros((known.late, INPUTS))
+        return known.model.rollout(seen.here, nothing_more, state.history.commands)
