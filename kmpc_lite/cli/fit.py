@@ -68,7 +68,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
     add(
         "--product",
         action="store_true",
-        help="with --lags: let v*omega act too, the side slip of skid-steer robots",
+        help="with --lags: each age has weights of its own, and v*omega acts, too",
     )
     add(
         "--dt",
@@ -119,17 +119,13 @@ def run(options: argparse.Namespace) -> int:
     train, held = split_log(whole, options.log, options.holdout, options.seed)
     free = options.no_symmetry or options.method == "edmdc"
     lags = read_lags(options.lags, options.product, free)
-    ages = None if lags == "auto" else lags
+    # with a product, each age has weights of its own
+    ages = lags if options.product and lags != "auto" else None
     dictionary = make_dictionary(options.dictionary, ages, options.product)
-    model = kl.fit(
-        train,
-        dictionary,
-        method=options.method,
-        symmetric=False if free else None,
-        lags="auto" if lags == "auto" else None,
-    )
+    symmetric, lags = False if free else None, lags if ages is None else None
+    model = kl.fit(train, dictionary, options.method, symmetric=symmetric, lags=lags)
     report = kl.evaluate(model, held, options.horizon)
-    facts = describe_fit(model, train, whole, report) if lags == "auto" else {}
+    facts = describe_fit(model, train, whole, report) if "selection" in model.info else {}
     noise = check_sources(model, held)
     if facts and noise is not None:
         facts["noise"] = noise.as_dict()

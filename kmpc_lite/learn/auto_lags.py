@@ -1,7 +1,11 @@
-"""``lags="auto"``: a model with the terms that a log supports, and a record of the choice."""
+"""A model with the terms that a log supports, and a record of the choice.
+
+Behind ``lags="auto"``, and ages of commands that are given.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +22,10 @@ from kmpc_lite.types import STATES
 
 
 def fit_automatically(
-    dataset: Dataset, base: Dictionary, options: SelectionOptions | None = None
+    dataset: Dataset,
+    base: Dictionary,
+    options: SelectionOptions | None = None,
+    ages: Sequence[int] = (),
 ) -> KoopmanModel:
     """Learn the terms that a log supports; where it supports none, the nominal unicycle.
 
@@ -30,11 +37,13 @@ def fit_automatically(
         How the pose is lifted; holds 1, cos(theta) and sin(theta).
     options : SelectionOptions, optional
         How the choice is made.
+    ages : sequence of int
+        Of the commands that act [periods], where that is no choice.
     """
     require_trigonometry(base)
     refuse_frozen(dataset)
     refuse_car_like(dataset)
-    return build_model(select(dataset, options), base, dataset.dt)
+    return build_model(select(dataset, options, ages), base, dataset.dt)
 
 
 def build_model(selection: Selection, base: Dictionary, dt: float) -> KoopmanModel:
@@ -84,8 +93,8 @@ def describe_selection(selection: Selection, used: list[str]) -> dict[str, Any]:
         "features": len(used),
         "condition": selection.condition,
         "response": {
-            "speed": list(selection.speed),
-            "turn": list(selection.turn),
+            "speed": selection.speed.described(),
+            "turn": selection.turn.described(),
             "longest": selection.longest,
         },
         "selection": {

@@ -14,6 +14,7 @@ from kmpc_lite.learn.cross_validation import (
     cross_validate,
     solve_columns,
 )
+from kmpc_lite.learn.given_ages import AgedResponse
 from kmpc_lite.learn.responses import AT_ONCE, Response, first_candidates, neighbours
 from kmpc_lite.learn.selection_options import SelectionOptions
 from kmpc_lite.learn.windows import (
@@ -26,6 +27,7 @@ from kmpc_lite.learn.windows import (
 from kmpc_lite.model.dictionary.response import TERMS
 from kmpc_lite.types import Array
 
+AnyResponse = Response | AgedResponse
 Ladder = tuple[tuple[str, tuple[int, ...]], ...]
 """Names of its steps and the terms of each, of which there are ever more."""
 
@@ -91,9 +93,17 @@ class Search:
     windows: Windows
     smoothing: tuple[float, float]
     limits: tuple[float, float]
-    known: dict[tuple[Response, Response], Moments] = field(default_factory=dict)
+    given: tuple[AgedResponse, AgedResponse] | None = None
+    """Of speed and turn rate, where there is no choice between responses."""
+    known: dict[tuple[AnyResponse, AnyResponse], Moments] = field(default_factory=dict)
 
-    def moments(self, speed: Response, turn: Response) -> Moments:
+    def candidates(self, which: int) -> tuple[AnyResponse, ...]:
+        """Responses to choose from, of the speed (0) or the turn rate (1)."""
+        if self.given is not None:
+            return (self.given[which],)
+        return first_candidates(self.windows.dt, self.windows.longest)
+
+    def moments(self, speed: AnyResponse, turn: AnyResponse) -> Moments:
         """Second moments of the blocks for a pair of responses."""
         key = (speed, turn)
         if key not in self.known:
@@ -105,12 +115,11 @@ class Search:
 
 def choose_heading(
     search: Search, options: SelectionOptions
-) -> tuple[Response, Direction, tuple[int, ...]]:
+) -> tuple[AnyResponse, Direction, tuple[int, ...]]:
     """Response and terms of the turn rate."""
-    responses = first_candidates(search.windows.dt, search.windows.longest)
     base = nominal_rows().heading
     candidates, names = [], []
-    for response in responses:
+    for response in search.candidates(1):
         moment = search.moments(AT_ONCE, response).heading
         for step, (_, terms) in enumerate(HEADING_LADDER):
             complexity = len(terms) + 2 * (response != AT_ONCE)
@@ -121,13 +130,12 @@ def choose_heading(
 
 
 def choose_along(
-    search: Search, turn: Response, options: SelectionOptions
-) -> tuple[Response, Direction, tuple[int, ...]]:
+    search: Search, turn: AnyResponse, options: SelectionOptions
+) -> tuple[AnyResponse, Direction, tuple[int, ...]]:
     """Response and terms of the forward speed, with the sideways speed free."""
-    responses = first_candidates(search.windows.dt, search.windows.longest)
     beside = TERM_COUNT + np.array(BESIDE)
     candidates, names = [], []
-    for response in responses:
+    for response in search.candidates(0):
         moment = search.moments(response, turn)
         for step, (_, terms) in enumerate(ALONG_LADDER):
             complexity = len(terms) + 2 * (response != AT_ONCE)
@@ -141,8 +149,8 @@ def choose_along(
 
 def choose_across(
     search: Search,
-    speed: Response,
-    turn: Response,
+    speed: AnyResponse,
+    turn: AnyResponse,
     along_terms: tuple[int, ...],
     options: SelectionOptions,
 ) -> tuple[Direction, tuple[int, ...]]:
@@ -162,27 +170,30 @@ def choose_across(
 
 def _decide(
     candidates: list[Candidate],
-    names: list[tuple[Response, int]],
+    names: list[tuple[AnyResponse, int]],
     ladder: Ladder,
     reference: Array,
     options: SelectionOptions,
-) -> tuple[Response, Direction, tuple[int, ...]]:
+) -> tuple[AnyResponse, Direction, tuple[int, ...]]:
     """Take the chosen candidate if it beats the reference beyond chance, else the nominal robot."""
     blocks = len(reference)
     verdict = cross_validate(candidates, assign_folds(blocks), reference)
     critical = critical_score(blocks, options.significance)
     response, step = names[verdict.best]
     if not verdict.score > critical:
-        return AT_ONCE, Direction(NOMINAL, verdict.score, critical), ()
+        return names[0][0], Direction(NOMINAL, verdict.score, critical), ()
     name, terms = ladder[step]
     return response, Direction(name, verdict.score, critical), terms
 
 
 def refine(
-    start: Response, error: Callable[[Response], float], search: Search, options: SelectionOptions
-) -> Response:
-    """Walk a response other than `AT_ONCE` downhill in ever shorter steps."""
-    if start == AT_ONCE:
+    start: AnyResponse,
+    error: Callable[[AnyResponse], float],
+    search: Search,
+    options: SelectionOptions,
+) -> AnyResponse:
+    """Walk a response other than `AT_ONCE` downhill in ever shorter steps; not one of ages."""
+    if start == AT_ONCE or not isinstance(start, Response):
         return start
     dt, longest = search.windows.dt, search.windows.longest
     best, lowest = start, error(start)
@@ -195,14 +206,16 @@ def refine(
     return best
 
 
-def heading_error(search: Search, turn: Response, terms: tuple[int, ...]) -> float:
+def heading_error(search: Search, turn: AnyResponse, terms: tuple[int, ...]) -> float:
     """Squared heading error of the best rows for a response."""
     total = search.moments(AT_ONCE, turn).heading.sum(axis=0)
     weights = solve_columns(total, np.array(terms), nominal_rows().heading)
     return float(squared_errors(total[None], weights)[0])
 
 
-def along_error(search: Search, speed: Response, turn: Response, terms: tuple[int, ...]) -> float:
+def along_error(
+    search: Search, speed: AnyResponse, turn: AnyResponse, terms: tuple[int, ...]
+) -> float:
     """Squared forward error of the best rows for a response."""
     moment = search.moments(speed, turn)
     columns = np.concatenate([terms, TERM_COUNT + np.array(BESIDE)]).astype(int)

@@ -48,12 +48,14 @@ def fit(
         holds 1, cos(theta) and sin(theta); ``"edmdc"`` is never symmetric.
 
     lags : "auto" or sequence of int, optional
-        Ages [periods] of the commands that act, the present one being 0, as
-        `InputHistoryDictionary` takes them. Without any, commands are paired with the motion that
-        comes of them later, and how much later is kept beside the model: the controller brings
-        poses forward by it. ``"auto"`` finds out what the log supports, in each direction: how
-        late the robot answers, how it slips, or nothing at all (`learn.selection`); then the robot
-        that obeys its commands exactly stays.
+        ``"auto"`` finds out what the log supports, in each direction: how late the robot answers,
+        how it slips, or nothing at all (`learn.selection`); then the robot that obeys its commands
+        exactly stays. Ages [periods] of the commands that act, the present one being 0, take the
+        place of how late it answers: their shares are found (`learn.given_ages`), and all else is
+        chosen alike. In a fit that is not symmetric, or has a ridge, each has weights of its own
+        in every direction, as with an `InputHistoryDictionary`. Without any, commands are paired
+        with the motion that comes of them later, and how much later is kept beside the model: the
+        controller brings poses forward by it.
 
     Returns
     -------
@@ -83,8 +85,11 @@ def fit(
     if not hasattr(lifting, "lift"):
         raise DataError(f"dictionary: expected one like UnicycleDictionary(), got {lifting!r:.60}")
     symmetric = wants_symmetry(symmetric, method, lifting)
-    if lags == "auto":
-        if not symmetric or ridge or lifting.history:
+    chooses = symmetric and not ridge and not lifting.history
+    ages = () if lags is None or lags == "auto" else tuple(lags)
+    by_age = InputHistoryDictionary(lifting, ages) if ages else lifting
+    if lags == "auto" or (chooses and by_age.history):
+        if not chooses:
             raise DataError(
                 "lags='auto' goes with the symmetric integral fit, without a ridge and with a "
                 "dictionary that knows no history itself"
@@ -93,14 +98,12 @@ def fit(
         from kmpc_lite.learn.auto_lags import fit_automatically
         from kmpc_lite.learn.noise_sources import split_noise_sources
 
-        model = fit_automatically(dataset, lifting)
+        model = fit_automatically(dataset, lifting, ages=ages)
         if not noise:
             return model
         sources = split_noise_sources(model, dataset)
         return replace(model, noise_model=replace(fit_noise(model, dataset), sources=sources))
-    if lags:
-        lifting = InputHistoryDictionary(lifting, tuple(lags))
-    return _fit_once(dataset, lifting, method, ridge, noise, symmetric)
+    return _fit_once(dataset, by_age, method, ridge, noise, symmetric)
 
 
 def _fit_once(

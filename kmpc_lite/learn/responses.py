@@ -34,6 +34,10 @@ class Response(NamedTuple):
         """Mean delay [s]: how far behind its commands the robot drives."""
         return self.dead_time + self.time_constant
 
+    def described(self) -> list[float]:
+        """Dead time and time constant [s]."""
+        return list(self)
+
     def weights(self, dt: float, longest: int) -> tuple[float, ...]:
         """Weights of the present and at most `longest` past commands, newest first; of sum one.
 

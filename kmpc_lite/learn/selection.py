@@ -8,6 +8,7 @@ All candidates are judged on the same windows.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,7 @@ from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.directions import (
     NOMINAL,
     TERM_COUNT,
+    AnyResponse,
     Direction,
     Search,
     along_error,
@@ -29,7 +31,8 @@ from kmpc_lite.learn.directions import (
     position_base,
     refine,
 )
-from kmpc_lite.learn.responses import AT_ONCE, Response
+from kmpc_lite.learn.given_ages import shares_of_ages
+from kmpc_lite.learn.responses import AT_ONCE
 from kmpc_lite.learn.selection_options import SelectionOptions
 from kmpc_lite.learn.windows import (
     Moments,
@@ -46,8 +49,8 @@ class Selection:
     """What the log supports."""
 
     rows: Rows
-    speed: Response
-    turn: Response
+    speed: AnyResponse
+    turn: AnyResponse
     longest: int
     """Longest history that was looked at [periods]."""
     smoothing: tuple[float, float]
@@ -68,7 +71,9 @@ class Selection:
         return all(d.step == NOMINAL for d in (self.along, self.across, self.heading))
 
 
-def select(dataset: Dataset, options: SelectionOptions | None = None) -> Selection:
+def select(
+    dataset: Dataset, options: SelectionOptions | None = None, ages: Sequence[int] = ()
+) -> Selection:
     """Choose response, slip terms and rows, and fit them.
 
     Parameters
@@ -77,9 +82,12 @@ def select(dataset: Dataset, options: SelectionOptions | None = None) -> Selecti
         What is learned from; nothing else is looked at.
     options : SelectionOptions, optional
         How.
+    ages : sequence of int
+        Of the commands that act [periods]; where there are none, a dead time and a time constant
+        are looked for.
     """
     options = SelectionOptions() if options is None else options
-    windows = cut_for(dataset, options)
+    windows = cut_for(dataset, options, ages)
     limits = largest_speeds(dataset)
     smoothing = 0.05 * limits[0], 0.05 * limits[1]
     blocks = len(windows.blocks)
@@ -99,7 +107,9 @@ def select(dataset: Dataset, options: SelectionOptions | None = None) -> Selecti
             0,
             1.0,
         )
-    search = Search(cut_for(_thinned(dataset, options), options), smoothing, limits)
+    given = shares_of_ages(windows, ages) if ages else None
+    thinned = cut_for(_thinned(dataset, options), options, ages)
+    search = Search(thinned, smoothing, limits, given)
     turn, heading, heading_terms = choose_heading(search, options)
     speed, along, along_terms = choose_along(search, turn, options)
     across, across_terms = choose_across(search, speed, turn, along_terms, options)
@@ -125,13 +135,21 @@ def select(dataset: Dataset, options: SelectionOptions | None = None) -> Selecti
     )
 
 
-def cut_for(dataset: Dataset, options: SelectionOptions) -> Windows:
-    """Cut a log into enough blocks, after the longest history that leaves enough windows."""
+def cut_for(dataset: Dataset, options: SelectionOptions, ages: Sequence[int] = ()) -> Windows:
+    """Cut a log into enough blocks, after the longest history that leaves enough windows.
+
+    Where ages of commands [periods] are given, after one that holds them.
+    """
     length = max(1, round(options.window / dataset.dt))
     counts = np.array([len(e) for e in dataset.episodes])
     longest = min(options.most_periods, max(1, round(options.longest / dataset.dt)))
+    longest = max(ages, default=longest)
     whole = np.maximum(counts - length + 1, 0).sum()
-    while longest and np.maximum(counts - longest - length + 1, 0).sum() < options.kept * whole:
+    while (
+        not ages
+        and longest
+        and np.maximum(counts - longest - length + 1, 0).sum() < options.kept * whole
+    ):
         longest -= 1
     seconds = min(options.block, dataset.steps * dataset.dt / options.fewest_blocks)
     return cut(dataset, longest, length, max(seconds, 1.5 * options.window))

@@ -58,7 +58,7 @@ def test_what_is_asked_for_is_fitted(
     assert cli.main(["fit", str(late), "-o", str(file), *options]) == 0
     model = kl.KoopmanModel.load(file)
     assert model.history == history and model.info.get("symmetric", False) is symmetric
-    assert "selection" not in model.info
+    assert ("selection" in model.info) is (options == ["--lags", "0", "2"])
 
 
 def test_what_lags_may_be() -> None:

@@ -225,10 +225,3 @@ def test_what_does_not_go_with_it_is_refused(options: dict[str, object]) -> None
     data = late_log(0.0, 0.0, (0.0, 0.0, 0.0), 0)
     with pytest.raises(kl.DataError, match="lags='auto' goes with the symmetric integral fit"):
         kl.fit(data, **{"dictionary": TRIG, "lags": "auto", **options})  # type: ignore[arg-type]
-
-
-def test_lags_as_numbers_are_those_of_the_input_history() -> None:
-    data = late_log(0.25, 0.1, (0.0, 0.0, 0.0), 0)
-    one = kl.fit(data, TRIG, lags=(0, 2))
-    other = kl.fit(data, kl.InputHistoryDictionary(TRIG, (0, 2)))
-    np.testing.assert_array_equal(one.H, other.H)
