@@ -19,7 +19,8 @@ def rover(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
     robot = load_robot(None, {"link": {"url": LINK, "driver": "mavlink"}})
-    rover = build_emulator(robot, (-2.0, 0.0, 0.0), 0.0, 1.0, 0, 0.1)
+    # it may be armed at once: on a busy machine a check is over before it has begun to run
+    rover = build_emulator(robot, (-2.0, 0.0, 0.0), 0.0, 1.0, 0, arm_after=0.0)
     rover.start(LINK)
     yield rover
     rover.close()
