@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.bench.drives import free_pose, random_circles
+from kmpc_lite.bench.quantiles import HEAD, QUANTILES, format_times, in_ms
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.obstacles.scene import Obstacles
@@ -25,7 +26,6 @@ STEPS = 160
 CIRCLES = 4
 PHASES = ("estimate", "guide", "solve", "verify", "total")
 """Of a step, as they are told; what a scan shows is looked at in ``estimate``."""
-QUANTILES = {"p50": 0.5, "p99": 0.99, "p99.9": 0.999}
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ def lidar_steps(
     -------
     list of dict
         For both kinds ``name``, ``steps``, ``ms`` (p50, p99, p99.9 and max of a whole step), and
-        ``phases_ms`` (p50, p99 and p99.9 of each).
+        ``phases_ms`` (the same of each).
     """
     controller = Controller(nominal_unicycle(STANDARD.dt), STANDARD.problem(SIDE))
     kinds: dict[str, list[Mapping[str, float]]] = {f"{CIRCLES} circles": [], "scan, 360 beams": []}
@@ -114,26 +114,18 @@ def _by_lidar(which: int, seed: int) -> _Drive:
 
 def _told(name: str, laps: Sequence[Mapping[str, float]]) -> dict[str, Any]:
     """Plain values, for JSON."""
-    ms = {phase: [1e3 * lap.get(phase, 0.0) for lap in laps] for phase in PHASES}
-    quantiles = {
-        phase: {p: float(np.quantile(taken, q)) for p, q in QUANTILES.items()}
-        for phase, taken in ms.items()
-    }
-    whole = {**quantiles["total"], "max": max(ms["total"])}
-    return {"name": name, "steps": len(laps), "ms": whole, "phases_ms": quantiles}
+    phases = {phase: in_ms([lap.get(phase, 0.0) for lap in laps]) for phase in PHASES}
+    return {"name": name, "steps": len(laps), "ms": phases["total"], "phases_ms": phases}
 
 
 def format_lidar_steps(rows: Sequence[dict[str, Any]]) -> str:
     """Render `lidar_steps` as a table; ratios are to the first row."""
-    lines = [f"{'':<18}{'steps':>7}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9} [ms]"]
-    lines[0] += "".join(f"{p:>8}" for p in QUANTILES) + " x first"
+    lines = [f"{'':<18}{'steps':>7}{HEAD}{''.join(f'{p:>8}' for p in QUANTILES)} x first"]
     first = rows[0]["ms"]
     for row in rows:
         t = row["ms"]
         lines.append(
-            f"{row['name']:<18}{row['steps']:>7}"
-            + "".join(f"{t[p]:9.3f}" for p in (*QUANTILES, "max"))
-            + "     "
+            f"{row['name']:<18}{row['steps']:>7}{format_times(t)}     "
             + "".join(f"{t[p] / first[p]:8.2f}" for p in QUANTILES)
         )
     lines.append("")

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.bench.drives import SLIP, free_pose, random_circles
+from kmpc_lite.bench.quantiles import HEAD, format_times
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import distances
@@ -73,16 +74,13 @@ class LoopResult:
         """Render as text."""
         d = self.as_dict()
         lines = [*self.setup, f"{self.ticks} periods at {self.rate:g} Hz, {self.skipped} skipped"]
-        lines.append(f"{'':<34}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9} [ms]")
+        lines.append(f"{'':<34}{HEAD}")
         for name, text in (
             ("lateness", "period begins late by"),
             ("steps", "Controller.step"),
             ("response", "deadline to command"),
         ):
-            lines.append(
-                f"{text:<34}"
-                + "".join(f"{d[name][k]:9.3f}" for k in ("p50", "p99", "p99.9", "max"))
-            )
+            lines.append(f"{text:<34}{format_times(d[name])}")
         lines.append(
             "commands that came after their period: "
             f"{100 * d['share_of_commands_after_their_period']:.4f} %; {self.statuses}"

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.bench.drives import Drive
+from kmpc_lite.bench.quantiles import HEAD, format_times, in_ms
 from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import heading_near
@@ -47,16 +48,10 @@ class Measurement:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for JSON; times in milliseconds."""
-        t = 1e3 * np.array(self.times)
         return {
             "name": self.name,
-            "steps": len(t),
-            "ms": {
-                "p50": np.quantile(t, 0.5),
-                "p99": np.quantile(t, 0.99),
-                "p99.9": np.quantile(t, 0.999),
-                "max": t.max(),
-            },
+            "steps": len(self.times),
+            "ms": in_ms(self.times),
             "cold_ms": {"p50": 1e3 * float(np.median(self.cold)), "max": 1e3 * max(self.cold)},
             "phases_ms": {k: 1e3 * float(np.median(v)) for k, v in self.phases.items()},
             "cost_median": float(np.median(self.cost)),
@@ -170,8 +165,7 @@ def import_times(repeats: int = 5) -> dict[str, float]:
 def format_measurements(results: Sequence[Measurement]) -> str:
     """Render a table; ratios are of the medians, and of p99, to the first row's."""
     head = (
-        f"{'':<18}{'p50':>9}{'p99':>9}{'p99.9':>9}{'max':>9} [ms]{'p50':>7}{'p99':>7} x "
-        f"first{'cost':>9}{'violation':>11}{'defect':>9} [mm]"
+        f"{'':<18}{HEAD}{'p50':>7}{'p99':>7} x first{'cost':>9}{'violation':>11}{'defect':>9} [mm]"
     )
     lines = [head + f"{'unsolved':>10}"]
     first = results[0].as_dict()["ms"]
@@ -179,7 +173,7 @@ def format_measurements(results: Sequence[Measurement]) -> str:
         d = result.as_dict()
         t = d["ms"]
         lines.append(
-            f"{d['name']:<18}{t['p50']:9.3f}{t['p99']:9.3f}{t['p99.9']:9.3f}{t['max']:9.3f}     "
+            f"{d['name']:<18}{format_times(t)}     "
             f"{t['p50'] / first['p50']:7.1f}{t['p99'] / first['p99']:7.1f}        "
             f"{d['cost_median']:9.2f}"
             f"{d['violation_mm']['p99']:11.2f}{d['defect_mm']['p99']:9.2f}     {d['unsolved']:>10}"
