@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from golden_file import CODES, COLUMNS, FILE, Drive, first_difference, rounded, save
+from golden_file import CODES, COLUMNS, FILE, Drive, first_difference, load, rounded, save
 from golden_kinds import scripts
 from golden_scripts import Script, in_sim, learn_models
 from golden_session import Session, measure, replay
@@ -147,6 +147,12 @@ def record(number: int, script: Script, names: list[str], models: list[kl.Koopma
     )
 
 
+def answered(drive: Drive, models: list[kl.KoopmanModel]) -> Drive:
+    """The same drive with what is answered now."""
+    values, codes = replay(drive, models)
+    return replace(drive, values=rounded(values), codes=codes)
+
+
 def steady(drive: Drive, models: list[kl.KoopmanModel]) -> Drive | None:
     """Cut a drive before the first step that hangs on rounding; none where little is left."""
     length = len(drive.poses)
@@ -179,16 +185,29 @@ def main() -> int:
     parser.add_argument(
         "--seed", type=int, default=10, help="of maps, mishaps and noise (default: %(default)s)"
     )
+    parser.add_argument(
+        "--answers",
+        action="store_true",
+        help="keep models, poses and mishaps as they were recorded, and take this commit's answers",
+    )
     given = parser.parse_args()
-    models = learn_models()
-    names, learned = list(models), list(models.values())
     drives: list[Drive] = []
-    for script in scripts(given.drives, given.seed):
-        drive = steady(record(len(drives), script, names, learned), learned)
-        if drive is None:
-            sys.stdout.write(f"left out, for it hangs on rounding: {script.kind}\n")
+    if given.answers:
+        learned, asked, about = load(given.output)
+        found = ((d.setup["kind"], answered(d, learned)) for d in asked)
+        given.seed = about["seed"]
+    else:
+        models = learn_models()
+        names, learned = list(models), list(models.values())
+        every = scripts(given.drives, given.seed)
+        # a drive's number is that of those kept before it
+        found = ((s.kind, record(len(drives), s, names, learned)) for s in every)
+    for kind, drive in found:
+        kept = steady(drive, learned)
+        if kept is None:
+            sys.stdout.write(f"left out, for it hangs on rounding: {kind}\n")
         else:
-            drives.append(drive)
+            drives.append(kept)
     where = Path(kl.__file__).parent
     commit = subprocess.run(
         ["git", "-C", str(where), "rev-parse", "HEAD"], capture_output=True, text=True, check=False
