@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kmpc_lite.errors import DataError
 from kmpc_lite.learn.cross_validation import (
     solve_columns,
 )
@@ -85,12 +86,23 @@ def select(
     ages : sequence of int
         Of the commands that act [periods]; where there are none, a dead time and a time constant
         are looked for.
+
+    Raises
+    ------
+    DataError
+        For ages that a log is too short for.
     """
     options = SelectionOptions() if options is None else options
     windows = cut_for(dataset, options, ages)
     limits = largest_speeds(dataset)
     smoothing = 0.05 * limits[0], 0.05 * limits[1]
     blocks = len(windows.blocks)
+    if blocks < 3 and ages:
+        longest = (windows.longest + windows.length) * dataset.dt
+        raise DataError(
+            f"lags: expected at least three pieces of driving longer than {longest:g} s without a "
+            f"gap, as lags up to {max(ages)} periods need; got {blocks}"
+        )
     if blocks < 3:
         stays = Direction(NOMINAL, 0.0, float("inf"))
         return Selection(

@@ -128,3 +128,9 @@ def test_ages_that_cannot_be_are_refused() -> None:
     for ages in ((0, 0), (-1,), (10**9,)):
         with pytest.raises(kl.ModelError, match="lags must be different integers"):
             kl.fit(answering_log(), TRIG, lags=ages)
+
+
+def test_a_log_that_is_too_short_for_them_is_refused_with_what_they_need() -> None:
+    short = kl.Dataset(answering_log().windows(1.5).episodes)
+    with pytest.raises(kl.DataError, match=r"pieces of driving longer than 1\.8 s .* got 0"):
+        kl.fit(short, TRIG, lags=(0, 8))
