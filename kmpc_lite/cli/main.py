@@ -40,9 +40,13 @@ def main(arguments: Sequence[str] | None = None, more: Mapping[str, str] | None 
     told = _Complaint("--json" in words)
     errors: tuple[type[Exception], ...] = (KmpcError,)
     try:
-        options = build_parser(known_commands(more), words).parse_args(words)
-        errors = (*errors, *options.errors)
-        status: int = options.run(options)
+        try:
+            options = build_parser(known_commands(more), words).parse_args(words)
+            errors = (*errors, *options.errors)
+            status: int = options.run(options)
+        finally:
+            # here it can still be told that the reader has left; at the end of Python it cannot
+            sys.stdout.flush()
         return status
     except UsageError as error:
         return told(str(error), prog=error.prog)

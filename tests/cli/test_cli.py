@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import re
 import signal
 import subprocess
@@ -635,20 +636,23 @@ def test_it_is_a_program() -> None:
     assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and done.stdout == ""
 
 
-def test_a_reader_that_leaves_is_no_error(made: Path) -> None:
+@pytest.mark.parametrize(
+    ("command", "buffered"),
+    [
+        (["simulate", "--scenario", "short.toml"], True),
+        (["simulate", "--scenario", "short.toml"], False),
+        (["fit", "--help"], True),
+    ],
+)
+def test_a_reader_that_leaves_is_no_error(made: Path, command: list[str], buffered: bool) -> None:
     with open("/dev/null") as nothing:
         reader = subprocess.Popen(["true"], stdin=subprocess.PIPE)
         reader.wait()
         assert reader.stdin is not None
         done = subprocess.run(
-            [
-                sys.executable,
-                "-m",
-                "kmpc_lite.cli.main",
-                "simulate",
-                "--scenario",
-                str(made / "short.toml"),
-            ],
+            [sys.executable, "-m", "kmpc_lite.cli.main", *command],
+            cwd=made,
+            env={**os.environ, "PYTHONUNBUFFERED": "" if buffered else "1"},
             stdin=nothing,
             stdout=reader.stdin,
             stderr=subprocess.PIPE,
