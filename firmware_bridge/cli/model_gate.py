@@ -144,7 +144,7 @@ def with_latency(robot: Robot, model: kl.KoopmanModel | None) -> tuple[Robot, st
         latency = NOMINAL_LATENCY[robot.link.driver]
         note = (
             f"control.latency: not given, and the model knows no lag: {latency:g} s is taken for "
-            f"{robot.link.driver} (or kmpc fit --lags)"
+            f"{robot.link.driver} (or learn it: kmpc fit)"
         )
     robot = replace(robot, control=replace(robot.control, latency=latency))
     return robot, note if latency else ""

@@ -202,7 +202,7 @@ def hint(run: Run, model: kl.KoopmanModel) -> str:
     if lags:
         return (
             "\nhint   this robot obeys late, its model knows no lag: "
-            "learn it from a log of the robot with kmpc fit --lags 0 1 2"
+            "learn it from a log of the robot with kmpc fit"
         )
     return (
         f"\nhint   the model looks back on {model.history} past commands, this robot obeys at "

@@ -271,10 +271,7 @@ def test_a_drive_that_fails_for_its_lag_says_so(
             "late.toml",
             "robot.npz",
             "slip",
-        ): (
-            "obeys late, its model knows no lag: learn it from a log of the robot with kmpc "
-            "fit --lags"
-        ),
+        ): "obeys late, its model knows no lag: learn it from a log of the robot with kmpc fit",
         ("late.toml", "history.npz", "slip"): "",
         ("prompt.toml", "history.npz", "learned"): "",
         ("prompt.toml", "robot.npz", "slip"): "",
