@@ -86,9 +86,10 @@ def fit(
         raise DataError(f"dictionary: expected one like UnicycleDictionary(), got {lifting!r:.60}")
     symmetric = wants_symmetry(symmetric, method, lifting)
     chooses = symmetric and not ridge and not lifting.history
-    ages = () if lags is None or lags == "auto" else tuple(lags)
-    by_age = InputHistoryDictionary(lifting, ages) if ages else lifting
-    if lags == "auto" or (chooses and by_age.history):
+    given = () if lags is None or lags == "auto" else tuple(lags)
+    by_age = InputHistoryDictionary(lifting, given) if given else None
+    ages = by_age.lags if by_age else ()
+    if lags == "auto" or (chooses and any(ages)):
         if not chooses:
             raise DataError(
                 "lags='auto' goes with the symmetric integral fit, without a ridge and with a "
@@ -103,7 +104,7 @@ def fit(
             return model
         sources = split_noise_sources(model, dataset)
         return replace(model, noise_model=replace(fit_noise(model, dataset), sources=sources))
-    return _fit_once(dataset, by_age, method, ridge, noise, symmetric)
+    return _fit_once(dataset, by_age or lifting, method, ridge, noise, symmetric)
 
 
 def _fit_once(

@@ -119,9 +119,12 @@ def test_other_fits_give_each_age_weights_of_its_own(options: dict[str, object])
     np.testing.assert_array_equal(one.H, other.H)
 
 
-def test_the_present_alone_is_no_lag() -> None:
+def test_the_present_alone_is_no_lag_and_ages_may_be_whole_numbers_of_any_kind() -> None:
     data = answering_log()
     assert kl.fit(data, TRIG, lags=(0,)).history == 0
+    one, other = (kl.fit(data, TRIG, lags=ages) for ages in ([0, 1, 2], [0.0, 1.0, 2.0]))
+    np.testing.assert_array_equal(one.H, other.H)
+    assert one.dictionary.config() == other.dictionary.config()
 
 
 def test_ages_that_cannot_be_are_refused() -> None:
