@@ -44,9 +44,11 @@ def main(arguments: Sequence[str] | None = None, more: Mapping[str, str] | None 
             options = build_parser(known_commands(more), words).parse_args(words)
             errors = (*errors, *options.errors)
             status: int = options.run(options)
-        finally:
-            # here it can still be told that the reader has left; at the end of Python it cannot
-            sys.stdout.flush()
+        except SystemExit:  # help was asked for
+            print(end="", flush=True)
+            raise
+        # here it can still be told that the reader has left; at the end of Python it cannot
+        print(end="", flush=True)
         return status
     except UsageError as error:
         return told(str(error), prog=error.prog)

@@ -20,7 +20,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.safe_stop.braking import Braking
 from kmpc_lite.control.state import ControllerState
-from kmpc_lite.types import INPUTS, Array
+from kmpc_lite.types import INPUTS
 
 if TYPE_CHECKING:
     from kmpc_lite.control.guidance.guide import Guide
@@ -62,8 +62,12 @@ class Guiding:
         """
         if self._guide is None or state.guide is None or known.capabilities is None:
             return None
-        led, circles = self._led(state, seen, known), seen.circles
-        here, late = led[-1], len(led) - 1
+        late, circles = known.capabilities.late, seen.circles
+        led = seen.here[None]
+        if late:
+            nothing_more = np.zeros((late, INPUTS))
+            led = known.model.rollout(seen.here, nothing_more, state.history.commands)
+        here = led[-1]
         if late and some_move(circles):
             circles = circles.copy()
             circles[:, :2] += late * self._dt * circles[:, 3:]
@@ -86,10 +90,3 @@ class Guiding:
             return guidance
         states = np.concatenate([led[:-1], guidance.states])[: len(guidance.states)]
         return replace(guidance, states=states)
-
-    def _led(self, state: ControllerState, seen: Observation, known: Knowledge) -> Array:
-        """Poses (d + 1, 3) from the present one to where the commands that were sent have led."""
-        if not known.late:
-            return seen.here[None]
-        nothing_more = np.zeros((known.late, INPUTS))
-        return known.model.rollout(seen.here, nothing_more, state.history.commands)

@@ -12,7 +12,6 @@ from kmpc_lite.control.units import scaled_problem
 from kmpc_lite.control.weights import with_goal_weights, with_tracking_weights
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import MotionModel, in_units
-from kmpc_lite.model.tube import feedback_delay
 from kmpc_lite.scale import Scale
 
 if TYPE_CHECKING:
@@ -29,8 +28,6 @@ class Knowledge:
     """None without tightening."""
     capabilities: Capabilities | None
     """None without guidance."""
-    late: int = 0
-    """Periods until a command has had half of its effect, where the model knows of it."""
 
 
 def motion_model(model: KoopmanModel, scale: Scale) -> MotionModel:
@@ -86,8 +83,6 @@ class Examiner:
         margins = self._margins(motion, adapted)
         if not self._guides:
             return Knowledge(motion, margins, None)
-        # a delay that the model does not know is part of the pose's age
-        late = feedback_delay(motion) if model.history else 0
         found = self._learned_capabilities(base)
         if adapted:
             # adaptation corrects speeds; all else stays as the learned model says
@@ -95,7 +90,7 @@ class Examiner:
 
             guidance = self._options.guidance
             found = found.with_speeds(drivable_speeds(motion, self._units, guidance), guidance)
-        return Knowledge(motion, margins, found, late)
+        return Knowledge(motion, margins, found)
 
     def _margins(self, motion: MotionModel, adapted: bool) -> Margins | None:
         if not self._tightens:

@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kmpc_lite.learn.windows import Windows, window_sums
+from kmpc_lite.learn.least_squares import nonnegative_least_squares
+from kmpc_lite.learn.windows import Windows, block_moments
 from kmpc_lite.types import Array
 
 ROUNDS = 20
@@ -81,19 +82,15 @@ def _moments(windows: Windows, ages: Sequence[int]) -> tuple[Array, Array]:
     Of the position: v and omega by age along, the same across, (4L + 1, 4L + 1); of the heading: v
     and omega by age, (2L + 1, 2L + 1).
     """
-    count, length = len(ages), windows.length
+    count = len(ages)
     position, heading = np.zeros((4 * count + 1,) * 2), np.zeros((2 * count + 1,) * 2)
     for block in windows.blocks:
         by_age = np.stack([block.inputs[block.rows - age] for age in ages], axis=-1)
         w = by_age.reshape(len(block.rows), 2 * count)
-        z = window_sums(block.turned[:, None] * w, block, length) * block.frame[:, None]
-        for columns in (
-            np.column_stack([z.real, -z.imag, block.moved.real]),
-            np.column_stack([z.imag, z.real, block.moved.imag]),
-        ):
-            position += columns.T @ columns
-        turned = np.column_stack([window_sums(w, block, length) * windows.dt, block.heading])
-        heading += turned.T @ turned
+        along, across, turned = block_moments(windows, block, w)
+        position += along
+        position += across
+        heading += turned
     return position, heading
 
 
@@ -109,8 +106,6 @@ def _shares(moments: Array, taken: Array, beside: Array) -> Array:
     beside : ndarray
         (p, m) what is free beside them.
     """
-    from scipy.optimize import nnls  # here, for it takes time to import
-
     count, basis = taken.shape[1], np.hstack([taken, beside])
     gram, aim = basis.T @ moments[:-1, :-1] @ basis, basis.T @ moments[:-1, -1]
     # what is free takes what it can
@@ -123,6 +118,6 @@ def _shares(moments: Array, taken: Array, beside: Array) -> Array:
     root = np.sqrt(np.maximum(values, RIDGE * values[-1]))[:, None] * vectors.T
     # a robot whose motion has the other sign answers as late
     sign = math.copysign(1.0, aim.sum())
-    found, _ = nnls(root, np.linalg.solve(root.T, sign * aim))
+    found = nonnegative_least_squares(root, sign * aim)
     total = float(found.sum())
     return found / total if total > 0.0 else np.full(count, 1.0 / count)

@@ -19,3 +19,14 @@ def least_squares(gram: Array, moments: Array, ridge: float) -> tuple[Array, int
     v = vectors[:, kept]
     weights = (v / (values[kept] + ridge)) @ (v.T @ (moments / scale[:, None])) / scale[:, None]
     return weights.T, int(kept.sum()), float(np.sqrt(values[-1] / values[kept][0]))
+
+
+def nonnegative_least_squares(root: Array, moments: Array) -> Array:
+    """Weights (p,), none of them negative: moments (p,), and a root (p, p) of the Gram matrix.
+
+    ``root.T @ root`` is that matrix: a few rows take the place of many thousand.
+    """
+    from scipy.optimize import nnls  # here, for it takes time to import
+
+    found: Array = nnls(root, np.linalg.solve(root.T, moments))[0]
+    return found

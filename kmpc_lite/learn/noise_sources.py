@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.least_squares import nonnegative_least_squares
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.noise_sources import NoiseSources, design, design_across
 from kmpc_lite.types import Array
@@ -141,8 +142,6 @@ def split_noise_sources(model: KoopmanModel, dataset: Dataset) -> NoiseSources |
 
 def _variances(terms: Array, squares: Array) -> Array:
     """Variances (m,) that explain squared errors (n, T) by terms (n, T, m)."""
-    from scipy.optimize import nnls  # here, for it takes time to import
-
     # sums over starts would mix slow and fast driving: each square is one row
     matrix, target = terms.reshape(-1, terms.shape[-1]), squares.reshape(-1)
     weights = np.ones(len(target))
@@ -151,11 +150,9 @@ def _variances(terms: Array, squares: Array) -> Array:
         weighted = matrix * weights[:, None]
         scale = np.maximum(np.linalg.norm(weighted, axis=0), 1e-300)
         small = weighted / scale
-        # normal equations, factored: nnls on a few rows instead of many thousand
         gram = small.T @ small + 1e-12 * np.eye(len(scale))
         root = np.linalg.cholesky(gram).T
-        aim = np.linalg.solve(root.T, small.T @ (target * weights))
-        found = nnls(root, aim)[0] / scale
+        found = nonnegative_least_squares(root, small.T @ (target * weights)) / scale
         expected = matrix @ found
         weights = 1.0 / (expected + 0.02 * expected.mean() + 1e-15)
     return found

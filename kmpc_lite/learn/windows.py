@@ -178,18 +178,27 @@ def moments(
     limits: tuple[float, float],
 ) -> Moments:
     """Sum each block's windows for one response."""
-    n, terms = windows.length, len(TERMS)
+    terms = len(TERMS)
     along = np.empty((len(windows.blocks), 2 * terms + 1, 2 * terms + 1))
     across = np.empty_like(along)
     heading = np.empty((len(windows.blocks), terms + 1, terms + 1))
     for k, block in enumerate(windows.blocks):
         w = evaluate_terms(answered_commands(block, speed, turn), smoothing, limits)
-        z = window_sums(block.turned[:, None] * w, block, n) * block.frame[:, None]
-        one = np.column_stack([z.real, -z.imag, block.moved.real])
-        other = np.column_stack([z.imag, z.real, block.moved.imag])
-        third = np.column_stack([window_sums(w, block, n) * windows.dt, block.heading])
-        along[k], across[k], heading[k] = one.T @ one, other.T @ other, third.T @ third
+        along[k], across[k], heading[k] = block_moments(windows, block, w)
     return Moments(along, across, heading)
+
+
+def block_moments(windows: Windows, block: Block, w: Array) -> tuple[Array, Array, Array]:
+    """Sum a block's windows for inputs (T, m) of its periods: along, across, heading.
+
+    As in `Moments`: (2m + 1, 2m + 1) twice, and (m + 1, m + 1).
+    """
+    n = windows.length
+    z = window_sums(block.turned[:, None] * w, block, n) * block.frame[:, None]
+    one = np.column_stack([z.real, -z.imag, block.moved.real])
+    other = np.column_stack([z.imag, z.real, block.moved.imag])
+    third = np.column_stack([window_sums(w, block, n) * windows.dt, block.heading])
+    return one.T @ one, other.T @ other, third.T @ third
 
 
 def squared_errors(moment: Array, weights: Array) -> Array:

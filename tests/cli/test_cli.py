@@ -662,6 +662,13 @@ def test_a_reader_that_leaves_is_no_error(made: Path, command: list[str], buffer
     assert done.returncode == 141
 
 
+def test_nobody_need_listen_at_all() -> None:
+    """As behind ``>&-``: there is no standard output, and nothing is said of it."""
+    command = f"{sys.executable} -m kmpc_lite.cli.main fit --help >&-"
+    done = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, text=True, timeout=60)
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False)
+
+
 def test_control_c_ends_it_at_once_without_a_traceback(tmp_path: Path) -> None:
     # it can never arrive: the goal is behind a wall of obstacles
     wall = ", ".join(f"[1.0, {y:.2f}, 0.15]" for y in np.arange(-2.0, 2.01, 0.2))

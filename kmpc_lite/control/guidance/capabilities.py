@@ -12,6 +12,7 @@ from kmpc_lite.control.guidance.turning_centre import turning_centre
 from kmpc_lite.control.options import GoalOptions, GuidanceOptions, in_metres, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.model.tube import feedback_delay
 from kmpc_lite.types import INPUTS, Array
 
 if TYPE_CHECKING:
@@ -46,6 +47,8 @@ class Capabilities:
     [m/s]."""
     deceleration: float = np.inf
     """With which a path ends [m/s^2]."""
+    late: int = 0
+    """Periods until a command has had half of its effect, where the model knows of it."""
 
     def with_speeds(self, speeds: Array, options: GuidanceOptions) -> Capabilities:
         """Return the same for other speeds (3,): ahead, backwards [m/s], rate of turn [rad/s]."""
@@ -101,6 +104,8 @@ def capabilities(
         clearance,
         _wheels(problem, float(speeds[2])),
         options.brake_share * float(problem.du_max[0]),
+        # a delay that the model does not know is part of the pose's age
+        feedback_delay(model) if model.history else 0,
     )
 
 
