@@ -11,6 +11,8 @@ goal = [0.7, 0.15, 0.0]
 [run]
 margin = 0.05
 """
+FAR = COURSE.replace("goal = [0.7, 0.15, 0.0]", "goal = [1.8, -0.3, 0.0]")
+"""Far enough away that a drive can be disturbed on its way."""
 PATIENT = [
     *("--set", "safety.watchdog=5"),
     *("--set", "safety.pose_age=5"),

@@ -3,10 +3,12 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import kmpc_lite as kl
-from firmware_bridge.cli.course import base_problem, build_controller, load_model
+from firmware_bridge.cli.course import base_problem, build_controller, course, load_model
 from firmware_bridge.robot_file import load_robot
+from kmpc_lite.cli.fit import make_dictionary
 
 ROBOTS = Path(__file__).parents[3] / "docs" / "robots"
 
@@ -37,3 +39,31 @@ def test_the_controller_knows_the_ramps_of_the_gate():
     np.testing.assert_array_equal(problem.du_max, ramps)
     # what one period's plan asks for, the gate drives within the period
     assert limits.slew((0.0, 0.0), (0.1 * ramps[0], 0.0), 0.1) == (0.1 * ramps[0], 0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "model", "given", "expected"),
+    [
+        ("mavlink", None, None, 0.2),
+        ("mavlink", None, 0.0, 0.0),
+        ("mavlink", None, 0.35, 0.35),
+        ("mavlink", (0,), None, 0.2),
+        ("mavlink", (0, 1), None, 0.0),
+        ("roboclaw", None, None, 0.0),
+        ("vesc", None, 0.1, 0.1),
+    ],
+)
+def test_a_model_without_lags_gets_a_latency_that_suits_the_driver_and_the_user_is_told(
+    desk, name, model, given, expected
+):
+    control = {"scenario": "course.toml", "latency": given}
+    if model is not None:
+        data = kl.generate_dataset(kl.DifferentialDrive(), episodes=6, steps=60, dt=0.1, seed=0)
+        kl.fit(data, make_dictionary("unicycle", list(model), False)).save("robot.npz")
+        control["model"] = "robot.npz"
+    drive = course(
+        load_robot(None, {"link": {"url": "pty:x", "driver": name}, "control": control}), 1.0, 10.0
+    )
+    assert drive.robot.control.latency == expected
+    told = [note for note in drive.notes if "control.latency" in note]
+    assert bool(told) == (given is None and expected > 0.0) and "\n" not in "".join(told)

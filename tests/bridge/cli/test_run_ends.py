@@ -1,9 +1,12 @@
-"""A run ends in any case, and says why in the autopilot's own words."""
+"""A run ends in any case: it says why, an autopilot's own words included, and the robot stands."""
 
 import json
+import signal
+from pathlib import Path
 
 import pytest
-from courses import PATIENT
+from courses import FAR, PATIENT
+from emulated_robots import emulated, robot_options, start_command, wait_for
 
 from firmware_bridge.cli.emulate import build_emulator
 from firmware_bridge.cli.main import main
@@ -57,3 +60,55 @@ def test_check_tells_what_the_autopilot_says_and_nothing_else_is_missing(rover, 
     rover.autopilot.arming_failure = ""
     rover.parameters.set("ARMING_CHECK", 0)
     assert main(command) == 0
+
+
+def test_a_drive_that_does_not_arrive_is_exit_status_1_and_people_are_told_what_was_measured(
+    desk, capsys
+):
+    with emulated("roboclaw"):
+        Path("far.toml").write_text(FAR)
+        assert (
+            main(["run", *robot_options("roboclaw"), "--scenario", "far.toml", "--seconds", "1"])
+            == 1
+        )
+    out = capsys.readouterr().out
+    for words in (
+        "IDLE -> WAITING",
+        "ACTIVE -> STOPPING",
+        "time is up: after -",
+        "pose to command on the wire",
+        "p99.9",
+        "command spacing, off by",
+    ):
+        assert words in out
+    assert "\x1b" not in out  # no terminal, no picture
+
+
+def test_ctrl_c_brakes_holds_and_releases(desk):
+    with emulated("rover") as rover:
+        Path("far.toml").write_text(FAR)
+        child = start_command("run", *robot_options("rover"), "--scenario", "far.toml", "--json")
+        assert wait_for(lambda: not rover.stopped and rover.pose[0] > 0.1)
+        child.send_signal(signal.SIGINT)
+        out, err = child.communicate(timeout=20.0)
+        assert (
+            child.returncode == 130
+            and err.startswith("kmpc: control.latency: not given")
+            and err.count("\n") == 1
+        )
+        assert wait_for(lambda: rover.stopped) and rover.mode == "HOLD"
+    report = json.loads(out)
+    assert (
+        report["outcome"] == "stopped by SIGINT"
+        and report["loop"]["changes"][-1]["to"] == "RELEASED"
+    )
+
+
+def test_kill_9_leaves_the_robot_to_the_boards_own_watchdog(desk):
+    with emulated("roboclaw") as board:
+        Path("far.toml").write_text(FAR)
+        child = start_command("run", *robot_options("roboclaw"), "--scenario", "far.toml")
+        assert wait_for(lambda: not board.stopped and board.pose[0] > 0.1)
+        child.kill()
+        child.communicate()
+        assert wait_for(lambda: board.stopped)  # nobody else is there to do it

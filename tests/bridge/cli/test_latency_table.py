@@ -1,0 +1,39 @@
+"""`kmpc latency`: a row for each driver and rate, of robots that can be built."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from firmware_bridge.cli.emulated_board import BOARDS, robot_text
+from firmware_bridge.cli.latency import table
+from firmware_bridge.cli.main import main
+from firmware_bridge.link import open_transport
+from firmware_bridge.robot_file import load_robot
+from firmware_bridge.runtime.session import open_driver
+
+
+@pytest.mark.parametrize("driver", BOARDS)
+def test_the_robots_of_the_latency_table_can_be_built(desk, driver):
+    Path("robot.toml").write_text(robot_text(driver, desk, 0.02))
+    robot = load_robot("robot.toml")
+    assert (
+        robot.link.driver == driver and robot.control.period == robot.control.command_period == 0.02
+    )
+    open_driver(robot, open_transport(robot.link.url)).close()
+
+
+@pytest.mark.long
+def test_the_latency_table_has_a_row_for_each_driver_and_rate(desk, capsys):
+    assert main(["latency", "--seconds", "2", "--drivers", "mavlink", "vesc", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [(r["driver"], r["rate_hz"]) for r in rows] == [
+        ("mavlink", 10.0),
+        ("mavlink", 50.0),
+        ("vesc", 10.0),
+        ("vesc", 50.0),
+    ]
+    assert all(r["times_ms"]["pose to command on the wire"]["count"] > 5 for r in rows)
+    assert [line.split()[:2] for line in table(rows).splitlines()[2:]] == [
+        [r["driver"], f"{r['rate_hz']:g}"] for r in rows
+    ]
