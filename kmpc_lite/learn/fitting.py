@@ -96,10 +96,10 @@ def fit(
                 "dictionary that knows no history itself"
             )
         # here, for a robot that drives needs none of it
-        from kmpc_lite.learn.auto_lags import fit_automatically
         from kmpc_lite.learn.noise_sources import split_noise_sources
+        from kmpc_lite.learn.supported_terms import fit_supported_terms
 
-        model = fit_automatically(dataset, lifting, ages=ages)
+        model = fit_supported_terms(dataset, lifting, ages=ages)
         if not noise:
             return model
         sources = split_noise_sources(model, dataset)

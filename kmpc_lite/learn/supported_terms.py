@@ -21,7 +21,7 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import STATES
 
 
-def fit_automatically(
+def fit_supported_terms(
     dataset: Dataset,
     base: Dictionary,
     options: SelectionOptions | None = None,
