@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_folder import files
 from foreign_logs import drive, write_csv, write_dataflash, write_tum
 
 import kmpc_lite as kl
@@ -150,3 +152,101 @@ def test_options_that_cannot_be_understood(
     model = tmp_path / "model.npz"
     assert cli.main(["fit", str(late), "-o", str(model), *words]) == 2
     assert told in capsys.readouterr().err and not model.exists()
+
+
+def test_fit_writes_a_model_and_tells_how_good_it_is(
+    made: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["fit", str(made / "drive.csv"), "-o", "robot.npz", "--horizon", "1.5"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "nominal unicycle" in out and "1.5 s" in out and "robot.npz" in out
+    model = kl.KoopmanModel.load("robot.npz")
+    assert model.dt == 0.1
+    assert model.info["held_out"]["horizon"] == pytest.approx(1.5)
+    assert model.info["log"] == [str(made / "drive.csv")]
+    assert files(here) == ["robot.npz"]
+
+
+def test_fit_tells_how_much_room_the_margins_take(
+    made: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data, random = kl.Dataset.load(made / "drive.csv"), np.random.default_rng(0)
+    noisy = [
+        kl.Episode(
+            e.states + random.normal(size=e.states.shape) * (0.02, 0.02, 0.02), e.inputs, e.dt
+        )
+        for e in data.episodes
+    ]
+    kl.Dataset(noisy).save("noisy.csv")
+    rooms = []
+    for log in (made / "drive.csv", here / "noisy.csv"):
+        assert cli.main(["fit", str(log), "-o", "robot.npz"]) == 0
+        told = re.search(
+            r"^margins: calibrated on \d+ held-out windows; "
+            r"(\d+) cm from what it passes, \d+ cm from what lies ahead at 0\.\d+ m/s$",
+            capsys.readouterr().out,
+            re.M,
+        )
+        assert told is not None
+        rooms.append(int(told[1]))
+    # three standard deviations of a pose that errs by 2 cm
+    assert 1 <= rooms[0] <= 5 < rooms[1]
+
+
+def test_fit_takes_every_dictionary_and_method(
+    made: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = str(made / "drive.csv")
+    for options, history, continuous in (
+        (["--dictionary", "unicycle", "--method", "edmdc"], 0, False),
+        (["--dictionary", "hermite1"], 0, True),
+        (["--lags", "0", "1", "2", "--product"], 2, True),
+    ):
+        assert cli.main(["fit", log, "-o", "robot.npz", "--json", *options]) == 0
+        told = json.loads(capsys.readouterr().out)
+        model = kl.KoopmanModel.load("robot.npz")
+        assert (model.history, model.continuous) == (history, continuous)
+        assert told["model"] == "robot.npz"
+        assert told["samples"] == model.info["samples"] > 0
+        assert told["margins"].startswith(("calibrated on", "not calibrated"))
+        assert all(
+            np.isfinite(told["held_out"][key]).all()
+            for key in ("one_step", "multi_step", "nominal_one_step")
+        )
+
+
+def test_fit_takes_several_logs_and_another_period(
+    made: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert (
+        cli.main(
+            [
+                "fit",
+                str(made / "drive.csv"),
+                str(made / "brief.csv"),
+                "-o",
+                "robot.npz",
+                "--dt",
+                "0.2",
+            ]
+        )
+        == 0
+    )
+    assert kl.KoopmanModel.load("robot.npz").dt == 0.2
+    assert "0.2 s" in (told := capsys.readouterr().out)
+    counts = [int(n) for n in re.findall(r"Dataset\((\d+) episodes", told)]
+    assert sum(counts) == 17  # those of both
+
+
+def test_fit_is_the_same_for_the_same_seed(
+    made: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = []
+    for seed in ("1", "1", "2"):
+        assert (
+            cli.main(["fit", str(made / "drive.csv"), "-o", "robot.npz", "--json", "--seed", seed])
+            == 0
+        )
+        told.append(json.loads(capsys.readouterr().out)["held_out"])
+    assert told[0] == told[1] != told[2]

@@ -82,3 +82,17 @@ def test_a_watched_line_is_drawn_and_wiped(
     with watching(line, quiet=True):
         pass
     assert capsys.readouterr().err == ""
+
+
+def test_progress_is_drawn_on_a_terminal_only(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for terminal, quiet, drawn in ((False, False, False), (True, False, True), (True, True, False)):
+        monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
+        bar = Progress("work", quiet=quiet)
+        for done in range(4):
+            bar(done, 3)
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert ("work [##############################] 3/3" in err and err.endswith("\n")) == drawn
+        assert bool(err) == drawn

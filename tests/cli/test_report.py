@@ -1,0 +1,91 @@
+"""`kmpc report`: a page or pictures of a run that was kept."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import pytest
+from command_folder import NEEDS_PICTURES, files
+
+from kmpc_lite.cli import main as cli
+
+
+def test_report_of_a_run_and_of_its_model(
+    made: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert (
+        cli.main(
+            [
+                "report",
+                str(made / "run.npz"),
+                "-o",
+                "run.html",
+                "--model",
+                str(made / "robot.npz"),
+                "--json",
+            ]
+        )
+        == 0
+    )
+    assert json.loads(capsys.readouterr().out) == {"written": ["run.html"]}
+    page = (here / "run.html").read_text()
+    assert page.lstrip().lower().startswith("<!doctype html>")
+    # self-contained: nothing is fetched
+    assert not re.search(r"""(?:src|href)\s*=\s*["']?(?:https?:)?//""", page)
+
+
+@NEEDS_PICTURES
+def test_a_report_made_later_tells_how_the_run_was_driven(
+    made: Path, here: Path, monkeypatch: pytest.MonkeyPatch, blank: None
+) -> None:
+    drove = [
+        "simulate",
+        "--scenario",
+        str(made / "short.toml"),
+        "--seed",
+        "5",
+        "-o",
+        "run.npz",
+        "--report",
+        "first.html",
+    ]
+    for words in (drove, ["report", "run.npz", "-o", "later.html"]):
+        monkeypatch.setattr(sys, "argv", ["kmpc", *words])
+        assert cli.main(words) == 0
+    command = "<td>kmpc " + " ".join(drove) + "</td>"
+    first, later = (here / "first.html").read_text(), (here / "later.html").read_text()
+    assert f'<th scope="row">Command</th>{command}' in first and "Driven by" not in first
+    assert (
+        f'<th scope="row">Driven by</th>{command}' in later
+        and "<td>kmpc report run.npz -o later.html</td>" in later
+    )
+
+
+@NEEDS_PICTURES
+def test_report_as_pictures(made: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["report", str(made / "run.npz"), "--pictures", "figures"]) == 0
+    told = [line.split()[-1] for line in capsys.readouterr().out.splitlines()]
+    assert told and sorted(told) == sorted(
+        str(Path("figures") / p.name) for p in (here / "figures").iterdir()
+    )
+    for name in told:
+        assert Path(name).read_bytes().startswith(b"\x89PNG")
+
+
+@NEEDS_PICTURES
+@pytest.mark.parametrize(
+    "line",
+    [
+        "report {made}/run.npz -o no/folder/run.html",
+        "report {made}/run.npz --pictures {made}/drive.csv",
+    ],
+)
+def test_a_report_that_cannot_be_written_is_told_in_one_line(
+    line: str, made: Path, here: Path, capsys: pytest.CaptureFixture[str], blank: None
+) -> None:
+    assert cli.main([word.format(made=made) for word in line.split()]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert files(here) == []
