@@ -4,6 +4,7 @@ tests can spoil.
 
 from __future__ import annotations
 
+import math
 import struct
 from collections import deque
 from collections.abc import Callable
@@ -137,4 +138,27 @@ def other(system: int, component: int = 1) -> MavlinkCodec:
     return MavlinkCodec(system, component)
 
 
-__all__ = ["Filter", "Rig", "crc16_mcrf4xx", "decode", "dialect", "other", "set_point_frame"]
+def error(rig: Rig) -> tuple[float, float]:
+    """Distance and angle between the driver's state and the truth at its stamp, for a rover
+    that is not accelerating.
+    """
+    state = rig.core.state
+    assert state is not None
+    x, y, theta = rig.rover.pose
+    east, north, turn = rig.rover.velocity
+    ago = rig.now - state.stamp
+    return math.hypot(x - east * ago - state.x, y - north * ago - state.y), abs(
+        math.remainder(theta - turn * ago - state.theta, math.tau)
+    )
+
+
+__all__ = [
+    "Filter",
+    "Rig",
+    "crc16_mcrf4xx",
+    "decode",
+    "dialect",
+    "error",
+    "other",
+    "set_point_frame",
+]
