@@ -1,0 +1,139 @@
+"""Logs of a link: what passed, in both directions, read back and played again."""
+
+import random
+import struct
+import time
+
+import pytest
+from robots import Clock
+
+from firmware_bridge.link import LoopbackWire
+from firmware_bridge.link.log import (
+    LONGEST,
+    RAW_MAGIC,
+    Chunk,
+    RecordedTransport,
+    play,
+    raw_log,
+    read_link_log,
+    tlog,
+)
+from firmware_bridge.messages import ConfigError
+
+
+def frame(k: int) -> bytes:
+    from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+    mav = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    mav.seq = k % 256
+    return bytes(dialect.MAVLink_attitude_message(k, 0.0, 0.0, 0.1, 0.0, 0.0, 0.2).pack(mav))
+
+
+def recorded_link(log):
+    """A wire whose bridge end is recorded."""
+    wire = LoopbackWire(manual=True)
+    heard = []
+    transport = RecordedTransport(wire.bridge, log.put)
+    transport.start(lambda data, stamp: heard.append(data))
+    wire.board.start(lambda data, stamp: None)
+    return wire, transport, heard
+
+
+def test_a_tlog_holds_both_ways_and_only_whole_frames(tmp_path):
+    path = tmp_path / "a.tlog"
+    log = tlog(path)
+    wire, transport, heard = recorded_link(log)
+    before = time.time()
+    for k in range(50):
+        wire.board.write(b"boot text" + frame(k)[:7])
+        wire.board.write(frame(k)[7:] + b"\xfd\x03noise")
+        transport.write(frame(1000 + k))
+        wire.pump()
+    assert (
+        transport.connected
+        and transport.counters["bytes_out"] == 50 * len(frame(0))
+        and transport.last_error == ""
+    )
+    transport.close()
+    log.close()
+    from pymavlink import mavutil
+
+    reader = mavutil.mavlogfile(str(path))
+    messages = []
+    while (message := reader.recv_match()) is not None:
+        messages.append(message)
+    reader.close()
+    assert {m.get_type() for m in messages} == {"ATTITUDE"}
+    assert sorted(m.time_boot_ms for m in messages) == [*range(50), *range(1000, 1050)]
+    assert all(before - 1.0 < m._timestamp < time.time() + 1.0 for m in messages)
+    assert len(list(read_link_log(path))) == 100 and b"".join(heard).count(b"boot text") == 50
+
+
+def test_a_raw_log_gives_back_what_passed(tmp_path):
+    log = raw_log(tmp_path / "a.raw")
+    wire, transport, _ = recorded_link(log)
+    random_ = random.Random(1)
+    said = []
+    for _ in range(30):
+        said.append((True, random_.randbytes(random_.randint(1, 40))))
+        wire.board.write(said[-1][1])
+        wire.pump()
+        said.append((False, random_.randbytes(10)))
+        transport.write(said[-1][1])
+    log.put(Chunk(time.monotonic(), True, bytes(LONGEST + 10)))
+    log.close()
+    chunks = list(read_link_log(tmp_path / "a.raw"))
+    assert [(c.incoming, c.data) for c in chunks[:-2]] == said
+    assert [len(c.data) for c in chunks[-2:]] == [LONGEST, 10]
+    assert all(b.time >= a.time for a, b in zip(chunks, chunks[1:], strict=False))
+
+
+def test_what_the_link_did_not_take_is_not_in_the_log(tmp_path):
+    log = raw_log(tmp_path / "a.raw")
+    wire, transport, _ = recorded_link(log)
+    wire.cut()
+    assert not transport.write(b"lost")
+    log.close()
+    assert list(read_link_log(tmp_path / "a.raw")) == []
+
+
+@pytest.mark.parametrize("make", ["raw", "tlog"])
+def test_a_log_cut_anywhere_gives_its_whole_records(tmp_path, make):
+    path = tmp_path / f"a.{make}"
+    log = raw_log(path) if make == "raw" else tlog(path)
+    for k in range(5):
+        log.put(Chunk(100.0 + k, True, frame(k)))
+    log.close()
+    whole = path.read_bytes()
+    complete = [c.data for c in read_link_log(path)]
+    assert len(complete) == 5
+    for cut in range(40, len(whole)):
+        path.write_bytes(whole[:cut])
+        found = [c.data for c in read_link_log(path)]
+        assert found == complete[: len(found)]
+        assert len(found) >= (cut - len(RAW_MAGIC)) // (len(whole) // 5 + 1)
+
+
+def test_files_that_are_no_log_are_refused(tmp_path):
+    path = tmp_path / "a.log"
+    with pytest.raises(ConfigError, match="cannot read"):
+        list(read_link_log(path))
+    for content in (b"", b"t,x,y\n1,2,3\n"):
+        path.write_bytes(content)
+        with pytest.raises(ConfigError, match="neither a tlog nor"):
+            list(read_link_log(path))
+    path.write_bytes(struct.pack(">Q", 1) + frame(1) + struct.pack(">Q", 2) + b"garbage" * 5)
+    with pytest.raises(ConfigError, match="damaged"):
+        list(read_link_log(path))
+
+
+def test_replay_keeps_the_pace_and_cuts_long_pauses():
+    clock = Clock()
+    chunks = [
+        Chunk(5.0, True, b"a"),
+        Chunk(7.0, None, b"b"),
+        Chunk(6.0, None, b"late"),
+        Chunk(106.0, True, b"c"),
+    ]
+    times = [(c.data, clock() - 1000.0) for c in play(chunks, 2.0, clock, clock.sleep)]
+    assert times == [(b"a", 0.0), (b"b", 1.0), (b"late", 1.0), (b"c", 3.5)]
