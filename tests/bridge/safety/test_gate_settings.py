@@ -1,0 +1,35 @@
+"""Settings, geofence and limits of the gate are checked."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from gate_world import SETTINGS
+
+from firmware_bridge.messages import ConfigError
+from firmware_bridge.safety.gate_settings import GateSettings
+from firmware_bridge.safety.limits import Limits
+
+
+@pytest.mark.parametrize("name", ["watchdog", "pose_age", "heartbeat_age", "hold", "settle"])
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf, True, "1", None])
+def test_settings_are_checked(name, value):
+    with pytest.raises(ConfigError, match=name):
+        replace(SETTINGS, **{name: value})
+
+
+@pytest.mark.parametrize(
+    "fence",
+    [(0, 0, 0, 1), (0, 0, 1), (0, 0, 1, math.nan), (1, 0, 0, 1), (0, 0, True, 1), ("0", 0, 1, 1)],
+)
+def test_a_geofence_is_checked(fence):
+    with pytest.raises(ConfigError, match="geofence"):
+        GateSettings(geofence=fence)
+
+
+@pytest.mark.parametrize("name", [f for f in Limits.__dataclass_fields__ if f != "v_reverse"])
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf, True, "1"])
+def test_limits_are_checked(name, value):
+    with pytest.raises(ConfigError, match=name):
+        Limits(**{name: value})
+    assert Limits(v_reverse=0.0).clip(-1.0, 0.5) == (0.0, 0.0)
