@@ -1,63 +1,15 @@
-"""The bilinear model: prediction, rollout and linearisation agree.
-
-Wrong shapes and matrices are refused.
-"""
+"""The bilinear model: prediction, rollout and linearisation agree, at any period."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
+from any_model import DICTIONARIES, UNICYCLE, every_model, points, random_model
 
 import kmpc_lite as kl
 from kmpc_lite.model.noise_model import NoiseModel
-
-TRIG = kl.HermiteTrigDictionary(0)
-UNICYCLE = kl.UnicycleDictionary()
-DICTIONARIES = {
-    "unicycle": UNICYCLE,
-    "trig": TRIG,
-    "hermite 2": kl.HermiteTrigDictionary(2),
-    "history": kl.InputHistoryDictionary(UNICYCLE, lags=(0, 1, 3)),
-    "delay and product": kl.InputHistoryDictionary(TRIG, lags=(2, 1), product=True),
-    "present product": kl.InputHistoryDictionary(TRIG, lags=(0,), product=True),
-}
-
-
-def random_model(
-    dictionary: kl.Dictionary, continuous: bool, integrator: str = "rk4", seed: int = 0
-) -> kl.KoopmanModel:
-    """A model with no structure to hide behind."""
-    random = np.random.default_rng(seed)
-    nz, nw = dictionary.size, dictionary.input_size
-    rows = 3 if continuous else nz
-    a, b, h = (random.normal(size=(rows, columns)) / (3 * nz) for columns in (nz, nw, nw * nz))
-    c = np.eye(3) if continuous else random.normal(size=(3, nz))
-    return kl.KoopmanModel(dictionary, 0.1, a, b, h, c, continuous, integrator=integrator)
-
-
-KINDS = {"integral": (True, "rk4"), "midpoint": (True, "midpoint"), "edmdc": (False, "rk4")}
-MODELS = [
-    pytest.param(random_model(d, *k), id=f"{n}, {kind}")
-    for n, d in DICTIONARIES.items()
-    for kind, k in KINDS.items()
-]
-every_model = pytest.mark.parametrize("model", MODELS)
-
-
-def points(
-    model: kl.KoopmanModel, *lead: int, seed: int = 1
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """States, commands and histories with any leading axes."""
-    random = np.random.default_rng(seed)
-    return (
-        random.normal(size=(*lead, 3)),
-        random.normal(size=(*lead, 2)),
-        random.normal(size=(*lead, model.history, 2)),
-    )
 
 
 def by_the_book(
@@ -204,98 +156,6 @@ def test_leading_axes_broadcast(model: kl.KoopmanModel) -> None:
         )
 
 
-def test_lists_and_whole_numbers_are_welcome() -> None:
-    model = random_model(UNICYCLE, continuous=False)
-    np.testing.assert_array_equal(
-        model.predict([1, 2, 3], [1, 0]),
-        model.predict(np.array([1.0, 2.0, 3.0]), np.array([1.0, 0.0])),
-    )
-
-
-@pytest.mark.parametrize(
-    ("x", "u", "history"),
-    [
-        (np.zeros(4), np.zeros(2), None),
-        (np.zeros(3), np.zeros(3), None),
-        (0.0, np.zeros(2), None),
-        (np.zeros((5, 3)), np.zeros((4, 2)), None),
-        (np.zeros(3), np.zeros(2), np.zeros((2, 2))),
-        (np.zeros(3), np.zeros(2), np.zeros((3, 3))),
-        (np.zeros(3), np.zeros(2), np.zeros(2)),
-        (np.zeros((5, 3)), np.zeros((5, 2)), np.zeros((4, 3, 2))),
-        ("here", np.zeros(2), None),
-    ],
-)
-def test_wrong_shapes_are_value_errors(x: Any, u: Any, history: Any) -> None:
-    model = random_model(DICTIONARIES["history"], continuous=True)
-    for method in (model.predict, model.linearize):
-        with pytest.raises(ValueError):
-            method(x, u, history)
-
-
-@pytest.mark.parametrize(
-    ("x0", "inputs", "history"),
-    [
-        (np.zeros(3), np.zeros(2), None),
-        (np.zeros(3), np.zeros((5, 3)), None),
-        (np.zeros(2), np.zeros((5, 2)), None),
-        (np.zeros((4, 3)), np.zeros((3, 5, 2)), None),
-        (np.zeros(3), np.zeros((5, 2)), np.zeros((1, 2))),
-    ],
-)
-def test_wrong_shapes_of_a_rollout_are_value_errors(x0: Any, inputs: Any, history: Any) -> None:
-    for model in (
-        random_model(UNICYCLE, continuous=True),
-        random_model(DICTIONARIES["history"], continuous=True),
-    ):
-        if history is None or model.history:
-            with pytest.raises(ValueError, match="expected|shape"):
-                model.rollout(x0, inputs, history)
-
-
-def matrices(**changed: Any) -> dict[str, Any]:
-    """Arguments of a good continuous model of the paper's dictionary, some of them replaced."""
-    good = {
-        "A": np.zeros((3, 6)),
-        "B": np.zeros((3, 2)),
-        "H": np.zeros((3, 12)),
-        "C": np.eye(3),
-        "dt": 0.1,
-    }
-    return {**good, "dictionary": UNICYCLE, "continuous": True, **changed}
-
-
-@pytest.mark.parametrize(
-    ("changed", "words"),
-    [
-        ({"A": np.zeros((3, 5))}, "A: expected shape"),
-        ({"A": np.zeros((4, 6))}, "B: expected shape"),
-        ({"A": 1.0}, "A: expected shape"),
-        ({"A": None}, "A"),
-        ({"A": "matrix"}, "A: expected an array of real numbers"),
-        ({"A": np.zeros((3, 6), complex)}, "A: expected an array of real numbers"),
-        ({"A": [[1.0], [1.0, 2.0]]}, "A: expected an array of real numbers"),
-        ({"B": np.full((3, 2), np.nan)}, "B holds NaN"),
-        ({"H": np.full((3, 12), np.inf)}, "H holds NaN or infinity"),
-        ({"C": np.eye(2)}, "C: expected shape"),
-        ({"dictionary": TRIG}, "A: expected shape"),
-        ({"dt": 0.0}, "dt"),
-        ({"dt": -0.1}, "dt"),
-        ({"dt": float("nan")}, "dt"),
-        ({"dt": "fast"}, "dt"),
-        ({"integrator": "euler"}, "integrator"),
-        ({"noise_model": NoiseModel(np.zeros((3, 3)))}, "noise"),
-        ({"noise_model": NoiseModel(np.full((3, 3, 3), np.nan))}, "noise"),
-        ({"noise_model": NoiseModel(-np.ones((3, 3, 3)))}, "semidefinite"),
-        ({"noise_model": NoiseModel(np.triu(np.ones((3, 3, 3))))}, "symmetric"),
-    ],
-)
-def test_matrices_that_do_not_fit_are_model_errors(changed: dict[str, Any], words: str) -> None:
-    kl.KoopmanModel(**matrices())
-    with pytest.raises(kl.ModelError, match=words):
-        kl.KoopmanModel(**matrices(**changed))
-
-
 def test_the_nominal_unicycle_is_the_plant_without_slip() -> None:
     random = np.random.default_rng(7)
     x, u = random.uniform(-3.0, 3.0, (100, 3)), random.uniform(-1.0, 1.0, (100, 2))
@@ -347,69 +207,6 @@ def test_a_model_that_cannot_change_its_period_says_so(model: kl.KoopmanModel) -
         model.with_dt(0.05)
     with pytest.raises(kl.ModelError, match="dt"):
         random_model(UNICYCLE, continuous=True).with_dt(-1.0)
-
-
-@pytest.mark.parametrize("integrator", ["rk4", "midpoint"])
-@pytest.mark.parametrize("name", sorted(DICTIONARIES))
-def test_closed_form_of_a_symmetric_model_is_its_bilinear_form(name: str, integrator: str) -> None:
-    from kmpc_lite.learn.symmetry import symmetric_generator
-
-    dictionary, random = DICTIONARIES[name], np.random.default_rng(5)
-    nz, nw = dictionary.size, dictionary.input_size
-    h = symmetric_generator(dictionary, *random.normal(size=(3, nw)))
-    pull = np.zeros((3, nw))
-    pull[2] = random.normal(size=nw)
-    parts = np.zeros((3, nz)), pull, h, np.eye(3)
-    closed = kl.KoopmanModel(dictionary, 0.2, *parts, continuous=True, integrator=integrator)
-    assert closed.closed_form is not None
-    free = replace(closed)
-    object.__setattr__(free, "closed_form", None)
-    x, u = random.normal(size=(2, 7, 3)), random.normal(size=(2, 7, 2))
-    past = random.normal(size=(2, 7, dictionary.history, 2))
-    assert_close = partial(np.testing.assert_allclose, rtol=1e-12, atol=1e-13)
-    assert_close(closed.predict(x, u, past), free.predict(x, u, past))
-    assert_close(closed.predict(x[0, 0], u[0, 0], past[0, 0]), free.predict(x, u, past)[0, 0])
-    for mine, theirs in zip(closed.linearize(x, u, past), free.linearize(x, u, past), strict=True):
-        assert_close(mine, theirs)
-    assert_close(closed.rollout(x[:, 0], u, past[:, 0]), free.rollout(x[:, 0], u, past[:, 0]))
-    assert_close(closed.rollout(x[0, 0], u[0]), free.rollout(x[0, 0], u[0]))
-
-
-@pytest.mark.parametrize("place", [("A", 0, 3), ("B", 1, 0), ("H", 0, 4), ("H", 1, 2), ("H", 2, 1)])
-def test_a_model_that_is_not_symmetric_has_no_closed_form(place: tuple[str, int, int]) -> None:
-    name, row, column = place
-    symmetric = kl.nominal_unicycle(0.1)
-    matrix = getattr(symmetric, name).copy()
-    matrix[row, column] += 1e-6
-    other = replace(symmetric, **{name: matrix})
-    assert other.closed_form is None
-    assert not np.array_equal(
-        other.predict([0.4, 0.2, 0.9], [0.5, 0.3]), symmetric.predict([0.4, 0.2, 0.9], [0.5, 0.3])
-    )
-
-
-def test_a_dictionary_that_lifts_otherwise_than_its_names_say_has_no_closed_form() -> None:
-    class Doubled(kl.UnicycleDictionary):
-        def lift(self, x: Any) -> Any:
-            return super().lift(np.asarray(x) * (1.0, 1.0, 2.0))
-
-    assert replace(kl.nominal_unicycle(0.1), dictionary=Doubled()).closed_form is None
-
-
-def test_displacement_along_measured_headings_is_the_generator_integrated_by_simpson() -> None:
-    random = np.random.default_rng(8)
-    model = replace(kl.nominal_unicycle(0.2), B=np.array([[0.0, 0.0], [0.0, 0.0], [0.3, -0.2]]))
-    assert model.closed_form is not None
-    heading, turned, w = 0.7, -0.9, random.normal(size=2)
-    x, y, turn, ahead = model.closed_form.displacement(heading, turned, w)
-    poses = np.zeros((3, 3))
-    poses[:, 2] = heading + turned * np.array((0.0, 0.5, 1.0))
-    z = model.dictionary.lift(poses)
-    blocks = model.H.reshape(3, 2, -1)
-    rates = np.einsum("ran,a,tn->tr", blocks, w, z) + model.B @ w
-    expected = 0.2 * np.array((1.0, 4.0, 1.0)) @ rates / 6.0
-    np.testing.assert_allclose((x, y, turn), expected, rtol=1e-12)
-    assert ahead == pytest.approx(0.2 * w[0])
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
