@@ -1,0 +1,126 @@
+"""Drives are cut and resampled without losing a step."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from any_episode import numbered, owner, wandering
+
+import kmpc_lite as kl
+
+
+def test_windows_cut_without_losing_a_step() -> None:
+    data = kl.Dataset([numbered(25, 1), numbered(10, 2), numbered(3, 3)])
+    pieces = data.windows(1.0)
+    assert [len(e) for e in pieces.episodes] == [10, 10, 5, 10, 3] and pieces.steps == data.steps
+    assert owner(pieces) == [1, 1, 1, 2, 3]
+    np.testing.assert_array_equal(pieces.episodes[1].states[0], pieces.episodes[0].states[-1])
+    assert (
+        np.concatenate([e.inputs for e in pieces.episodes]).tolist()
+        == np.concatenate([e.inputs for e in data.episodes]).tolist()
+    )
+    assert max(len(e) for e in data.windows(0.19).episodes) == 1  # at most so many seconds
+    assert len(data.windows(1e9)) == 3
+    for seconds in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(kl.DataError, match="windows: expected a time"):
+            data.windows(seconds)
+
+
+# resampling
+
+
+@pytest.mark.parametrize("dt", [0.1, 0.05, 0.03, 0.25, 0.17])
+def test_a_drive_at_constant_speed_resamples_exactly(dt: float) -> None:
+    speed = np.array([0.3, -0.2, 0.7])
+    time = 0.1 * np.arange(31)
+    drive = kl.Episode(
+        np.array([1.0, 2.0, 3.0]) + time[:, None] * speed, np.tile([0.4, 0.7], (30, 1)), 0.1
+    )
+    again = drive.resample(dt)
+    assert again is not None and len(again) == int(3.0 / dt + 1e-9) and again.dt == dt
+    np.testing.assert_allclose(
+        again.states,
+        np.array([1.0, 2.0, 3.0]) + dt * np.arange(len(again) + 1)[:, None] * speed,
+        atol=1e-12,
+    )
+    np.testing.assert_allclose(again.inputs, np.tile([0.4, 0.7], (len(again), 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize("dt", [0.05, 0.2, 0.3, 0.5, 1.0])
+def test_resampling_conserves_what_was_commanded(dt: float) -> None:
+    drive = wandering(60, 0.1)
+    again = drive.resample(dt)
+    assert again is not None
+    covered = int(round(len(again) * dt / 0.1))
+    np.testing.assert_allclose(
+        again.inputs.sum(axis=0) * dt, drive.inputs[:covered].sum(axis=0) * 0.1, atol=1e-9
+    )
+    if dt >= 0.1:  # and each new command is the mean of those that it stands for
+        each = int(round(dt / 0.1))
+        np.testing.assert_allclose(
+            again.inputs, drive.inputs[:covered].reshape(-1, each, 2).mean(axis=1), atol=1e-9
+        )
+        np.testing.assert_allclose(again.states, drive.states[: covered + 1 : each], atol=1e-9)
+
+
+def test_more_than_half_a_turn_within_a_period_is_refused() -> None:
+    # the heading of an episode is unwrapped, so 4 rad would silently become -2.28 rad
+    turning = kl.Episode(
+        np.c_[np.zeros((31, 2)), 0.4 * np.arange(31)], np.tile([0.0, 4.0], (30, 1)), 0.1
+    )
+    again = turning.resample(0.7)
+    assert again is not None
+    np.testing.assert_allclose(np.diff(again.states[:, 2]), 2.8, atol=1e-12)
+    with pytest.raises(
+        kl.DataError, match="within 1 s the robot turns by 4.00 rad, more than half a turn"
+    ):
+        turning.resample(1.0)
+
+
+def test_an_uneven_log_is_put_on_an_even_grid(tmp_path: Path) -> None:
+    random = np.random.default_rng(5)
+    time = np.cumsum(random.uniform(0.06, 0.14, 200)) + 1.7e9
+    elapsed = time - time[0]
+    values = {
+        "t": time,
+        "x": 0.5 * elapsed,
+        "y": -elapsed,
+        "theta": 0.2 * elapsed,
+        "v": random.normal(size=200),
+        "omega": random.normal(size=200),
+    }
+    np.savez(tmp_path / "run.npz", **values)
+    with pytest.raises(kl.DataError, match="uneven sampling"):
+        kl.Dataset.load(tmp_path / "run.npz")
+    (episode,) = kl.Dataset.load(tmp_path / "run.npz", dt=0.1).episodes
+    grid = 0.1 * np.arange(len(episode) + 1)
+    assert len(episode) == int(elapsed[-1] / 0.1)
+    np.testing.assert_allclose(episode.states, grid[:, None] * [0.5, -1.0, 0.2], atol=1e-6)
+    # what the held commands add up to by the end of the grid
+    held = np.clip(grid[-1] - elapsed[:-1], 0.0, np.diff(elapsed))
+    np.testing.assert_allclose(
+        episode.inputs.sum(axis=0) * 0.1,
+        [held @ values["v"][:-1], held @ values["omega"][:-1]],
+        atol=1e-6,
+    )
+
+
+def test_what_is_too_short_for_the_period_is_left_out() -> None:
+    data = kl.Dataset([numbered(3, 1), numbered(30, 2)])
+    assert numbered(3, 1).resample(0.5) is None
+    assert owner(data.resample(0.5)) == [2]
+    with pytest.raises(kl.DataError, match="as long as one period of 10 s"):
+        data.resample(10.0)
+    assert data.resample(0.1) is data
+
+
+@pytest.mark.parametrize("dt", [0.0, -0.1, float("nan"), float("inf"), "fast"])
+def test_an_impossible_period_is_refused(dt: Any) -> None:
+    for drives in (numbered(5, 1), kl.Dataset([numbered(5, 1)])):
+        with pytest.raises(kl.DataError, match="dt: expected"):
+            drives.resample(dt)
+    with pytest.raises(kl.DataError, match="more than 10,000,000 steps"):
+        numbered(5, 1).resample(1e-9)
