@@ -1,0 +1,30 @@
+"""Links of every kind, which are closed after a test."""
+
+import socket
+
+import pytest
+from link_ends import End, free_port
+
+
+@pytest.fixture(params=["pty", "tcp", "udp", "loopback"])
+def url(request, tmp_path):
+    return {
+        "pty": f"pty:{tmp_path}/port",
+        "tcp": f"tcp:127.0.0.1:{free_port()}",
+        "udp": f"udp:127.0.0.1:{free_port(socket.SOCK_DGRAM)}",
+        "loopback": f"loopback:{tmp_path.name}",
+    }[request.param]
+
+
+@pytest.fixture
+def opened():
+    """Close whatever a test opened."""
+    transports = []
+
+    def keep(transport, reply=None):
+        transports.append(transport)
+        return End(transport, reply).start()
+
+    yield keep
+    for transport in transports:
+        transport.close()
