@@ -10,27 +10,18 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from mavlink_rig import decode, other, set_point_frame
+from mavlink_rig import decode, set_point_frame
+from rover_link import READY, free_port
 
 from firmware_bridge.drivers.mavlink.driver import MavlinkDriver
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
 from firmware_bridge.emulator.rover.parameters import MOTION_CAPTURE
 from firmware_bridge.emulator.rover.rover import RoverEmulator
 from firmware_bridge.link import OnBytes, open_transport
-from firmware_bridge.messages import ConfigError, LinkError
-
-READY = {"arm_after": 0.2, "uptime": 5.0}
-"""A rover that can be armed at once."""
-
-
-def free_port(kind: int = socket.SOCK_STREAM) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @pytest.fixture(params=["tcp", "udp", "pty"])
@@ -39,20 +30,6 @@ def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
         return f"pty:{tmp_path / 'rover'}"
     kind = socket.SOCK_STREAM if request.param == "tcp" else socket.SOCK_DGRAM
     return f"{request.param}:127.0.0.1:{free_port(kind)}"
-
-
-@pytest.fixture
-def tcp() -> str:
-    return f"tcp:127.0.0.1:{free_port()}"
-
-
-@pytest.fixture
-def closing() -> Iterator[Callable[..., None]]:
-    """Closes what it is given at the end."""
-    things: list[object] = []
-    yield things.append
-    for thing in reversed(things):
-        thing.close()  # type: ignore[attr-defined]
 
 
 def wait(condition: Callable[[], bool], limit: float = 30.0) -> None:
@@ -133,77 +110,6 @@ def test_close_leaves_alone_what_it_did_not_move(tcp: str, closing: Callable[...
     assert (rover.mode, rover.armed) == ("GUIDED", True)
 
 
-class TestNobodyThere:
-    """Each failure to connect says what a user can do."""
-
-    def fails(
-        self, url: str, closing: Callable[..., None], timeout: float = 0.3, **options: object
-    ) -> str:
-        driver = MavlinkDriver(open_transport(url), MavlinkOptions(**options))  # type: ignore[arg-type]
-        closing(driver)
-        with pytest.raises(LinkError) as caught:
-            driver.connect(timeout)
-        assert "\n" not in str(caught.value)
-        return str(caught.value)
-
-    def test_nothing_listens(self, tcp: str, closing: Callable[..., None]) -> None:
-        assert "nothing listens there" in self.fails(tcp, closing)
-
-    def serve(self, data: bytes, closing: Callable[..., None]) -> str:
-        server = socket.create_server(("127.0.0.1", 0))
-        closing(server)
-
-        def talk() -> None:
-            peer, _ = server.accept()
-            closing(peer)
-            peer.sendall(data)
-
-        threading.Thread(target=talk, daemon=True).start()
-        return f"tcp:127.0.0.1:{server.getsockname()[1]}"
-
-    def test_not_a_byte(self, closing: Callable[..., None]) -> None:
-        assert "no byte: is it powered" in self.fails(self.serve(b"", closing), closing)
-
-    def test_not_mavlink(self, closing: Callable[..., None]) -> None:
-        assert "no frame: is the baud rate right" in self.fails(
-            self.serve(b"hello" * 50, closing), closing
-        )
-
-    def test_another_system(self, tcp: str, closing: Callable[..., None]) -> None:
-        rover = RoverEmulator(**READY)  # type: ignore[arg-type]
-        closing(rover)
-        rover.start(tcp)
-        assert "frames of other systems: is the id right?" in self.fails(
-            tcp, closing, 1.5, system=5
-        )
-
-    def test_another_vehicle(self, closing: Callable[..., None]) -> None:
-        from mavlink_rig import dialect
-
-        copter = other(1).encode(dialect.MAVLink_heartbeat_message(2, 3, 0, 0, 4, 3))
-        assert "system 1 is no ArduPilot rover: autopilot 3, type 2" in self.fails(
-            self.serve(copter, closing), closing, 5.0
-        )
-
-    def test_a_vehicle_that_answers_nothing(self, closing: Callable[..., None]) -> None:
-        from mavlink_rig import dialect
-
-        rover = other(1).encode(dialect.MAVLink_heartbeat_message(10, 3, 0, 0, 4, 3))
-        assert "answers no request" in self.fails(self.serve(rover, closing), closing)
-
-    def test_the_wrong_key(self, tcp: str, tmp_path: Path, closing: Callable[..., None]) -> None:
-        key = tmp_path / "key"
-        key.write_bytes(bytes(32))
-        key.chmod(0o600)
-        rover = RoverEmulator(**READY, key=bytes(range(32)))  # type: ignore[arg-type]
-        closing(rover)
-        rover.start(tcp)
-        assert "wrongly signed frames: is board.key_file the vehicle's key?" in self.fails(
-            tcp, closing, 1.5, key_file=str(key)
-        )
-        assert rover.counters["bad_signature"] > 0
-
-
 def test_motion_capture(tcp: str, closing: Callable[..., None]) -> None:
     """Poses from a thread of their own; the robot is taken later, by hand."""
     rover = RoverEmulator(**READY, parameters=MOTION_CAPTURE, pose=(1.0, 2.0, 0.5))  # type: ignore[arg-type]
@@ -256,12 +162,6 @@ def test_a_signed_link(tcp: str, tmp_path: Path, closing: Callable[..., None]) -
     wait(lambda: driver.health().ready)
     drive_until(driver, 0.3, 0.0, lambda: rover.counters["set_points"] > 10)
     assert rover.counters["unsigned"] == 0
-
-
-@pytest.mark.parametrize("table", [{"system": 1}, {"board": {"systems": 1}}, {"board": 5}])
-def test_robot_files_that_are_wrong(table: dict[str, object]) -> None:
-    with pytest.raises(ConfigError, match="system|board"):
-        MavlinkDriver.from_options(open_transport("tcp:127.0.0.1:1"), table)
 
 
 def test_unplugged_and_plugged_in_again(tcp: str, closing: Callable[..., None]) -> None:
