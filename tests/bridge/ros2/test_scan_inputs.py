@@ -1,0 +1,93 @@
+"""Scans of messages: where the scanner is mounted, how old they are, and what is no scan."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rosbags", reason="the extra ros2 (rosbags) is not installed")
+from ros_inputs import EPOCH, MAKE, NAN, inputs, odometry, transform
+
+from firmware_bridge.ros2.inputs import Inputs
+
+
+def seeing(**options: Any) -> Inputs:
+    here = inputs("map=", **options)
+    odometry(here, 10.0, (0.0, 0.0, 0.0), frame="map")
+    return here
+
+
+def scan(stamp: float, frame: str = "laser") -> Any:
+    return MAKE.scan(np.array([1.0, np.inf, NAN, 2.0]), 8.0, stamp, frame)
+
+
+def test_a_scan_its_mount_and_its_age() -> None:
+    here = seeing()
+    (scanner,) = here.scans
+    scanner.take(scan(EPOCH + 9.95), 10.0)
+    assert here.blind(10.0) == ("no level transform base_link -> laser on /tf",)
+    transform(here, 10.0, "base_link", "laser", (0.1, 0.0, math.pi), static=True)
+    assert here.blind(10.0) == ()
+    (found,) = here.obstacles(10.1, 10.0)
+    assert found.mount == pytest.approx((0.1, 0.0, math.pi)) and not found.mirrored
+    assert found.age == pytest.approx(0.15) and len(found) == 4
+    assert here.obstacles(10.8, 10.8) is None
+    assert here.blind(10.84) == ("no scan on /scan for 0.9 s",)
+
+
+def test_a_scanner_upside_down_is_mirrored_and_one_that_tilts_is_refused() -> None:
+    for tilt, fine in ((math.pi, True), (0.5, False)):
+        here = seeing()
+        message = MAKE.transforms(("base_link", "laser", (0.1, 0.0, 0.0)), time=EPOCH)
+        turn = message.transforms[0].transform.rotation
+        turn.x, turn.w = math.sin(tilt / 2), math.cos(tilt / 2)
+        here.transforms.take(message, 10.0, True)
+        here.scans[0].take(scan(EPOCH + 10.0), 10.0)
+        assert (here.blind(10.0) == ()) == fine
+        if fine:
+            assert here.obstacles(10.0, 10.0)[0].mirrored
+
+
+def wrong_scan(what: str) -> Any:
+    message = scan(EPOCH + 10.0, "base_link")
+    if what == "angle":
+        message.angle_min = NAN
+    elif what == "increment":
+        message.angle_increment = math.inf
+    elif what == "limits":
+        message.range_max = 0.0
+    elif what == "no beams":
+        message.ranges = np.zeros(0, dtype=np.float32)
+    elif what == "a million beams":
+        message.ranges = np.ones(10**6, dtype=np.float32)
+    elif what == "beams that last for years":
+        message.time_increment = math.inf
+    else:
+        assert what == "the future"
+        message = scan(EPOCH + 13.0, "base_link")
+    return message
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        "angle",
+        "increment",
+        "limits",
+        "no beams",
+        "a million beams",
+        "beams that last for years",
+        "the future",
+    ],
+)
+def test_a_scan_that_is_none_is_told_in_one_line_and_not_driven_by(what: str) -> None:
+    here = seeing()
+    here.scans[0].take(wrong_scan(what), 10.0)
+    (text,) = here.blind(10.0)
+    assert text.startswith("/scan: ") and "\n" not in text and len(text) < 250
+    # and the next good one is driven by
+    here.scans[0].take(scan(EPOCH + 10.05, "base_link"), 10.05)
+    assert here.blind(10.05) == ()
