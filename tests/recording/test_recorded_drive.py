@@ -1,145 +1,23 @@
-"""A simulated drive as MCAP: Foxglove's kinds, read back as the same run, and learned from."""
+"""A simulated drive as MCAP: read back as the same run, shown, and learned from."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from drive_kinds import SCENARIO, controller_of, every_kind
 
 import kmpc_lite as kl
 from kmpc_lite.cli import main as cli
 from kmpc_lite.mcap.layout import DRIVE
 from kmpc_lite.recording.drive_file import load_drive
 from kmpc_lite.recording.encoder import DriveEncoder
-from kmpc_lite.recording.records import Ended, Gate, Health, Note, PoseSeen, Sent, Stepped
+from kmpc_lite.recording.records import Gate, PoseSeen, Sent
 from kmpc_lite.recording.scene import margins_of
-from kmpc_lite.recording.schemas import TOPICS
 from kmpc_lite.recording.simulated import SimulationRecorder, circle_rows
 from kmpc_lite.sim import Outcome, Run, Scenario, drive
-
-SCENARIO = """\
-[map]
-bounds = [-2.0, -2.0, 2.0, 2.0]
-circles = [[0.5, 0.6, 0.15], [1.0, -1.5, 0.1, 0.0, 0.2]]
-polygons = [[[1.0, 0.8], [1.5, 0.8], [1.2, 1.2]]]
-walls = [[-1.5, -1.5, -1.0, -1.5, 0.1]]
-grid = {resolution = 0.1, origin = [-1.0, 1.0, 0.3], rows = ["..#", "?.#"]}
-[robot]
-start = [0.0, 0.0, 0.0]
-goal = [1.0, 0.1, 0.0]
-[run]
-timeout = 5.0
-"""
-
-
-@pytest.fixture(scope="module")
-def scenario(tmp_path_factory: pytest.TempPathFactory) -> Scenario:
-    path = tmp_path_factory.mktemp("recording") / "field.toml"
-    path.write_text(SCENARIO)
-    return Scenario.load(path)
-
-
-def controller_of(scenario: Scenario) -> kl.Controller:
-    return kl.Controller(kl.nominal_unicycle(0.1), scenario.problem(), options=scenario.options)
-
-
-@pytest.fixture(scope="module")
-def recorded(scenario: Scenario) -> tuple[Run, SimulationRecorder]:
-    controller = controller_of(scenario)
-    recorder = SimulationRecorder(controller)
-    return drive(controller, scenario, watch=recorder), recorder
-
-
-@pytest.fixture(scope="module")
-def content(recorded: tuple[Run, SimulationRecorder]) -> bytes:
-    run, recorder = recorded
-    return recorder.content(run)
-
-
-def every_kind(scenario: Scenario) -> bytes:
-    """A drive with a message of every kind."""
-    controller = controller_of(scenario)
-    plan = controller.step(scenario.start, scenario.goal, scenario.obstacles_at(0.0))
-    scan = kl.LaserScan(
-        [1.0, np.inf, np.nan, 2.0], angle_min=0.5, angle_increment=0.1, range_max=4.0
-    )
-    margins, circles = np.full(20, 0.05), scenario.circles_at(0.0)
-    path = np.array([[0.0, 0.0], [1.0, 0.1]])
-    encoder = DriveEncoder(scenario, 0.1, {"kind": "driven"}, offset=1.7e9)
-    pose = (0.0, 0.0, 3.0)
-    records = [
-        PoseSeen(5.0, pose, (0.1, 0.2)),
-        Stepped(5.1, pose, plan, path, margins, circles, 0.02, scan),
-        Sent(5.1, (0.3, -0.2)),
-        Gate(5.2, "ACTIVE", ()),
-        Gate(5.3, "STOPPING", ("link down",)),
-        Health(5.4, {"connected": True, "age": np.inf, "counters": {"frames": 3}}),
-        Note(5.5, "<b>a note</b>", bad=True),
-        PoseSeen(5.6, (np.nan, 0.0, 0.0)),
-    ]
-    ended = Ended(6.0, {"outcome": "timeout", "duration": 0.9, "clearance": None, "words": "so"})
-    parts = [encoder.begin(5.0), *encoder.encode(records), *encoder.encode([ended])]
-    return b"".join(parts)
-
-
-def decoded(content: bytes) -> Iterator[tuple[str, str, dict[str, Any], dict[str, Any]]]:
-    """Topic, kind, schema and content of every message, by another library."""
-    reader_of = pytest.importorskip("mcap.reader", reason="needs mcap")
-    reader = reader_of.make_reader(BytesIO(content), validate_crcs=True)
-    for schema, channel, message in reader.iter_messages():
-        assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
-        yield channel.topic, schema.name, json.loads(schema.data), json.loads(message.data)
-
-
-def test_every_message_is_as_its_schema_says(scenario: Scenario, content: bytes) -> None:
-    jsonschema = pytest.importorskip("jsonschema", reason="needs jsonschema")
-    seen = set()
-    for part in (content, every_kind(scenario)):
-        for topic, name, schema, message in decoded(part):
-            jsonschema.Draft202012Validator(schema).validate(message)
-            assert name == schema["title"]
-            seen.add(topic)
-    assert seen == {topic.name for topic in TOPICS}
-
-
-def test_foxglove_knows_every_part_of_its_kinds(scenario: Scenario, content: bytes) -> None:
-    """Its own descriptions take the messages, and know no part that they lack."""
-    messages = pytest.importorskip("foxglove.messages", reason="needs foxglove-sdk")
-    protobuf = pytest.importorskip("google.protobuf.json_format", reason="needs protobuf")
-    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
-
-    for part in (content, every_kind(scenario)):
-        for _, name, _, message in decoded(part):
-            if not name.startswith("foxglove."):
-                continue
-            schema = getattr(messages, name.removeprefix("foxglove.")).get_schema()
-            files = descriptor_pb2.FileDescriptorSet.FromString(schema.data)
-            pool = descriptor_pool.DescriptorPool()
-            for file in files.file:
-                pool.Add(file)
-            kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(name))
-            taken = protobuf.ParseDict(_as_protobuf(message), kind())
-            assert taken.ByteSize() > 0
-
-
-def _as_protobuf(value: Any) -> Any:
-    """Times and durations as protobuf's JSON has them."""
-    if isinstance(value, list):
-        return [_as_protobuf(part) for part in value]
-    if not isinstance(value, dict):
-        return value
-    if value.keys() == {"sec", "nsec"}:
-        return f"{value['sec']}.{value['nsec']:09d}s"
-    found = {key: _as_protobuf(part) for key, part in value.items()}
-    if isinstance(found.get("timestamp"), str):
-        seconds = np.datetime64(round(1e9 * float(found["timestamp"][:-1])), "ns")
-        found["timestamp"] = f"{seconds}Z"
-    return found
 
 
 def test_a_recorded_drive_is_the_same_run(
@@ -202,26 +80,6 @@ def test_what_else_a_drive_holds_is_read(scenario: Scenario, tmp_path: Path) -> 
     np.testing.assert_allclose(first, [np.cos(0.5), np.sin(0.5)], atol=1e-6)
     np.testing.assert_allclose(second, [2 * np.cos(0.8), 2 * np.sin(0.8)], atol=1e-6)
     assert scan.unknown.any() or scan.clear.any()
-
-
-def test_a_mirrored_scan_is_shown_where_it_was_seen(scenario: Scenario) -> None:
-    plan = controller_of(scenario).step(scenario.start, scenario.goal)
-    scan = kl.LaserScan([1.0], angle_min=0.5, angle_increment=0.1, range_max=4.0, mirrored=True)
-    step = Stepped(
-        0.0, (0, 0, 0), plan, np.empty((0, 2)), np.zeros(20), np.empty((0, 5)), None, scan
-    )
-    encoder = DriveEncoder(scenario, 0.1, {})
-    whole = encoder.begin(0.0) + b"".join(encoder.encode([step]))
-    scans = [message for topic, _, _, message in _streamed(whole) if topic == "/scan"]
-    assert scans[0]["start_angle"] == -0.5
-
-
-def _streamed(content: bytes) -> Iterator[tuple[str, str, str, dict[str, Any]]]:
-    from kmpc_lite.mcap.read import read_messages
-
-    for found in read_messages(BytesIO(content)):
-        if found.topic.startswith("/"):
-            yield found.topic, "", "", json.loads(found.content)
 
 
 def test_margins_are_those_of_the_nearest_stage() -> None:
