@@ -8,6 +8,7 @@ from collections import Counter
 
 import pytest
 from faulty_world import Desk
+from waiting import until
 from wire_decoders import odrive_speeds, roboclaw_speeds, vesc_erpm
 
 from firmware_bridge.cli.emulate import build_emulator
@@ -35,15 +36,6 @@ BOARDS = {
     "roboteq": {"counts_per_turn": 4000.0},
     "arduino": {"counts_per_turn": 4000.0},
 }
-
-
-def wait_for(condition, seconds: float) -> bool:
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        if condition():
-            return True
-        time.sleep(0.01)
-    return False
 
 
 class SerialEar:
@@ -129,7 +121,7 @@ def test_serial_boards_in_real_time(board):
     recovered = Counter()
     try:
         for _ in range(8):
-            assert wait_for(lambda: gate.state is GateState.ACTIVE, 10.0), loop.snapshot
+            assert until(lambda: gate.state is GateState.ACTIVE, 10.0), loop.snapshot
             level = draw.choice((0.02, 0.1, 0.3))
             wire.faults = Faults(
                 **{
@@ -142,7 +134,7 @@ def test_serial_boards_in_real_time(board):
                 wire.cut(0.6)
             elif what == "long cut":
                 wire.cut(2.5)
-                assert wait_for(
+                assert until(
                     lambda: loop.snapshot.output.v == loop.snapshot.output.omega == 0.0, 5.0
                 )
             elif what == "mute":
@@ -152,17 +144,17 @@ def test_serial_boards_in_real_time(board):
             time.sleep(draw.uniform(0.5, 2.0))
             emulator.mute, wire.faults = False, Faults()
             wire.heal()
-            if not wait_for(lambda: gate.state is GateState.ACTIVE, 3.0):
+            if not until(lambda: gate.state is GateState.ACTIVE, 3.0):
                 recovered[f"{what}: enabled"] += 1
                 desk.requests.add("enable")
             else:
                 recovered[f"{what}: by itself"] += 1
-        assert wait_for(lambda: gate.state is GateState.ACTIVE, 10.0), loop.snapshot
+        assert until(lambda: gate.state is GateState.ACTIVE, 10.0), loop.snapshot
     finally:
         loop.request_stop("test")
         thread.join(10.0)
         driver.close()
-        still = wait_for(lambda: emulator.stopped, 2.0)
+        still = until(lambda: emulator.stopped, 2.0)
         emulator.close()
     assert not failures, failures[0]
     assert (

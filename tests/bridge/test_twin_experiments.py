@@ -9,7 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from boards import Rig, until
+from boards import Rig
+from waiting import until
 
 import kmpc_lite as kl
 from firmware_bridge.emulator.mocap import Mocap, MocapOptions

@@ -3,6 +3,8 @@
 import math
 import time
 
+from waiting import until
+
 from firmware_bridge.drivers.arduino import ArduinoDriver
 from firmware_bridge.drivers.odrive import ODriveDriver
 from firmware_bridge.drivers.roboclaw import RoboClawDriver
@@ -45,16 +47,6 @@ EMULATORS = {
 }
 WATCHDOG = {"roboclaw": 0.3, "roboteq": 0.3, "arduino": 0.3, "odrive": 0.3, "vesc": 1.0}
 """How long each board drives on alone [s]."""
-
-
-def until(condition, seconds=20.0):
-    """Wait for a condition; False if it does not come."""
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.005)
-    return True
 
 
 def with_board(name, **options):

@@ -4,7 +4,6 @@ import contextlib
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 from courses import PATIENT
@@ -38,15 +37,6 @@ def robot_options(name: str) -> list[str]:
         *PATIENT,
         *(["--arm"] if name == "rover" else []),
     ]
-
-
-def wait_for(condition, seconds: float = 20.0) -> bool:
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        if condition():
-            return True
-        time.sleep(0.01)
-    return False
 
 
 @contextlib.contextmanager

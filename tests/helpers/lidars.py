@@ -1,6 +1,5 @@
 """Lidars and their emulators at both ends of a loopback or a pseudo-terminal."""
 
-import time
 from contextlib import contextmanager
 
 from firmware_bridge.emulator.lidar.kinds import emulated_lidar
@@ -24,13 +23,3 @@ def lidar_pair(driver, path, pose=lambda: (0.0, 0.0, 0.0), world=None, **more):
     finally:
         lidar.close()
         emulator.close()
-
-
-def until(condition, seconds=10.0):
-    """Wait for a condition; whether it came."""
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.01)
-    return True

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import socket
-import time
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from waiting import until
 
 import kmpc_lite as kl
 from firmware_bridge.emulator.ros2.robot import STEP, EmulatedRobot, Ros2Emulator
@@ -33,15 +33,6 @@ def free_port() -> int:
     with socket.socket() as sock:
         sock.bind(("127.0.0.1", 0))
         return int(sock.getsockname()[1])
-
-
-def wait_for(condition: Any) -> bool:
-    until = time.monotonic() + PATIENCE
-    while not condition():
-        if time.monotonic() > until:
-            return False
-        time.sleep(0.0005)
-    return True
 
 
 class TopicRig:
@@ -131,7 +122,7 @@ class TopicRig:
         """Wait until the sessions know of each other's topics."""
         for there, node in ((self.emulator.node, "/kmpc"), (self.driver.node, "/sim")):
             topics = lambda: sum(s.node == node and s.topic != "" for s in there.seen())  # noqa: B023, E731
-            assert wait_for(lambda: topics() >= 4), f"{node} is not seen"  # noqa: B023
+            assert until(lambda: topics() >= 4), f"{node} is not seen"  # noqa: B023
 
     def tick(self, count: int = 1) -> None:
         for _ in range(count):
@@ -144,7 +135,7 @@ class TopicRig:
             received = self.driver.inputs.pose.filter.counters
             before = sum(received.values())
             self.emulator.advance()
-            assert wait_for(lambda: self._read() and sum(received.values()) > before), "no odometry"
+            assert until(lambda: self._read() and sum(received.values()) > before), "no odometry"
             self.clearance = min(self.clearance, self.emulator.clearance)
         else:
             self._read()
@@ -153,7 +144,7 @@ class TopicRig:
         sent, heard = self.driver.published, self.emulator.commands
         self.loop.tick(self.now)
         if self.alive and self.driver.published > sent:
-            assert wait_for(lambda: self._heard(heard)), "no command came"
+            assert until(lambda: self._heard(heard)), "no command came"
 
     def _heard(self, before: int) -> bool:
         self.emulator.listen()

@@ -6,7 +6,8 @@ import time
 from pathlib import Path
 
 from courses import FAR
-from emulated_robots import FAST, emulated, robot_options, start_command, wait_for
+from emulated_robots import FAST, emulated, robot_options, start_command
+from waiting import until
 
 from firmware_bridge.cli.main import main
 from firmware_bridge.safety.estop_client import ask
@@ -17,7 +18,7 @@ def test_the_emergency_stop_stops_a_running_robot_and_outlives_the_run(desk, cap
     Path("far.toml").write_text(FAR)
     with emulated("roboclaw") as board:
         child = start_command("run", *robot_options("roboclaw"), "--scenario", "far.toml", "--json")
-        assert wait_for(lambda: not board.stopped and board.pose[0] > 0.1)
+        assert until(lambda: not board.stopped and board.pose[0] > 0.1)
         assert main(["estop", "--json"]) == 0
         answer = json.loads(capsys.readouterr().out)
         assert {
@@ -26,14 +27,14 @@ def test_the_emergency_stop_stops_a_running_robot_and_outlives_the_run(desk, cap
             "gate": "ESTOP",
             "confirmed": True,
         }.items() <= answer.items()
-        assert wait_for(lambda: board.stopped)
+        assert until(lambda: board.stopped)
         assert main(["estop", "--enable"]) == 0
         time.sleep(0.6)  # longer than it brakes before it releases
         assert board.stopped and "pressed, gate ESTOP" in capsys.readouterr().out
         assert main(["estop", "--reset"]) == 0 and main(["estop", "--enable"]) == 0
-        assert wait_for(lambda: not board.stopped)
+        assert until(lambda: not board.stopped)
         child.send_signal(signal.SIGUSR1)
-        assert wait_for(lambda: ask(Path("kmpc-bridge.sock"), "status")["gate"] == "ESTOP")
+        assert until(lambda: ask(Path("kmpc-bridge.sock"), "status")["gate"] == "ESTOP")
         child.send_signal(signal.SIGTERM)
         report = json.loads(child.communicate(timeout=20.0)[0])
         assert child.returncode == 130 and report["outcome"] == "stopped by SIGTERM"

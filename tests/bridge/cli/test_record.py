@@ -7,7 +7,8 @@ import time
 from pathlib import Path
 
 import pytest
-from emulated_robots import ROBOTS, emulated, meanwhile, robot_options, wait_for
+from emulated_robots import ROBOTS, emulated, meanwhile, robot_options
+from waiting import until
 
 import kmpc_lite as kl
 from firmware_bridge.cli.main import main
@@ -56,7 +57,7 @@ def test_record_by_hand_sends_nothing_and_its_tlog_gives_the_same_csv(desk, caps
         rover.pilot_mode(0)
 
         def pilot():
-            assert wait_for(
+            assert until(
                 lambda: Path("hand.csv").exists() and Path("hand.csv").stat().st_size > 500
             )
             os.kill(os.getpid(), signal.SIGINT)

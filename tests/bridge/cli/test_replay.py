@@ -4,7 +4,8 @@ import json
 import socket
 from pathlib import Path
 
-from emulated_robots import meanwhile, wait_for
+from emulated_robots import meanwhile
+from waiting import until
 
 from firmware_bridge.cli.main import main
 from firmware_bridge.link import open_transport
@@ -32,7 +33,7 @@ def test_replay_serves_a_log_to_whoever_listens(desk, capsys):
                 return False
             return True
 
-        assert wait_for(start) and wait_for(lambda: len(heard) >= 80)
+        assert until(start) and until(lambda: len(heard) >= 80)
 
     with meanwhile(listener):
         assert main(["replay", "a.raw", "--link", url, "--speed", "2"]) == 0

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from emulated_robots import FAST, emulated, meanwhile, robot_options, wait_for
+from emulated_robots import FAST, emulated, meanwhile, robot_options
+from waiting import until
 
 import kmpc_lite as kl
 from firmware_bridge.cli.main import main
@@ -62,7 +63,7 @@ def test_run_drives_past_the_obstacle_to_the_goal_and_records_it(desk, capsys, n
         options += ["--command-period", "0.1"]
     with emulated(name) as robot:
         assert main(["run", *options]) == 0
-        assert wait_for(lambda: robot.stopped)
+        assert until(lambda: robot.stopped)
         x, y, theta = robot.pose
     report = json.loads(capsys.readouterr().out)
     assert report["outcome"] == "arrived" and report["arrived"] and report["scenario"] == "course"
@@ -104,9 +105,9 @@ def test_a_pilot_who_takes_over_keeps_the_rover_until_it_is_enabled_again(desk, 
     with emulated("rover") as rover:
 
         def pilot():
-            assert wait_for(lambda: rover.pose[0] > 0.1)
+            assert until(lambda: rover.pose[0] > 0.1)
             rover.pilot_mode(0)  # MANUAL
-            assert wait_for(lambda: ask(Path("kmpc-bridge.sock"), "status")["gate"] == "YIELDED")
+            assert until(lambda: ask(Path("kmpc-bridge.sock"), "status")["gate"] == "YIELDED")
             time.sleep(0.5)
             seen["mode"] = rover.mode
             ask(Path("kmpc-bridge.sock"), "enable")

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 from courses import FAR, PATIENT
-from emulated_robots import emulated, robot_options, start_command, wait_for
+from emulated_robots import emulated, robot_options, start_command
+from waiting import until
 
 from firmware_bridge.cli.emulate import build_emulator
 from firmware_bridge.cli.main import main
@@ -88,7 +89,7 @@ def test_ctrl_c_brakes_holds_and_releases(desk):
     with emulated("rover") as rover:
         Path("far.toml").write_text(FAR)
         child = start_command("run", *robot_options("rover"), "--scenario", "far.toml", "--json")
-        assert wait_for(lambda: not rover.stopped and rover.pose[0] > 0.1)
+        assert until(lambda: not rover.stopped and rover.pose[0] > 0.1)
         child.send_signal(signal.SIGINT)
         out, err = child.communicate(timeout=20.0)
         assert (
@@ -96,7 +97,7 @@ def test_ctrl_c_brakes_holds_and_releases(desk):
             and err.startswith("kmpc: control.latency: not given")
             and err.count("\n") == 1
         )
-        assert wait_for(lambda: rover.stopped) and rover.mode == "HOLD"
+        assert until(lambda: rover.stopped) and rover.mode == "HOLD"
     report = json.loads(out)
     assert (
         report["outcome"] == "stopped by SIGINT"
@@ -108,7 +109,7 @@ def test_kill_9_leaves_the_robot_to_the_boards_own_watchdog(desk):
     with emulated("roboclaw") as board:
         Path("far.toml").write_text(FAR)
         child = start_command("run", *robot_options("roboclaw"), "--scenario", "far.toml")
-        assert wait_for(lambda: not board.stopped and board.pose[0] > 0.1)
+        assert until(lambda: not board.stopped and board.pose[0] > 0.1)
         child.kill()
         child.communicate()
-        assert wait_for(lambda: board.stopped)  # nobody else is there to do it
+        assert until(lambda: board.stopped)  # nobody else is there to do it

@@ -6,8 +6,8 @@ import json
 import sys
 
 import pytest
-from boards import until
 from courses import PATIENT
+from waiting import until
 
 from firmware_bridge.cli.emulate import build_emulator
 from firmware_bridge.cli.main import main

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import fastcrc
 import pytest
-from boards import Rig, until
+from boards import Rig
+from waiting import until
 
 from firmware_bridge.drivers.arduino import ENCODER, FAULT, STOPPED, ArduinoOptions
 from firmware_bridge.emulator.arduino import ArduinoEmulator

@@ -1,7 +1,8 @@
 """Bad input that each protocol meets: false starts, wrong CRCs, answers to other questions."""
 
 import pytest
-from boards import Rig, until
+from boards import Rig
+from waiting import until
 
 from firmware_bridge.link.framing import (
     ROBOCLAW_ACK,

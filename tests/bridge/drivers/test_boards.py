@@ -14,7 +14,8 @@ import time
 from pathlib import Path
 
 import pytest
-from boards import DRIVERS, EMULATORS, TABLES, Rig, distance, until, with_board
+from boards import DRIVERS, EMULATORS, TABLES, Rig, distance, with_board
+from waiting import until
 
 from firmware_bridge.drivers.arduino import line
 from firmware_bridge.link import Faults, open_transport

@@ -1,7 +1,8 @@
 """ODrive: what only this driver does."""
 
 import pytest
-from boards import GEOMETRY, Rig, until, with_board
+from boards import GEOMETRY, Rig, with_board
+from waiting import until
 
 from firmware_bridge.drivers.odrive import ODriveDriver, ODriveOptions
 from firmware_bridge.drivers.odrive_errors import ACTIVE_ERRORS, AXIS_ERRORS, REGISTERS

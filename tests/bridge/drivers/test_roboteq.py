@@ -3,7 +3,8 @@
 import time
 
 import pytest
-from boards import Rig, until, with_board
+from boards import Rig, with_board
+from waiting import until
 
 from firmware_bridge.drivers.roboteq import RoboteqDriver, RoboteqOptions
 from firmware_bridge.emulator.roboteq import RoboteqEmulator

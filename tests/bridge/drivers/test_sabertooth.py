@@ -4,7 +4,8 @@ import math
 import time
 
 import pytest
-from boards import GEOMETRY, Spy, until
+from boards import GEOMETRY, Spy
+from waiting import until
 
 from firmware_bridge.drivers.sabertooth import SabertoothDriver, SabertoothOptions, packet
 from firmware_bridge.emulator.sabertooth import SabertoothEmulator

@@ -5,7 +5,8 @@ import struct
 import fastcrc
 import pytest
 import serial
-from boards import GEOMETRY, Rig, distance, until, with_board
+from boards import GEOMETRY, Rig, distance, with_board
+from waiting import until
 
 from firmware_bridge.drivers.vesc import ALIVE, FAULTS, VescDriver, VescOptions
 from firmware_bridge.emulator.vesc import VescEmulator

@@ -5,7 +5,8 @@ import os
 import socket
 
 import pytest
-from link_ends import free_port, until
+from link_ends import free_port
+from waiting import until
 
 from firmware_bridge.emulator.server import serve
 from firmware_bridge.link import open_transport

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from waiting import until
 
 pytest.importorskip("zenoh", reason="the extra ros2 (eclipse-zenoh) is not installed")
 
-from topic_rig import TopicRig, short_course, wait_for
+from topic_rig import TopicRig, short_course
 
 from firmware_bridge.emulator.ros2.robot import EmulatedRobot
 from firmware_bridge.ros2.driver import Ros2Driver
@@ -154,7 +155,7 @@ def test_plan_markers_and_diagnostics_are_what_others_can_read() -> None:
                     messages[name] = taken[0]
             return len(messages) == 3
 
-        assert wait_for(came), telling.last_error
+        assert until(came), telling.last_error
         path, markers = messages["kmpc/plan"], messages["kmpc/markers"].markers
         assert path.header.frame_id == "map" and len(path.poses) == 21
         assert path.poses[-1].pose.position.x > path.poses[0].pose.position.x

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from waiting import until
 
 pytest.importorskip("zenoh", reason="the extra ros2 (eclipse-zenoh) is not installed")
 
-from topic_rig import free_port, wait_for
+from topic_rig import free_port
 
 from firmware_bridge.messages import ConfigError, LinkError
 from firmware_bridge.ros2.message_types import GRID, LARGEST, ODOMETRY, POSE, TF, TWIST
@@ -59,7 +60,7 @@ def test_the_independent_client_sees_our_topics_and_hears_our_commands(
         port = {"router_ip": "127.0.0.1", "router_port": _port(router)}
         # what is asserted is what was waited for: a second question may be answered late
         topics: dict[str, Any] = {}
-        assert wait_for(
+        assert until(
             lambda: (
                 topics.update(discovery.get_topic_names_and_types(**port))
                 or {"/cmd_vel", "/odom"} <= topics.keys()
@@ -67,7 +68,7 @@ def test_the_independent_client_sees_our_topics_and_hears_our_commands(
         )
         assert topics["/cmd_vel"] == [TWIST] and topics["/odom"] == [ODOMETRY]
         infos: list[Any] = []
-        assert wait_for(
+        assert until(
             lambda: (
                 infos.append(discovery.get_topic_info("/odom", verbose=True, **port))
                 or (infos[-1] and infos[-1].subscribers)
@@ -76,7 +77,7 @@ def test_the_independent_client_sees_our_topics_and_hears_our_commands(
         assert [one.node_name.strip("/") for one in infos[-1].subscribers] == ["kmpc"]
         assert infos[-1].subscribers[0].qos == "2::,5:,:,:,,"
         client.subscriber("/cmd_vel", TWIST, heard.append)
-        assert wait_for(lambda: commands.publish(command) or heard)
+        assert until(lambda: commands.publish(command) or heard)
     assert heard[0].linear.x == 0.25 and heard[0].angular.z == -0.5
 
 
@@ -93,9 +94,9 @@ def test_we_hear_the_independent_client(router: Node, node: Node) -> None:
             taken.append(subscription.take())
             return taken[-1] is not None
 
-        assert wait_for(came)
+        assert until(came)
         assert taken[-1][0].linear.x == 0.25 and taken[-1][0].angular.z == -0.5
-        assert wait_for(lambda: ("/cmd_vel", TWIST) in [(s.topic, s.kind) for s in node.seen()])
+        assert until(lambda: ("/cmd_vel", TWIST) in [(s.topic, s.kind) for s in node.seen()])
 
 
 def test_who_comes_late_gets_the_last_map(router: Node, node: Node) -> None:
@@ -104,7 +105,7 @@ def test_who_comes_late_gets_the_last_map(router: Node, node: Node) -> None:
     publisher.publish(command)
     late = node.subscription("latched", TWIST, LATCHED)
     taken: list[Any] = []
-    assert wait_for(lambda: taken.append(late.take()) or taken[-1] is not None)
+    assert until(lambda: taken.append(late.take()) or taken[-1] is not None)
     assert taken[-1][0].linear.x == 1.0
 
 
@@ -112,11 +113,11 @@ def test_what_was_lost_comes_once_more_when_it_is_asked_for(router: Node, node: 
     publisher = router.publisher("latched", TWIST, LATCHED)
     publisher.publish(Outputs(node.types, "map").command(1.0, 0.0, None, ""))
     late = node.subscription("latched", TWIST, LATCHED)
-    assert wait_for(lambda: late.take() is not None)
+    assert until(lambda: late.take() is not None)
     assert late.take() is None
     late.ask_again()
     taken: list[Any] = []
-    assert wait_for(lambda: taken.append(late.take()) or taken[-1] is not None)
+    assert until(lambda: taken.append(late.take()) or taken[-1] is not None)
     assert taken[-1][0].linear.x == 1.0
 
 
@@ -128,7 +129,7 @@ def test_the_independent_client_gets_our_last_message_when_it_comes_late(
     publisher.publish(Outputs(node.types, "map").command(1.0, 0.0, None, ""))
     heard: list[Any] = []
     with clients.ros_client(_port(router), node.types) as client:
-        assert wait_for(
+        assert until(
             lambda: client.subscriber("/latched", TWIST, heard.append, LATCHED.encode()) and heard
         )
     assert heard[0].linear.x == 1.0
@@ -143,7 +144,7 @@ def test_an_attachment_is_what_rmw_zenoh_reads(router: Node, node: Node) -> None
     publisher = node.publisher("cmd_vel", TWIST, Qos())
     command = Outputs(node.types, "map").command(1.0, 0.0, None, "")
     samples: list[Any] = []
-    assert wait_for(
+    assert until(
         lambda: publisher.publish(command) or samples.append(source.try_recv()) or samples[-1]
     )
     read = attachment.Attachment.from_bytes(bytes(samples[-1].attachment))
@@ -169,7 +170,7 @@ def test_what_is_no_message_is_counted_and_left_out(
 ) -> None:
     monkeypatch.setitem(LARGEST, kind, 4096)
     subscription = node.subscription("topic", kind, Qos(depth=20))
-    assert wait_for(lambda: node.connected and router.connected)
+    assert until(lambda: node.connected and router.connected)
     for name, data in MALFORMED.items():
         before = subscription.received
         taken: list[Any] = []
@@ -179,7 +180,7 @@ def test_what_is_no_message_is_counted_and_left_out(
             taken.append(subscription.take())
             return taken[-1] is not None
 
-        assert wait_for(came), name
+        assert until(came), name
         assert taken[-1][0] is None or name == "nulls", name
         while subscription.take() is not None:
             pass

@@ -8,6 +8,7 @@ import time
 import pytest
 from loop_bench import TICK, Bench, Desk
 from robots import FakeDriver
+from waiting import until
 
 from firmware_bridge.messages import VelocityCommand
 from firmware_bridge.runtime.controller_thread import Planner
@@ -169,15 +170,6 @@ def test_a_bug_in_what_calls_the_loop_still_ends_in_a_stop():
     assert bench.driver.stops
 
 
-def wait_for(condition, seconds: float = 10.0) -> bool:
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        if condition():
-            return True
-        time.sleep(0.005)
-    return False
-
-
 def test_a_controller_that_hangs_stops_the_robot_and_does_not_keep_the_loop():
     hang, free = threading.Event(), threading.Event()
 
@@ -193,10 +185,10 @@ def test_a_controller_that_hangs_stops_the_robot_and_does_not_keep_the_loop():
     thread = threading.Thread(target=loop.run)
     thread.start()
     try:
-        assert wait_for(lambda: gate.state is GateState.ACTIVE and driver.sent[-1][1] == 0.3)
+        assert until(lambda: gate.state is GateState.ACTIVE and driver.sent[-1][1] == 0.3)
         hang.set()
-        assert wait_for(lambda: driver.sent[-1][1:] == (0.0, 0.0))
-        assert wait_for(lambda: gate.state is GateState.RELEASED)
+        assert until(lambda: driver.sent[-1][1:] == (0.0, 0.0))
+        assert until(lambda: gate.state is GateState.RELEASED)
         assert driver.stops
     finally:
         loop.request_stop("test")

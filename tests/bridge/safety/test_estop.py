@@ -12,6 +12,7 @@ import threading
 import time
 
 import pytest
+from waiting import until
 
 from firmware_bridge.messages import ConfigError, LinkError
 from firmware_bridge.safety.estop import CLIENTS, EmergencyStop
@@ -122,13 +123,6 @@ def test_a_client_that_trickles_is_cut_short(stop):
             for _ in range(100):
                 slow.sendall(b"s")
                 time.sleep(0.05)
-
-
-def until(condition, seconds=10.0):
-    end = time.monotonic() + seconds
-    while not (met := condition()) and time.monotonic() < end:
-        time.sleep(0.002)
-    return met
 
 
 def connections(path, count):

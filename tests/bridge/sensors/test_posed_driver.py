@@ -5,9 +5,10 @@ import math
 import socket
 
 import pytest
-from boards import TABLES, until
+from boards import TABLES
 from boards import Rig as BoardRig
 from courses import COURSE, PATIENT
+from waiting import until
 
 from firmware_bridge.emulator.mocap import MocapOptions, MocapSender
 from firmware_bridge.link import open_transport

@@ -5,7 +5,8 @@ import time
 
 import numpy as np
 import pytest
-from lidars import lidar_pair, until
+from lidars import lidar_pair
+from waiting import until
 
 from firmware_bridge.link.tty import TtyEndpoint
 from firmware_bridge.messages import ConfigError, LinkError, State
