@@ -9,11 +9,12 @@ speeds the motors' lag is not in it, and is added. Judged by the true pose.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.tube import tube_noise
 from kmpc_lite.studies.any_robot import LOOKS, Robot
 from kmpc_lite.studies.log_drives import load_drives
+from kmpc_lite.studies.records import drive_rows
 from kmpc_lite.studies.robot_drives import Row, course_of, judge
 from kmpc_lite.types import Array
 
@@ -215,15 +217,10 @@ def _learn(real: RealRobot, lags: Lags) -> tuple[KoopmanModel, Dataset]:
     return with_quantiles(fit(train, lags=lags), held), its
 
 
-def drive_real(
-    real: RealRobot,
-    recipe: Recipe,
-    seeds: range,
-    family: str = "open",
-    motor_lag: float = MOTOR_LAG,
-) -> list[Row]:
-    """Learn from one half, and drive over the maps of some seeds on a plant of the other half."""
-    model, its = _learn(real, recipe.lags)
+@lru_cache(maxsize=1)
+def _plant_model(real: RealRobot) -> tuple[KoopmanModel, Robot]:
+    """Model that the plant moves as, and the robot as it is by that model."""
+    _, its = real.halves()
     truth = fit(its, lags="auto")
     limits = largest_speeds(its)
     spread = tube_noise(truth.noise_model, truth.dt).pose_deviation
@@ -231,12 +228,60 @@ def drive_real(
         np.zeros(3), (0.0, limits[1]), np.tile((0.0, limits[1]), (truth.history, 1))
     )
     gain = float(turned[2]) / (limits[1] * truth.dt)
-    robot = replace(real.robot, noise=spread, turn_gain=gain)
-    rows = []
-    for seed in seeds:
-        course = course_of(robot, seed, family)
-        problem = robot.problem(course.side)
-        controller = Controller(model, problem, adaptation=recipe.adapts)
-        plant = RealPlant(truth, its, seed, motor_lag)
-        rows.append(judge(f"{robot.name}, {recipe.name}", seed, controller, plant, course))
-    return rows
+    return truth, replace(real.robot, noise=spread, turn_gain=gain)
+
+
+def drive_real(
+    real: RealRobot,
+    recipe: Recipe,
+    seed: int,
+    family: str = "open",
+    motor_lag: float = MOTOR_LAG,
+) -> Row:
+    """Learn from one half, and drive over the map of a seed on a plant of the other half."""
+    model, its = _learn(real, recipe.lags)
+    truth, robot = _plant_model(real)
+    course = course_of(robot, seed, family)
+    problem = robot.problem(course.side)
+    controller = Controller(model, problem, adaptation=recipe.adapts)
+    plant = RealPlant(truth, its, seed, motor_lag)
+    return judge(f"{robot.name}, {recipe.name}", seed, controller, plant, course)
+
+
+def study(
+    real: RealRobot,
+    recipes: Sequence[Recipe],
+    seeds: Sequence[int],
+    executor: Executor,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    records: Any = None,
+) -> list[Row]:
+    """Drive the models of all recipes over the same maps; rows in this order.
+
+    Parameters
+    ----------
+    real : RealRobot
+        Whose log it is.
+    recipes : sequence of Recipe
+        Of `RECIPES`.
+    seeds : sequence of int
+        Of maps and errors.
+    executor : Executor
+        Does the work.
+    progress : callable
+        Called with drives done and drives in all.
+    records : path, optional
+        JSON-lines file to which every drive is added, and from which those already driven are
+        taken.
+    """
+    robot = real.robot
+    numbers = str(real.log), robot.radius, robot.speed, robot.turn_rate
+    wanted = [(*numbers, recipe.name, seed) for recipe in recipes for seed in seeds]
+    return drive_rows(executor, records, "real", _drive_asked, wanted, Row, progress)
+
+
+def _drive_asked(
+    log: str, radius: float, speed: float, turn_rate: float, name: str, seed: int
+) -> Row:
+    real = real_robot(Path(log), radius, speed, turn_rate)
+    return drive_real(real, next(r for r in RECIPES if r.name == name), seed)

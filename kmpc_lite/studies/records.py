@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.reading import open_regular, read_bytes
@@ -17,6 +18,8 @@ MAX_BYTES = 2**28
 """Longest file of records that is read."""
 Record = dict[str, Any]
 """What was driven, in plain values."""
+Row = TypeVar("Row")
+"""What became of a drive."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,52 @@ def drive_all(
     progress(len(done), len(wanted))
     gather({executor.submit(drive, *key): keep for key in wanted if key not in done})
     return [done[key] for key in wanted]
+
+
+def drive_rows(
+    executor: Executor,
+    path: str | Path | None,
+    study: str,
+    drive: Callable[..., Any],
+    wanted: Sequence[tuple[Any, ...]],
+    row: type[Row],
+    progress: Callable[[int, int], None],
+) -> list[Row]:
+    """Drive what a study asks for; a row for each drive, in this order.
+
+    Parameters
+    ----------
+    executor : Executor
+        Does the work.
+    path : Path or str, optional
+        Records: ``study``, what was ``asked``, and the ``row`` in plain values.
+    study : str
+        What the records belong to.
+    drive : callable
+        What a worker does: it is given what is asked, and gives a row, whose `as_dict` gives plain
+        values.
+    wanted : sequence of tuple
+        What is asked: words and numbers.
+    row : type
+        Dataclass of the rows: made from those plain values.
+    progress : callable
+        Called with drives done and drives in all.
+    """
+    file = RecordFile(path, partial(_asked, study, row), f"a drive of kmpc study {study}")
+    records = drive_all(executor, file, partial(_driven, study, drive), wanted, progress)
+    return [row(**record["row"]) for record in records]
+
+
+def _asked(study: str, row: type, record: Record) -> Hashable:
+    """What was asked for; ValueError for what is no record of this study."""
+    told = set(record["row"])
+    if record["study"] != study or told != {field.name for field in fields(row)}:
+        raise ValueError(study)
+    return tuple(record["asked"])
+
+
+def _driven(study: str, drive: Callable[..., Any], *asked: Any) -> Record:
+    return {"study": study, "asked": list(asked), "row": drive(*asked).as_dict()}
 
 
 def check_resume(path: str | Path | None, resume: bool) -> None:

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -20,6 +21,7 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.sim.touch import footprint_gaps
 from kmpc_lite.studies.any_robot import UNIT_RADIUS, Plant, Robot, learn, random_robot
+from kmpc_lite.studies.records import drive_rows
 from kmpc_lite.types import Array
 
 HELD = 1.0
@@ -174,31 +176,50 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def study(
+    name: str,
     robots: Sequence[Robot],
     seeds: Sequence[int],
     executor: Executor,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    records: Any = None,
 ) -> list[Row]:
     """Drive every robot over the maps of all seeds; rows in this order.
 
     Parameters
     ----------
+    name : str
+        Of the study.
     robots : sequence of Robot
         Whose model is learned anew for each seed, where it is learned.
     seeds : sequence of int
         Of maps, slip and noise.
     executor : Executor
         What runs it.
-    progress : callable, optional
-        Told how many drives of how many are done.
+    progress : callable
+        Called with drives done and drives in all.
+    records : path, optional
+        JSON-lines file to which every drive is added, and from which those already driven are
+        taken.
     """
-    jobs = [executor.submit(drive, robot, seed) for robot in robots for seed in seeds]
-    rows = []
-    for done, job in enumerate(jobs, 1):
-        rows.append(job.result())
-        if progress is not None:
-            progress(done, len(jobs))
-    return rows
+    one = partial(_drive_named, {robot.name: robot for robot in robots})
+    wanted = [(robot.name, seed) for robot in robots for seed in seeds]
+    return drive_rows(executor, records, name, one, wanted, Row, progress)
+
+
+def _drive_named(robots: dict[str, Robot], name: str, seed: int) -> Row:
+    return drive(robots[name], seed)
+
+
+def study_random(
+    seeds: Sequence[int],
+    shapes: bool,
+    executor: Executor,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    records: Any = None,
+) -> list[Row]:
+    """Drive a robot drawn at random for each seed; arguments as of `study` and `drive_random`."""
+    wanted = [(seed, shapes) for seed in seeds]
+    return drive_rows(executor, records, "anyrobot", drive_random, wanted, Row, progress)
 
 
 def format_rows(rows: Sequence[Row]) -> str:

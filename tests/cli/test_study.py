@@ -64,3 +64,23 @@ def test_study_tells_at_once_that_peers_are_missing(
     monkeypatch.setattr(study, "train", lambda *_: pytest.fail("trained before it looked"))
     assert cli.main(["study", "table1", "--workers", "1"]) == 2
     assert "pip install 'kmpc-lite[peers]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "study",
+    [
+        "anyrobot --drives 1 --round",
+        "limits --drives 1 --only one-minute",
+        "sight --drives 1 --kinds rooms --reach 4 --robots standard",
+    ],
+)
+def test_robots_that_were_driven_are_not_driven_again(
+    study: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["study", *study.split(), "--workers", "1", "--records", "drives.jsonl"]
+    assert cli.main(arguments) == 0
+    table, _ = capsys.readouterr()
+    monkeypatch.setattr("kmpc_lite.studies.records._driven", lambda *asked: pytest.fail())
+    assert cli.main([*arguments, "--resume"]) == 0
+    assert capsys.readouterr().out == table
+    assert len((here / "drives.jsonl").read_text().splitlines()) in (1, 2)

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.studies.records import RecordFile, check_resume
+from kmpc_lite.errors import DataError
+from kmpc_lite.studies.records import RecordFile, check_resume, drive_rows
 
 
 def file(path: Path | None) -> RecordFile:
@@ -57,3 +62,40 @@ def test_an_earlier_runs_records_are_gone_on_from_only_when_asked(tmp_path: Path
         check_resume(path, False)
     with pytest.raises(kl.DataError, match="--resume: expected --records FILE"):
         check_resume(None, True)
+
+
+@dataclass(frozen=True)
+class Thrown:
+    """A row of a study that throws dice."""
+
+    die: str
+    seed: int
+    clearance: float
+
+    def as_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def throw(die: str, seed: int) -> Thrown:
+    return Thrown(die, seed, math.inf)
+
+
+def test_rows_are_kept_and_only_what_is_missing_is_driven(tmp_path: Path) -> None:
+    file, told = tmp_path / "dice.jsonl", list[tuple[int, int]]()
+
+    def throws(study: str, *asked: tuple[str, int]) -> list[Thrown]:
+        with ThreadPoolExecutor(1) as executor:
+            note = lambda *progress: told.append(progress)  # noqa: E731
+            return drive_rows(executor, file, study, throw, asked, Thrown, note)
+
+    first = throws("dice", ("red", 1), ("blue", 1))
+    assert first == [throw("red", 1), throw("blue", 1)] and told[-1] == (2, 2)
+    told.clear()
+    assert throws("dice", ("blue", 1), ("red", 2)) == [throw("blue", 1), throw("red", 2)]
+    assert told == [(1, 2), (2, 2)]
+    assert len(file.read_text().splitlines()) == 3
+    with pytest.raises(DataError, match="line 1: expected a drive of kmpc study coins, got"):
+        throws("coins", ("red", 1))
+    file.write_text('{"study": "dice", "asked": ["red", 1], "row": {"die": "red"}}\n')
+    with pytest.raises(DataError, match="line 1: expected a drive of kmpc study dice"):
+        throws("dice", ("red", 1))

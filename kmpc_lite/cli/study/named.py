@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from kmpc_lite.cli.command import Command
+from kmpc_lite.errors import ScenarioError
 
 
 def named(
@@ -42,7 +43,17 @@ def _run(
     return run(options, name)
 
 
-def chosen(names: Iterable[str], words: Iterable[str] | None) -> list[str]:
-    """Names that hold one of the words; all of them where no word is given."""
-    asked = list(words or [""])
-    return [name for name in names if any(word in name for word in asked)]
+def chosen(names: Iterable[str], words: Iterable[str] | None, option: str = "--only") -> list[str]:
+    """Names that hold one of the words; all of them where no word is given.
+
+    Raises
+    ------
+    ScenarioError
+        For a word that no name holds.
+    """
+    known, asked = list(names), list(words or [""])
+    for word in asked:
+        if not any(word in name for name in known):
+            among = "; ".join(known)
+            raise ScenarioError(f"{option}: expected a part of one of {among}; got {word!r}")
+    return [name for name in known if any(word in name for word in asked)]

@@ -10,10 +10,8 @@ from pathlib import Path
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import count, positive
 from kmpc_lite.cli.progress import Progress
+from kmpc_lite.cli.study.named import chosen
 from kmpc_lite.studies.options import add_runner, runner
-
-MAPS_A_JOB = 5
-"""Maps that are driven with a model before it is learned again."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -23,7 +21,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--radius", type=positive, required=True, metavar="M", help="radius of the robot")
     add("--speed", type=positive, required=True, metavar="M/S", help="its largest speed")
     add("--turn-rate", type=positive, required=True, metavar="RAD/S", help="its largest turn rate")
-    add("--maps", type=count, default=20, metavar="N", help="maps of each model (default: 20)")
+    add("--maps", type=count, default=100, metavar="N", help="maps of each model (default: 100)")
     add("--seed", type=int, default=300, metavar="S", help="seed of the first map (default: 300)")
     add(
         "--models",
@@ -36,23 +34,17 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Drive every model over the same maps."""
-    from kmpc_lite.studies.real_robots import RECIPES, WIDTHS, drive_real, real_robot, widths
-    from kmpc_lite.studies.robot_drives import Row, format_rows
+    from kmpc_lite.studies.real_robots import RECIPES, WIDTHS, real_robot, study, widths
+    from kmpc_lite.studies.robot_drives import format_rows
 
+    names = chosen([recipe.name for recipe in RECIPES], options.models, "--models")
+    recipes = [recipe for recipe in RECIPES if recipe.name in names]
     real = real_robot(options.log, options.radius, options.speed, options.turn_rate)
     real.halves()  # a log that cannot be read is told before any work
-    words, end = options.models or [""], options.seed + options.maps
-    recipes = [recipe for recipe in RECIPES if any(word in recipe.name for word in words)]
-    rows, bar = list[Row](), Progress("real", quiet=options.json)
+    seeds = range(options.seed, options.seed + options.maps)
+    bar = Progress("real", quiet=options.json)
     with runner(options) as executor:
-        jobs = [
-            executor.submit(drive_real, real, recipe, range(first, min(first + MAPS_A_JOB, end)))
-            for recipe in recipes
-            for first in range(options.seed, end, MAPS_A_JOB)
-        ]
-        for done, job in enumerate(jobs, 1):
-            rows += job.result()
-            bar(done, len(jobs))
+        rows = study(real, recipes, seeds, executor, bar, options.records)
     margins = widths(real)
     if options.json:
         told = {"margins": [asdict(w) for w in margins], "drives": [r.as_dict() for r in rows]}
@@ -67,7 +59,7 @@ COMMAND = Command(
     "half: with and without lags, with and without adaptation.",
     examples=(
         "kmpc study real husky.csv --radius 0.5 --speed 1 --turn-rate 1",
-        "kmpc study real husky.csv --radius 0.5 --speed 1 --turn-rate 1 --models auto --maps 100",
+        "kmpc study real husky.csv --radius 0.5 --speed 1 --turn-rate 1 --models auto --maps 20",
     ),
     add_options=add_options,
     run=run,

@@ -40,22 +40,19 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace, name: str) -> int:
     """Drive the robots of a study."""
     from kmpc_lite.studies.any_robot import KNOWN, LIMITS, SCALES, STANDARD, scaled
-    from kmpc_lite.studies.robot_drives import Row, drive_random, format_rows, study
+    from kmpc_lite.studies.robot_drives import format_rows, study, study_random
 
-    seeds, rows = range(options.seed, options.seed + options.drives), list[Row]()
+    seeds = range(options.seed, options.seed + options.drives)
     bar = Progress(name, quiet=options.json)
     with runner(options) as executor:
         if name == "anyrobot":
-            jobs = [executor.submit(drive_random, seed, not options.round) for seed in seeds]
-            for done, job in enumerate(jobs, 1):
-                rows.append(job.result())
-                bar(done, len(jobs))
+            rows = study_random(seeds, not options.round, executor, bar, options.records)
         else:
             at_scales = (*(scaled(STANDARD, by) for by in SCALES), *KNOWN)
             known = LIMITS if name == "limits" else at_scales
             robots = {robot.name: robot for robot in known}
             asked = [robots[name] for name in chosen(robots, options.only)]
-            rows = study(asked, seeds, executor, bar)
+            rows = study(name, asked, seeds, executor, bar, options.records)
     print(json.dumps([row.as_dict() for row in rows]) if options.json else format_rows(rows))
     return 0
 

@@ -55,9 +55,10 @@ def run(options: argparse.Namespace) -> int:
         if not 0.0 < reach < 1e3:
             raise ScenarioError(f"--reach: expected a distance above 0 m, got {reach:g}")
     seeds = range(options.seed, options.seed + options.drives)
+    bar = Progress("sight", quiet=options.json)
     with runner(options) as executor:
         if options.circles:
-            found = circles.study(executor, seeds)
+            found = circles.study(executor, seeds, bar, options.records)
             rows, text = [row.as_dict() for row in found], circles.format_reveals(found)
         else:
             drives = table.study(
@@ -66,7 +67,8 @@ def run(options: argparse.Namespace) -> int:
                 options.kinds or tuple(KINDS),
                 options.reach or (2.0, 4.0, 8.0),
                 options.robots or tuple(ROBOTS),
-                Progress("sight", quiet=options.json),
+                bar,
+                options.records,
             )
             rows, text = [row.as_dict() for row in drives], table.format_rows(drives)
     print(json.dumps(rows) if options.json else text)

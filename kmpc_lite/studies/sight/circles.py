@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -15,6 +15,7 @@ from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.sim.plants.robots import DifferentialDrive
+from kmpc_lite.studies.records import drive_rows
 
 REACHES = 2.0, 1.0, 0.5, 0.3
 SPEEDS = 0.6, 1.5
@@ -85,10 +86,15 @@ def _drive(speed: float, reach: float, seed: int) -> tuple[float, bool, float, f
     return k * 0.1, False, fastest, stopped / k
 
 
-def study(executor: Executor, seeds: Sequence[int]) -> list[Reveal]:
-    """Drive all speeds and reaches."""
-    jobs = [executor.submit(drive, v, r, seed) for v in SPEEDS for r in REACHES for seed in seeds]
-    return [job.result() for job in jobs]
+def study(
+    executor: Executor,
+    seeds: Sequence[int],
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    records: Any = None,
+) -> list[Reveal]:
+    """Drive all speeds and reaches; arguments as of `table.study`."""
+    wanted = [(v, reach, seed) for v in SPEEDS for reach in REACHES for seed in seeds]
+    return drive_rows(executor, records, "sight --circles", drive, wanted, Reveal, progress)
 
 
 def format_reveals(rows: Sequence[Reveal]) -> str:

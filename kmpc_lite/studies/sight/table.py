@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from kmpc_lite.studies.records import drive_rows
 from kmpc_lite.studies.sight.drives import ROBOTS, Row, drive
 from kmpc_lite.studies.sight.worlds import KINDS
 
@@ -22,21 +23,22 @@ def study(
     reaches: Sequence[float] = (2.0, 4.0, 8.0),
     robots: Sequence[str] = tuple(ROBOTS),
     progress: Callable[[int, int], None] = lambda done, total: None,
+    records: Any = None,
 ) -> list[Row]:
-    """Drive every world with both drivers; rows in the order of the arguments."""
-    jobs = [
-        executor.submit(drive, driver, robot, kind, reach, seed)
+    """Drive every world with both drivers; rows in the order of the arguments.
+
+    Every drive is added to ``records``, a JSON-lines file; those that it holds are not driven
+    again.
+    """
+    wanted = [
+        (driver, robot, kind, reach, seed)
         for robot in robots
         for kind in kinds
         for reach in reaches
         for seed in seeds
         for driver in DRIVERS
     ]
-    rows = []
-    for done, job in enumerate(jobs, 1):
-        rows.append(job.result())
-        progress(done, len(jobs))
-    return rows
+    return drive_rows(executor, records, "sight", drive, wanted, Row, progress)
 
 
 def summary(rows: Sequence[Row]) -> dict[str, Any]:
