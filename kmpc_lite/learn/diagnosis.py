@@ -1,8 +1,9 @@
 """What contradicts the symmetry of space in a log, and what a user can mend.
 
-Displacements are regressed on ``[eta_v, eta_omega, kappa, delta, xi]``: the motion, the same seen
-in a mirror, a drift of the world, and a creep of the robot. The blocks' jackknife tells how sure
-each is.
+Displacements are regressed on the motion, the same seen in a mirror, a drift of the world, the
+motion without its sign and a creep of the robot; turns alike. What the log does not tell apart from
+what comes before it is not told at all: a robot that always drives at one speed shows no creep. The
+blocks' jackknife tells how sure each is.
 """
 
 from __future__ import annotations
@@ -33,6 +34,10 @@ class DiagnosisOptions:
     """Share by which the turn gain depends on the heading."""
     offset: float = 0.035
     """Angle between the heading and the direction of driving [rad]."""
+    sides: float = 0.1
+    """Share by which the gains forward and back, or left and right, differ."""
+    apart: float = 0.05
+    """Share of an explanation that those before it must leave: else the log cannot show it."""
 
 
 @dataclass(frozen=True)
@@ -78,28 +83,29 @@ def diagnose(
         position.append(_position_moments(block, answered, windows.length, dataset.dt))
         heading.append(_heading_moments(block, answered, windows.length, dataset.dt))
     v_max, omega_max = largest_speeds(dataset)
-    told = _tell_position(_jackknife(np.array(position)), v_max, options)
-    return told + _tell_heading(_jackknife(np.array(heading)), omega_max, options)
+    moved, turned = (_jackknife(np.array(m), options.apart) for m in (position, heading))
+    return [*_tell_position(moved, v_max, options), *_tell_heading(turned, omega_max, options)]
 
 
 def _position_moments(block: Block, answered: Array, length: int, dt: float) -> Array:
-    """Second moments of [Zv, Zw, conj Zv, t, Z0, d], complex (6, 6), in the frame of the world."""
-    columns = np.column_stack([answered, np.ones(len(answered))])
+    """Second moments of [Zv, Zw, conj Zv, t, Z|v|, Z0, d], complex (7, 7), in the world's frame."""
+    columns = np.column_stack([answered, np.abs(answered[:, 0]), np.ones(len(answered))])
     z = window_sums(block.turned[:, None] * columns, block, length)
     moved = block.moved * np.conj(block.frame)
     time = np.full(len(z), length * dt)
-    rows = np.column_stack([z[:, 0], z[:, 1], np.conj(z[:, 0]), time, z[:, 2], moved])
+    rows = np.column_stack([z[:, 0], z[:, 1], np.conj(z[:, 0]), time, z[:, 2:], moved])
     gram: Array = rows.conj().T @ rows
     return gram
 
 
 def _heading_moments(block: Block, answered: Array, length: int, dt: float) -> Array:
-    """Second moments of [v, w, t, w cos, w sin, turn], (6, 6)."""
+    """Second moments of [w, v, |w|, t, w cos, w sin, turn], (7, 7)."""
     omega = answered[:, 1] * dt
     columns = np.column_stack(
         [
-            answered[:, 0] * dt,
             omega,
+            answered[:, 0] * dt,
+            np.abs(omega),
             np.full(len(omega), dt),
             answered[:, 1] * block.turned.real,
             answered[:, 1] * block.turned.imag,
@@ -110,24 +116,46 @@ def _heading_moments(block: Block, answered: Array, length: int, dt: float) -> A
     return gram
 
 
-def _jackknife(moments: Array) -> list[Estimate]:
-    """Least squares from blocks' moments (B, p + 1, p + 1), with standard errors."""
+def _jackknife(moments: Array, apart: float) -> list[Estimate]:
+    """Least squares from blocks' moments (B, p + 1, p + 1), with standard errors.
+
+    What cannot be told apart from what comes before it is zero, and not sure.
+    """
     total = moments.sum(axis=0)
+    shown = _told_apart(total[:-1, :-1], apart)
+    found = [Estimate(0.0, float("inf"))] * (len(total) - 1)
+    if not shown:
+        return found
     count = len(moments)
     without = np.concatenate([total[None], total - moments])
-    matrix, target = without[:, :-1, :-1], without[:, :-1, -1]
+    matrix, target = without[:, shown][:, :, shown], without[:, shown, -1]
     scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2).real, 1e-300))
     scaled = matrix / (scale[:, :, None] * scale[:, None, :])
     scaled = scaled + 1e-9 * np.eye(scaled.shape[-1])
     weights = np.linalg.solve(scaled, (target / scale)[..., None])[..., 0] / scale
     spread = weights[1:] - weights[1:].mean(axis=0)
     errors = np.sqrt((count - 1) / count * np.sum(np.abs(spread) ** 2, axis=0))
-    return [Estimate(complex(w), float(e)) for w, e in zip(weights[0], errors, strict=True)]
+    for k, weight, error in zip(shown, weights[0], errors, strict=True):
+        found[k] = Estimate(complex(weight), float(error))
+    return found
+
+
+def _told_apart(gram: Array, apart: float) -> list[int]:
+    """Columns of which those before them leave at least a share, by their moments (p, p)."""
+    shown: list[int] = []
+    for k, energy in enumerate(np.diagonal(gram).real):
+        left = energy
+        if shown:
+            cross = gram[shown, k]
+            left -= np.vdot(cross, np.linalg.solve(gram[np.ix_(shown, shown)], cross)).real
+        if left > apart * energy:
+            shown.append(k)
+    return shown
 
 
 def _tell_position(found: list[Estimate], v_max: float, options: DiagnosisOptions) -> list[str]:
     """Lines about the frame of the positions."""
-    motion, _, mirror, drift, creep = found
+    motion, _, mirror, drift, unsigned, creep = found
     if mirror.sure(abs(motion.value), options):
         return ["the robot moves as if seen in a mirror: check the signs of x, y and theta"]
     told = []
@@ -140,6 +168,11 @@ def _tell_position(found: list[Estimate], v_max: float, options: DiagnosisOption
         told.append(
             f"the robot drives {np.degrees(angle):+.1f} degrees off its heading theta "
             "(learned, and no harm; the sensor's mount can be mended)"
+        )
+    if unsigned.sure(0.5 * options.sides * abs(motion.value), options):
+        told.append(
+            f"the robot drives forward at {abs(motion.value + unsigned.value):.2f} of its command, "
+            f"and reverses at {abs(motion.value - unsigned.value):.2f}: the model has one gain"
         )
     if drift.sure(options.drift * v_max, options):
         told.append(
@@ -157,10 +190,16 @@ def _tell_position(found: list[Estimate], v_max: float, options: DiagnosisOption
 
 def _tell_heading(found: list[Estimate], omega_max: float, options: DiagnosisOptions) -> list[str]:
     """Lines about the heading."""
-    _, gain, creep, cos, sin = found
+    gain, _, unsigned, creep, cos, sin = found
     told = []
     if gain.value.real < -options.sure * gain.error:
         told.append("omega > 0 turns right: omega or theta has the other sign")
+    if unsigned.sure(0.5 * options.sides * abs(gain.value), options):
+        left, right = (gain.value + sign * unsigned.value for sign in (1, -1))
+        told.append(
+            f"the robot turns left at {left.real:.2f} of its command, and right at "
+            f"{right.real:.2f}: the model has one gain"
+        )
     if creep.sure(options.turning * omega_max, options):
         told.append(
             f"the log turns by {creep.value.real:.2g} rad/s at zero command; the model stands still"

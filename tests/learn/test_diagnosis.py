@@ -69,6 +69,43 @@ def test_a_robot_in_order_is_not_accused(seed: int) -> None:
     assert find_gaps(log(seed=seed)) == []
 
 
+def driven(obey: Callable[[np.ndarray], np.ndarray], one_speed: bool = False) -> kl.Dataset:
+    """Four minutes of a robot that turns commands (T, 2) into speeds at once."""
+    random, episodes = np.random.default_rng(0), []
+    for _ in range(24):
+        asked = np.repeat(random.uniform(-1.0, 1.0, (10, 2)) * [0.6, 1.2], 10, axis=0)
+        if one_speed:
+            asked[:, 0] = 0.6
+        v, omega = 0.1 * obey(asked).T
+        theta = np.concatenate([[0.0], np.cumsum(omega)])
+        moved = v * np.sinc(0.5 * omega / np.pi) * np.exp(1j * (theta[:-1] + 0.5 * omega))
+        path = np.concatenate([[0.0], np.cumsum(moved)])
+        states = np.column_stack([path.real, path.imag, theta])
+        episodes.append(kl.Episode(states + random.normal(size=states.shape) * NOISE, asked, 0.1))
+    return kl.Dataset(episodes)
+
+
+@pytest.mark.parametrize(
+    ("gain", "words"),
+    [
+        ((0.6, 1.0), r"drives forward at 1.00 of its command, and reverses at 0.(59|60|61)"),
+        ((1.0, 0.6), r"turns left at (0.99|1.00|1.01) of its command, and right at 0.(59|60|61)"),
+    ],
+)
+def test_a_gain_that_differs_by_side_is_told_and_is_no_creep(
+    gain: tuple[float, float], words: str
+) -> None:
+    data = driven(lambda u: np.where(u < 0.0, u * gain, u))
+    told = diagnose(data, AT_ONCE, AT_ONCE)
+    assert len(told) == 1 and re.search(words, told[0]), told
+
+
+def test_a_creep_is_told_only_of_a_log_that_can_show_it() -> None:
+    at_rest = "; ".join(diagnose(driven(lambda u: u + [0.05, 0.1]), AT_ONCE, AT_ONCE))
+    assert "0.05 m/s at zero command" in at_rest and "0.1 rad/s at zero command" in at_rest
+    assert diagnose(driven(lambda u: u, one_speed=True), AT_ONCE, AT_ONCE) == []
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
