@@ -85,5 +85,5 @@ def _describe(series: Series, names: tuple[str, ...], units: tuple[str, ...]) ->
 def tell_delay(delay: float | None) -> str:
     """How long after its command the motion comes [s], in words."""
     if delay is None:
-        return "not known: the commands explain too little of the motion"
+        return "not known: the commands hardly change, or explain too little of the motion"
     return f"the motion comes {delay:.2f} s after its command"

@@ -64,7 +64,7 @@ class Verdict(NamedTuple):
 
     suspects: tuple[Suspect, ...]
     delay: float | None
-    """How long after its command the motion comes [s]; None where too little of it is explained."""
+    """How long after its command the motion comes [s]; None where the log does not show it."""
 
     def refuse(self, log: Log) -> None:
         """Refuse a log in which something is suspect.

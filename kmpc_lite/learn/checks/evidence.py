@@ -29,6 +29,8 @@ LEAST_SHARE = 0.1
 """Share of a motion that has to be explained."""
 LITTLE = 0.4
 """Share below which a motion counts as not explained, where chance could explain as much."""
+LEAST_CHANGE = 0.05
+"""Standard deviation of a command that changes, as a share of its largest value."""
 DEGREES = np.pi / 180.0
 SIGNS = (1, -1)
 
@@ -83,14 +85,18 @@ class Evidence:
 
     @property
     def delay(self) -> float | None:
-        """How long after its command the motion comes, in the log's unit of time, or None."""
-        found = [e for e in (self.moves[self.best], *self.turns.values()) if e.sure]
+        """How long after its command the motion comes, in the log's unit of time, or None.
+
+        A command that hardly changes explains the motion at any lag, so it tells none.
+        """
+        found = [e for e in self.turns.values() if e.sure and _changes(self.motion, 1)]
+        moves = self.moves[self.best]
+        if moves.sure and _changes(self.motion, 0):
+            found.append(moves)
         if not found:
             return None
         best = max(found, key=lambda e: e.share)
-        return _refined_lag(self.motion, best, best in self.turns.values(), self) * (
-            self.motion.period
-        )
+        return _refined_lag(self.motion, best, best is not moves, self) * self.motion.period
 
 
 def examine(motion: Motion) -> Evidence:
@@ -118,6 +124,12 @@ def headings(motion: Motion, degrees: bool) -> Array:
     steps = np.diff(motion.theta) * (DEGREES if degrees else 1.0)
     wrapped = np.remainder(steps + np.pi, 2.0 * np.pi) - np.pi
     return np.concatenate([[0.0], np.cumsum(wrapped)])
+
+
+def _changes(motion: Motion, channel: int) -> bool:
+    """Whether a command changes by enough to tell when it was given."""
+    given = np.diff(motion.asked[:, channel])[motion.whole] / np.diff(motion.time)[motion.whole]
+    return bool(given.std() > LEAST_CHANGE * np.abs(given).max(initial=0.0))
 
 
 def _explain_moves(motion: Motion, sign: int, degrees: bool) -> Explained:

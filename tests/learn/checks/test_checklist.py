@@ -101,3 +101,23 @@ def test_too_little_to_judge_is_not_judged() -> None:
 def test_the_delay_is_estimated(delay: float) -> None:
     table = rows(drive(90.0, rate=20.0, seed=6, delay=delay, noise=(0.003, 0.003)))
     assert judge(as_log(table)).delay == pytest.approx(delay, abs=0.05)
+
+
+def at_one_speed(seed: int) -> np.ndarray:
+    """Two minutes at 0.5 m/s, turning this way and that, 0.2 s late."""
+    made = drive(120.0, 5.0, seed, delay=0.2, speeds=(0.0, 1.2), noise=(0.0, 1e-4))
+    path = np.cumsum(0.5 / 5.0 * np.exp(1j * made.poses[:, 2]))
+    table = rows(made)
+    table[:, 1:3] = np.column_stack([path.real, path.imag])
+    table[:, 4] = 0.5
+    return table
+
+
+def test_the_delay_is_that_of_a_command_that_changes() -> None:
+    for seed in range(8):
+        verdict = judge(as_log(at_one_speed(seed)))
+        assert verdict.suspects == ()
+        assert verdict.delay == pytest.approx(0.2, abs=0.1)
+    always = at_one_speed(0)
+    always[:, 5] = 0.1
+    assert judge(as_log(always)) == ((), None)
