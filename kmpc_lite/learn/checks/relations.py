@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from kmpc_lite.learn.checks.case import Case, is_seen, percent, varies
-from kmpc_lite.learn.checks.evidence import LAGS, NOTHING, examine, headings
+from kmpc_lite.learn.checks.evidence import LAGS, NOTHING, Evidence, examine, headings
 from kmpc_lite.learn.checks.scales import time_unit
 from kmpc_lite.types import Array
 
@@ -27,6 +27,8 @@ def wheel_speeds(case: Case) -> str | None:
     other = examine(replace(motion, asked=np.column_stack([left + right, right - left])))
     moves, turns = other.moves[case.reading], other.turns[case.degrees]
     if not (moves.sure and turns.sure and turns.share > WHEELS and moves.share > case.moves.share):
+        return None
+    if _with_exchanged(case).turns[case.degrees].share > turns.share:
         return None
     return (
         "the robot drives by the sum of v and omega and turns by their difference: they are the "
@@ -60,9 +62,14 @@ def unrelated(case: Case) -> str | None:
 
 def _exchanged(case: Case) -> bool:
     """Whether the first command is the turn and the second the speed."""
-    motion = case.evidence.motion
-    other = examine(replace(motion, asked=motion.asked[:, ::-1]))
+    other = _with_exchanged(case)
     return other.moves[1, False].sure and other.turns[False].sure
+
+
+def _with_exchanged(case: Case) -> Evidence:
+    """What the motion shows where the first command is the turn and the second the speed."""
+    motion = case.evidence.motion
+    return examine(replace(motion, asked=motion.asked[:, ::-1]))
 
 
 def _find_shift(case: Case) -> float | None:

@@ -121,3 +121,10 @@ def test_the_delay_is_that_of_a_command_that_changes() -> None:
     always = at_one_speed(0)
     always[:, 5] = 0.1
     assert judge(as_log(always)) == ((), None)
+
+
+def test_v_and_omega_exchanged_are_not_taken_for_wheels() -> None:
+    for seed in range(5):
+        table = rows(drive(120.0, 20.0, seed, speeds=(0.6, 1.5), noise=(0.002, 0.002), delay=0.2))
+        reasons = [s.reason for s in suspects_of(as_log(table[:, [0, 1, 2, 3, 5, 4]]))]
+        assert "exchanged" in reasons[0] and not any("wheels" in r for r in reasons), reasons
