@@ -11,6 +11,7 @@ import numpy as np
 from kmpc_lite.defaults import SHORTEST_PERIOD
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.checklist import judge
+from kmpc_lite.learn.checks.relations import tell_delay
 from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.formats.readers import read_log
@@ -52,7 +53,7 @@ def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
     verdict = judge(log)
     suspects = [suspect.reason for suspect in verdict.suspects]
     try:
-        data = Dataset(cut(log, max(SHORTEST_PERIOD, period_of(log))))
+        data = Dataset(cut(log, _period(log)))
         drives = f"{data}; the longest {max(map(len, data.episodes)) * data.dt:.1f} s"
     except DataError as error:
         drives = "none"
@@ -62,7 +63,7 @@ def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
         ("poses", _describe(log.poses, ("x", "y", "theta"), ("m", "m", "rad"))),
         ("commands", _describe(log.commands, ("v", "omega"), ("m/s", "rad/s"))),
         ("drives", drives),
-        ("delay", tell_delay(verdict.delay)),
+        ("delay", _tell_delay(verdict.delay, log)),
     )
     return Findings(str(file), log, log.topics, lines, log.notes, tuple(suspects))
 
@@ -82,8 +83,13 @@ def _describe(series: Series, names: tuple[str, ...], units: tuple[str, ...]) ->
     return f"{len(series.time)}{rate} over {span:.1f} s: {ranges}"
 
 
-def tell_delay(delay: float | None) -> str:
+def _period(log: Log) -> float:
+    """Period of a model of this log alone [s]."""
+    return max(SHORTEST_PERIOD, period_of(log))
+
+
+def _tell_delay(delay: float | None, log: Log) -> str:
     """How long after its command the motion comes [s], in words."""
     if delay is None:
         return "not known: the commands hardly change, or explain too little of the motion"
-    return f"the motion comes {delay:.2f} s after its command"
+    return f"the motion comes {tell_delay(delay, _period(log))}"

@@ -9,6 +9,7 @@ from pathlib import Path
 from kmpc_lite.defaults import SHORTEST_PERIOD
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.checklist import Verdict, judge
+from kmpc_lite.learn.checks.relations import tell_delay
 from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import check_time
@@ -62,13 +63,13 @@ def load_logs(
         dt = max(SHORTEST_PERIOD, period_of(log)) if dt is None else dt
         episodes += cut(log, dt, gap)
         if tell is not None:
-            _account(log, verdict, tell)
+            _account(log, verdict, dt, tell)
     return Dataset(episodes)
 
 
-def _account(log: Log, verdict: Verdict, tell: Callable[[str], None]) -> None:
-    """Tell how a log was read, and what is remarkable in it."""
-    delay = () if verdict.delay is None else (f"motion {verdict.delay:.2f} s after its command",)
+def _account(log: Log, verdict: Verdict, dt: float, tell: Callable[[str], None]) -> None:
+    """Tell how a log was read, and what is remarkable in it at the model's period [s]."""
+    delay = () if verdict.delay is None else (f"motion {tell_delay(verdict.delay, dt)}",)
     forced = (f"suspect, and forced: {suspect.reason}" for suspect in verdict.suspects)
     for line in (*log.notes, *delay, *forced):
         tell(f"{log.name}: {line}")

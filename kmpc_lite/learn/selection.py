@@ -154,8 +154,7 @@ def cut_for(dataset: Dataset, options: SelectionOptions, ages: Sequence[int] = (
     """
     length = max(1, round(options.window / dataset.dt))
     counts = np.array([len(e) for e in dataset.episodes])
-    longest = min(options.most_periods, max(1, round(options.longest / dataset.dt)))
-    longest = max(ages, default=longest)
+    longest = max(ages, default=options.longest_history(dataset.dt))
     whole = np.maximum(counts - length + 1, 0).sum()
     while (
         not ages

@@ -27,3 +27,7 @@ class SelectionOptions:
     """Steps of the longest log that the choice looks at in full; the fit looks at all."""
     refinements: tuple[float, ...] = (0.5, 0.25, 0.125)
     """Steps by which a chosen response is refined [periods]."""
+
+    def longest_history(self, dt: float) -> int:
+        """Longest history at a period [s], in periods."""
+        return min(self.most_periods, max(1, round(self.longest / dt)))

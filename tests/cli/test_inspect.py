@@ -23,6 +23,19 @@ def test_a_good_log_is_described(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "the motion comes 0.3" in told or "the motion comes 0.2" in told
 
 
+def test_a_robot_later_than_a_model_can_know_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for delay, late in ((0.8, False), (1.8, True)):
+        made = write_csv(tmp_path / "late.csv", drive(90.0, rate=20.0, delay=delay))
+        output = str(tmp_path / "late.npz")
+        for command in (["inspect", str(made)], ["fit", str(made), "-o", output]):
+            assert cli.main(command) == 0
+            told = capsys.readouterr().out
+            assert ("later than the 1 s that a model" in told) is late
+            assert ("--shift 1.8" in told) is late
+
+
 def test_topics_and_rates_of_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("rosbags")
     made = write_bag(tmp_path / "bag", DRIVE, "mcap")

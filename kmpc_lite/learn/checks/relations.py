@@ -9,6 +9,7 @@ import numpy as np
 from kmpc_lite.learn.checks.case import Case, is_seen, percent, varies
 from kmpc_lite.learn.checks.evidence import LAGS, NOTHING, Evidence, examine, headings
 from kmpc_lite.learn.checks.scales import time_unit
+from kmpc_lite.learn.selection_options import SelectionOptions
 from kmpc_lite.types import Array
 
 AHEAD, BEHIND = 0.5, 2.5
@@ -123,4 +124,24 @@ def clocks_differ(case: Case) -> str | None:
     return (
         f"the motion comes {abs(delay):.2f} s {when} its command: their clocks differ; "
         f"--shift {delay:.2f}"
+    )
+
+
+def tell_delay(delay: float, dt: float) -> str:
+    """How long after its command the motion comes [s], and whether a model can know that.
+
+    Parameters
+    ----------
+    delay : float
+        As the log shows it [s].
+    dt : float
+        The model's period [s].
+    """
+    told = f"{delay:.2f} s after its command"
+    known = SelectionOptions().longest_history(dt) * dt
+    if delay <= known:
+        return told
+    return (
+        f"{told}: later than the {known:.3g} s that a model with a period of {dt:.3g} s can know, "
+        f"so it predicts badly; where it is the clocks that differ, --shift {delay:.2f}"
     )
