@@ -68,7 +68,13 @@ def gather(log: Log) -> Motion | None:
 
 
 def _integrals(log: Log, time: Array) -> Array:
-    """What the commands add up to by each time (n, 2), each held until the next."""
+    """What the commands add up to by each time (n, 2), each held until the next.
+
+    Rows of a table keep their order where its clock steps back, for their commands are their own.
+    """
+    if log.together:
+        steps = np.maximum(np.diff(time), 0.0)[:, None]
+        return np.vstack([np.zeros(2), np.cumsum(log.commands.values[:-1] * steps, axis=0)])
     order = np.argsort(log.commands.time, kind="stable")
     when, held = log.commands.time[order], log.commands.values[order]
     sums = np.vstack([np.zeros(2), np.cumsum(held[:-1] * np.diff(when)[:, None], axis=0)])

@@ -128,3 +128,14 @@ def test_v_and_omega_exchanged_are_not_taken_for_wheels() -> None:
         table = rows(drive(120.0, 20.0, seed, speeds=(0.6, 1.5), noise=(0.002, 0.002), delay=0.2))
         reasons = [s.reason for s in suspects_of(as_log(table[:, [0, 1, 2, 3, 5, 4]]))]
         assert "exchanged" in reasons[0] and not any("wheels" in r for r in reasons), reasons
+
+
+def test_a_table_whose_clock_begins_again_is_judged_in_its_own_order() -> None:
+    for seed in range(16):
+        table = valid(seed).table
+        sessions = table.copy()
+        for row in (len(table) // 3, 2 * len(table) // 3):
+            sessions[row:, 0] -= sessions[row, 0] - sessions[0, 0]
+        verdict, whole = judge(as_log(sessions)), judge(as_log(table))
+        assert verdict.suspects == ()
+        assert verdict.delay == pytest.approx(whole.delay, abs=0.02)
