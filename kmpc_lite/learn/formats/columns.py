@@ -62,6 +62,8 @@ class Found:
     """Unit of each column, by our name, where the header tells one that is not SI."""
     passed_over: tuple[str, ...] = ()
     """Columns that look like commands though others were taken."""
+    header: tuple[str, ...] = ()
+    """Names of all the table's columns."""
 
     def shown(self, name: str) -> str:
         """Give the file's name of a column, fit for a message."""
@@ -130,7 +132,8 @@ def find_columns(
     taken = set(names.values())
     others = tuple(h for h in header if h not in taken and _is_commanded(h))
     plain = all(n in names and n not in chosen and not _is_commanded(names[n]) for n in COMMANDS)
-    return Found({n: found[n] for n in kept}, names, units, others if plain else ())
+    passed_over = others if plain else ()
+    return Found({n: found[n] for n in kept}, names, units, passed_over, tuple(header))
 
 
 def _wanted(found: Mapping[str, int], several: Mapping[str, list[int]], poses: bool) -> list[str]:
@@ -148,7 +151,7 @@ def _places(file: Path, header: Sequence[str], name: str, chosen: Mapping[str, s
         places = [k for k, theirs in enumerate(header) if theirs == chosen[name]]
         if not places:
             names = [short(theirs) for theirs in header]
-            hint = did_you_mean(chosen[name], names) or f"; it has {_listed(header)}"
+            hint = did_you_mean(chosen[name], names) or f"; it has {listed(header)}"
             raise DataError(f"{file}: columns: {name}={short(chosen[name])}: no such column{hint}")
         return places
     exact = [k for k, theirs in enumerate(header) if theirs == name]
@@ -202,11 +205,11 @@ def _refuse(
         told.append(f"{name} doubled" if same else f"{name} may be {may_be}")
     raise DataError(
         f"{file}: {where}: {' and '.join(told)}; expected {','.join(COLUMNS)}, got "
-        f"{_listed(header) or 'nothing'}; --columns {next(iter([*missing, *doubled]))}=NAME tells"
+        f"{listed(header) or 'nothing'}; --columns {next(iter([*missing, *doubled]))}=NAME tells"
     )
 
 
-def _listed(header: Sequence[str]) -> str:
+def listed(header: Sequence[str]) -> str:
     """Names of a header, as far as they fit one line."""
     return short(",".join(header))
 

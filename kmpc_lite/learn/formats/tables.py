@@ -22,7 +22,7 @@ from kmpc_lite.learn.formats.columns import (
     UNITS,
     Found,
     find_columns,
-    short,
+    listed,
 )
 from kmpc_lite.learn.formats.csv_table import line_of, read_csv
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, row_number
@@ -51,10 +51,11 @@ def read_table(file: Path, options: ReadOptions) -> Log:
     poses = _as_poses(columns)
     if not apart and not set(COMMANDS) <= set(columns):
         missing = [name for name in COMMANDS if name not in columns]
-        got = short(",".join(found.names.values()))
+        named = " ".join(f"{name}=NAME" for name in missing)
         raise DataError(
             f"{file}: {where(-1)}{', '.join(missing)} missing; expected {','.join(COLUMNS)}, got "
-            f"{got}; --commands FILE gives commands that lie elsewhere"
+            f"{listed(found.header)}; --columns {named} tells which they are, --commands FILE "
+            "gives commands that lie elsewhere"
         )
     _check(file, columns, found, where, options.force)
     notes = found.notes

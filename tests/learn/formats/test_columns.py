@@ -97,6 +97,14 @@ def test_poses_without_commands_need_a_table_of_commands(tmp_path: Path) -> None
     assert kl.Dataset.load(poses, commands=early, shift=100.0).steps > 30
 
 
+def test_missing_commands_are_sought_among_all_columns_of_the_table(tmp_path: Path) -> None:
+    path = tmp_path / "wheels.csv"
+    np.savetxt(path, TABLE, delimiter=",", header="t,x,y,theta,v_left,v_right", comments="")
+    words = "got t,x,y,theta,v_left,v_right; --columns v=NAME omega=NAME"
+    with pytest.raises(kl.DataError, match=words):
+        read_log(path)
+
+
 def test_headings_of_quaternions_of_any_length() -> None:
     theta = np.linspace(-3.0, 3.0, 7)
     for tilt in (0.0, 0.1):
