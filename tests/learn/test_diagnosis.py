@@ -7,10 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from valid_logs import valid
 
 import kmpc_lite as kl
 from kmpc_lite.learn.checks.drives import refuse_car_like
 from kmpc_lite.learn.coverage import find_gaps
+from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.diagnosis import diagnose
 from kmpc_lite.learn.fit_summary import format_summary, summarize_fit, warn_of_errors
 from kmpc_lite.learn.responses import AT_ONCE
@@ -142,6 +144,12 @@ def test_a_car_is_refused_and_a_robot_that_turns_less_is_not() -> None:
         refuse_car_like(drive(car=True))
     with pytest.raises(kl.DataError, match="does not turn on the spot"):
         kl.fit(drive(car=True), kl.HermiteTrigDictionary(0), lags="auto")
+
+
+@pytest.mark.parametrize("seed", [1027, 1038, 1054, 1072])
+def test_a_robot_that_answers_late_is_no_car(seed: int) -> None:
+    log = valid(seed, "late").log
+    refuse_car_like(kl.Dataset(cut(log, max(0.1, period_of(log)))))
 
 
 def test_the_summary_names_what_the_robot_does() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.unmodelled_delay import aligned, unmodelled_delay
 from kmpc_lite.types import Array
 
 NEVER_MOVES = (
@@ -47,7 +48,7 @@ def refuse_frozen(dataset: Dataset) -> None:
 
 
 def refuse_car_like(dataset: Dataset, options: CarOptions | None = None) -> None:
-    """Refuse a robot that is told to turn on the spot and does not.
+    """Refuse a robot that is told to turn on the spot and does not, however late it answers.
 
     Raises
     ------
@@ -55,7 +56,9 @@ def refuse_car_like(dataset: Dataset, options: CarOptions | None = None) -> None
         With what the log shows.
     """
     options = CarOptions() if options is None else options
-    asked, turned, speeds = _windows(dataset, max(1, round(options.spot / dataset.dt)))
+    delay = unmodelled_delay(dataset)
+    answered = aligned(dataset, delay) if delay else dataset
+    asked, turned, speeds = _windows(answered, max(1, round(options.spot / dataset.dt)))
     v_max, omega_max = np.abs(speeds).max(initial=0.0), np.abs(asked).max(initial=0.0)
     turning = np.abs(asked) > options.turning * omega_max
     on_the_spot = turning & (speeds < options.slow * v_max)
