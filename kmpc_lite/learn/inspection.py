@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from kmpc_lite.defaults import SHORTEST_PERIOD
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.checklist import judge
+from kmpc_lite.learn.checks.drives import refuse_car_like
 from kmpc_lite.learn.checks.relations import tell_delay
 from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.dataset import Dataset
@@ -49,9 +50,9 @@ def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
     DataError
         Where it cannot be read.
     """
-    log = read_log(file, how)
+    log, suspects = _read(file, ReadOptions() if how is None else how)
     verdict = judge(log)
-    suspects = [suspect.reason for suspect in verdict.suspects]
+    suspects += [suspect.reason for suspect in verdict.suspects]
     try:
         data = Dataset(cut(log, _period(log)))
         drives = f"{data}; the longest {max(map(len, data.episodes)) * data.dt:.1f} s"
@@ -59,6 +60,8 @@ def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
         drives = "none"
         if not suspects:
             suspects.append(str(error).removeprefix(f"{log.name}: "))
+    else:
+        suspects += _find_car(data)
     lines = (
         ("poses", _describe(log.poses, ("x", "y", "theta"), ("m", "m", "rad"))),
         ("commands", _describe(log.commands, ("v", "omega"), ("m/s", "rad/s"))),
@@ -66,6 +69,27 @@ def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
         ("delay", _tell_delay(verdict.delay, log)),
     )
     return Findings(str(file), log, log.topics, lines, log.notes, tuple(suspects))
+
+
+def _read(file: Path, how: ReadOptions) -> tuple[Log, list[str]]:
+    """Read a log, also one whose time runs back, and say that it does."""
+    try:
+        return read_log(file, how), []
+    except DataError as error:
+        try:
+            log = read_log(file, replace(how, force=True))
+        except DataError:
+            raise error from None
+        return log, [str(error).removeprefix(f"{file}: ")]
+
+
+def _find_car(data: Dataset) -> list[str]:
+    """Say where the robot does not turn on the spot though it is told to."""
+    try:
+        refuse_car_like(data)
+    except DataError as error:
+        return [str(error)]
+    return []
 
 
 def _describe(series: Series, names: tuple[str, ...], units: tuple[str, ...]) -> str:

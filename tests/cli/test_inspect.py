@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from foreign_logs import drive, write_bag, write_csv
+from foreign_logs import drive, rows, write_bag, write_csv
 
 from kmpc_lite.cli import main as cli
 
@@ -34,6 +34,33 @@ def test_a_robot_later_than_a_model_can_know_is_told(
             told = capsys.readouterr().out
             assert ("later than the 1 s that a model" in told) is late
             assert ("--shift 1.8" in told) is late
+
+
+def test_a_clock_that_steps_back_is_a_suspect_among_all_else(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = rows(DRIVE)
+    table[600:, 0] -= 2.0
+    made = tmp_path / "back.csv"
+    np.savetxt(made, table, delimiter=",", header="t,x,y,theta,v,omega", comments="")
+    assert cli.main(["inspect", str(made)]) == 1
+    told = capsys.readouterr().out
+    assert "suspect  line 602, column t: time must grow" in told and "1200 at 20 Hz" in told
+
+
+def test_a_robot_that_does_not_turn_on_the_spot_is_suspect(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = rows(drive(120.0, rate=20.0, hold=2.0))
+    asked = table[:, 4:] * (np.sin(0.5 * table[:, :1]) > 0.0) ** [1, 0]
+    turned = np.where(np.abs(asked[:, 0]) > 0.05, asked[:, 1], 0.0) * 0.05
+    theta = np.concatenate([[0.0], np.cumsum(turned)[:-1]])
+    path = np.concatenate([[0.0], np.cumsum(0.05 * asked[:, 0] * np.exp(1j * theta))[:-1]])
+    car = np.column_stack([table[:, 0], path.real, path.imag, theta, asked])
+    made = tmp_path / "car.csv"
+    np.savetxt(made, car, delimiter=",", header="t,x,y,theta,v,omega", comments="")
+    assert cli.main(["inspect", str(made)]) == 1
+    assert "suspect  this robot does not turn on the spot" in capsys.readouterr().out
 
 
 def test_topics_and_rates_of_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
