@@ -12,6 +12,7 @@ from kmpc_lite.defaults import SHORTEST_PERIOD
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.checklist import judge
 from kmpc_lite.learn.checks.drives import refuse_car_like
+from kmpc_lite.learn.checks.poses import tell_poses
 from kmpc_lite.learn.checks.relations import tell_delay
 from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.dataset import Dataset
@@ -53,6 +54,7 @@ def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
     log, suspects = _read(file, ReadOptions() if how is None else how)
     verdict = judge(log)
     suspects += [suspect.reason for suspect in verdict.suspects]
+    notes = list(log.notes)
     try:
         data = Dataset(cut(log, _period(log)))
         drives = f"{data}; the longest {max(map(len, data.episodes)) * data.dt:.1f} s"
@@ -62,13 +64,14 @@ def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
             suspects.append(str(error).removeprefix(f"{log.name}: "))
     else:
         suspects += _find_car(data)
+        notes += tell_poses(log, data.dt)
     lines = (
         ("poses", _describe(log.poses, ("x", "y", "theta"), ("m", "m", "rad"))),
         ("commands", _describe(log.commands, ("v", "omega"), ("m/s", "rad/s"))),
         ("drives", drives),
         ("delay", _tell_delay(verdict.delay, log)),
     )
-    return Findings(str(file), log, log.topics, lines, log.notes, tuple(suspects))
+    return Findings(str(file), log, log.topics, lines, tuple(notes), tuple(suspects))
 
 
 def _read(file: Path, how: ReadOptions) -> tuple[Log, list[str]]:

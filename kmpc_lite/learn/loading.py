@@ -9,6 +9,7 @@ from pathlib import Path
 from kmpc_lite.defaults import SHORTEST_PERIOD
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.checklist import Verdict, judge
+from kmpc_lite.learn.checks.poses import tell_poses
 from kmpc_lite.learn.checks.relations import tell_delay
 from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.dataset import Dataset
@@ -71,7 +72,7 @@ def _account(log: Log, verdict: Verdict, dt: float, tell: Callable[[str], None])
     """Tell how a log was read, and what is remarkable in it at the model's period [s]."""
     delay = () if verdict.delay is None else (f"motion {tell_delay(verdict.delay, dt)}",)
     forced = (f"suspect, and forced: {suspect.reason}" for suspect in verdict.suspects)
-    for line in (*log.notes, *delay, *forced):
+    for line in (*log.notes, *delay, *tell_poses(log, dt), *forced):
         tell(f"{log.name}: {line}")
 
 

@@ -1,0 +1,126 @@
+"""What a user should know of a log's poses, though they are learned from: jumps and stand-stills.
+
+A pose that is repeated to the last digit while the robot is told to move is no new one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kmpc_lite.learn.cutting import GAP
+from kmpc_lite.learn.logs import Log
+from kmpc_lite.types import Array
+
+
+@dataclass(frozen=True)
+class PoseOptions:
+    """Thresholds above which a line is written."""
+
+    jump: float = 10.0
+    """Ratio of a step to the largest speed asked, and to nearly all other steps."""
+    usual: float = 0.95
+    """Share of the steps that are nearly all."""
+    standing: float = 0.1
+    """Share of the largest command below which a robot may stand."""
+    late: float = 1.5
+    """Periods of a model that may pass between two new poses of a moving robot."""
+    lost: float = 3.0
+    """Time for which a robot is told to move while its pose stands still [s]."""
+
+
+def tell_poses(log: Log, dt: float, options: PoseOptions | None = None) -> list[str]:
+    """What is remarkable in the poses, one line each.
+
+    Parameters
+    ----------
+    log : Log
+        In SI units.
+    dt : float
+        The model's period [s].
+    options : PoseOptions, optional
+        Thresholds above which a line is written.
+    """
+    options = PoseOptions() if options is None else options
+    time, poses = log.poses.time, log.poses.values
+    new = np.concatenate([[True], np.any(np.diff(poses, axis=0) != 0.0, axis=1)])
+    rows = np.flatnonzero(new)
+    if len(rows) < 20:
+        return []
+    asked = _asked(log, time)
+    told = _tell_repeats(log, dt, rows, asked, options)
+    steps = np.diff(poses[rows], axis=0)
+    turns = np.remainder(steps[:, 2] + np.pi, 2.0 * np.pi) - np.pi
+    sizes = {"position": np.hypot(steps[:, 0], steps[:, 1]), "heading": np.abs(turns)}
+    for k, (name, size) in enumerate(sizes.items()):
+        unit = ("m", "rad")[k]
+        told += _tell_jumps(log, rows, size, float(asked[:, k].max()), (name, unit), options)
+    return told
+
+
+def _asked(log: Log, time: Array) -> Array:
+    """Sizes of the commands that hold at each pose (n, 2)."""
+    if log.together:
+        return np.abs(log.commands.values)
+    order = np.argsort(log.commands.time, kind="stable")
+    at = np.searchsorted(log.commands.time[order], time, side="right") - 1
+    return np.abs(log.commands.values[order][np.maximum(at, 0)])
+
+
+def _tell_repeats(
+    log: Log, dt: float, rows: Array, asked: Array, options: PoseOptions
+) -> list[str]:
+    """Lines on poses that come seldom, or not at all for a while, though the robot should move."""
+    time = log.poses.time
+    moving = np.any(asked > options.standing * asked.max(axis=0), axis=1)
+    still = np.concatenate([[0], np.cumsum(~moving)])
+    steps = np.diff(time[rows])
+    driven = (still[rows[1:]] == still[rows[:-1]]) & (steps > 0.0)
+    if driven.sum() < 20:
+        return []
+    every = float(np.median(steps[driven]))
+    period = float(np.median(np.diff(time)))
+    if np.diff(rows)[driven].max() > 1 and every > options.late * dt:
+        return [
+            f"poses of the moving robot change every {every:.2g} s only, though logged every "
+            f"{period:.2g} s: what lies between is old, and learned as lateness; --dt {every:.2g}"
+        ]
+    held = np.clip(np.diff(time), 0.0, GAP * period) * moving[:-1]
+    told = np.diff(np.concatenate([[0.0], np.cumsum(held)])[rows])
+    lost = (np.diff(rows) > 1) & (told > options.lost)
+    if not lost.any():
+        return []
+    longest = int(np.argmax(told * lost))
+    return [
+        f"{log.where(int(rows[longest]))}: the pose does not change for {steps[longest]:.3g} s, in "
+        f"which the robot is told to move ({int(lost.sum())} such): blocked, or its pose was lost; "
+        "cut that out"
+    ]
+
+
+def _tell_jumps(
+    log: Log,
+    rows: Array,
+    size: Array,
+    asked: float,
+    named: tuple[str, str],
+    options: PoseOptions,
+) -> list[str]:
+    """A line on steps between new poses that are far larger than all others and than asked."""
+    steps = np.diff(log.poses.time[rows])
+    period = float(np.median(steps))
+    whole = (steps > 0.0) & (steps <= GAP * period)
+    if not whole.any():
+        return []
+    usual = float(np.quantile(size[whole], options.usual))
+    jumps = whole & (size > options.jump * np.maximum(usual, asked * steps))
+    if not jumps.any():
+        return []
+    k = int(np.argmax(np.where(jumps, size, 0.0)))
+    name, unit = named
+    return [
+        f"{log.where(int(rows[k + 1]))}: the {name} jumps by {size[k]:.3g} {unit} in "
+        f"{steps[k]:.2g} s ({int(jumps.sum())} such jumps), where {asked:.2g} {unit}/s is the most "
+        "that is asked: outliers or a frame that was moved widen the margins; cut them out"
+    ]
