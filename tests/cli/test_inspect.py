@@ -36,6 +36,17 @@ def test_a_robot_later_than_a_model_can_know_is_told(
             assert ("--shift 1.8" in told) is late
 
 
+def test_a_motion_before_its_command_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = write_csv(tmp_path / "early.csv", drive(90.0, rate=20.0, delay=0.1))
+    for shift, early in (("0.1", False), ("0.4", True)):
+        assert cli.main(["inspect", str(made), "--shift", shift]) == 0
+        told = capsys.readouterr().out
+        assert ("s before its command, as no robot can" in told) is early
+        assert ("--shift -0.3" in told) is early
+
+
 def test_a_clock_that_steps_back_is_a_suspect_among_all_else(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -137,6 +137,11 @@ def tell_delay(delay: float, dt: float) -> str:
     dt : float
         The model's period [s].
     """
+    if delay < -dt:
+        return (
+            f"{-delay:.2f} s before its command, as no robot can, and is learned as if it came "
+            f"with it; where it is the clocks that differ, --shift {delay:.2f}"
+        )
     told = f"{delay:.2f} s after its command"
     known = SelectionOptions().longest_history(dt) * dt
     if delay <= known:
