@@ -262,6 +262,7 @@ class Guide:
             states = self._along(path, place, scale or 0.0, state.turning, float(now.pose[2]))
             wait_in_sight(states, now, self._range)
         state.yielding = scale != 1.0
+        state.yielded = max(state.yielded + (self._dt if scale == 0.0 else -self._dt), 0.0)
         progress, reason = told_progress(state, hold, scale)
         if now.outside:
             progress, reason = GoalProgress.UNREACHABLE, "the goal lies outside the area"

@@ -78,10 +78,16 @@ class MovingObstacles:
         self._inflation, self._speed = inflation, speed
         self._table, self._times, self._options = table, table.times, table.options
 
-    def where_met(self, pose: Array) -> Array:
+    def stays(self, waited: float) -> bool:
+        """Whether a robot has stood so long [s] that whom it lets pass is not about to pass."""
+        return waited > self._options.look_ahead
+
+    def where_met(self, pose: Array, waited: float = 0.0) -> Array:
         """Circles (M, 5) where a robot at a pose (3,) meets them if it drives there.
 
-        Those that move are larger by the clearance that paths keep from them.
+        Those that move are larger by the clearance that paths keep from them. Where the robot has
+        stood for them too long [s], by that at which they are not in its way, and by how far they
+        come while it drives past.
         """
         met, velocity = self._all.copy(), self._all[:, 3:]
         time = np.zeros(len(met))
@@ -91,11 +97,21 @@ class MovingObstacles:
             distance = np.hypot(away[:, 0], away[:, 1]) - self._all[:, 2] - self._inflation
             time = np.minimum(np.maximum(distance, 0.0) / self._speed[0], self._options.look_ahead)
         met[:, :2] += time[:, None] * velocity
-        met[:, 2] += self._options.path_clearance * velocity.any(axis=1)
+        if self.stays(waited):
+            kept = self._options.clearance * velocity.any(axis=1)
+            kept += (self._options.look_ahead - time) * np.hypot(velocity[:, 0], velocity[:, 1])
+        else:
+            kept = self._options.path_clearance * velocity.any(axis=1)
+        met[:, 2] += kept
         return met
 
-    def blocks(self, path: TimedPath, place: float) -> bool:
-        """Whether a circle will be where the robot then is on its path, from its place [s] on."""
+    def blocks(self, path: TimedPath, place: float, waited: float = 0.0) -> bool:
+        """Whether a circle will be where the robot then is on its path, from its place [s] on.
+
+        Or whether the robot has stood there for too long [s].
+        """
+        if self.stays(waited):
+            return True
         positions = path.at(place + self._times)[:, :2]
         return bool(self._from_moving(positions) < 0.0)
 

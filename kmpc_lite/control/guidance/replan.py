@@ -174,7 +174,7 @@ class Replanner:
         if now.moving is None or state.path is None or state.turning:
             return False
         recent = state.age <= self._options.replan_interval
-        return not recent and now.moving.blocks(state.path, state.place)
+        return not recent and now.moving.blocks(state.path, state.place, state.yielded)
 
     def _begin_search(self, state: GuideState, now: Situation, lead: float = 0.0) -> None:
         """Begin a search from where the robot will be on its path after a time [s].
@@ -186,7 +186,6 @@ class Replanner:
             pose = state.path.at(np.array([state.place + lead]))[0]
             pose[2] -= nearest_turn(float(pose[2] - now.pose[2]))
         same_goal = bool((now.target == state.goal).all())
-        stuck = state.progress.stuck
         if now.view is not None:
             known, coarse = now.view.solids(now.solids), now.view.coarseness
             options = coarser(self._options, now.view.lattice_nodes, now.view.lattice_step)
@@ -208,11 +207,11 @@ class Replanner:
             lead=lead,
             goal=(now.goal if state.shuttle is None else state.shuttle).copy(),
             target=state.goal,
-            circles=now.circles.copy() if now.moving is None else now.moving.where_met(now.pose),
+            circles=now.met(state.yielded),
             path_map=state.path_map,
-            previous=state.path if same_goal and not stuck else None,
+            previous=state.path if same_goal and not state.progress.stuck else None,
             same_goal=same_goal,
-            stuck=stuck,
+            stuck=state.progress.stuck,
             avoid=state.avoided,
             avoid_place=state.avoided_place,
             narrow=state.narrow,
@@ -230,8 +229,12 @@ class Replanner:
         elif state.attempts > 2:
             parts = o.near_goal_parts
         while (search := state.search) is not None:
-            if search.stage is Stage.CHOSEN and search.path is None and state.shuttle is not None:
+            none = search.stage is Stage.CHOSEN and search.path is None
+            if none and state.shuttle is not None:
                 state.shuttle, state.shuttles = None, self._options.shuttles
+                self._begin_search(state, now)
+            elif none and now.moving is not None and now.moving.stays(state.yielded):
+                state.yielded = 0.0
                 self._begin_search(state, now)
             elif search.stage is Stage.CHOSEN and state.age < search.lead - 0.5 * self._dt:
                 break  # the robot is on its way to where the path begins

@@ -43,6 +43,11 @@ class Situation:
     view: View | None = None
     """What scans have shown; none without any."""
 
+    def met(self, waited: float) -> Array:
+        """Circles (M, 5) where the robot meets them, which has stood for them so long [s]."""
+        moving = self.moving
+        return self.circles.copy() if moving is None else moving.where_met(self.pose, waited)
+
     @property
     def told(self) -> Array:
         """Circles (K, 5) that do as they are told: who was seen to move is no part of the map."""

@@ -54,6 +54,8 @@ class GuideState:
     """Whether the widest clearance is not tried, until the robot gets nearer to its goal."""
     yielding: bool = False
     """Whether the robot drives more slowly, or elsewhere, for something that moves."""
+    yielded: float = 0.0
+    """How long it has stood for something that moves, less what it has driven since [s]."""
 
     # what the last search was begun for
     goal: Array = field(default_factory=lambda: np.full(3, np.nan))

@@ -82,3 +82,22 @@ def test_a_large_obstacle_is_driven_around(nominal: kl.KoopmanModel) -> None:
         assert plan.reachable and plan.clearance > -1e-3
         x = kl.DifferentialDrive().step(x, plan.command, DT)
     assert np.hypot(*(x - goal)[:2]) < 0.05
+
+
+@pytest.mark.parametrize("velocity", [(-0.03, 0.0), (0.0, 0.04), (0.02, 0.0), (0.007, 0.007)])
+def test_who_creeps_through_the_way_is_driven_around(
+    learned: kl.KoopmanModel, velocity: tuple[float, float]
+) -> None:
+    goal = pose(1.5, 0, 0)
+    scene = circles((0.0, 0.0, 0.35, *velocity))
+    states, gaps = drive(GuidedController(learned, PROBLEM), pose(-1.2, 0, 0), goal, scene, 200)
+    assert gaps.min() > 0.05 and at_rest_in(states, goal)
+
+
+def test_who_creeps_through_a_passage_is_waited_for(learned: kl.KoopmanModel) -> None:
+    goal = pose(1.5, 0, 0)
+    posts = [(0.0, s * y, 0.2) for s in (1, -1) for y in np.arange(0.6, 2.1, 0.3)]
+    scene = circles((0.0, 0.35, 0.1, 0.0, -0.05), *posts)
+    controller = GuidedController(learned, PROBLEM)
+    states, gaps = drive(controller, pose(-1.2, 0, 0), goal, scene, 200)
+    assert gaps.min() > 0.0 and at_rest_in(states, goal)

@@ -54,3 +54,15 @@ def test_an_arc_is_left_for_one_with_three_centimetres_more_clearance(
     found = MovingObstacles(np.array([[1.0, 0.0, 0.2, -0.5, 0.0]]), 0.15, SPEED, TABLE)
     number, _ = found.evasive_arc(np.zeros(3), 2, TIMES)
     assert number == (2 if kept else 5)
+
+
+def test_who_does_not_pass_is_kept_away_from_by_how_far_he_comes() -> None:
+    pose = np.array([-1.0, 0.0, 0.0])
+    creeping = np.array([[0.0, 0.0, 0.25, 0.0, 0.05], [0.0, 1.0, 0.2, 0.0, 0.0]])
+    found = MovingObstacles(creeping, 0.15, SPEED, TABLE)
+    (before, _), (after, still) = found.where_met(pose, 4.0), found.where_met(pose, 4.1)
+    arrival = 0.6 / 0.6
+    assert before == pytest.approx([0.0, 0.05 * arrival, 0.25 + 0.06, 0.0, 0.05], abs=2e-3)
+    assert after[2] == pytest.approx(0.25 + 0.12 + 0.05 * (4.0 - arrival), abs=2e-3)
+    assert still.tolist() == creeping[1].tolist()
+    assert not found.stays(4.0) and found.stays(4.1)
