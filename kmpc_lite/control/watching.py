@@ -92,6 +92,8 @@ class Watching:
 
     def _find_walkers(self, state: ControllerState, seen: Observation) -> None:
         """Add who walks, as scans show it, to the circles."""
+        # what is carried along moves, and is nobody
+        seen.scans = self._sight.without_robot(seen.scans)
         before = Tracks() if state.walkers is None else state.walkers
         state.walkers, rows, spread, seen.perhaps = self._walkers.see(
             before, seen.scans, seen.measured, seen.circles, state.seen

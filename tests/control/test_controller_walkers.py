@@ -157,6 +157,20 @@ def test_who_comes_straight_to_the_robot_is_known_within_a_second(speed: float) 
     assert tracks is not None and tracks.walked.max() >= TrackerOptions().begins
 
 
+def test_masts_on_the_robot_are_nobody_who_walks() -> None:
+    controller, plant = kl.Controller(kl.nominal_unicycle(DT)), kl.DifferentialDrive(0.05, seed=1)
+    pose, ranges = np.zeros(3), np.full(BEAMS, np.inf)
+    width = BEAMS // 36
+    for beam in (BEAMS // 4, 3 * BEAMS // 4):
+        ranges[beam : beam + width] = 0.1
+    for _ in range(60):
+        scan = kl.LaserScan(ranges, 0.0, math.tau / BEAMS, 4.0)
+        pose = plant.step(pose, controller.step(pose, GOAL, [scan]).command, DT)
+    tracks = controller.state.walkers
+    assert tracks is None or not len(tracks.states)
+    assert np.hypot(*(pose - GOAL)[:2]) < 0.05
+
+
 def test_who_is_told_and_seen_counts_once_and_leaves_no_marks_on_the_map() -> None:
     controller, pose = kl.Controller(kl.nominal_unicycle(DT)), np.array([-0.5, 0.0, 0.0])
     for k in range(12):

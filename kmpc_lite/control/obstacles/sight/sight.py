@@ -65,6 +65,10 @@ class Sight:
         self._emerging = options.emerging_speed / scale.speed
         self._deceleration = float(problem.deceleration[0])
 
+    def without_robot(self, scans: Sequence[LaserScan]) -> tuple[LaserScan, ...]:
+        """Scans in which hits within the robot are not told: its mast, its arm."""
+        return tuple(s.with_self_radius(self._inside * self._scale.length) for s in scans)
+
     def look(
         self,
         before: LocalMap | None,
@@ -98,7 +102,7 @@ class Sight:
         here.follow(pose[:2])
         here.remember_pose(pose, options.trail)
         here.forget(options.memory)
-        scans = [s.with_self_radius(self._inside * self._scale.length) for s in scans]
+        scans = self.without_robot(scans)
         unit = self._scale.length
         rays = [Rays(s, self._pose_of(here, s, pose), unit, here.cell) for s in scans]
         for ray in rays:
