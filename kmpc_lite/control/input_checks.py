@@ -6,12 +6,31 @@ What a broken sensor sends must not reach the solver.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kmpc_lite.types import Array
 
 POSITION_LIMIT = 1e4
 """A pose, a goal or an obstacle farther out [m], or a faster speed [m/s, rad/s], is taken for a
 broken sensor."""
+
+
+EXPECTED = f"expected finite numbers, none beyond {POSITION_LIMIT:g}"
+"""What is told of numbers that are not plausible."""
+
+
+def to_numbers(name: str, values: ArrayLike) -> Array:
+    """Copy of what a caller gave, as numbers.
+
+    Raises
+    ------
+    ValueError
+        For what is none.
+    """
+    try:
+        return np.array(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: expected numbers: {error}") from error
 
 
 def is_plausible(pose: Array) -> bool:
@@ -31,3 +50,10 @@ def are_plausible(circles: Array) -> bool:
         np.maximum.reduce(np.abs(circles), axis=None) <= POSITION_LIMIT
         and np.minimum.reduce(circles[:, 2]) >= 0.0
     )
+
+
+def first_implausible(circles: Array) -> Array:
+    """Row (5,) of the first obstacle of (M, 5) that is not plausible, where one is."""
+    wrong = ~(np.abs(circles) <= POSITION_LIMIT).all(axis=1) | (circles[:, 2] < 0.0)
+    row: Array = circles[np.argmax(wrong)]
+    return row

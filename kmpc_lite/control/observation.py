@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.input_checks import POSITION_LIMIT, are_plausible, is_plausible
+from kmpc_lite.control.input_checks import (
+    EXPECTED,
+    POSITION_LIMIT,
+    are_plausible,
+    first_implausible,
+    is_plausible,
+    to_numbers,
+)
 from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.obstacles.scene import Obstacles, Scene, SceneState, too_many
 from kmpc_lite.control.options import ObstacleOptions
@@ -100,12 +107,12 @@ class Admission:
         ValueError
             For wrong shapes, and for nothing else.
         """
-        pose, target = np.array(x, dtype=float), np.array(goal, dtype=float)
+        pose, target = to_numbers("x", x), to_numbers("goal", goal)
         if pose.shape != (STATES,) or target.shape != (STATES,):
             raise ValueError(
                 f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}"
             )
-        command = None if sent is None else np.asarray(sent, dtype=float)
+        command = None if sent is None else to_numbers("sent", sent)
         if command is not None and command.shape != (INPUTS,):
             raise ValueError(f"sent: expected shape ({INPUTS},), got {command.shape}")
         if command is not None and not is_plausible(command):
@@ -116,11 +123,13 @@ class Admission:
         if refusal:
             pass
         elif not are_plausible(circles):
-            refusal, circles = f"obstacle not usable: {circles.ravel()[:5]}", circles[:0]
+            row = first_implausible(circles)
+            refusal = f"obstacle not usable: {row}; {EXPECTED}, no radius below 0"
+            circles = circles[:0]
         elif not is_plausible(pose):
-            refusal = f"pose not usable: {pose}"
+            refusal = f"pose not usable: {pose}; {EXPECTED}"
         elif not is_plausible(target):
-            refusal = f"goal not usable: {target}"
+            refusal = f"goal not usable: {target}; {EXPECTED}"
         elif solids is not None and not scale.length * solids.extent <= POSITION_LIMIT:
             far = scale.length * solids.extent
             refusal, solids = f"obstacle not usable: reaches out to {far:g} m", None

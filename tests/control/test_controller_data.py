@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from exact_drives import DT, MODEL, RADIUS
@@ -91,3 +93,22 @@ def test_callers_arrays_are_left_alone_and_results_are_the_callers_own() -> None
     for array, copy in zip((plan.states, plan.inputs, plan.command), kept, strict=True):
         np.testing.assert_array_equal(array, copy)
     np.testing.assert_array_equal(second.command, expected.command)
+
+
+@pytest.mark.parametrize("wrong", [(1j, 0.0, 0.0), {}, ("a", "b", "c"), (0.0, (1.0, 2.0), 0.0)])
+def test_what_is_no_numbers_raises_value_error_for_each_argument(wrong: Any) -> None:
+    controller, pose = kl.Controller(MODEL), (0.0, 0.0, 0.0)
+    with pytest.raises(ValueError, match="^x: expected numbers"):
+        controller.step(wrong, pose)
+    with pytest.raises(ValueError, match="^goal: expected numbers"):
+        controller.step(pose, wrong)
+    with pytest.raises(ValueError, match="^sent: expected numbers"):
+        controller.step(pose, pose, sent=wrong)
+
+
+def test_the_reason_tells_which_numbers_are_not_usable_and_what_is_expected() -> None:
+    controller, pose = kl.Controller(MODEL), (0.0, 0.0, 0.0)
+    plan = controller.step(pose, pose, [kl.Circle(1.0, 1.0, 0.1), kl.Circle(2e4, 3.0, 0.1)])
+    assert "[2.e+04 3.e+00" in plan.reason and "beyond 10000" in plan.reason
+    assert "beyond 10000" in controller.step((5e5, 0.0, 0.0), pose).reason
+    assert "beyond 10000" in controller.step(pose, (0.0, 5e6, 0.0)).reason
