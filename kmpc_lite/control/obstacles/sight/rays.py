@@ -50,8 +50,9 @@ class Rays:
         hits = np.flatnonzero(scan.hits)
         if scan.mirrored != (scan.angle_increment < 0.0):
             hits = hits[::-1]
+        hits = hits[np.argsort(-reach.take(hits), kind="stable")]
         self.hits = ends.take(hits, axis=0)
-        """(M, 2) what was hit, counter-clockwise: of hits in one cell the last one counts."""
+        """(M, 2) what was hit, nearest last: of hits in one cell the last one counts."""
         self.noise = scan.noise / unit
         """Standard deviation of a range."""
         self.origin = np.array(placed(mount_x / unit, mount_y / unit)).reshape(2, -1)[:, -1]

@@ -60,6 +60,18 @@ def test_a_place_that_somebody_comes_to_was_free_until_he_was_seen_before_it() -
     assert seen.was_free(cells, 0.15).tolist() == [True, True, False, False]
 
 
+@pytest.mark.parametrize("tip", [0, 1])
+def test_of_hits_in_one_cell_the_nearest_one_counts(tip: int) -> None:
+    s, ranges = sight(), np.full(BEAMS, np.inf)
+    beams = BEAMS // 2 + np.array([1, 2])
+    ranges[beams] = 1.04
+    ranges[beams[tip]] = 1.01
+    seen = look(s, None, ranges)
+    cells = np.flatnonzero(seen.state > 0)
+    assert len(cells) == 1
+    assert np.hypot(*seen.points(cells)[0]) == pytest.approx(1.01, abs=1e-6)
+
+
 def test_beams_that_tell_nothing_free_nothing() -> None:
     for nothing in (np.nan, 0.0, -1.0):
         seen = look(sight(), None, np.where(np.arange(BEAMS) < BEAMS // 2, nothing, ROUND))
