@@ -86,7 +86,7 @@ class Guiding:
             seen.view,
             seen.spread,
         )
-        if not late:
-            return guidance
-        states = np.concatenate([led[:-1], guidance.states])[: len(guidance.states)]
-        return replace(guidance, states=states)
+        states = guidance.states
+        if late:
+            states = np.concatenate([led[:-1], states])[: len(states)]
+        return replace(guidance, states=states, path_clearance=state.guide.kept_on_the_way(states))

@@ -135,6 +135,7 @@ class PathSearcher:
         if self._body is not None:
             return self._body.why_blocked(search, tolerance)
         distance = distance_around(search.target[:2], search.circles, search.path_map)
+        search.goal_clearance = distance - self._inflation
         if distance < self._radius:
             return "the goal lies so near to an obstacle that the robot would touch it"
         if distance < self._inflation - tolerance:

@@ -47,8 +47,9 @@ class Guidance:
     """Why it neither drives there nor holds."""
     share_at_goal: float
     """Of the stages: at how many the reference has come to the goal's position."""
-    path_clearance: float
-    """What the path keeps beyond the problem's margin [m]; less where a passage is narrow."""
+    path_clearance: float | Array
+    """What the path keeps beyond the problem's margin [m], or at each stage, (N, 1); less where a
+    passage is narrow, or the goal lies between obstacles."""
 
 
 def wait_in_sight(states: Array, now: Situation, known: float) -> None:

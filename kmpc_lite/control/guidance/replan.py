@@ -244,8 +244,7 @@ class Replanner:
             else:
                 parts -= self._do_part(state, now, search) - 1
             parts -= 1
-            out_of_time = now.until < math.inf and self._clock() > now.until
-            if parts <= 0 or out_of_time:
+            if parts <= 0 or (now.until < math.inf and self._clock() > now.until):
                 break
         return refreshed, switched
 
@@ -281,6 +280,7 @@ class Replanner:
             path, search.pose, search.goal, speed, o, free_turn, can.wheels, can.deceleration
         )
         state.path_clearance = max(search.clearance - swing(state.turning_centre), 0.0)
+        state.goal_clearance = search.goal_clearance
         other = search.switched or previous is None or not search.same_goal
         begin, _ = state.path.locate(search.pose, 0.0)
         left, turn_time = state.path.duration - begin, free_turn / float(speed[1])

@@ -107,6 +107,8 @@ class PathSearch:
     """How much slower a path in the gear of the previous one may be to be taken [s]."""
     same_gear: GeometricPath | None = None
     """The quickest path so far in that gear."""
+    goal_clearance: float = math.inf
+    """What the goal leaves beyond the problem's margin [m]."""
     gave_up: bool = False
     """Whether more obstacles were in the way than a search takes."""
     switched: bool = True

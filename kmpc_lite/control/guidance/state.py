@@ -30,6 +30,8 @@ class GuideState:
     """Where on it the robot is [s]."""
     path_clearance: float = math.inf
     """Clearance beyond the problem's margin that it keeps [m]."""
+    goal_clearance: float = math.inf
+    """What the goal leaves beyond that margin [m]: less than the path keeps, between obstacles."""
     turning: bool = False
     """Whether the robot is on its last turn on the spot."""
     shuttle: Array | None = None
@@ -91,3 +93,17 @@ class GuideState:
     # the checkers
     goal_checker: GoalCheckerState = field(default_factory=GoalCheckerState)
     progress: ProgressState = field(default_factory=ProgressState)
+
+    def kept_on_the_way(self, states: Array) -> float | Array:
+        """Clearance beyond the margin that stages 1 to N of states (N + 1, 3) keep [m].
+
+        One number, or one of each stage, (N, 1): towards the goal no more than what it leaves, and
+        the way to it. A robot that is to keep more is driven away from a goal between obstacles,
+        and swings about it.
+        """
+        kept, left = self.path_clearance, self.goal_clearance
+        if left >= kept:
+            return kept
+        away = np.hypot(*(states[1:, :2] - self.goal[:2]).T)
+        out: Array = np.minimum(kept, max(left, 0.0) + away)[:, None]
+        return out

@@ -74,7 +74,7 @@ class Tightening:
         states: Array,
         inputs: Array,
         normals: Array,
-        path_clearance: float = math.inf,
+        path_clearance: float | Array = math.inf,
         radii: Array | None = None,
     ) -> Array:
         """Distances that stages 1 to N must keep beyond the radii.
@@ -90,9 +90,10 @@ class Tightening:
         normals : ndarray
             Unit vectors away from the obstacles, (N, S, 2); of a robot with a footprint (N, S, 3):
             slopes of its clearances by x, y and heading.
-        path_clearance : float
-            What the path keeps from obstacles beyond the problem's margin [m]: headway is no more
-            than that, or the robot would not drive through narrow passages.
+        path_clearance : float or ndarray
+            What the path keeps from obstacles beyond the problem's margin [m], or at each stage,
+            (N, 1): headway is no more than that, or the robot would not drive through narrow
+            passages.
         radii : ndarray, optional
             Distance of the robot's centre from each obstacle's centre at touch [m], (S,) or (N, S),
             infinite for a wall. Where not given, the robot's own radius is used: no obstacle has a

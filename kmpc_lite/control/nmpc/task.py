@@ -35,8 +35,9 @@ class Task:
     """Margins beyond the radii; worked out at each linearisation and held during the pass."""
     drift: DriftState | None = None
     """Of the drift detector; given with `tightening`."""
-    path_clearance: float = math.inf
-    """What the path keeps from obstacles beyond the problem's margin [m]."""
+    path_clearance: float | Array = math.inf
+    """What the path keeps from obstacles beyond the problem's margin [m], or at each stage,
+    (N, 1)."""
     terminal_share: float = 1.0
     """Part of the terminal weight that counts."""
     deadline: float = math.inf

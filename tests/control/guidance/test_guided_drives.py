@@ -101,3 +101,15 @@ def test_who_creeps_through_a_passage_is_waited_for(learned: kl.KoopmanModel) ->
     controller = GuidedController(learned, PROBLEM)
     states, gaps = drive(controller, pose(-1.2, 0, 0), goal, scene, 200)
     assert gaps.min() > 0.0 and at_rest_in(states, goal)
+
+
+@pytest.mark.parametrize("heading", [0.0, np.pi / 2])
+@pytest.mark.parametrize("radius", [0.1, 1.0])
+def test_a_goal_between_two_circles_with_one_and_a_half_centimetres_to_spare_is_reached(
+    nominal: kl.KoopmanModel, radius: float, heading: float
+) -> None:
+    away = 0.15 + radius + 0.015
+    goal, scene = pose(1, 0, heading), circles((1, away, radius), (1, -away, radius))
+    controller = GuidedController(nominal, kl.NavigationProblem())
+    states, gaps = drive(controller, pose(-1.5, 0.3, 1), goal, scene, 250)
+    assert gaps.min() > 0.01 and at_rest_in(states, goal)
