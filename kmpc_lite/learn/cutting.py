@@ -31,6 +31,11 @@ def period_of(log: Log) -> float:
     return _tidy(float(np.median(growing)), 2.0 * float(np.spacing(np.abs(time).max())))
 
 
+def model_period(log: Log) -> float:
+    """Period of a model of a log where none is asked for [s]."""
+    return max(SHORTEST_PERIOD, period_of(log))
+
+
 def cut(log: Log, dt: float | None = None, gap: float | None = None) -> list[Episode]:
     """Make episodes of a log.
 

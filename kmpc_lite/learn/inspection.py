@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.defaults import SHORTEST_PERIOD
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.checklist import judge
 from kmpc_lite.learn.checks.drives import refuse_car_like
 from kmpc_lite.learn.checks.poses import tell_poses
 from kmpc_lite.learn.checks.relations import tell_delay
-from kmpc_lite.learn.cutting import cut, period_of
+from kmpc_lite.learn.cutting import cut, model_period
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.formats.readers import read_log
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
@@ -56,7 +55,7 @@ def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
     suspects += [suspect.reason for suspect in verdict.suspects]
     notes = list(log.notes)
     try:
-        data = Dataset(cut(log, _period(log)))
+        data = Dataset(cut(log, model_period(log)))
         drives = f"{data}; the longest {max(map(len, data.episodes)) * data.dt:.1f} s"
     except DataError as error:
         drives = "none"
@@ -110,13 +109,8 @@ def _describe(series: Series, names: tuple[str, ...], units: tuple[str, ...]) ->
     return f"{len(series.time)}{rate} over {span:.1f} s: {ranges}"
 
 
-def _period(log: Log) -> float:
-    """Period of a model of this log alone [s]."""
-    return max(SHORTEST_PERIOD, period_of(log))
-
-
 def _tell_delay(delay: float | None, log: Log) -> str:
     """How long after its command the motion comes [s], in words."""
     if delay is None:
         return "not known: the commands hardly change, or explain too little of the motion"
-    return f"the motion comes {tell_delay(delay, _period(log))}"
+    return f"the motion comes {tell_delay(delay, model_period(log))}"

@@ -6,12 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from kmpc_lite.defaults import SHORTEST_PERIOD
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.checklist import Verdict, judge
 from kmpc_lite.learn.checks.poses import tell_poses
 from kmpc_lite.learn.checks.relations import tell_delay
-from kmpc_lite.learn.cutting import cut, period_of
+from kmpc_lite.learn.cutting import cut, model_period
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import check_time
 from kmpc_lite.learn.formats.readers import find_logs, read_log, refuse_unused
@@ -61,7 +60,7 @@ def load_logs(
         verdict = judge(log)
         if not how.force:
             verdict.refuse(log)
-        dt = max(SHORTEST_PERIOD, period_of(log)) if dt is None else dt
+        dt = model_period(log) if dt is None else dt
         episodes += cut(log, dt, gap)
         if tell is not None:
             _account(log, verdict, dt, tell)

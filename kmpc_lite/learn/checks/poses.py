@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kmpc_lite.geometry import wrap
 from kmpc_lite.learn.cutting import GAP
 from kmpc_lite.learn.logs import Log
 from kmpc_lite.types import Array
@@ -51,8 +52,7 @@ def tell_poses(log: Log, dt: float, options: PoseOptions | None = None) -> list[
     asked = _asked(log, time)
     told = _tell_repeats(log, dt, rows, asked, options)
     steps = np.diff(poses[rows], axis=0)
-    turns = np.remainder(steps[:, 2] + np.pi, 2.0 * np.pi) - np.pi
-    sizes = {"position": np.hypot(steps[:, 0], steps[:, 1]), "heading": np.abs(turns)}
+    sizes = {"position": np.hypot(steps[:, 0], steps[:, 1]), "heading": np.abs(wrap(steps[:, 2]))}
     for k, (name, size) in enumerate(sizes.items()):
         unit = ("m", "rad")[k]
         told += _tell_jumps(log, rows, size, float(asked[:, k].max()), (name, unit), options)
