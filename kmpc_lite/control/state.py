@@ -21,6 +21,7 @@ from kmpc_lite.model.koopman import KoopmanModel
 if TYPE_CHECKING:
     from kmpc_lite.control.guidance.state import GuideState
     from kmpc_lite.control.obstacles.sight.local_map import LocalMap
+    from kmpc_lite.control.obstacles.sight.scan_watch import ScanWatchState
     from kmpc_lite.control.obstacles.tracks import Tracks
 
 
@@ -64,6 +65,8 @@ class ControllerState:
     """Of adaptation; None without it."""
     seen: LocalMap | None = None
     """What scans have shown; None without any."""
+    scans: ScanWatchState | None = None
+    """What scanners told last; None without any."""
     after_solve: float = 0.0
     """How long the work after a QP has taken lately [s]; a time budget leaves so much for it."""
 

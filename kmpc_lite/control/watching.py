@@ -43,6 +43,7 @@ class Watching:
         answers: Answers,
     ) -> None:
         # here, for importing the package has no need of them, and no step has time to
+        from kmpc_lite.control.obstacles.sight.scan_watch import ScanWatch
         from kmpc_lite.control.obstacles.sight.sight import Sight
         from kmpc_lite.control.obstacles.walkers import Walkers
 
@@ -52,20 +53,22 @@ class Watching:
         self._motion = MotionWatch(units.dt, options.tracker, unit_length(units), speed)
         self._memory = CircleMemory(units, options)
         self._sight = Sight(units, scale, options.sight, reach)
+        self._scans = ScanWatch(units, options.sight, units.dt * scale.time)
         self._walkers = Walkers(units.dt * scale.time, options.tracker, scale)
 
     def watch(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
         """Compare circles and pose with what was expected of them.
 
         Circles that move otherwise than told get the velocity that they were seen to have. A pose
-        that has jumped stops the robot, and the predicted one is put in its place. Circles that
-        stand out of reach are added to those that are told (`CircleMemory`). Controllers without
-        margins, as the paper's, believe what they are told.
+        that has jumped stops the robot, and the predicted one is put in its place; so do scanners
+        that tell nothing any more. Circles that stand out of reach are added to those that are told
+        (`CircleMemory`). Controllers without margins, as the paper's, believe what they are told.
         """
         if known.margins is None:
             return
         seen.circles, seen.spread = self._motion.see(state.circles, seen.circles)
-        if seen.pose_is_known and (seen.scans or state.walkers is not None):
+        if seen.pose_is_known and (seen.scans or state.scans is not None):
+            self._look_out(state, seen)
             self._find_walkers(state, seen)
         noise, pose = known.margins.noise, seen.pose if seen.pose_is_known else None
         doubted = state.pose.believed is not None
@@ -78,7 +81,7 @@ class Watching:
             seen.refusal = seen.refusal or self._answers.jump(state.pose.jump)
         elif doubted and state.pose.agreed:
             # the poses stay where they jumped to: what scans showed lies elsewhere now
-            state.seen, state.out_of_sight = None, CircleMemoryState()
+            state.seen, state.scans, state.out_of_sight = None, None, CircleMemoryState()
         if not seen.refusal and seen.pose_is_known:
             driven = abs(float(state.history.command[0])) * self._dt
             seen.circles, seen.spread = self._memory.recall(
@@ -90,10 +93,19 @@ class Watching:
                 driven,
             )
 
+    def _look_out(self, state: ControllerState, seen: Observation) -> None:
+        """Leave out scans that come again; refuse to drive blind."""
+        if state.scans is None:
+            from kmpc_lite.control.obstacles.sight.scan_watch import ScanWatchState
+
+            state.scans = ScanWatchState()
+        # what is carried along moves, and is neither somebody nor a scanner that hangs
+        scans = self._sight.without_robot(seen.scans)
+        seen.scans, blind = self._scans.see(state.scans, scans, seen.measured)
+        seen.refusal = seen.refusal or blind
+
     def _find_walkers(self, state: ControllerState, seen: Observation) -> None:
         """Add who walks, as scans show it, to the circles."""
-        # what is carried along moves, and is nobody
-        seen.scans = self._sight.without_robot(seen.scans)
         before = Tracks() if state.walkers is None else state.walkers
         state.walkers, rows, spread, seen.perhaps = self._walkers.see(
             before, seen.scans, seen.measured, seen.circles, state.seen

@@ -444,6 +444,11 @@ TESTS: dict[str, tuple[str, ...]] = {
     "control/obstacles/sight/test_sight_options.py::test_nobody_steps_out_of_what_is_not_seen": (
         "sight.emerging_speed",
     ),
+    "control/obstacles/sight/test_scan_watch.py::test_a_robot_drives_for_a_second_without_scans": (
+        "sight.blind_time",
+    ),
+    "control/obstacles/sight/test_scan_watch.py::"
+    "test_a_scan_counts_as_told_again_from_half_a_radius_away": ("sight.same_scan_distance",),
     "control/obstacles/sight/test_sight_options.py::"
     "test_a_path_is_looked_for_anew_after_three_seconds": ("sight.refresh_interval",),
     "control/obstacles/sight/test_sight_options.py::"

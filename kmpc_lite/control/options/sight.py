@@ -48,6 +48,12 @@ class SightOptions:
     """Least distance between neighbours of that lattice [radii]."""
     trail: int = count(64, least=2)
     """How many poses of the past are kept, to tell where old beams were sent from."""
+    blind_time: float = seconds(1.0)
+    """How long the robot drives on while scans tell nothing new [s]; then it stops until they do.
+    By the clock, whatever the robot: scanners have their own pace."""
+    same_scan_distance: float = radii(0.5)
+    """How far the robot may have come, or its edge may have turned, since a scan that is told again
+    [radii]; what is told again from farther away is what the scanner saw before."""
     emerging_speed: float = speed(0.0)
     """Speed at which somebody may step out of what the robot does not see now [m/s]; zero: nobody
     does."""

@@ -1,0 +1,110 @@
+"""Whether scanners still tell anything: one that has died tells nothing, one that hangs the same.
+
+A range is noisy: a robot that has moved never sees the same scan again, to the last bit. What comes
+again then is what was seen before, from where the robot is not any more; it is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kmpc_lite.control.obstacles.scan import LaserScan
+from kmpc_lite.control.options import SightOptions, in_metres, unit_length
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.geometry import wrap
+from kmpc_lite.types import Array
+
+NOISY = 8
+"""Fewest hits that never come again by chance: a few may, along a wall and told in centimetres."""
+PERIODS = 2.5
+"""Fewest periods that scans may stay away: one may be late."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LastScan:
+    """What a scanner told last, and where the robot was when it told it first."""
+
+    ranges: Array
+    """(B,) [m]."""
+    pose: Array
+    """(3,)."""
+
+
+@dataclass(slots=True)
+class ScanWatchState:
+    """What scanners have told, and since when they tell nothing."""
+
+    last: dict[tuple[float, float, float], LastScan] = field(default_factory=dict)
+    """By where they are mounted."""
+    silent: float = 0.0
+    """For how long nothing new was told [s]."""
+    hangs: bool = False
+    """Whether what was told since is what was told before."""
+
+
+class ScanWatch:
+    """Leaves out scans that come again, and says when the robot is blind.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Radius, in the robot's units.
+    options : SightOptions
+        How far and how long.
+    period : float
+        Between two steps [s].
+    """
+
+    def __init__(self, problem: NavigationProblem, options: SightOptions, period: float) -> None:
+        self._options = in_metres(options, unit_length(problem))
+        self._turned = options.same_scan_distance  # as far at a radius from the middle
+        self._period = period
+        self._limit = max(options.blind_time, PERIODS * period)
+
+    def see(
+        self, state: ScanWatchState, scans: Sequence[LaserScan], pose: Array
+    ) -> tuple[tuple[LaserScan, ...], str]:
+        """Take in the scans of a step.
+
+        Parameters
+        ----------
+        state : ScanWatchState
+            Updated.
+        scans : sequence of LaserScan
+            Without hits of the robot itself, which it carries along. None is a step without a scan.
+        pose : ndarray
+            (3,) of the robot, in its units.
+
+        Returns
+        -------
+        scans : tuple of LaserScan
+            Without those that came before, from elsewhere.
+        reason : str
+            Why the robot must not drive on; empty where it sees, or never had a scan.
+        """
+        if not scans and not state.last:
+            return (), ""
+        new = tuple(scan for scan in scans if self._is_new(state, scan, pose))
+        if any(scan.hits.any() or scan.clear.any() for scan in new):
+            state.silent = 0.0
+            return new, ""
+        state.silent, state.hangs = state.silent + self._period, len(new) < len(scans)
+        if state.silent <= self._limit:
+            return new, ""
+        what = "have not changed while the robot moved" if state.hangs else "have told nothing"
+        return new, f"scans {what} for {self._limit:g} s or longer: it does not drive blind"
+
+    def _is_new(self, state: ScanWatchState, scan: LaserScan, pose: Array) -> bool:
+        """Whether a scan is another one than the scanner's last, or the robot has hardly moved."""
+        before = state.last.get(scan.mount)
+        if before is None or not np.array_equal(before.ranges, scan.ranges, equal_nan=True):
+            state.last[scan.mount] = LastScan(scan.ranges, pose.copy())
+            return True
+        if np.count_nonzero(scan.hits) < NOISY:
+            return True
+        x, y, turn = (pose - before.pose).tolist()
+        near = x * x + y * y <= self._options.same_scan_distance**2
+        return near and abs(float(wrap(turn))) <= self._turned
