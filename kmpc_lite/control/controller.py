@@ -132,7 +132,9 @@ class Controller:
         chosen = {"guidance": bool(guidance), "tightening": tightening}
         self._settings = {**settings, **chosen, "options": options, "clock": clock}
         self.scale = scale = problem.scale
-        self.adaptation = choose_adaptation(model, adaptation, tightening is not None, scale)
+        self.adaptation = choose_adaptation(
+            model, adaptation, tightening is not None, scale, options.adaptation
+        )
         self._units = units = problem_in_units(problem, model, options, bool(guidance))
         self._clock, self._time_budget = clock, time_budget
         self._pose_age = whole_age(pose_age, model, options.step) / scale.time
@@ -173,10 +175,10 @@ class Controller:
             Pose (3,) [m, m, rad]; any multiple of 2 pi in the heading.
         goal : array_like
             Pose to reach (3,).
-        obstacles : sequence of Circle, Polygon, Wall and OccupancyGrid, or array_like
+        obstacles : sequence of Circle, Polygon, Wall, OccupancyGrid and LaserScan, or array_like
             Where they are now; an array has rows x, y, radius or x, y, radius, vx, vy. Polygons,
             walls and grids are prepared in the first step that sees them, and quickly known again
-            as the same or equal objects.
+            as the same or equal objects. A scan is seen from `x`.
         sent : array_like, optional
             Mean command (2,) of the past period where it was not the last plan's: from a gate with
             acceleration limits, or a pilot. Adaptation would else take the difference for an effect
@@ -190,7 +192,7 @@ class Controller:
         Raises
         ------
         ValueError
-            For wrong shapes, and for nothing else.
+            For wrong shapes and what is no numbers, and for nothing else.
         """
         clock = StepClock(self._clock, self._time_budget)
         phases, state = self._pipeline, self._state

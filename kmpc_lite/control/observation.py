@@ -105,7 +105,7 @@ class Admission:
         Raises
         ------
         ValueError
-            For wrong shapes, and for nothing else.
+            For wrong shapes and what is no numbers, and for nothing else.
         """
         pose, target = to_numbers("x", x), to_numbers("goal", goal)
         if pose.shape != (STATES,) or target.shape != (STATES,):

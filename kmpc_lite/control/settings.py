@@ -9,6 +9,7 @@ import numpy as np
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.control.options import (
+    AdaptationOptions,
     ControllerOptions,
     GuidanceOptions,
     SolverOptions,
@@ -134,7 +135,11 @@ def check_replacement(new: KoopmanModel, old: KoopmanModel, problem: NavigationP
 
 
 def choose_adaptation(
-    model: KoopmanModel, adaptation: bool | OnlineAdaptation | None, tightens: bool, scale: Scale
+    model: KoopmanModel,
+    adaptation: bool | OnlineAdaptation | None,
+    tightens: bool,
+    scale: Scale,
+    options: AdaptationOptions,
 ) -> OnlineAdaptation | None:
     """What learns while driving; by default where there are margins and the model is continuous.
 
@@ -144,16 +149,21 @@ def choose_adaptation(
     Raises
     ------
     ProblemError
-        For one that was made for another model.
+        For one that was made for another model, or for a robot of another size or speed.
     """
     if adaptation is None:
         adaptation = tightens and model.continuous and not unmodelled_delay(model)
     if adaptation is True:
-        return OnlineAdaptation(model, scale=scale)
+        return OnlineAdaptation(model, options, scale)
     if not adaptation:
         return None
     if adaptation.base is not model:
         raise ProblemError("adaptation: it was made for another model than the controller's")
+    if adaptation.scale != scale:
+        raise ProblemError(
+            f"adaptation: it was made for another robot: expected its units {scale}, "
+            f"got {adaptation.scale}; OnlineAdaptation(model, scale=problem.scale) takes them over"
+        )
     return adaptation
 
 

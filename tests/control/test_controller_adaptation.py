@@ -57,6 +57,14 @@ def test_it_runs_where_there_are_margins_and_the_model_can_be_adapted(
         kl.Controller(learned, adaptation=OnlineAdaptation(lagging))
 
 
+def test_it_is_made_for_a_robot_of_the_controllers_size_and_speed(learned: kl.KoopmanModel) -> None:
+    large = kl.NavigationProblem(robot_radius=0.6)
+    own = OnlineAdaptation(learned, scale=large.scale)
+    assert kl.Controller(learned, large, adaptation=own).adaptation is own
+    with pytest.raises(kl.ProblemError, match="another robot: expected its units .*length=4"):
+        kl.Controller(learned, large, adaptation=OnlineAdaptation(learned))
+
+
 @pytest.mark.parametrize("lag", [False, True])
 def test_it_sees_what_was_measured_and_what_was_sent(
     learned: kl.KoopmanModel, lagging: kl.KoopmanModel, lag: bool

@@ -10,7 +10,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, MovingObstacleTable
 from kmpc_lite.control.obstacles.solids import Solids
-from kmpc_lite.control.options import GuidanceOptions, MovingObstacleOptions, in_metres
+from kmpc_lite.control.options import GuidanceOptions, MovingObstacleOptions, lengths_from_radii
 from kmpc_lite.sim.closed_loop import Outcome, drive
 from kmpc_lite.sim.scenario.files import Scenario
 
@@ -89,7 +89,7 @@ def test_room_is_made_where_there_is_no_wall(nominal: kl.KoopmanModel) -> None:
     """A circle comes from behind: a free robot goes on ahead, one that faces a wall turns aside."""
     circles, speed = np.array([[-0.9, 0.0, 0.2, 0.3, 0.0]]), np.array([0.6, 0.7])
     times, pose = np.arange(0.0, 2.1, 0.1), np.zeros(3)
-    table = MovingObstacleTable(in_metres(MovingObstacleOptions(), 0.15))
+    table = MovingObstacleTable(lengths_from_radii(MovingObstacleOptions(), 0.15))
     wall = Solids([kl.Wall(0.4, -2.0, 0.4, 2.0), kl.Wall(-2.0, -0.3, 0.4, -0.3)])
     _, free = MovingObstacles(circles, 0.15, speed, table).evasive_arc(pose, -1, times)
     _, held = MovingObstacles(circles, 0.15, speed, table, wall).evasive_arc(pose, -1, times)

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.control.options import ControllerOptions
 
 PACKAGE = Path(__file__).parents[2] / "kmpc_lite"
@@ -19,8 +18,7 @@ ADAPTATION = "adaptation"
 
 def defaults() -> dict[str, Any]:
     """Names of all options, with their rooms, and their values."""
-    adaptation = _fields(AdaptationOptions(), (ADAPTATION,))
-    return {**dict(_fields(ControllerOptions())), **dict(adaptation)}
+    return dict(_fields(ControllerOptions()))
 
 
 def _fields(options: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[str, Any]]:

@@ -338,7 +338,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "test_a_step_must_bring_its_share_of_the_predicted_decrease": ("solver.armijo",),
     "control/nmpc/test_solver_options.py::"
     "test_a_converged_plan_may_stand_in_an_obstacle_by_a_hundredth_of_a_millimetre": (
-        "solver.accepted_depth",
+        "solver.constraint_tolerance",
     ),
     "control/nmpc/test_solver_options.py::"
     "test_passes_to_convergence_solve_with_four_thousand_iterations_at_the_most": (

@@ -41,7 +41,7 @@ def test_a_copy_differs_from_the_package_by_one_default(tmp_path: Path) -> None:
     for option, place, line in (
         ("guidance.near_goal", "control/options/guidance.py", "near_goal: float = radii(2.4)"),
         ("solver.converged.max_iter", "control/options/solver.py", "max_iter=4800,"),
-        ("adaptation.worse", "adaptation/options.py", "worse: float = 1.32"),
+        ("adaptation.worse", "adaptation/options.py", "worse: float = share(1.32, zero=False)"),
     ):
         copy_with(option, changed(defaults()[option]), tmp_path)
         before = (PACKAGE / place).read_text(encoding="utf-8").splitlines()

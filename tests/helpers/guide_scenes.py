@@ -7,12 +7,12 @@ from guided import GuidedController
 
 import kmpc_lite as kl
 from kmpc_lite.control.obstacles.circles import circles_to_array
-from kmpc_lite.control.options import GuidanceOptions, in_metres
+from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
 
 DT = 0.1
 PROBLEM = kl.NavigationProblem(margin=0.05)
 KEEP = PROBLEM.robot_radius + PROBLEM.margin
-OPTIONS = in_metres(GuidanceOptions(), PROBLEM.robot_radius)
+OPTIONS = lengths_from_radii(GuidanceOptions(), PROBLEM.robot_radius)
 NO_CIRCLES = np.empty((0, 5))
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from kmpc_lite.control.guidance.tangent_graph import GeometricPath, PathQuery
 from kmpc_lite.control.guidance.tangent_search import Part, TangentSearch
-from kmpc_lite.control.options import GuidanceOptions, in_metres
+from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
 
-OPTIONS = in_metres(GuidanceOptions(), 0.15)
+OPTIONS = lengths_from_radii(GuidanceOptions(), 0.15)
 NO_EDGES = np.empty((0, 2), dtype=np.intp)
 
 

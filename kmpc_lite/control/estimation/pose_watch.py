@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from kmpc_lite.control.estimation.command_history import CommandHistory
 from kmpc_lite.control.margins.model_noise import ModelNoise
-from kmpc_lite.control.options import PoseOptions, in_metres, unit_length
+from kmpc_lite.control.options import PoseOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import Array
@@ -50,7 +50,7 @@ class PoseWatch:
 
     def __init__(self, problem: NavigationProblem, options: PoseOptions) -> None:
         self._dt = problem.dt
-        self._options = in_metres(options, unit_length(problem))
+        self._options = lengths_from_radii(options, unit_length(problem))
         self._fading = math.exp(-problem.dt / options.slip_memory)
 
     def see(

@@ -9,7 +9,7 @@ import numpy as np
 
 from kmpc_lite.control.guidance.goal_checker import GoalTolerances, goal_tolerances
 from kmpc_lite.control.guidance.turning_centre import turning_centre
-from kmpc_lite.control.options import GoalOptions, GuidanceOptions, in_metres, unit_length
+from kmpc_lite.control.options import GoalOptions, GuidanceOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.tube import feedback_delay
@@ -85,7 +85,7 @@ def capabilities(
         Lengths in radii.
     """
     unit = unit_length(problem)
-    options = in_metres(options or GuidanceOptions(), unit)
+    options = lengths_from_radii(options or GuidanceOptions(), unit)
     # a robot without lag is steered back before it needs the clearance
     clearance = (
         clearance_at_speed(problem, margins, options)
@@ -100,7 +100,7 @@ def capabilities(
         evasive,
         backward_share,
         turning_centre(model, problem, options),
-        goal_tolerances(model, in_metres(goal_options or GoalOptions(), unit)),
+        goal_tolerances(model, lengths_from_radii(goal_options or GoalOptions(), unit)),
         clearance,
         _wheels(problem, float(speeds[2])),
         options.brake_share * float(problem.du_max[0]),
@@ -209,7 +209,7 @@ def clearance_at_speed(
     options : GuidanceOptions, optional
         In metres: what is spare, and the most.
     """
-    options = options or in_metres(GuidanceOptions(), unit_length(problem))
+    options = options or lengths_from_radii(GuidanceOptions(), unit_length(problem))
     # headway gives way to narrow passages, so it asks for no clearance
     _, aside = margins.straight(float(problem.bounds[1][0]))
     return min(options.spare_clearance + aside, options.speed_clearance_limit)

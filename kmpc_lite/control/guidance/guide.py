@@ -17,19 +17,18 @@ import numpy as np
 
 from kmpc_lite.control.guidance.capabilities import Capabilities
 from kmpc_lite.control.guidance.goal_checker import GoalChecker
-from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, MovingObstacleTable
+from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles
 from kmpc_lite.control.guidance.reference import Guidance, told_progress, wait_in_sight
 from kmpc_lite.control.guidance.replan import Replanner
-from kmpc_lite.control.guidance.situation import Situation, lies_outside
+from kmpc_lite.control.guidance.situation import Situation, Surveyor
 from kmpc_lite.control.guidance.state import GuideState
 from kmpc_lite.control.guidance.timed_path import TimedPath
-from kmpc_lite.control.guidance.turning_centre import point_of, seen_from, swing
-from kmpc_lite.control.obstacles.circles import some_move
+from kmpc_lite.control.guidance.turning_centre import seen_from
 from kmpc_lite.control.options import (
     GoalOptions,
     GuidanceOptions,
     MovingObstacleOptions,
-    in_metres,
+    lengths_from_radii,
     unit_length,
 )
 from kmpc_lite.control.plan import GoalProgress
@@ -70,15 +69,12 @@ class Guide:
         clock: Callable[[], float] = perf_counter,
     ) -> None:
         unit = unit_length(problem)
-        self._options = in_metres(options or GuidanceOptions(), unit)
+        self._options = lengths_from_radii(options or GuidanceOptions(), unit)
         self._dt = problem.dt
-        self._inflation = problem.robot_radius + problem.margin
-        self._low, self._high = problem.x_min[:2].tolist(), problem.x_max[:2].tolist()
-        self._area = np.array([self._low, self._high])
         self._times = problem.dt * np.arange(problem.horizon + 1)
         self._ahead = self._options.lead_time + self._times
-        self._goal_checker = GoalChecker(in_metres(goal_options or GoalOptions(), unit))
-        self._moving_table = MovingObstacleTable(in_metres(moving or MovingObstacleOptions(), unit))
+        self._goal_checker = GoalChecker(lengths_from_radii(goal_options or GoalOptions(), unit))
+        self._surveyor = Surveyor(problem, moving or MovingObstacleOptions())
         self._range = math.inf if problem.sensor_range is None else problem.sensor_range
         self._replanner = Replanner(problem, self._options, clock)
 
@@ -121,8 +117,9 @@ class Guide:
         """
         self._take_over_centre(state, capabilities.turning_centre)
         state.age += self._dt
-        now = self._see(state, capabilities, pose, goal, circles, solids, rest, until, spread)
-        now.view = view
+        now = self._surveyor.see(
+            state, capabilities, pose, goal, circles, solids, rest, until, view, spread
+        )
         self._begin_last_turn(state, now)
         off = 0.0
         if state.path is not None:
@@ -137,44 +134,6 @@ class Guide:
             return guidance
         return replace(guidance, states=seen_from(guidance.states, -state.turning_centre))
 
-    def _see(
-        self,
-        state: GuideState,
-        capabilities: Capabilities,
-        pose: Array,
-        goal: Array,
-        circles: Array,
-        solids: Solids | None,
-        rest: Array | None,
-        until: float,
-        spread: Array | None,
-    ) -> Situation:
-        """See all from the turning centre; a goal outside the area is moved to its edge."""
-        tolerance = capabilities.tolerances.enter_distance
-        outside = lies_outside(goal, self._low, self._high, tolerance)
-        if outside:
-            goal = np.array([*np.clip(goal[:2], self._low, self._high), goal[2]])
-        target, centre = goal, state.turning_centre
-        if centre is not None:
-            pose, goal = point_of(pose, centre), point_of(goal, centre)
-            rest = None if rest is None else point_of(rest, centre)
-        error = pose - goal
-        error[2] -= nearest_turn(float(error[2]))
-        return Situation(
-            pose,
-            goal,
-            target,
-            error,
-            error if rest is None else error + (rest - pose),
-            math.hypot(error[0], error[1]),
-            circles,
-            solids,
-            self._moving(state, capabilities, circles, solids, spread),
-            capabilities,
-            outside,
-            until,
-        )
-
     def _take_over_centre(self, state: GuideState, centre: Array | None) -> None:
         """Plan for another turning centre; the path is kept until there is one for it."""
         if centre is state.turning_centre:
@@ -182,27 +141,6 @@ class Guide:
         before, now = (ORIGIN if c is None else c for c in (state.turning_centre, centre))
         if math.hypot(*(now - before)) >= self._options.centre_change:
             state.turning_centre, state.centre_moved = centre, True
-
-    def _moving(
-        self,
-        state: GuideState,
-        capabilities: Capabilities,
-        circles: Array,
-        solids: Solids | None,
-        spread: Array | None,
-    ) -> MovingObstacles | None:
-        """The circles, if any of them moves."""
-        # circles at rest that were seen before are known again in a moment
-        if not len(circles) or circles.tobytes() == state.circles_at_rest:
-            return None
-        if not some_move(circles):
-            return None
-        inflation = self._inflation + swing(state.turning_centre)
-        speed = capabilities.evasive
-        table = self._moving_table
-        # who walks as he is told to is driven past as ever
-        area = None if spread is None else self._area
-        return MovingObstacles(circles, inflation, speed, table, solids, spread, area)
 
     def _begin_last_turn(self, state: GuideState, now: Situation) -> None:
         """Begin the last turn where the robot comes to a stop; give it up where it has left."""

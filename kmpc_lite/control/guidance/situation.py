@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from kmpc_lite.control.guidance.capabilities import Capabilities
-from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles
+from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, MovingObstacleTable
+from kmpc_lite.control.guidance.turning_centre import point_of, swing
+from kmpc_lite.control.obstacles.circles import some_move
+from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii, unit_length
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
+    from kmpc_lite.control.guidance.state import GuideState
     from kmpc_lite.control.obstacles.sight.view import View
     from kmpc_lite.control.obstacles.solids import Solids
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Situation:
     """Robot, goal and obstacles now; poses are those of the turning centre."""
 
@@ -58,8 +67,85 @@ class Situation:
         return told
 
 
-def lies_outside(goal: Array, low: list[float], high: list[float], tolerance: float) -> bool:
-    """Whether a goal (3,) lies outside the area by more than a tolerance [m]."""
-    x, y, _ = goal.tolist()
-    inside_x = low[0] - tolerance <= x <= high[0] + tolerance
-    return not (inside_x and low[1] - tolerance <= y <= high[1] + tolerance)
+class Surveyor:
+    """Sees the situation of a step, from the point about which the robot turns.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Area, radius and margin.
+    options : MovingObstacleOptions
+        What the robot does about what moves.
+    """
+
+    def __init__(self, problem: NavigationProblem, options: MovingObstacleOptions) -> None:
+        self._inflation = problem.robot_radius + problem.margin
+        self._low, self._high = problem.x_min[:2].tolist(), problem.x_max[:2].tolist()
+        self._area = np.array([self._low, self._high])
+        self._table = MovingObstacleTable(lengths_from_radii(options, unit_length(problem)))
+
+    def see(
+        self,
+        state: GuideState,
+        capabilities: Capabilities,
+        pose: Array,
+        goal: Array,
+        circles: Array,
+        solids: Solids | None,
+        rest: Array | None,
+        until: float,
+        view: View | None,
+        spread: Array | None,
+    ) -> Situation:
+        """See all that `Guide.reference` is given; a goal outside the area is moved to its edge."""
+        tolerance = capabilities.tolerances.enter_distance
+        outside = self._lies_outside(goal, tolerance)
+        if outside:
+            goal = np.array([*np.clip(goal[:2], self._low, self._high), goal[2]])
+        target, centre = goal, state.turning_centre
+        if centre is not None:
+            pose, goal = point_of(pose, centre), point_of(goal, centre)
+            rest = None if rest is None else point_of(rest, centre)
+        error = pose - goal
+        error[2] -= nearest_turn(float(error[2]))
+        return Situation(
+            pose=pose,
+            goal=goal,
+            target=target,
+            error=error,
+            rest_error=error if rest is None else error + (rest - pose),
+            distance=math.hypot(error[0], error[1]),
+            circles=circles,
+            solids=solids,
+            moving=self._moving(state, capabilities, circles, solids, spread),
+            capabilities=capabilities,
+            outside=outside,
+            until=until,
+            view=view,
+        )
+
+    def _lies_outside(self, goal: Array, tolerance: float) -> bool:
+        """Whether a goal (3,) lies outside the area by more than a tolerance."""
+        (x, y, _), low, high = goal.tolist(), self._low, self._high
+        inside_x = low[0] - tolerance <= x <= high[0] + tolerance
+        return not (inside_x and low[1] - tolerance <= y <= high[1] + tolerance)
+
+    def _moving(
+        self,
+        state: GuideState,
+        capabilities: Capabilities,
+        circles: Array,
+        solids: Solids | None,
+        spread: Array | None,
+    ) -> MovingObstacles | None:
+        """The circles, if any of them moves."""
+        # circles at rest that were seen before are known again in a moment
+        if not len(circles) or circles.tobytes() == state.circles_at_rest:
+            return None
+        if not some_move(circles):
+            return None
+        inflation = self._inflation + swing(state.turning_centre)
+        speed = capabilities.evasive
+        # who walks as he is told to is driven past as ever
+        area = None if spread is None else self._area
+        return MovingObstacles(circles, inflation, speed, self._table, solids, spread, area)

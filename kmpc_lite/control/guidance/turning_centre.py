@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kmpc_lite.control.options import GuidanceOptions, in_metres, unit_length
+from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import rotate
 from kmpc_lite.model.motion import MotionModel
@@ -51,7 +51,7 @@ def turning_centre(
     >>> turning_centre(nominal_unicycle(0.1), NavigationProblem()) is None
     True
     """
-    options = options or in_metres(GuidanceOptions(), unit_length(problem))
+    options = options or lengths_from_radii(GuidanceOptions(), unit_length(problem))
     cos, sin, dx, dy = _turns(model, problem, options.centre_headings)
     weight = float(cos @ cos + sin @ sin)
     if not 0.0 < weight < np.inf:

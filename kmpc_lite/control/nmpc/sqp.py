@@ -292,6 +292,6 @@ class SQP:
         before, run.pressed_depth = run.pressed_depth, depth
         return (
             run.penalties.slack < self.options.largest_penalty
-            and depth > self.options.accepted_depth
+            and depth > self.options.constraint_tolerance
             and depth < 0.5 * before
         )

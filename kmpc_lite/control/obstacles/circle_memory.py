@@ -13,7 +13,7 @@ import numpy as np
 
 from kmpc_lite.control.obstacles.circles import COLUMNS
 from kmpc_lite.control.obstacles.pairing import pairs
-from kmpc_lite.control.options import ControllerOptions, in_metres, unit_length
+from kmpc_lite.control.options import ControllerOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
 
@@ -44,7 +44,7 @@ class CircleMemory:
         self._range = problem.sensor_range
         self._radius, self._dt = problem.body_radius, problem.dt
         self._memory, self._most = options.sight.memory, options.obstacles.circles
-        self._moved = in_metres(options.guidance, unit_length(problem)).moved_distance
+        self._moved = lengths_from_radii(options.guidance, unit_length(problem)).moved_distance
 
     def recall(
         self,

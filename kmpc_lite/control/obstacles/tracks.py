@@ -13,8 +13,8 @@ import numpy as np
 
 from kmpc_lite.control.obstacles.pairing import pairs
 from kmpc_lite.control.obstacles.track_filter import STATES, TrackFilter, moving, worst_axis
-from kmpc_lite.control.options.fields import in_metres
 from kmpc_lite.control.options.tracker import TrackerOptions
+from kmpc_lite.option_fields import lengths_from_radii
 from kmpc_lite.types import Array
 
 
@@ -94,7 +94,7 @@ class Follower:
     def __init__(self, dt: float, options: TrackerOptions, radius: float, speed: float) -> None:
         import scipy.optimize  # noqa: F401  # pairs are found by it: no step has time to import it
 
-        self.dt, self.options = dt, in_metres(options, radius)
+        self.dt, self.options = dt, lengths_from_radii(options, radius)
         self._filter = TrackFilter(dt, self.options, speed)
         # of two degrees of freedom
         self._gate = -2.0 * math.log(options.gate)

@@ -1,11 +1,13 @@
 """Every number of the controller that someone may want to change, by room, with unit and reason.
 
-Lengths are in robot radii [radii], times in seconds, speeds in shares of the fastest, so that the
-same options suit a large robot and a small one. Metres stand only where an accuracy is meant.
+Lengths are in robot radii [radii], speeds in shares of the fastest, times in seconds of a robot of
+0.15 m and 0.6 m/s: another one takes `NavigationProblem.scale.time` times as long. So the same
+options suit a large robot and a small one. Metres stand only where an accuracy is meant, seconds by
+the clock where sensors set the pace (`clock_seconds`).
 """
 
+from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.control.options.controller import ControllerOptions
-from kmpc_lite.control.options.fields import in_metres
 from kmpc_lite.control.options.goal import GoalOptions
 from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.control.options.margins import MarginOptions
@@ -18,8 +20,10 @@ from kmpc_lite.control.options.step import StepOptions
 from kmpc_lite.control.options.stop import StopOptions
 from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.control.options.units import fastest, unit_length
+from kmpc_lite.option_fields import lengths_from_radii
 
 __all__ = [
+    "AdaptationOptions",
     "ControllerOptions",
     "GoalOptions",
     "GuidanceOptions",
@@ -34,6 +38,6 @@ __all__ = [
     "TrackerOptions",
     "MovingObstacleOptions",
     "fastest",
-    "in_metres",
+    "lengths_from_radii",
     "unit_length",
 ]

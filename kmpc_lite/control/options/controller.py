@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from typing import Any
 
-from kmpc_lite.control.options.fields import check, group
+from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.control.options.goal import GoalOptions
 from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.control.options.margins import MarginOptions
@@ -19,6 +19,7 @@ from kmpc_lite.control.options.step import StepOptions
 from kmpc_lite.control.options.stop import StopOptions
 from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.errors import ProblemError, did_you_mean
+from kmpc_lite.option_fields import check, group
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,8 @@ class ControllerOptions:
     """When a pose has jumped."""
     step: StepOptions = group(StepOptions())
     """What a step believes, and how it shares out its time."""
+    adaptation: AdaptationOptions = group(AdaptationOptions())
+    """How fast, and how far, the model is corrected while driving."""
 
     def __post_init__(self) -> None:
         check(self)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.control.options.fields import angle, check, radii, share
+from kmpc_lite.option_fields import angle, check, radii, share
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from kmpc_lite.control.options.fields import angle, check, count, radii, seconds, share
+from kmpc_lite.option_fields import angle, check, count, radii, seconds, share
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.control.options.fields import angle, check, count, part, probability, radii, share
+from kmpc_lite.option_fields import angle, check, count, part, probability, radii, share
 
 
 @dataclass(frozen=True, slots=True)

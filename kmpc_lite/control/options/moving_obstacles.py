@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.control.options.fields import check, moments, radii, seconds, share, shares
+from kmpc_lite.option_fields import check, moments, radii, seconds, share, shares
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.control.options.fields import check, count, metres
+from kmpc_lite.option_fields import check, count, metres
 
 
 @dataclass(frozen=True, slots=True)

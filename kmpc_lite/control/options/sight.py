@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.control.options.fields import check, count, radii, seconds, share, speed
+from kmpc_lite.option_fields import check, clock_seconds, count, radii, seconds, share, speed
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,9 +48,9 @@ class SightOptions:
     """Least distance between neighbours of that lattice [radii]."""
     trail: int = count(64, least=2)
     """How many poses of the past are kept, to tell where old beams were sent from."""
-    blind_time: float = seconds(1.0)
-    """How long the robot drives on while scans tell nothing new [s]; then it stops until they do.
-    By the clock, whatever the robot: scanners have their own pace."""
+    blind_time: float = clock_seconds(1.0)
+    """How long the robot drives on while scans tell nothing new [s, by the clock: scanners have
+    their own pace]; then it stops until they do."""
     same_scan_distance: float = radii(0.5)
     """How far the robot may have come, or its edge may have turned, since a scan that is told again
     [radii]; what is told again from farther away is what the scanner saw before."""

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from kmpc_lite.control.options.fields import (
+from kmpc_lite.option_fields import (
     angle,
     check,
+    clock_seconds,
     count,
     group,
     metres,
     part,
     radii,
-    seconds,
     share,
     switch,
 )
@@ -129,9 +129,9 @@ class SolverOptions:
     and the last growth has halved its depth."""
     largest_penalty: float = share(1e5, zero=False)
     """Largest linear slack weight [1/m]."""
-    accepted_depth: float = metres(1e-5, zero=False)
+    constraint_tolerance: float = metres(1e-5, zero=False)
     """How deep in an obstacle a converged plan may stand [m]: the accuracy of its QP."""
-    least_solve_time: float = seconds(5e-5, zero=False)
+    least_solve_time: float = clock_seconds(5e-5, zero=False)
     """Time that a QP gets even past a deadline [s]: the iterate that it starts from is no plan."""
 
     def __post_init__(self) -> None:

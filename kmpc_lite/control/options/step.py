@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.control.options.fields import check, count, radii, seconds, share
+from kmpc_lite.option_fields import check, clock_seconds, count, radii, share
 
 
 @dataclass(frozen=True, slots=True)
 class StepOptions:
     """What a step believes, and how it shares out its time."""
 
-    oldest_pose: float = seconds(2.0)
+    oldest_pose: float = clock_seconds(2.0)
     """Largest `pose_age` accepted [s]: of an older pose nothing follows for the present one."""
     oldest_pose_periods: int = count(1000)
     """The same in periods: each is rolled out in every step."""
-    shortest_period: float = seconds(1e-4)
+    shortest_period: float = clock_seconds(1e-4)
     """Least `dt` of a problem [s]: a ramp of a second would else have more stages than there is
     memory for."""
-    longest_period: float = seconds(100.0)
+    longest_period: float = clock_seconds(100.0)
     """Largest `dt` of a problem [s]: what is longer is no control period but a slip of the pen."""
     reach_beyond_plan: float = radii(2.0)
     """Polygons, walls and grids are looked at as far as the fastest plan reaches and this much

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.control.options.fields import check, part, radii, seconds, share, shares
 from kmpc_lite.errors import ProblemError
+from kmpc_lite.option_fields import check, part, radii, seconds, share, shares
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.control.options.fields import check, count, probability, radii, seconds, share
+from kmpc_lite.option_fields import check, count, probability, radii, seconds, share
 
 
 @dataclass(frozen=True, slots=True)
 class TrackerOptions:
-    """What is believed of sensors that see circles, and of what walks."""
+    """What is believed of sensors that see circles, and of what walks.
+
+    Times are the robot's for circles that a controller is told, and by the clock for what scans
+    show and for `ObstacleTracker`, which know of no robot.
+    """
 
     noise: float = radii(2 / 15, zero=False)
     """Standard deviation of a seen position along each axis [radii]: 2 cm for a radius of 15 cm, as

@@ -15,11 +15,11 @@ from kmpc_lite.control.guidance.capabilities import (
     drivable_speeds,
 )
 from kmpc_lite.control.margins.model_margins import Margins
-from kmpc_lite.control.options import GuidanceOptions, in_metres
+from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
 from kmpc_lite.model.noise_model import NoiseModel
 
 PROBLEM = kl.NavigationProblem()
-WIDE = in_metres(GuidanceOptions(), PROBLEM.robot_radius).wide_clearance
+WIDE = lengths_from_radii(GuidanceOptions(), PROBLEM.robot_radius).wide_clearance
 
 
 def fitted(turn_gain: float, slip: float = 0.05) -> kl.KoopmanModel:

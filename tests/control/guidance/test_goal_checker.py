@@ -10,11 +10,11 @@ from guided import GuidedController
 
 import kmpc_lite as kl
 from kmpc_lite.control.guidance.goal_checker import GoalChecker, GoalCheckerState, goal_tolerances
-from kmpc_lite.control.options import GoalOptions, in_metres
+from kmpc_lite.control.options import GoalOptions, lengths_from_radii
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 
-OPTIONS = in_metres(GoalOptions(), 0.15)
+OPTIONS = lengths_from_radii(GoalOptions(), 0.15)
 QUIET = goal_tolerances(kl.nominal_unicycle(0.1), OPTIONS)
 ENTER = QUIET.enter_distance, QUIET.enter_angle
 LEAVE = QUIET.leave_distance, QUIET.leave_angle
@@ -137,7 +137,7 @@ def test_a_push_is_forgotten_by_a_fifth_a_step() -> None:
 
 
 def test_tolerances_grow_with_the_robot() -> None:
-    twice = goal_tolerances(kl.nominal_unicycle(0.1), in_metres(GoalOptions(), 0.3))
+    twice = goal_tolerances(kl.nominal_unicycle(0.1), lengths_from_radii(GoalOptions(), 0.3))
     assert twice.enter_distance == pytest.approx(2.0 * QUIET.enter_distance)
     assert twice.off_path == pytest.approx(2.0 * QUIET.off_path)
     assert twice.enter_angle == QUIET.enter_angle

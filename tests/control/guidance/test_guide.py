@@ -11,7 +11,7 @@ from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, MovingO
 from kmpc_lite.control.guidance.state import GuideState
 from kmpc_lite.control.guidance.tangent_graph import GeometricPath
 from kmpc_lite.control.guidance.timed_path import TimedPath
-from kmpc_lite.control.options import MovingObstacleOptions, in_metres
+from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii
 from kmpc_lite.sim.maps.families import random_map
 
 # -- the reference itself
@@ -163,7 +163,7 @@ def test_a_robot_gets_out_of_the_way_of_what_comes_after_it_for_good() -> None:
     # to stand 30 cm before it, or to back up before it, would be clear for the next seconds
     slow = np.array([[0.0, 1.1, 0.2, 0.0, -0.15]])
     times = np.arange(0.0, 12.01, 0.1)
-    table = MovingObstacleTable(in_metres(MovingObstacleOptions(), PROBLEM.robot_radius))
+    table = MovingObstacleTable(lengths_from_radii(MovingObstacleOptions(), PROBLEM.robot_radius))
     _, states = MovingObstacles(slow, KEEP, np.array([0.5, 0.7]), table).evasive_arc(
         pose(0.0, 0.0, np.pi / 2), -1, times
     )

@@ -7,11 +7,11 @@ import numpy as np
 import kmpc_lite as kl
 from kmpc_lite.control.guidance.path_map import PathMap
 from kmpc_lite.control.obstacles.solids import Solids
-from kmpc_lite.control.options import GuidanceOptions, in_metres
+from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
 
 AREA = np.array([-3.0, -3.0, 3.0, 3.0])
 NO_CIRCLES = np.empty((0, 5))
-OPTIONS = in_metres(GuidanceOptions(), 0.15)
+OPTIONS = lengths_from_radii(GuidanceOptions(), 0.15)
 
 
 def slanted(door: int | None = 30) -> kl.OccupancyGrid:

@@ -15,9 +15,9 @@ from kmpc_lite.control.guidance.path_map import PathMap
 from kmpc_lite.control.guidance.tangent_graph import PathQuery
 from kmpc_lite.control.guidance.tangent_search import Part, TangentSearch
 from kmpc_lite.control.obstacles.solids import Solids
-from kmpc_lite.control.options import GuidanceOptions, in_metres
+from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
 
-OPTIONS = in_metres(GuidanceOptions(), 0.15)
+OPTIONS = lengths_from_radii(GuidanceOptions(), 0.15)
 AREA = np.array([-100.0, -100.0, 100.0, 100.0])
 NO_CIRCLES = np.empty((0, 5))
 SPEED = np.array([0.6, np.pi / 4])

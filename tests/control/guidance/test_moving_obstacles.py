@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, MovingObstacleTable
-from kmpc_lite.control.options import MovingObstacleOptions, in_metres
+from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii
 
-TABLE = MovingObstacleTable(in_metres(MovingObstacleOptions(), 0.15))
+TABLE = MovingObstacleTable(lengths_from_radii(MovingObstacleOptions(), 0.15))
 SPEED = np.array([0.6, 0.785])
 AREA = np.array([[-2.0, -2.0], [2.0, 2.0]])
 TIMES = 0.1 * np.arange(21)

@@ -11,11 +11,11 @@ from kmpc_lite.control.guidance.progress_checker import ProgressChecker, Progres
 from kmpc_lite.control.guidance.reference import Guidance
 from kmpc_lite.control.obstacles.circles import circles_to_array
 from kmpc_lite.control.obstacles.solids import Solids
-from kmpc_lite.control.options import GuidanceOptions, in_metres
+from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
 from kmpc_lite.control.plan import GoalProgress
 
 PROBLEM = kl.NavigationProblem(margin=0.05)
-OPTIONS = in_metres(GuidanceOptions(), PROBLEM.robot_radius)
+OPTIONS = lengths_from_radii(GuidanceOptions(), PROBLEM.robot_radius)
 NO_CIRCLES = np.empty((0, 5))
 START = np.array([-1.5, 0.05, 0.0])
 STALL_STEPS = round(OPTIONS.stall_time / PROBLEM.dt)

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 import kmpc_lite as kl
 from kmpc_lite.control.guidance.capabilities import capabilities, drivable_speeds
 from kmpc_lite.control.guidance.turning_centre import seen_from, turning_centre
-from kmpc_lite.control.options import GuidanceOptions, in_metres
+from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 
 PROBLEM = kl.NavigationProblem(margin=0.05)
-OPTIONS = in_metres(GuidanceOptions(), PROBLEM.robot_radius)
+OPTIONS = lengths_from_radii(GuidanceOptions(), PROBLEM.robot_radius)
 NO_CIRCLES = np.empty((0, 5))
 POINT = (0.05, 0.02)
 METRES = st.floats(-0.06, 0.06)

@@ -11,7 +11,7 @@ import kmpc_lite as kl
 from kmpc_lite.control.obstacles.clusters import clusters
 from kmpc_lite.control.obstacles.tracker import ObstacleTracker
 from kmpc_lite.control.obstacles.walkers import who_walks
-from kmpc_lite.control.options import TrackerOptions, in_metres
+from kmpc_lite.control.options import TrackerOptions, lengths_from_radii
 from kmpc_lite.sim.lidar import World
 from kmpc_lite.types import Array
 
@@ -102,7 +102,7 @@ def test_who_walks_is_somebody_until_nothing_has_told_of_it_for_a_second() -> No
         scan = look(np.array([[1.2, 0.06 * k - 1.2, 0.25, 0.0, 0.0]]), pose)
         people = tracker.see(scan, pose)
     assert len(people) == 1
-    tracks, options, known = tracker.tracks, in_metres(TrackerOptions(), 0.15), []
+    tracks, options, known = tracker.tracks, lengths_from_radii(TrackerOptions(), 0.15), []
     for _ in range(15):
         tracks.moving[:] = False
         known.append(len(who_walks(tracks, options, DT, [scan], pose).rows))

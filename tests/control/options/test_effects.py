@@ -14,12 +14,12 @@ from kmpc_lite.control.guidance.progress_checker import ProgressChecker, Progres
 from kmpc_lite.control.guidance.turning_centre import turning_centre
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.trajectory import at_rest
-from kmpc_lite.control.options import GuidanceOptions, StopOptions, in_metres
+from kmpc_lite.control.options import GuidanceOptions, StopOptions, lengths_from_radii
 from kmpc_lite.control.safe_stop.braking import Braking
 from kmpc_lite.control.weights import with_goal_weights
 
 PROBLEM = kl.NavigationProblem()
-GUIDANCE = in_metres(GuidanceOptions(), PROBLEM.robot_radius)
+GUIDANCE = lengths_from_radii(GuidanceOptions(), PROBLEM.robot_radius)
 
 
 class Robot:

@@ -8,7 +8,12 @@ from typing import Any
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.options import GoalOptions, GuidanceOptions, MovingObstacleOptions, in_metres
+from kmpc_lite.control.options import (
+    GoalOptions,
+    GuidanceOptions,
+    MovingObstacleOptions,
+    lengths_from_radii,
+)
 
 GROUPS = (GuidanceOptions, GoalOptions, MovingObstacleOptions)
 
@@ -40,7 +45,7 @@ def test_what_is_no_such_number_is_refused_in_one_line(
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_lengths_alone_grow_with_the_robot(group: Any) -> None:
-    plain, large = group(), in_metres(group(), 0.5)
+    plain, large = group(), lengths_from_radii(group(), 0.5)
     for f in fields(group):
         factor = 0.5 if f.metadata["unit"] == "radii" else 1.0
         value = getattr(plain, f.name)

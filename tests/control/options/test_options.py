@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 import re
 from dataclasses import FrozenInstanceError, fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -106,3 +107,31 @@ def test_a_pose_is_believed_for_two_seconds_or_a_thousand_periods(dt: float, old
 def test_periods_lie_between_a_tenth_of_a_millisecond_and_a_hundred_seconds(dt: float) -> None:
     with pytest.raises(kl.ProblemError, match="dt: expected a period from 0.0001 to 100 s"):
         kl.Controller(kl.nominal_unicycle(dt), kl.NavigationProblem(dt=dt))
+
+
+def test_the_guide_to_scenario_files_names_every_room() -> None:
+    page = Path(__file__).parents[3] / "docs/howto/scenario_files.md"
+    told = page.read_text(encoding="utf-8").split("takes every option of")[1].split("A run")[0]
+    assert set(re.findall("`([a-z_]+)`", told)) == {f.name for f in fields(kl.ControllerOptions)}
+
+
+def test_a_controller_adapts_as_its_options_say() -> None:
+    options = kl.ControllerOptions.from_dict({"adaptation": {"window": 3.0}})
+    adaptation = kl.Controller(kl.nominal_unicycle(0.1), options=options).adaptation
+    assert adaptation is not None and adaptation.options.window == 3.0
+
+
+def test_times_are_the_robots_but_where_sensors_and_computers_set_the_pace() -> None:
+    by_the_clock = {
+        f"{type(group).__name__}.{field.name}"
+        for group in GROUPS
+        for field in fields(group)
+        if field.metadata["unit"] == "s by the clock"
+    }
+    assert by_the_clock == {
+        "SightOptions.blind_time",
+        "SolverOptions.least_solve_time",
+        "StepOptions.oldest_pose",
+        "StepOptions.shortest_period",
+        "StepOptions.longest_period",
+    }

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kmpc_lite.control.obstacles.scan import LaserScan
-from kmpc_lite.control.options import SightOptions, in_metres, unit_length
+from kmpc_lite.control.options import SightOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
@@ -59,7 +59,7 @@ class ScanWatch:
     """
 
     def __init__(self, problem: NavigationProblem, options: SightOptions, period: float) -> None:
-        self._options = in_metres(options, unit_length(problem))
+        self._options = lengths_from_radii(options, unit_length(problem))
         self._turned = options.same_scan_distance  # as far at a radius from the middle
         self._period = period
         self._limit = max(options.blind_time, PERIODS * period)

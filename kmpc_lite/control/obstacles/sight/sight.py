@@ -15,7 +15,7 @@ from kmpc_lite.control.obstacles.sight.local_map import UNKNOWN, LocalMap, side_
 from kmpc_lite.control.obstacles.sight.rays import Rays
 from kmpc_lite.control.obstacles.sight.view import View
 from kmpc_lite.control.obstacles.solids import Solids
-from kmpc_lite.control.options import SightOptions, in_metres, unit_length
+from kmpc_lite.control.options import SightOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
@@ -52,7 +52,7 @@ class Sight:
     def __init__(
         self, problem: NavigationProblem, scale: Scale, options: SightOptions, reach: float
     ) -> None:
-        self.options = in_metres(options, unit_length(problem))
+        self.options = lengths_from_radii(options, unit_length(problem))
         self._scale, self._reach, self._dt = scale, reach, problem.dt
         self._radius, self._footprint = problem.body_radius, problem.footprint
         # hits nearer than the first are the robot's own; within the second of its circles' middles

@@ -13,7 +13,7 @@ from kmpc_lite.control.guidance.tangent_graph import GeometricPath
 from kmpc_lite.control.obstacles.sight.local_map import UNKNOWN, LocalMap
 from kmpc_lite.control.obstacles.sight.sight import Sight
 from kmpc_lite.control.obstacles.solids import Solids
-from kmpc_lite.control.options import SightOptions, in_metres
+from kmpc_lite.control.options import SightOptions, lengths_from_radii
 from kmpc_lite.types import Array
 
 SMALL = kl.NavigationProblem()
@@ -128,7 +128,7 @@ class OneView:
             options.refresh_interval,
         )
         self.gear_time, self.lattice_nodes = options.gear_time, options.lattice_nodes
-        self.lattice_step = in_metres(options, 0.15).lattice_step
+        self.lattice_step = lengths_from_radii(options, 0.15).lattice_step
         self._known, self.looks = known, 0
 
     def solids(self, given: Solids | None) -> Solids | None:

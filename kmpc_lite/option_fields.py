@@ -1,4 +1,4 @@
-"""Fields of options that know their unit: what they accept, and how lengths become metres."""
+"""Fields of options that know their unit: what they accept, and how radii become lengths."""
 
 from __future__ import annotations
 
@@ -23,8 +23,13 @@ def metres(default: float, *, zero: bool = True) -> Any:
 
 
 def seconds(default: float, *, zero: bool = True) -> Any:
-    """Time [s]."""
+    """Time of the robot that is its own unit [s]; another one takes `Scale.time` times as long."""
     return _number(default, "s", zero)
+
+
+def clock_seconds(default: float, *, zero: bool = True) -> Any:
+    """Time by the clock [s], whatever the robot: what hangs on sensors and computers."""
+    return _number(default, "s by the clock", zero)
 
 
 def speed(default: float, *, zero: bool = True) -> Any:
@@ -123,21 +128,21 @@ def _expected(value: Any, limits: Mapping[str, Any]) -> str:
     return "a share from 0 to 1" if whole else "a probability between 0 and 1"
 
 
-def in_metres(options: Options, unit: float) -> Options:
-    """Return the same options with lengths in metres, for a unit length [m].
+def lengths_from_radii(options: Options, radius: float) -> Options:
+    """Return the same options with lengths for a radius, in whatever unit that is told.
 
     Examples
     --------
     >>> from kmpc_lite.control.options import GuidanceOptions
-    >>> in_metres(GuidanceOptions(), 0.15).wide_clearance
+    >>> lengths_from_radii(GuidanceOptions(), 0.15).wide_clearance
     0.06
     """
     described: Any = options
     lengths = [f.name for f in fields(described) if f.metadata["unit"] == "radii"]
-    metres: Options = replace(
-        described, **{name: unit * getattr(options, name) for name in lengths}
+    made: Options = replace(
+        described, **{name: radius * getattr(options, name) for name in lengths}
     )
-    return metres
+    return made
 
 
 def _is_number(value: object) -> bool:
