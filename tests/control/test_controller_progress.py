@@ -21,6 +21,23 @@ def test_a_goal_out_of_reach_is_told_with_the_first_plan(nominal: kl.KoopmanMode
         assert np.abs(plan.command).max() < 0.01
 
 
+DOOR = [kl.Wall(0.0, -2.0, 0.0, -0.4), kl.Wall(0.0, 0.4, 0.0, 2.0)]
+
+
+def test_who_walks_in_the_only_way_does_not_make_the_goal_unreachable(
+    nominal: kl.KoopmanModel,
+) -> None:
+    """It may be free a moment later; behind a wall it is not, whoever walks elsewhere."""
+    in_the_door, beside = kl.Circle(0.0, 0.0, 0.15, 0.0, 0.05), kl.Circle(-1.5, 1.5, 0.15, 0.1, 0.0)
+    for walls, who, progress, words in (
+        (DOOR, in_the_door, GoalProgress.WAITING, "something that moves stands in the only way"),
+        ([kl.Wall(0.0, -2.0, 0.0, 2.0)], beside, GoalProgress.UNREACHABLE, "no passage"),
+    ):
+        plan = kl.Controller(nominal).step((-0.6, 0.0, 0.0), (1.5, 0.0, 0.0), [*walls, who])
+        assert plan.progress is progress and words in plan.reason
+        assert plan.reachable is (progress is GoalProgress.WAITING)
+
+
 def test_the_nearest_pose_to_a_goal_outside_the_area_is_driven_to(nominal: kl.KoopmanModel) -> None:
     controller, robot, x = kl.Controller(nominal), kl.DifferentialDrive(), np.zeros(3)
     for _ in range(100):

@@ -162,8 +162,9 @@ class Guide:
         states = np.tile(np.array([place[0], place[1], now.pose[2]]), (len(self._times), 1))
         if now.moving is not None and not now.moving.spares(now.pose):
             states = self._evade(state, now, now.moving)
-        # what was seen from afar, or long ago, does not tell that there is no path
-        may_be = state.urgent or now.view is not None
+        # what was seen from afar, or long ago, does not tell that there is no path, nor does what
+        # goes on its way
+        may_be = state.urgent or now.view is not None or bool(state.blocked)
         return Guidance(
             states=states,
             reachable=may_be,

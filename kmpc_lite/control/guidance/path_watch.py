@@ -53,8 +53,8 @@ class PathWatch:
             return False
         return now.distance > self._options.near_goal and state.age > now.view.refresh_interval
 
-    def is_cut(self, state: GuideState, now: Situation) -> bool:
-        """Whether something that scans have shown lately stands on the path."""
+    def watch_path(self, state: GuideState, now: Situation) -> bool:
+        """Look at times whether something that scans have shown lately stands on the path."""
         view, path = now.view, state.path
         if view is None or path is None or state.turning:
             return False

@@ -109,6 +109,9 @@ class PathSearch:
     """The quickest path so far in that gear."""
     goal_clearance: float = math.inf
     """What the goal leaves beyond the problem's margin [m]."""
+    only_tells: str = ""
+    """Why there is no path among what moves, where the search was made without that: only to tell
+    whether it is what stands in the way; its path is not driven."""
     gave_up: bool = False
     """Whether more obstacles were in the way than a search takes."""
     switched: bool = True

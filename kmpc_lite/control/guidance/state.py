@@ -40,6 +40,8 @@ class GuideState:
     """How many were driven for this goal."""
     why_none: str = ""
     """Why there is no path."""
+    blocked: str = ""
+    """The same, where there is one but for what moves."""
     waiting: Array | None = None
     """Pose (3,) at which the robot waits while there is no path."""
     evasive_arc: int = -1
