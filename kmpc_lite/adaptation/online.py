@@ -115,6 +115,10 @@ class OnlineAdaptation:
         )
         weigh_by(self.state, self._learned_noise)
 
+    def restore(self, state: AdaptationState, model: KoopmanModel) -> None:
+        """Go on from what was remembered, and the model that was made of it."""
+        self.state, self.model = state, model
+
     @property
     def gains(self) -> Gains:
         """The gains in use."""

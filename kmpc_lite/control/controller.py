@@ -226,7 +226,7 @@ class Controller:
     def state(self, state: ControllerState) -> None:
         self._state = state
         if self.adaptation is not None and state.adaptation is not None:
-            self.adaptation.state, self.adaptation.model = state.adaptation, state.model
+            self.adaptation.restore(state.adaptation, state.model)
         self._known = self._examiner.examine(state.base_model, state.model)
 
     def reset(self) -> None:

@@ -153,18 +153,18 @@ class Pipeline:
         clock.lap("shift")
         margins = known.margins
         task = Task(
-            known.model,
-            reference,
-            seen.circles,
-            state.history.commands,
-            state.history.command,
-            seen.nearby,
-            None if margins is None else margins.tightening,
-            state.drift,
-            math.inf if guidance is None else guidance.path_clearance,
-            1.0 if guidance is None else guidance.share_at_goal,
-            deadline,
-            seen.spread,
+            model=known.model,
+            reference=reference,
+            circles=seen.circles,
+            past=state.history.commands,
+            last=state.history.command,
+            solids=seen.nearby,
+            tightening=None if margins is None else margins.tightening,
+            drift=state.drift,
+            path_clearance=math.inf if guidance is None else guidance.path_clearance,
+            terminal_share=1.0 if guidance is None else guidance.share_at_goal,
+            deadline=deadline,
+            spread=seen.spread,
         )
         result = self._sqp.solve(state.sqp, guess, task, passes)
         clock.add(result.timing)
@@ -202,15 +202,15 @@ class Pipeline:
         """Check that the model agrees with the plan, and that the robot can stop after it."""
         margins = known.margins
         task = StopTask(
-            known.model,
-            state.history.commands,
-            state.history.command,
-            seen.circles,
-            seen.nearby,
-            result.solids_ahead,
-            None if margins is None else margins.command_check,
-            state.drift,
-            seen.perhaps,
+            model=known.model,
+            past=state.history.commands,
+            last=state.history.command,
+            circles=seen.circles,
+            nearby=seen.nearby,
+            solids_ahead=result.solids_ahead,
+            check=None if margins is None else margins.command_check,
+            drift=state.drift,
+            perhaps=seen.perhaps,
         )
         verified = self._verification.check(result, seen, task)
         state.trajectory = verified.trajectory

@@ -100,7 +100,7 @@ class Replanner:
         return True
 
     def _watch_place(self, state: GuideState, now: Situation, off: float) -> bool:
-        """Note how far it is; whether it is off its path, stands on it, or has had none for long."""
+        """Note how far it is; whether it is off its path, stands, or has had none for long."""
         if state.path is None:
             return state.age >= self._options.retry_interval
         self._progress.see(state.progress, state.path.duration - state.place)

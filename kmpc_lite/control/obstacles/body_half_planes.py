@@ -11,7 +11,12 @@ import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.obstacles.circles import circle_distances
-from kmpc_lite.control.obstacles.half_planes import LEAST_DISTANCE, Clearances, KeepOut
+from kmpc_lite.control.obstacles.half_planes import (
+    LEAST_DISTANCE,
+    Clearances,
+    KeepOut,
+    SolidsAhead,
+)
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
 
@@ -46,8 +51,8 @@ class BodyKeepOut(KeepOut):
         """Clearances of stages 1 to N; normals (N, K, 3) have the slope by the heading, too."""
         places = self._footprint.places(states[1:])
         points = places.reshape(-1, 2)
-        values, normals = [], []
-        solids_ahead = places[0], np.empty((len(places[0]), 0)), np.empty((len(places[0]), 0, 2))
+        values, normals, count = [], [], self._count_of_circles
+        solids_ahead = SolidsAhead(places[0], np.empty((count, 0)), np.empty((count, 0, 2)))
         if len(circles):
             distances, away = circle_distances(circles, points, self._place_times)
             values.append(self._by_stage(distances))
@@ -56,8 +61,7 @@ class BodyKeepOut(KeepOut):
             distances, away = solids.measure(points)
             values.append(self._by_stage(distances))
             normals.append(self._with_slope(away, places, states))
-            count = self._count_of_circles
-            solids_ahead = places[0], distances[:count], away[:count]
+            solids_ahead = SolidsAhead(places[0], distances[:count], away[:count])
         columns = sum(part.shape[1] for part in values)
         outside = self._outside(states)
         sides = np.zeros((self.horizon, outside.shape[1], 3))

@@ -17,10 +17,26 @@ from kmpc_lite.types import Array
 if TYPE_CHECKING:
     from kmpc_lite.control.obstacles.nearby import Nearby
 
-NO_SOLIDS_AHEAD = np.zeros(2), np.empty(0), np.empty((0, 2))
-"""`Clearances.solids_ahead` where there are no solids."""
 LEAST_DISTANCE = 1e-9
 """Distance from the robot below which there is no direction towards it [m]."""
+
+
+class SolidsAhead(NamedTuple):
+    """Solids as seen from where a plan's first stage is: all that a check of one command needs.
+
+    A half-plane that a convex solid lies behind is as good as the solid. For a robot with a
+    footprint each of its circles has a row.
+    """
+
+    place: Array
+    """(2,) or (F, 2)."""
+    distances: Array
+    """(C,) or (F, C) of the solids from there [m]."""
+    normals: Array
+    """(C, 2) or (F, C, 2) unit vectors away from them."""
+
+
+NO_SOLIDS_AHEAD = SolidsAhead(np.zeros(2), np.empty(0), np.empty((0, 2)))
 
 
 class Clearances(NamedTuple):
@@ -32,8 +48,8 @@ class Clearances(NamedTuple):
     """(N, K, 2) unit vectors away from them."""
     obstacle_count: int
     """How many of the K are obstacles; the others are sides of the area."""
-    solids_ahead: tuple[Array, Array, Array]
-    """Place of stage 1 (2,), distances of the solids from it (C,), and normals there (C, 2)."""
+    solids_ahead: SolidsAhead
+    """From stage 1."""
 
 
 class KeepOut:
@@ -108,7 +124,7 @@ class KeepOut:
             distances, self._all_normals[:, circle_count:count] = solids.measure(positions)
             np.subtract(distances, self._distance, out=self._values[:, circle_count:count])
             normals_ahead = self._all_normals[0, circle_count:count]
-            solids_ahead = positions[0].copy(), distances[0], normals_ahead
+            solids_ahead = SolidsAhead(positions[0].copy(), distances[0], normals_ahead)
         np.subtract(
             positions @ self._side_normals.T,
             self._side_offsets_from(states[0]),

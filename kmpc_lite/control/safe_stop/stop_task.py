@@ -9,15 +9,13 @@ import numpy as np
 
 from kmpc_lite.control.margins.command_check import CommandCheck
 from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.obstacles.half_planes import NO_SOLIDS_AHEAD, SolidsAhead
 from kmpc_lite.control.safe_stop.braking import Braking
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.obstacles.nearby import Nearby
-
-NO_SOLIDS = np.zeros(2), np.empty(0), np.empty((0, 2))
-"""`StopTask.solids_ahead` where there are none."""
 
 
 class StopTrajectory(NamedTuple):
@@ -49,9 +47,8 @@ class StopTask:
     """(M, 5) rows x, y, radius, vx, vy, as they are now."""
     nearby: Nearby | None = None
     """Solids that the robot can come to."""
-    solids_ahead: tuple[Array, Array, Array] = NO_SOLIDS
-    """A point near the robot (2,), the distances of these solids from it (C,), and the normals
-    there (C, 2): a half-plane that a convex solid lies behind is as good as the solid."""
+    solids_ahead: SolidsAhead = NO_SOLIDS_AHEAD
+    """These solids from a point near the robot."""
     check: CommandCheck | None = None
     """Margins of single commands; without them every plan is accepted."""
     drift: DriftState | None = None
