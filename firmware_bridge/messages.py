@@ -77,6 +77,8 @@ class LinkStatus:
     """bytes, frames, bad CRCs, resynchronisations, refused messages, reconnects, ..."""
     frame_doubt: str = ""
     """Why the board's frame may lie elsewhere than it did, in words; else empty."""
+    unmoved: str = ""
+    """What the robot was told and did not do, in words; else empty."""
     scan_stamp: float | None = None
     """When the newest scan of the robot's lidar was measured; None for a robot without one."""
     scan_faults: tuple[str, ...] = ()

@@ -6,6 +6,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -19,6 +20,7 @@ from firmware_bridge.runtime.statistics import Statistics
 from firmware_bridge.runtime.timing import Deadlines, Histogram
 from firmware_bridge.safety.gate import GateOutput, SafetyGate
 from firmware_bridge.safety.gate_table import Reason
+from firmware_bridge.safety.unmoved import Unmoved, UnmovedOptions
 
 TICK = 0.02
 """Period of the gate [s]: a lost input is noticed at most this much late, and stops are sent this
@@ -77,6 +79,8 @@ class ControlLoop:
         self._tick, self._observers, self._clock, self._sleep = tick, observers, clock, sleep
         self._sender = CommandSender(driver, planner, command_period, tick, clock)
         self._requests = Requests(operator, gate, take, confirm)
+        self._unmoved = Unmoved(UnmovedOptions(patience=gate.settings.unmoved))
+        self._held = (0.0, 0.0)
         self.statistics = Statistics()
         self.changes: deque[Change] = deque(maxlen=1000)
         """The gate's last changes of state."""
@@ -99,10 +103,13 @@ class ControlLoop:
     def tick(self, now: float) -> GateOutput:
         """Do one period's work; never raises."""
         state, status = self._read()
+        if unmoved := self._unmoved.look(self.gate.state, now, self._held, state):
+            status = replace(status, unmoved=unmoved)
         counts = self.statistics
         self._requests.pass_on(status, self.why, counts)
         latest, before = self.planner.latest, self.gate.state
         output = self.gate.step(now, None if latest is None else latest[0], state, status)
+        self._held = output.v, output.omega
         counts.ticks += 1
         counts.reasons.update(reason.value for reason in output.reasons)
         sent, fresh = self._sender.carry_out(now, output, latest, counts)
@@ -173,7 +180,12 @@ class ControlLoop:
         if shot is None:
             return ()
         reasons = (reason.value for reason in shot.output.reasons if reason is not Reason.BOARD)
-        more = (*shot.status.faults, *shot.status.scan_faults, shot.status.frame_doubt)
+        more = (
+            *shot.status.faults,
+            *shot.status.scan_faults,
+            shot.status.frame_doubt,
+            shot.status.unmoved,
+        )
         return (*reasons, *filter(None, more))
 
     def report(self) -> dict[str, Any]:

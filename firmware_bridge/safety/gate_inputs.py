@@ -46,8 +46,8 @@ def judge(
         found.append(Reason.SCAN)
     if state is not None and (where := place(s, state)) is not None:
         found.append(where)
-    if status.frame_doubt:
-        found.append(Reason.FRAME)
+    told = {Reason.FRAME: status.frame_doubt, Reason.UNMOVED: status.unmoved}
+    found += [reason for reason, words in told.items() if words]
     if command is None or not fresh(now, command.stamp, s.watchdog):
         found.append(Reason.COMMAND)
     if command is not None and not (math.isfinite(command.v) and math.isfinite(command.omega)):

@@ -36,6 +36,9 @@ class GateSettings:
     slow_from: float = 0.6
     """Share of `watchdog`, `pose_age` and `scan_age` from which on the robot is slowed, down to
     zero at the whole; 1 slows nothing."""
+    unmoved: float = 1.0
+    """How long after the robot was told to drive its pose may stay where it is [s]; 0: for ever,
+    for a robot on blocks whose pose does not come from its wheels."""
     resume: float = 0.0
     """How long a robot that stands may wait for a lost pose, and then drive on by itself [s]; 0:
     no longer than `hold`."""
@@ -52,7 +55,7 @@ class GateSettings:
             value = getattr(self, item.name)
             if item.name in ("limits", "geofence", "pilot"):
                 continue
-            if item.name == "resume" and value == 0 and not isinstance(value, bool):
+            if item.name in ("resume", "unmoved") and value == 0 and not isinstance(value, bool):
                 continue
             if (
                 isinstance(value, bool)

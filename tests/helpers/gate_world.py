@@ -21,7 +21,7 @@ class World:
             (0.3, 0.4),
         )
         self.ready, self.x, self.pose_ok, self.connected = True, 0.0, True, True
-        self.frame_doubt = ""
+        self.frame_doubt = self.unmoved = ""
         self.faults: tuple[str, ...] = ()
         self.silent: set[str] = set()
         self.stamps = dict.fromkeys(("command", "pose", "source", "heartbeat"), self.now)
@@ -39,6 +39,7 @@ class World:
             self.pose_ok,
             faults=self.faults,
             frame_doubt=self.frame_doubt,
+            unmoved=self.unmoved,
         )
         state = State(self.x, 0.0, 0.0, 0.0, 0.0, self.stamps["pose"])
         self.outputs.append(
