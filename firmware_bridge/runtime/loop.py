@@ -17,6 +17,7 @@ from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.observer import Change, Observer, Operator, Snapshot
 from firmware_bridge.runtime.requests import Requests
 from firmware_bridge.runtime.statistics import Statistics
+from firmware_bridge.runtime.suspension import Suspension
 from firmware_bridge.runtime.timing import Deadlines, Histogram
 from firmware_bridge.safety.gate import GateOutput, SafetyGate
 from firmware_bridge.safety.gate_table import Reason
@@ -80,7 +81,7 @@ class ControlLoop:
         self._sender = CommandSender(driver, planner, command_period, tick, clock)
         self._requests = Requests(operator, gate, take, confirm)
         self._unmoved = Unmoved(UnmovedOptions(patience=gate.settings.unmoved))
-        self._held = (0.0, 0.0)
+        self._held, self._suspension = (0.0, 0.0), Suspension()
         self.statistics = Statistics()
         self.changes: deque[Change] = deque(maxlen=1000)
         """The gate's last changes of state."""
@@ -105,6 +106,8 @@ class ControlLoop:
         state, status = self._read()
         if unmoved := self._unmoved.look(self.gate.state, now, self._held, state):
             status = replace(status, unmoved=unmoved)
+        if self._suspension.happened():
+            self.gate.slept()
         counts = self.statistics
         self._requests.pass_on(status, self.why, counts)
         latest, before = self.planner.latest, self.gate.state

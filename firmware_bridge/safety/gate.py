@@ -30,6 +30,9 @@ from firmware_bridge.safety.slowing import Slowing
 LONGEST_RISE = 0.05
 """Longest time for which a command may grow in one step, however long the last step is ago [s]; it
 shrinks for the whole time, or a machine that stalls would brake late."""
+LONGEST_STALL = 1.0
+"""A gate that stood still for longer than this, and than `hold`, does not let the robot drive on by
+itself: the world is another one by then [s]."""
 RESEND = 0.5
 """How often the release is sent again until the board has obeyed [s]."""
 
@@ -78,7 +81,7 @@ class SafetyGate:
         self.state = GateState.IDLE
         self._requests: set[Event] = set()
         self._output = (0.0, 0.0)
-        self._final = False
+        self._final = self._slept = False
         self._last: float | None = None
         self._entered = -math.inf
         self._clear_since: float | None = None
@@ -100,6 +103,10 @@ class SafetyGate:
     def reset(self) -> None:
         """Clear the emergency stop; the robot stays still until `enable`."""
         self._requests.add(Event.RESET)
+
+    def slept(self) -> None:
+        """Take note that the computer was asleep, in which its clock did not go on."""
+        self._slept = True
 
     @property
     def done(self) -> bool:
@@ -127,6 +134,9 @@ class SafetyGate:
         dt = 0.0 if self._last is None else max(now - self._last, 0.0)
         self._last = now
         reasons = judge(self.settings, now, command, state, status, self.state)
+        if self._slept or dt > max(self.settings.hold, LONGEST_STALL):
+            reasons = (*reasons, Reason.STALLED)
+        self._slept = False
         if reasons:
             self._clear_since = None
             self._final = self._final or (self.state in DRIVING and not FINAL.isdisjoint(reasons))

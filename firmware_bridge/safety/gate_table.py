@@ -60,13 +60,14 @@ class Reason(Enum):
     POSE_INVALID = "pose not finite"
     FRAME = "the board's frame may lie elsewhere than it did: look, then confirm it"
     UNMOVED = "told to drive, and the pose stays: frozen, an encoder dead, or motors off"
+    STALLED = "the bridge itself stood still, or the computer slept"
     SCAN = "no scan of the lidar, or too old"
     GEOFENCE = "outside the geofence"
     COMMAND = "no controller output, or too old"
     COMMAND_INVALID = "controller output not finite"
 
 
-FINAL = frozenset({Reason.GEOFENCE, Reason.FRAME, Reason.UNMOVED})
+FINAL = frozenset({Reason.GEOFENCE, Reason.FRAME, Reason.UNMOVED, Reason.STALLED})
 """Reasons that do not go away by themselves: such a stop ends in a release."""
 UNHEARD = frozenset({Reason.LINK, Reason.HEARTBEAT})
 """Reasons for which it is not known what the board is doing."""

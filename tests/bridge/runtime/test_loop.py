@@ -13,9 +13,10 @@ from waiting import until
 from firmware_bridge.messages import VelocityCommand
 from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.loop import ControlLoop
+from firmware_bridge.runtime.suspension import Suspension
 from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.gate_settings import GateSettings
-from firmware_bridge.safety.gate_table import GateState
+from firmware_bridge.safety.gate_table import GateState, Reason
 
 
 def test_a_controller_that_raises_stops_the_robot_and_may_recover():
@@ -195,3 +196,15 @@ def test_a_controller_that_hangs_stops_the_robot_and_does_not_keep_the_loop():
         thread.join(10.0)
         free.set()
     assert not thread.is_alive()
+
+
+def test_a_robot_whose_computer_slept_is_given_back():
+    desk, slept = Desk(), [0.0]
+    bench = Bench(operator=desk).drive()
+    bench.loop._suspension = Suspension(lambda: slept[0])
+    slept[0] = 30.0
+    assert bench.run(TICK) is GateState.STOPPING
+    assert bench.loop.changes[-1].why == (Reason.STALLED.value,)
+    assert bench.run(5.0) is GateState.RELEASED
+    desk.requests = {"enable"}
+    assert bench.run(1.0) is GateState.ACTIVE

@@ -132,3 +132,24 @@ def test_time_that_stands_or_runs_back_moves_no_command():
         abs(b.v - a.v) <= TICK + 1e-9
         for a, b in zip(world.outputs, world.outputs[1:], strict=False)
     )
+
+
+def test_a_gate_that_stood_still_gives_the_robot_back_although_all_is_fresh_again():
+    for stall, back in ((0.9, False), (1.1, True), (3600.0, True)):
+        world = World().drive()
+        world.now += stall
+        world.run(5.0)
+        assert (world.gate.state is GateState.RELEASED) == back
+        world.gate.enable()
+        assert world.run(1.0).state is GateState.ACTIVE
+
+
+def test_a_stall_while_the_robot_is_held_is_no_way_to_drive_on():
+    world = World().drive()
+    world.silent = {"pose"}
+    world.run(0.8)
+    assert world.gate.state is GateState.HOLDING
+    world.silent = set()
+    world.now += 60.0
+    world.run(5.0)
+    assert world.gate.state is GateState.RELEASED
