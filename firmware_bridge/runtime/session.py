@@ -33,9 +33,9 @@ from firmware_bridge.sensors.pose import PosedDriver
 if TYPE_CHECKING:
     from firmware_bridge.sensors.sight import Sight
 
-STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP)
-"""Each brakes and releases: Ctrl-C, the service manager, a lost terminal, and Ctrl-Z, which would
-freeze us with the robot moving."""
+STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP, signal.SIGQUIT)
+"""Each brakes and releases: Ctrl-C, the service manager, a lost terminal, and Ctrl-Z and
+Ctrl-backslash, which would freeze or end us with the robot moving."""
 FAREWELL = 0.1
 """Time for the last bytes to leave before the link is closed [s]."""
 DRIVER_CLASSES = {

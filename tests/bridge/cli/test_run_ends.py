@@ -85,12 +85,13 @@ def test_a_drive_that_does_not_arrive_is_exit_status_1_and_people_are_told_what_
     assert "\x1b" not in out  # no terminal, no picture
 
 
-def test_ctrl_c_brakes_holds_and_releases(desk):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGQUIT])
+def test_ctrl_c_brakes_holds_and_releases(desk, number):
     with emulated("rover") as rover:
         Path("far.toml").write_text(FAR)
         child = start_command("run", *robot_options("rover"), "--scenario", "far.toml", "--json")
         assert until(lambda: not rover.stopped and rover.pose[0] > 0.1)
-        child.send_signal(signal.SIGINT)
+        child.send_signal(number)
         out, err = child.communicate(timeout=20.0)
         assert (
             child.returncode == 130
@@ -100,7 +101,7 @@ def test_ctrl_c_brakes_holds_and_releases(desk):
         assert until(lambda: rover.stopped) and rover.mode == "HOLD"
     report = json.loads(out)
     assert (
-        report["outcome"] == "stopped by SIGINT"
+        report["outcome"] == f"stopped by {number.name}"
         and report["loop"]["changes"][-1]["to"] == "RELEASED"
     )
 
