@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import threading
 from dataclasses import replace
 from typing import Any
 
 from firmware_bridge.drivers import Driver
 from firmware_bridge.messages import LidarError, LinkError, LinkStatus, State
+from firmware_bridge.sensors.frozen_scan import FrozenScan
 from firmware_bridge.sensors.lidar.kinds import open_lidar
 from firmware_bridge.sensors.lidar.lidar import Lidar
 from firmware_bridge.sensors.lidar.options import LidarOptions
@@ -41,6 +43,10 @@ class SightedDriver:
         """What the lidar sees, from where the robot is."""
         self._counted: Sweep | None = None
         self._covered: Sweep | None = None
+        self._looked: Sweep | None = None
+        self._frozen_scan, self._frozen = FrozenScan(), False
+        self._lock = threading.Lock()
+        """The gate's thread and the planner's ask."""
 
     def connect(self, timeout: float) -> None:
         """Connect the lidar, then the driver: a robot that cannot see is not taken."""
@@ -55,16 +61,19 @@ class SightedDriver:
         return self.inner.state()
 
     def sweep(self) -> Sweep | None:
-        """Newest turn of which enough beams say something."""
-        sweep = self.lidar.sweep()
-        if sweep is None or sweep is self._counted:
+        """Newest turn of which enough beams say something, and that is not an old one again."""
+        with self._lock:
+            sweep = self.lidar.sweep()
+            if sweep is None or sweep is self._looked:
+                return self._counted
+            self._looked = sweep
+            self._frozen = self._frozen_scan.repeats(sweep, self.inner.state())
+            free = self.options.no_return == "free"
+            enough = free or sweep.returns >= self.options.returns
+            self._covered = None if enough else sweep
+            if enough and not self._frozen:
+                self._counted = sweep
             return self._counted
-        free = self.options.no_return == "free"
-        if free or sweep.returns >= self.options.returns:
-            self._counted, self._covered = sweep, None
-        else:
-            self._covered = sweep
-        return self._counted
 
     def health(self) -> LinkStatus:
         """Status of the board, with the age of the newest scan."""
@@ -74,6 +83,11 @@ class SightedDriver:
         if covered is not None:
             share = f"{100.0 * covered.returns:.0f} %"
             faults += (f"lidar: only {share} of its beams say something: is it covered?",)
+        if self._frozen:
+            faults += (
+                "lidar: its turns repeat each other to the last digit while the robot moves: it is "
+                "frozen: switch it off and on",
+            )
         return replace(
             status,
             scan_stamp=-math.inf if sweep is None else sweep.stamp,

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from firmware_bridge.messages import LinkError, LinkStatus
+from firmware_bridge.messages import LinkError, LinkStatus, State
 from firmware_bridge.sensors.lidar.lidar import LidarHealth
 from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.scan import Sweep
@@ -111,3 +111,36 @@ def test_an_autopilots_own_sensors_need_no_link():
     own = Eye([])
     driver = with_lidar(SimpleNamespace(sectors=own, send=None, stop=None), LidarOptions("mavlink"))
     assert driver.lidar is own
+
+
+def hall(stamp, shift=0.0):
+    """A turn in which no two beams are alike."""
+    ranges = np.round(2.0 + shift + np.linspace(0.0, 1.0, 100), 3)
+    return Sweep(np.linspace(0.0, 6.2, 100), ranges, np.full(100, stamp), 0.1, 8.0)
+
+
+@pytest.mark.parametrize("way", [(0.3, 0.0), (0.0, 0.5)], ids=["drives", "turns"])
+def test_turns_that_repeat_each_other_while_the_robot_moves_are_no_scans(way):
+    driver, eye, _ = pair()
+    for k in range(20):
+        here = State(way[0] * 0.1 * k, 0.0, way[1] * 0.1 * k, *way, 0.1 * k)
+        driver.inner.state = lambda here=here: here
+        eye.seen = hall(0.1 * k)
+        status = driver.health()
+    assert status.scan_stamp < 0.5, "what came first was seen, and what is the same was not"
+    assert any("repeat each other" in fault for fault in status.scan_faults)
+    assert driver.sweep().stamp == status.scan_stamp
+    eye.seen = hall(2.0, shift=0.001)
+    assert driver.health().scan_stamp == 2.0 and driver.health().scan_faults == ()
+
+
+def test_a_robot_that_stands_or_sees_next_to_nothing_may_see_the_same_again():
+    driver, eye, _ = pair()
+    for k in range(20):
+        driver.inner.state = lambda k=k: State(0.001 * (k % 2), 0.0, 0.0, 0.0, 0.0, 0.1 * k)
+        eye.seen = hall(0.1 * k)
+        assert driver.health().scan_stamp == pytest.approx(0.1 * k)
+    for k in range(20, 40):
+        driver.inner.state = lambda k=k: State(0.1 * k, 0.0, 0.0, 0.0, 0.0, 0.1 * k)
+        eye.seen = turn(0.1 * k)
+        assert driver.health().scan_stamp == pytest.approx(0.1 * k)
