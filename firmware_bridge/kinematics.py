@@ -121,6 +121,13 @@ class WheelOdometry:
         self._agreed = 0
         self.x = self.y = self.theta = 0.0
         """[m], [m], [rad] in (-pi, pi]"""
+        self.turned = (0.0, 0.0)
+        """How far the wheels (left, right) turned in the last step [rad]."""
+
+    @property
+    def count(self) -> float:
+        """How far a wheel turns in a count [rad]."""
+        return math.tau / (self._counts_per_turn * self._geometry.gear_ratio)
 
     def rebase(self) -> None:
         """Forget the counters: the next ones are a new beginning at the same pose."""
@@ -134,7 +141,7 @@ class WheelOdometry:
         """
         now = (first, second, stamp)
         if self._last is None:
-            self._last = now
+            self._last, self.turned = now, (0.0, 0.0)
             return True
         wheels = self._turned(self._last, now)
         follows = self._doubted is not None and self._turned(self._doubted, now) is not None
@@ -143,7 +150,7 @@ class WheelOdometry:
             if self._agreed >= AGREE:
                 self._last, self._doubted = now, None
             return False
-        self._last, self._doubted = now, None
+        self._last, self._doubted, self.turned = now, None, wheels
         forward, turn = self._geometry.body(*wheels)
         half = turn / 2.0
         chord = forward * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
