@@ -81,7 +81,8 @@ class PolledDriver(PollingThread):
         now = time.monotonic()
         with self._changed:
             jumped = self._pose.jumped(now)
-            faults = self._errors + self._trouble + self._dead.faults()
+            faults = self._errors + self._trouble
+            faults += self._dead.faults() + self._runaway.faults()
             if jumped:
                 faults += (
                     "the wheel counters jumped: the board was restarted, or a reply was damaged",

@@ -11,6 +11,7 @@ from firmware_bridge.drivers.polled.board_pose import BoardPose
 from firmware_bridge.drivers.polled.dead_wheel import DeadWheels
 from firmware_bridge.drivers.polled.exchange import Exchange, NoReply
 from firmware_bridge.drivers.polled.held_command import HeldCommand
+from firmware_bridge.drivers.polled.runaway_wheel import RunawayWheels
 from firmware_bridge.drivers.polled.timing import Timing
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
@@ -46,6 +47,7 @@ class PollingThread(Board):
         self._transport, self._geometry = transport, geometry
         self._pose = BoardPose(geometry, odometry)
         self._odometry, self._dead = odometry, DeadWheels(geometry.wheel_radius, odometry.count)
+        self._runaway = RunawayWheels(geometry.max_wheel_speed / geometry.wheel_radius)
         self._period = 1.0 / timing.poll_hz
         self._held = HeldCommand(timing.command_timeout, 0 if self.answers_commands else ZEROS)
         self._exchange = Exchange(transport, timing.reply_timeout, self._begin)
@@ -201,16 +203,18 @@ class PollingThread(Board):
             if not self._pose.move(counts, speeds, stamp):
                 self._counters["odometry_jumps"] += 1
                 return
-            self._watch_wheels(stamp)
+            self._watch_wheels(speeds, stamp)
             self._changed.notify_all()
 
-    def _watch_wheels(self, stamp: float) -> None:
+    def _watch_wheels(self, speeds: tuple[float, float], stamp: float) -> None:
         """See whether both wheels answer what they are told; motors that are off need not."""
         if self._released or self._errors or not (self._armed and self._configured):
             self._dead.forget()
+            self._runaway.forget()
             return
         told = self._geometry.from_channels(*self._held.value)
         self._dead.take(told, self._odometry.turned, stamp)
+        self._runaway.take(told, self._geometry.from_channels(*speeds), stamp)
 
     def _settle(self) -> None:
         """Let what is late arrive and be thrown away before the next request."""
