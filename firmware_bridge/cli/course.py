@@ -92,12 +92,14 @@ def course(
     watchers = [] if watch is None else [watch]
 
     def step(pose: tuple[float, float, float], circles: Any) -> tuple[float, float, str]:
+        navigator.reason = ""
         if sees and navigator.scan is None:
             return 0.0, 0.0, "NO_SCAN"
         obstacles = [*circles, *solids] if solids else circles
         if sees:
             obstacles = [*(obstacles if told else ()), laser_scan(navigator.scan)]
         plan = controller.step(pose, scenario.goal, obstacles, sent=navigator.held() or UNKNOWN)
+        navigator.reason = plan.reason
         for saw in watchers:
             saw(pose, plan)
         return float(plan.command[0]), float(plan.command[1]), plan.status.name
@@ -110,13 +112,19 @@ def course(
         scenario.circles_at,
         lambda pose, time: float(obstacle_gaps(scenario, np.array([pose]), np.array([time]))[0]),
     )
-    origin = (
-        (0.0, 0.0, 0.0) if robot.is_autopilot or robot.link.pose is not None else scenario.start
-    )
+    origin = _origin(robot, scenario)
     period = robot.control.period or controller.problem.dt
     navigator = Navigator(step, task, settle, seconds, wait=wait)
     name, made = scenario.name, (scenario, controller, watchers)
     return Course(name, robot, navigator, period, origin, notes, *made)
+
+
+def _origin(robot: Robot, scenario: Any) -> tuple[float, float, float]:
+    """Pose of the vehicle's own frame: wheels begin at the start, others know where they are."""
+    if robot.is_autopilot or robot.link.pose is not None:
+        return 0.0, 0.0, 0.0
+    start: tuple[float, float, float] = scenario.start
+    return start
 
 
 def _with_footprint(robot: Robot, scenario: Any) -> Any:

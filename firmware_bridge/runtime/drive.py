@@ -88,16 +88,12 @@ def run(
         navigator.held = lambda: session.planner.held
         if session.sight is not None:
             navigator.see = session.sight.look
-        why: list[str] = []
 
         def finished() -> bool:
             if examiner is not None and examiner.trouble and not session.loop.stop_reason:
                 session.loop.request_stop(examiner.trouble)
                 return False
-            done = navigator.finished()
-            if done and not why:
-                why.extend(session.why())
-            return done
+            return navigator.finished()
 
         with watched(session):
             session.drive(finished)
@@ -111,7 +107,9 @@ def run(
         ended_by = session.loop.stop_reason if interrupted else trouble
         report["outcome"] = _outcome(navigator, ended_by)
         if not navigator.arrived and not trouble:
-            report["why"] = why or session.why()
+            controller = f"the controller: {navigator.reason}" if navigator.reason else ""
+            why = (*session.loop.why_stopped, *session.words(), controller)
+            report["why"] = list(dict.fromkeys(filter(None, why)))
         session.logs.finish(report)
     report["problems"] = session.problems()  # counted after the session has closed its files
     if out is not None:

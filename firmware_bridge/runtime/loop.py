@@ -90,6 +90,8 @@ class ControlLoop:
         self.snapshot: Snapshot | None = None
         self.stop_reason = ""
         """Why the loop ends, once it does."""
+        self.why_stopped: tuple[str, ...] = ()
+        """What was wrong when it was asked to end: afterwards it is given back, and not ready."""
         self._abort = False
         self.started = clock()
         """When the loop began [s]."""
@@ -145,7 +147,7 @@ class ControlLoop:
                 if self.stop_reason == "" and finished is not None and finished():
                     self.request_stop("finished")
                 if self.stop_reason and stopping_since is None:
-                    stopping_since = now
+                    stopping_since, self.why_stopped = now, self.why()
                     self.gate.stop()
                 self.tick(now)
                 after = self._clock()

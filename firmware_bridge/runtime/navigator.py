@@ -87,6 +87,8 @@ class Navigator:
         """What the lidar sees from a pose; set once there is one."""
         self.scan: Any = None
         """What it saw last, for the planner."""
+        self.reason = ""
+        """Why the last plan is none that drives to the goal, in words, where its planner says."""
         self._wait = seconds if wait is None else wait
         self._started: float | None = None
         self._began: float | None = None

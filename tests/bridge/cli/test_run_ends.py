@@ -1,9 +1,11 @@
 """A run ends in any case: it says why, an autopilot's own words included, and the robot stands."""
 
 import json
+import math
 import signal
 from pathlib import Path
 
+import numpy as np
 import pytest
 from courses import FAR, PATIENT
 from emulated_robots import emulated, robot_options, start_command
@@ -82,6 +84,7 @@ def test_a_drive_that_does_not_arrive_is_exit_status_1_and_people_are_told_what_
         "command spacing, off by",
     ):
         assert words in out
+    assert "why: board not ready" not in out, "it was given back by us"
     assert "\x1b" not in out  # no terminal, no picture
 
 
@@ -104,6 +107,16 @@ def test_ctrl_c_brakes_holds_and_releases(desk, number):
         report["outcome"] == f"stopped by {number.name}"
         and report["loop"]["changes"][-1]["to"] == "RELEASED"
     )
+
+
+def test_a_controller_that_will_not_drive_says_why_at_the_end(desk, capsys):
+    with emulated("roboclaw"):
+        ring = [[0.6 * math.cos(k), 0.6 * math.sin(k), 0.2] for k in np.arange(0.0, 6.2, 0.4)]
+        Path("blocked.toml").write_text(FAR.replace("[[0.4, 0.45, 0.1]]", str(ring)))
+        command = ["run", *robot_options("roboclaw"), "--scenario", "blocked.toml"]
+        assert main([*command, "--seconds", "4", "--json"]) == 1
+    why = json.loads(capsys.readouterr().out)["why"]
+    assert len(why) == 1 and why[0].startswith("the controller: "), why
 
 
 def test_kill_9_leaves_the_robot_to_the_boards_own_watchdog(desk):
