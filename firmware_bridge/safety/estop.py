@@ -23,6 +23,8 @@ from firmware_bridge.safety.latch import is_latched, latch_file, set_latch
 from firmware_bridge.safety.listener import Listener, check_path
 from firmware_bridge.safety.places import link_here
 
+PRESSED = "the emergency stop is pressed: kmpc estop --reset first"
+"""Why `enable` is refused then."""
 WORDS = ("stop", "reset", "enable", "confirm", "status")
 POLL = 0.02
 """How often the latch file is looked at [s]; a request on the socket is served at once."""
@@ -200,8 +202,13 @@ class EmergencyStop:
             self.press()
         elif word == "reset":
             self._reset()
-        elif word == "confirm" or (word == "enable" and not self._barred):
+        elif word == "confirm" or (word == "enable" and not self._refusal):
             self._requests.append(word)
+
+    @property
+    def _refusal(self) -> str:
+        """Why the robot may not be enabled, empty where it may."""
+        return PRESSED if self._latched else self._barred
 
     def _reset(self) -> None:
         self._latched = False
@@ -230,13 +237,13 @@ class EmergencyStop:
                 self._drop(client, selector)
 
     def _answer(self, word: str) -> dict[str, object]:
-        refused = word == "enable" and bool(self._barred)
+        refused = word == "enable" and bool(self._refusal)
         return {
             "ok": word in WORDS and not refused and not (word == "reset" and self._latched),
             "latched": self._latched,
             "gate": self._gate.name,
             "confirmed": self._gate is GateState.ESTOP,
-            "why": [self._barred] if refused else list(self._why),
+            "why": [self._refusal] if refused else list(self._why),
         }
 
     def _drop(self, client: Client, selector: selectors.BaseSelector) -> None:

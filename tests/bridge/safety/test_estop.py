@@ -42,9 +42,11 @@ def test_a_stop_is_latched_in_memory_and_on_disk_until_reset(stop):
     assert answer["ok"] and answer["latched"] and not answer["confirmed"]
     assert stop.take() == {"stop"} and stop.take() == set()
     assert stop.latched and stop.latch_path.exists()
-    assert ask(stop.path, "enable")["latched"] and stop.latched
+    refused = ask(stop.path, "enable")
+    assert refused["latched"] and stop.latched
+    assert not refused["ok"] and "--reset first" in refused["why"][0]
     assert not ask(stop.path, "reset")["latched"]
-    assert stop.take() == {"enable", "reset"} and not stop.latch_path.exists()
+    assert stop.take() == {"reset"} and not stop.latch_path.exists()
 
 
 def test_enable_is_refused_with_the_reason_while_it_is_barred(stop):
