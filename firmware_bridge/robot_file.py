@@ -15,6 +15,7 @@ from typing import Any
 from firmware_bridge.link import open_transport
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check, from_table
+from firmware_bridge.robot_checks import check_period, check_wheels
 from firmware_bridge.runtime.loop import TICK
 from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.limits import Limits
@@ -30,8 +31,6 @@ NOMINAL_LATENCY = {**dict.fromkeys(DRIVERS, 0.0), "mavlink": 0.2, TOPICS: 0.1}
 """Taken for a model without input history where nobody says better [s]. An autopilot's own speed
 loop lags: on the emulated rover the nominal unicycle grazes obstacles with 0.1 s or less, not with
 0.2 or 0.3 s. With a motor controller's 0.05 s the clearance is the same for 0, 0.05 and 0.1 s."""
-LOOSE = 1.5
-"""The watchdog must be this many control periods long, or one late plan would stop the robot."""
 
 
 @dataclass(frozen=True)
@@ -246,6 +245,7 @@ def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
         ) from None
     if control.period is not None:
         check_period(control.period, gate)
+    check_wheels(sections.get("limits", {}), sections.get("geometry", {}))
     return Robot(
         where,
         link,
@@ -258,15 +258,6 @@ def _robot(where: str, sections: Mapping[str, Mapping[str, Any]]) -> Robot:
         vehicle.name,
         vehicle.footprint,
     )
-
-
-def check_period(period: float, gate: GateSettings) -> None:
-    """Refuse a control period [s] that the watchdog could not tell from a dead controller."""
-    if LOOSE * period > gate.watchdog:
-        raise ConfigError(
-            f"control.period: {period:g} s is too long for a watchdog of {gate.watchdog:g} s: "
-            f"expected at most {gate.watchdog / LOOSE:.3g} s, or a longer safety.watchdog"
-        )
 
 
 def _lidar(table: Mapping[str, Any], link: LinkOptions) -> LidarOptions | None:

@@ -18,7 +18,8 @@ from firmware_bridge.link import Transport, open_transport
 from firmware_bridge.link.shared import SharedTransport
 from firmware_bridge.live.terminal import View
 from firmware_bridge.messages import BridgeError, ConfigError, Controller
-from firmware_bridge.robot_file import Robot, check_period
+from firmware_bridge.robot_checks import check_period
+from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.drive_logs import DriveLogs, Recorder
 from firmware_bridge.runtime.loop import ControlLoop
@@ -34,8 +35,7 @@ if TYPE_CHECKING:
     from firmware_bridge.sensors.sight import Sight
 
 STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP, signal.SIGQUIT)
-"""Each brakes and releases: Ctrl-C, the service manager, a lost terminal, and Ctrl-Z and
-Ctrl-backslash, which would freeze or end us with the robot moving."""
+"""Each brakes and releases: Ctrl-C, service manager, lost terminal, Ctrl-Z, Ctrl-backslash."""
 FAREWELL = 0.1
 """Time for the last bytes to leave before the link is closed [s]."""
 DRIVER_CLASSES = {

@@ -9,7 +9,8 @@ import pytest
 from firmware_bridge.cli.course import course
 from firmware_bridge.link import open_transport
 from firmware_bridge.messages import ConfigError, LinkStatus, State
-from firmware_bridge.robot_file import DRIVERS, check_period, load_robot
+from firmware_bridge.robot_checks import check_period
+from firmware_bridge.robot_file import DRIVERS, load_robot
 from firmware_bridge.runtime.session import open_driver
 from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.sensors.placed import PlacedDriver
@@ -172,6 +173,10 @@ def test_a_footprint_takes_the_place_of_the_scenarios_robot(tmp_path):
             "control.command_period: expected 0.02 to 0.2 s",
         ),
         (LINK + "[control]\nmodel = 3", "control.model: expected str, got 3"),
+        (
+            LINK + "[limits]\nv_max = 20\n[geometry]\nmax_wheel_speed = 0.9",
+            "limits.v_max: 20 m/s is more than geometry.max_wheel_speed, 0.9 m/s",
+        ),
         ("[link\n", "not TOML"),
         (b"\xff\xfe", "not TOML"),
     ],
