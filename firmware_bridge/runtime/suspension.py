@@ -5,13 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+"""Goes on while the computer sleeps, on Linux; where there is none, nothing tells of sleep."""
 SHORTEST = 0.5
 """Less sleep than this is none [s]."""
 
 
 def asleep() -> float:
     """How long the computer has been suspended since it was switched on [s]."""
-    return time.clock_gettime(time.CLOCK_BOOTTIME) - time.monotonic()
+    return time.clock_gettime(CLOCK) - time.monotonic()
 
 
 class Suspension:
