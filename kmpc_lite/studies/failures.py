@@ -6,11 +6,21 @@ import errno
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Protocol
 
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.studies.conditions import Condition
 from kmpc_lite.studies.records import Record
+
+
+class Driven(Protocol):
+    """What a failure's file tells of the controller that drove."""
+
+    @property
+    def simulate_words(self) -> tuple[str, ...] | None:
+        """What makes ``kmpc simulate`` drive this controller; None where no option does."""
+        ...
 
 
 def failed(record: Record) -> bool:
@@ -30,15 +40,15 @@ def check_folder(folder: str | Path) -> None:
 
 
 def write_failures(
-    drives: Iterable[tuple[Record, Condition, KoopmanModel]], folder: str | Path
+    drives: Iterable[tuple[Record, Driven, Condition, KoopmanModel]], folder: str | Path
 ) -> list[Path]:
     """Write a scenario file for every drive, and the model that was driven.
 
-    The first line of each file says how to drive it again.
+    The first line of each file says how to drive it again, or that ``kmpc simulate`` cannot.
     """
     target = Path(folder)
     paths = []
-    for record, condition, model in drives:
+    for record, spec, condition, model in drives:
         scenario = condition.apply(random_map(record["family"], record["seed"], record["slip"]))
         what = "collision" if record["collision_s"] is not None else "not there"
         target.mkdir(parents=True, exist_ok=True)
@@ -47,14 +57,20 @@ def write_failures(
         if not (target / learned).exists():
             model.save(target / learned)
         name = f"{scenario.name}-slip{record['slip']:g}-{_file_name(record['controller'])}.toml"
-        switch = " --no-adaptation" if "no adaptation" in record["controller"] else ""
+        again = _again(spec, name, learned)
         (target / name).write_text(
-            f"# {record['controller']}: {what}; kmpc simulate --scenario {name} "
-            f"--model {learned}{switch}\n{scenario.to_toml()}",
-            encoding="utf-8",
+            f"# {record['controller']}: {what}; {again}\n{scenario.to_toml()}", encoding="utf-8"
         )
         paths.append(target / name)
     return paths
+
+
+def _again(spec: Driven, scenario: str, model: str) -> str:
+    """How a drive of a controller on a scenario file with a model's file is driven again."""
+    words = spec.simulate_words
+    if words is None:
+        return "cannot be driven again by kmpc simulate"
+    return " ".join(["kmpc simulate --scenario", scenario, "--model", model, *words])
 
 
 def _file_name(*words: str) -> str:

@@ -23,7 +23,7 @@ from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.studies.conditions import PLAIN, Condition, MapLesson
 from kmpc_lite.studies.executors import gather
-from kmpc_lite.studies.failures import check_folder, failed, write_failures
+from kmpc_lite.studies.failures import Driven, check_folder, failed, write_failures
 from kmpc_lite.studies.floor_watch import FloorWatch
 from kmpc_lite.studies.records import Record, RecordFile
 from kmpc_lite.studies.tables import Key, drive_key
@@ -35,7 +35,7 @@ CHUNK = 10
 """Drives of one task."""
 
 
-class Spec(Protocol):
+class Spec(Driven, Protocol):
     """What a worker needs to build a controller, as `Contender` has it."""
 
     @property
@@ -209,7 +209,9 @@ def maps_study(
     if failures is not None:
         lost = [(r, wanted[drive_key(r)]) for r in results if failed(r)]
         teacher.learn(cell.lesson for _, cell in lost)
-        write_failures(((r, c.condition, teacher.model(c.lesson)) for r, c in lost), failures)
+        write_failures(
+            ((r, c.spec, c.condition, teacher.model(c.lesson)) for r, c in lost), failures
+        )
     return results
 
 

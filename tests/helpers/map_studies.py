@@ -54,6 +54,7 @@ class Spec:
     label: str
     kind: str
     fit: Method | None = None
+    simulate_words: tuple[str, ...] | None = None
 
     def build(self, model: kl.KoopmanModel, scenario: Scenario) -> Steps:
         if self.kind == "follow":

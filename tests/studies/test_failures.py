@@ -13,8 +13,8 @@ from scripted import Scripted
 import kmpc_lite as kl
 from kmpc_lite.sim import Scenario, drive
 from kmpc_lite.sim.closed_loop import Run
-from kmpc_lite.studies.conditions import Condition
-from kmpc_lite.studies.contenders import Contender
+from kmpc_lite.studies.conditions import PLAIN, Condition
+from kmpc_lite.studies.contenders import STUDY_CONTENDERS, TABLE_1_CONTENDERS, Contender
 from kmpc_lite.studies.failures import check_folder, failed, write_failures
 
 
@@ -27,7 +27,8 @@ def test_a_failure_is_a_scenario_file_that_replays_it(tmp_path: Path) -> None:
     for record in collided:
         (path,) = (f for f in files if f.name.startswith(f"open-{record['seed']}-slip0-ram"))
         scenario = Scenario.load(path)
-        assert "# ram: collision; kmpc simulate" in path.read_text()
+        first = path.read_text().splitlines()[0]
+        assert first == "# ram: collision; cannot be driven again by kmpc simulate"
         again = drive(Scripted((0.6, 0.0)), scenario)
         assert again.outcome.value == "collision" and again.duration == record["collision_s"]
 
@@ -57,7 +58,7 @@ def test_where_failures_or_records_cannot_be_written_nothing_is_driven(tmp_path:
 
 
 def test_a_failure_of_a_learned_model_leaves_the_model_too(tmp_path: Path) -> None:
-    spec = Spec("a", "stand", fit="integral")
+    spec = Spec("a", "stand", fit="integral", simulate_words=())
     options: dict[str, Any] = {
         "specs": [spec],
         "slips": (0.1,),
@@ -94,3 +95,39 @@ def test_a_failure_is_driven_again_by_the_command_in_its_file(
     assert main([*words, "-o", "run.npz"]) == 1
     run = Run.load("run.npz")
     assert run.outcome.value == "collision" and run.duration == record["collision_s"]
+
+
+@pytest.mark.parametrize(
+    ("contender", "told"),
+    [
+        (STUDY_CONTENDERS[-2], "kmpc simulate --scenario {name} --model {model}"),
+        (STUDY_CONTENDERS[-1], "kmpc simulate --scenario {name} --model {model} --no-adaptation"),
+        (
+            Contender("careful", margin=0.02),
+            "kmpc simulate --scenario {name} --model {model} --margin 0.02",
+        ),
+        (Contender("always", adaptation=True), "cannot be driven again by kmpc simulate"),
+        (Contender("daqp", solver="daqp"), "cannot be driven again by kmpc simulate"),
+        *((peer, "cannot be driven again by kmpc simulate") for peer in TABLE_1_CONTENDERS[:-1]),
+    ],
+    ids=lambda value: value.label if isinstance(value, Contender) else "",
+)
+def test_a_failure_names_a_command_only_where_it_drives_the_same_controller(
+    tmp_path: Path, contender: Contender, told: str
+) -> None:
+    record = {
+        "controller": contender.label,
+        "family": "open",
+        "condition": "",
+        "trained_at": None,
+        "slip": 0.0,
+        "seed": 3,
+        "collision_s": None,
+        "pose_s": None,
+    }
+    drives = [(record, contender, PLAIN, kl.nominal_unicycle(0.1))]
+    (file,) = write_failures(drives, tmp_path)
+    (model,) = tmp_path.glob("*.npz")
+    first = file.read_text().splitlines()[0]
+    again = told.format(name=file.name, model=model.name)
+    assert first == f"# {contender.label}: not there; {again}"
