@@ -1,19 +1,17 @@
-"""`kmpc bench`: step times on this machine, beside whichever peers are installed."""
+"""What `kmpc bench` measures: each job, and the options that it reads."""
 
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 import kmpc_lite as kl
-from kmpc_lite.cli.command import Command
-from kmpc_lite.cli.extras import need
-from kmpc_lite.cli.numbers import count, positive
 from kmpc_lite.cli.progress import Progress
 
+DRIVES, SECONDS = 20, 600.0
+"""Recorded drives, and how long the loop runs [s], where nothing else is asked for."""
 STEPS = 60
 """States of a recorded drive."""
 QUALITY_STEPS = 50
@@ -21,106 +19,16 @@ QUALITY_STEPS = 50
 OBSTACLES = 4
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of options
-    """Add what `run` reads."""
-    add = parser.add_argument
-    add(
-        "--drives",
-        type=count,
-        default=20,
-        metavar="N",
-        help=f"recorded drives of {STEPS} states (default: 20)",
-    )
-    add("--tuning", action="store_true", help="use the tuning seeds instead of the reporting ones")
-    add(
-        "--only",
-        nargs="+",
-        metavar="WORD",
-        help="time only contenders whose names contain one of these words",
-    )
-    add("--picture", type=Path, metavar="FILE", help="picture of the distributions to write (.png)")
-    what = parser.add_mutually_exclusive_group()
-    what.add_argument(
-        "--scaling",
-        dest="job",
-        action="store_const",
-        const=_scaling,
-        help="show how the time grows with horizon and obstacles, for this controller only",
-    )
-    what.add_argument(
-        "--lidar",
-        dest="job",
-        action="store_const",
-        const=_lidar,
-        help="show what a lidar of 360 beams costs a step, beside four circles that are told",
-    )
-    what.add_argument(
-        "--settings",
-        dest="job",
-        action="store_const",
-        const=_settings,
-        help="repeat the study behind the solver's settings, on tuning drives",
-    )
-    what.add_argument(
-        "--solvers",
-        dest="job",
-        action="store_const",
-        const=_solvers,
-        help="time every QP solver that qpsolvers finds here beside OSQP, on the same states",
-    )
-    what.add_argument(
-        "--quality",
-        dest="job",
-        action="store_const",
-        const=_quality,
-        help="compare what the passes converge to with IPOPT, "
-        f"on {QUALITY_STEPS} states of each drive",
-    )
-    what.add_argument(
-        "--fit",
-        dest="job",
-        action="store_const",
-        const=_fit,
-        help="measure time and memory of fitting 1,000,000 samples, and of a bare Gram product",
-    )
-    what.add_argument(
-        "--install-acados",
-        dest="job",
-        action="store_const",
-        const=_install_acados,
-        help="fetch the acados peer (x86-64 Linux wheel, about 20 MB) and stop",
-    )
-    what.add_argument(
-        "--loop",
-        type=positive,
-        metavar="HZ",
-        help="run the control loop at this rate with the other cores busy",
-    )
-    add(
-        "--seconds",
-        type=positive,
-        default=600.0,
-        metavar="S",
-        help="with --loop: for how long [s] (default: 600)",
-    )
-    add("--no-load", action="store_true", help="with --loop: leave the other cores alone")
-    add(
-        "--budget",
-        type=positive,
-        metavar="S",
-        help="with --loop: the controller's time_budget [s]",
-    )
-    parser.set_defaults(job=_compare)
+@dataclass(frozen=True)
+class Job:
+    """One thing that is measured, and the options that it reads; others are refused."""
 
-
-def run(options: argparse.Namespace) -> int:
-    """Measure what was asked for."""
-    if options.picture:
-        need("--picture", "matplotlib")
-    job: Callable[[argparse.Namespace], tuple[Any, str]] = _loop if options.loop else options.job
-    told, text = job(options)
-    print(json.dumps(told) if options.json else text)
-    return 0
+    measure: Callable[[argparse.Namespace], tuple[Any, str]]
+    """Gives what was found, for machines and as text."""
+    reads: tuple[str, ...]
+    """Options beside its own."""
+    text: str = ""
+    """Its line of the help."""
 
 
 def _compare(options: argparse.Namespace) -> tuple[Any, str]:
@@ -184,7 +92,7 @@ def _scaling(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lite.bench.scaling import format_scaling, scaling
 
     bar = Progress("scaling", quiet=options.json)
-    rows = scaling(learned_model(), _seed(options), options.drives, progress=bar)
+    rows = scaling(learned_model(), _seed(options), _drives(options), progress=bar)
     return rows, format_scaling(rows)
 
 
@@ -192,7 +100,7 @@ def _lidar(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lite.bench.lidar import format_lidar_steps, lidar_steps
 
     bar = Progress("lidar", quiet=options.json)
-    rows = lidar_steps(options.drives, _seed(options), progress=bar)
+    rows = lidar_steps(_drives(options), _seed(options), progress=bar)
     return rows, format_lidar_steps(rows)
 
 
@@ -209,11 +117,11 @@ def _quality(options: argparse.Namespace) -> tuple[Any, str]:
 
 def _settings(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lite.bench.drives import learned_model
+    from kmpc_lite.bench.measure import TUNING_SEED
     from kmpc_lite.bench.settings import format_settings, settings_study
 
     model, problem = learned_model(), kl.NavigationProblem()
-    options.tuning = True
-    drives = _record(options, model, problem)
+    drives = _record(options, model, problem, seed=TUNING_SEED)
     bar = Progress("settings", quiet=options.json)
     rows = settings_study(model, problem, drives, progress=bar)
     return rows, format_settings(rows)
@@ -246,7 +154,7 @@ def _loop(options: argparse.Namespace) -> tuple[Any, str]:
         learned_model(),
         kl.NavigationProblem(),
         options.loop,
-        options.seconds,
+        SECONDS if options.seconds is None else options.seconds,
         _seed(options),
         not options.no_load,
         options.budget,
@@ -269,31 +177,69 @@ def _seed(options: argparse.Namespace) -> int:
     return TUNING_SEED if options.tuning else REPORTING_SEED
 
 
+def _drives(options: argparse.Namespace) -> int:
+    """How many drives are recorded."""
+    return DRIVES if options.drives is None else int(options.drives)
+
+
 def _record(
     options: argparse.Namespace,
     model: kl.KoopmanModel,
     problem: kl.NavigationProblem,
     steps: int = STEPS,
+    seed: int | None = None,
     **driver: Any,
 ) -> Any:
-    """Record as many drives as were asked for."""
+    """Record as many drives as were asked for, from a first seed: that of the options if None."""
     from kmpc_lite.bench.drives import record
 
-    return record(model, problem, options.drives, steps, OBSTACLES, _seed(options), **driver)
+    first = _seed(options) if seed is None else seed
+    return record(model, problem, _drives(options), steps, OBSTACLES, first, **driver)
 
 
-COMMAND = Command(
-    text="Time a step on this machine, beside whichever peers are installed, on the same states.",
-    examples=(
-        "kmpc bench",
-        "kmpc bench --drives 40 --picture bench.png",
-        "kmpc bench --scaling",
-        "kmpc bench --lidar --drives 12",
-        "kmpc bench --solvers",
-        "kmpc bench --loop 100 --seconds 600",
-        "kmpc bench --quality",
-        "kmpc bench --fit",
+RECORDED = ("--drives", "--tuning")
+"""What a job reads that records drives."""
+COMPARISON = Job(_compare, (*RECORDED, "--only", "--picture"))
+"""What is done where no job is named."""
+JOBS = {
+    "--scaling": Job(
+        _scaling,
+        RECORDED,
+        "show how the time grows with horizon and obstacles, for this controller only",
     ),
-    add_options=add_options,
-    run=run,
+    "--lidar": Job(
+        _lidar,
+        RECORDED,
+        "show what a lidar of 360 beams costs a step, beside four circles that are told",
+    ),
+    "--settings": Job(
+        _settings,
+        ("--drives",),
+        "repeat the study behind the solver's settings, on tuning drives",
+    ),
+    "--solvers": Job(
+        _solvers,
+        RECORDED,
+        "time every QP solver that qpsolvers finds here beside OSQP, on the same states",
+    ),
+    "--quality": Job(
+        _quality,
+        RECORDED,
+        f"compare what the passes converge to with IPOPT, on {QUALITY_STEPS} states of each drive",
+    ),
+    "--fit": Job(
+        _fit,
+        (),
+        "measure time and memory of fitting 1,000,000 samples, and of a bare Gram product",
+    ),
+    "--install-acados": Job(
+        _install_acados,
+        (),
+        "fetch the acados peer (x86-64 Linux wheel, about 20 MB) and stop",
+    ),
+}
+LOOP = Job(
+    _loop,
+    ("--tuning", "--seconds", "--no-load", "--budget"),
+    "run the control loop at this rate with the other cores busy",
 )
