@@ -138,11 +138,14 @@ class DriveRecorder:
     def planned(self) -> None:
         """Look behind the plan, in the same thread, once its command is on its way."""
         from kmpc_lite.recording.records import Stepped
+        from kmpc_lite.recording.seen import counted
 
         if self._plan is None:
             return
         (began, pose, plan, age, seen), self._plan = self._plan, None
         scan = self._scan(seen)
+        if scan is not None:
+            scan = counted(self._job.controller, scan)
         behind = self._insight(self._job.controller, plan)
         circles = plan.around.circles
         self._file.put(Stepped(began, pose, plan, behind.path, behind.margins, circles, age, scan))

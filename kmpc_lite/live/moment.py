@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from kmpc_lite.control.insight import Insight, insight
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.live.channel import Packet
-from kmpc_lite.recording.seen import outline
+from kmpc_lite.recording.seen import counted, hits, outline
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Sight(NamedTuple):
     insight: Insight
     """Path and margins behind it."""
     scan: LaserScan | None = None
-    """What it was made from, for a robot with a lidar."""
+    """What counted of the scan that it was made from, for a robot with a lidar."""
 
 
 def sight_of(
@@ -47,7 +47,8 @@ def sight_of(
 ) -> Sight:
     """Look at the plan that a controller has just made, in the thread that makes them."""
     x, y, theta = np.asarray(pose, dtype=float).tolist()
-    return Sight((x, y, theta), plan, insight(controller, plan), scan)
+    seen = None if scan is None else counted(controller, scan)
+    return Sight((x, y, theta), plan, insight(controller, plan), seen)
 
 
 def numbers(values: Array) -> bytes:
@@ -87,7 +88,7 @@ def map_packet(scenario: Scenario, title: str) -> Packet:
 
 def plan_packet(sight: Sight, goal: Sequence[float]) -> Packet:
     """Give what a plan leads along and past, and how it came about."""
-    plan, here = sight.plan, np.array([sight.pose])
+    plan, scan, here = sight.plan, sight.scan, np.array([sight.pose])
     circles = plan.around.circles
     if len(circles) > MOST_CIRCLES:
         distances = np.hypot(circles[:, 0] - here[0, 0], circles[:, 1] - here[0, 1])
@@ -98,34 +99,14 @@ def plan_packet(sight: Sight, goal: Sequence[float]) -> Packet:
         "path": numbers(_thinned_path(sight.insight.path)),
         "margins": numbers(sight.insight.margins),
         "circles": numbers(circles),
-        "scan": None if sight.scan is None else numbers(hits(sight.scan, sight.pose)),
-        "seen": None if sight.scan is None else numbers(_placed(outline(sight.scan), sight.pose)),
+        "scan": None if scan is None else numbers(_placed(hits(scan, MOST_BEAMS), sight.pose)),
+        "seen": None if scan is None else numbers(_placed(outline(scan), sight.pose)),
         "distance": math.dist(sight.pose[:2], tuple(goal)[:2]),
         "clearance": clearance if math.isfinite(clearance) else None,
         "status": plan.status.name,
         "progress": plan.progress.name,
         "reason": plan.reason,
     }
-
-
-def hits(scan: LaserScan, pose: tuple[float, float, float]) -> Array:
-    """Points (B, 2) that a scan hit, seen from a pose [m]; at most `MOST_BEAMS`.
-
-    Examples
-    --------
-    >>> from kmpc_lite import LaserScan
-    >>> scan = LaserScan([1.0, np.inf], 0.0, 0.5, range_max=5.0, mount=(0.2, 0.0, 0.0))
-    >>> hits(scan, (1.0, 0.0, np.pi / 2)).round(6).tolist()
-    [[1.0, 1.2]]
-    """
-    ranges = np.asarray(scan.ranges, dtype=float)
-    angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
-    near = np.flatnonzero((ranges > 0.0) & (ranges < scan.range_max))
-    near = near[:: max(1, -(-len(near) // MOST_BEAMS))]
-    x, y, heading = scan.mount
-    along = heading + (-angles[near] if scan.mirrored else angles[near])
-    points = np.array([x, y]) + ranges[near, None] * np.column_stack([np.cos(along), np.sin(along)])
-    return _placed(points, pose)
 
 
 def _placed(points: Array, pose: tuple[float, float, float]) -> Array:

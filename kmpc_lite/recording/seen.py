@@ -1,19 +1,26 @@
-"""What a scan showed, for pictures: its hits, and the outline of what is free.
+"""What a scan showed, for pictures: what counted of it, its hits, and what it saw to be free.
 
 Pages shade what no beam has passed lately: that is unknown, occluded or out of reach.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kmpc_lite.control.obstacles.scan import LaserScan
+from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES
+from kmpc_lite.geometry import rotate
+from kmpc_lite.sim.scan_arrays import ranges_of, told_ranges
 from kmpc_lite.types import Array
 
+if TYPE_CHECKING:
+    from kmpc_lite.control.controller import Controller
+
 BEAMS = 120
-"""Hits of a scan that are shown at the most."""
+"""Hits of a scan that a report shows at the most."""
 CORNERS = 90
 """Of the outline of what a scan saw to be free."""
 ALL_AROUND = 0.99 * 2.0 * np.pi
@@ -27,10 +34,50 @@ def scan_among(obstacles: Any) -> LaserScan | None:
     return next((obstacle for obstacle in obstacles if isinstance(obstacle, LaserScan)), None)
 
 
-def hits(scan: LaserScan) -> Array:
-    """Places (B, 2) that a scan hit, in the robot's frame [m]; at most `BEAMS`."""
+def counted(controller: Controller, scan: LaserScan) -> LaserScan:
+    """A scan as a controller has counted and placed it in the step that it has just made.
+
+    Hits on the robot itself tell nothing. A scan that is older than the pose was seen from where
+    the robot was then, which its mount says; of beams that are of different ages, the middle one
+    counts.
+    """
+    problem, here = controller.problem, controller.state.seen
+    own = problem.robot_radius
+    if problem.footprint is not None:
+        own = problem.footprint.inner_radius
+    scan = scan.with_self_radius(own)
+    age = scan.age + 0.5 * scan.time_increment * (len(scan) - 1)
+    if here is None or not age:
+        return scan
+    scale = controller.scale
+    now, then = here.poses_at(np.array([0.0, age / scale.time]))
+    ahead, left, heading = scan.mount
+    x, y = rotate(ahead, left, float(then[2]))
+    way = (then[:2] - now[:2]) * scale.length
+    x, y = rotate(float(way[0]) + x, float(way[1]) + y, -float(now[2]))
+    return LaserScan(
+        ranges_of(told_ranges(scan)),
+        scan.angle_min,
+        scan.angle_increment,
+        scan.range_max,
+        mount=(x, y, heading + float(then[2] - now[2])),
+        mirrored=scan.mirrored,
+        noise=scan.noise,
+        limits=replace(USUAL_OBSTACLES, scan_beams=len(scan)),
+    )
+
+
+def hits(scan: LaserScan, most: int = BEAMS) -> Array:
+    """Places (B, 2) that a scan hit, in the robot's frame [m]; so many at the most.
+
+    Examples
+    --------
+    >>> scan = LaserScan([1.0, np.inf, 0.1], 0.0, 0.5, range_max=5.0, range_min=0.2)
+    >>> hits(scan).tolist()
+    [[1.0, 0.0]]
+    """
     points = scan.points
-    found: Array = points[:: max(1, -(-len(points) // BEAMS))]
+    found: Array = points[:: max(1, -(-len(points) // most))]
     return found
 
 

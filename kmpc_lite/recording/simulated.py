@@ -21,7 +21,7 @@ from kmpc_lite.recording.drive_file import drive_of
 from kmpc_lite.recording.encoder import DriveEncoder
 from kmpc_lite.recording.outcome import outcome_of
 from kmpc_lite.recording.records import Ended, PoseSeen, Record, Sent, Stepped, TruePose
-from kmpc_lite.recording.seen import scan_among
+from kmpc_lite.recording.seen import counted, scan_among
 from kmpc_lite.sim.closed_loop import Run
 from kmpc_lite.types import Array
 
@@ -44,7 +44,7 @@ class SimulationRecorder:
 
     def __call__(self, time: float, pose: Array, obstacles: Any, plan: Plan) -> None:
         """Take in a step."""
-        behind = insight(self._controller, plan)
+        behind, scan = insight(self._controller, plan), scan_among(obstacles)
         x, y, theta = pose.tolist()
         self._records += (
             PoseSeen(time, (x, y, theta)),
@@ -55,7 +55,7 @@ class SimulationRecorder:
                 behind.path,
                 behind.margins,
                 circle_rows(obstacles),
-                scan=scan_among(obstacles),
+                scan=None if scan is None else counted(self._controller, scan),
             ),
             Sent(time, (float(plan.command[0]), float(plan.command[1]))),
         )

@@ -30,12 +30,18 @@ def ranges_of(told: Array) -> Array:
 
 
 def scans_to_arrays(scans: Sequence[tuple[float, LaserScan]]) -> dict[str, Array]:
-    """Arrays of scans of one scanner; none without scans."""
+    """Arrays of scans of one scanner; none without scans.
+
+    They hold what counts: limits, ignored sectors and the robot itself are in the ranges already,
+    and a scanner that is mounted upside down is one that turns the other way.
+    """
     if not scans:
         return {}
     first = scans[0][1]
+    sense = -1.0 if first.mirrored else 1.0
     ranges = [told_ranges(scan) for _, scan in scans]
-    geometry = (first.angle_min, first.angle_increment, first.range_max, *first.mount)
+    angles = sense * first.angle_min, sense * first.angle_increment
+    geometry = (*angles, first.range_max, *first.mount)
     made = (np.array([time for time, _ in scans]), np.array(ranges, np.float32), np.array(geometry))
     return dict(zip(SCAN_ARRAYS, made, strict=True))
 

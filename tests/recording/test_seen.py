@@ -1,10 +1,12 @@
-"""Outlines of what a scan saw to be free."""
+"""What counted of a scan, its hits, and the outline of what it saw to be free."""
 
 import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.recording.seen import BEAMS, CORNERS, hits, outline
+from kmpc_lite.control.obstacles.sight.rays import Rays
+from kmpc_lite.live.moment import numbers, plan_packet, sight_of
+from kmpc_lite.recording.seen import BEAMS, CORNERS, counted, hits, outline
 
 
 def test_an_outline_ends_at_what_was_hit_and_at_the_reach():
@@ -34,3 +36,58 @@ def test_scanners_of_any_sort_have_one(beams, mirrored):
 def test_what_tells_nothing_is_not_free():
     corners = outline(kl.LaserScan(np.full(40, np.nan), 0.0, 0.1, 4.0))
     assert not corners.any()
+
+
+def looked(scan: kl.LaserScan, footprint: kl.Footprint | None = None):
+    """A controller that has driven an arc and then got a scan; its pose, and its plan."""
+    problem = kl.NavigationProblem(footprint=footprint)
+    controller = kl.Controller(kl.nominal_unicycle(0.1), problem)
+    pose, empty = np.zeros(3), np.full(36, np.inf)
+    for _ in range(5):
+        free = kl.LaserScan(empty, -np.pi, np.pi / 18, 4.0)
+        plan = controller.step(pose, (1.5, 1.0, 2.0), [free])
+        pose = plan.states[1]
+    return controller, pose, controller.step(pose, (1.5, 1.0, 2.0), [scan])
+
+
+@pytest.mark.parametrize("age", [0.0, 0.13])
+def test_a_picture_shows_the_hits_that_the_controller_used(age: float) -> None:
+    ranges = np.random.default_rng(0).uniform(0.05, 4.4, 360)
+    scan = kl.LaserScan(
+        ranges,
+        -np.pi,
+        np.pi / 180,
+        4.0,
+        range_min=0.1,
+        mount=(0.05, -0.02, 0.4),
+        mirrored=True,
+        age=age,
+        ignore=((1.0, 2.0),),
+    )
+    controller, pose, plan = looked(scan)
+    here, scale = controller.state.seen, controller.scale
+    used = Rays(
+        scan.with_self_radius(0.15), here.poses_at(np.array(age / scale.time)), scale.length, 0.1
+    )
+    packet = plan_packet(sight_of(controller, pose, plan, scan), (1.5, 1.0, 2.0))
+    shown = np.frombuffer(packet["scan"]).reshape(-1, 2)
+    assert 200 < len(shown) < 300 and len(shown) == len(used.hits)
+    order = [np.lexsort(points.round(6).T) for points in (shown, used.hits)]
+    np.testing.assert_allclose(shown[order[0]], used.hits[order[1]] * scale.length, atol=1e-9)
+    assert packet["seen"] != numbers(outline(scan))
+
+
+def test_a_scan_that_turned_while_the_robot_drove_is_placed_by_its_middle_beam() -> None:
+    scan = kl.LaserScan(np.full(101, 2.0), -1.0, 0.02, 4.0, time_increment=0.002)
+    controller, _, _ = looked(scan)
+    ahead, _, heading = counted(controller, scan).mount
+    now, then = controller.state.seen.poses_at(np.array([0.0, 0.1 / controller.scale.time]))
+    assert ahead < -0.01 and heading == pytest.approx(then[2] - now[2])
+
+
+def test_hits_within_a_footprint_are_the_robot_itself() -> None:
+    ranges = np.full(360, 2.0)
+    ranges[:90] = 0.12
+    scan = kl.LaserScan(ranges, -np.pi, np.pi / 180, 4.0)
+    controller, _, _ = looked(scan, kl.Footprint.rectangle(0.8, 0.3))
+    assert len(counted(controller, scan).points) == 270 and len(scan.points) == 360

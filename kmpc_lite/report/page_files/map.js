@@ -108,10 +108,11 @@ function drawMoment(index, place) {
   const path = D.paths[pathOf[index]];
   if (path) draw(M.path, 'polyline', { class: 'path', points: lineOf(path) });
   M.scan.replaceChildren();
-  const c = Math.cos(place[2]), s = Math.sin(place[2]);
-  for (const [x, y] of scanAt(index)) {
-    draw(M.scan, 'circle', { class: 'scan', r: 2, cx: M.x(place[0] + c * x - s * y),
-      cy: M.y(place[1] + s * x + c * y) });
+  const hits = scanAt(index), k = hits.length ? 3 * firstWith[scanOf[index]] : 0;
+  const c = Math.cos(pose[k + 2]), s = Math.sin(pose[k + 2]); // where it was seen from
+  for (const [x, y] of hits) {
+    draw(M.scan, 'circle', { class: 'scan', r: 2, cx: M.x(pose[k] + c * x - s * y),
+      cy: M.y(pose[k + 1] + s * x + c * y) });
   }
   M.driven.setAttribute('points', M.points.slice(0, index + 1).join(' ') + ' ' + lineOf([place]));
   M.robot.setAttribute('transform', 'translate(' + M.x(place[0]) + ' ' + M.y(place[1]) +
