@@ -96,10 +96,7 @@ class Run:
     @property
     def arrival(self) -> float | None:
         """First time at which the robot is within both tolerances of the goal [s]."""
-        goal, scenario = np.array(self.scenario.goal), self.scenario
-        there = (distances(self.states, goal) <= scenario.tolerance) & (
-            np.abs(wrap(self.states[:, 2] - goal[2])) <= scenario.heading_tolerance
-        )
+        there = self.scenario.arrival.met(self.states, np.array(self.scenario.goal))
         return float(np.argmax(there) * self.dt) if there.any() else None
 
     def summary(self) -> dict[str, Any]:
@@ -238,14 +235,12 @@ def _tuned(controller: Steps) -> dict[str, Any]:
 
 def _is_there(x: Array, scenario: Scenario, stop_norm: float | None) -> bool:
     """Whether a robot at a state (3,) has arrived: within the tolerances, or the norm if given."""
-    error = x - np.array(scenario.goal)
+    goal = np.array(scenario.goal)
+    if stop_norm is None:
+        return bool(scenario.arrival.met(x, goal))
+    error = x - goal
     error[2] = wrap(float(error[2]))
-    if stop_norm is not None:
-        return bool(np.linalg.norm(error) <= stop_norm)
-    return bool(
-        np.hypot(error[0], error[1]) <= scenario.tolerance
-        and abs(error[2]) <= scenario.heading_tolerance
-    )
+    return bool(np.linalg.norm(error) <= stop_norm)
 
 
 def scenario_plant(scenario: Scenario) -> Plant:

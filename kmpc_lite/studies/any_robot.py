@@ -3,9 +3,7 @@
 Size, speed, period, lag, slip, turning centre, noise and, of one in three, a footprint that is no
 circle are drawn at random from a seed.
 It is learned from its own log as the documentation says, and driven on a random map of its size.
-Judged by the truth: in pose within a tenth of the radius (or three standard deviations of the
-pose's noise) and 0.1 rad, held; ten looks at collisions a period. The plant shares no code with the
-controller.
+`robot_drives` judges by the truth. The plant shares no code with the controller.
 """
 
 from __future__ import annotations

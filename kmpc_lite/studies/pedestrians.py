@@ -2,7 +2,8 @@
 
 Whoever touches is told apart by the truth: the robot *drives into* somebody whom it approaches at
 the moment of the contact, having moved within the last second; it *is met* while it moves
-otherwise; a robot that has stood for a second *is walked into*.
+otherwise; a robot that has stood for a second *is walked into*. Ten looks a period tell contacts,
+which do not end the drive: it ends where the robot first is within the tolerances of its goal.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ import numpy as np
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.geometry import wrap
 from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.sim.arrival import ARRIVED
 from kmpc_lite.sim.lidar import LidarSpec, World
 from kmpc_lite.sim.pedestrians import Pedestrians, Walks
 from kmpc_lite.sim.plants.robots import DifferentialDrive
@@ -45,8 +46,6 @@ TIMEOUT = 60.0
 """[s]"""
 SLIP = 0.05
 LIDAR = LidarSpec()
-NEAR, TURNED = 0.05, 0.15
-"""Tolerances of arrival [m, rad]."""
 
 
 @dataclass
@@ -124,8 +123,7 @@ def drive(people: int, turning: bool, seen: str, seed: int) -> Drive:
         poses.append(pose)
         circles.append(crowd.circles)
         statuses.append(plan.status.name)
-        near = math.hypot(*(pose - goal)[:2]) <= NEAR
-        counts.arrived = near and abs(wrap(float(pose[2] - goal[2]))) <= TURNED
+        counts.arrived = bool(ARRIVED.met(pose, goal))
     counts.seconds = round(counts.steps * DT, 3)
     return Drive(counts, np.array(poses), np.array(circles), tuple(statuses), tuple(contacts))
 

@@ -1,7 +1,7 @@
 """Drives of robots that nobody has tuned it for: judged by the truth, counted, and told.
 
-In pose means within a tenth of the radius (or three standard deviations of the pose's noise) and
-0.1 rad, held; there are ten looks at collisions a period.
+In pose means within `in_pose` by the true pose, held for a second. A collision is an overlap of
+outlines at any of ten looks a period; the account of it shares no code with the controller.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 from kmpc_lite.control import Circle, Controller, NavigationProblem
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.sim.arrival import in_pose
 from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.sim.touch import footprint_gaps
 from kmpc_lite.studies.any_robot import UNIT_RADIUS, Plant, Robot, learn, random_robot
@@ -102,8 +103,7 @@ def judge(name: str, seed: int, controller: Controller, plant: Moves, course: Co
     """Drive over a course, and judge by the true poses."""
     radius, dt = controller.problem.body_radius, controller.problem.dt
     random, goal, pose = np.random.default_rng([seed, 7]), course.goal, course.start
-    tolerance = max(0.1 * radius, 3.0 * float(course.spread[0]))
-    turn_tolerance = max(0.1, 3.0 * float(course.spread[2]))
+    tolerance = in_pose(radius, course.spread)
     limit, inside, stopped, k, clearance = 8.0 * course.ideal + 20.0, 0.0, 0, 0, np.inf
     while k * dt < limit and inside < HELD:
         plan = controller.step(pose + course.spread * random.normal(size=3), goal, course.circles)
@@ -113,10 +113,7 @@ def judge(name: str, seed: int, controller: Controller, plant: Moves, course: Co
         clearance = min(clearance, _least_gap(controller.problem, poses, course.circles))
         if clearance < 0.0:
             break
-        error = pose - goal
-        near = math.hypot(error[0], error[1]) <= tolerance
-        turned = abs(math.remainder(error[2], math.tau)) <= turn_tolerance
-        inside = inside + dt if near and turned else 0.0
+        inside = inside + dt if tolerance.met(pose, goal) else 0.0
     return Row(
         name,
         seed,

@@ -24,6 +24,7 @@ from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
 from kmpc_lite.reading import read_toml
+from kmpc_lite.sim.arrival import ARRIVED, Tolerance
 from kmpc_lite.sim.scenario.bundled import bundled, bundled_file
 from kmpc_lite.sim.scenario.lidar import LIDAR, LidarSpec, lidar_to_toml, read_lidar
 from kmpc_lite.sim.scenario.places import check_place
@@ -79,9 +80,9 @@ class Scenario:
     """How old a measured pose is when it arrives [s]."""
     seed: int = 0
     timeout: float = 20.0
-    tolerance: float = 0.05
+    tolerance: float = ARRIVED.distance
     """Distance to the goal [m] that counts as arrived."""
-    heading_tolerance: float = 0.15
+    heading_tolerance: float = ARRIVED.heading
     """Heading error [rad] that counts as arrived."""
     margin: float = 0.0
     """Distance [m] that the controller is asked to keep beyond the radii."""
@@ -243,6 +244,11 @@ class Scenario:
             )
         except ProblemError as error:
             raise ScenarioError(f"{self.name}: {error}") from error
+
+    @property
+    def arrival(self) -> Tolerance:
+        """What counts as arrived."""
+        return Tolerance(self.tolerance, self.heading_tolerance)
 
     @property
     def solids(self) -> Solids | None:

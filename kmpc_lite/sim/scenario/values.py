@@ -12,6 +12,7 @@ from kmpc_lite.control.obstacles.circles import Circle
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES
 from kmpc_lite.errors import ProblemError, ScenarioError
+from kmpc_lite.sim.arrival import ARRIVED
 from kmpc_lite.sim.scenario.shapes import LARGEST_NUMBER, read_grid, read_polygons, read_walls
 
 KEYS: Mapping[str, Mapping[str, Any]] = {
@@ -40,8 +41,8 @@ KEYS: Mapping[str, Mapping[str, Any]] = {
     "run": {
         "seed": 0,
         "timeout": 20.0,
-        "tolerance": 0.05,
-        "heading_tolerance": 0.15,
+        "tolerance": ARRIVED.distance,
+        "heading_tolerance": ARRIVED.heading,
         "margin": 0.0,
     },
 }

@@ -1,4 +1,8 @@
-"""Circles that are told when they are near: how the speed follows from the reach of sight."""
+"""Circles that are told when they are near: how the speed follows from the reach of sight.
+
+Arrived means that the controller says it holds its goal (`Plan.holding`); poses are exact here, so
+that is where it is. A collision is an overlap at any of four looks a period.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,7 @@ import numpy as np
 from kmpc_lite.control import Circle, Controller, NavigationProblem
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.sim.closed_loop import SUBSAMPLES, obstacle_gaps
 from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.sim.plants.robots import DifferentialDrive
 from kmpc_lite.studies.records import drive_rows
@@ -77,10 +82,8 @@ def _drive(speed: float, reach: float, seed: int) -> tuple[float, bool, float, f
         fastest, k = max(fastest, abs(float(plan.command[0]))), k + 1
         if plan.holding:
             break
-        trace = plant.trace(pose, plan.command, 0.1, 4)
-        away = trace[:, None, :2] - circles[:, :2]
-        gaps = np.hypot(away[..., 0], away[..., 1]) - circles[:, 2] - problem.robot_radius
-        if (gaps < 0.0).any():
+        trace = plant.trace(pose, plan.command, 0.1, SUBSAMPLES)
+        if (obstacle_gaps(scenario, trace, np.zeros(SUBSAMPLES)) < 0.0).any():
             return LONGEST, True, fastest, stopped / k
         pose = trace[-1]
     return k * 0.1, False, fastest, stopped / k

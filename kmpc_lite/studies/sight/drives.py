@@ -1,4 +1,10 @@
-"""Drives by lidar alone, judged by the truth and by a ray caster of their own."""
+"""Drives by lidar alone, judged by the truth and by a ray caster of their own.
+
+Arrived means within 0.15 radii and 0.1 rad by the true pose, held for half a second: wider than
+where robots of any size are in pose (`in_pose`), since pursuit turns on the spot as soon as it is
+within a tenth of the radius, and may slip out of it. A collision is an overlap at any of ten looks
+a period.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +19,7 @@ from kmpc_lite.control import Controller
 from kmpc_lite.control.plan import GoalProgress, PlanStatus
 from kmpc_lite.control.safe_stop.braking import Braking
 from kmpc_lite.control.units import scaled_problem
+from kmpc_lite.sim.arrival import Tolerance
 from kmpc_lite.sim.lidar import LidarSpec, scan_of, scan_ranges
 from kmpc_lite.studies.any_robot import KNOWN, STANDARD, Plant, Robot, learn
 from kmpc_lite.studies.sight.pursuit import Pursuit
@@ -21,6 +28,10 @@ from kmpc_lite.studies.sight.worlds import Course, course_of
 from kmpc_lite.types import Array
 
 ROBOTS: dict[str, Robot] = {"standard": STANDARD, KNOWN[0].name: KNOWN[0]}
+NEAR, TURNED = 0.15, 0.1
+"""Tolerances of arrival [radii, rad]."""
+TURNS_WITHIN = 0.1
+"""How near its goal pursuit turns on the spot [radii]."""
 HELD = 0.5
 """How long the goal must be held [s]."""
 LONGEST = 8.0
@@ -117,7 +128,9 @@ class Drive:
             hit = np.isfinite(ranges) & (ranges > 0.0)
             along = pose[2] + directions[hit]
             ends = pose[:2] + ranges[hit, None] * np.stack([np.cos(along), np.sin(along)], axis=1)
-            return self.pursuit.command(pose, self.course.goal, ends, 0.1 * self.robot.radius)
+            return self.pursuit.command(
+                pose, self.course.goal, ends, TURNS_WITHIN * self.robot.radius
+            )
         scan = scan_of(lidar, ranges)
         plan = self.controller.step(pose, self.course.goal, [scan])
         self.statuses.append(plan.status)
@@ -149,7 +162,7 @@ class Drive:
         robot, course = self.robot, self.course
         ideal = math.hypot(*(course.goal - course.start)[:2]) / robot.speed
         limit, inside, clearance, k = LONGEST * ideal + 40.0, 0.0, np.inf, 0
-        tolerance = 0.15 * robot.radius
+        tolerance = Tolerance(NEAR * robot.radius, TURNED)
         while k * robot.dt < limit and inside < HELD and clearance >= 0.0:
             command = self.command()
             poses = self.plant.drive(self.pose, command)
@@ -158,10 +171,7 @@ class Drive:
             self.places.append(self.pose)
             gaps = course.world.clearance(poses[:, :2], np.zeros(len(poses))) - robot.radius
             clearance = min(clearance, float(gaps.min()))
-            error = self.pose - course.goal
-            there = math.hypot(error[0], error[1]) <= tolerance
-            turned = abs(math.remainder(error[2], math.tau)) <= 0.1
-            inside = inside + robot.dt if there and turned else 0.0
+            inside = inside + robot.dt if tolerance.met(self.pose, course.goal) else 0.0
         stopped = sum(s is PlanStatus.STOPPED for s in self.statuses)
         return Row(
             self.driver,
