@@ -17,6 +17,8 @@ from kmpc_lite.control.obstacles.scene import Solid
 from kmpc_lite.control.obstacles.shapes import Wall
 from kmpc_lite.types import Array
 
+LOOKS = 10
+"""How often in a period studies of their own loops look for collisions."""
 SHORT = 1e-12
 """Square of an edge without a length [m^2]: corners that are there twice, ends of walls."""
 

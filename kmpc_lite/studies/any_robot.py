@@ -17,11 +17,12 @@ from kmpc_lite.control import Footprint, NavigationProblem
 from kmpc_lite.learn import Dataset, Episode, fit, with_quantiles
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.scale import UNIT_RADIUS, UNIT_SPEED
+from kmpc_lite.sim.touch import LOOKS
 from kmpc_lite.types import Array
 
-LOOKS = 10
-"""How often in a period collisions are looked for."""
-UNIT_RADIUS, UNIT_SPEED, UNIT_TURN = 0.15, 0.6, math.pi / 4
+UNIT_TURN = math.pi / 4
+"""Fastest turn of the robot that is its own unit [rad/s]: the paper's."""
 
 
 @dataclass(frozen=True)
@@ -29,11 +30,11 @@ class Robot:
     """A robot as it is drawn or described."""
 
     name: str
-    radius: float = 0.15
+    radius: float = UNIT_RADIUS
     """Radius [m]."""
-    speed: float = 0.6
+    speed: float = UNIT_SPEED
     """Largest speed [m/s]."""
-    turn_rate: float = math.pi / 4
+    turn_rate: float = UNIT_TURN
     """Largest turn rate [rad/s]."""
     dt: float = 0.1
     """Control period [s]."""
@@ -160,7 +161,11 @@ def scaled(robot: Robot, by: float) -> Robot:
 
 
 class Plant:
-    """The robot as it is: motors that lag behind a dead time, wheels that slip, exact arcs.
+    """The robot as it is: motors that lag behind a dead time, wheels that slip.
+
+    `LaggingDrive` moves such a robot, too, by the arcs that the controller reckons with. This one
+    shares no code with either and holds speeds between two looks, so that what is wrong with them
+    shows.
 
     Parameters
     ----------

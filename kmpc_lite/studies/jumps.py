@@ -21,6 +21,7 @@ from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.sim.closed_loop import obstacle_gaps
 from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.sim.plants.robots import DifferentialDrive
+from kmpc_lite.sim.touch import LOOKS
 from kmpc_lite.studies.records import Record, RecordFile, drive_all
 from kmpc_lite.studies.training import DT, REPORTING_SEED
 from kmpc_lite.types import Array
@@ -33,8 +34,6 @@ BETWEEN = (2.0, 5.0)
 """Time from the end of a jump to the next one [s]."""
 LASTS = 1.0
 """How long a pose stays wrong, where it is not for a single sample [s]."""
-LOOKS = 10
-"""How often in a period collisions are looked for."""
 TIMEOUT = 60.0
 """[s]"""
 SLIP = 0.05

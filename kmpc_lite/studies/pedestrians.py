@@ -24,6 +24,7 @@ from kmpc_lite.sim.arrival import ARRIVED
 from kmpc_lite.sim.lidar import LidarSpec, World
 from kmpc_lite.sim.pedestrians import Pedestrians, Walks
 from kmpc_lite.sim.plants.robots import DifferentialDrive
+from kmpc_lite.sim.touch import LOOKS
 from kmpc_lite.studies.records import Record, RecordFile, drive_all
 from kmpc_lite.studies.training import DT, REPORTING_SEED
 from kmpc_lite.types import Array
@@ -34,8 +35,6 @@ or in scans alone."""
 COUNTS = (4, 8)
 NOISE = 0.01
 """Of noisy circles, along each axis [m]."""
-LOOKS = 10
-"""Looks for contacts in a period."""
 STOOD = 1.0
 """How long a robot must have stood to be walked into [s]."""
 STANDS = 0.01

@@ -29,7 +29,8 @@ from kmpc_lite.learn.noise_sources import prediction_errors
 from kmpc_lite.learn.windows import largest_speeds
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.tube import tube_noise
-from kmpc_lite.studies.any_robot import LOOKS, Robot
+from kmpc_lite.sim.touch import LOOKS
+from kmpc_lite.studies.any_robot import Robot
 from kmpc_lite.studies.log_drives import load_drives
 from kmpc_lite.studies.records import drive_rows
 from kmpc_lite.studies.robot_drives import Row, course_of, judge

@@ -18,10 +18,11 @@ import numpy as np
 from kmpc_lite.control import Circle, Controller, NavigationProblem
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.scale import UNIT_RADIUS
 from kmpc_lite.sim.arrival import in_pose
 from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.sim.touch import footprint_gaps
-from kmpc_lite.studies.any_robot import UNIT_RADIUS, Plant, Robot, learn, random_robot
+from kmpc_lite.studies.any_robot import Plant, Robot, learn, random_robot
 from kmpc_lite.studies.records import drive_rows
 from kmpc_lite.types import Array
 

@@ -10,18 +10,17 @@ import numpy as np
 
 from kmpc_lite.control.obstacles.circles import Circle
 from kmpc_lite.control.obstacles.shapes import Polygon
+from kmpc_lite.scale import UNIT_RADIUS
 from kmpc_lite.sim.lidar import World, box_edges
 from kmpc_lite.sim.maps.families import has_passage
 from kmpc_lite.types import Array
 
 SIDE = 7.0
-"""Of the area of a robot of 0.15 m [m]."""
+"""Of the area of a robot of `UNIT_RADIUS` [m]."""
 PASSAGE = 0.08
 """Distance beyond its radius that a way to the goal keeps [m]."""
 THICK = 0.1
 """Of a wall [m]."""
-UNIT_RADIUS = 0.15
-"""Radius of the robot that worlds are drawn for [m]."""
 ATTEMPTS = 200
 
 Random = np.random.Generator
@@ -43,7 +42,7 @@ class Course:
 
 @dataclass(frozen=True)
 class Drawn:
-    """What a kind of world consists of, for a robot of 0.15 m."""
+    """What a kind of world consists of, for a robot of `UNIT_RADIUS`."""
 
     circles: Array
     """(M, 3) rows x, y, radius [m]."""
@@ -158,4 +157,4 @@ def _wall(
 
 KINDS: dict[str, Callable[[Random], Drawn]] = {"rooms": _rooms, "maze": _maze, "forest": _forest}
 """``rooms``: a house with doors of 0.6 to 0.9 m and furniture; ``maze``: 6 x 6 cells of 1.17 m;
-``forest``: 30 to 45 trunks; all for a robot of 0.15 m."""
+``forest``: 30 to 45 trunks; all for a robot of `UNIT_RADIUS`."""
