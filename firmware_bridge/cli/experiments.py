@@ -12,7 +12,7 @@ from firmware_bridge.messages import BridgeError
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import count
-from kmpc_lite.cli.progress import Progress
+from kmpc_lite.cli.progress import ProgressBar
 
 EXPERIMENTS = {
     "a": "four maps",
@@ -70,9 +70,9 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _bar(options: argparse.Namespace) -> Callable[[str], Progress]:
+def _bar(options: argparse.Namespace) -> Callable[[str], ProgressBar]:
     """Progress bars by what is under way."""
-    return lambda name: Progress(name, quiet=options.json)
+    return lambda name: ProgressBar(name, quiet=options.json)
 
 
 def _speed(options: argparse.Namespace) -> tuple[object, str]:

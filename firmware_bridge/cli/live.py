@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from kmpc_lite.cli.live_options import Views
     from kmpc_lite.live.channel import Packet
     from kmpc_lite.live.feed import Feed
-    from kmpc_lite.live.moment import Sight
+    from kmpc_lite.live.moment import LastStep
     from kmpc_lite.live.viewer import Shown
     from kmpc_lite.recording.records import Record
 
@@ -52,7 +52,7 @@ class Showing:
         self._viewer = views.viewer
         self.job: Course | None = None
         """What is driven, once it is known."""
-        self._sight: Sight | None = None
+        self._last: LastStep | None = None
         """Of the planner's thread: replaced with each plan, never changed."""
 
     def __enter__(self) -> Self:
@@ -89,12 +89,12 @@ class Showing:
 
     def saw(self, pose: tuple[float, float, float], plan: Any) -> None:
         """Take a plan, in the thread that has just made it."""
-        from kmpc_lite.live.moment import sight_of
+        from kmpc_lite.live.moment import last_step
 
         assert self.job is not None
         seen = self.job.navigator.scan
         scan = None if seen is None else laser_scan(seen)
-        self._sight = sight_of(self.job.controller, pose, plan, scan)
+        self._last = last_step(self.job.controller, pose, plan, scan)
 
     @contextmanager
     def watch(self, session: Session, job: Course) -> Iterator[None]:
@@ -125,7 +125,7 @@ class Showing:
         output, state, status = shot.output, shot.state, shot.status
         return last.records(
             shot.now,
-            self._sight,
+            self._last,
             None if state is None else (state.x, state.y, state.theta),
             (output.v, output.omega),
             (output.state.name, tuple(reason.value for reason in output.reasons)),
@@ -136,10 +136,10 @@ class Showing:
         """Give what is true now; reads references that others replace, and waits for nobody."""
         from kmpc_lite.live.moment import plan_packet
 
-        shot, sight, estop = session.loop.snapshot, self._sight, session.estop
+        shot, step, estop = session.loop.snapshot, self._last, session.estop
         packet: Packet = {"latched": estop.latched, "gate": "WAITING", "wrong": []}
-        if sight is not None:
-            packet.update(plan_packet(sight, goal))
+        if step is not None:
+            packet.update(plan_packet(step, goal))
         if shot is None:
             return packet
         output, state, status = shot.output, shot.state, shot.status

@@ -22,7 +22,7 @@ SPACING = 0.45
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class RecordedDrive:
     """Recorded states (T, 3) of one drive, its goal (3,) and its obstacles (M, 5)."""
 
     states: Array
@@ -63,7 +63,7 @@ def record(
     obstacles: int,
     seed: int,
     driver: Contender = PAPER_FORM,
-) -> list[Drive]:
+) -> list[RecordedDrive]:
     """Drive random maps with one of our controllers, for states that all plan from."""
     recorded = []
     for i in range(drives):
@@ -76,5 +76,5 @@ def record(
         for _ in range(steps - 1):
             x = plant.step(x, controller.step(x, goal, circles).command, problem.dt)
             states.append(x)
-        recorded.append(Drive(np.array(states), goal, circles))
+        recorded.append(RecordedDrive(np.array(states), goal, circles))
     return recorded

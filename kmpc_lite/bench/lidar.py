@@ -16,7 +16,7 @@ from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.obstacles.scene import Obstacles
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.sim.lidar import LidarSpec, scan_of, scan_ranges
-from kmpc_lite.studies.any_robot import STANDARD, Plant
+from kmpc_lite.studies.any_robot import STANDARD, RobotPlant
 from kmpc_lite.studies.sight.worlds import KINDS, SIDE, course_of
 from kmpc_lite.types import Array
 
@@ -79,7 +79,7 @@ def _record(
     controller: Controller, drive: _Drive, seed: int
 ) -> list[tuple[Array, Array, Obstacles]]:
     """Pose, goal and obstacles of each step of a drive until the goal is held."""
-    plant, pose = Plant(STANDARD, seed), drive.start
+    plant, pose = RobotPlant(STANDARD, seed), drive.start
     controller.reset()
     recorded: list[tuple[Array, Array, Obstacles]] = []
     while len(recorded) < STEPS:

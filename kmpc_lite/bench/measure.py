@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.bench.drives import Drive
+from kmpc_lite.bench.drives import RecordedDrive
 from kmpc_lite.bench.quantiles import HEAD, format_times, in_ms
 from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.control.problem import NavigationProblem
@@ -72,7 +72,7 @@ def measure(
     field_of: Sequence[Contender],
     model: KoopmanModel,
     problem: NavigationProblem,
-    drives: Sequence[Drive],
+    drives: Sequence[RecordedDrive],
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Measurement]:
     """Let every contender plan from every state; they take turns drive by drive, in changing order.
@@ -83,7 +83,7 @@ def measure(
         Those that take part.
     model, problem
         For all of them.
-    drives : sequence of Drive
+    drives : sequence of RecordedDrive
         Recorded states.
     progress : callable
         Called as drives finish.
@@ -109,7 +109,7 @@ def measure(
 def _run(
     controller: Any,
     timed: str,
-    drive: Drive,
+    drive: RecordedDrive,
     model: KoopmanModel,
     problem: NavigationProblem,
     result: Measurement,

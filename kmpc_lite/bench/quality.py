@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.bench.drives import Drive
+from kmpc_lite.bench.drives import RecordedDrive
 from kmpc_lite.bench.measure import violation
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.problem import NavigationProblem
@@ -59,7 +59,7 @@ APART = 0.05
 def compare(
     model: KoopmanModel,
     problem: NavigationProblem,
-    drives: Sequence[Drive],
+    drives: Sequence[RecordedDrive],
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Comparison]:
     """Plan from every state with both, each time from a robot that stands there.
@@ -94,7 +94,7 @@ def compare(
 
 
 def _judge(
-    i: int, k: int, x: Array, drive: Drive, ours: Any, peer: Any, problem: NavigationProblem
+    i: int, k: int, x: Array, drive: RecordedDrive, ours: Any, peer: Any, problem: NavigationProblem
 ) -> Comparison:
     plans = [controller.step(x, drive.goal, drive.circles) for controller in (ours, peer)]
     goal = drive.goal.copy()

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.bench.drives import Drive
+from kmpc_lite.bench.drives import RecordedDrive
 from kmpc_lite.bench.measure import violation
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.nmpc.qp_solvers import QPSolver
@@ -54,7 +54,7 @@ VARIANTS = (
 def settings_study(
     model: KoopmanModel,
     problem: NavigationProblem,
-    drives: Sequence[Drive],
+    drives: Sequence[RecordedDrive],
     variants: Sequence[Variant] = VARIANTS,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict[str, Any]]:
@@ -142,7 +142,7 @@ def _controller(
 
 
 def _judge(
-    inputs: Array, x: Array, drive: Drive, model: KoopmanModel, problem: NavigationProblem
+    inputs: Array, x: Array, drive: RecordedDrive, model: KoopmanModel, problem: NavigationProblem
 ) -> tuple[float, float]:
     """Objective with penalties of what the commands do, and how deep they enter an obstacle [m]."""
     goal = drive.goal.copy()

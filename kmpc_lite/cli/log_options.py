@@ -81,7 +81,7 @@ def read_options(options: argparse.Namespace) -> ReadOptions:
     DataError
         For what cannot be understood.
     """
-    from kmpc_lite.cli.progress import Progress
+    from kmpc_lite.cli.progress import ProgressBar
     from kmpc_lite.learn.logs import ReadOptions
 
     return ReadOptions(
@@ -92,7 +92,7 @@ def read_options(options: argparse.Namespace) -> ReadOptions:
         commands=options.commands,
         shift=options.shift,
         force=getattr(options, "force", False),
-        progress=Progress("reading", quiet=options.json),
+        progress=ProgressBar("reading", quiet=options.json),
     )
 
 

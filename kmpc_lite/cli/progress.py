@@ -14,7 +14,7 @@ WIDTH = 30
 """Of the bar [characters]."""
 
 
-class Progress:
+class ProgressBar:
     """Bar with an estimate of the time left, once there is something to estimate it from.
 
     Parameters

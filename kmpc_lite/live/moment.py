@@ -31,7 +31,7 @@ FREE, OCCUPIED, UNKNOWN = 0, 1, 2
 """Cells of a grid, as the page reads them."""
 
 
-class Sight(NamedTuple):
+class LastStep(NamedTuple):
     """What the thread that plans leaves for others, in one assignment; nothing in it changes."""
 
     pose: tuple[float, float, float]
@@ -42,13 +42,13 @@ class Sight(NamedTuple):
     """What counted of the scan that it was made from, for a robot with a lidar."""
 
 
-def sight_of(
+def last_step(
     controller: Controller, pose: ArrayLike, plan: Plan, scan: LaserScan | None = None
-) -> Sight:
+) -> LastStep:
     """Look at the plan that a controller has just made, in the thread that makes them."""
     x, y, theta = np.asarray(pose, dtype=float).tolist()
     seen = None if scan is None else counted(controller, scan)
-    return Sight((x, y, theta), plan, insight(controller, plan), seen)
+    return LastStep((x, y, theta), plan, insight(controller, plan), seen)
 
 
 def numbers(values: Array) -> bytes:
@@ -86,9 +86,9 @@ def map_packet(scenario: Scenario, title: str) -> Packet:
     return packet
 
 
-def plan_packet(sight: Sight, goal: Sequence[float]) -> Packet:
+def plan_packet(step: LastStep, goal: Sequence[float]) -> Packet:
     """Give what a plan leads along and past, and how it came about."""
-    plan, scan, here = sight.plan, sight.scan, np.array([sight.pose])
+    plan, scan, here = step.plan, step.scan, np.array([step.pose])
     circles = plan.around.circles
     if len(circles) > MOST_CIRCLES:
         distances = np.hypot(circles[:, 0] - here[0, 0], circles[:, 1] - here[0, 1])
@@ -96,12 +96,12 @@ def plan_packet(sight: Sight, goal: Sequence[float]) -> Packet:
     clearance = plan.around.clearance(here)
     return {
         "plan": numbers(plan.states),
-        "path": numbers(_thinned_path(sight.insight.path)),
-        "margins": numbers(sight.insight.margins),
+        "path": numbers(_thinned_path(step.insight.path)),
+        "margins": numbers(step.insight.margins),
         "circles": numbers(circles),
-        "scan": None if scan is None else numbers(_placed(hits(scan, MOST_BEAMS), sight.pose)),
-        "seen": None if scan is None else numbers(_placed(outline(scan), sight.pose)),
-        "distance": math.dist(sight.pose[:2], tuple(goal)[:2]),
+        "scan": None if scan is None else numbers(_placed(hits(scan, MOST_BEAMS), step.pose)),
+        "seen": None if scan is None else numbers(_placed(outline(scan), step.pose)),
+        "distance": math.dist(step.pose[:2], tuple(goal)[:2]),
         "clearance": clearance if math.isfinite(clearance) else None,
         "status": plan.status.name,
         "progress": plan.progress.name,

@@ -16,7 +16,7 @@ from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.live.channel import Packet
 from kmpc_lite.live.feed import Feed, tell_links
-from kmpc_lite.live.moment import Sight, map_packet, plan_packet, sight_of
+from kmpc_lite.live.moment import LastStep, last_step, map_packet, plan_packet
 from kmpc_lite.live.viewer import Shown, Viewer
 from kmpc_lite.recording.records import Record
 from kmpc_lite.recording.seen import scan_among
@@ -56,7 +56,7 @@ class WatchedController:
         self._command = np.zeros(2)
         self._sent: Array | None = None
         """What went to the robot instead of the last plan's command."""
-        self._sight: Sight | None = None
+        self._last: LastStep | None = None
         self._goal: tuple[float, ...] = (0.0, 0.0, 0.0)
         self._times: deque[float] = deque(maxlen=RECENT)
         self.period = controller.problem.dt
@@ -85,13 +85,13 @@ class WatchedController:
         self._goal = tuple(np.asarray(goal, dtype=float).tolist())
         self._times.append(plan.timing["total"])
         self._command, self._steps = command, self._steps + 1
-        self._sight = sight_of(controller, x, plan, scan_among(obstacles))
+        self._last = last_step(controller, x, plan, scan_among(obstacles))
         self._wait(dt)
         return plan
 
     def packet(self) -> Packet:
         """Give what is true now, for a page."""
-        sight, command, latched = self._sight, self._command, self.latched
+        step, command, latched = self._last, self._command, self.latched
         gate = "ESTOP" if latched else "ACTIVE" if self._enabled else "IDLE"
         shown: Packet = {
             "gate": gate,
@@ -100,13 +100,13 @@ class WatchedController:
             "wrong": ["STOP is pressed: the simulated robot is held"] if latched else [],
             "link": {"text": "none: a simulation in real time"},
         }
-        if sight is None:
+        if step is None:
             return shown
         times = list(self._times)
         return {
             **shown,
-            **plan_packet(sight, self._goal),
-            "pose": list(sight.pose),
+            **plan_packet(step, self._goal),
+            "pose": list(step.pose),
             "command": command.tolist(),
             "time": self._steps * self._controller.problem.dt,
             "step": {
@@ -117,10 +117,10 @@ class WatchedController:
 
     def records(self) -> list[Record]:
         """Give what is new, for Foxglove."""
-        sight, gate = self._sight, self.packet()["gate"]
+        step, gate = self._last, self.packet()["gate"]
         v, omega = self._command.tolist()
-        pose = None if sight is None else sight.pose
-        return self._shown.records(time.monotonic(), sight, pose, (v, omega), (gate, ()), dict)
+        pose = None if step is None else step.pose
+        return self._shown.records(time.monotonic(), step, pose, (v, omega), (gate, ()), dict)
 
     def _braked(self, dt: float) -> Array:
         """Command of the coming period on the way to a standstill."""

@@ -20,7 +20,7 @@ import numpy as np
 
 from kmpc_lite.control.plan import PlannedAround
 from kmpc_lite.live.address import LOOPBACK, LiveError
-from kmpc_lite.live.moment import MOST_CIRCLES, Sight
+from kmpc_lite.live.moment import MOST_CIRCLES, LastStep
 from kmpc_lite.recording.records import Gate, Health, PoseSeen, Record, Sent, Stepped
 
 if TYPE_CHECKING:
@@ -41,14 +41,14 @@ class Shown:
     """What a drive left last, by which a viewer sees whether it is new."""
 
     def __init__(self) -> None:
-        self._step: Sight | None = None
+        self._step: LastStep | None = None
         self._gate: tuple[Any, ...] = ()
         self._looked = -HEALTH_PERIOD
 
     def records(
         self,
         now: float,
-        sight: Sight | None,
+        step: LastStep | None,
         pose: tuple[float, float, float] | None,
         command: tuple[float, float],
         gate: tuple[str, tuple[str, ...]],
@@ -59,9 +59,9 @@ class Shown:
         if pose is not None:
             found.append(PoseSeen(now, pose))
         found.append(Sent(now, command))
-        if sight is not None and sight is not self._step:
-            self._step = sight
-            found.append(_stepped(now, sight))
+        if step is not None and step is not self._step:
+            self._step = step
+            found.append(_stepped(now, step))
         if gate != self._gate:
             self._gate = gate
             found.append(Gate(now, *gate))
@@ -71,18 +71,18 @@ class Shown:
         return found
 
 
-def _stepped(now: float, sight: Sight) -> Stepped:
+def _stepped(now: float, step: LastStep) -> Stepped:
     """Make the record of a step, without the map around it, which the viewer has."""
-    plan, around = sight.plan, sight.plan.around
+    plan, around = step.plan, step.plan.around
     circles = around.circles
     if len(circles) > MOST_CIRCLES:
-        away = np.hypot(circles[:, 0] - sight.pose[0], circles[:, 1] - sight.pose[1])
+        away = np.hypot(circles[:, 0] - step.pose[0], circles[:, 1] - step.pose[1])
         circles = circles[np.argsort(away - circles[:, 2])[:MOST_CIRCLES]]
     known = PlannedAround(circles, None, around.radius, around.dt, footprint=around.footprint)
     light = replace(plan, around=known)
     light.__dict__["clearance"] = plan.clearance
-    insight = sight.insight
-    return Stepped(now, sight.pose, light, insight.path, insight.margins, circles, None, sight.scan)
+    insight = step.insight
+    return Stepped(now, step.pose, light, insight.path, insight.margins, circles, None, step.scan)
 
 
 class Viewer:

@@ -160,7 +160,7 @@ def scaled(robot: Robot, by: float) -> Robot:
     )
 
 
-class Plant:
+class RobotPlant:
     """The robot as it is: motors that lag behind a dead time, wheels that slip.
 
     `LaggingDrive` moves such a robot, too, by the arcs that the controller reckons with. This one
@@ -208,7 +208,7 @@ class Plant:
 def record(robot: Robot, seed: int) -> Dataset:
     """A log of random driving: commands held for half a second on the mean, noisy poses."""
     random = np.random.default_rng([seed, 5])
-    plant, pose = Plant(robot, seed + 1), np.zeros(3)
+    plant, pose = RobotPlant(robot, seed + 1), np.zeros(3)
     count = round(robot.seconds / robot.dt)
     hold = max(round(0.5 / robot.dt), 1)
     least = -1.0 if robot.reverse else 0.0

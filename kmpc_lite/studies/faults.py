@@ -22,7 +22,7 @@ from kmpc_lite.sim.closed_loop import Outcome, drive
 from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.studies.executors import gather
-from kmpc_lite.studies.faulty_loop import KINDS, Counts, FaultyLoop
+from kmpc_lite.studies.faulty_loop import KINDS, FaultCounts, FaultyLoop
 from kmpc_lite.studies.records import Record, RecordFile
 from kmpc_lite.studies.table1 import TableLesson
 from kmpc_lite.studies.training import DT, REPORTING_SEED, TRAINING, Teacher
@@ -36,9 +36,9 @@ FIXED = tuple(f"four_circles_{i}" for i in range(1, 5))
 
 def drive_faults(
     kind: str, slip: float, model: KoopmanModel, scenarios: Sequence[Scenario]
-) -> Counts:
+) -> FaultCounts:
     """Drive scenarios with one kind of failure; this is what a worker does."""
-    counts = Counts(kind, slip)
+    counts = FaultCounts(kind, slip)
     for scenario in scenarios:
         loop = FaultyLoop(model, scenario, kind, counts)
         run = drive(loop, scenario, dt=DT)
@@ -60,7 +60,7 @@ def faults_study(
     training: Mapping[str, int] = TRAINING,
     progress: Callable[[int, int], None] = lambda done, total: None,
     records: str | Path | None = None,
-) -> list[Counts]:
+) -> list[FaultCounts]:
     """Drive every kind of failure over the maps of four circles and random ones, at every slip.
 
     Parameters
@@ -82,7 +82,7 @@ def faults_study(
 
     Returns
     -------
-    list of Counts
+    list of FaultCounts
         One for each kind and slip.
     """
     file = RecordFile(records, _key, "a row of a faults study")
@@ -96,7 +96,7 @@ def faults_study(
     lessons = {slip: TableLesson(slip, "integral") for _, _, slip in missing}
     teacher.learn(lessons.values())
 
-    def keep(key: FaultsKey, counts: Counts) -> None:
+    def keep(key: FaultsKey, counts: FaultCounts) -> None:
         done[key] = {
             **asdict(counts),
             "maps": maps,
@@ -131,13 +131,15 @@ def _key(row: Record) -> FaultsKey:
     return kind, slip, int(row["maps"]), int(row["first_seed"]), tuple(row["families"])
 
 
-def _counts(row: Record) -> Counts:
+def _counts(row: Record) -> FaultCounts:
     """Counts of a record."""
     # records of before know nothing of what was counted later
-    return Counts(**{field.name: row.get(field.name, field.default) for field in fields(Counts)})
+    return FaultCounts(
+        **{field.name: row.get(field.name, field.default) for field in fields(FaultCounts)}
+    )
 
 
-def format_faults(rows: Sequence[Counts]) -> str:
+def format_faults(rows: Sequence[FaultCounts]) -> str:
     """Table of the counts, and their sums."""
     columns = {
         "drives": "drives",
@@ -169,6 +171,6 @@ def format_faults(rows: Sequence[Counts]) -> str:
     return "\n".join(lines)
 
 
-def as_dicts(rows: Sequence[Counts]) -> list[dict[str, Any]]:
+def as_dicts(rows: Sequence[FaultCounts]) -> list[dict[str, Any]]:
     """Plain values, for JSON."""
     return [asdict(row) for row in rows]

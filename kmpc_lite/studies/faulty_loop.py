@@ -40,7 +40,7 @@ BUDGET = 0.05
 
 
 @dataclass
-class Counts:
+class FaultCounts:
     """What was seen in the drives of one kind of failure."""
 
     kind: str
@@ -79,11 +79,13 @@ class FaultyLoop:
         Map, and the seed of the schedule.
     kind : str
         One of `KINDS`.
-    counts : Counts
+    counts : FaultCounts
         Added to.
     """
 
-    def __init__(self, model: KoopmanModel, scenario: Scenario, kind: str, counts: Counts) -> None:
+    def __init__(
+        self, model: KoopmanModel, scenario: Scenario, kind: str, counts: FaultCounts
+    ) -> None:
         self.kind, self.counts = kind, counts
         self._random = np.random.default_rng([scenario.seed, KINDS.index(kind)])
         self._time, self._jump = 0.0, 0.0

@@ -48,7 +48,7 @@ LIDAR = LidarSpec()
 
 
 @dataclass
-class Counts:
+class CrowdCounts:
     """What became of one drive."""
 
     people: int
@@ -66,10 +66,10 @@ class Counts:
 
 
 @dataclass(frozen=True)
-class Drive:
+class CrowdDrive:
     """A robot's way among people."""
 
-    counts: Counts
+    counts: CrowdCounts
     poses: Array
     """(T + 1, 3)."""
     circles: Array
@@ -88,7 +88,7 @@ def ends(seed: int, side: float) -> tuple[Array, Array]:
             return start, goal
 
 
-def drive(people: int, turning: bool, seen: str, seed: int) -> Drive:
+def drive(people: int, turning: bool, seen: str, seed: int) -> CrowdDrive:
     """Drive a robot of 0.15 m and 0.6 m/s across the area."""
     walks = Walks(people, turning)
     half = 0.5 * walks.side
@@ -97,7 +97,7 @@ def drive(people: int, turning: bool, seen: str, seed: int) -> Drive:
     pose, goal = ends(seed, walks.side)
     crowd = Pedestrians(walks, seed, pose[:2])
     plant, noise = DifferentialDrive(SLIP, seed), np.random.default_rng([seed, 4])
-    counts = Counts(people, turning, seen, seed)
+    counts = CrowdCounts(people, turning, seen, seed)
     touching, trail = np.zeros(people, dtype=bool), [pose[:2]]
     poses, circles, statuses, contacts = [pose], [crowd.circles], list[str](), []
     while counts.steps * DT < TIMEOUT and not counts.arrived:
@@ -124,7 +124,7 @@ def drive(people: int, turning: bool, seen: str, seed: int) -> Drive:
         statuses.append(plan.status.name)
         counts.arrived = bool(ARRIVED.met(pose, goal))
     counts.seconds = round(counts.steps * DT, 3)
-    return Drive(counts, np.array(poses), np.array(circles), tuple(statuses), tuple(contacts))
+    return CrowdDrive(counts, np.array(poses), np.array(circles), tuple(statuses), tuple(contacts))
 
 
 def _as_seen(circles: Array, seen: str, noise: np.random.Generator) -> Array:

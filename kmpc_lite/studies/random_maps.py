@@ -54,7 +54,7 @@ class Spec(Driven, Protocol):
 
 
 @dataclass(frozen=True)
-class Cell:
+class MapDrives:
     """One controller under one condition on one family at one slip: a drive for every seed."""
 
     spec: Spec
@@ -189,7 +189,7 @@ def maps_study(
     done = {key: record for key, record in file.read().items() if key in wanted}
     progress(len(done), len(wanted))
     teacher = Teacher(executor, training)
-    missing: list[tuple[Cell, list[int]]] = []
+    missing: list[tuple[MapDrives, list[int]]] = []
     for cell in cells:
         left = [seed for seed in seeds if cell.key(seed) not in done]
         missing += [(cell, left[i : i + CHUNK]) for i in range(0, len(left), CHUNK)]
@@ -221,7 +221,7 @@ def _cells(
     families: Sequence[str],
     slips: Sequence[float],
     trained_at: float | None,
-) -> list[Cell]:
+) -> list[MapDrives]:
     """Everything that is driven, but for the seeds."""
     cells = []
     for spec in specs:
@@ -230,5 +230,5 @@ def _cells(
                 for slip in slips:
                     at = float(slip if trained_at is None else trained_at)
                     trained = None if spec.fit is None else at
-                    cells.append(Cell(spec, condition, family, slip, trained))
+                    cells.append(MapDrives(spec, condition, family, slip, trained))
     return cells

@@ -33,7 +33,7 @@ from kmpc_lite.sim.touch import LOOKS
 from kmpc_lite.studies.any_robot import Robot
 from kmpc_lite.studies.log_drives import load_drives
 from kmpc_lite.studies.records import drive_rows
-from kmpc_lite.studies.robot_drives import Row, course_of, judge
+from kmpc_lite.studies.robot_drives import RobotDrive, course_of, judge
 from kmpc_lite.types import Array
 
 Lags = Literal["auto"] | tuple[int, ...] | None
@@ -238,7 +238,7 @@ def drive_real(
     seed: int,
     family: str = "open",
     motor_lag: float = MOTOR_LAG,
-) -> Row:
+) -> RobotDrive:
     """Learn from one half, and drive over the map of a seed on a plant of the other half."""
     model, its = _learn(real, recipe.lags)
     truth, robot = _plant_model(real)
@@ -256,7 +256,7 @@ def study(
     executor: Executor,
     progress: Callable[[int, int], None] = lambda done, total: None,
     records: Any = None,
-) -> list[Row]:
+) -> list[RobotDrive]:
     """Drive the models of all recipes over the same maps; rows in this order.
 
     Parameters
@@ -278,11 +278,11 @@ def study(
     robot = real.robot
     numbers = str(real.log), robot.radius, robot.speed, robot.turn_rate
     wanted = [(*numbers, recipe.name, seed) for recipe in recipes for seed in seeds]
-    return drive_rows(executor, records, "real", _drive_asked, wanted, Row, progress)
+    return drive_rows(executor, records, "real", _drive_asked, wanted, RobotDrive, progress)
 
 
 def _drive_asked(
     log: str, radius: float, speed: float, turn_rate: float, name: str, seed: int
-) -> Row:
+) -> RobotDrive:
     real = real_robot(Path(log), radius, speed, turn_rate)
     return drive_real(real, next(r for r in RECIPES if r.name == name), seed)

@@ -22,7 +22,7 @@ from kmpc_lite.scale import UNIT_RADIUS
 from kmpc_lite.sim.arrival import in_pose
 from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.sim.touch import footprint_gaps
-from kmpc_lite.studies.any_robot import Plant, Robot, learn, random_robot
+from kmpc_lite.studies.any_robot import Robot, RobotPlant, learn, random_robot
 from kmpc_lite.studies.records import drive_rows
 from kmpc_lite.types import Array
 
@@ -31,7 +31,7 @@ HELD = 1.0
 
 
 @dataclass(frozen=True)
-class Row:
+class RobotDrive:
     """What became of one drive."""
 
     robot: str
@@ -92,15 +92,17 @@ def course_of(robot: Robot, seed: int, family: str = "open") -> Course:
     )
 
 
-def drive(robot: Robot, seed: int, family: str = "open", model: KoopmanModel | None = None) -> Row:
+def drive(
+    robot: Robot, seed: int, family: str = "open", model: KoopmanModel | None = None
+) -> RobotDrive:
     """Learn a robot and drive it over one random map of its size."""
     model = learn(robot, seed) if model is None else model
     course = course_of(robot, seed, family)
     controller = Controller(model, robot.problem(course.side))
-    return judge(robot.name, seed, controller, Plant(robot, seed), course)
+    return judge(robot.name, seed, controller, RobotPlant(robot, seed), course)
 
 
-def judge(name: str, seed: int, controller: Controller, plant: Moves, course: Course) -> Row:
+def judge(name: str, seed: int, controller: Controller, plant: Moves, course: Course) -> RobotDrive:
     """Drive over a course, and judge by the true poses."""
     radius, dt = controller.problem.body_radius, controller.problem.dt
     random, goal, pose = np.random.default_rng([seed, 7]), course.goal, course.start
@@ -115,7 +117,7 @@ def judge(name: str, seed: int, controller: Controller, plant: Moves, course: Co
         if clearance < 0.0:
             break
         inside = inside + dt if tolerance.met(pose, goal) else 0.0
-    return Row(
+    return RobotDrive(
         name,
         seed,
         inside >= HELD,
@@ -141,7 +143,7 @@ def _least_gap(problem: NavigationProblem, poses: Array, circles: Sequence[Circl
     return least
 
 
-def drive_random(seed: int, shapes: bool = True) -> Row:
+def drive_random(seed: int, shapes: bool = True) -> RobotDrive:
     """Draw a robot, learn it and drive it; `shapes`: whether it may be one that is not round."""
     robot = random_robot(seed, shapes)
     name = "any robot" if robot.footprint is None else "not round"
@@ -160,7 +162,7 @@ def _ideal_seconds(robot: Robot, start: Array, goal: Array) -> float:
     return math.hypot(*away) / robot.speed + turns / (robot.turn_rate * robot.turn_gain)
 
 
-def summary(rows: Sequence[Row]) -> dict[str, Any]:
+def summary(rows: Sequence[RobotDrive]) -> dict[str, Any]:
     """Counts of one robot's, or one study's, drives."""
     times = [r.seconds / r.ideal_seconds for r in rows if r.in_pose]
     return {
@@ -180,7 +182,7 @@ def study(
     executor: Executor,
     progress: Callable[[int, int], None] = lambda done, total: None,
     records: Any = None,
-) -> list[Row]:
+) -> list[RobotDrive]:
     """Drive every robot over the maps of all seeds; rows in this order.
 
     Parameters
@@ -201,10 +203,10 @@ def study(
     """
     one = partial(_drive_named, {robot.name: robot for robot in robots})
     wanted = [(robot.name, seed) for robot in robots for seed in seeds]
-    return drive_rows(executor, records, name, one, wanted, Row, progress)
+    return drive_rows(executor, records, name, one, wanted, RobotDrive, progress)
 
 
-def _drive_named(robots: dict[str, Robot], name: str, seed: int) -> Row:
+def _drive_named(robots: dict[str, Robot], name: str, seed: int) -> RobotDrive:
     return drive(robots[name], seed)
 
 
@@ -214,13 +216,13 @@ def study_random(
     executor: Executor,
     progress: Callable[[int, int], None] = lambda done, total: None,
     records: Any = None,
-) -> list[Row]:
+) -> list[RobotDrive]:
     """Drive a robot drawn at random for each seed; arguments as of `study` and `drive_random`."""
     wanted = [(seed, shapes) for seed in seeds]
-    return drive_rows(executor, records, "anyrobot", drive_random, wanted, Row, progress)
+    return drive_rows(executor, records, "anyrobot", drive_random, wanted, RobotDrive, progress)
 
 
-def format_rows(rows: Sequence[Row]) -> str:
+def format_rows(rows: Sequence[RobotDrive]) -> str:
     """Table with a row a robot, then every drive that did not end in pose."""
     names = list(dict.fromkeys(row.robot for row in rows))
     lines = [f"{'':16} drives  in pose  collisions  held elsewhere  time to ideal  stopped"]

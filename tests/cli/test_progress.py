@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from kmpc_lite.cli import progress
-from kmpc_lite.cli.progress import Progress, remaining, watching
+from kmpc_lite.cli.progress import ProgressBar, remaining, watching
 
 
 def terminal(monkeypatch: pytest.MonkeyPatch) -> list[float]:
@@ -27,7 +27,7 @@ def test_the_time_left_is_told_once_something_is_done(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     now = terminal(monkeypatch)
-    bar = Progress("work")
+    bar = ProgressBar("work")
     bar(0, 160)
     assert last(capsys) == f"work [{'.' * 30}] 0/160  time left not known yet"
     now[0] = 10.0
@@ -42,7 +42,7 @@ def test_what_an_earlier_run_did_makes_no_estimate(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     now = terminal(monkeypatch)
-    bar = Progress("work")
+    bar = ProgressBar("work")
     bar(100, 160)
     assert last(capsys).endswith("100/160  time left not known yet")
     now[0] = 20.0
@@ -89,7 +89,7 @@ def test_progress_is_drawn_on_a_terminal_only(
 ) -> None:
     for terminal, quiet, drawn in ((False, False, False), (True, False, True), (True, True, False)):
         monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
-        bar = Progress("work", quiet=quiet)
+        bar = ProgressBar("work", quiet=quiet)
         for done in range(4):
             bar(done, 3)
         out, err = capsys.readouterr()

@@ -14,7 +14,7 @@ from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import ControllerOptions, SolverOptions
 from kmpc_lite.control.safe_stop.stop_task import StopTask
-from kmpc_lite.studies.any_robot import Plant, Robot
+from kmpc_lite.studies.any_robot import Robot, RobotPlant
 from kmpc_lite.studies.robot_drives import course_of, judge
 
 MODEL = kl.nominal_unicycle(0.1)
@@ -104,7 +104,7 @@ def test_a_period_of_a_second_is_driven_with_any_horizon(horizon: int) -> None:
         course = course_of(robot, seed)
         problem = replace(robot.problem(course.side), horizon=horizon)
         controller = kl.Controller(kl.nominal_unicycle(1.0), problem)
-        rows.append(judge("slow clock", seed, controller, Plant(robot, seed), course))
+        rows.append(judge("slow clock", seed, controller, RobotPlant(robot, seed), course))
     assert not any(row.collided for row in rows)
     assert sum(row.in_pose for row in rows) >= 3
     assert np.mean([row.stopped for row in rows]) <= 0.02
@@ -120,7 +120,7 @@ def test_what_the_model_contradicts_is_linearised_again() -> None:
         controller = kl.Controller(
             kl.nominal_unicycle(1.0), problem, options=options, sqp_iterations=1
         )
-        pose, plant, made = course.start, Plant(robot, 605), set()
+        pose, plant, made = course.start, RobotPlant(robot, 605), set()
         for k in range(12):
             plan = controller.step(pose, course.goal, course.circles)
             # the first step has no plan to start from and makes more passes anyway

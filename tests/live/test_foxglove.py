@@ -12,7 +12,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.cli.extras import MissingExtra
 from kmpc_lite.live.address import LiveError
-from kmpc_lite.live.moment import sight_of
+from kmpc_lite.live.moment import last_step
 from kmpc_lite.live.viewer import Shown, Viewer
 from kmpc_lite.recording.schemas import TOPICS
 from kmpc_lite.sim import Scenario
@@ -33,20 +33,20 @@ def free_port() -> int:
 def drive(scenario: Scenario):
     controller = kl.Controller(kl.nominal_unicycle(0.1), scenario.problem(kl.NavigationProblem()))
     plan = controller.step(scenario.start, scenario.goal, scenario.obstacles_at(0.0))
-    return controller, sight_of(controller, scenario.start, plan)
+    return controller, last_step(controller, scenario.start, plan)
 
 
 def test_plans_and_changes_of_the_gate_are_shown_once_and_poses_always():
     scenario = Scenario.load("four_circles_1")
-    controller, sight = drive(scenario)
+    controller, step = drive(scenario)
     shown, pose = Shown(), (0.0, 0.0, 0.0)
     kinds = [
         [type(record).__name__ for record in shown.records(now, *what, dict)]
         for now, what in (
-            (1.0, (sight, pose, (0.1, 0.0), ("ACTIVE", ()))),
-            (1.1, (sight, pose, (0.1, 0.0), ("ACTIVE", ()))),
+            (1.0, (step, pose, (0.1, 0.0), ("ACTIVE", ()))),
+            (1.1, (step, pose, (0.1, 0.0), ("ACTIVE", ()))),
             (1.2, (None, None, (0.1, 0.0), ("ESTOP", ("a",)))),
-            (2.1, (sight_of(controller, pose, sight.plan), pose, (0.1, 0.0), ("ESTOP", ("a",)))),
+            (2.1, (last_step(controller, pose, step.plan), pose, (0.1, 0.0), ("ESTOP", ("a",)))),
         )
     ]
     assert kinds == [
@@ -62,11 +62,11 @@ def test_a_client_of_another_library_reads_every_kind_of_message():
     from websockets.sync.client import connect
 
     scenario = Scenario.load("walls_door")
-    controller, sight = drive(scenario)
+    controller, step = drive(scenario)
     shown = Shown()
 
     def records():
-        again = sight_of(controller, sight.pose, sight.plan)
+        again = last_step(controller, step.pose, step.plan)
         gate = ("ACTIVE", (str(time.monotonic()),))
         return shown.records(time.monotonic(), again, (0.1, 0.2, 0.3), (0.2, 0.1), gate, dict)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from kmpc_lite.bench.drives import Drive, learned_model, record
+from kmpc_lite.bench.drives import RecordedDrive, learned_model, record
 from kmpc_lite.bench.measure import TUNING_SEED
 from kmpc_lite.bench.quality import EQUAL, OBEYED, VERDICTS, compare, format_comparison
 from kmpc_lite.control.problem import NavigationProblem
@@ -29,7 +29,7 @@ def test_ours_converges_to_what_ipopt_finds() -> None:
 
 def test_a_start_in_an_obstacle_is_told_apart() -> None:
     model, problem = learned_model(), NavigationProblem()
-    inside = Drive(
+    inside = RecordedDrive(
         np.array([[0.3, 0.0, 3.5]]),
         np.array([1.5, 0.0, 0.0]),
         np.array([[0.0, 0.0, 0.2, 0.0, 0.0]]),

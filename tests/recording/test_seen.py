@@ -5,7 +5,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.control.obstacles.sight.rays import Rays
-from kmpc_lite.live.moment import numbers, plan_packet, sight_of
+from kmpc_lite.live.moment import last_step, numbers, plan_packet
 from kmpc_lite.recording.seen import BEAMS, CORNERS, counted, hits, outline
 
 
@@ -69,7 +69,7 @@ def test_a_picture_shows_the_hits_that_the_controller_used(age: float) -> None:
     used = Rays(
         scan.with_self_radius(0.15), here.poses_at(np.array(age / scale.time)), scale.length, 0.1
     )
-    packet = plan_packet(sight_of(controller, pose, plan, scan), (1.5, 1.0, 2.0))
+    packet = plan_packet(last_step(controller, pose, plan, scan), (1.5, 1.0, 2.0))
     shown = np.frombuffer(packet["scan"]).reshape(-1, 2)
     assert 200 < len(shown) < 300 and len(shown) == len(used.hits)
     order = [np.lexsort(points.round(6).T) for points in (shown, used.hits)]

@@ -11,8 +11,8 @@ import kmpc_lite as kl
 from kmpc_lite.studies.any_robot import (
     KNOWN,
     STANDARD,
-    Plant,
     Robot,
+    RobotPlant,
     random_footprint,
     random_robot,
     record,
@@ -34,7 +34,7 @@ def test_a_scaled_robot_takes_as_long() -> None:
 
 def test_the_plant_moves_as_it_says() -> None:
     robot = replace(random_robot(5), lag=0.0, dead_time=0.2, slip=0.0, dt=0.1)
-    plant = Plant(robot, 0)
+    plant = RobotPlant(robot, 0)
     command = np.array((robot.speed, 0.0))
     first, second = plant.drive(np.zeros(3), command), plant.drive(np.zeros(3), command)
     assert not first.any() and not second.any()  # the dead time
@@ -89,5 +89,5 @@ def test_a_robot_that_is_not_round_is_judged_by_its_outline() -> None:
     )
     in_it = [kl.Circle(*corner, 0.02)]
     controller = kl.Controller(kl.nominal_unicycle(0.1), robot.problem(course.side))
-    touched = judge("x", 1, controller, Plant(robot, 1), replace(course, circles=in_it))
+    touched = judge("x", 1, controller, RobotPlant(robot, 1), replace(course, circles=in_it))
     assert touched.collided

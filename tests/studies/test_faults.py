@@ -18,7 +18,7 @@ from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.studies import faults
 from kmpc_lite.studies.broken_solver import STATUSES
 from kmpc_lite.studies.faults import FIXED, drive_faults, faults_study, format_faults
-from kmpc_lite.studies.faulty_loop import KINDS, Counts, FaultyLoop
+from kmpc_lite.studies.faulty_loop import KINDS, FaultCounts, FaultyLoop
 from kmpc_lite.studies.training import train
 from kmpc_lite.types import Array
 
@@ -75,7 +75,7 @@ def test_forced_failures_never_collide_and_end_in_a_verified_stop(
 @pytest.mark.parametrize("kind", STATUSES)
 def test_the_injected_status_reaches_the_controller(kind: str, slippery: KoopmanModel) -> None:
     scenario = random_map("dense", 1, 0.2)
-    loop = FaultyLoop(slippery, scenario, kind, Counts(kind, 0.2))
+    loop = FaultyLoop(slippery, scenario, kind, FaultCounts(kind, 0.2))
     x = np.array(scenario.start)
     reasons = {loop.step(x, scenario.goal, scenario.obstacles_at(0.0)).reason for _ in range(40)}
     assert any(f"{kind} (injected)" in reason for reason in reasons), reasons
@@ -101,7 +101,7 @@ def test_a_failing_controller_never_recovers_and_is_told_so(
     monkeypatch.setattr(
         StopTrajectories, "find", lambda _, states, inputs, task: CheckedPlan(None, states, inputs)
     )
-    counts = Counts("pose NaN", 0.2)
+    counts = FaultCounts("pose NaN", 0.2)
     loop = FaultyLoop(slippery, random_map("dense", 1, 0.2), "pose NaN", counts)
     for _ in range(120):
         assert loop.step((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)).status is PlanStatus.STOPPED

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import kmpc_lite as kl
-from kmpc_lite.cli.progress import Progress
+from kmpc_lite.cli.progress import ProgressBar
 
 DRIVES, SECONDS = 20, 600.0
 """Recorded drives, and how long the loop runs [s], where nothing else is asked for."""
@@ -44,7 +44,7 @@ def _compare(options: argparse.Namespace) -> tuple[Any, str]:
     )
 
     model, problem = learned_model(), kl.NavigationProblem()
-    bar = Progress("bench", quiet=options.json)
+    bar = ProgressBar("bench", quiet=options.json)
     tables = []
     left_out: dict[str, str] = {}
     for title, everyone, driver in (
@@ -91,7 +91,7 @@ def _scaling(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lite.bench.drives import learned_model
     from kmpc_lite.bench.scaling import format_scaling, scaling
 
-    bar = Progress("scaling", quiet=options.json)
+    bar = ProgressBar("scaling", quiet=options.json)
     rows = scaling(learned_model(), _seed(options), _drives(options), progress=bar)
     return rows, format_scaling(rows)
 
@@ -99,7 +99,7 @@ def _scaling(options: argparse.Namespace) -> tuple[Any, str]:
 def _lidar(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lite.bench.lidar import format_lidar_steps, lidar_steps
 
-    bar = Progress("lidar", quiet=options.json)
+    bar = ProgressBar("lidar", quiet=options.json)
     rows = lidar_steps(_drives(options), _seed(options), progress=bar)
     return rows, format_lidar_steps(rows)
 
@@ -109,7 +109,7 @@ def _quality(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lite.bench.quality import as_dicts, compare, format_comparison
 
     model, problem = learned_model(), kl.NavigationProblem()
-    bar = Progress("quality", quiet=options.json)
+    bar = ProgressBar("quality", quiet=options.json)
     drives = _record(options, model, problem, steps=QUALITY_STEPS)
     compared = compare(model, problem, drives, progress=bar)
     return as_dicts(compared), format_comparison(compared)
@@ -122,7 +122,7 @@ def _settings(options: argparse.Namespace) -> tuple[Any, str]:
 
     model, problem = learned_model(), kl.NavigationProblem()
     drives = _record(options, model, problem, seed=TUNING_SEED)
-    bar = Progress("settings", quiet=options.json)
+    bar = ProgressBar("settings", quiet=options.json)
     rows = settings_study(model, problem, drives, progress=bar)
     return rows, format_settings(rows)
 
@@ -134,7 +134,7 @@ def _solvers(options: argparse.Namespace) -> tuple[Any, str]:
 
     model, problem = learned_model(), kl.NavigationProblem()
     drives = _record(options, model, problem)
-    bar = Progress("solvers", quiet=options.json)
+    bar = ProgressBar("solvers", quiet=options.json)
     results = bench.measure(solver_contenders(), model, problem, drives, progress=bar)
     return [result.as_dict() for result in results], bench.format_measurements(results)
 
@@ -142,7 +142,7 @@ def _solvers(options: argparse.Namespace) -> tuple[Any, str]:
 def _fit(options: argparse.Namespace) -> tuple[Any, str]:
     from kmpc_lite.bench.fitting import fit_costs, format_fit_costs
 
-    costs = fit_costs(progress=Progress("fit", quiet=options.json))
+    costs = fit_costs(progress=ProgressBar("fit", quiet=options.json))
     return [cost.as_dict() for cost in costs], format_fit_costs(costs)
 
 
@@ -158,7 +158,7 @@ def _loop(options: argparse.Namespace) -> tuple[Any, str]:
         _seed(options),
         not options.no_load,
         options.budget,
-        Progress("real-time loop", quiet=options.json),
+        ProgressBar("real-time loop", quiet=options.json),
     )
     return result.as_dict(), str(result)
 

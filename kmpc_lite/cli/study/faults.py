@@ -7,7 +7,7 @@ import json
 
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import count
-from kmpc_lite.cli.progress import Progress
+from kmpc_lite.cli.progress import ProgressBar
 from kmpc_lite.studies.options import add_runner, runner
 
 
@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
     from kmpc_lite.studies.faults import SLIPS, as_dicts, faults_study, format_faults
     from kmpc_lite.studies.training import REPORTING_SEED
 
-    bar = Progress("faults", quiet=options.json)
+    bar = ProgressBar("faults", quiet=options.json)
     with runner(options) as executor:
         rows = faults_study(
             executor,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import count
-from kmpc_lite.cli.progress import Progress
+from kmpc_lite.cli.progress import ProgressBar
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -31,11 +31,11 @@ def run(options: argparse.Namespace) -> int:
 
     told, texts = {}, []
     for log in options.log:
-        rows, noise = study_log(log, Progress(log.stem, quiet=options.json))
+        rows, noise = study_log(log, ProgressBar(log.stem, quiet=options.json))
         told[log.stem] = {"splits": [r.as_dict() for r in rows], "noise": noise.as_dict()}
         texts += [format_ratios(log.stem, rows), f"{log.stem}: {noise}"]
-    lagging = study_lagging(Progress("lagging robots", quiet=options.json), options.lagging)
-    nominal = study_nominal(Progress("nominal robots", quiet=options.json), options.robots)
+    lagging = study_lagging(ProgressBar("lagging robots", quiet=options.json), options.lagging)
+    nominal = study_nominal(ProgressBar("nominal robots", quiet=options.json), options.robots)
     texts += [
         format_ratios("lagging robots, by the true pose", lagging),
         format_harm(nominal),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import kmpc_lite as kl
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import count
-from kmpc_lite.cli.progress import Progress
+from kmpc_lite.cli.progress import ProgressBar
 from kmpc_lite.studies.options import add_runner, runner
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def run(options: argparse.Namespace, name: str) -> int:
     for spec in specs:
         # what is missing is told now, not after minutes of training
         spec.build(kl.nominal_unicycle(DT), Scenario.load("mehrez"))
-    bar = Progress(name, quiet=options.json)
+    bar = ProgressBar(name, quiet=options.json)
     with runner(options) as executor:
         records = maps_study(
             specs,

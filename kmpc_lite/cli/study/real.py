@@ -9,7 +9,7 @@ from pathlib import Path
 
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import count, positive
-from kmpc_lite.cli.progress import Progress
+from kmpc_lite.cli.progress import ProgressBar
 from kmpc_lite.cli.study.named import chosen
 from kmpc_lite.studies.options import add_runner, runner
 
@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     real = real_robot(options.log, options.radius, options.speed, options.turn_rate)
     real.halves()  # a log that cannot be read is told before any work
     seeds = range(options.seed, options.seed + options.maps)
-    bar = Progress("real", quiet=options.json)
+    bar = ProgressBar("real", quiet=options.json)
     with runner(options) as executor:
         rows = study(real, recipes, seeds, executor, bar, options.records)
     margins = widths(real)

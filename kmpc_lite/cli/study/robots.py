@@ -6,7 +6,7 @@ import argparse
 import json
 
 from kmpc_lite.cli.numbers import count
-from kmpc_lite.cli.progress import Progress
+from kmpc_lite.cli.progress import ProgressBar
 from kmpc_lite.cli.study.named import chosen, named
 from kmpc_lite.studies.options import add_runner, runner
 
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace, name: str) -> int:
     from kmpc_lite.studies.robot_drives import format_rows, study, study_random
 
     seeds = range(options.seed, options.seed + options.drives)
-    bar = Progress(name, quiet=options.json)
+    bar = ProgressBar(name, quiet=options.json)
     with runner(options) as executor:
         if name == "anyrobot":
             rows = study_random(seeds, not options.round, executor, bar, options.records)

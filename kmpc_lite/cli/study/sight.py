@@ -7,7 +7,7 @@ import json
 
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import count
-from kmpc_lite.cli.progress import Progress
+from kmpc_lite.cli.progress import ProgressBar
 from kmpc_lite.studies.options import add_runner, runner
 
 
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
         if not 0.0 < reach < 1e3:
             raise ScenarioError(f"--reach: expected a distance above 0 m, got {reach:g}")
     seeds = range(options.seed, options.seed + options.drives)
-    bar = Progress("sight", quiet=options.json)
+    bar = ProgressBar("sight", quiet=options.json)
     with runner(options) as executor:
         if options.circles:
             found = circles.study(executor, seeds, bar, options.records)

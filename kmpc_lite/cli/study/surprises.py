@@ -6,7 +6,7 @@ import argparse
 import json
 
 from kmpc_lite.cli.numbers import count
-from kmpc_lite.cli.progress import Progress
+from kmpc_lite.cli.progress import ProgressBar
 from kmpc_lite.cli.study.named import chosen, named
 from kmpc_lite.studies.options import add_runner, runner
 
@@ -33,7 +33,7 @@ def run(options: argparse.Namespace, name: str) -> int:
     from kmpc_lite.studies.training import REPORTING_SEED
 
     first = 0 if options.tuning else REPORTING_SEED
-    bar = Progress(name, quiet=options.json)
+    bar = ProgressBar(name, quiet=options.json)
     with runner(options) as executor:
         if name == "jumps":
             kinds = chosen(jumps.KINDS, options.only)

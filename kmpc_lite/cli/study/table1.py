@@ -8,7 +8,7 @@ import json
 import kmpc_lite as kl
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import count
-from kmpc_lite.cli.progress import Progress
+from kmpc_lite.cli.progress import ProgressBar
 from kmpc_lite.studies.options import add_runner, runner
 
 
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     for row in TABLE_1_CONTENDERS:
         # what is missing is told now, not after minutes of training
         row.build(kl.nominal_unicycle(DT), scenario)
-    bar = Progress("table 1", quiet=options.json)
+    bar = ProgressBar("table 1", quiet=options.json)
     with runner(options) as executor:
         cells = table1(scenario, executor, options.trials, progress=bar, records=options.records)
     print(json.dumps([c.as_dict() for c in cells]) if options.json else format_table1(cells))

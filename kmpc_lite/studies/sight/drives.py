@@ -21,7 +21,7 @@ from kmpc_lite.control.safe_stop.braking import Braking
 from kmpc_lite.control.units import scaled_problem
 from kmpc_lite.sim.arrival import Tolerance
 from kmpc_lite.sim.lidar import LidarSpec, scan_of, scan_ranges
-from kmpc_lite.studies.any_robot import KNOWN, STANDARD, Plant, Robot, learn
+from kmpc_lite.studies.any_robot import KNOWN, STANDARD, Robot, RobotPlant, learn
 from kmpc_lite.studies.sight.pursuit import Pursuit
 from kmpc_lite.studies.sight.seen_cells import SeenCells
 from kmpc_lite.studies.sight.worlds import Course, course_of
@@ -41,7 +41,7 @@ BACK = 0.2
 
 
 @dataclass(frozen=True)
-class Row:
+class SightDrive:
     """What became of one drive."""
 
     driver: str
@@ -72,14 +72,14 @@ class Row:
         return asdict(self)
 
 
-def drive(driver: str, robot_name: str, kind: str, reach: float, seed: int) -> Row:
+def drive(driver: str, robot_name: str, kind: str, reach: float, seed: int) -> SightDrive:
     """Drive one world with one driver."""
     robot = ROBOTS[robot_name]
     course = course_of(kind, seed, robot.radius)
-    return Drive(driver, robot, course, LidarSpec(reach), seed).run(kind, seed)
+    return SightLoop(driver, robot, course, LidarSpec(reach), seed).run(kind, seed)
 
 
-class Drive:
+class SightLoop:
     """One drive, from start to end.
 
     Parameters
@@ -101,7 +101,7 @@ class Drive:
     ) -> None:
         self.driver, self.robot, self.course, self.lidar = driver, robot, course, lidar
         self.random = np.random.default_rng([seed, 9])
-        self.plant = Plant(robot, seed)
+        self.plant = RobotPlant(robot, seed)
         self.pose: Array = course.start.copy()
         self.controller, self.pursuit = None, None
         if driver == "ours":
@@ -157,7 +157,7 @@ class Drive:
         past = past[-model.history - 1 : -1] if model.history else past
         return model.rollout(pose, commands, past if len(past) == model.history else None)[:, :2]
 
-    def run(self, kind: str, seed: int) -> Row:
+    def run(self, kind: str, seed: int) -> SightDrive:
         """Drive to the end."""
         robot, course = self.robot, self.course
         ideal = math.hypot(*(course.goal - course.start)[:2]) / robot.speed
@@ -173,7 +173,7 @@ class Drive:
             clearance = min(clearance, float(gaps.min()))
             inside = inside + robot.dt if tolerance.met(self.pose, course.goal) else 0.0
         stopped = sum(s is PlanStatus.STOPPED for s in self.statuses)
-        return Row(
+        return SightDrive(
             self.driver,
             robot.name,
             kind,

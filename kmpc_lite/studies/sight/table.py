@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.studies.records import drive_rows
-from kmpc_lite.studies.sight.drives import ROBOTS, Row, drive
+from kmpc_lite.studies.sight.drives import ROBOTS, SightDrive, drive
 from kmpc_lite.studies.sight.worlds import KINDS
 
 DRIVERS = "ours", "pursuit"
@@ -24,7 +24,7 @@ def study(
     robots: Sequence[str] = tuple(ROBOTS),
     progress: Callable[[int, int], None] = lambda done, total: None,
     records: Any = None,
-) -> list[Row]:
+) -> list[SightDrive]:
     """Drive every world with both drivers; rows in the order of the arguments.
 
     Every drive is added to ``records``, a JSON-lines file; those that it holds are not driven
@@ -38,10 +38,10 @@ def study(
         for seed in seeds
         for driver in DRIVERS
     ]
-    return drive_rows(executor, records, "sight", drive, wanted, Row, progress)
+    return drive_rows(executor, records, "sight", drive, wanted, SightDrive, progress)
 
 
-def summary(rows: Sequence[Row]) -> dict[str, Any]:
+def summary(rows: Sequence[SightDrive]) -> dict[str, Any]:
     """What became of the drives of ours, and how they compare with pursuit's of the same worlds."""
     ours = [row for row in rows if row.driver == "ours"]
     theirs = {_world(row): row for row in rows if row.driver == "pursuit"}
@@ -66,7 +66,7 @@ def summary(rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def format_rows(rows: Sequence[Row]) -> str:
+def format_rows(rows: Sequence[SightDrive]) -> str:
     """Table, and every drive of ours that did not arrive."""
     head = (
         f"{'robot':12} {'world':7} reach drives arrived hit  pursuit: arrived hit"
@@ -92,5 +92,5 @@ def format_rows(rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
-def _world(row: Row) -> tuple[str, str, float, int]:
+def _world(row: SightDrive) -> tuple[str, str, float, int]:
     return row.robot, row.kind, row.reach, row.seed

@@ -8,7 +8,7 @@ import pytest
 from kmpc_lite.sim.lidar import LidarSpec, World, box_edges
 from kmpc_lite.studies.any_robot import STANDARD
 from kmpc_lite.studies.sight.circles import sight_law
-from kmpc_lite.studies.sight.drives import Drive, Row, _gears
+from kmpc_lite.studies.sight.drives import SightDrive, SightLoop, _gears
 from kmpc_lite.studies.sight.seen_cells import SeenCells
 from kmpc_lite.studies.sight.table import format_rows, summary
 from kmpc_lite.studies.sight.worlds import KINDS, Course, course_of
@@ -44,7 +44,7 @@ def test_what_no_beam_went_through_was_never_seen() -> None:
 def test_both_drivers_arrive_in_an_empty_room(driver: str) -> None:
     world = World(np.empty((0, 5)), box_edges(-1.5, -1.5, 1.5, 1.5))
     course = Course("empty", world, np.array([-0.5, 0.0, 0.0]), np.array([0.4, 0.0, 0.0]), 3.0)
-    row = Drive(driver, STANDARD, course, LidarSpec(4.0), 0).run("empty", 0)
+    row = SightLoop(driver, STANDARD, course, LidarSpec(4.0), 0).run("empty", 0)
     assert row.arrived and not row.collided
     assert row.unseen == row.unreachable == 0 and row.stopped == 0.0
 
@@ -61,9 +61,9 @@ def test_the_law_is_that_of_a_robot_that_stops_within_its_sight() -> None:
 
 
 def test_the_table_compares_the_same_worlds() -> None:
-    def row(driver: str, seed: int, seconds: float, arrived: bool = True) -> Row:
+    def row(driver: str, seed: int, seconds: float, arrived: bool = True) -> SightDrive:
         rest = (0.1, 1, 0.0, 0, 0, 1.0, "waiting: for nothing")
-        return Row(driver, "standard", "maze", 4.0, seed, arrived, False, seconds, *rest)
+        return SightDrive(driver, "standard", "maze", 4.0, seed, arrived, False, seconds, *rest)
 
     rows = [row("ours", 1, 10.0), row("pursuit", 1, 20.0), row("ours", 2, 99.0, False)]
     found = summary(rows)
