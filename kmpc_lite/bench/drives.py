@@ -12,11 +12,12 @@ from kmpc_lite.learn.fitting import fit
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
 from kmpc_lite.studies.contenders import PAPER_FORM, Contender
+from kmpc_lite.studies.training import DT
 from kmpc_lite.types import Array
 
 SLIP = 0.05
-
-
+HALF = 1.8
+"""Starts and goals lie so far from the middle, at the most, along both axes [m]."""
 SPACING = 0.45
 """Free space between obstacles, beyond their radii [m]: half as much again as the robot is wide."""
 
@@ -30,9 +31,9 @@ class RecordedDrive:
     circles: Array
 
 
-def learned_model(dt: float = 0.1) -> KoopmanModel:
+def learned_model() -> KoopmanModel:
     """Model of all contenders: an integral fit on a slipping floor, with midpoint steps."""
-    data = generate_dataset(DifferentialDrive(SLIP, seed=1), episodes=100, steps=500, dt=dt, seed=2)
+    data = generate_dataset(DifferentialDrive(SLIP, seed=1), episodes=100, steps=500, dt=DT, seed=2)
     return replace(fit(data), integrator="midpoint")
 
 
@@ -47,10 +48,10 @@ def random_circles(random: np.random.Generator, count: int) -> Array:
     return np.array(placed)
 
 
-def free_pose(random: np.random.Generator, circles: Array, half: float = 1.8) -> Array:
+def free_pose(random: np.random.Generator, circles: Array) -> Array:
     """Pose (3,) at least 0.1 m clear of the obstacles."""
     while True:
-        pose = np.array([*random.uniform(-half, half, 2), random.uniform(-np.pi, np.pi)])
+        pose = np.array([*random.uniform(-HALF, HALF, 2), random.uniform(-np.pi, np.pi)])
         if (clearances(pose, circles) > 0.25).all():
             return pose
 

@@ -21,6 +21,8 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.studies.contenders import Contender
 from kmpc_lite.types import Array
 
+IMPORTS = 5
+"""How often each import is timed."""
 TUNING_SEED, REPORTING_SEED = 7_000, 700_000
 """First seeds of the recorded drives: for finding settings, and for what is reported."""
 
@@ -145,12 +147,12 @@ def violation(states: Array, circles: Array, problem: NavigationProblem) -> floa
     return deepest
 
 
-def import_times(repeats: int = 5) -> dict[str, float]:
+def import_times() -> dict[str, float]:
     """Median time to import this package, and what it stands on, in fresh interpreters [s]."""
     code = "import time; t = time.perf_counter(); import {}; print(time.perf_counter() - t)"
     what = {"kmpc_lite": "kmpc_lite.api", "numpy, scipy.sparse, osqp": "numpy, scipy.sparse, osqp"}
     times: dict[str, list[float]] = {name: [] for name in what}
-    for _ in range(repeats):
+    for _ in range(IMPORTS):
         for name, modules in what.items():
             done = subprocess.run(
                 [sys.executable, "-c", code.format(modules)],

@@ -55,7 +55,6 @@ def settings_study(
     model: KoopmanModel,
     problem: NavigationProblem,
     drives: Sequence[RecordedDrive],
-    variants: Sequence[Variant] = VARIANTS,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict[str, Any]]:
     """Time and quality of every variant on the same states; they take turns drive by drive.
@@ -67,7 +66,7 @@ def settings_study(
         over the converged plan's, violation [mm].
     """
     rows: list[dict[str, list[float]]] = [
-        {"iterations": [], "solve": [], "excess": [], "violation": []} for _ in variants
+        {"iterations": [], "solve": [], "excess": [], "violation": []} for _ in VARIANTS
     ]
     best = Controller(
         model,
@@ -78,7 +77,7 @@ def settings_study(
         tolerance=1e-4,
         obstacle_slots=8,
     )
-    controllers = [_controller(model, problem, variant) for variant in variants]
+    controllers = [_controller(model, problem, variant) for variant in VARIANTS]
     for i, drive in enumerate(drives):
         best.reset()
         converged = [
@@ -99,7 +98,7 @@ def settings_study(
         progress(i + 1, len(drives))
     return [
         {"name": v.name, **{key: _quantiles(values) for key, values in row.items()}}
-        for v, row in zip(variants, rows, strict=True)
+        for v, row in zip(VARIANTS, rows, strict=True)
     ]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -16,7 +15,7 @@ from kmpc_lite.cli.log_options import add_force, add_log_options, read_options
 from kmpc_lite.defaults import SHORTEST_PERIOD
 
 if TYPE_CHECKING:
-    from kmpc_lite.learn.logs import ReadOptions
+    pass
 
 DICTIONARIES = {
     "unicycle": "the paper's [1, x, y, theta, cos, sin]",
@@ -191,8 +190,6 @@ def load_and_split(
     gap: float | None,
     holdout: float,
     seed: int,
-    how: ReadOptions | None = None,
-    tell: Callable[[str], None] | None = None,
 ) -> tuple[kl.Dataset, kl.Dataset]:
     """Read logs at one period; split their episodes into those to learn from and those to check on.
 
@@ -208,10 +205,6 @@ def load_and_split(
         Share of the episodes that is kept for the check.
     seed : int
         Of the split.
-    how : ReadOptions, optional
-        How the logs are to be read.
-    tell : callable, optional
-        Takes lines about how each log was read.
 
     Raises
     ------
@@ -221,7 +214,7 @@ def load_and_split(
     from kmpc_lite.learn.loading import load_logs
 
     check_split(holdout, seed)
-    return split_log(load_logs(logs, dt, gap, how, tell), logs, holdout, seed)
+    return split_log(load_logs(logs, dt, gap), logs, holdout, seed)
 
 
 def check_split(holdout: float, seed: int) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import socket
 import time
-from collections.abc import Callable
 
 from kmpc_lite.live.picture import Picture
 
@@ -50,12 +49,10 @@ class Watchers:
     ----------
     picture : Picture
         What they are shown.
-    clock : callable
-        Monotonic time [s].
     """
 
-    def __init__(self, picture: Picture, clock: Callable[[], float] = time.monotonic) -> None:
-        self._picture, self._clock = picture, clock
+    def __init__(self, picture: Picture) -> None:
+        self._picture = picture
         self._all: set[Watcher] = set()
 
     def __len__(self) -> int:
@@ -65,7 +62,7 @@ class Watchers:
         """Take one more, and show it everything; None where there are too many."""
         if len(self._all) >= MOST:
             return None
-        watcher = Watcher(writer, self._clock())
+        watcher = Watcher(writer, time.monotonic())
         self._all.add(watcher)
         self._show(watcher, "", self._picture.whole())
         return watcher
@@ -84,5 +81,5 @@ class Watchers:
 
     def _show(self, watcher: Watcher, change: str, whole: str) -> None:
         was_behind, watcher.behind = watcher.behind, False
-        if not watcher.offer(whole if was_behind else change, self._clock()):
+        if not watcher.offer(whole if was_behind else change, time.monotonic()):
             self._all.discard(watcher)

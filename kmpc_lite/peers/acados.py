@@ -34,8 +34,6 @@ class AcadosController:
         The paper's where not given.
     obstacles : int
         How many circles the generated solver has room for; fewer are filled up with ones far away.
-    folder : Path, optional
-        Where `install` put acados.
 
     Raises
     ------
@@ -50,7 +48,6 @@ class AcadosController:
         model: KoopmanModel,
         problem: NavigationProblem | None = None,
         obstacles: int = 4,
-        folder: Path | None = None,
     ) -> None:
         if problem is not None and problem.limits_changes:
             raise ProblemError(
@@ -58,12 +55,12 @@ class AcadosController:
             )
         if problem is not None and problem.limits_wheels:
             raise ProblemError("the acados peer knows no wheels: max_wheel_speed must be infinite")
-        reason = why_not(folder)
+        reason = why_not()
         if reason:
             raise KmpcError(f"acados: {reason}")
         self.problem = NavigationProblem() if problem is None else problem
         self.obstacles = obstacles
-        prepare(folder or default_folder())
+        prepare(default_folder())
         self._work = tempfile.TemporaryDirectory(prefix="kmpc_acados_")
         self._solver = build_solver(model, self.problem, obstacles, Path(self._work.name))
         self.reset()

@@ -54,7 +54,6 @@ def faults_study(
     executor: Executor,
     maps: int = 5,
     slips: Sequence[float] = SLIPS,
-    kinds: Sequence[str] = KINDS,
     families: Sequence[str] = FAMILIES,
     first_seed: int = REPORTING_SEED,
     training: Mapping[str, int] = TRAINING,
@@ -69,8 +68,8 @@ def faults_study(
         Does the work.
     maps : int
         Random maps of each family.
-    slips, kinds, families : sequence
-        Of the plant; of `KINDS`; of `maps.FAMILIES`.
+    slips, families : sequence
+        Of the plant; of `maps.FAMILIES`.
     first_seed : int
         The first map's.
     training : mapping
@@ -86,7 +85,7 @@ def faults_study(
         One for each kind and slip.
     """
     file = RecordFile(records, _key, "a row of a faults study")
-    wanted = [(kind, slip) for slip in slips for kind in kinds]
+    wanted = [(kind, slip) for slip in slips for kind in KINDS]
     keys = [(kind, float(slip), maps, first_seed, tuple(families)) for kind, slip in wanted]
     done = {key: row for key, row in file.read().items() if key in keys}
     progress(len(done), len(keys))

@@ -23,6 +23,7 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lite.studies.log_drives import load_drives
+from kmpc_lite.studies.training import DT
 from kmpc_lite.types import Array
 
 SPLIT_SEEDS = tuple(range(7100, 7110))
@@ -31,6 +32,8 @@ ROBOT_SEED = 52_000
 """Seed of the first synthetic robot."""
 REFERENCE_START = 0.5
 """Predictions start this long after the beginning of a drive [s], whatever a model's history."""
+AHEAD = 1.0
+"""How far ahead predictions are judged [s]."""
 RESAMPLES = 2000
 """Bootstrap samples of the drives."""
 
@@ -57,7 +60,6 @@ class Ratio:
 def open_loop_errors(
     model: KoopmanModel,
     episodes: Iterable[Episode],
-    horizon: float = 1.0,
     first: float = REFERENCE_START,
     truth: Iterable[Array] | None = None,
 ) -> list[Array]:
@@ -69,8 +71,6 @@ def open_loop_errors(
         Predicts from the measured pose at each start.
     episodes : iterable of Episode
         Drives with measured poses.
-    horizon : float
-        How far ahead [s].
     first : float
         Where predictions start [s]; the history of the model must fit before.
     truth : iterable of ndarray, optional
@@ -78,7 +78,7 @@ def open_loop_errors(
     """
     drives = list(episodes)
     poses = [e.states for e in drives] if truth is None else list(truth)
-    steps, begin = max(1, round(horizon / model.dt)), round(first / model.dt)
+    steps, begin = max(1, round(AHEAD / model.dt)), round(first / model.dt)
     if begin < model.history:
         raise DataError(
             f"a history of {model.history} periods does not fit before starts at {first:g} s"
@@ -126,18 +126,18 @@ def default_fit(train: Dataset) -> KoopmanModel:
 
 
 def study_log(
-    log: Path, progress: Callable[[int, int], None] | None = None, dt: float = 0.1
+    log: Path, progress: Callable[[int, int], None] | None = None
 ) -> tuple[list[Ratio], NoiseCheck]:
     """Ten random halves of a log's drives, each judged on the other half; the noise of the last."""
-    data = load_drives(log, dt)
+    data = load_drives(log, DT)
     longest = max(len(e) for e in data.episodes)
     rows = []
     for k, seed in enumerate(SPLIT_SEEDS):
         train, held = data.split(0.5, seed=seed)
         model = default_fit(train)
-        first = max(REFERENCE_START, model.history * dt) if longest > 40 else REFERENCE_START
+        first = max(REFERENCE_START, model.history * DT) if longest > 40 else REFERENCE_START
         ours = open_loop_errors(model, held.episodes, first=first)
-        nominal = open_loop_errors(nominal_unicycle(dt), held.episodes, first=first)
+        nominal = open_loop_errors(nominal_unicycle(DT), held.episodes, first=first)
         rows.append(compare(f"{log.stem} {seed}", model, ours, nominal))
         if progress is not None:
             progress(k + 1, len(SPLIT_SEEDS))
@@ -176,13 +176,13 @@ def study_lagging(
     return rows
 
 
-def nominal_log(seed: int, seconds: float = 60.0, dt: float = 0.1) -> Dataset:
+def nominal_log(seed: int, seconds: float = 60.0) -> Dataset:
     """A log of a robot that is nominal but for noise: its own, which lasts, and that of its poses.
 
     Speeds, and the size and the duration of every noise, are drawn at random.
     """
     random = np.random.default_rng(seed)
-    steps = round(seconds / dt)
+    steps = round(seconds / DT)
     largest = np.exp(random.uniform(np.log([0.2, 0.5]), np.log([3.0, 2.5])))
     inputs = np.zeros((steps, 2))
     k = 0
@@ -190,7 +190,7 @@ def nominal_log(seed: int, seconds: float = 60.0, dt: float = 0.1) -> Dataset:
         held = int(random.integers(3, 25))
         inputs[k : k + held] = random.uniform(-1.0, 1.0, 2) * largest
         k += held
-    forgets = np.exp(-dt / np.exp(random.uniform(np.log(0.1), np.log(2.0))))
+    forgets = np.exp(-DT / np.exp(random.uniform(np.log(0.1), np.log(2.0))))
     sizes = random.uniform(0.0, 0.1, 3)
     gains = np.empty((steps, 3))
     state = random.normal(size=3)
@@ -198,14 +198,14 @@ def nominal_log(seed: int, seconds: float = 60.0, dt: float = 0.1) -> Dataset:
         state = forgets * state + np.sqrt(1.0 - forgets**2) * random.normal(size=3)
         gains[k] = sizes * state
     forward, left = inputs[:, 0] * (1.0 + gains[:, 0]), inputs[:, 0] * gains[:, 1]
-    turn = inputs[:, 1] * (1.0 + gains[:, 2]) * dt
+    turn = inputs[:, 1] * (1.0 + gains[:, 2]) * DT
     heading = np.concatenate([[0.0], np.cumsum(turn)])
-    chord = (forward + 1j * left) * dt * np.sinc(turn / (2.0 * np.pi))
+    chord = (forward + 1j * left) * DT * np.sinc(turn / (2.0 * np.pi))
     position = np.cumsum(np.concatenate([[0.0], chord * np.exp(1j * (heading[:-1] + turn / 2))]))
     poses = np.stack([position.real, position.imag, heading], axis=1)
     low, high = np.log([0.001, 0.001, 0.002]), np.log([0.02, 0.02, 0.05])
     poses = poses + random.normal(size=poses.shape) * np.exp(random.uniform(low, high))
-    return Dataset([Episode(poses, inputs, dt)])
+    return Dataset([Episode(poses, inputs, DT)])
 
 
 def study_nominal(

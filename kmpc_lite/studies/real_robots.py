@@ -232,20 +232,14 @@ def _plant_model(real: RealRobot) -> tuple[KoopmanModel, Robot]:
     return truth, replace(real.robot, noise=spread, turn_gain=gain)
 
 
-def drive_real(
-    real: RealRobot,
-    recipe: Recipe,
-    seed: int,
-    family: str = "open",
-    motor_lag: float = MOTOR_LAG,
-) -> RobotDrive:
+def drive_real(real: RealRobot, recipe: Recipe, seed: int) -> RobotDrive:
     """Learn from one half, and drive over the map of a seed on a plant of the other half."""
     model, its = _learn(real, recipe.lags)
     truth, robot = _plant_model(real)
-    course = course_of(robot, seed, family)
+    course = course_of(robot, seed)
     problem = robot.problem(course.side)
     controller = Controller(model, problem, adaptation=recipe.adapts)
-    plant = RealPlant(truth, its, seed, motor_lag)
+    plant = RealPlant(truth, its, seed, MOTOR_LAG)
     return judge(f"{robot.name}, {recipe.name}", seed, controller, plant, course)
 
 

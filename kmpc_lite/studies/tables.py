@@ -126,9 +126,9 @@ def _row(
 
 
 def time_ratio(
-    records: Sequence[Record], controller: str, reference: str, key: str = "pose_s"
+    records: Sequence[Record], controller: str, reference: str
 ) -> tuple[int, float | None]:
-    """Compare mean times to the goal on the drives in which two controllers both arrive, untouched.
+    """Compare mean times to the pose on the drives in which two controllers both arrive, untouched.
 
     Returns
     -------
@@ -140,9 +140,9 @@ def time_ratio(
         arrived = (
             r
             for r in records
-            if r["controller"] == label and r["collision_s"] is None and r[key] is not None
+            if r["controller"] == label and r["collision_s"] is None and r["pose_s"] is not None
         )
-        return {(r["condition"], r["family"], r["slip"], r["seed"]): r[key] for r in arrived}
+        return {(r["condition"], r["family"], r["slip"], r["seed"]): r["pose_s"] for r in arrived}
 
     ours, theirs = times(controller), times(reference)
     both = ours.keys() & theirs.keys()

@@ -50,8 +50,6 @@ KEYS: Mapping[str, Mapping[str, Any]] = {
 CONTROLLER = "controller"
 """Section of the controller's options: a table for each room, `ControllerOptions.from_dict`."""
 FLOAT_LISTS = {"bounds": 4, "start": 3, "goal": 3, "turning_point": 2, "pose_noise": 3}
-PAIRS = frozenset({"du_max", "wheels"})
-"""Two numbers > 0, or [] for none."""
 GROUND_ROWS = {"ground_changes": ("time", "name"), "ground_patches": ("name", "x", "y", "radius")}
 POSITIVE = frozenset({"radius", "turn_gain", "timeout", "tolerance", "heading_tolerance"})
 LARGEST = {

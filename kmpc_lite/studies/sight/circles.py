@@ -25,6 +25,8 @@ from kmpc_lite.studies.records import drive_rows
 REACHES = 2.0, 1.0, 0.5, 0.3
 SPEEDS = 0.6, 1.5
 DU_MAX = 1.5, 5.0
+REACTION = 0.1
+"""Time until a robot begins to brake, in the law that speeds are compared with [s]."""
 LONGEST = 60.0
 """[s]."""
 
@@ -49,10 +51,10 @@ class Reveal:
         return asdict(self)
 
 
-def sight_law(reach: float, fastest: float, dead_time: float = 0.1) -> float:
+def sight_law(reach: float, fastest: float) -> float:
     """Speed at which a robot stops within its reach [m/s]: ``v t + v^2 / 2 a = reach``."""
     a = DU_MAX[0]
-    return min(a * (math.sqrt(dead_time**2 + 2.0 * reach / a) - dead_time), fastest)
+    return min(a * (math.sqrt(REACTION**2 + 2.0 * reach / a) - REACTION), fastest)
 
 
 def drive(speed: float, reach: float, seed: int) -> Reveal:
