@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, field, fields
+from numbers import Real
 from typing import Any, TypeVar, get_type_hints
 
 from firmware_bridge.messages import ConfigError
@@ -18,15 +19,19 @@ def bounded(low: float, high: float, unit: str = "", default: Any = MISSING) -> 
 
 
 def check(options: Any) -> None:
-    """Check a dataclass's ranges; ConfigError names the field, the expected and the given value."""
+    """Check a dataclass's ranges; ConfigError names the field, the expected and the given value.
+
+    None is fine where it is the default.
+    """
     for entry in fields(options):
         value = getattr(options, entry.name)
-        if "low" not in entry.metadata or value is None:
+        if "low" not in entry.metadata or (value is None and entry.default is None):
             continue
         low, high, unit = entry.metadata["low"], entry.metadata["high"], entry.metadata["unit"]
-        if not (math.isfinite(value) and low <= value <= high):
+        is_number = isinstance(value, Real) and not isinstance(value, bool)
+        if not (is_number and math.isfinite(value) and low <= value <= high):
             raise ConfigError(
-                f"{entry.name}: expected {low:g} to {high:g}{unit and ' ' + unit}, got {value}"
+                f"{entry.name}: expected {low:g} to {high:g}{unit and ' ' + unit}, got {value!r}"
             )
 
 

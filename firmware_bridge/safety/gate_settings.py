@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 from firmware_bridge.messages import ConfigError
+from firmware_bridge.options import bounded, check
 from firmware_bridge.safety.limits import Limits
 
 
@@ -20,29 +21,29 @@ class GateSettings:
     """
 
     limits: Limits = field(default_factory=Limits)
-    watchdog: float = 0.25
+    watchdog: float = bounded(0.01, 60.0, "s", 0.25)
     """Oldest controller output that is sent [s]."""
-    pose_age: float = 0.25
+    pose_age: float = bounded(0.01, 60.0, "s", 0.25)
     """Oldest pose to drive on [s]: the robot is slowed from `slow_from` of it on, and brakes past
     it."""
-    scan_age: float = 0.5
+    scan_age: float = bounded(0.01, 60.0, "s", 0.5)
     """Oldest scan to drive on, for a robot with a lidar [s]: as `pose_age`."""
-    heartbeat_age: float = 0.25
+    heartbeat_age: float = bounded(0.01, 60.0, "s", 0.25)
     """How long the board may be silent [s]."""
-    hold: float = 1.0
+    hold: float = bounded(0.01, 60.0, "s", 1.0)
     """How long zeros are sent before the release [s]."""
-    settle: float = 0.5
+    settle: float = bounded(0.01, 60.0, "s", 0.5)
     """How long nothing may be wrong before the robot drives (again) [s]."""
-    slow_from: float = 0.6
+    slow_from: float = bounded(0.0, 1.0, "(a share)", 0.6)
     """Share of `watchdog`, `pose_age` and `scan_age` from which on the robot is slowed, down to
     zero at the whole; 1 slows nothing."""
-    unmoved: float = 1.0
+    unmoved: float = bounded(0.0, 60.0, "s", 1.0)
     """How long after the robot was told to drive its pose may stay where it is [s]; 0: for ever,
     for a robot on blocks whose pose does not come from its wheels."""
-    resume: float = 0.0
+    resume: float = bounded(0.0, 60.0, "s", 0.0)
     """How long a robot that stands may wait for a lost pose, and then drive on by itself [s]; 0:
     no longer than `hold`."""
-    resume_within: float = 0.5
+    resume_within: float = bounded(0.0, 100.0, "m", 0.5)
     """A pose that comes back farther from where it was lost than this is not driven on [m]."""
     geofence: tuple[float, float, float, float] | None = None
     """xmin, ymin, xmax, ymax [m]: outside the robot stops, and is given back."""
@@ -51,20 +52,8 @@ class GateSettings:
     board that is not ready is a fault."""
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if item.name in ("limits", "geofence", "pilot"):
-                continue
-            if item.name in ("resume", "unmoved") and value == 0 and not isinstance(value, bool):
-                continue
-            if (
-                isinstance(value, bool)
-                or not isinstance(value, int | float)
-                or not 0.0 < value <= 60.0
-            ):
-                raise ConfigError(
-                    f"{item.name}: expected a time from 0 to 60 s, not 0, got {value!r}"
-                )
+        """Check the ranges and the fence."""
+        check(self)
         if self.geofence is not None:
             numbers = [
                 x

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
-from firmware_bridge.messages import ConfigError
+from firmware_bridge.options import bounded, check
 
 ZERO = 1e-9
 """Speeds below this [m/s, rad/s] are zero."""
@@ -18,36 +18,27 @@ class Limits:
     Raises
     ------
     ConfigError
-        Names the limit that is not a finite number > 0 (`v_reverse`: >= 0).
+        Names the limit that is out of range.
     """
 
-    v_max: float = 0.3
+    v_max: float = bounded(1e-4, 100.0, "m/s", 0.3)
     """Forward [m/s]."""
-    v_reverse: float = 0.3
+    v_reverse: float = bounded(0.0, 100.0, "m/s", 0.3)
     """Backwards [m/s]; 0 for a robot that must not."""
-    omega_max: float = 0.8
+    omega_max: float = bounded(1e-4, 100.0, "rad/s", 0.8)
     """Either way [rad/s]."""
-    acceleration: float = 1.0
+    acceleration: float = bounded(1e-3, 1e3, "m/s^2", 1.0)
     """Away from zero [m/s^2]."""
-    deceleration: float = 1.0
+    deceleration: float = bounded(1e-3, 1e3, "m/s^2", 1.0)
     """Towards zero [m/s^2]."""
-    angular_acceleration: float = 4.0
+    angular_acceleration: float = bounded(1e-3, 1e4, "rad/s^2", 4.0)
     """Away from zero [rad/s^2]."""
-    angular_deceleration: float = 4.0
+    angular_deceleration: float = bounded(1e-3, 1e4, "rad/s^2", 4.0)
     """Towards zero [rad/s^2]."""
 
     def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            least = "a number >= 0" if item.name == "v_reverse" else "a number > 0"
-            if (
-                isinstance(value, bool)
-                or not isinstance(value, int | float)
-                or not math.isfinite(value)
-            ):
-                raise ConfigError(f"{item.name}: expected {least}, got {value!r}")
-            if value < 0 or (value == 0 and item.name != "v_reverse"):
-                raise ConfigError(f"{item.name}: expected {least}, got {value!r}")
+        """Check the ranges."""
+        check(self)
 
     def clip(self, v: float, omega: float, share: float = 1.0) -> tuple[float, float]:
         """Scale finite speeds [m/s, rad/s] by one factor until both are within bounds.

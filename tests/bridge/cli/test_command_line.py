@@ -51,7 +51,7 @@ MAVLINK = ["--driver", "mavlink", "--link", "pty:link"]
         ),
         (
             ["run", *MAVLINK, "--scenario", "course.toml", "--v-max", "-1"],
-            "limits.v_max: expected a number > 0",
+            "limits.v_max: expected 0.0001 to 100 m/s",
         ),
         (
             ["run", "--driver", "mavlink", "--link", "smoke:signals", "--scenario", "course.toml"],
