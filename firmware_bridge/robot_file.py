@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from firmware_bridge.drivers.boards import BOARDS
 from firmware_bridge.link import open_transport
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check, from_table
@@ -23,14 +24,12 @@ from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.pose import check_pose_url
 from kmpc_lite.reading import read_toml
 
-DRIVERS = ("mavlink", "roboclaw", "odrive", "vesc", "roboteq", "sabertooth", "arduino")
+DRIVERS = tuple(BOARDS)
 TOPICS = "ros2"
 """In place of a driver where ROS 2 topics are the robot's link: see `kmpc ros2`."""
 SECTIONS = ("link", "board", "geometry", "limits", "safety", "frame", "control", "lidar", "robot")
-NOMINAL_LATENCY = {**dict.fromkeys(DRIVERS, 0.0), "mavlink": 0.2, TOPICS: 0.1}
-"""Taken for a model without input history where nobody says better [s]. An autopilot's own speed
-loop lags: on the emulated rover the nominal unicycle grazes obstacles with 0.1 s or less, not with
-0.2 or 0.3 s. With a motor controller's 0.05 s the clearance is the same for 0, 0.05 and 0.1 s."""
+NOMINAL_LATENCY = {**{name: board.latency for name, board in BOARDS.items()}, TOPICS: 0.1}
+"""Taken for a model without input history where nobody says better [s], by driver."""
 
 
 @dataclass(frozen=True)
@@ -159,9 +158,10 @@ class Robot:
             board = {**board, "pose": "mocap"}
         if self.lidar is not None and self.lidar.driver == "mavlink":
             board = {**board, "sectors": True}
-        if self.link.driver == "sabertooth" and self.link.pose is None:
+        entry = BOARDS.get(self.link.driver)
+        if entry is not None and not entry.encoders and self.link.pose is None:
             raise ConfigError(
-                "link.pose: missing: a Sabertooth has no encoders; give --pose udp:HOST:PORT, "
+                f"link.pose: missing: a {entry.label} has no encoders; give --pose udp:HOST:PORT, "
                 "where motion capture sends"
             )
         return {"board": board, "geometry": geometry}

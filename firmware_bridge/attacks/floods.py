@@ -6,6 +6,8 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from firmware_bridge.drivers.boards import BOARDS
+
 SIZE = 65536
 
 
@@ -138,10 +140,11 @@ POSES = Surface("pose socket", "roboclaw", "tcp", poses=True)
 ESTOP = Surface("emergency stop's socket", "roboclaw", "tcp")
 PAGE = Surface("live page", "roboclaw", "tcp", page=True)
 FORWARD = Surface("forward port", "mavlink", "tcp", shared=True)
-BOARDS = tuple(
-    Surface(name, name.lower(), "tcp", poses=name == "Sabertooth")
-    for name in ("RoboClaw", "ODrive", "VESC", "Roboteq", "Arduino", "Sabertooth")
-)
+MOTOR_BOARDS = {
+    name: Surface(board.label, name, "tcp", poses=not board.encoders)
+    for name, board in BOARDS.items()
+    if name != "mavlink"
+}
 LIDARS = {
     name: Surface(f"lidar {name}", "roboclaw", "tcp", lidar=name) for name in ("ld06", "rplidar")
 }
@@ -163,8 +166,8 @@ FLOODS = (
     Flood(UDP, "frames of another system", strangers),
     Flood(UDP, "0xFE", markers),
     Flood(UDP, "noise", noise),
-    *(Flood(board, "noise", noise) for board in BOARDS),
-    Flood(BOARDS[1], "answers nobody asked for", lines),
+    *(Flood(board, "noise", noise) for board in MOTOR_BOARDS.values()),
+    Flood(MOTOR_BOARDS["odrive"], "answers nobody asked for", lines),
     Flood(POSES, "malformed, of the source itself", malformed, "poses"),
     Flood(POSES, "a stranger's", malformed, "beside"),
     Flood(LIDARS["ld06"], "headers", headers, "lidar"),

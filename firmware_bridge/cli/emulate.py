@@ -7,11 +7,11 @@ import json
 import signal
 import threading
 import time
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from firmware_bridge.cli.options import need_driver, people
 from firmware_bridge.cli.topics import add_topic_options, emulate_topics
+from firmware_bridge.drivers.boards import BOARDS, load
 from firmware_bridge.emulator.lidar.kinds import Eyes
 from firmware_bridge.emulator.mocap import MocapSender
 from firmware_bridge.link.url import LinkUrl
@@ -29,15 +29,6 @@ if TYPE_CHECKING:
     from kmpc_lite.sim import Scenario
     from kmpc_lite.sim.twin import Twin
 
-BOARDS = {
-    "roboclaw": "RoboClawEmulator",
-    "odrive": "ODriveEmulator",
-    "vesc": "VescEmulator",
-    "roboteq": "RoboteqEmulator",
-    "sabertooth": "SabertoothEmulator",
-    "arduino": "ArduinoEmulator",
-}
-"""By the name of their modules: only the one that is needed is imported."""
 GPS_NOISE = 0.01
 """Slow error of an emulated autopilot's position [m], as the real firmware has it."""
 SHOWN = 0.5
@@ -194,9 +185,9 @@ def build_emulator(
     An autopilot tells what is `around` it.
     """
     floor: dict[str, Any] = {"slip": slip, "turn_gain": turn_gain, "seed": seed}
+    kind = load(BOARDS[robot.link.driver].emulator)
     if robot.is_autopilot:
         from firmware_bridge.emulator.rover.parameters import MOTION_CAPTURE
-        from firmware_bridge.emulator.rover.rover import RoverEmulator
 
         physics = None
         if twin is not None:
@@ -205,7 +196,7 @@ def build_emulator(
             physics = TwinRover(twin)
         system = robot.sections.get("board", {}).get("system", 1)
         parameters = MOTION_CAPTURE if robot.link.pose is not None else None
-        return RoverEmulator(
+        rover: Emulator = kind(
             **floor,
             pose=start,
             arm_after=arm_after,
@@ -215,10 +206,8 @@ def build_emulator(
             noise=GPS_NOISE,
             around=around,
         )
-    module = import_module(f"firmware_bridge.emulator.{robot.link.driver}")
-    emulator: BoardEmulator = getattr(module, BOARDS[robot.link.driver]).from_options(
-        robot.driver_table(), **floor
-    )
+        return rover
+    emulator: BoardEmulator = kind.from_options(robot.driver_table(), **floor)
     if twin is not None:
         from firmware_bridge.emulator.twin import TwinBody
 

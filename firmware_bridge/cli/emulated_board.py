@@ -5,33 +5,26 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from firmware_bridge.drivers.boards import BOARDS
 from firmware_bridge.messages import LinkError
 
 SCENARIO = "four_circles_1"
 START_TIME = 20.0
 """How long an emulator may take to start [s]."""
-GEOMETRY = {"wheel_radius": 0.0425, "track": 0.27, "max_wheel_speed": 0.9}
-BOARDS: dict[str, dict[str, Any]] = {
-    "mavlink": {"arm": True},
-    "roboclaw": {"counts_per_turn": 1440.0},
-    "odrive": {},
-    "vesc": {"can_id": 1, "pole_pairs": 7},
-    "roboteq": {"counts_per_turn": 1440.0},
-    "arduino": {"counts_per_turn": 1440.0},
-}
 
 
 def robot_text(driver: str, folder: Path, period: float) -> str:
     """Robot file of a ROSbot-sized robot that plans and commands every `period` [s]."""
-    sections: dict[str, dict[str, Any]] = {
+    board = BOARDS[driver]
+    sections: dict[str, Mapping[str, Any]] = {
         "link": {"url": f"pty:{folder}/{driver}", "driver": driver},
-        "board": BOARDS[driver],
-        "geometry": {} if driver == "mavlink" else GEOMETRY,
+        "board": board.options,
+        "geometry": board.geometry,
         "safety": {"socket": f"{folder}/estop"},
         "control": {"period": period, "command_period": period},
     }

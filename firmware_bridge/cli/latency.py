@@ -1,7 +1,4 @@
-"""`kmpc latency`: latency and jitter of every driver.
-
-Each drives an emulated board, in a process of its own, over a pseudo-terminal.
-"""
+"""`kmpc latency`: latency and jitter of every driver on emulated boards over pseudo-terminals."""
 
 from __future__ import annotations
 
@@ -17,16 +14,17 @@ from typing import Any, TextIO
 
 from firmware_bridge.cli.course import course
 from firmware_bridge.cli.emulated_board import SCENARIO, emulator, robot_text
+from firmware_bridge.drivers.boards import BOARDS
 from firmware_bridge.messages import BridgeError, ConfigError, LinkError
-from firmware_bridge.robot_file import DRIVERS, Robot, load_robot
+from firmware_bridge.robot_file import Robot, load_robot
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import count, positive
 
 NARROW = "walls_door"
 """Where lateness shows: a door of 55 cm."""
-MEASURED = tuple(name for name in DRIVERS if name != "sabertooth")
-"""Drivers whose latency can be measured: a Sabertooth says nothing."""
+MEASURED = tuple(name for name, board in BOARDS.items() if board.encoders)
+"""Drivers whose latency can be measured: a board without encoders says nothing."""
 COLUMNS = (
     "pose age when planning",
     "controller",

@@ -1,6 +1,6 @@
 """One file or folder for each board's protocol; each is a `Driver`.
 
-To add a board: "Add a motor board" in CONTRIBUTING.md lists the tables that must name it.
+`boards` has a record for each; "Add a motor board" in CONTRIBUTING.md says what else a board needs.
 """
 
 from __future__ import annotations

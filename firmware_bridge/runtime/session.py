@@ -8,12 +8,12 @@ import sys
 import time
 from collections.abc import Callable
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Self, TextIO
 
 from firmware_bridge.drivers import Driver
+from firmware_bridge.drivers.boards import BOARDS, load
 from firmware_bridge.link import Transport, open_transport
 from firmware_bridge.link.shared import SharedTransport
 from firmware_bridge.live.terminal import View
@@ -38,16 +38,6 @@ STOPS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGTSTP, signal.SI
 """Each brakes and releases: Ctrl-C, service manager, lost terminal, Ctrl-Z, Ctrl-backslash."""
 FAREWELL = 0.1
 """Time for the last bytes to leave before the link is closed [s]."""
-DRIVER_CLASSES = {
-    "mavlink": "MavlinkDriver",
-    "roboclaw": "RoboClawDriver",
-    "odrive": "ODriveDriver",
-    "vesc": "VescDriver",
-    "roboteq": "RoboteqDriver",
-    "sabertooth": "SabertoothDriver",
-    "arduino": "ArduinoDriver",
-}
-"""Driver classes by the names of their modules, of which only the one needed is imported."""
 LATE_STEPS = 1.3
 """A controller's output that is older than this many periods is late: the robot is slowed."""
 SWITCH = 0.0005
@@ -61,11 +51,9 @@ class EstopLatched(BridgeError):
 
 def open_driver(robot: Robot, transport: Transport) -> Driver:
     """Build a robot file's driver on a link not yet open; ConfigError names file and key."""
-    module = import_module(f"firmware_bridge.drivers.{robot.link.driver}")
+    kind = load(BOARDS[robot.link.driver].driver)
     try:
-        driver: Driver = getattr(module, DRIVER_CLASSES[robot.link.driver]).from_options(
-            transport, robot.driver_table()
-        )
+        driver: Driver = kind.from_options(transport, robot.driver_table())
     except ConfigError as error:
         raise ConfigError(f"{robot.where}: {error}") from None
     if robot.link.pose is not None:

@@ -5,16 +5,7 @@ import time
 
 from waiting import until
 
-from firmware_bridge.drivers.arduino import ArduinoDriver
-from firmware_bridge.drivers.odrive import ODriveDriver
-from firmware_bridge.drivers.roboclaw import RoboClawDriver
-from firmware_bridge.drivers.roboteq import RoboteqDriver
-from firmware_bridge.drivers.vesc import VescDriver
-from firmware_bridge.emulator.arduino import ArduinoEmulator
-from firmware_bridge.emulator.odrive import ODriveEmulator
-from firmware_bridge.emulator.roboclaw import RoboClawEmulator
-from firmware_bridge.emulator.roboteq import RoboteqEmulator
-from firmware_bridge.emulator.vesc import VescEmulator
+from firmware_bridge.drivers.boards import BOARDS, load
 from firmware_bridge.link import open_transport
 
 GEOMETRY = {
@@ -31,20 +22,8 @@ TABLES = {
     "arduino": {"geometry": GEOMETRY, "board": {"counts_per_turn": 1440, "watchdog": 0.3}},
     "vesc": {"geometry": GEOMETRY, "board": {"can_id": 5, "pole_pairs": 7, "brake_current": 8.0}},
 }
-DRIVERS = {
-    "roboclaw": RoboClawDriver,
-    "roboteq": RoboteqDriver,
-    "arduino": ArduinoDriver,
-    "odrive": ODriveDriver,
-    "vesc": VescDriver,
-}
-EMULATORS = {
-    "roboclaw": RoboClawEmulator,
-    "roboteq": RoboteqEmulator,
-    "arduino": ArduinoEmulator,
-    "odrive": ODriveEmulator,
-    "vesc": VescEmulator,
-}
+DRIVERS = {name: load(BOARDS[name].driver) for name in TABLES}
+EMULATORS = {name: load(BOARDS[name].emulator) for name in TABLES}
 WATCHDOG = {"roboclaw": 0.3, "roboteq": 0.3, "arduino": 0.3, "odrive": 0.3, "vesc": 1.0}
 """How long each board drives on alone [s]."""
 

@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from firmware_bridge.cli.emulated_board import BOARDS, robot_text
-from firmware_bridge.cli.latency import table
+from firmware_bridge.cli.emulated_board import robot_text
+from firmware_bridge.cli.latency import MEASURED, table
 from firmware_bridge.cli.main import main
 from firmware_bridge.link import open_transport
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.session import open_driver
 
 
-@pytest.mark.parametrize("driver", BOARDS)
+@pytest.mark.parametrize("driver", MEASURED)
 def test_the_robots_of_the_latency_table_can_be_built(desk, driver):
     Path("robot.toml").write_text(robot_text(driver, desk, 0.02))
     robot = load_robot("robot.toml")

@@ -1,0 +1,101 @@
+"""The boards that can be driven: one record for each, which all tables of boards follow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+ROSBOT = {"wheel_radius": 0.0425, "track": 0.27, "max_wheel_speed": 0.9}
+"""Geometry of a ROSbot 2 [m, m, m/s]: on it emulated boards are measured and attacked."""
+
+
+@dataclass(frozen=True)
+class BoardEntry:
+    """What the bridge must know of a board before it imports any of its code."""
+
+    name: str
+    """Of its driver in a robot file."""
+    label: str
+    """As its maker writes it."""
+    driver: str
+    """MODULE:CLASS of the near end of its link; imported only where it is needed."""
+    emulator: str
+    """MODULE:CLASS of the far end, for `kmpc emulate`."""
+    latency: float = 0.0
+    """From a command to the wheels, for a model without input history where nobody says better
+    [s]. With a motor controller's 0.05 s the clearance is the same for 0, 0.05 and 0.1 s."""
+    encoders: bool = True
+    """Whether it tells how the robot moves; if not, poses must come from outside."""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """``[board]`` of an emulated robot."""
+    geometry: Mapping[str, float] = field(default_factory=lambda: ROSBOT)
+    """``[geometry]`` of an emulated robot."""
+
+
+BOARDS = {
+    board.name: board
+    for board in (
+        BoardEntry(
+            "mavlink",
+            "MAVLink",
+            "firmware_bridge.drivers.mavlink.driver:MavlinkDriver",
+            "firmware_bridge.emulator.rover.rover:RoverEmulator",
+            # an autopilot's own speed loop lags: on the emulated rover the nominal unicycle grazes
+            # obstacles with 0.1 s or less, not with 0.2 or 0.3 s
+            latency=0.2,
+            options={"arm": True},
+            geometry={},
+        ),
+        BoardEntry(
+            "roboclaw",
+            "RoboClaw",
+            "firmware_bridge.drivers.roboclaw:RoboClawDriver",
+            "firmware_bridge.emulator.roboclaw:RoboClawEmulator",
+            options={"counts_per_turn": 1440.0},
+        ),
+        BoardEntry(
+            "odrive",
+            "ODrive",
+            "firmware_bridge.drivers.odrive:ODriveDriver",
+            "firmware_bridge.emulator.odrive:ODriveEmulator",
+        ),
+        BoardEntry(
+            "vesc",
+            "VESC",
+            "firmware_bridge.drivers.vesc:VescDriver",
+            "firmware_bridge.emulator.vesc:VescEmulator",
+            options={"can_id": 1, "pole_pairs": 7},
+        ),
+        BoardEntry(
+            "roboteq",
+            "Roboteq",
+            "firmware_bridge.drivers.roboteq:RoboteqDriver",
+            "firmware_bridge.emulator.roboteq:RoboteqEmulator",
+            options={"counts_per_turn": 1440.0},
+        ),
+        BoardEntry(
+            "sabertooth",
+            "Sabertooth",
+            "firmware_bridge.drivers.sabertooth:SabertoothDriver",
+            "firmware_bridge.emulator.sabertooth:SabertoothEmulator",
+            encoders=False,
+            options={"full_speed": 0.9},
+        ),
+        BoardEntry(
+            "arduino",
+            "Arduino",
+            "firmware_bridge.drivers.arduino:ArduinoDriver",
+            "firmware_bridge.emulator.arduino:ArduinoEmulator",
+            options={"counts_per_turn": 1440.0},
+        ),
+    )
+}
+"""By name, in the order in which they are listed."""
+
+
+def load(where: str) -> Any:
+    """Import what a record names as MODULE:CLASS."""
+    module, name = where.split(":")
+    return getattr(import_module(module), name)
