@@ -17,8 +17,7 @@ from firmware_bridge.link import open_transport
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check, from_table
 from firmware_bridge.robot_checks import check_period, check_wheels
-from firmware_bridge.runtime.loop import TICK
-from firmware_bridge.safety.gate_settings import GateSettings
+from firmware_bridge.safety.gate_settings import TICK, GateSettings
 from firmware_bridge.safety.limits import Limits
 from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.pose import check_pose_url

@@ -20,8 +20,8 @@ from firmware_bridge.attacks.floods import Flood, Surface
 from firmware_bridge.attacks.robots import SPEED, sections
 from firmware_bridge.messages import LinkError, State, VelocityCommand
 from firmware_bridge.robot_file import load_robot
-from firmware_bridge.runtime.loop import TICK
 from firmware_bridge.runtime.session import Session
+from firmware_bridge.safety.gate_settings import TICK
 from firmware_bridge.safety.gate_table import GateState
 from kmpc_lite.live.address import LiveAddress
 from kmpc_lite.live.feed import Feed

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 from firmware_bridge.attacks.robots import sections
-from firmware_bridge.cli.emulate import build_emulator
+from firmware_bridge.emulator.build import build_emulator
 from firmware_bridge.emulator.lidar.kinds import emulated_lidar
 from firmware_bridge.emulator.mocap import MocapSender
 from firmware_bridge.robot_file import load_robot

@@ -5,13 +5,11 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import IO, Any
 
 from firmware_bridge.attacks.trial import attacker, input_of, tell
-from firmware_bridge.cli.course import Course
-from firmware_bridge.cli.live import Showing
 from firmware_bridge.runtime.session import Session
 from firmware_bridge.runtime.timing import Histogram
 from firmware_bridge.safety.gate_table import GateState
@@ -48,12 +46,23 @@ class Turns:
         """And how far the spacing of commands was off."""
 
     @contextmanager
-    def watch(self, session: Session, job: Course, showing: Showing) -> Iterator[None]:
-        """Measure while the context lasts; the drive ends when that is done."""
+    def watch(
+        self, session: Session, page: AbstractContextManager[None], link: str
+    ) -> Iterator[None]:
+        """Measure while the context lasts; the drive ends when that is done.
+
+        Parameters
+        ----------
+        session : Session
+            What drives.
+        page : context manager
+            Shows the session on a live page while it lasts.
+        link : str
+            Of that page.
+        """
         with ExitStack() as stack:
-            stack.enter_context(showing.watch(session, job))
-            link, count = showing.links()[0], str(self._clients)
-            child = attacker(self._folder, "watchers", (link, count), b"-")
+            stack.enter_context(page)
+            child = attacker(self._folder, "watchers", (link, str(self._clients)), b"-")
             pipe = input_of(stack.enter_context(child))
             thread = threading.Thread(target=self._run, args=(session, pipe), daemon=True)
             thread.start()

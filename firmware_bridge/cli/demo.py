@@ -21,7 +21,7 @@ from firmware_bridge.cli.recording import NAME, recorder_of
 from firmware_bridge.cli.stage import Stage
 from firmware_bridge.messages import BridgeError
 from firmware_bridge.robot_file import load_robot
-from firmware_bridge.runtime.loop import TICK
+from firmware_bridge.safety.gate_settings import TICK
 from firmware_bridge.safety.gate_table import Reason
 from firmware_bridge.sensors.lidar.options import LIDARS
 from kmpc_lite.cli.command import Command

@@ -7,11 +7,11 @@ import json
 import signal
 import threading
 import time
-from typing import TYPE_CHECKING, Any, Protocol, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from firmware_bridge.cli.options import need_driver, people
 from firmware_bridge.cli.topics import add_topic_options, emulate_topics
-from firmware_bridge.drivers.boards import BOARDS, load
+from firmware_bridge.emulator.build import Emulator, build_emulator
 from firmware_bridge.emulator.lidar.kinds import Eyes
 from firmware_bridge.emulator.mocap import MocapSender
 from firmware_bridge.link.url import LinkUrl
@@ -23,38 +23,11 @@ from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import positive
 
 if TYPE_CHECKING:
-    from firmware_bridge.emulator.board import BoardEmulator
     from firmware_bridge.emulator.lidar.lidar import LidarEmulator
-    from firmware_bridge.emulator.rover.telemetry import Around
     from kmpc_lite.sim import Scenario
-    from kmpc_lite.sim.twin import Twin
 
-GPS_NOISE = 0.01
-"""Slow error of an emulated autopilot's position [m], as the real firmware has it."""
 SHOWN = 0.5
 """Between pictures of the pose [s]."""
-
-
-class Emulator(Protocol):
-    """The other end of a link."""
-
-    def start(self, url: str) -> None:
-        """Serve."""
-        ...
-
-    @property
-    def pose(self) -> tuple[float, float, float]:
-        """True x, y [m], theta [rad]."""
-        ...
-
-    @property
-    def stopped(self) -> bool:
-        """Whether it stands, or is told to."""
-        ...
-
-    def close(self) -> None:
-        """Stop serving."""
-        ...
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -168,52 +141,6 @@ def _emulator(
         robot, start, slip, turn_gain, options.seed, options.arm_after, twin, around
     )
     return emulator, None if eyes is None else eyes.served(lambda: emulator.pose)
-
-
-def build_emulator(
-    robot: Robot,
-    start: tuple[float, float, float],
-    slip: float,
-    turn_gain: float,
-    seed: int,
-    arm_after: float,
-    twin: Twin | None = None,
-    around: Around | None = None,
-) -> Emulator:
-    """Build the board of a robot file, and a robot under it: one that slips, or a digital twin.
-
-    An autopilot tells what is `around` it.
-    """
-    floor: dict[str, Any] = {"slip": slip, "turn_gain": turn_gain, "seed": seed}
-    kind = load(BOARDS[robot.link.driver].emulator)
-    if robot.is_autopilot:
-        from firmware_bridge.emulator.rover.parameters import MOTION_CAPTURE
-
-        physics = None
-        if twin is not None:
-            from firmware_bridge.emulator.twin import TwinRover
-
-            physics = TwinRover(twin)
-        system = robot.sections.get("board", {}).get("system", 1)
-        parameters = MOTION_CAPTURE if robot.link.pose is not None else None
-        rover: Emulator = kind(
-            **floor,
-            pose=start,
-            arm_after=arm_after,
-            system=system,
-            physics=physics,
-            parameters=parameters,
-            noise=GPS_NOISE,
-            around=around,
-        )
-        return rover
-    emulator: BoardEmulator = kind.from_options(robot.driver_table(), **floor)
-    if twin is not None:
-        from firmware_bridge.emulator.twin import TwinBody
-
-        emulator.put_on(TwinBody(emulator.geometry, twin, time.monotonic()))
-    emulator.place(*start)
-    return emulator
 
 
 def emulate(

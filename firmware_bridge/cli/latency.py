@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
@@ -146,11 +147,10 @@ def _stops(options: argparse.Namespace) -> int:
 
 def _watched(options: argparse.Namespace) -> int:
     """Measure and print what browsers cost."""
-    from functools import partial
-
     from firmware_bridge.attacks.watching import Turns, told
     from firmware_bridge.cli.live import Showing
     from firmware_bridge.runtime.drive import run as drive_robot
+    from firmware_bridge.runtime.session import Session
     from kmpc_lite.cli.live_options import Views
     from kmpc_lite.live.address import LiveAddress
 
@@ -165,9 +165,11 @@ def _watched(options: argparse.Namespace) -> int:
         job = course(robot, LONG, LONG, showing.saw)
         showing.job = job
         with emulator(file, folder / "roboclaw"), showing:
-            watch = partial(turns.watch, job=job, showing=showing)
-            where = (job.robot, job.navigator, job.period, job.origin)
-            drive_robot(*where, None, None, watched=watch)
+
+            def watch(session: Session) -> AbstractContextManager[None]:
+                return turns.watch(session, showing.watch(session, job), showing.links()[0])
+
+            drive_robot(job.robot, job.navigator, job.period, job.origin, None, None, (), watch)
     rows = turns.table()
     times = {"clients": options.live_clients, "times_ms": rows}
     print(json.dumps(times) if options.json else told(rows, options.live_clients))

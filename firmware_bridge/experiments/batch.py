@@ -17,9 +17,9 @@ from firmware_bridge.kinematics import WheelGeometry
 from firmware_bridge.messages import Controller
 from firmware_bridge.recording.recorder import CsvRecorder
 from firmware_bridge.runtime.controller_thread import Planner, Predict, unicycle_arc
-from firmware_bridge.runtime.loop import TICK, ControlLoop
+from firmware_bridge.runtime.loop import ControlLoop
 from firmware_bridge.safety.gate import SafetyGate
-from firmware_bridge.safety.gate_settings import GateSettings
+from firmware_bridge.safety.gate_settings import TICK, GateSettings
 from firmware_bridge.safety.gate_table import GateState
 from firmware_bridge.safety.limits import Limits
 from kmpc_lite.sim.twin import Twin

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -77,8 +77,6 @@ def learn(folder: Path, name: str, bar: Progress, robot: int = 0) -> kl.KoopmanM
 
     The data go through the link, the fit is ``kmpc fit``.
     """
-    from kmpc_lite.cli.main import main
-
     file = folder / f"{name}.npz"
     if not file.exists():
         data, options = FITS[name]
@@ -88,14 +86,12 @@ def learn(folder: Path, name: str, bar: Progress, robot: int = 0) -> kl.KoopmanM
             ground = None if data in SAMPLES else Ground.named(data)
             count = SAMPLES.get(data, NEW_FLOOR_SAMPLES)
             collect(logs, kind, count, ground, robot=robot, progress=bar(f"recording {data}"))
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said):
-            status = main(
-                ["fit", *map(str, sorted(logs.glob("*.csv"))), "-o", str(file), *options, "--json"]
-            )
-        if status:
+        fit = ["fit", *map(str, sorted(logs.glob("*.csv"))), "-o", str(file), *options, "--json"]
+        command = [sys.executable, "-m", "kmpc_lite", *fit]
+        done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
+        if done.returncode:
             raise ConfigError(f"kmpc fit failed on {logs}: remove the folder and try again")
-        (folder / f"{name}.json").write_text(said.getvalue())
+        (folder / f"{name}.json").write_text(done.stdout)
     return kl.KoopmanModel.load(file)
 
 

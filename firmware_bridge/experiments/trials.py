@@ -14,8 +14,8 @@ from firmware_bridge.experiments.batch import BatchDrive, Setup
 from firmware_bridge.experiments.wire import ManualClock
 from firmware_bridge.messages import State, VelocityCommand
 from firmware_bridge.runtime.controller_thread import Predict, unicycle_arc
-from firmware_bridge.runtime.loop import TICK
 from firmware_bridge.runtime.navigator import Navigator, Task
+from firmware_bridge.safety.gate_settings import TICK
 from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.sim import Outcome, Run, Scenario
 from kmpc_lite.sim.twin import Twin

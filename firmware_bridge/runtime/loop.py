@@ -20,12 +20,10 @@ from firmware_bridge.runtime.statistics import Statistics
 from firmware_bridge.runtime.suspension import Suspension
 from firmware_bridge.runtime.timing import Deadlines, Histogram
 from firmware_bridge.safety.gate import GateOutput, SafetyGate
+from firmware_bridge.safety.gate_settings import TICK
 from firmware_bridge.safety.gate_table import Reason
 from firmware_bridge.safety.unmoved import Unmoved, UnmovedOptions
 
-TICK = 0.02
-"""Period of the gate [s]: a lost input is noticed at most this much late, and stops are sent this
-often."""
 GIVE_UP = 2.0
 """How long after the ramp and the hold a board may take to obey the release [s]."""
 DEAD = LinkStatus(connected=False, heartbeat_stamp=-math.inf, pose_stamp=-math.inf, ready=False)

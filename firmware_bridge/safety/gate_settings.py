@@ -9,6 +9,10 @@ from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check
 from firmware_bridge.safety.limits import Limits
 
+TICK = 0.02
+"""Period of the gate [s]: a lost input is noticed at most this much late, and stops are sent this
+often."""
+
 
 @dataclass(frozen=True)
 class GateSettings:

@@ -11,7 +11,7 @@ from faulty_world import Desk
 from waiting import until
 from wire_decoders import odrive_speeds, roboclaw_speeds, vesc_erpm
 
-from firmware_bridge.cli.emulate import build_emulator
+from firmware_bridge.emulator.build import build_emulator
 from firmware_bridge.kinematics import WheelGeometry
 from firmware_bridge.link import Faults, open_transport
 from firmware_bridge.link.log import Chunk, RecordedTransport

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from courses import PATIENT
 
-from firmware_bridge.cli.emulate import build_emulator
+from firmware_bridge.emulator.build import build_emulator
 from firmware_bridge.robot_file import load_robot
 
 ROBOTS = Path(__file__).parents[2] / "docs" / "robots"

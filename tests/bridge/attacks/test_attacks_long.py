@@ -11,7 +11,7 @@ import pytest
 from firmware_bridge.attacks.floods import EVERYTHING, FLOODS
 from firmware_bridge.attacks.table import measure
 from firmware_bridge.attacks.trial import run
-from firmware_bridge.runtime.loop import TICK
+from firmware_bridge.safety.gate_settings import TICK
 
 SECONDS = float(os.environ.get("KMPC_ATTACK_SECONDS", "600"))
 pytestmark = pytest.mark.long

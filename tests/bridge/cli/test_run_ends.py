@@ -11,8 +11,8 @@ from courses import FAR, PATIENT
 from emulated_robots import emulated, robot_options, start_command
 from waiting import until
 
-from firmware_bridge.cli.emulate import build_emulator
 from firmware_bridge.cli.main import main
+from firmware_bridge.emulator.build import build_emulator
 from firmware_bridge.robot_file import load_robot
 
 LINK = "pty:link"

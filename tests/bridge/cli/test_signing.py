@@ -9,9 +9,9 @@ import pytest
 from courses import PATIENT
 from waiting import until
 
-from firmware_bridge.cli.emulate import build_emulator
 from firmware_bridge.cli.main import main
 from firmware_bridge.drivers.mavlink.signing import others_may_listen
+from firmware_bridge.emulator.build import build_emulator
 from firmware_bridge.robot_file import load_robot
 
 LINK = "pty:link"

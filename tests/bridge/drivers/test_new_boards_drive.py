@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from courses import COURSE, PATIENT
 
-from firmware_bridge.cli.emulate import build_emulator
 from firmware_bridge.cli.main import main
+from firmware_bridge.emulator.build import build_emulator
 from firmware_bridge.emulator.mocap import MocapSender
 from firmware_bridge.robot_file import load_robot
 

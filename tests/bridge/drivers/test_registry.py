@@ -6,10 +6,10 @@ import pytest
 
 from firmware_bridge.attacks.floods import MOTOR_BOARDS
 from firmware_bridge.attacks.robots import sections
-from firmware_bridge.cli.emulate import Emulator, build_emulator
 from firmware_bridge.cli.init import templates
 from firmware_bridge.drivers import Driver
 from firmware_bridge.drivers.boards import BOARDS, load
+from firmware_bridge.emulator.build import Emulator, build_emulator
 from firmware_bridge.link import open_transport
 from firmware_bridge.robot_file import DRIVERS, NOMINAL_LATENCY, TOPICS, load_robot
 from firmware_bridge.runtime.session import open_driver

@@ -164,8 +164,8 @@ class _Nobody:
 def test_a_whole_run_by_motion_capture(tmp_path, monkeypatch, capsys):
     import threading
 
-    from firmware_bridge.cli.emulate import build_emulator
     from firmware_bridge.cli.main import main
+    from firmware_bridge.emulator.build import build_emulator
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
