@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Self, TypedDict, Unpack
 
 from firmware_bridge.emulator.body import Body
-from firmware_bridge.emulator.server import line_speed, serve
 from firmware_bridge.kinematics import WheelGeometry
 from firmware_bridge.link import Transport
+from firmware_bridge.link.server import line_speed, serve
 from firmware_bridge.options import from_table
 
 MOTOR_LAG = 0.05

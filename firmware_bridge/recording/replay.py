@@ -8,9 +8,10 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from firmware_bridge.link.log import Chunk, play, read_link_log
+from firmware_bridge.link.server import serve
 from firmware_bridge.messages import ConfigError, LinkError, State
 from firmware_bridge.recording.durable import DurableFile
+from firmware_bridge.recording.link_log import Chunk, play, read_link_log
 from firmware_bridge.recording.recorder import (
     HEADER,
     REMARK,
@@ -136,8 +137,6 @@ def write_csv(path: Path, states: list[State], period: float) -> int:
 
 def serve_log(chunks: list[Chunk], url: str, speed: float) -> int:
     """Serve on a link what came from the board; gives the bytes that somebody took."""
-    from firmware_bridge.emulator.server import serve
-
     transport, written = serve(url), 0
     transport.start(lambda data, stamp: None)
     try:

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from firmware_bridge.link import Transport
-from firmware_bridge.link.log import Chunk, RecordedTransport, raw_log, tlog
 from firmware_bridge.recording.durable import DurableFile
+from firmware_bridge.recording.link_log import Chunk, RecordedTransport, raw_log, tlog
 from firmware_bridge.recording.recorder import CsvRecorder
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.observer import Observer

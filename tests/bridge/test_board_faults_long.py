@@ -14,9 +14,9 @@ from wire_decoders import odrive_speeds, roboclaw_speeds, vesc_erpm
 from firmware_bridge.emulator.build import build_emulator
 from firmware_bridge.kinematics import WheelGeometry
 from firmware_bridge.link import Faults, open_transport
-from firmware_bridge.link.log import Chunk, RecordedTransport
 from firmware_bridge.link.loopback import named_wire
 from firmware_bridge.messages import VelocityCommand
+from firmware_bridge.recording.link_log import Chunk, RecordedTransport
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.loop import ControlLoop

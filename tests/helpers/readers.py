@@ -29,8 +29,8 @@ from mutants import Mutator
 
 import kmpc_lite as kl
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from firmware_bridge.link.log import RAW_MAGIC, RAW_RECORD, TLOG_STAMP, read_link_log
 from firmware_bridge.messages import BridgeError
+from firmware_bridge.recording.link_log import RAW_MAGIC, RAW_RECORD, TLOG_STAMP, read_link_log
 from firmware_bridge.recording.recorder import HEADER
 from firmware_bridge.recording.replay import decode_tlog, inspect_csv
 from firmware_bridge.robot_file import load_robot

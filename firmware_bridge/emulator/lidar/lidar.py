@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from firmware_bridge.emulator.server import line_speed, serve
 from firmware_bridge.link import Transport
+from firmware_bridge.link.server import line_speed, serve
 from firmware_bridge.options import bounded, check
 from kmpc_lite.sim.lidar import World
 from kmpc_lite.types import Array

@@ -20,8 +20,8 @@ from firmware_bridge.emulator.rover.parameters import Parameters
 from firmware_bridge.emulator.rover.physics import RoverPhysics
 from firmware_bridge.emulator.rover.protocol import Protocol
 from firmware_bridge.emulator.rover.telemetry import Around, Telemetry
-from firmware_bridge.emulator.server import serve
 from firmware_bridge.link import Transport
+from firmware_bridge.link.server import serve
 
 log = logging.getLogger(__name__)
 

@@ -13,7 +13,7 @@ from firmware_bridge.messages import LinkError
 
 
 def test_replay_serves_a_log_to_whoever_listens(desk, capsys):
-    from firmware_bridge.link.log import Chunk, raw_log
+    from firmware_bridge.recording.link_log import Chunk, raw_log
 
     log = raw_log(Path("a.raw"))
     for k in range(20):

@@ -8,8 +8,8 @@ import pytest
 from link_ends import free_port
 from waiting import until
 
-from firmware_bridge.emulator.server import serve
 from firmware_bridge.link import open_transport
+from firmware_bridge.link.server import serve
 from firmware_bridge.link.tty import explain
 from firmware_bridge.messages import ConfigError, LinkError
 

@@ -10,8 +10,8 @@ import serial
 from link_ends import free_port
 from waiting import until
 
-from firmware_bridge.emulator.server import serve
 from firmware_bridge.link import open_transport
+from firmware_bridge.link.server import serve
 from firmware_bridge.link.threaded import QUEUE_FRAMES, ThreadedTransport
 from firmware_bridge.messages import LinkError
 

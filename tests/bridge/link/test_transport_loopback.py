@@ -6,8 +6,8 @@ import threading
 
 import pytest
 
-from firmware_bridge.emulator.server import serve
 from firmware_bridge.link import Faults, LoopbackWire, open_transport
+from firmware_bridge.link.server import serve
 from firmware_bridge.messages import ConfigError, LinkError
 
 FRAMES = [b"%03d" % i + bytes(range(7)) for i in range(300)]

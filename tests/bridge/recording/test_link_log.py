@@ -8,7 +8,8 @@ import pytest
 from robots import Clock
 
 from firmware_bridge.link import LoopbackWire
-from firmware_bridge.link.log import (
+from firmware_bridge.messages import ConfigError
+from firmware_bridge.recording.link_log import (
     LONGEST,
     RAW_MAGIC,
     Chunk,
@@ -18,7 +19,6 @@ from firmware_bridge.link.log import (
     read_link_log,
     tlog,
 )
-from firmware_bridge.messages import ConfigError
 
 
 def frame(k: int) -> bytes:
