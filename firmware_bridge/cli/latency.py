@@ -7,35 +7,35 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from firmware_bridge.cli.course import course
 from firmware_bridge.cli.emulated_board import SCENARIO, emulator, robot_text
-from firmware_bridge.drivers.boards import BOARDS
+from firmware_bridge.cli.latency_table import MEASURED, measure, progress_line, table
 from firmware_bridge.messages import BridgeError, ConfigError, LinkError
 from firmware_bridge.robot_file import Robot, load_robot
-from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.command import Command, UsageError
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import count, positive
 
 NARROW = "walls_door"
 """Where lateness shows: a door of 55 cm."""
-MEASURED = tuple(name for name, board in BOARDS.items() if board.encoders)
-"""Drivers whose latency can be measured: a board without encoders says nothing."""
-COLUMNS = (
-    "pose age when planning",
-    "controller",
-    "pose to command on the wire",
-    "command spacing, off by",
-    "gate period, late by",
-)
+SECONDS = 10.0
+"""Measuring time, for each row of the table or with and without browsers, by default [s]."""
+RATES = (10.0, 50.0)
+"""Rates of the table by default [Hz]."""
+READS = {
+    "live_clients": ("seconds",),
+    "stops": (),
+    "flood": (),
+    "busy": (),
+}
+"""Jobs that stand in the table's place, and which of the table's options they read."""
 LONG = 3600.0
 """Nothing is to end a drive that is measured before it has been [s]."""
-SHOWN = ("p50", "p99", "p99.9", "max")
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -45,15 +45,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--seconds",
         type=positive,
         metavar="S",
-        default=10.0,
-        help="measuring time for each row of the table [s] (default: 10)",
+        help="measuring time for each row of the table, or with and without browsers [s]\n"
+        f"(default: {SECONDS:g})",
     )
     add(
         "--drivers",
         nargs="+",
         choices=MEASURED,
         metavar="DRIVER",
-        default=list(MEASURED),
         help=f"drivers to measure (default: all): {', '.join(MEASURED)}",
     )
     add(
@@ -61,9 +60,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         type=positive,
         metavar="HZ",
-        default=[10.0, 50.0],
-        help="rates of plans and commands [Hz] (default: 10 50)",
+        help="rates of plans and commands [Hz] (default: "
+        f"{' '.join(f'{rate:g}' for rate in RATES)})",
     )
+    add = parser.add_mutually_exclusive_group().add_argument
     add(
         "--flood",
         nargs="*",
@@ -95,18 +95,27 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    """Do the job that is asked for: the table, or one of those in its place."""
+    job = next((name for name in READS if getattr(options, name) is not None), None)
+    if job is None:
+        return _table(options)
+    shared = [name for name in ("seconds", "drivers", "rates") if name not in READS[job]]
+    given = [f"--{name}" for name in shared if getattr(options, name) is not None]
+    if given:
+        who, them = f"--{job.replace('_', '-')}", "it" if len(given) == 1 else "them"
+        those = ", ".join(f"--{name}" for name in READS[job]) or "no others"
+        text = f"{', '.join(given)}: kmpc latency {who} does not read {them}; it reads {those}"
+        raise UsageError("kmpc latency", text)
+    jobs = {"live_clients": _watched, "stops": _stops, "flood": _flood, "busy": _busy}
+    return jobs[job](options)
+
+
+def _table(options: argparse.Namespace) -> int:
     """Measure and print the table."""
-    if options.live_clients is not None:
-        return _watched(options)
-    if options.stops is not None:
-        return _stops(options)
-    if options.flood is not None:
-        return _flood(options)
-    if options.busy is not None:
-        return _busy(options)
-    if "mavlink" in options.drivers:
+    drivers, rates = options.drivers or MEASURED, options.rates or RATES
+    if "mavlink" in drivers:
         need("the driver mavlink", "pymavlink")
-    seconds: float = options.seconds
+    seconds: float = options.seconds or SECONDS
 
     def drive(robot: Robot) -> dict[str, Any]:
         from firmware_bridge.runtime.drive import run as drive_robot
@@ -115,7 +124,7 @@ def run(options: argparse.Namespace) -> int:
         job = course(there, seconds, seconds)
         return drive_robot(job.robot, job.navigator, job.period, job.origin, None, None)[0]
 
-    rows = measure(options.drivers, options.rates, drive, None if options.json else sys.stderr)
+    rows = measure(drivers, rates, drive, None if options.json else sys.stderr)
     print(json.dumps(rows) if options.json else table(rows))
     return 0
 
@@ -160,7 +169,7 @@ def _watched(options: argparse.Namespace) -> int:
         file.write_text(robot_text("roboclaw", folder, 0.1))
         robot = load_robot(file)
         robot = replace(robot, control=replace(robot.control, scenario=SCENARIO))
-        turns = Turns(options.live_clients, options.seconds, folder)
+        turns = Turns(options.live_clients, options.seconds or SECONDS, folder)
         showing = Showing(Views(LiveAddress(port=0), None), folder / "estop")
         job = course(robot, LONG, LONG, showing.saw)
         showing.job = job
@@ -206,82 +215,6 @@ def _busy(options: argparse.Namespace) -> int:
         say("")
     print(json.dumps(rows) if options.json else busy.told(rows))
     return 0
-
-
-def progress_line(stream: TextIO | None) -> Callable[[str], None]:
-    """Shows what is under way in one line of a terminal, nothing elsewhere."""
-
-    def say(text: str) -> None:
-        if stream is not None and stream.isatty():
-            stream.write(f"\r\x1b[2K{text}")
-            stream.flush()
-
-    return say
-
-
-def measure(
-    drivers: Sequence[str],
-    rates: Sequence[float],
-    drive: Callable[[Robot], dict[str, Any]],
-    progress: TextIO | None,
-) -> list[dict[str, Any]]:
-    """Drive each board at each rate; gives a row of times [ms] each.
-
-    Parameters
-    ----------
-    drivers : sequence of str
-        Which boards.
-    rates : sequence of float
-        Of plans and commands [Hz].
-    drive : callable
-        Drives a robot and gives the report of the run.
-    progress : text stream, optional
-        Where to say what is under way.
-    """
-    rows, say = [], progress_line(progress)
-    for driver in drivers:
-        for rate in rates:
-            with tempfile.TemporaryDirectory(prefix="kmpc-bridge-") as name:
-                folder = Path(name)
-                file = folder / "robot.toml"
-                file.write_text(robot_text(driver, folder, 1.0 / rate))
-                say(f"{driver} at {rate:g} Hz ...")
-                with emulator(file, folder / driver):
-                    report = drive(load_robot(file))
-            loop = report["loop"]
-            rows.append(
-                {
-                    "driver": driver,
-                    "rate_hz": rate,
-                    "outcome": report["outcome"],
-                    "commands": loop["commands_sent"],
-                    "skipped": loop["ticks_skipped"],
-                    "times_ms": {column: loop["times_ms"][column] for column in COLUMNS},
-                }
-            )
-    say("")
-    return rows
-
-
-def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Render the rows for people."""
-    width = 8 * len(SHOWN)
-    head = f"{'[ms]':<10}{'Hz':>4}{'sent':>7}" + "".join(
-        f"  {column:>{width}}" for column in COLUMNS
-    )
-    lines = [
-        head,
-        " " * 21 + "".join("  " + "".join(f"{name:>8}" for name in SHOWN) for _ in COLUMNS),
-    ]
-    for row in rows:
-        line = f"{row['driver']:<10}{row['rate_hz']:>4g}{row['commands']:>7}"
-        for column in COLUMNS:
-            times = row["times_ms"][column]
-            line += "  " + "".join(
-                f"{'-' if times[name] is None else format(times[name], '.2f'):>8}" for name in SHOWN
-            )
-        lines.append(line)
-    return "\n".join(lines)
 
 
 COMMAND = Command(

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from firmware_bridge.cli.emulated_board import robot_text
-from firmware_bridge.cli.latency import MEASURED, table
+from firmware_bridge.cli.latency_table import MEASURED, table
 from firmware_bridge.cli.main import main
 from firmware_bridge.link import open_transport
 from firmware_bridge.robot_file import load_robot
@@ -21,6 +21,36 @@ def test_the_robots_of_the_latency_table_can_be_built(desk, driver):
         robot.link.driver == driver and robot.control.period == robot.control.command_period == 0.02
     )
     open_driver(robot, open_transport(robot.link.url)).close()
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (["--flood", "--drivers", "vesc"], "--drivers: kmpc latency --flood does not read it"),
+        (["--flood", "pose", "--rates", "50"], "--rates: kmpc latency --flood does not read it"),
+        (
+            ["--busy", "2", "--seconds", "10"],
+            "--busy does not read it; it reads no others",
+        ),
+        (
+            ["--stops", "2", "--seconds", "3", "--rates", "9"],
+            "--seconds, --rates: kmpc latency --stops",
+        ),
+        (
+            ["--live-clients", "5", "--rates", "10"],
+            "does not read it; it reads --seconds",
+        ),
+        (["--flood", "--stops", "2"], "argument --stops: not allowed with argument --flood"),
+        (["--busy", "2", "--live-clients", "5"], "--live-clients: not allowed with argument --b"),
+    ],
+)
+def test_what_a_job_does_not_read_is_refused_with_one_line(capsys, given, words):
+    try:
+        status = main(["latency", *given])
+    except SystemExit as ended:
+        status = ended.code
+    told = capsys.readouterr().err
+    assert status == 2 and words in told and told.count("\n") == 1
 
 
 @pytest.mark.long
