@@ -68,7 +68,7 @@ def course(
     import numpy as np
 
     import kmpc_lite as kl
-    from firmware_bridge.runtime.navigator import Navigator, Task
+    from firmware_bridge.runtime.navigator import Moment, Navigator, Planned, Pose, Task
     from kmpc_lite.sim import Scenario
     from kmpc_lite.sim.closed_loop import obstacle_gaps
 
@@ -91,18 +91,17 @@ def course(
         raise ConfigError(f"{robot.where}: control.map: false needs a [lidar] (--lidar NAME)")
     watchers = [] if watch is None else [watch]
 
-    def step(pose: tuple[float, float, float], circles: Any) -> tuple[float, float, str]:
-        navigator.reason = ""
-        if sees and navigator.scan is None:
-            return 0.0, 0.0, "NO_SCAN"
+    def step(pose: Pose, circles: Any, moment: Moment) -> Planned:
+        if sees and moment.scan is None:
+            return Planned(0.0, 0.0, "NO_SCAN")
         obstacles = [*circles, *solids] if solids else circles
         if sees:
-            obstacles = [*(obstacles if told else ()), laser_scan(navigator.scan)]
-        plan = controller.step(pose, scenario.goal, obstacles, sent=navigator.held() or UNKNOWN)
-        navigator.reason = plan.reason
+            obstacles = [*(obstacles if told else ()), laser_scan(moment.scan)]
+        plan = controller.step(pose, scenario.goal, obstacles, sent=moment.held or UNKNOWN)
         for saw in watchers:
             saw(pose, plan)
-        return float(plan.command[0]), float(plan.command[1]), plan.status.name
+        v, omega = map(float, plan.command)
+        return Planned(v, omega, plan.status.name, plan.reason)
 
     task = Task(
         scenario.goal,

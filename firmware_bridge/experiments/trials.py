@@ -14,7 +14,7 @@ from firmware_bridge.experiments.batch import BatchDrive, Setup
 from firmware_bridge.experiments.wire import ManualClock
 from firmware_bridge.messages import State, VelocityCommand
 from firmware_bridge.runtime.controller_thread import Predict, unicycle_arc
-from firmware_bridge.runtime.navigator import Navigator, Task
+from firmware_bridge.runtime.navigator import Moment, Navigator, Planned, Task
 from firmware_bridge.safety.gate_settings import TICK
 from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.sim import Outcome, Run, Scenario
@@ -142,14 +142,15 @@ def drive_trial(contender: Contender, scenario: Scenario, setup: Setup, seed: in
     circles = scenario.circles_at(0.0)
     plans: list[Any] = []
 
-    def step(pose: tuple[float, float, float], around: Any) -> tuple[float, float, str]:
+    def step(pose: tuple[float, float, float], around: Any, moment: Moment) -> Planned:
         told = {}
         if isinstance(controller, kl.Controller):
-            told["sent"] = navigator.held() or (math.nan, math.nan)
+            told["sent"] = moment.held or (math.nan, math.nan)
         plan = controller.step(pose, scenario.goal, around, **told)
-        if drive.driving:
+        if moment.driving:
             plans.append(plan)
-        return float(plan.command[0]), float(plan.command[1]), plan.status.name
+        v, omega = map(float, plan.command)
+        return Planned(v, omega, plan.status.name)
 
     task = Task(
         scenario.goal,
@@ -161,10 +162,9 @@ def drive_trial(contender: Contender, scenario: Scenario, setup: Setup, seed: in
     navigator = Navigator(step, task, contender.seconds, scenario.timeout, clock)
 
     def planner(state: State) -> VelocityCommand:
-        return navigator(state)
+        return navigator(state, Moment(drive.driving, drive.planner.held))
 
     drive = BatchDrive(twin, planner, setup, clock, seed, predict=carry_with(contender.model))
-    navigator.is_driving, navigator.held = lambda: drive.driving, lambda: drive.planner.held
     gaps: list[float] = []
 
     def gap() -> float:

@@ -8,9 +8,10 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any, Protocol, TextIO
 
+from firmware_bridge.messages import State, VelocityCommand
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.drive_logs import Recorder
-from firmware_bridge.runtime.navigator import Navigator
+from firmware_bridge.runtime.navigator import Moment, Navigator
 from firmware_bridge.runtime.observer import Observer
 from firmware_bridge.runtime.session import STOPS, Session
 from firmware_bridge.runtime.timing import table
@@ -73,9 +74,13 @@ def run(
     examiner : Examiner, optional
         Looks on, and may have the robot stopped.
     """
+
+    def plan(state: State) -> VelocityCommand:
+        return navigator(state, _moment(session, state))
+
     with Session(
         robot,
-        navigator,
+        plan,
         period,
         origin=origin,
         output=None if output is None else Path(output),
@@ -84,10 +89,6 @@ def run(
         record=recorder,
     ) as session:
         sys.stderr.write("".join(f"kmpc: {note}\n" for note in notes))
-        navigator.is_driving = lambda: session.gate.state is GateState.ACTIVE
-        navigator.held = lambda: session.planner.held
-        if session.sight is not None:
-            navigator.see = session.sight.look
 
         def finished() -> bool:
             if examiner is not None and examiner.trouble and not session.loop.stop_reason:
@@ -117,6 +118,12 @@ def run(
     if navigator.arrived and not navigator.touched and not trouble:
         return report, DONE
     return report, INTERRUPTED if interrupted else NOT_DONE
+
+
+def _moment(session: Session, state: State) -> Moment:
+    """What the session knows now, for a plan from this pose."""
+    scan = None if session.sight is None else session.sight.look(state)
+    return Moment(session.gate.state is GateState.ACTIVE, session.planner.held, scan)
 
 
 def _outcome(navigator: Navigator, stop: str) -> str:

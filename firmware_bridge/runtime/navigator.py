@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from firmware_bridge.messages import State, VelocityCommand
 
@@ -19,8 +19,34 @@ STANDING = 1.0
 [s]: it would leave its goal again while it brakes."""
 Circles = Any
 """Rows x, y, radius [m], and what else the planner takes: an array or a list of lists."""
-Step = Callable[[Pose, Circles], tuple[float, float, str]]
-"""Pose and obstacles -> v [m/s], omega [rad/s] and a word on how the plan came about."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What a session knows at the time of a plan, beside the pose."""
+
+    driving: bool = False
+    """Whether commands pass the gate."""
+    held: tuple[float, float] | None = None
+    """Mean command on the wire since the last plan [m/s, rad/s]; None where it is not known."""
+    scan: Any = None
+    """What the lidar sees from the pose; None without one, or before its first turn."""
+
+
+class Planned(NamedTuple):
+    """What a planner answers."""
+
+    v: float
+    """[m/s]"""
+    omega: float
+    """[rad/s]"""
+    status: str
+    """A word on how the plan came about."""
+    reason: str = ""
+    """Why it does not drive to the goal, in words; empty where it does."""
+
+
+Step = Callable[[Pose, Circles, Moment], Planned]
 
 
 @dataclass(frozen=True)
@@ -79,14 +105,8 @@ class Navigator:
             seconds,
             clock,
         )
-        self.is_driving: Callable[[], bool] = lambda: False
-        """Whether commands pass; set once there is a gate."""
-        self.held: Callable[[], tuple[float, float] | None] = lambda: None
-        """Mean command on the wire since the last plan; set once there is a planner."""
-        self.see: Callable[[State], Any] = lambda state: None
-        """What the lidar sees from a pose; set once there is one."""
         self.scan: Any = None
-        """What it saw last, for the planner."""
+        """What the lidar saw at the time of the last plan."""
         self.reason = ""
         """Why the last plan is none that drives to the goal, in words, where its planner says."""
         self._wait = seconds if wait is None else wait
@@ -102,20 +122,20 @@ class Navigator:
         pose."""
         self.statuses: Counter[str] = Counter()
 
-    def __call__(self, state: State) -> VelocityCommand:
+    def __call__(self, state: State, moment: Moment) -> VelocityCommand:
         """Plan from a pose."""
         now = self._clock()
-        if self._began is None and self.is_driving():
+        if self._began is None and moment.driving:
             self._began = now
         circles = self._task.circles_at(self.elapsed(now))
         if self._began is not None:
             self._judge(state, circles, now)
-        self.scan = self.see(state)
-        v, omega, status = self._step((state.x, state.y, state.theta), circles)
-        self._wanted = (v, omega)
+        self.scan = moment.scan
+        planned = self._step((state.x, state.y, state.theta), circles, moment)
+        self._wanted, self.reason = (planned.v, planned.omega), planned.reason
         if self._began is not None:
-            self.statuses[status] += 1
-        return VelocityCommand(v, omega, self._clock())
+            self.statuses[planned.status] += 1
+        return VelocityCommand(planned.v, planned.omega, self._clock())
 
     def elapsed(self, now: float) -> float:
         """Time since the beginning [s]."""

@@ -6,7 +6,7 @@ import pytest
 from robots import Clock
 
 from firmware_bridge.messages import State
-from firmware_bridge.runtime.navigator import Navigator, Task
+from firmware_bridge.runtime.navigator import Moment, Navigator, Planned, Task
 
 
 def navigator(
@@ -14,26 +14,23 @@ def navigator(
 ):
     task = Task((1.0, 0.0, 0.0), 0.05, 0.1, 0.2, lambda t: list(circles), gap_at)
 
-    def step(pose, circles):
-        return (*(command(pose) if callable(command) else command), "SOLVED")
+    def step(pose, circles, moment):
+        return Planned(*(command(pose) if callable(command) else command), "SOLVED")
 
-    made = Navigator(step, task, settle, seconds, clock, wait)
-    made.is_driving = lambda: True
-    return made
+    return Navigator(step, task, settle, seconds, clock, wait)
 
 
-def at(made, clock, x, y=0.0, theta=0.0, after=0.1):
+def at(made, clock, x, y=0.0, theta=0.0, after=0.1, driving=True):
     clock.now += after
-    made(State(x, y, theta, 0.0, 0.0, clock()))
+    made(State(x, y, theta, 0.0, 0.0, clock()), Moment(driving))
 
 
 def test_a_vehicle_that_is_never_given_ends_the_run():
     """The run waited for ever: the time counted from the first command only."""
     clock = Clock()
     made = navigator(clock)
-    made.is_driving = lambda: False
     assert not made.finished()
-    at(made, clock, 0.0, after=19.0)
+    at(made, clock, 0.0, after=19.0, driving=False)
     assert not made.finished()
     clock.now += 2.0
     assert made.finished()
@@ -43,11 +40,9 @@ def test_a_vehicle_that_is_never_given_ends_the_run():
 def test_wait_is_counted_apart_from_the_drive():
     clock = Clock()
     made = navigator(clock, wait=60.0, seconds=5.0)
-    made.is_driving = lambda: False
     assert not made.finished()
-    at(made, clock, 0.0, after=50.0)
+    at(made, clock, 0.0, after=50.0, driving=False)
     assert not made.finished()
-    made.is_driving = lambda: True
     at(made, clock, 0.0)
     at(made, clock, 0.1, after=4.0)
     assert not made.finished()
@@ -114,3 +109,20 @@ def test_a_robot_that_stops_at_its_goal_has_arrived_from_then_on():
     assert finished
     assert made.arrived
     assert made.arrived_after == pytest.approx(0.4)  # at 1.01: the command before was the first 0
+
+
+def test_the_planner_is_told_the_moment_and_its_scan_is_kept_for_who_looks_on():
+    told = []
+    task = Task((1.0, 0.0, 0.0), 0.05, 0.1, 0.2, lambda t: [])
+
+    def step(pose, circles, moment):
+        told.append(moment)
+        return Planned(0.1, 0.0, "SOLVED", "its way is barred" if moment.scan else "")
+
+    made = Navigator(step, task, 0.5, 20.0, Clock())
+    moments = [Moment(True, (0.2, 0.1), "scan"), Moment(True)]
+    for moment in moments:
+        made(State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), moment)
+        assert made.scan is moment.scan
+        assert made.reason == ("its way is barred" if moment.scan else "")
+    assert told == moments
