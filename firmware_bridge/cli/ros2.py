@@ -140,13 +140,13 @@ def run(options: argparse.Namespace) -> int:
     from firmware_bridge.ros2.drive import Errand
     from firmware_bridge.ros2.drive import run as drive
     from firmware_bridge.ros2.driver import Ros2Driver
-    from firmware_bridge.ros2.inputs import Goal
+    from firmware_bridge.ros2.inputs import Goal, Inputs
     from firmware_bridge.ros2.navigator import GoalNavigator
     from firmware_bridge.ros2.node import ROUTER
 
     emulated = _emulated(options)
     node, robot = node_options(options, options.name, ROUTER), _robot(options)
-    driver = Ros2Driver(node, _ros2_options(options, node.root))
+    listened = _ros2_options(options, node.root)
     try:
         drawn = None if emulated is None else emulated.footprint
         robot, controller, notes = _controller(robot, options.radius, drawn)
@@ -154,7 +154,9 @@ def run(options: argparse.Namespace) -> int:
         raise ConfigError(f"{robot.where}: {error}") from error
     prepare(options)
     controller.step((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))  # the first step loads what it needs
-    navigator = GoalNavigator(controller, driver.inputs, options.settle)
+    inputs = Inputs(listened)
+    navigator = GoalNavigator(controller, inputs, options.settle)
+    driver = Ros2Driver(node, listened, inputs, lambda: navigator.goal is not None)
     period = robot.control.period or controller.problem.dt
     job = Driven(controller, navigator, navigator.watchers)
     with ExitStack() as stack:

@@ -9,17 +9,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
-from firmware_bridge.messages import State
+from firmware_bridge.messages import State, VelocityCommand
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.ros2.driver import Ros2Driver
-from firmware_bridge.ros2.inputs import Goal
+from firmware_bridge.ros2.inputs import Goal, Inputs
 from firmware_bridge.ros2.navigator import GoalNavigator
 from firmware_bridge.ros2.telling import Telling
 from firmware_bridge.runtime.drive import DONE, INTERRUPTED, NOT_DONE, SIGNALS
 from firmware_bridge.runtime.drive_logs import Recorder
 from firmware_bridge.runtime.session import Session
 from firmware_bridge.runtime.timing import table
-from firmware_bridge.safety.gate import GateOutput, SafetyGate
+from firmware_bridge.safety.gate import GateOutput
 from firmware_bridge.safety.gate_table import GateState
 
 
@@ -47,23 +47,28 @@ class Enabler:
     """Enables the robot again when somebody sends a goal after it was given back.
 
     A goal is as deliberate as the word of an operator; it never resets an emergency stop.
+
+    Parameters
+    ----------
+    inputs : Inputs
+        Count the goals.
+    enable : callable
+        Enables the gate.
     """
 
-    def __init__(self, driver: Ros2Driver) -> None:
-        self._inputs = driver.inputs
-        self.gate: SafetyGate | None = None
-        """Set once there is one."""
-        self._seen = self._inputs.goals
+    def __init__(self, inputs: Inputs, enable: Callable[[], None]) -> None:
+        self._inputs, self._enable = inputs, enable
+        self._seen = inputs.goals
 
     def on_tick(
         self, now: float, state: State | None, output: GateOutput, sent: bool, fresh: bool
     ) -> None:
         """Look for a new goal."""
-        if self._inputs.goals == self._seen or self.gate is None:
+        if self._inputs.goals == self._seen:
             return
         self._seen = self._inputs.goals
         if output.state in (GateState.RELEASED, GateState.IDLE):
-            self.gate.enable()
+            self._enable()
 
 
 def run(
@@ -88,24 +93,25 @@ def run(
     out : text stream, optional
         For people; nothing is written where not given.
     """
-    enabler = Enabler(driver)
+
+    def controller(state: State) -> VelocityCommand:
+        return navigator(state, session.planner.held)
+
     with Session(
         robot,
-        navigator,
+        controller,
         errand.period,
         output=None if errand.record is None else Path(errand.record),
         out=out,
         driver=driver,
-        observers=(enabler,),
+        observers=(Enabler(driver.inputs, lambda: session.gate.enable()),),
+        warnings=lambda: telling.warnings(),
         record=None if errand.record is None else errand.recorder,
     ) as session:
-        enabler.gate, navigator.held = session.gate, lambda: session.planner.held
-        driver.is_wanted = lambda: navigator.goal is not None
         sys.stderr.write("".join(f"kmpc: {note}\n" for note in errand.notes))
         if errand.goal is not None:
-            driver.inputs.goal, driver.inputs.goals = errand.goal, 1
+            driver.inputs.drive_to(errand.goal)
         telling = Telling(driver, navigator, session.loop, errand.radius)
-        driver.more_warnings = telling.warnings
         began = time.monotonic()
         why: list[str] = []
 
@@ -124,12 +130,11 @@ def run(
         finally:
             telling.stop()
         interrupted = session.loop.stop_reason in SIGNALS
-        now = time.monotonic()
         report = {
             "outcome": _outcome(navigator, errand, session.loop.stop_reason, interrupted),
             "goals_reached": navigator.reached,
             "goals_begun": navigator.started,
-            "clock_offset_s": driver.inputs.clock_offset(now),
+            "clock_offset_s": driver.inputs.clock_offset(time.monotonic()),
             "statuses": dict(navigator.statuses),
             "why": [] if navigator.reached == navigator.started > 0 else why or session.why(),
             **session.report(),

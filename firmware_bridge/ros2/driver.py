@@ -31,6 +31,10 @@ class Ros2Driver:
         Which node, and where its network is.
     options : Ros2Options
         What it listens to.
+    inputs : Inputs, optional
+        Take what it hears; its own where not given.
+    is_wanted : callable, optional
+        Whether there is a goal: without one, others may command the robot.
     clock : callable
         Monotonic time [s].
     """
@@ -39,15 +43,14 @@ class Ros2Driver:
         self,
         node: NodeOptions,
         options: Ros2Options,
+        inputs: Inputs | None = None,
+        is_wanted: Callable[[], bool] = lambda: True,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.node, self.options, self._clock = Node(node), options, clock
-        self.inputs = Inputs(options)
+        self.inputs = Inputs(options) if inputs is None else inputs
         self.outputs = Outputs(self.node.types, options.frame)
-        self.is_wanted: Callable[[], bool] = lambda: True
-        """Whether there is a goal: without one, others may command the robot."""
-        self.more_warnings: Callable[[], tuple[str, ...]] = tuple
-        """What others found that a user should know; set once they look."""
+        self._is_wanted = is_wanted
         self._commands: Publisher | None = None
         self.subscriptions: list[tuple[Subscription, Source]] = []
         """With who takes their messages."""
@@ -92,7 +95,7 @@ class Ros2Driver:
         if not (math.isfinite(v) and math.isfinite(omega)):
             raise ValueError(f"expected finite speeds, got {v} and {omega}")
         now = self._clock()
-        if v or omega or self.is_wanted():
+        if v or omega or self._is_wanted():
             self._idle_since = now
         if now - self._idle_since <= QUIET:
             self._publish(v, omega, now)
@@ -158,8 +161,7 @@ class Ros2Driver:
         """What a user should know once."""
         errors = [s.last_error for s, _ in self.subscriptions if s.malformed == s.received > 0]
         errors += [reader.last_error for reader in self.readers if reader.errors]
-        told = (*errors, self.inputs.refused_goal, *self.more_warnings())
-        return tuple(text for text in told if text)
+        return tuple(text for text in (*errors, self.inputs.refused_goal) if text)
 
     def close(self) -> None:
         """Leave the network; idempotent."""

@@ -118,7 +118,11 @@ class Inputs:
             return
         at = planar(found @ matrix)
         self.refused_goal = ""
-        self.goal, self.goals = Goal(at.x, at.y, at.theta), self.goals + 1
+        self.drive_to(Goal(at.x, at.y, at.theta))
+
+    def drive_to(self, goal: Goal) -> None:
+        """Take a goal, of whomever."""
+        self.goal, self.goals = goal, self.goals + 1
 
     def build(self, now: float) -> None:
         """Make grids of new maps."""

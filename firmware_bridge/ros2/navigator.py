@@ -48,8 +48,6 @@ class GoalNavigator:
             settle,
             clock,
         )
-        self.held: Callable[[], tuple[float, float] | None] = lambda: None
-        """Mean command on the wire since the last plan; set once there is a planner."""
         self.goal: Goal | None = None
         self.plan: Plan | None = None
         """Newest, while there is a goal."""
@@ -66,8 +64,12 @@ class GoalNavigator:
         self.statuses: Counter[str] = Counter()
         self._holding_since: float | None = None
 
-    def __call__(self, state: State) -> VelocityCommand:
-        """Plan from a pose."""
+    def __call__(self, state: State, held: tuple[float, float] | None) -> VelocityCommand:
+        """Plan from a pose.
+
+        `held` is the mean command on the wire since the last plan [m/s, rad/s], None where it is
+        not known.
+        """
         now = self._clock()
         self._take_goal()
         goal = self.goal
@@ -79,7 +81,7 @@ class GoalNavigator:
             self.plan, self.said = None, "waits for obstacles"
             return VelocityCommand(0.0, 0.0, now)
         place = (state.x, state.y, state.theta)
-        plan = self._controller.step(place, goal, obstacles, sent=self.held() or UNKNOWN)
+        plan = self._controller.step(place, goal, obstacles, sent=held or UNKNOWN)
         self.plan, self.obstacles = plan, obstacles
         for saw in self.watchers:
             saw(place, plan)

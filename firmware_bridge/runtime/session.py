@@ -90,6 +90,8 @@ class Session:
         Gives more lines for the terminal's picture.
     record : callable, optional
         Makes another recorder of this session, to a path without an ending.
+    warnings : callable
+        Gives what a user should be told once, beside what the driver has to say.
     driver : Driver, optional
         Not yet connected, for a robot without a link of bytes; the robot file's where not given.
 
@@ -111,6 +113,7 @@ class Session:
         out: TextIO | None = None,
         observers: tuple[Observer, ...] = (),
         more: Callable[[], list[str]] = list,
+        warnings: Callable[[], tuple[str, ...]] = tuple,
         record: Callable[[Session, Path], Recorder] | None = None,
         driver: Driver | None = None,
     ) -> None:
@@ -119,6 +122,7 @@ class Session:
         self._origin = origin if robot.origin is None else robot.origin
         self._controller, self._period = controller, period
         self._observers, self._more, self._given = observers, more, driver
+        self._warnings = warnings
         self._recorder = None if record is None else partial(record, self)
         self.logs = DriveLogs(output)
         self._handlers: dict[int, Any] = {}
@@ -257,7 +261,7 @@ class Session:
         """Lines that a terminal shows once."""
         warnings: Callable[[], tuple[str, ...]] = getattr(self._inner, "warnings", tuple)
         words = (f"autopilot: {text}" for text in self.words())
-        return [*self.problems(), *warnings(), *words, *self.refused()]
+        return [*self.problems(), *warnings(), *self._warnings(), *words, *self.refused()]
 
     def refused(self) -> list[str]:
         """What a ground station sent last that was not passed on, in words."""

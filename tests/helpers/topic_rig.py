@@ -69,7 +69,10 @@ class TopicRig:
         topics = read_topics(left_out, "/")
         given = {"stamped": robot.stamped, "simulated_time": robot.simulated_time, **options}
         self.driver = Ros2Driver(
-            NodeOptions(connect=(self.endpoint,)), Ros2Options(topics=topics, **given), clock
+            NodeOptions(connect=(self.endpoint,)),
+            Ros2Options(topics=topics, **given),
+            is_wanted=lambda: self.navigator.goal is not None,
+            clock=clock,
         )
         self.driver.connect(PATIENCE, read=False)
         limits = Limits(v_max=v_max, v_reverse=v_max)
@@ -80,15 +83,13 @@ class TopicRig:
         model = kl.nominal_unicycle(PERIOD)
         controller = kl.Controller(model, problem, adaptation=False)
         self.navigator = GoalNavigator(controller, self.driver.inputs, 0.2, clock)
-        self.planner = Planner(self.navigator, self.driver.state, PERIOD, 0.1, clock=clock)
+        controller = lambda state: self.navigator(state, self.planner.held)  # noqa: E731
+        self.planner = Planner(controller, self.driver.state, PERIOD, 0.1, clock=clock)
         self.gate = SafetyGate(settings, 1.3 * PERIOD)
-        enabler = Enabler(self.driver)
-        enabler.gate = self.gate
+        enabler = Enabler(self.driver.inputs, self.gate.enable)
         self.loop = ControlLoop(
             self.driver, self.gate, self.planner, observers=(enabler,), clock=clock
         )
-        self.navigator.held = lambda: self.planner.held
-        self.driver.is_wanted = lambda: self.navigator.goal is not None
         self.gate.enable()
         self.ticks = 0
         self.alive = True
@@ -104,8 +105,7 @@ class TopicRig:
 
     def drive_to(self, goal: tuple[float, float, float]) -> None:
         """Give a goal as if its message had come."""
-        self.driver.inputs.goal = Goal(*goal)
-        self.driver.inputs.goals += 1
+        self.driver.inputs.drive_to(Goal(*goal))
 
     def kill(self) -> None:
         """The robot, its sensors and the router are gone from one moment to the next."""
