@@ -23,6 +23,7 @@ from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.gate_table import Reason
 from firmware_bridge.safety.latch import is_latched
 from firmware_bridge.safety.places import default_socket
+from firmware_bridge.sensors.sensor_driver import autopilot_of
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import paint
@@ -177,9 +178,9 @@ def _telemetry(driver: Driver, robot: Robot, seconds: float) -> list[Finding]:
         )
     )
     found += [Finding(False, f"board: {fault}") for fault in status.faults]
-    notes = getattr(driver, "notes", None)
-    found += [Finding(True, f"note: {note}") for note in (notes() if notes is not None else ())]
-    return found
+    autopilot = autopilot_of(driver)
+    notes = () if autopilot is None else autopilot.notes()
+    return found + [Finding(True, f"note: {note}") for note in notes]
 
 
 def _sight(driver: Any, robot: Robot, seconds: float) -> list[Finding]:
@@ -215,13 +216,12 @@ def _judgement(driver: Driver, robot: Robot) -> list[Finding]:
 
 def _prearm(driver: Driver) -> tuple[str, ...]:
     """Ask an autopilot that is not armed what keeps it from arming, in its own words."""
-    ask_prearm = getattr(driver, "ask_prearm", None)
-    if ask_prearm is None or driver.health().armed:
+    autopilot = autopilot_of(driver)
+    if autopilot is None or autopilot.health().armed:
         return ()
-    ask_prearm()
+    autopilot.ask_prearm()
     time.sleep(PREARM)
-    refusals: tuple[str, ...] = getattr(driver, "refusals")()  # noqa: B009
-    return refusals
+    return autopilot.refusals()
 
 
 COMMAND = Command(

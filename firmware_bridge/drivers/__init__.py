@@ -5,9 +5,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from firmware_bridge.messages import LinkStatus, State
+
+if TYPE_CHECKING:
+    from firmware_bridge.sensors.lidar.lidar import Lidar
 
 
 class Driver(Protocol):
@@ -42,4 +45,43 @@ class Driver(Protocol):
 
     def close(self) -> None:
         """Close the link; idempotent."""
+        ...
+
+
+@runtime_checkable
+class Autopilot(Driver, Protocol):
+    """A driver of a board that decides whom it obeys, estimates its pose, and says why it does not.
+
+    `firmware_bridge.sensors.sensor_driver.autopilot_of` finds it beneath sensors.
+    """
+
+    sectors: Lidar | None
+    """Its own distance sensors, where they were asked for."""
+
+    def take(self) -> None:
+        """Ask for control, again where it was lost or given back."""
+        ...
+
+    def confirm_frame(self) -> None:
+        """Trust the vehicle's frame again, after somebody has checked it on the map."""
+        ...
+
+    def feed_pose(self, x: float, y: float, theta: float, stamp: float) -> None:
+        """Pass on a pose from outside: ENU [m, m, rad] at `time.monotonic()` [s]."""
+        ...
+
+    def ask_prearm(self) -> None:
+        """Ask what keeps it from arming: `refusals` then tells."""
+        ...
+
+    def refusals(self) -> tuple[str, ...]:
+        """Why it would not arm, in its own words, as far as it has said."""
+        ...
+
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should know while the robot drives."""
+        ...
+
+    def notes(self) -> tuple[str, ...]:
+        """Remarks that stop no robot."""
         ...

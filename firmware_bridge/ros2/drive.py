@@ -105,7 +105,7 @@ def run(
         out=out,
         driver=driver,
         observers=(Enabler(driver.inputs, lambda: session.gate.enable()),),
-        warnings=lambda: telling.warnings(),
+        warnings=lambda: (*driver.warnings(), *telling.warnings()),
         record=None if errand.record is None else errand.recorder,
     ) as session:
         sys.stderr.write("".join(f"kmpc: {note}\n" for note in errand.notes))

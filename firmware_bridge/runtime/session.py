@@ -12,7 +12,7 @@ from pathlib import Path
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Self, TextIO
 
-from firmware_bridge.drivers import Driver
+from firmware_bridge.drivers import Autopilot, Driver
 from firmware_bridge.drivers.boards import BOARDS, load
 from firmware_bridge.link import Transport, open_transport
 from firmware_bridge.link.shared import SharedTransport
@@ -30,6 +30,7 @@ from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.places import default_socket
 from firmware_bridge.sensors.placed import PlacedDriver
 from firmware_bridge.sensors.pose import PosedDriver
+from firmware_bridge.sensors.sensor_driver import autopilot_of
 
 if TYPE_CHECKING:
     from firmware_bridge.sensors.sight import Sight
@@ -57,12 +58,22 @@ def open_driver(robot: Robot, transport: Transport) -> Driver:
     except ConfigError as error:
         raise ConfigError(f"{robot.where}: {error}") from None
     if robot.link.pose is not None:
-        driver = PosedDriver(driver, robot.link.pose, getattr(driver, "feed_pose", None))
+        feed = driver.feed_pose if isinstance(driver, Autopilot) else None
+        driver = PosedDriver(driver, robot.link.pose, feed)
     if robot.lidar is None:
         return driver
     from firmware_bridge.sensors.sighted import with_lidar  # NumPy only for robots that see
 
     return with_lidar(driver, robot.lidar)
+
+
+def sight_of(robot: Robot, driver: Driver) -> Sight | None:
+    """What a robot's lidar sees; None for a robot without one."""
+    if robot.lidar is None:
+        return None
+    from firmware_bridge.sensors.sighted import SightedDriver
+
+    return driver.sight if isinstance(driver, SightedDriver) else None
 
 
 class Session:
@@ -91,7 +102,7 @@ class Session:
     record : callable, optional
         Makes another recorder of this session, to a path without an ending.
     warnings : callable
-        Gives what a user should be told once, beside what the driver has to say.
+        Gives what a user should be told once, beside what an autopilot has to say.
     driver : Driver, optional
         Not yet connected, for a robot without a link of bytes; the robot file's where not given.
 
@@ -128,7 +139,7 @@ class Session:
         self._handlers: dict[int, Any] = {}
         self._connecting = True
         self.sight: Sight | None = None
-        """What the lidar sees, for a robot with one, once the board has answered."""
+        """What the lidar sees, for a robot with one."""
         self.shared: SharedTransport | None = None
         """The link, where ground stations share it."""
         self.estop = EmergencyStop(default_socket() if robot.socket is None else robot.socket)
@@ -152,17 +163,13 @@ class Session:
                 transport = self.shared = share(self.robot, transport, lambda: drives(self))
             inner = self._given if transport is None else open_driver(self.robot, transport)
             assert inner is not None
-            self._inner = inner
+            self._autopilot, self.sight = autopilot_of(inner), sight_of(self.robot, inner)
             self.driver: Driver = PlacedDriver(inner, self._origin)
             self._catch_signals()
             try:
                 self.estop.open()
                 self.driver.connect(self.robot.link.timeout)
-                arm = bool(self.robot.sections.get("board", {}).get("arm"))
-                self._build(
-                    getattr(inner, "take", None) if arm else None,
-                    getattr(inner, "confirm_frame", None),
-                )
+                self._build()
             except BaseException:
                 self.driver.close()
                 raise
@@ -172,8 +179,9 @@ class Session:
             raise
         return self
 
-    def _build(self, take: Callable[[], None] | None, confirm: Callable[[], None] | None) -> None:
-        control = self.robot.control
+    def _build(self) -> None:
+        control, pilot = self.robot.control, self._autopilot
+        arm = bool(self.robot.sections.get("board", {}).get("arm"))
         self.planner = Planner(
             self._controller,
             self.driver.state,
@@ -182,8 +190,6 @@ class Session:
             after=self.logs.planned,
         )
         self.gate = SafetyGate(self.robot.gate, LATE_STEPS * self._period)
-        if self.robot.lidar is not None:
-            self.sight = getattr(self._inner, "sight")  # noqa: B009
         self.loop = ControlLoop(
             self.driver,
             self.gate,
@@ -191,8 +197,8 @@ class Session:
             command_period=control.command_period,
             observers=(*self.logs.observers, *filter(None, (self.sight,)), *self._observers),
             operator=self.estop,
-            take=take,
-            confirm=confirm,
+            take=pilot.take if arm and pilot is not None else None,
+            confirm=None if pilot is None else pilot.confirm_frame,
         )
 
     def drive(self, finished: Callable[[], bool]) -> None:
@@ -254,14 +260,13 @@ class Session:
 
     def words(self) -> tuple[str, ...]:
         """Why the autopilot would not arm, in its own words."""
-        refusals: Callable[[], tuple[str, ...]] = getattr(self._inner, "refusals", tuple)
-        return refusals()
+        return () if self._autopilot is None else self._autopilot.refusals()
 
     def _notes(self) -> list[str]:
         """Lines that a terminal shows once."""
-        warnings: Callable[[], tuple[str, ...]] = getattr(self._inner, "warnings", tuple)
+        warnings = () if self._autopilot is None else self._autopilot.warnings()
         words = (f"autopilot: {text}" for text in self.words())
-        return [*self.problems(), *warnings(), *self._warnings(), *words, *self.refused()]
+        return [*self.problems(), *warnings, *self._warnings(), *words, *self.refused()]
 
     def refused(self) -> list[str]:
         """What a ground station sent last that was not passed on, in words."""

@@ -8,13 +8,14 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from firmware_bridge.drivers import Driver
 from firmware_bridge.link.sockets import UdpEndpoint
 from firmware_bridge.link.threaded import ThreadedTransport
 from firmware_bridge.link.url import LinkUrl
 from firmware_bridge.messages import ConfigError, LinkStatus, State
+from firmware_bridge.sensors.sensor_driver import SensorDriver
 
 LONGEST = 512
 """A datagram longer than this is no pose [bytes]."""
@@ -200,7 +201,7 @@ def check_pose_url(url: str) -> LinkUrl:
     return link
 
 
-class PosedDriver:
+class PosedDriver(SensorDriver):
     """A driver whose pose comes from another source.
 
     An autopilot is fed with that pose; otherwise it replaces the odometry.
@@ -222,10 +223,10 @@ class PosedDriver:
         url: str,
         feed: Callable[[float, float, float, float], None] | None = None,
     ) -> None:
-        self.inner, self._feed, self._filter = driver, feed, PoseFilter()
+        super().__init__(driver)
+        self._feed, self._filter = feed, PoseFilter()
         self._endpoint = UdpEndpoint(*check_pose_url(url).address(), listen=True)
         self._transport = ThreadedTransport(self._endpoint)
-        self.send, self.stop = driver.send, driver.stop
 
     def connect(self, timeout: float) -> None:
         """Listen to the source, then connect the driver."""
@@ -267,10 +268,6 @@ class PosedDriver:
         """Close the driver, then the source, of which its last stop may have need."""
         self.inner.close()
         self._transport.close()
-
-    def __getattr__(self, name: str) -> Any:
-        """Whatever else the driver has: notes, asking an autopilot for control."""
-        return getattr(self.inner, name)
 
     def _on_datagram(self, data: bytes, stamp: float) -> None:
         pose = self._filter.take(data, stamp)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import threading
 from dataclasses import replace
-from typing import Any
 
 from firmware_bridge.drivers import Driver
 from firmware_bridge.messages import LidarError, LinkError, LinkStatus, State
@@ -14,16 +13,18 @@ from firmware_bridge.sensors.lidar.kinds import open_lidar
 from firmware_bridge.sensors.lidar.lidar import Lidar
 from firmware_bridge.sensors.lidar.options import LidarOptions
 from firmware_bridge.sensors.scan import Sweep
+from firmware_bridge.sensors.sensor_driver import SensorDriver, autopilot_of
 from firmware_bridge.sensors.sight import Sight
 
 
 def with_lidar(driver: Driver, options: LidarOptions) -> SightedDriver:
     """Give a driver the lidar of a robot file, on a link of its own or the driver's."""
-    lidar = getattr(driver, "sectors", None) or open_lidar(options)
-    return SightedDriver(driver, lidar, options)
+    autopilot = autopilot_of(driver)
+    own = None if autopilot is None else autopilot.sectors
+    return SightedDriver(driver, own or open_lidar(options), options)
 
 
-class SightedDriver:
+class SightedDriver(SensorDriver):
     """A driver whose status tells the age and the faults of a lidar, too.
 
     Parameters
@@ -37,8 +38,8 @@ class SightedDriver:
     """
 
     def __init__(self, driver: Driver, lidar: Lidar, options: LidarOptions) -> None:
-        self.inner, self.lidar, self.options = driver, lidar, options
-        self.send, self.stop = driver.send, driver.stop
+        super().__init__(driver)
+        self.lidar, self.options = lidar, options
         self.sight = Sight(options, self.sweep)
         """What the lidar sees, from where the robot is."""
         self._counted: Sweep | None = None
@@ -99,7 +100,3 @@ class SightedDriver:
         """Close the driver, then the lidar."""
         self.inner.close()
         self.lidar.close()
-
-    def __getattr__(self, name: str) -> Any:
-        """Whatever else the driver has: notes, asking an autopilot for control."""
-        return getattr(self.inner, name)

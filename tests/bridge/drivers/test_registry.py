@@ -13,6 +13,7 @@ from firmware_bridge.emulator.build import Emulator, build_emulator
 from firmware_bridge.link import open_transport
 from firmware_bridge.robot_file import DRIVERS, NOMINAL_LATENCY, TOPICS, load_robot
 from firmware_bridge.runtime.session import open_driver
+from firmware_bridge.sensors.sensor_driver import autopilot_of
 
 
 def methods(protocol):
@@ -30,7 +31,9 @@ def test_a_board_has_a_driver_and_an_emulator_of_the_same_robot_file(name):
     assert methods(Driver) <= set(dir(driver)) and methods(Emulator) <= set(dir(emulator))
     pose = None if board.encoders else "udp:127.0.0.1:5"
     robot = load_robot(None, sections(name, "tcp:127.0.0.1:5", pose))
-    open_driver(robot, open_transport(robot.link.url)).close()
+    made = open_driver(robot, open_transport(robot.link.url))
+    assert (autopilot_of(made) is not None) == robot.is_autopilot
+    made.close()
     built = build_emulator(robot, (1.0, 2.0, 0.5), 0.0, 1.0, 0, 0.1)
     assert isinstance(built, emulator) and built.pose == pytest.approx((1.0, 2.0, 0.5))
     built.close()

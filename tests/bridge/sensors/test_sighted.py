@@ -1,16 +1,20 @@
 """A driver with eyes: its status tells the age of the scans, and what is wrong with them."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from firmware_bridge.drivers.mavlink.driver import MavlinkDriver
+from firmware_bridge.drivers.mavlink.options import MavlinkOptions
+from firmware_bridge.link import open_transport
 from firmware_bridge.messages import LinkError, LinkStatus, State
 from firmware_bridge.sensors.lidar.lidar import LidarHealth
 from firmware_bridge.sensors.lidar.options import LidarOptions
+from firmware_bridge.sensors.pose import PosedDriver
 from firmware_bridge.sensors.scan import Sweep
-from firmware_bridge.sensors.sighted import SightedDriver
+from firmware_bridge.sensors.sensor_driver import autopilot_of
+from firmware_bridge.sensors.sighted import SightedDriver, with_lidar
 
 OPTIONS = LidarOptions("ld06", "pty:x")
 
@@ -33,9 +37,6 @@ class Board:
 
     def health(self):
         return LinkStatus(True, 1.0, 1.0, True, counters={"frames": 1})
-
-    def notes(self):
-        return ("a note",)
 
 
 class Eye:
@@ -88,7 +89,6 @@ def test_the_status_tells_the_age_and_the_faults():
     status = driver.health()
     assert (status.scan_stamp, status.scan_faults) == (5.0, ("it is ill",))
     assert status.counters == {"frames": 1, "lidar_turns": 7} and status.faults == ()
-    assert driver.notes() == ("a note",)  # whatever else the driver has
 
 
 def test_a_covered_lidar_is_blind():
@@ -106,11 +106,23 @@ def test_a_covered_lidar_is_blind():
 
 
 def test_an_autopilots_own_sensors_need_no_link():
-    from firmware_bridge.sensors.sighted import with_lidar
+    rover = mavlink(sectors=True)
+    driver = with_lidar(rover, LidarOptions("mavlink"))
+    assert driver.lidar is rover.sectors is not None
+    posed = with_lidar(PosedDriver(rover, "udp::0"), LidarOptions("mavlink"))
+    assert posed.lidar is rover.sectors
 
-    own = Eye([])
-    driver = with_lidar(SimpleNamespace(sectors=own, send=None, stop=None), LidarOptions("mavlink"))
-    assert driver.lidar is own
+
+def test_an_autopilot_is_found_beneath_its_sensors_and_a_motor_controller_is_none():
+    rover = mavlink()
+    posed = PosedDriver(rover, "udp::0", rover.feed_pose)
+    seeing = SightedDriver(posed, Eye([]), OPTIONS)
+    assert [autopilot_of(driver) for driver in (rover, posed, seeing)] == [rover] * 3
+    assert autopilot_of(pair()[0]) is None
+
+
+def mavlink(**options):
+    return MavlinkDriver(open_transport("pty:x"), MavlinkOptions(**options))
 
 
 def hall(stamp, shift=0.0):
