@@ -211,6 +211,10 @@ def _robot(options: argparse.Namespace) -> Robot:
         "timeout": options.timeout,
     }
     robot = load_robot(options.robot, overrides)
+    if robot.lidar is not None:
+        raise ConfigError(
+            f"{robot.where}: lidar: kmpc ros2 sees by topics: --topic scan=NAME, without [lidar]"
+        )
     resume = robot.gate.resume if "resume" in robot.sections.get("safety", {}) else RESUME
     gate = replace(robot.gate, resume=resume, scan_age=options.scan_age)
     return replace(robot, gate=gate)

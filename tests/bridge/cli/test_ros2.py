@@ -48,6 +48,16 @@ def test_without_the_extra_it_says_what_to_install(
     assert "pip install 'kmpc-lite[ros2]'" in capsys.readouterr().err
 
 
+def test_a_lidar_of_its_own_is_refused_where_topics_tell_of_scans(
+    capsys: pytest.CaptureFixture[str], tmp_path
+) -> None:
+    pytest.importorskip("zenoh", reason="the extra ros2 (eclipse-zenoh) is not installed")
+    file = tmp_path / "robot.toml"
+    file.write_text('[lidar]\ndriver = "ld06"\nlink = "pty:lidar"\n')
+    assert main(["ros2", str(file), "--emulate", "mehrez"]) == 2
+    assert "kmpc ros2 sees by topics" in capsys.readouterr().err
+
+
 def test_a_robot_file_of_topics_is_driven_by_kmpc_ros2_alone(
     capsys: pytest.CaptureFixture[str], tmp_path
 ) -> None:
