@@ -14,6 +14,8 @@ UNKNOWN = (math.nan, math.nan)
 """The command of a period in which nobody knows what was on the wire."""
 FENCE_ROOM = 0.25
 """Without a geofence of its own a robot may leave the scenario's area by so much [m]."""
+WITHIN = 0.8
+"""Share of what counts as arrived within which the robot stays: a single pose is noisy."""
 LOOK_AHEAD = 2.0
 """Time that the controller plans ahead, however short its period [s]."""
 
@@ -186,8 +188,24 @@ def build_controller(robot: Robot, scenario: Any, learned: Any) -> Any:
     """kmpc_lite's controller for this map, within the robot's limits."""
     import kmpc_lite as kl
 
-    problem, options = scenario.problem(base_problem(robot, learned.dt)), scenario.options
+    base = replace(base_problem(robot, learned.dt), goal_tolerance=goal_tolerance(scenario))
+    problem, options = scenario.problem(base), scenario.options
     return kl.Controller(learned, problem, adaptation=adaptation(robot), options=options)
+
+
+def goal_tolerance(scenario: Any) -> tuple[float, float]:
+    """How near to its goal the robot stays [m, rad]: within what counts as arrived, noise and all.
+
+    No nearer than the controller's own default asks for, where that is within, too: a robot that
+    lags, or whose poses are noisy, swings about its goal for what nobody asked for.
+    """
+    own = scenario.options.goal
+    usual = own.leave_distance * scenario.radius, own.leave_angle
+    arrived = scenario.tolerance, scenario.heading_tolerance
+    distance, angle = (
+        min(max(WITHIN * limit, near), limit) for limit, near in zip(arrived, usual, strict=True)
+    )
+    return distance, angle
 
 
 def base_problem(robot: Robot, dt: float) -> Any:

@@ -68,6 +68,9 @@ class NavigationProblem:
     sensor_range : float, optional
         How far from the robot's edge all obstacles are told [m]: the robot stays able to stop
         within. Where not given, all of them are told always; a `LaserScan` has its own reach.
+    goal_tolerance : array_like, optional
+        How near to its goal a robot has arrived, and stays (2,) [m, rad]. Where not given, a tenth
+        of its radius and 0.05 rad. Both grow with the noise of the poses that the model knows of.
     footprint : Footprint, optional
         What the robot covers on the floor, where that is no circle about its pose.
     slack_weights : array_like, optional
@@ -99,6 +102,7 @@ class NavigationProblem:
     track: float = 0.0
     max_wheel_speed: float = np.inf
     sensor_range: float | None = None
+    goal_tolerance: Any = None
     footprint: Footprint | None = None
 
     def __post_init__(self) -> None:
@@ -133,6 +137,13 @@ class NavigationProblem:
         set_field("du_max", vector("du_max", self.du_max, INPUTS))
         if not (self.du_max > 0).all():
             raise ProblemError(f"du_max: expected numbers > 0, or infinity, got {self.du_max}")
+        if self.goal_tolerance is not None:
+            near = vector("goal_tolerance", self.goal_tolerance, 2)
+            if not (np.isfinite(near).all() and (near > 0).all()):
+                raise ProblemError(
+                    f"goal_tolerance: expected a distance and an angle > 0, got {near}"
+                )
+            set_field("goal_tolerance", near)
         self._check_bounds()
         # these follow the robot's size and speed where they are not given
         scale = self.scale

@@ -21,7 +21,7 @@ def scaled_problem(problem: NavigationProblem, scale: Scale) -> NavigationProble
     def weight(value: Array | None, factors: Array) -> Array | None:
         return None if value is None else value * factors * factors[:, None]
 
-    slack = problem.slack_weights
+    slack, near = problem.slack_weights, problem.goal_tolerance
     return replace(
         problem,
         dt=problem.dt / scale.time,
@@ -40,5 +40,6 @@ def scaled_problem(problem: NavigationProblem, scale: Scale) -> NavigationProble
         slack_weights=slack * (scale.length, scale.length**2),
         track=problem.track / scale.length,
         sensor_range=None if problem.sensor_range is None else problem.sensor_range / scale.length,
+        goal_tolerance=None if near is None else near / state[1:],
         max_wheel_speed=problem.max_wheel_speed / scale.speed,
     )

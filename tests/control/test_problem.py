@@ -44,6 +44,7 @@ def test_defaults_are_the_papers() -> None:
         *(("dt", v) for v in (0.0, -0.1, NAN, INF, (0.1,))),
         *(("robot_radius", v) for v in (-0.01, NAN, INF)),
         *(("margin", v) for v in (-0.01, NAN, INF, [0.1])),
+        *(("goal_tolerance", v) for v in ((0.05, 0.0), (-0.05, 0.1), (0.05, INF), (0.05,), "near")),
         *(
             ("Q", v)
             for v in (

@@ -86,6 +86,7 @@ def capabilities(
     """
     unit = unit_length(problem)
     options = lengths_from_radii(options or GuidanceOptions(), unit)
+    goal_options = lengths_from_radii(goal_options or GoalOptions(), unit)
     # a robot without lag is steered back before it needs the clearance
     clearance = (
         clearance_at_speed(problem, margins, options)
@@ -100,7 +101,7 @@ def capabilities(
         evasive,
         backward_share,
         turning_centre(model, problem, options),
-        goal_tolerances(model, lengths_from_radii(goal_options or GoalOptions(), unit)),
+        goal_tolerances(model, goal_options, problem.goal_tolerance),
         clearance,
         _wheels(problem, float(speeds[2])),
         options.brake_share * float(problem.du_max[0]),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -37,7 +37,14 @@ class GoalTolerances:
     """Distance from the path at which a new one is looked for near the goal [m]."""
 
 
-def goal_tolerances(model: MotionModel, options: GoalOptions) -> GoalTolerances:
+PUSHED = 1.5
+"""How many times a tolerance that was asked for a single pose is farther away of a robot that was
+pushed, at the least."""
+
+
+def goal_tolerances(
+    model: MotionModel, options: GoalOptions, asked: Array | None = None
+) -> GoalTolerances:
     """Widen the tolerances by the noise of the measured pose that the model has learned.
 
     Parameters
@@ -45,7 +52,11 @@ def goal_tolerances(model: MotionModel, options: GoalOptions) -> GoalTolerances:
     model : MotionModel
         Its noise at rest is that of the measured poses.
     options : GoalOptions
-        In metres.
+        Lengths as the model's.
+    asked : ndarray, optional
+        Distance and angle (2,) within which the robot is to stay: a problem's `goal_tolerance`. It
+        takes the place of `leave_distance` and `leave_angle`, and what is decided nearer to the
+        goal grows and shrinks with it.
 
     Returns
     -------
@@ -55,7 +66,7 @@ def goal_tolerances(model: MotionModel, options: GoalOptions) -> GoalTolerances:
     position, heading = tube_noise(model.noise_model, model.dt).pose_deviation
     noise = max(position - options.quiet_position, 0.0)
     turn_noise = max(heading - options.quiet_heading, 0.0)
-    o = options
+    o = options if asked is None else _as_asked(options, *asked.tolist())
     return GoalTolerances(
         turn_distance=o.turn_distance + o.turn_distance_noise * noise,
         turn_limit=o.turn_limit + o.turn_limit_noise * noise,
@@ -66,6 +77,22 @@ def goal_tolerances(model: MotionModel, options: GoalOptions) -> GoalTolerances:
         pushed_distance=o.pushed_distance + o.pushed_distance_noise * noise,
         pushed_angle=o.pushed_angle + o.pushed_angle_noise * turn_noise,
         off_path=o.off_path + o.off_path_noise * noise,
+    )
+
+
+def _as_asked(options: GoalOptions, distance: float, angle: float) -> GoalOptions:
+    """Options of a robot that is to stay within a distance and an angle."""
+    longer, wider = distance / options.leave_distance, angle / options.leave_angle
+    return replace(
+        options,
+        turn_distance=longer * options.turn_distance,
+        turn_limit=longer * options.turn_limit,
+        enter_distance=longer * options.enter_distance,
+        enter_angle=wider * options.enter_angle,
+        leave_distance=distance,
+        leave_angle=angle,
+        pushed_distance=max(options.pushed_distance, PUSHED * distance),
+        pushed_angle=max(options.pushed_angle, PUSHED * angle),
     )
 
 

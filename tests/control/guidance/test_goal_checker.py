@@ -106,6 +106,46 @@ def test_the_papers_robot_parks_within_these_tolerances() -> None:
     }
 
 
+def test_a_tolerance_that_is_asked_for_moves_all_that_is_decided_near_the_goal() -> None:
+    wide = asdict(goal_tolerances(kl.nominal_unicycle(0.1), OPTIONS, np.array([0.06, 0.2])))
+    assert {name: round(value, 4) for name, value in wide.items()} == {
+        "turn_distance": 0.048,
+        "turn_limit": 0.06,
+        "enter_distance": 0.054,
+        "enter_angle": 0.1,
+        "leave_distance": 0.06,
+        "leave_angle": 0.2,
+        "pushed_distance": 0.09,
+        "pushed_angle": 0.3,
+        "off_path": 0.01,
+    }
+    usual = np.array([0.1 * 0.15, 0.05])
+    assert goal_tolerances(kl.nominal_unicycle(0.1), OPTIONS, usual) == QUIET
+    near = goal_tolerances(kl.nominal_unicycle(0.1), OPTIONS, np.array([0.003, 0.01]))
+    assert near.pushed_distance == QUIET.pushed_distance and near.enter_distance < 0.003
+
+
+def test_a_robot_that_lags_holds_sooner_where_it_may_stand_farther_off() -> None:
+    """With noisy poses and a model that knows of neither: steps until it has held for a second."""
+
+    def steps(asked: tuple[float, float] | None) -> int:
+        problem = kl.NavigationProblem(goal_tolerance=asked, du_max=(1.0, 4.0))
+        controller = kl.Controller(kl.nominal_unicycle(0.1), problem, adaptation=False)
+        robot, random = LaggingDrive(lag=0.1, dead_time=0.12, seed=1), np.random.default_rng(2)
+        x, held = np.array([-1.0, 0.4, 0.5]), 0
+        for step in range(300):
+            noise = random.normal(size=3) * (0.006, 0.006, 0.01)
+            plan = controller.step(x + noise, (1.0, 0.0, 0.0))
+            held = held + 1 if plan.holding else 0
+            if held == 10:
+                assert np.hypot(*(x - (1.0, 0.0, 0.0))[:2]) < 0.06
+                return step
+            x = robot.step(x, plan.command, 0.1)
+        return 300
+
+    assert 2 * steps((0.05, 0.15)) < steps(None)
+
+
 def test_each_tolerance_is_widened_by_its_number_of_standard_deviations() -> None:
     """Poses that err by 2 cm and 80 mrad, of which 0.6 cm and 24 mrad are quiet."""
     wide, quiet = asdict(goal_tolerances(noisy(0.02, 0.08), OPTIONS)), asdict(QUIET)
