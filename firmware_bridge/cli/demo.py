@@ -14,7 +14,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import kmpc_lite as kl
 from firmware_bridge.cli.course import course
 from firmware_bridge.cli.emulated_board import SCENARIO, emulator, robot_text
 from firmware_bridge.cli.recording import NAME, recorder_of
@@ -26,8 +25,8 @@ from firmware_bridge.safety.gate_table import Reason
 from firmware_bridge.sensors.lidar.options import LIDARS
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.demo import COMMAND as SIMULATED
+from kmpc_lite.cli.demo import learn_log
 from kmpc_lite.cli.extras import is_installed, need, pip_line
-from kmpc_lite.cli.fit import calibrated, load_and_split, make_dictionary, with_info
 from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import command_line
 from kmpc_lite.cli.progress import watching
@@ -41,7 +40,8 @@ PERIOD = 0.1
 COMMANDS = {"command_period": TICK}
 """Commands go out faster than plans are made."""
 LAGS = [0, 1, 2, 3]
-"""Past commands that the model knows: the rover obeys late."""
+"""Ages of the commands that act [periods], as `kmpc fit --lags` takes them: the rover obeys late,
+and a drive this short does not tell by itself how late it turns."""
 SETTLE = 1.0
 """How long the goal must be held [s]."""
 HOLD, MUCH = 20.0, 0.05
@@ -172,7 +172,7 @@ def demo(
         if status != DONE:
             why = "; ".join(recorded["problems"]) or "the rover did not drive"
             raise BridgeError(f"{folder / 'drive.csv'}: nothing was recorded: {why}")
-        model, errors = _learn(folder, say)
+        learned = learn_log(folder / "drive.csv", folder / "robot.npz", say, LAGS)
         driven, report, status = _drive(stage)
     if driven is None:
         say("stopped: no report")
@@ -180,12 +180,14 @@ def demo(
     driven.save(folder / "run.npz")
     say(f"   {describe(driven)}{_busy(report['loop'])}")
     page = folder / "report.html"
-    write_report(page, driven, model=model, fit_report=errors, command=command_line())
+    write_report(
+        page, driven, model=learned.model, fit_report=learned.report, command=command_line()
+    )
     say(f"4  open {page.resolve()}")
     result = {
         "report": str(page),
         "rows": recorded["rows"],
-        "held_out": errors.as_dict(),
+        "held_out": learned.report.as_dict(),
         "link": report["loop"],
         **driven.summary(),
     }
@@ -232,20 +234,6 @@ def _record(stage: Stage, seconds: float, seed: int) -> tuple[dict[str, Any], in
     return report, status
 
 
-def _learn(folder: Path, say: Callable[[str], None]) -> tuple[kl.KoopmanModel, kl.FitReport]:
-    """Learn from what was recorded."""
-    log = folder / "drive.csv"
-    train, held = load_and_split([log], None, None, 0.5, 0)
-    model = kl.fit(train, make_dictionary("trig", LAGS, False))
-    errors = kl.evaluate(model, held, 1.0)
-    model, calibration = calibrated(model, held)
-    model = with_info(model, {"held_out": errors.as_dict(), "log": [str(log)]})
-    model.save(folder / "robot.npz")
-    say(f"2  learned {folder / 'robot.npz'} from {train}")
-    say("   " + f"{errors}\n{calibration}".replace("\n", "\n   "))
-    return model, errors
-
-
 def _drive(stage: Stage) -> tuple[Run | None, dict[str, Any], int]:
     """Drive the scenario with what was learned; no run where a signal came."""
     from firmware_bridge.runtime.drive import INTERRUPTED
@@ -261,6 +249,8 @@ def _drive(stage: Stage) -> tuple[Run | None, dict[str, Any], int]:
     safety = {"hold": HOLD} if eyes else {}
     robot = load_robot(stage.file, {"control": control, "lidar": eyes, "safety": safety})
     job = course(robot, SETTLE, PATIENCE, wait=WAIT)
+    for note in job.notes:
+        stage.say(f"   {note}")
     folder = stage.folder / "run"
     folder.mkdir(exist_ok=True)
 

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import kmpc_lite as kl
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.extras import need
-from kmpc_lite.cli.fit import (
-    calibrated,
-    load_and_split,
-    make_dictionary,
-    with_info,
-)
+from kmpc_lite.cli.fit import describe_errors
 from kmpc_lite.cli.output import command_line
 from kmpc_lite.cli.simulate import describe, simulate
 from kmpc_lite.defaults import SHORTEST_PERIOD
+
+if TYPE_CHECKING:
+    from kmpc_lite.learn.learning import Learned
 
 SCENARIO = "four_circles_1"
 
@@ -58,15 +58,8 @@ def run(options: argparse.Namespace) -> int:
         _record(log, scenario.slip)
     else:
         say(f"1  reading {log}")
-    train, held = load_and_split([log], None, None, 0.5, 0)
-    model = kl.fit(train, make_dictionary("trig", None, False))
-    report = kl.evaluate(model, held, 1.0)
-    model, calibration = calibrated(model, held)
-    folder.mkdir(parents=True, exist_ok=True)
-    model = with_info(model, {"held_out": report.as_dict(), "log": [str(log)]})
-    model.save(folder / "robot.npz")
-    say(f"2  learned {folder / 'robot.npz'} from {train}")
-    say("   " + f"{report}\n{calibration}".replace("\n", "\n   "))
+    learned = learn_log(log, folder / "robot.npz", say)
+    model, report = learned.model, learned.report
     plant = "learned" if options.log else "slip"
     drive, recorder = simulate(model, scenario, plant, 20, 1)
     drive.save(folder / "run.npz")
@@ -80,6 +73,39 @@ def run(options: argparse.Namespace) -> int:
     else:
         print(f"4  open {page.resolve()}")
     return 0 if drive.outcome is Outcome.REACHED else 1
+
+
+def learn_log(
+    log: Path,
+    output: Path,
+    say: Callable[[str], None],
+    lags: Literal["auto"] | Sequence[int] = "auto",
+) -> Learned:
+    """Learn from a log as `kmpc fit` does, write the model, and tell how good it is.
+
+    Parameters
+    ----------
+    log : Path
+        What is learned from.
+    output : Path
+        The model's file.
+    say : callable
+        Takes what is told.
+    lags : "auto" or sequence of int
+        As those of `kmpc fit`.
+    """
+    from kmpc_lite.learn.learning import LearningOptions, learn
+    from kmpc_lite.learn.loading import load_logs
+    from kmpc_lite.learn.provenance import read_vehicle
+
+    learned = learn(load_logs([log]), [log], LearningOptions(lags=lags), read_vehicle([log]))
+    output.parent.mkdir(parents=True, exist_ok=True)
+    learned.model.save(output)
+    say(f"2  learned {output} from {learned.train}")
+    warnings = (f"warn   {text}" for text in learned.facts.get("warnings", ()))
+    text = "\n".join([describe_errors(learned), *warnings])
+    say("   " + text.replace("\n", "\n   "))
+    return learned
 
 
 def _record(log: Path, slip: float) -> None:

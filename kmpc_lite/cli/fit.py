@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -15,7 +14,7 @@ from kmpc_lite.cli.log_options import add_force, add_log_options, read_options
 from kmpc_lite.defaults import SHORTEST_PERIOD
 
 if TYPE_CHECKING:
-    pass
+    from kmpc_lite.learn.learning import Learned, LearningOptions
 
 DICTIONARIES = {
     "unicycle": "the paper's [1, x, y, theta, cos, sin]",
@@ -105,56 +104,88 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
 
 def run(options: argparse.Namespace) -> int:
     """Fit the logs, print the held-out errors, write the model."""
-    from kmpc_lite.learn.fit_summary import describe_fit, format_summary
+    from kmpc_lite.learn.learning import learn
     from kmpc_lite.learn.loading import load_logs
-    from kmpc_lite.learn.noise_sources import check_sources
-    from kmpc_lite.learn.provenance import describe_making, format_making, read_vehicle
+    from kmpc_lite.learn.provenance import read_vehicle
 
     keep_inputs(options.output, *options.log)
     vehicle = read_vehicle(options.log, options.vehicle)
     told: list[str] = []
     check_split(options.holdout, options.seed)
+    how = learning_options(options)
     whole = load_logs(options.log, options.dt, options.gap, read_options(options), told.append)
-    train, held = split_log(whole, options.log, options.holdout, options.seed)
+    learned = learn(whole, options.log, how, vehicle)
+    learned.model.save(options.output)
+    if options.json:
+        print(json.dumps(as_dict(learned, options.output, told)))
+    else:
+        print("\n".join([*(f"log    {line}" for line in told), describe(learned)]))
+        print(f"wrote  {options.output}")
+    return 0
+
+
+def as_dict(learned: Learned, output: Path, told: list[str]) -> dict[str, Any]:
+    """What was learned, as values that JSON can hold."""
+    info = learned.model.info
+    return {
+        "model": str(output),
+        "logs": told,
+        "train": repr(learned.train),
+        "held_out": learned.report.as_dict(),
+        "margins": tell_margins(learned),
+        "made": learned.made,
+        **({"learned": learned.facts} if learned.facts else {}),
+        **{key: info[key] for key in ("method", "samples", "rank", "features", "condition")},
+    }
+
+
+def describe(learned: Learned) -> str:
+    """What was learned, in lines for a terminal."""
+    from kmpc_lite.learn.fit_summary import format_summary
+    from kmpc_lite.learn.provenance import format_making
+
+    info = learned.model.info
+    rank = f"rank {info['rank']} of {info['features']}"
+    lines = [
+        f"train  {learned.train}",
+        f"held   {learned.held}",
+        f"fit    {info['method']}, {rank}, condition {info['condition']:.3g}",
+    ]
+    if learned.facts:
+        lines.append(format_summary(learned.facts))
+    if learned.noise is not None:
+        lines.append(str(learned.noise))
+    return "\n".join([*lines, describe_errors(learned), format_making(info)])
+
+
+def describe_errors(learned: Learned) -> str:
+    """How well the model predicts what was held out, and what that costs in margins."""
+    return f"{learned.report}\nmargins: {tell_margins(learned)}"
+
+
+def learning_options(options: argparse.Namespace) -> LearningOptions:
+    """Put together what the command line says of the fit.
+
+    Raises
+    ------
+    KmpcError
+        For what does not go together.
+    """
+    from kmpc_lite.learn.learning import LearningOptions
+
     free = options.no_symmetry or options.method == "edmdc"
     lags = read_lags(options.lags, options.product, free)
     # with a product, each age has weights of its own
     ages = lags if options.product and lags != "auto" else None
-    dictionary = make_dictionary(options.dictionary, ages, options.product)
-    symmetric, lags = False if free else None, lags if ages is None else None
-    model = kl.fit(train, dictionary, options.method, symmetric=symmetric, lags=lags)
-    report = kl.evaluate(model, held, options.horizon)
-    facts = describe_fit(model, train, whole, report) if "selection" in model.info else {}
-    noise = check_sources(model, held)
-    if facts and noise is not None:
-        facts["noise"] = noise.as_dict()
-    model, calibration = calibrated(model, held)
-    made = describe_making(model, options.log, whole, vehicle=vehicle)
-    model = with_info(model, {"held_out": report.as_dict(), **made})
-    model.save(options.output)
-    info = model.info
-    if options.json:
-        facts_told = {
-            "model": str(options.output),
-            "logs": told,
-            "train": repr(train),
-            "held_out": report.as_dict(),
-            "margins": calibration.removeprefix("margins: "),
-            "made": made,
-            **({"learned": facts} if facts else {}),
-        }
-        keys = ("method", "samples", "rank", "features", "condition")
-        print(json.dumps({**facts_told, **{key: info[key] for key in keys}}))
-        return 0
-    print("\n".join([*(f"log    {line}" for line in told), f"train  {train}", f"held   {held}"]))
-    rank = f"rank {info['rank']} of {info['features']}"
-    print(f"fit    {info['method']}, {rank}, condition {info['condition']:.3g}")
-    if facts:
-        print(format_summary(facts))
-        if noise is not None:
-            print(noise)
-    print(f"{report}\n{calibration}\n{format_making(info)}\nwrote  {options.output}")
-    return 0
+    return LearningOptions(
+        make_dictionary(options.dictionary, ages, options.product),
+        options.method,
+        False if free else None,
+        lags if ages is None else None,
+        options.holdout,
+        options.horizon,
+        options.seed,
+    )
 
 
 def read_lags(
@@ -184,60 +215,12 @@ def read_lags(
         ) from None
 
 
-def load_and_split(
-    logs: list[Path],
-    dt: float | None,
-    gap: float | None,
-    holdout: float,
-    seed: int,
-) -> tuple[kl.Dataset, kl.Dataset]:
-    """Read logs at one period; split their episodes into those to learn from and those to check on.
-
-    Parameters
-    ----------
-    logs : list of Path
-        Files and folders of one robot, of any format.
-    dt : float, optional
-        Period [s]; 0.1, or the first log's own if longer, where not given.
-    gap : float, optional
-        A longer time between rows ends an episode [s].
-    holdout : float
-        Share of the episodes that is kept for the check.
-    seed : int
-        Of the split.
-
-    Raises
-    ------
-    DataError
-        Where the logs are too short to split, something is suspect, or one is given twice.
-    """
-    from kmpc_lite.learn.loading import load_logs
-
-    check_split(holdout, seed)
-    return split_log(load_logs(logs, dt, gap), logs, holdout, seed)
-
-
 def check_split(holdout: float, seed: int) -> None:
     """Refuse what no log can be split by."""
     if not 0.0 < holdout < 1.0:
         raise kl.DataError(f"--holdout: expected a share between 0 and 1, got {holdout}")
     if seed < 0:
         raise kl.DataError(f"--seed: expected a whole number >= 0, got {seed}")
-
-
-def split_log(
-    data: kl.Dataset, logs: list[Path], holdout: float, seed: int
-) -> tuple[kl.Dataset, kl.Dataset]:
-    """Split a log, cut into windows where it has few episodes; see `load_and_split`."""
-    if len(data) < 10:
-        data = data.windows(max(5.0, 50 * data.dt))
-    if len(data) < 2:
-        where = ", ".join(map(str, logs))
-        raise kl.DataError(
-            f"{where}: {data.steps * data.dt:g} s of driving are too few to learn from a part "
-            "and check the other"
-        )
-    return data.split(1.0 - holdout, seed=seed)
 
 
 def make_dictionary(name: str, lags: list[int] | None, product: bool) -> kl.Dictionary:
@@ -255,25 +238,20 @@ def make_dictionary(name: str, lags: list[int] | None, product: bool) -> kl.Dict
     return kl.InputHistoryDictionary(base, tuple(lags), product) if lags else base
 
 
-def calibrated(model: kl.KoopmanModel, held: kl.Dataset) -> tuple[kl.KoopmanModel, str]:
-    """Calibrate a model's margins on held-out drives, where those suffice; and tell in a line."""
+def tell_margins(learned: Learned) -> str:
+    """Tell how a model's margins were calibrated, and how much room they take."""
     from kmpc_lite.control.margins.model_margins import Margins
     from kmpc_lite.learn.windows import largest_speeds
 
-    try:
-        model = kl.with_quantiles(model, held)
+    model = learned.model
+    if learned.uncalibrated:
+        how = f"not calibrated, cautious ones will be used ({learned.uncalibrated})"
+    else:
         how = f"calibrated on {model.info['noise_quantiles']['windows']} held-out windows"
-    except kl.DataError as error:
-        how = f"not calibrated, cautious ones will be used ({error})"
-    speed = largest_speeds(held)[0]
+    speed = largest_speeds(learned.held)[0]
     ahead, aside = Margins(model, kl.NavigationProblem(dt=model.dt)).straight(speed)
     told = f"{100 * aside:.0f} cm from what it passes, {100 * ahead:.0f} cm from what lies ahead"
-    return model, f"margins: {how}; {told} at {speed:.2g} m/s"
-
-
-def with_info(model: kl.KoopmanModel, more: dict[str, Any]) -> kl.KoopmanModel:
-    """Return the model with more in its info."""
-    return replace(model, info={**model.info, **more})
+    return f"{how}; {told} at {speed:.2g} m/s"
 
 
 COMMAND = Command(

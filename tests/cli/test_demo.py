@@ -36,6 +36,14 @@ def test_demo_does_the_main_job(here: Path, capsys: pytest.CaptureFixture[str]) 
     assert kl.KoopmanModel.load("out/robot.npz").info["log"] == ["out/drive.csv"]
 
 
+@NEEDS_PICTURES
+def test_demo_learns_as_kmpc_fit_does(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["demo", "--robot", "simulated"]) == 0
+    assert cli.main(["fit", "out/drive.csv", "-o", "fitted.npz"]) == 0
+    capsys.readouterr()
+    assert Path("out/robot.npz").read_bytes() == Path("fitted.npz").read_bytes()
+
+
 def test_demo_with_a_log_of_ones_own(
     made: Path, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,0 +1,147 @@
+"""From a log to a model to drive with: fitted, checked on the rest of the log, calibrated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from kmpc_lite.errors import DataError
+from kmpc_lite.learn.calibration import with_quantiles
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.evaluation import FitReport, evaluate
+from kmpc_lite.learn.fit_summary import describe_fit
+from kmpc_lite.learn.fitting import fit
+from kmpc_lite.learn.noise_sources import NoiseCheck, check_sources
+from kmpc_lite.learn.provenance import describe_making
+from kmpc_lite.learn.regression import Method
+from kmpc_lite.model.dictionary import Dictionary, HermiteTrigDictionary
+from kmpc_lite.model.koopman import KoopmanModel
+
+FEWEST_EPISODES = 10
+"""A log of fewer episodes is cut into windows before it is split."""
+WINDOW, WINDOW_STEPS = 5.0, 50
+"""Length of such a window: so long [s], or so many periods if that is longer."""
+
+
+@dataclass(frozen=True)
+class LearningOptions:
+    """How a model is learned from a log and checked: the defaults are those of `kmpc fit`."""
+
+    dictionary: Dictionary = HermiteTrigDictionary(order=0)
+    """How the pose is lifted; the default is the same wherever the robot is."""
+    method: Method = "integral"
+    """As `fit` takes it."""
+    symmetric: bool | None = None
+    """As `fit` takes it."""
+    lags: Literal["auto"] | Sequence[int] | None = "auto"
+    """As `fit` takes them."""
+    holdout: float = 0.5
+    """Share of the episodes that is kept for the check."""
+    horizon: float = 1.0
+    """How far ahead the check looks [s]."""
+    seed: int = 0
+    """Of the split."""
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """A model, and what is known of it."""
+
+    model: KoopmanModel
+    """Its `info` holds the held-out errors, what it was made of and its margins' quantiles."""
+    train: Dataset
+    """What it was learned from."""
+    held: Dataset
+    """What it was checked and calibrated on."""
+    report: FitReport
+    """Its errors on what was held out."""
+    made: Mapping[str, Any]
+    """From which logs, of which vehicle; see `describe_making`."""
+    uncalibrated: str
+    """Why its margins are not calibrated; empty where they are."""
+    facts: Mapping[str, Any]
+    """What was found out about the robot; empty where no lags were given or looked for."""
+    noise: NoiseCheck | None
+    """How the noise that was learned compares with the held-out errors; None without `facts`."""
+
+
+def learn(
+    data: Dataset,
+    logs: Sequence[Path],
+    options: LearningOptions | None = None,
+    vehicle: Mapping[str, Any] | None = None,
+) -> Learned:
+    """Learn a model from a part of a log, check and calibrate it on the rest.
+
+    Parameters
+    ----------
+    data : Dataset
+        The whole log, as `load_logs` gives it.
+    logs : sequence of Path
+        The files that it was read from.
+    options : LearningOptions, optional
+        How.
+    vehicle : mapping, optional
+        What the logs, or the user, say of the vehicle; see `read_vehicle`.
+
+    Raises
+    ------
+    DataError
+        Where the log is too short to split, or cannot determine a model.
+    """
+    options = LearningOptions() if options is None else options
+    train, held = split_log(data, logs, options.holdout, options.seed)
+    model = fit(
+        train, options.dictionary, options.method, symmetric=options.symmetric, lags=options.lags
+    )
+    report = evaluate(model, held, options.horizon)
+    facts: dict[str, Any] = {}
+    noise = None
+    if "selection" in model.info:
+        facts, noise = describe_fit(model, train, data, report), check_sources(model, held)
+    if noise is not None:
+        facts["noise"] = noise.as_dict()
+    uncalibrated = ""
+    try:
+        model = with_quantiles(model, held)
+    except DataError as error:
+        uncalibrated = str(error)
+    made = describe_making(model, logs, data, vehicle=vehicle)
+    model = replace(model, info={**model.info, "held_out": report.as_dict(), **made})
+    return Learned(model, train, held, report, made, uncalibrated, facts, noise)
+
+
+def split_log(
+    data: Dataset, logs: Sequence[Path], holdout: float, seed: int
+) -> tuple[Dataset, Dataset]:
+    """Split a log into what is learned from and what is checked on.
+
+    One of few episodes is cut into windows before.
+
+    Parameters
+    ----------
+    data : Dataset
+        The whole log.
+    logs : sequence of Path
+        Its files, for messages.
+    holdout : float
+        Share of the episodes that is kept for the check.
+    seed : int
+        Of the split.
+
+    Raises
+    ------
+    DataError
+        Where it is too short.
+    """
+    if len(data) < FEWEST_EPISODES:
+        data = data.windows(max(WINDOW, WINDOW_STEPS * data.dt))
+    if len(data) < 2:
+        where = ", ".join(map(str, logs))
+        raise DataError(
+            f"{where}: {data.steps * data.dt:g} s of driving are too few to learn from a part "
+            "and check the other"
+        )
+    return data.split(1.0 - holdout, seed=seed)
