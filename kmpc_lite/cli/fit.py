@@ -249,9 +249,12 @@ def tell_margins(learned: Learned) -> str:
     else:
         how = f"calibrated on {model.info['noise_quantiles']['windows']} held-out windows"
     speed = largest_speeds(learned.held)[0]
-    ahead, aside = Margins(model, kl.NavigationProblem(dt=model.dt)).straight(speed)
+    # nobody has said how large the robot is: so the line says for which one it holds
+    problem = kl.NavigationProblem(dt=model.dt)
+    ahead, aside = Margins(model, problem).straight(speed)
+    robot = f"at {speed:.2g} m/s a robot of {100 * problem.robot_radius:.0f} cm radius"
     told = f"{100 * aside:.0f} cm from what it passes, {100 * ahead:.0f} cm from what lies ahead"
-    return f"{how}; {told} at {speed:.2g} m/s"
+    return f"{how}; {robot} keeps {told}"
 
 
 COMMAND = Command(

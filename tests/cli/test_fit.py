@@ -184,7 +184,8 @@ def test_fit_tells_how_much_room_the_margins_take(
         assert cli.main(["fit", str(log), "-o", "robot.npz"]) == 0
         told = re.search(
             r"^margins: calibrated on \d+ held-out windows; "
-            r"(\d+) cm from what it passes, \d+ cm from what lies ahead at 0\.\d+ m/s$",
+            r"at 0\.\d+ m/s a robot of 15 cm radius keeps "
+            r"(\d+) cm from what it passes, \d+ cm from what lies ahead$",
             capsys.readouterr().out,
             re.M,
         )
