@@ -81,8 +81,9 @@ class Dataset:
         frame: str = "enu",
         commands: str | os.PathLike[str] | None = None,
         shift: float = 0.0,
+        force: bool = False,
     ) -> Dataset:
-        """Read a log of any format, or all logs in a folder.
+        """Read a log of any format, or all logs in a folder, and refuse what is suspect.
 
         Parameters
         ----------
@@ -92,7 +93,8 @@ class Dataset:
             EuRoC trajectory with `commands` beside it.
         dt : float, optional
             Period [s] to resample to; without it a table must be evenly sampled and keeps its own,
-            other logs get 0.1 s, or the period of their poses if it is longer.
+            as what was saved comes back; other logs get 0.1 s, or the period of their poses if it
+            is longer. `kmpc fit` takes that of tables, too.
         gap : float, optional
             A longer time between poses [s] ends an episode; 2.5 times the median period where not
             given.
@@ -108,14 +110,18 @@ class Dataset:
             A table of commands for logs that hold poses only.
         shift : float
             Added to the times of the commands [s].
+        force : bool
+            Take a log in which something is suspect as it is, and cut it where its time runs back.
 
         Raises
         ------
         DataError
-            With file, line and column, for whatever is wrong.
+            With file, line and column, for whatever is wrong; for a log that no wheeled robot can
+            have driven, as `kmpc inspect` tells it: units, frames, clocks, other columns.
         """
         from kmpc_lite.learn.cutting import cut
-        from kmpc_lite.learn.formats.readers import find_logs, read_log, refuse_unused
+        from kmpc_lite.learn.formats.readers import find_logs, refuse_unused
+        from kmpc_lite.learn.loading import read_checked
         from kmpc_lite.learn.logs import ReadOptions
 
         dt = None if dt is None else check_time("dt", dt)
@@ -127,10 +133,11 @@ class Dataset:
             frame=frame,
             commands=None if commands is None else Path(commands),
             shift=shift,
+            force=force,
         )
-        logs = find_logs([path])
-        refuse_unused(logs, how)
-        return cls([e for log in logs for e in cut(read_log(log, how), dt, gap)])
+        files = find_logs([path])
+        refuse_unused(files, how)
+        return cls([e for file in files for e in cut(read_checked(file, how, dt)[0], dt, gap)])
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the episodes as a .csv or .npz log that `load` reads; whole or not at all."""

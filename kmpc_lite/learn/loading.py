@@ -54,17 +54,29 @@ def load_logs(
     files = once(find_logs(paths))
     refuse_unused(files, how)
     for file in files:
-        if dt is not None:
-            how = replace(how, spacing=dt / SAMPLES_PER_PERIOD)
-        log = read_log(file, how)
-        verdict = judge(log)
-        if not how.force:
-            verdict.refuse(log)
+        log, verdict = read_checked(file, how, dt)
         dt = model_period(log) if dt is None else dt
         episodes += cut(log, dt, gap)
         if tell is not None:
             _account(log, verdict, dt, tell)
     return Dataset(episodes)
+
+
+def read_checked(file: Path, how: ReadOptions, dt: float | None) -> tuple[Log, Verdict]:
+    """Read one log as closely as a period [s] needs, and refuse what is suspect in it.
+
+    Raises
+    ------
+    DataError
+        Where it cannot be read, or is suspect and not forced.
+    """
+    if dt is not None:
+        how = replace(how, spacing=dt / SAMPLES_PER_PERIOD)
+    log = read_log(file, how)
+    verdict = judge(log)
+    if not how.force:
+        verdict.refuse(log)
+    return log, verdict
 
 
 def _account(log: Log, verdict: Verdict, dt: float, tell: Callable[[str], None]) -> None:

@@ -10,7 +10,7 @@ import pytest
 import kmpc_lite as kl
 
 HEADER = "t,x,y,theta,v,omega"
-GOOD = [f"{0.1 * k:.1f},{k},2,0.5,1,0.25" for k in range(6)]
+GOOD = [f"{0.1 * k:.1f},{k},2,0.5,0.25,0" for k in range(6)]
 
 
 def write(path: Path, *lines: str, ends: str = "\n") -> Path:

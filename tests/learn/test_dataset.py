@@ -132,7 +132,7 @@ def test_a_dataset_needs_episodes_of_one_period() -> None:
 def test_a_saved_dataset_comes_back(tmp_path: Path, ending: str, dt: float) -> None:
     drives = [wandering(steps, dt, seed) for seed, steps in enumerate([40, 1, 3, 500])]
     kl.Dataset(drives).save(tmp_path / f"run.{ending}")
-    back = kl.Dataset.load(tmp_path / f"run.{ending}")
+    back = kl.Dataset.load(tmp_path / f"run.{ending}", force=True)
     assert back.dt == pytest.approx(dt, rel=1e-8) and len(back) == len(drives)
     for mine, theirs in zip(drives, back.episodes, strict=True):
         np.testing.assert_array_equal(mine.states, theirs.states)

@@ -94,8 +94,8 @@ def test_an_uneven_log_is_put_on_an_even_grid(tmp_path: Path) -> None:
     }
     np.savez(tmp_path / "run.npz", **values)
     with pytest.raises(kl.DataError, match="uneven sampling"):
-        kl.Dataset.load(tmp_path / "run.npz")
-    (episode,) = kl.Dataset.load(tmp_path / "run.npz", dt=0.1).episodes
+        kl.Dataset.load(tmp_path / "run.npz", force=True)
+    (episode,) = kl.Dataset.load(tmp_path / "run.npz", dt=0.1, force=True).episodes
     grid = 0.1 * np.arange(len(episode) + 1)
     assert len(episode) == int(elapsed[-1] / 0.1)
     np.testing.assert_allclose(episode.states, grid[:, None] * [0.5, -1.0, 0.2], atol=1e-6)
