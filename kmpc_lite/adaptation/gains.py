@@ -1,11 +1,6 @@
 """Four gains on a learned model: their estimate, its certainty, and the noise that remains.
 
-A step is kept as 20 numbers: the displacement that the model gives (px, py) [m], in the map's
-frame, and the measured one (dx, dy); the turn that the model gives h [rad], the way ahead g [m],
-the measured turn; the weights a of position and b of heading; cos and sin of the heading before;
-v^2 and omega^2; and the first seven once more: the first time they are whitened, the second time as
-measured. Twelve sums over steps are kept: a (p.p, p.d, p x d, d.d), b (h h, h g, g g, h turned,
-g turned, turned turned), and how many steps had a weight a, and b.
+What is kept of a step, and which sums over steps, is told in `columns`.
 """
 
 from __future__ import annotations
@@ -16,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kmpc_lite.adaptation.columns import AS_MEASURED, HEADING, MOTION, SPEEDS, WEIGHTS
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES, Array
 
@@ -151,9 +147,10 @@ def residual_covariance(steps: Array, gains: Gains, learned: Array, scale: Scale
     With few steps it stays near the learned one.
     """
     count = steps.shape[1]
-    cosine, sine, v2, omega2 = steps[9:13]
-    ex, ey, turned = residuals(steps[13:], gains)
+    cosine, sine = steps[HEADING]
+    ex, ey, turned = residuals(steps[AS_MEASURED], gains)
     errors = np.stack([cosine * ex + sine * ey, cosine * ey - sine * ex, turned], axis=1)
+    v2, omega2 = steps[SPEEDS]
     terms = np.stack([v2, omega2], axis=1)
     expected = np.tensordot(terms, learned[1:], axes=(1, 0)) + learned[0]
     surplus = errors[:, :, None] * errors[:, None, :] - expected
@@ -174,12 +171,20 @@ def residual_covariance(steps: Array, gains: Gains, learned: Array, scale: Scale
 
 def residuals(steps: Array, gains: Gains) -> tuple[Array, Array, Array]:
     """Residuals of steps (7 or more, n) under gains: x [m], y [m], heading [rad], (n,) each."""
-    px, py, dx, dy, h, g, turned = steps[:7]
+    px, py, dx, dy, h, g, turned = steps[MOTION]
     return (
         dx - gains.ahead * px + gains.left * py,
         dy - gains.ahead * py - gains.left * px,
         turned - gains.turn * h - gains.pull * g,
     )
+
+
+def weighed_squares(steps: Array, gains: Gains) -> Array:
+    """Squared residuals of one step (20,) or of many (20, n) under gains, by their weights."""
+    ex, ey, turned = residuals(steps, gains)
+    a, b = steps[WEIGHTS]
+    squares: Array = a * (ex * ex + ey * ey) + b * turned * turned
+    return squares
 
 
 def went_back_and_forth(steps: Array, share: float, turning: bool) -> bool:
@@ -188,14 +193,16 @@ def went_back_and_forth(steps: Array, share: float, turning: bool) -> bool:
     Where the net is less than a share of the whole, a robot whose motors are later than its model
     knows has come as far as if it were another one.
     """
-    ahead = steps[9] * steps[13] + steps[10] * steps[14]
-    moved = steps[17] if turning else ahead
+    px, py, _, _, h, _, _ = steps[AS_MEASURED]
+    cosine, sine = steps[HEADING]
+    moved = h if turning else cosine * px + sine * py
     return abs(float(moved.sum())) < share * float(np.abs(moved).sum())
 
 
 def scores(steps: Array, gains: Gains) -> Array:
     """Scores (4, n): by how much each step asks for a larger value of each gain."""
-    px, py, _, _, h, g, _, a, b = steps[:9]
+    px, py, _, _, h, g, _ = steps[MOTION]
+    a, b = steps[WEIGHTS]
     ex, ey, turned = residuals(steps, gains)
     return np.stack(
         [a * (px * ex + py * ey), a * (px * ey - py * ex), b * h * turned, b * g * turned]
@@ -223,12 +230,14 @@ def reweighed_sums(
     sums, usual
         (n, 12), and the mean variance of position and of turns.
     """
-    px, py, dx, dy, h, g, turned, a, b, _, _, v2, omega2 = steps[:, :13].T
+    px, py, dx, dy, h, g, turned = steps[:, MOTION].T
+    a, b = steps[:, WEIGHTS].T
+    v2, omega2 = steps[:, SPEEDS].T
     own = noise @ np.stack([np.ones(len(steps)), v2, omega2]) + floors[:, None]
     usual = own.mean(axis=1)
     weights = 1.0 / (own + even * usual[:, None]) / white[:, None]
     a, b = np.where(a > 0.0, weights[0], 0.0), np.where(b > 0.0, weights[1], 0.0)
-    steps[:, 7], steps[:, 8] = a, b
+    steps[:, WEIGHTS] = np.stack([a, b], axis=1)
     position = (px * px + py * py, px * dx + py * dy, px * dy - py * dx, dx * dx + dy * dy)
     heading = (h * h, h * g, g * g, h * turned, g * turned, turned * turned)
     columns = [*(a * term for term in position), *(b * term for term in heading)]

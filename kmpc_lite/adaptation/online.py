@@ -20,18 +20,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.adaptation.adapted_model import Refusal, adapted_model, refuse
+from kmpc_lite.adaptation.columns import STEP_SIZE, SUMS
 from kmpc_lite.adaptation.gains import (
     Estimate,
     Gains,
     contradiction,
     estimate,
     residual_covariance,
-    residuals,
+    weighed_squares,
     went_back_and_forth,
 )
 from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.adaptation.regressor import Regressor, one_period
-from kmpc_lite.adaptation.state import STEP_SIZE, SUMS, AdaptationCounts, AdaptationState
+from kmpc_lite.adaptation.state import AdaptationCounts, AdaptationState
 from kmpc_lite.adaptation.weighing import kept_steps, reweigh, weigh_by
 from kmpc_lite.errors import ModelError
 from kmpc_lite.model.koopman import KoopmanModel
@@ -208,10 +209,7 @@ class OnlineAdaptation:
         if state.gains == Gains():
             return False
         fading = 1.0 - 1.0 / self._memory
-        learned, adapted = (
-            step[7] * (ex * ex + ey * ey) + step[8] * turned * turned
-            for ex, ey, turned in (residuals(step, gains) for gains in (Gains(), state.gains))
-        )
+        learned, adapted = (weighed_squares(step, gains) for gains in (Gains(), state.gains))
         state.errors = (
             fading * state.errors[0] + float(learned),
             fading * state.errors[1] + float(adapted),
@@ -281,10 +279,7 @@ class OnlineAdaptation:
         """Forget the steps that led to impossible gains, and count those that explain the drive."""
         state = self.state
         steps = state.raw[kept_steps(state, min(state.since, self._memory))].T
-        left, usual = (
-            float((steps[7] * (ex * ex + ey * ey) + steps[8] * turned * turned).sum())
-            for ex, ey, turned in (residuals(steps, g) for g in (gains, Gains()))
-        )
+        left, usual = (float(weighed_squares(steps, g).sum()) for g in (gains, Gains()))
         # whatever that was, it was no floor: what comes after it must not be mixed with it
         state.forget()
         if not left < 0.5 * usual:

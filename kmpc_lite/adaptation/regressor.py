@@ -12,6 +12,7 @@ from math import cos, hypot, isfinite, pi, remainder, sin
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kmpc_lite.adaptation.columns import AS_MEASURED, HEADING, MOTION, SPEEDS, WEIGHTS
 from kmpc_lite.adaptation.gains import whitening
 from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.adaptation.state import NO_STEPS, AdaptationState
@@ -117,8 +118,9 @@ class Regressor:
         state.earlier = px, py, dx, dy, h, g, turned
         a, b = a / self.white[0], b / self.white[1]
         raw = state.raw[state.count % self._memory]
-        raw[:7], raw[13:] = state.earlier, own
-        raw[7:13] = a, b, cos(heading), sin(heading), v * v, omega * omega
+        raw[MOTION], raw[AS_MEASURED] = state.earlier, own
+        raw[WEIGHTS], raw[SPEEDS] = (a, b), (v * v, omega * omega)
+        raw[HEADING] = cos(heading), sin(heading)
         position = a * (px * px + py * py), a * (px * dx + py * dy), a * (px * dy - py * dx)
         turns = b * h * h, b * h * g, b * g * g, b * h * turned, b * g * turned
         rest = b * turned * turned, float(a > 0.0), float(b > 0.0)

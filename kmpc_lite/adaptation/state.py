@@ -6,14 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from kmpc_lite.adaptation.columns import MOTION_SIZE, SUMS
 from kmpc_lite.adaptation.gains import Gains
 from kmpc_lite.types import Array
 
-STEP_SIZE = 20
-"""Numbers that are kept of a step; see `gains`."""
-SUMS = 12
-"""Sums over steps; see `gains`."""
-NO_STEPS = (0.0,) * 7
+NO_STEPS = (0.0,) * MOTION_SIZE
 """Fading sums where the steps before are unknown."""
 
 
@@ -36,15 +33,15 @@ class AdaptationState:
     """Sums over steps, and what has been made of them."""
 
     recent: Array
-    """(window, 12) sums of the newest steps, a ring."""
+    """(window, SUMS) sums of the newest steps, a ring; see `columns`."""
     raw: Array
-    """(memory, 20) the newest steps themselves, a ring."""
+    """(memory, STEP_SIZE) the newest steps themselves, a ring; see `columns`."""
     position_noise: list[float]
     """Variance of a step's position by 1, v^2, omega^2 that steps are weighed by."""
     heading_noise: list[float]
     """The same of its turn."""
     slow: Array = field(default_factory=lambda: np.zeros(SUMS))
-    """(12,) sums with exponential forgetting."""
+    """(SUMS,) sums with exponential forgetting."""
     slow_count: float = 0.0
     """How many steps are in them."""
     next_model: int = 0
