@@ -140,6 +140,30 @@ def rotate(
     return cos * x - sin * y, sin * x + cos * y
 
 
+def seen_along(differences: Array, headings: Array) -> Array:
+    """Differences of poses along and across a heading, and of the heading.
+
+    Parameters
+    ----------
+    differences : Array
+        One pose minus another (..., 3) [m, m, rad].
+    headings : Array
+        Headings along which they are seen (...) [rad].
+
+    Returns
+    -------
+    Array
+        (..., 3): ahead [m], to the left [m], and the turn [rad] as it is.
+
+    Examples
+    --------
+    >>> seen_along(np.array([1.0, 0.0, 0.1]), np.array(math.pi / 2.0)).round(9)
+    array([ 0. , -1. ,  0.1])
+    """
+    ahead, left = rotate(differences[..., 0], differences[..., 1], -headings)
+    return np.stack([ahead, left, differences[..., 2]], axis=-1)
+
+
 @overload
 def exact_arc(pose: Pose, v: float, omega: float, t: float, left: float = 0.0) -> Pose: ...
 @overload

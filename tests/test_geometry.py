@@ -16,6 +16,7 @@ from kmpc_lite.geometry import (
     heading_near,
     nearest_turn,
     rotate,
+    seen_along,
     wrap,
 )
 
@@ -71,6 +72,14 @@ def test_rotation_keeps_lengths_and_turns_counter_clockwise() -> None:
     x, y = rotate(np.array([3.0, 0.0]), np.array([4.0, 2.0]), np.array([0.7, -2.0]))
     np.testing.assert_allclose(np.hypot(x, y), [5.0, 2.0])
     assert (x[0], y[0]) == pytest.approx(rotate(3.0, 4.0, 0.7))
+
+
+def test_what_is_seen_along_a_heading_is_turned_back_by_rotation() -> None:
+    differences, headings = np.random.default_rng(0).normal(size=(5, 4, 3)), np.full((5, 4), 2.5)
+    seen = seen_along(differences, headings)
+    np.testing.assert_array_equal(seen[..., 2], differences[..., 2])
+    back = np.stack(rotate(seen[..., 0], seen[..., 1], headings), axis=-1)
+    np.testing.assert_allclose(back, differences[..., :2], atol=1e-12)
 
 
 @pytest.mark.parametrize("omega", [0.0, 1e-12, -0.8, 3.0])

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from kmpc_lite.geometry import seen_along
 from kmpc_lite.learn.episode import Episode
+from kmpc_lite.learn.evaluation import as_triple
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.types import STATES, Array
@@ -91,10 +93,10 @@ def compare(
         predicted = model.rollout(starts, commands, past if model.history else None)[:, -1]
         plain = nominal.rollout(starts, commands)[:, -1]
         ours, theirs, apart = (
-            _in_frame(d, starts) for d in (predicted - ends, plain - ends, predicted - plain)
+            seen_along(d, starts[:, 2]) for d in (predicted - ends, plain - ends, predicted - plain)
         )
         rms = [np.sqrt(np.mean(e**2, axis=0)) for e in (ours, theirs, apart)]
-    found = (len(starts), _triple(rms[0]), _triple(rms[1]))
+    found = (len(starts), as_triple(rms[0]), as_triple(rms[1]))
     if not np.isfinite(rms[0]).all():
         return Comparison(Verdict.WORSE, *found)
     # of each window and direction a share, so that a few large errors do not decide alone
@@ -128,15 +130,3 @@ def _windows(
         return empty, empty, empty, empty
     starts, past, commands, ends = (np.array(part) for part in zip(*found, strict=True))
     return starts, past, commands, ends
-
-
-def _in_frame(difference: Array, starts: Array) -> Array:
-    """Differences (n, 3) along and across the first heading, and of the heading."""
-    cos, sin = np.cos(starts[:, 2]), np.sin(starts[:, 2])
-    x, y, turn = difference.T
-    return np.column_stack([cos * x + sin * y, cos * y - sin * x, turn])
-
-
-def _triple(errors: Array) -> tuple[float, float, float]:
-    along, across, heading = errors.tolist()
-    return along, across, heading

@@ -10,6 +10,7 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
+from kmpc_lite.geometry import seen_along
 from kmpc_lite.learn.dataset import CHUNK, Dataset
 from kmpc_lite.learn.episode import check_time
 from kmpc_lite.model.koopman import KoopmanModel
@@ -116,15 +117,16 @@ def evaluate(
     return FitReport(
         steps * model.dt,
         long_count,
-        _triple(rms[0]),
-        _triple(rms[2]),
-        _triple(rms[1]),
-        _triple(rms[3]),
+        as_triple(rms[0]),
+        as_triple(rms[2]),
+        as_triple(rms[1]),
+        as_triple(rms[3]),
         100 * float(np.sqrt(total / count)),
     )
 
 
-def _triple(errors: Array) -> tuple[float, float, float]:
+def as_triple(errors: Array) -> tuple[float, float, float]:
+    """Errors (3,) along [m], across [m] and of the heading [rad] as plain numbers."""
     along, across, heading = errors.tolist()
     return along, across, heading
 
@@ -164,7 +166,5 @@ def _joined(batch: list[tuple[Array, Array, Array]]) -> tuple[Array, Array, Arra
 
 def _squares(predicted: Array, truth: Array, start: Array) -> Array:
     """Sum the squared errors along and across the starting heading, and of the heading."""
-    error = predicted - truth
-    cos, sin = np.cos(start[:, 2]), np.sin(start[:, 2])
-    along, across = cos * error[:, 0] + sin * error[:, 1], cos * error[:, 1] - sin * error[:, 0]
-    return np.array([np.sum(along**2), np.sum(across**2), np.sum(error[:, 2] ** 2)])
+    along, across, heading = seen_along(predicted - truth, start[:, 2]).T
+    return np.array([np.sum(along**2), np.sum(across**2), np.sum(heading**2)])

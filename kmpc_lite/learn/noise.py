@@ -6,6 +6,7 @@ from itertools import islice
 
 import numpy as np
 
+from kmpc_lite.geometry import seen_along
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.least_squares import least_squares
 from kmpc_lite.model.koopman import KoopmanModel
@@ -28,15 +29,7 @@ def fit_noise(model: KoopmanModel, dataset: Dataset) -> NoiseModel:
     every = -(-dataset.steps // NOISE_SAMPLES)
     for part in islice(dataset.transitions(model.history), 0, None, every):
         error = part.x_next - model.advance(part.x, model.dictionary.inputs(part.u, part.history))
-        cos, sin = np.cos(part.x[:, 2]), np.sin(part.x[:, 2])
-        body = np.stack(
-            [
-                cos * error[:, 0] + sin * error[:, 1],
-                cos * error[:, 1] - sin * error[:, 0],
-                error[:, 2],
-            ],
-            axis=1,
-        )
+        body = seen_along(error, part.x[:, 2])
         terms = np.column_stack([np.ones(len(body)), part.u[:, 0] ** 2, part.u[:, 1] ** 2])
         gram += terms.T @ terms
         moments += terms.T @ (body[:, :, None] * body[:, None, :]).reshape(len(body), -1)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from kmpc_lite.geometry import seen_along
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.least_squares import nonnegative_least_squares
 from kmpc_lite.model.koopman import KoopmanModel
@@ -52,11 +53,7 @@ def prediction_errors(
     x, u = np.concatenate(poses)[::every], np.concatenate(commands)[::every]
     future, past = u[:, model.history :], u[:, : model.history]
     predicted = model.rollout(x[:, 0], future, past)[:, 1:]
-    error = x[:, 1:] - predicted
-    cos, sin = np.cos(predicted[..., 2]), np.sin(predicted[..., 2])
-    forward = cos * error[..., 0] + sin * error[..., 1]
-    left = cos * error[..., 1] - sin * error[..., 0]
-    return np.stack([forward, left, error[..., 2]], axis=-1), future
+    return seen_along(x[:, 1:] - predicted, predicted[..., 2]), future
 
 
 @dataclass(frozen=True)

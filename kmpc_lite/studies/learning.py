@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.errors import DataError
+from kmpc_lite.geometry import seen_along
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import Episode
 from kmpc_lite.learn.fitting import fit
@@ -92,11 +93,7 @@ def open_loop_errors(
         inputs = episode.inputs[rows]
         x = episode.states[starts]
         ends = model.rollout(x, inputs[:, model.history :], inputs[:, : model.history])[:, -1]
-        error = ends - true[starts + steps]
-        cos, sin = np.cos(x[:, 2]), np.sin(x[:, 2])
-        along = cos * error[:, 0] + sin * error[:, 1]
-        across = cos * error[:, 1] - sin * error[:, 0]
-        errors.append(np.stack([along, across, error[:, 2]], axis=1))
+        errors.append(seen_along(ends - true[starts + steps], x[:, 2]))
     return errors
 
 
