@@ -27,21 +27,17 @@ class Verdict(Enum):
     SHORT = "was driven too little to tell"
 
 
-@dataclass(frozen=True)
-class ComparisonOptions:
-    """How a comparison is made."""
-
-    horizon: float = 1.0
-    """How far ahead is predicted [s]; windows do not overlap."""
-    fewest: int = 10
-    """Windows of driving from which on there is a verdict."""
-    sure: float = 3.0
-    """Standard errors by which one must predict better, in one direction at least, while the other
-    does so in none."""
-    alike: float = 0.3
-    """Predictions that differ by less than this share of what both err are alike."""
-    moving: float = 0.1
-    """Share of the largest commands below which a window counts as standing."""
+HORIZON = 1.0
+"""How far ahead is predicted [s]; windows do not overlap."""
+FEWEST = 10
+"""Windows of driving from which on there is a verdict."""
+SURE = 3.0
+"""Standard errors by which one must predict better, in one direction at least, while the other
+does so in none."""
+ALIKE = 0.3
+"""Predictions that differ by less than this share of what both err are alike."""
+MOVING = 0.1
+"""Share of the largest commands below which a window counts as standing."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +65,7 @@ class Comparison:
         return f"the model {self.verdict.value} ({told})"
 
 
-def compare(
-    model: KoopmanModel, episodes: Sequence[Episode], options: ComparisonOptions | None = None
-) -> Comparison:
+def compare(model: KoopmanModel, episodes: Sequence[Episode]) -> Comparison:
     """Compare a model with the nominal robot on a drive.
 
     Parameters
@@ -80,13 +74,10 @@ def compare(
         What was learned, not from this drive.
     episodes : sequence of Episode
         The drive, at the model's period.
-    options : ComparisonOptions, optional
-        How it is made.
     """
-    options = ComparisonOptions() if options is None else options
-    starts, past, commands, ends = _windows(model, episodes, options)
+    starts, past, commands, ends = _windows(model, episodes)
     none = (0.0, 0.0, 0.0)
-    if len(starts) < options.fewest:
+    if len(starts) < FEWEST:
         return Comparison(Verdict.SHORT, len(starts), none, none)
     nominal = nominal_unicycle(model.dt)
     with np.errstate(over="ignore", invalid="ignore"):  # a model may diverge: it is worse then
@@ -102,27 +93,25 @@ def compare(
     # of each window and direction a share, so that a few large errors do not decide alone
     worse = (ours**2 - theirs**2) / np.maximum(ours**2 + theirs**2, 1e-18)
     mean = worse.mean(axis=0)
-    least = options.sure * worse.std(axis=0, ddof=1) / np.sqrt(len(worse))
+    least = SURE * worse.std(axis=0, ddof=1) / np.sqrt(len(worse))
     is_worse = bool(np.any((mean > least) & (rms[0] > rms[1])))
     if np.any((mean < -least) & (rms[0] < rms[1])) and not is_worse:
         return Comparison(Verdict.BETTER, *found)
-    if bool(np.all(rms[2] <= options.alike * np.minimum(rms[0], rms[1]) + 1e-9)):
+    if bool(np.all(rms[2] <= ALIKE * np.minimum(rms[0], rms[1]) + 1e-9)):
         return Comparison(Verdict.ALIKE, *found)
     return Comparison(Verdict.WORSE if is_worse else Verdict.UNSURE, *found)
 
 
-def _windows(
-    model: KoopmanModel, episodes: Sequence[Episode], options: ComparisonOptions
-) -> tuple[Array, Array, Array, Array]:
+def _windows(model: KoopmanModel, episodes: Sequence[Episode]) -> tuple[Array, Array, Array, Array]:
     """First poses (n, 3), commands before (n, L, 2), commands (n, T, 2) and last poses (n, 3)."""
-    steps, history = max(1, round(options.horizon / model.dt)), model.history
+    steps, history = max(1, round(HORIZON / model.dt)), model.history
     inputs = [np.abs(e.inputs).max(axis=0) for e in episodes]
     largest = np.maximum(np.max(inputs, axis=0), 1e-9) if inputs else np.ones(2)
     found: list[tuple[Array, Array, Array, Array]] = []
     for e in episodes:
         for k in range(history, len(e) - steps + 1, steps):
             held = e.inputs[k : k + steps]
-            if float((np.abs(held).mean(axis=0) / largest).max()) > options.moving:
+            if float((np.abs(held).mean(axis=0) / largest).max()) > MOVING:
                 before = e.inputs[k - history : k]
                 found.append((e.states[k], before, held, e.states[k + steps]))
     if not found:

@@ -13,30 +13,24 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.stops import StopOptions, find_stops
+from kmpc_lite.learn.stops import STANDING, find_stops
 from kmpc_lite.types import Array
 
-
-@dataclass(frozen=True)
-class CoverageOptions:
-    """How much a log must show of each way of driving."""
-
-    standing: float = 0.1
-    """Share of the largest speed below which a robot counts as standing, or as driving straight."""
-    turning: float = 0.3
-    """Share of the largest turn rate above which a robot is told to turn."""
-    fast: float = 0.6
-    """Share of the largest speed that parts slow driving from fast driving."""
-    outliers: float = 0.005
-    """Share of the rows whose speeds may lie above the largest that counts."""
-    whole: float = 60.0
-    """Length of the log [s]."""
-    direction: float = 4.0
-    """Driving in each direction, slowly and fast, and turning each way [s]."""
-    combination: float = 2.0
-    """Turning each way while driving each way, and on the spot [s]."""
-    stops: int = 2
-    """Stops from speed."""
+TURNING = 0.3
+"""Share of the largest turn rate above which a robot is told to turn."""
+FAST = 0.6
+"""Share of the largest speed that parts slow driving from fast driving."""
+OUTLIERS = 0.005
+"""Share of the rows whose speeds may lie above the largest that counts."""
+# how much a log must show of each way of driving
+WHOLE = 60.0
+"""Length of the log [s]."""
+DIRECTION = 4.0
+"""Driving in each direction, slowly and fast, and turning each way [s]."""
+COMBINATION = 2.0
+"""Turning each way while driving each way, and on the spot [s]."""
+STOPS = 2
+"""Stops from speed."""
 
 
 class Part(NamedTuple):
@@ -122,7 +116,6 @@ def find_coverage(
     stretches: Sequence[Array],
     dt: float,
     limits: tuple[float, float, float] | None = None,
-    options: CoverageOptions | None = None,
 ) -> Coverage:
     """Tell how much of each way of driving a log shows.
 
@@ -135,40 +128,35 @@ def find_coverage(
     limits : tuple, optional
         Largest speed forward and back [m/s] and turn rate [rad/s] that the robot is to drive; the
         largest of the log where not given. A robot that must not reverse has zero for back.
-    options : CoverageOptions, optional
-        How much is needed.
     """
-    options = CoverageOptions() if options is None else options
     rows = np.concatenate([np.empty((0, 2)), *stretches])
     if limits is None:
-        v_max, turn = _largest(rows, options.outliers)
+        v_max, turn = _largest(rows, OUTLIERS)
         limits = v_max, v_max, turn
     fastest = max(*limits[:2], 1e-9)
     v, omega = rows[:, 0] / fastest, rows[:, 1] / max(limits[2], 1e-9)
-    parts = [Part("length", "", "drive for longer", len(rows) * dt, options.whole)]
-    parts += _seconds_of(v, omega, dt, limits[1] > 0.0, options)
+    parts = [Part("length", "", "drive for longer", len(rows) * dt, WHOLE)]
+    parts += _seconds_of(v, omega, dt, limits[1] > 0.0)
     speeds = [np.asarray(stretch)[:, 0] for stretch in stretches]
-    stops = sum(len(find_stops(s, dt, fastest, StopOptions(options.standing))) for s in speeds)
+    stops = sum(len(find_stops(s, dt, fastest)) for s in speeds)
     advice = "stop from full speed, and stand for a second"
-    stop = Part("stops", "stops from speed", advice, float(stops), float(options.stops))
-    return Coverage((*parts, stop), _tightest(v * fastest, omega * limits[2], options))
+    stop = Part("stops", "stops from speed", advice, float(stops), float(STOPS))
+    return Coverage((*parts, stop), _tightest(v * fastest, omega * limits[2]))
 
 
-def _tightest(v: Array, omega: Array, options: CoverageOptions) -> float:
+def _tightest(v: Array, omega: Array) -> float:
     """Radius of the tightest turns, single rows left out [m]; 0 where nothing turns."""
-    turning = np.abs(omega) > options.turning * max(float(np.abs(omega).max(initial=0.0)), 1e-9)
+    turning = np.abs(omega) > TURNING * max(float(np.abs(omega).max(initial=0.0)), 1e-9)
     if not turning.any():
         return 0.0
     return float(np.quantile(np.abs(v[turning] / omega[turning]), 0.02))
 
 
-def _seconds_of(
-    v: Array, omega: Array, dt: float, reverses: bool, options: CoverageOptions
-) -> list[Part]:
+def _seconds_of(v: Array, omega: Array, dt: float, reverses: bool) -> list[Part]:
     """Parts that are measured in seconds; speeds are shares of the largest."""
-    ahead, back = v > options.standing, v < -options.standing
-    moving, fast = ahead | back, np.abs(v) > options.fast
-    need, less = options.direction, options.combination
+    ahead, back = v > STANDING, v < -STANDING
+    moving, fast = ahead | back, np.abs(v) > FAST
+    need, less = DIRECTION, COMBINATION
     ways = [("forward", "drives forward", "driving forward", ahead)]
     ways += [("reverse", "reverses", "reversing", back)] if reverses else []
 
@@ -187,8 +175,8 @@ def _seconds_of(
     ]
     spots = []
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        turning = sign * omega > options.turning
-        shown = seconds(sign * omega > options.standing)
+        turning = sign * omega > TURNING
+        shown = seconds(sign * omega > STANDING)
         parts.append(Part(side, f"turns {side}", f"turn {side}", shown, need))
         for name, verb, doing, way in ways:
             label, told = f"{name}, {side}", f"turn {side} while {doing}"
@@ -216,7 +204,7 @@ def _largest(rows: Array, outliers: float) -> tuple[float, float]:
     return float(v), float(omega)
 
 
-def find_gaps(*datasets: Dataset, options: CoverageOptions | None = None) -> list[str]:
+def find_gaps(*datasets: Dataset) -> list[str]:
     """What the log of one robot does not show, one line each; its parts share one period."""
     stretches = [e.inputs for dataset in datasets for e in dataset.episodes]
-    return find_coverage(stretches, datasets[0].dt, None, options).warnings()
+    return find_coverage(stretches, datasets[0].dt).warnings()

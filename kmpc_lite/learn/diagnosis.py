@@ -19,25 +19,21 @@ from kmpc_lite.learn.selection_options import SelectionOptions
 from kmpc_lite.learn.windows import Block, answered_commands, largest_speeds, window_sums
 from kmpc_lite.types import Array
 
-
-@dataclass(frozen=True)
-class DiagnosisOptions:
-    """Thresholds above which a line is written."""
-
-    sure: float = 4.0
-    """Standard errors."""
-    drift: float = 0.02
-    """Drift and creep, as a share of the largest speed."""
-    turning: float = 0.02
-    """Creep of the heading, as a share of the largest turn rate."""
-    compass: float = 0.1
-    """Share by which the turn gain depends on the heading."""
-    offset: float = 0.035
-    """Angle between the heading and the direction of driving [rad]."""
-    sides: float = 0.1
-    """Share by which the gains forward and back, or left and right, differ."""
-    apart: float = 0.05
-    """Share of an explanation that those before it must leave: else the log cannot show it."""
+# thresholds above which a line is written: what is less does no harm
+SURE = 4.0
+"""Standard errors that make something sure."""
+DRIFT = 0.02
+"""Drift and creep, as a share of the largest speed."""
+TURNING = 0.02
+"""Creep of the heading, as a share of the largest turn rate."""
+COMPASS = 0.1
+"""Share by which the turn gain depends on the heading."""
+OFFSET = 0.035
+"""Angle between the heading and the direction of driving [rad]."""
+SIDES = 0.1
+"""Share by which the gains forward and back, or left and right, differ."""
+APART = 0.05
+"""Share of an explanation that those before it must leave: else the log cannot show it."""
 
 
 @dataclass(frozen=True)
@@ -47,17 +43,15 @@ class Estimate:
     value: complex
     error: float
 
-    def sure(self, least: float, options: DiagnosisOptions) -> bool:
+    def sure(self, least: float) -> bool:
         """Whether it is both beyond chance and large enough to matter."""
-        return abs(self.value) > max(least, options.sure * self.error)
+        return abs(self.value) > max(least, SURE * self.error)
 
 
 def diagnose(
     dataset: Dataset,
     speed: Response,
     turn: Response,
-    options: DiagnosisOptions | None = None,
-    selection: SelectionOptions | None = None,
 ) -> list[str]:
     """What a user should know of a log's frames, one line each.
 
@@ -67,13 +61,8 @@ def diagnose(
         What was learned from.
     speed, turn : Response
         How late the robot answers.
-    options : DiagnosisOptions, optional
-        Thresholds above which a line is written.
-    selection : SelectionOptions, optional
-        How the log is cut.
     """
-    options = DiagnosisOptions() if options is None else options
-    windows = cut_for(dataset, SelectionOptions() if selection is None else selection)
+    windows = cut_for(dataset, SelectionOptions())
     if len(windows.blocks) < 4:
         return []
     kernels = [r.weights(dataset.dt, windows.longest) for r in (speed, turn)]
@@ -83,8 +72,8 @@ def diagnose(
         position.append(_position_moments(block, answered, windows.length, dataset.dt))
         heading.append(_heading_moments(block, answered, windows.length, dataset.dt))
     v_max, omega_max = largest_speeds(dataset)
-    moved, turned = (_jackknife(np.array(m), options.apart) for m in (position, heading))
-    return [*_tell_position(moved, v_max, options), *_tell_heading(turned, omega_max, options)]
+    moved, turned = (_jackknife(np.array(m)) for m in (position, heading))
+    return [*_tell_position(moved, v_max), *_tell_heading(turned, omega_max)]
 
 
 def _position_moments(block: Block, answered: Array, length: int, dt: float) -> Array:
@@ -116,13 +105,13 @@ def _heading_moments(block: Block, answered: Array, length: int, dt: float) -> A
     return gram
 
 
-def _jackknife(moments: Array, apart: float) -> list[Estimate]:
+def _jackknife(moments: Array) -> list[Estimate]:
     """Least squares from blocks' moments (B, p + 1, p + 1), with standard errors.
 
     What cannot be told apart from what comes before it is zero, and not sure.
     """
     total = moments.sum(axis=0)
-    shown = _told_apart(total[:-1, :-1], apart)
+    shown = _told_apart(total[:-1, :-1])
     found = [Estimate(0.0, float("inf"))] * (len(total) - 1)
     if not shown:
         return found
@@ -140,7 +129,7 @@ def _jackknife(moments: Array, apart: float) -> list[Estimate]:
     return found
 
 
-def _told_apart(gram: Array, apart: float) -> list[int]:
+def _told_apart(gram: Array) -> list[int]:
     """Columns of which those before them leave at least a share, by their moments (p, p)."""
     shown: list[int] = []
     for k, energy in enumerate(np.diagonal(gram).real):
@@ -148,39 +137,37 @@ def _told_apart(gram: Array, apart: float) -> list[int]:
         if shown:
             cross = gram[shown, k]
             left -= np.vdot(cross, np.linalg.solve(gram[np.ix_(shown, shown)], cross)).real
-        if left > apart * energy:
+        if left > APART * energy:
             shown.append(k)
     return shown
 
 
-def _tell_position(found: list[Estimate], v_max: float, options: DiagnosisOptions) -> list[str]:
+def _tell_position(found: list[Estimate], v_max: float) -> list[str]:
     """Lines about the frame of the positions."""
     motion, _, mirror, drift, unsigned, creep = found
-    if mirror.sure(abs(motion.value), options):
+    if mirror.sure(abs(motion.value)):
         return ["the robot moves as if seen in a mirror: check the signs of x, y and theta"]
     told = []
     angle = float(np.angle(motion.value))
     if abs(angle) > 0.5 * np.pi:
         told.append("v > 0 drives backwards: theta is off by half a turn, or v has the other sign")
-    elif abs(angle) > max(
-        options.offset, options.sure * motion.error / max(abs(motion.value), 1e-12)
-    ):
+    elif abs(angle) > max(OFFSET, SURE * motion.error / max(abs(motion.value), 1e-12)):
         told.append(
             f"the robot drives {np.degrees(angle):+.1f} degrees off its heading theta "
             "(learned, and no harm; the sensor's mount can be mended)"
         )
-    if unsigned.sure(0.5 * options.sides * abs(motion.value), options):
+    if unsigned.sure(0.5 * SIDES * abs(motion.value)):
         told.append(
             f"the robot drives forward at {abs(motion.value + unsigned.value):.2f} of its command, "
             f"and reverses at {abs(motion.value - unsigned.value):.2f}: the model has one gain"
         )
-    if drift.sure(options.drift * v_max, options):
+    if drift.sure(DRIFT * v_max):
         told.append(
             f"the robot drifts by {abs(drift.value):.2g} m/s towards "
             f"{np.angle(drift.value):+.1f} rad whichever way it faces: a slope, or a frame that "
             "moves; this is not learned"
         )
-    if creep.sure(options.drift * v_max, options):
+    if creep.sure(DRIFT * v_max):
         told.append(
             f"the log shows {abs(creep.value):.2g} m/s at zero command, "
             f"{np.angle(creep.value):+.1f} rad off the heading; the model stands still there"
@@ -188,25 +175,25 @@ def _tell_position(found: list[Estimate], v_max: float, options: DiagnosisOption
     return told
 
 
-def _tell_heading(found: list[Estimate], omega_max: float, options: DiagnosisOptions) -> list[str]:
+def _tell_heading(found: list[Estimate], omega_max: float) -> list[str]:
     """Lines about the heading."""
     gain, _, unsigned, creep, cos, sin = found
     told = []
-    if gain.value.real < -options.sure * gain.error:
+    if gain.value.real < -SURE * gain.error:
         told.append("omega > 0 turns right: omega or theta has the other sign")
-    if unsigned.sure(0.5 * options.sides * abs(gain.value), options):
+    if unsigned.sure(0.5 * SIDES * abs(gain.value)):
         left, right = (gain.value + sign * unsigned.value for sign in (1, -1))
         told.append(
             f"the robot turns left at {left.real:.2f} of its command, and right at "
             f"{right.real:.2f}: the model has one gain"
         )
-    if creep.sure(options.turning * omega_max, options):
+    if creep.sure(TURNING * omega_max):
         told.append(
             f"the log turns by {creep.value.real:.2g} rad/s at zero command; the model stands still"
         )
     size = float(np.hypot(cos.value.real, sin.value.real))
     error = float(np.hypot(cos.error, sin.error))
-    if size > max(options.compass * abs(gain.value), options.sure * error):
+    if size > max(COMPASS * abs(gain.value), SURE * error):
         where = np.arctan2(sin.value.real, cos.value.real)
         told.append(
             f"turns come out {100 * size / abs(gain.value):.0f} % larger where theta is "

@@ -1,4 +1,9 @@
-"""What a log's input columns are: commands, or speeds that were measured."""
+"""What a log's input columns are: commands, or speeds that were measured.
+
+A command is held, changes at once, or changes steadily, as a ramp does. A measured speed follows
+the motors and is noisy: from one value to the next it changes a little, and never by the same
+amount twice. A recorder may repeat it until the next measurement comes.
+"""
 
 from __future__ import annotations
 
@@ -9,28 +14,18 @@ import numpy as np
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.types import Array
 
-
-@dataclass(frozen=True)
-class InputColumnOptions:
-    """How commands are told from measured speeds.
-
-    A command is held, changes at once, or changes steadily, as a ramp does. A measured speed
-    follows the motors and is noisy: from one value to the next it changes a little, and never by
-    the same amount twice. A recorder may repeat it until the next measurement comes.
-    """
-
-    same: float = 2e-4
-    """Changes below this share of the largest are none: a log has so many digits."""
-    hold: float = 0.28
-    """A value that stays for so long [s] is held: no sensor is that slow ..."""
-    hold_rows: int = 3
-    """... and for so many rows."""
-    held: float = 0.2
-    """Share of rows in such holds from which on the inputs are commands."""
-    steady: float = 0.2
-    """Share of changes that equal the one before from which on the inputs are commands."""
-    jumps: float = 0.8
-    """Correlation of one value with the next below which the inputs are commands."""
+SAME = 2e-4
+"""Changes below this share of the largest are none: a log has so many digits."""
+HOLD = 0.28
+"""A value that stays for so long [s] is held: no sensor is that slow ..."""
+HOLD_ROWS = 3
+"""... and for so many rows."""
+HELD = 0.2
+"""Share of rows in such holds from which on the inputs are commands."""
+STEADY = 0.2
+"""Share of changes that equal the one before from which on the inputs are commands."""
+JUMPS = 0.8
+"""Correlation of one value with the next below which the inputs are commands."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +40,7 @@ class Shares:
     """Correlation of a value with the next one that differs."""
 
 
-def tell_inputs(dataset: Dataset, delay: float, options: InputColumnOptions | None = None) -> str:
+def tell_inputs(dataset: Dataset, delay: float) -> str:
     """What the input columns are: commands, or speeds that were measured.
 
     Parameters
@@ -54,19 +49,16 @@ def tell_inputs(dataset: Dataset, delay: float, options: InputColumnOptions | No
         The log.
     delay : float
         How far the poses lag behind the inputs [s].
-    options : InputColumnOptions, optional
-        How they are told apart.
     """
-    options = InputColumnOptions() if options is None else options
-    shares = find_shares(dataset, options)
+    shares = find_shares(dataset)
     lead = f"poses follow {delay:.2f} s later"
     if shares is None:
         return "unknown: they hardly change"
-    if shares.held >= options.held:
+    if shares.held >= HELD:
         return f"commands ({100 * shares.held:.0f} % of the rows are held; {lead})"
-    if shares.steady >= options.steady:
+    if shares.steady >= STEADY:
         return f"commands ({100 * shares.steady:.0f} % of the changes go on as ramps; {lead})"
-    if shares.alike < options.jumps:
+    if shares.alike < JUMPS:
         return f"commands (they change at once, from one value to any other; {lead})"
     return (
         f"measured speeds, of encoders or so (they change a little at a time, and noisily; {lead}):"
@@ -74,24 +66,23 @@ def tell_inputs(dataset: Dataset, delay: float, options: InputColumnOptions | No
     )
 
 
-def find_shares(dataset: Dataset, options: InputColumnOptions | None = None) -> Shares | None:
+def find_shares(dataset: Dataset) -> Shares | None:
     """Look at the values of the inputs; None where too few of them differ."""
-    options = InputColumnOptions() if options is None else options
     every = np.concatenate([e.inputs for e in dataset.episodes])
     largest = np.maximum(np.quantile(np.abs(every), 0.995, axis=0), 1e-9)
-    least = max(options.hold_rows, round(options.hold / dataset.dt))
+    least = max(HOLD_ROWS, round(HOLD / dataset.dt))
     held = rows = steady = changes = 0
     pairs = []
     for episode in dataset.episodes:
         values = episode.inputs / largest
-        new = np.abs(np.diff(values, axis=0)).max(axis=1) > options.same
+        new = np.abs(np.diff(values, axis=0)).max(axis=1) > SAME
         firsts = np.concatenate([[0], np.flatnonzero(new) + 1])
         lengths = np.diff(np.concatenate([firsts, [len(values)]]))
-        moving = np.abs(values[firsts]).max(axis=1) > options.same
+        moving = np.abs(values[firsts]).max(axis=1) > SAME
         rows += int(lengths[moving].sum())
         held += int(lengths[moving & (lengths >= least)].sum())
         change = np.diff(values[firsts], axis=0)
-        again = np.abs(np.diff(change, axis=0)).max(axis=1) <= options.same
+        again = np.abs(np.diff(change, axis=0)).max(axis=1) <= SAME
         steady, changes = steady + int(again.sum()), changes + len(again)
         pairs.append(np.hstack([values[firsts[:-1]], values[firsts[1:]]]))
     before_after = np.concatenate(pairs)

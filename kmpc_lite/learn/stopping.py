@@ -19,15 +19,10 @@ from kmpc_lite.learn.windows import largest_speeds
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
 
-
-@dataclass(frozen=True)
-class StoppingOptions:
-    """What is looked at."""
-
-    fewest: int = 2
-    """Stops from which on something is said."""
-    sure: float = 2.0
-    """Standard errors by which the robot must drive on farther than predicted."""
+FEWEST = 2
+"""Stops from which on something is said."""
+SURE = 2.0
+"""Standard errors by which the robot must drive on farther than predicted."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +47,7 @@ class Stopping:
         return speed * self.delay + speed**2 / (2.0 * self.deceleration)
 
 
-def measure_stopping(
-    model: KoopmanModel, *datasets: Dataset, options: StoppingOptions | None = None
-) -> Stopping:
+def measure_stopping(model: KoopmanModel, *datasets: Dataset) -> Stopping:
     """Measure delay and deceleration of the robot in a log.
 
     Parameters
@@ -63,10 +56,7 @@ def measure_stopping(
         Learned from the log: what it predicts of a stop is the lag's share of the way.
     datasets : Dataset
         The log's parts.
-    options : StoppingOptions, optional
-        What is looked at.
     """
-    options = StoppingOptions() if options is None else options
     episodes = [e for dataset in datasets for e in dataset.episodes]
     largest = max(largest_speeds(dataset)[0] for dataset in datasets)
     told, beyond, energy = [], [], []
@@ -77,10 +67,10 @@ def measure_stopping(
                 beyond.append(_farther_than_predicted(model, episode, stop))
                 energy.append(0.5 * episode.inputs[stop.begin - 1, 0] ** 2)
     delay = _delay(model, Dataset(episodes))
-    if len(told) < options.fewest:
+    if len(told) < FEWEST:
         return Stopping(delay, len(told), None)
     slowness = 1.0 / float(np.median(told))
-    slowness += _excess(np.array(beyond), np.array(energy), options.sure)
+    slowness += _excess(np.array(beyond), np.array(energy))
     return Stopping(delay, len(told), 1.0 / slowness)
 
 
@@ -103,13 +93,13 @@ def _farther_than_predicted(model: KoopmanModel, episode: Episode, stop: Stop) -
     return float(sign * heading @ (episode.states[stop.end] - predicted)[:2])
 
 
-def _excess(beyond: Array, energy: Array, sure: float) -> float:
+def _excess(beyond: Array, energy: Array) -> float:
     """What is to be added to the inverse deceleration [s^2/m], where that is beyond chance."""
     size = float(energy @ energy)
     found = float(energy @ beyond) / size
     rest = beyond - found * energy
     error = float(np.sqrt(rest @ rest / max(len(beyond) - 1, 1) / size))
-    return found + error if found > sure * error else max(0.0, found)
+    return found + error if found > SURE * error else max(0.0, found)
 
 
 def _delay(model: KoopmanModel, log: Dataset) -> float:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from kmpc_lite.errors import DataError
@@ -17,20 +15,17 @@ NEVER_MOVES = (
 )
 
 
-@dataclass(frozen=True)
-class CarOptions:
-    """Thresholds by which a robot counts as car-like."""
-
-    slow: float = 0.1
-    """Share of the largest speed below which a robot counts as standing."""
-    turning: float = 0.3
-    """Share of the largest turn rate above which a robot is told to turn."""
-    spot: float = 1.0
-    """Length of a stretch that shows a turn on the spot [s]."""
-    fewest: int = 3
-    """Such stretches that are needed."""
-    follows: float = 0.2
-    """Share of its usual turn gain below which a robot does not turn on the spot."""
+# by what a robot counts as car-like
+SLOW = 0.1
+"""Share of the largest speed below which a robot counts as standing."""
+TURNING = 0.3
+"""Share of the largest turn rate above which a robot is told to turn."""
+SPOT = 1.0
+"""Length of a stretch that shows a turn on the spot [s]."""
+FEWEST = 3
+"""Such stretches that are needed."""
+FOLLOWS = 0.2
+"""Share of its usual turn gain below which a robot does not turn on the spot."""
 
 
 def refuse_frozen(dataset: Dataset) -> None:
@@ -47,7 +42,7 @@ def refuse_frozen(dataset: Dataset) -> None:
         raise DataError(NEVER_MOVES)
 
 
-def refuse_car_like(dataset: Dataset, options: CarOptions | None = None) -> None:
+def refuse_car_like(dataset: Dataset) -> None:
     """Refuse a robot that is told to turn on the spot and does not, however late it answers.
 
     Raises
@@ -55,21 +50,20 @@ def refuse_car_like(dataset: Dataset, options: CarOptions | None = None) -> None
     DataError
         With what the log shows.
     """
-    options = CarOptions() if options is None else options
     delay = unmodelled_delay(dataset)
     answered = aligned(dataset, delay) if delay else dataset
-    asked, turned, speeds = _windows(answered, max(1, round(options.spot / dataset.dt)))
+    asked, turned, speeds = _windows(answered, max(1, round(SPOT / dataset.dt)))
     v_max, omega_max = np.abs(speeds).max(initial=0.0), np.abs(asked).max(initial=0.0)
-    turning = np.abs(asked) > options.turning * omega_max
-    on_the_spot = turning & (speeds < options.slow * v_max)
-    driving = turning & (speeds > 3.0 * options.slow * v_max)
-    if on_the_spot.sum() < options.fewest or driving.sum() < options.fewest:
+    turning = np.abs(asked) > TURNING * omega_max
+    on_the_spot = turning & (speeds < SLOW * v_max)
+    driving = turning & (speeds > 3.0 * SLOW * v_max)
+    if on_the_spot.sum() < FEWEST or driving.sum() < FEWEST:
         return
     spot, usual = (
         float(asked[rows] @ turned[rows] / (asked[rows] @ asked[rows]))
         for rows in (on_the_spot, driving)
     )
-    if abs(usual) > 0.05 and abs(spot) < options.follows * abs(usual):
+    if abs(usual) > 0.05 and abs(spot) < FOLLOWS * abs(usual):
         raise DataError(
             "this robot does not turn on the spot: told to, it turns by "
             f"{spot:.2f} of the command while it stands, {usual:.2f} while it drives. Car-like "

@@ -5,8 +5,6 @@ A pose that is repeated to the last digit while the robot is told to move is no 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from kmpc_lite.geometry import wrap
@@ -14,24 +12,20 @@ from kmpc_lite.learn.cutting import GAP
 from kmpc_lite.learn.logs import Log
 from kmpc_lite.types import Array
 
-
-@dataclass(frozen=True)
-class PoseOptions:
-    """Thresholds above which a line is written."""
-
-    jump: float = 10.0
-    """Ratio of a step to the largest speed asked, and to nearly all other steps."""
-    usual: float = 0.95
-    """Share of the steps that are nearly all."""
-    standing: float = 0.1
-    """Share of the largest command below which a robot may stand."""
-    late: float = 1.5
-    """Periods of a model that may pass between two new poses of a moving robot."""
-    lost: float = 3.0
-    """Time for which a robot is told to move while its pose stands still [s]."""
+# thresholds above which a line is written
+JUMP = 10.0
+"""Ratio of a step to the largest speed asked, and to nearly all other steps."""
+USUAL = 0.95
+"""Share of the steps that are nearly all."""
+STANDING = 0.1
+"""Share of the largest command below which a robot may stand."""
+LATE = 1.5
+"""Periods of a model that may pass between two new poses of a moving robot."""
+LOST = 3.0
+"""Time for which a robot is told to move while its pose stands still [s]."""
 
 
-def tell_poses(log: Log, dt: float, options: PoseOptions | None = None) -> list[str]:
+def tell_poses(log: Log, dt: float) -> list[str]:
     """What is remarkable in the poses, one line each.
 
     Parameters
@@ -40,22 +34,19 @@ def tell_poses(log: Log, dt: float, options: PoseOptions | None = None) -> list[
         In SI units.
     dt : float
         The model's period [s].
-    options : PoseOptions, optional
-        Thresholds above which a line is written.
     """
-    options = PoseOptions() if options is None else options
     time, poses = log.poses.time, log.poses.values
     new = np.concatenate([[True], np.any(np.diff(poses, axis=0) != 0.0, axis=1)])
     rows = np.flatnonzero(new)
     if len(rows) < 20:
         return []
     asked = _asked(log, time)
-    told = _tell_repeats(log, dt, rows, asked, options)
+    told = _tell_repeats(log, dt, rows, asked)
     steps = np.diff(poses[rows], axis=0)
     sizes = {"position": np.hypot(steps[:, 0], steps[:, 1]), "heading": np.abs(wrap(steps[:, 2]))}
     for k, (name, size) in enumerate(sizes.items()):
         unit = ("m", "rad")[k]
-        told += _tell_jumps(log, rows, size, float(asked[:, k].max()), (name, unit), options)
+        told += _tell_jumps(log, rows, size, float(asked[:, k].max()), (name, unit))
     return told
 
 
@@ -68,12 +59,10 @@ def _asked(log: Log, time: Array) -> Array:
     return np.abs(log.commands.values[order][np.maximum(at, 0)])
 
 
-def _tell_repeats(
-    log: Log, dt: float, rows: Array, asked: Array, options: PoseOptions
-) -> list[str]:
+def _tell_repeats(log: Log, dt: float, rows: Array, asked: Array) -> list[str]:
     """Lines on poses that come seldom, or not at all for a while, though the robot should move."""
     time = log.poses.time
-    moving = np.any(asked > options.standing * asked.max(axis=0), axis=1)
+    moving = np.any(asked > STANDING * asked.max(axis=0), axis=1)
     still = np.concatenate([[0], np.cumsum(~moving)])
     steps = np.diff(time[rows])
     driven = (still[rows[1:]] == still[rows[:-1]]) & (steps > 0.0)
@@ -81,14 +70,14 @@ def _tell_repeats(
         return []
     every = float(np.median(steps[driven]))
     period = float(np.median(np.diff(time)))
-    if np.diff(rows)[driven].max() > 1 and every > options.late * dt:
+    if np.diff(rows)[driven].max() > 1 and every > LATE * dt:
         return [
             f"poses of the moving robot change every {every:.2g} s only, though logged every "
             f"{period:.2g} s: what lies between is old, and learned as lateness; --dt {every:.2g}"
         ]
     held = np.clip(np.diff(time), 0.0, GAP * period) * moving[:-1]
     told = np.diff(np.concatenate([[0.0], np.cumsum(held)])[rows])
-    lost = (np.diff(rows) > 1) & (told > options.lost)
+    lost = (np.diff(rows) > 1) & (told > LOST)
     if not lost.any():
         return []
     longest = int(np.argmax(told * lost))
@@ -105,7 +94,6 @@ def _tell_jumps(
     size: Array,
     asked: float,
     named: tuple[str, str],
-    options: PoseOptions,
 ) -> list[str]:
     """A line on steps between new poses that are far larger than all others and than asked."""
     steps = np.diff(log.poses.time[rows])
@@ -113,8 +101,8 @@ def _tell_jumps(
     whole = (steps > 0.0) & (steps <= GAP * period)
     if not whole.any():
         return []
-    usual = float(np.quantile(size[whole], options.usual))
-    jumps = whole & (size > options.jump * np.maximum(usual, asked * steps))
+    usual = float(np.quantile(size[whole], USUAL))
+    jumps = whole & (size > JUMP * np.maximum(usual, asked * steps))
     if not jumps.any():
         return []
     k = int(np.argmax(np.where(jumps, size, 0.0)))
