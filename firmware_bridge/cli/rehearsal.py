@@ -186,31 +186,34 @@ class Rehearsal:
 
     def compare(self) -> None:
         """Compare what was driven so far."""
-        from kmpc_lite.learn.comparison import Verdict, compare
+        from kmpc_lite.learn.comparison import ModelVerdict, compare
 
         rows = self._rows[:]
         self._compared = len(rows)
         before = self.result
-        if before is not None and before.verdict is Verdict.BETTER:
+        if before is not None and before.verdict is ModelVerdict.BETTER:
             return  # shown once, beyond noise
         self.result = compare(self._model, _episodes(rows, self._model.dt))
         long = len(rows) * self._model.dt >= LONGEST
         verdict = self.result.verdict
-        if verdict is Verdict.WORSE or (long and verdict.name not in PASSED):
+        if verdict is ModelVerdict.WORSE or (long and verdict.name not in PASSED):
             self.trouble = f"rehearsal: {self.result}"
 
     def finish(self) -> dict[str, Any]:
         """Compare a last time and remember the result; give it as plain values."""
         from kmpc_lite.files import write_whole
-        from kmpc_lite.learn.comparison import Verdict
+        from kmpc_lite.learn.comparison import ModelVerdict
 
         if not self.trouble:
             self.compare()
         result = self.result
-        if result is None or result.verdict is Verdict.SHORT:
-            return {"verdict": "SHORT", "text": f"the model {Verdict.SHORT.value}: rehearse again"}
+        if result is None or result.verdict is ModelVerdict.SHORT:
+            return {
+                "verdict": "SHORT",
+                "text": f"the model {ModelVerdict.SHORT.value}: rehearse again",
+            }
         told = {**result.as_dict(), "text": str(result)}
-        if result.verdict is Verdict.UNSURE and not self.trouble:
+        if result.verdict is ModelVerdict.UNSURE and not self.trouble:
             told["text"] += ": rehearse again, for longer"
             return told
         file = str(self._robot.control.model)

@@ -17,7 +17,7 @@ from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.types import STATES, Array
 
 
-class Verdict(Enum):
+class ModelVerdict(Enum):
     """What a comparison says."""
 
     BETTER = "predicts better than the nominal robot"
@@ -44,7 +44,7 @@ MOVING = 0.1
 class Comparison:
     """Errors of a model and of the nominal robot over the same windows."""
 
-    verdict: Verdict
+    verdict: ModelVerdict
     windows: int
     errors: tuple[float, float, float]
     """Along [m], across [m], heading [rad], root mean square."""
@@ -78,7 +78,7 @@ def compare(model: KoopmanModel, episodes: Sequence[Episode]) -> Comparison:
     starts, past, commands, ends = _windows(model, episodes)
     none = (0.0, 0.0, 0.0)
     if len(starts) < FEWEST:
-        return Comparison(Verdict.SHORT, len(starts), none, none)
+        return Comparison(ModelVerdict.SHORT, len(starts), none, none)
     nominal = nominal_unicycle(model.dt)
     with np.errstate(over="ignore", invalid="ignore"):  # a model may diverge: it is worse then
         predicted = model.rollout(starts, commands, past if model.history else None)[:, -1]
@@ -89,17 +89,17 @@ def compare(model: KoopmanModel, episodes: Sequence[Episode]) -> Comparison:
         rms = [np.sqrt(np.mean(e**2, axis=0)) for e in (ours, theirs, apart)]
     found = (len(starts), as_triple(rms[0]), as_triple(rms[1]))
     if not np.isfinite(rms[0]).all():
-        return Comparison(Verdict.WORSE, *found)
+        return Comparison(ModelVerdict.WORSE, *found)
     # of each window and direction a share, so that a few large errors do not decide alone
     worse = (ours**2 - theirs**2) / np.maximum(ours**2 + theirs**2, 1e-18)
     mean = worse.mean(axis=0)
     least = SURE * worse.std(axis=0, ddof=1) / np.sqrt(len(worse))
     is_worse = bool(np.any((mean > least) & (rms[0] > rms[1])))
     if np.any((mean < -least) & (rms[0] < rms[1])) and not is_worse:
-        return Comparison(Verdict.BETTER, *found)
+        return Comparison(ModelVerdict.BETTER, *found)
     if bool(np.all(rms[2] <= ALIKE * np.minimum(rms[0], rms[1]) + 1e-9)):
-        return Comparison(Verdict.ALIKE, *found)
-    return Comparison(Verdict.WORSE if is_worse else Verdict.UNSURE, *found)
+        return Comparison(ModelVerdict.ALIKE, *found)
+    return Comparison(ModelVerdict.WORSE if is_worse else ModelVerdict.UNSURE, *found)
 
 
 def _windows(model: KoopmanModel, episodes: Sequence[Episode]) -> tuple[Array, Array, Array, Array]:

@@ -43,7 +43,7 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Choice:
     """What cross-validation says of several candidates against a reference."""
 
     best: int
@@ -91,7 +91,7 @@ def assign_folds(blocks: int) -> Array:
     return np.arange(blocks) * min(FOLDS, blocks) // max(blocks, 1)
 
 
-def cross_validate(candidates: Sequence[Candidate], folds: Array, reference: Array) -> Verdict:
+def cross_validate(candidates: Sequence[Candidate], folds: Array, reference: Array) -> Choice:
     """Choose a candidate, and tell what the choice is worth against a reference.
 
     For each fold, the choice is made by cross-validation among the other folds, the weights are
@@ -127,7 +127,7 @@ def cross_validate(candidates: Sequence[Candidate], folds: Array, reference: Arr
     for o in range(count):
         chosen = choose(inner[:, o, folds != o], complexity)
         honest[folds == o] = outer[chosen, folds == o]
-    return Verdict(choose(outer, complexity), gain_score(reference, honest), honest)
+    return Choice(choose(outer, complexity), gain_score(reference, honest), honest)
 
 
 def choose(errors: Array, complexity: Sequence[int]) -> int:

@@ -37,7 +37,7 @@ APART = 0.05
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Coefficient:
     """A complex number and its standard error."""
 
     value: complex
@@ -105,14 +105,14 @@ def _heading_moments(block: Block, answered: Array, length: int, dt: float) -> A
     return gram
 
 
-def _jackknife(moments: Array) -> list[Estimate]:
+def _jackknife(moments: Array) -> list[Coefficient]:
     """Least squares from blocks' moments (B, p + 1, p + 1), with standard errors.
 
     What cannot be told apart from what comes before it is zero, and not sure.
     """
     total = moments.sum(axis=0)
     shown = _told_apart(total[:-1, :-1])
-    found = [Estimate(0.0, float("inf"))] * (len(total) - 1)
+    found = [Coefficient(0.0, float("inf"))] * (len(total) - 1)
     if not shown:
         return found
     count = len(moments)
@@ -125,7 +125,7 @@ def _jackknife(moments: Array) -> list[Estimate]:
     spread = weights[1:] - weights[1:].mean(axis=0)
     errors = np.sqrt((count - 1) / count * np.sum(np.abs(spread) ** 2, axis=0))
     for k, weight, error in zip(shown, weights[0], errors, strict=True):
-        found[k] = Estimate(complex(weight), float(error))
+        found[k] = Coefficient(complex(weight), float(error))
     return found
 
 
@@ -142,7 +142,7 @@ def _told_apart(gram: Array) -> list[int]:
     return shown
 
 
-def _tell_position(found: list[Estimate], v_max: float) -> list[str]:
+def _tell_position(found: list[Coefficient], v_max: float) -> list[str]:
     """Lines about the frame of the positions."""
     motion, _, mirror, drift, unsigned, creep = found
     if mirror.sure(abs(motion.value)):
@@ -175,7 +175,7 @@ def _tell_position(found: list[Estimate], v_max: float) -> list[str]:
     return told
 
 
-def _tell_heading(found: list[Estimate], omega_max: float) -> list[str]:
+def _tell_heading(found: list[Coefficient], omega_max: float) -> list[str]:
     """Lines about the heading."""
     gain, _, unsigned, creep, cos, sin = found
     told = []

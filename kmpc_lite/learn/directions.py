@@ -177,13 +177,13 @@ def _decide(
 ) -> tuple[AnyResponse, Direction, tuple[int, ...]]:
     """Take the chosen candidate if it beats the reference beyond chance, else the nominal robot."""
     blocks = len(reference)
-    verdict = cross_validate(candidates, assign_folds(blocks), reference)
+    choice = cross_validate(candidates, assign_folds(blocks), reference)
     critical = critical_score(blocks, options.significance)
-    response, step = names[verdict.best]
-    if not verdict.score > critical:
-        return names[0][0], Direction(NOMINAL, verdict.score, critical), ()
+    response, step = names[choice.best]
+    if not choice.score > critical:
+        return names[0][0], Direction(NOMINAL, choice.score, critical), ()
     name, terms = ladder[step]
-    return response, Direction(name, verdict.score, critical), terms
+    return response, Direction(name, choice.score, critical), terms
 
 
 def refine(

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.checks.checklist import Verdict, judge
+from kmpc_lite.learn.checks.checklist import LogVerdict, judge
 from kmpc_lite.learn.checks.poses import tell_poses
 from kmpc_lite.learn.checks.relations import tell_delay
 from kmpc_lite.learn.cutting import cut, model_period
@@ -62,7 +62,7 @@ def load_logs(
     return Dataset(episodes)
 
 
-def read_checked(file: Path, how: ReadOptions, dt: float | None) -> tuple[Log, Verdict]:
+def read_checked(file: Path, how: ReadOptions, dt: float | None) -> tuple[Log, LogVerdict]:
     """Read one log as closely as a period [s] needs, and refuse what is suspect in it.
 
     Raises
@@ -79,7 +79,7 @@ def read_checked(file: Path, how: ReadOptions, dt: float | None) -> tuple[Log, V
     return log, verdict
 
 
-def _account(log: Log, verdict: Verdict, dt: float, tell: Callable[[str], None]) -> None:
+def _account(log: Log, verdict: LogVerdict, dt: float, tell: Callable[[str], None]) -> None:
     """Tell how a log was read, and what is remarkable in it at the model's period [s]."""
     delay = () if verdict.delay is None else (f"motion {tell_delay(verdict.delay, dt)}",)
     forced = (f"suspect, and forced: {suspect.reason}" for suspect in verdict.suspects)

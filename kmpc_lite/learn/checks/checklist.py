@@ -59,7 +59,7 @@ class Suspect(NamedTuple):
     """What is wrong and which option mends it, in a line."""
 
 
-class Verdict(NamedTuple):
+class LogVerdict(NamedTuple):
     """Result of all checks of a log."""
 
     suspects: tuple[Suspect, ...]
@@ -82,7 +82,7 @@ class Verdict(NamedTuple):
             )
 
 
-def judge(log: Log) -> Verdict:
+def judge(log: Log) -> LogVerdict:
     """Look at a log with every check, in the order of `CHECKS`.
 
     Parameters
@@ -92,14 +92,16 @@ def judge(log: Log) -> Verdict:
     """
     still = find_still(log)
     if still:
-        return Verdict((Suspect("still", still),), None)
+        return LogVerdict((Suspect("still", still),), None)
     motion = gather(log)
     if motion is None:
-        return Verdict((), None)  # too short, or without overlap: cutting it into episodes says so
+        return LogVerdict(
+            (), None
+        )  # too short, or without overlap: cutting it into episodes says so
     case = make_case(log, examine(motion))
     found = [(name, check(case)) for name, check in CHECKS.items()]
     suspects = tuple(Suspect(name, reason) for name, reason in found if reason)
-    return Verdict(suspects, case.evidence.delay)
+    return LogVerdict(suspects, case.evidence.delay)
 
 
 TURNED = 1.0
