@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.problem_fields import scalar, vector, weight
+from kmpc_lite.control.problem_fields import positive, scalar, vector, weight
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import INPUTS, STATES, Array
@@ -137,26 +137,19 @@ class NavigationProblem:
         set_field("du_max", vector("du_max", self.du_max, INPUTS))
         if not (self.du_max > 0).all():
             raise ProblemError(f"du_max: expected numbers > 0, or infinity, got {self.du_max}")
-        if self.goal_tolerance is not None:
-            near = vector("goal_tolerance", self.goal_tolerance, 2)
-            if not (np.isfinite(near).all() and (near > 0).all()):
-                raise ProblemError(
-                    f"goal_tolerance: expected a distance and an angle > 0, got {near}"
-                )
-            set_field("goal_tolerance", near)
         self._check_bounds()
-        # these follow the robot's size and speed where they are not given
+        # these follow the robot's size and speed where they are not given; how near a goal is to be
+        # reached follows from its model, too
         scale = self.scale
         follows = {
             "deceleration": UNIT_DECELERATION * scale.acceleration,
             "slack_weights": UNIT_SLACK_WEIGHTS / (scale.length, scale.length**2),
+            "goal_tolerance": None,
         }
         for name, usual in follows.items():
             given = getattr(self, name)
-            value = vector(name, usual if given is None else given, 2)
-            if not (np.isfinite(value).all() and (value > 0).all()):
-                raise ProblemError(f"{name}: expected finite numbers > 0, got {value}")
-            set_field(name, value)
+            if given is not None or usual is not None:
+                set_field(name, positive(name, usual if given is None else given, 2))
 
     def _take_footprint(self) -> None:
         """Take the radius from the footprint, where there is one."""

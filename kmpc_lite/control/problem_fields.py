@@ -30,6 +30,14 @@ def vector(name: str, value: Any, length: int) -> Array:
     return array
 
 
+def positive(name: str, value: Any, length: int) -> Array:
+    """Array of so many finite numbers > 0."""
+    array = vector(name, value, length)
+    if not (np.isfinite(array).all() and (array > 0).all()):
+        raise ProblemError(f"{name}: expected finite numbers > 0, got {array}")
+    return array
+
+
 def weight(name: str, value: Any, size: int) -> Array:
     """Symmetric positive semidefinite (size, size) matrix from a diagonal or a full matrix."""
     try:

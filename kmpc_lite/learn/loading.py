@@ -9,7 +9,7 @@ from pathlib import Path
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.checklist import LogVerdict, judge
 from kmpc_lite.learn.checks.poses import tell_poses
-from kmpc_lite.learn.checks.relations import tell_delay
+from kmpc_lite.learn.checks.relations import refuse_late, tell_delay
 from kmpc_lite.learn.cutting import cut, model_period
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import check_time
@@ -56,6 +56,8 @@ def load_logs(
     for file in files:
         log, verdict = read_checked(file, how, dt)
         dt = model_period(log) if dt is None else dt
+        if verdict.delay is not None and not how.force:
+            refuse_late(log.name, verdict.delay, dt)
         episodes += cut(log, dt, gap)
         if tell is not None:
             _account(log, verdict, dt, tell)

@@ -26,14 +26,20 @@ def test_a_good_log_is_described(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_a_robot_later_than_a_model_can_know_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for delay, late in ((0.8, False), (1.8, True)):
+    for delay, late, much in ((0.8, False, False), (1.1, True, False), (1.8, True, True)):
         made = write_csv(tmp_path / "late.csv", drive(90.0, rate=20.0, delay=delay))
-        output = str(tmp_path / "late.npz")
-        for command in (["inspect", str(made)], ["fit", str(made), "-o", output]):
-            assert cli.main(command) == 0
-            told = capsys.readouterr().out
+        output = tmp_path / "late.npz"
+        output.unlink(missing_ok=True)
+        fit = ["fit", str(made), "-o", str(output)]
+        for command, status in ((["inspect", str(made)], 0), (fit, 2 * much)):
+            assert cli.main(command) == status
+            told = "".join(capsys.readouterr())
             assert ("later than the 1 s that a model" in told) is late
-            assert ("--shift 1.8" in told) is late
+            assert (f"--shift {delay:.1f}" in told) is late
+        # what would drive into what it sees is not learned unless asked for
+        assert output.exists() is not much
+    assert "do not drive by it" in told
+    assert cli.main([*fit, "--force"]) == 0 and output.exists()
 
 
 def test_a_motion_before_its_command_is_told(

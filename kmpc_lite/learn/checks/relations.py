@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.case import Case, is_seen, percent, varies
 from kmpc_lite.learn.checks.evidence import LAGS, NOTHING, Evidence, examine, headings
 from kmpc_lite.learn.checks.scales import time_unit
@@ -127,6 +128,10 @@ def clocks_differ(case: Case) -> str | None:
     )
 
 
+TOO_LATE = 1.2
+"""A motion that comes later than this many times what a model can know is refused."""
+
+
 def tell_delay(delay: float, dt: float) -> str:
     """How long after its command the motion comes [s], and whether a model can know that.
 
@@ -150,3 +155,30 @@ def tell_delay(delay: float, dt: float) -> str:
         f"{told}: later than the {known:.3g} s that a model with a period of {dt:.3g} s can know, "
         f"so it predicts badly; where it is the clocks that differ, --shift {delay:.2f}"
     )
+
+
+def refuse_late(name: str, delay: float, dt: float) -> None:
+    """Refuse a log whose motion comes later than any model can know.
+
+    A robot that is driven by such a model does not see what it does, and runs into what it sees.
+
+    Parameters
+    ----------
+    name : str
+        Of the log.
+    delay : float
+        As the log shows it [s].
+    dt : float
+        The model's period [s].
+
+    Raises
+    ------
+    DataError
+        With the options that mend it.
+    """
+    options = SelectionOptions()
+    if delay > TOO_LATE * max(options.longest, options.longest_history(dt) * dt):
+        raise DataError(
+            f"{name}: motion {tell_delay(delay, dt)}; where the robot is that late, --force learns "
+            "all the same: do not drive by it"
+        )
