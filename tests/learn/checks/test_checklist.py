@@ -61,6 +61,11 @@ def test_the_option_that_is_named_mends_it(wrong: str) -> None:
     assert suspects_of(log) == []
 
 
+ALIKE = ("all mm", "y mirrored", "unrelated", "exchanged", "km/h", "feet", "no sign")
+"""What may be meant: a slow robot in mm is a fast one in m, one that is told km/h or feet makes a
+third of what it is told, and who hardly turns, or hardly reverses, looks alike without the sign."""
+
+
 @pytest.mark.long
 def test_wrong_logs_of_all_sorts_of_robots() -> None:
     missed = []
@@ -69,13 +74,13 @@ def test_wrong_logs_of_all_sorts_of_robots() -> None:
             made = valid(seed)
             if not suspects_of(as_log(change(made.table.copy()))):
                 missed.append((seed, made.kind, wrong))
-    # slow robots in mm could be fast ones in m; who hardly turns looks alike in a mirror
     count = len(WRONG) * 32
     assert len(missed) <= 0.05 * count, missed
-    unexplained = [
-        m for m in missed if m[2] not in ("all mm", "y mirrored", "unrelated", "exchanged")
-    ]
+    unexplained = [miss for miss in missed if miss[2] not in ALIKE]
     assert len(unexplained) <= 0.01 * count, unexplained
+    # and these, too, are seen on most robots
+    for wrong in ALIKE:
+        assert sum(miss[2] == wrong for miss in missed) <= 0.4 * 32, (wrong, missed)
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="needs the logs in ../shared/data/norlab_drive")
