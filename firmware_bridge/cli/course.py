@@ -14,7 +14,7 @@ UNKNOWN = (math.nan, math.nan)
 """The command of a period in which nobody knows what was on the wire."""
 FENCE_ROOM = 0.25
 """Without a geofence of its own a robot may leave the scenario's area by so much [m]."""
-WITHIN = 0.8
+WITHIN = 0.7
 """Share of what counts as arrived within which the robot stays: a single pose is noisy."""
 LOOK_AHEAD = 2.0
 """Time that the controller plans ahead, however short its period [s]."""

@@ -40,10 +40,10 @@ def test_a_learned_model_is_adapted_while_driving_and_the_nominal_one_is_not(tmp
 @pytest.mark.parametrize(
     ("arrived", "radius", "near"),
     [
-        ((0.05, 0.15), 0.15, (0.04, 0.12)),
+        ((0.05, 0.15), 0.15, (0.035, 0.105)),
         # a large robot parks as near as it can without being asked to, and no farther
-        ((0.05, 0.15), 0.45, (0.045, 0.12)),
-        ((0.05, 0.15), 0.52, (0.05, 0.12)),
+        ((0.05, 0.15), 0.45, (0.045, 0.105)),
+        ((0.05, 0.15), 0.52, (0.05, 0.105)),
         # asked to, as near as that
         ((0.01, 0.04), 0.15, (0.01, 0.04)),
     ],
