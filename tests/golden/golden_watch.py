@@ -150,6 +150,11 @@ TESTS: dict[str, tuple[str, ...]] = {
         "goal.pushed_distance",
         "goal.pushed_angle",
     ),
+    "control/guidance/test_goal_checker.py::"
+    "test_who_does_not_get_nearer_is_content_with_more_after_four_stalls_and_with_five_times": (
+        "goal.content_stalls",
+        "goal.content_most",
+    ),
     "control/guidance/test_goal_checker.py::test_a_push_is_forgotten_by_a_fifth_a_step": (
         "goal.averaging",
     ),

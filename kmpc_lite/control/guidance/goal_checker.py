@@ -36,10 +36,26 @@ class GoalTolerances:
     off_path: float
     """Distance from the path at which a new one is looked for near the goal [m]."""
 
+    def times(self, factor: int) -> GoalTolerances:
+        """So many times as wide, but for the path; who is pushed is so beyond them."""
+        if factor == 1:
+            return self
+        return replace(
+            self,
+            turn_distance=factor * self.turn_distance,
+            turn_limit=factor * self.turn_limit,
+            enter_distance=factor * self.enter_distance,
+            enter_angle=factor * self.enter_angle,
+            leave_distance=factor * self.leave_distance,
+            leave_angle=factor * self.leave_angle,
+            pushed_distance=max(self.pushed_distance, PUSHED * factor * self.leave_distance),
+            pushed_angle=max(self.pushed_angle, PUSHED * factor * self.leave_angle),
+        )
+
 
 PUSHED = 1.5
-"""How many times a tolerance that was asked for a single pose is farther away of a robot that was
-pushed, at the least."""
+"""How many times a wider tolerance a single pose is farther away, at the least, of a robot that was
+pushed."""
 
 
 def goal_tolerances(
@@ -116,7 +132,12 @@ class GoalChecker:
     """
 
     def __init__(self, options: GoalOptions) -> None:
-        self._averaging = options.averaging
+        self._averaging, self._options = options.averaging, options
+
+    def content_with(self, tolerances: GoalTolerances, stalls: int) -> GoalTolerances:
+        """Tolerances of a robot that has not got nearer for so many stalls."""
+        o = self._options
+        return tolerances.times(min(max(stalls - o.content_stalls + 2, 1), o.content_most))
 
     def holds(
         self,

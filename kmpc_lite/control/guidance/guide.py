@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.control.guidance.capabilities import Capabilities
-from kmpc_lite.control.guidance.goal_checker import GoalChecker
+from kmpc_lite.control.guidance.goal_checker import GoalChecker, GoalTolerances
 from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles
 from kmpc_lite.control.guidance.reference import Guidance, told_progress, wait_in_sight
 from kmpc_lite.control.guidance.replan import Replanner
@@ -144,7 +144,7 @@ class Guide:
 
     def _begin_last_turn(self, state: GuideState, now: Situation) -> None:
         """Begin the last turn where the robot comes to a stop; give it up where it has left."""
-        tolerances = now.capabilities.tolerances
+        tolerances = self._tolerances(state, now)
         if state.shuttle is not None:
             state.turning = False
         elif state.turning:
@@ -155,6 +155,11 @@ class Guide:
             stalled = state.progress.stalls > 0
             limit = tolerances.turn_limit if stalled else tolerances.turn_distance
             state.turning = max(now.distance, at_rest) <= limit
+
+    def _tolerances(self, state: GuideState, now: Situation) -> GoalTolerances:
+        """Of the robot, which is content with less where it does not get nearer."""
+        usual, stalls = now.capabilities.tolerances, state.progress.stalls
+        return self._goal_checker.content_with(usual, stalls)
 
     def _wait(self, state: GuideState, now: Situation, refreshed: bool, switched: bool) -> Guidance:
         """Give the reference of a robot without a path: it waits, and makes room for what moves."""
@@ -185,10 +190,10 @@ class Guide:
         """Give the reference along the path: slower, or beside it, where something moves."""
         limit = max if state.turning else min
         state.place = place = limit(state.place, path.drive_end)
-        moving = now.moving
+        moving, tolerances = now.moving, self._tolerances(state, now)
         hold = self._goal_checker.holds(
             state.goal_checker,
-            now.capabilities.tolerances,
+            tolerances,
             now.error,
             now.rest_error,
             state.progress.stalls > 0,
@@ -203,6 +208,8 @@ class Guide:
         state.yielding = scale != 1.0
         state.yielded = max(state.yielded + (self._dt if scale == 0.0 else -self._dt), 0.0)
         progress, reason = told_progress(state, hold, scale)
+        if hold and tolerances is not now.capabilities.tolerances:
+            reason = "it holds where it is: it does not get nearer to its goal"
         if now.outside:
             progress, reason = GoalProgress.UNREACHABLE, "the goal lies outside the area"
         return Guidance(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.option_fields import angle, check, radii, share
+from kmpc_lite.option_fields import angle, check, count, radii, share
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +49,12 @@ class GoalOptions:
     """... or when one single heading is wrong by more than this [rad]."""
     pushed_angle_noise: float = share(4.5)
     """How much noise widens `pushed_angle` [standard deviations]."""
+    content_stalls: int = count(4)
+    """A robot that has stalled so often on its way to one goal, one stall after the other, is content
+    with twice these tolerances, and with once more of them after each further stall: what cannot be
+    reached more closely is held where it is."""
+    content_most: int = count(5)
+    """How many times the tolerances it is content with at the most."""
     off_path: float = radii(0.01 / 0.15)
     """A robot near its goal looks for a new path when it is farther from its path than this
     [radii]."""

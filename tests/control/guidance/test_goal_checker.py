@@ -146,6 +146,39 @@ def test_a_robot_that_lags_holds_sooner_where_it_may_stand_farther_off() -> None
     assert 2 * steps((0.05, 0.15)) < steps(None)
 
 
+def test_who_does_not_get_nearer_is_content_with_more_after_four_stalls_and_with_five_times() -> (
+    None
+):
+    checker = GoalChecker(OPTIONS)
+    factors = [
+        checker.content_with(QUIET, stalls).leave_distance / QUIET.leave_distance
+        for stalls in range(10)
+    ]
+    np.testing.assert_allclose(factors, [1, 1, 1, 1, 2, 3, 4, 5, 5, 5])
+    assert checker.content_with(QUIET, 3) is QUIET
+    wide = QUIET.times(4)
+    assert wide.pushed_distance == pytest.approx(1.5 * wide.leave_distance)
+    assert wide.enter_angle < wide.leave_angle < wide.pushed_angle
+
+
+def test_what_cannot_be_reached_more_closely_is_held_and_told() -> None:
+    """A robot whose poses are noisier than its model knows, and that lags, comes to an end."""
+    controller = kl.Controller(
+        kl.nominal_unicycle(0.1), kl.NavigationProblem(du_max=(1.0, 4.0)), adaptation=False
+    )
+    robot, random = LaggingDrive(lag=0.1, dead_time=0.15, seed=1), np.random.default_rng(2)
+    x, held = np.array([-1.0, 0.4, 0.5]), 0
+    for _ in range(700):
+        noise = random.normal(size=3) * (0.01, 0.01, 0.02)
+        plan = controller.step(x + noise, (1.0, 0.0, 0.0))
+        held = held + 1 if plan.holding else 0
+        if held == 20:
+            break
+        x = robot.step(x, plan.command, 0.1)
+    assert plan.progress.name == "HOLDING" and "does not get nearer" in plan.reason
+    assert np.hypot(*(x - (1.0, 0.0, 0.0))[:2]) < 0.06
+
+
 def test_each_tolerance_is_widened_by_its_number_of_standard_deviations() -> None:
     """Poses that err by 2 cm and 80 mrad, of which 0.6 cm and 24 mrad are quiet."""
     wide, quiet = asdict(goal_tolerances(noisy(0.02, 0.08), OPTIONS)), asdict(QUIET)
