@@ -151,7 +151,7 @@ TESTS: dict[str, tuple[str, ...]] = {
         "goal.pushed_angle",
     ),
     "control/guidance/test_goal_checker.py::"
-    "test_who_does_not_get_nearer_is_content_with_more_after_four_stalls_and_with_five_times": (
+    "test_who_has_stalled_four_times_is_content_with_twice_and_later_with_five_times": (
         "goal.content_stalls",
         "goal.content_most",
     ),

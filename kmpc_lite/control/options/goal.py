@@ -50,9 +50,9 @@ class GoalOptions:
     pushed_angle_noise: float = share(4.5)
     """How much noise widens `pushed_angle` [standard deviations]."""
     content_stalls: int = count(4)
-    """A robot that has stalled so often on its way to one goal, one stall after the other, is content
-    with twice these tolerances, and with once more of them after each further stall: what cannot be
-    reached more closely is held where it is."""
+    """A robot that has stalled so often, one stall after the other, is content with twice these
+    tolerances, and with once more of them after each further stall: what cannot be reached more
+    closely is held where it is."""
     content_most: int = count(5)
     """How many times the tolerances it is content with at the most."""
     off_path: float = radii(0.01 / 0.15)

@@ -146,9 +146,7 @@ def test_a_robot_that_lags_holds_sooner_where_it_may_stand_farther_off() -> None
     assert 2 * steps((0.05, 0.15)) < steps(None)
 
 
-def test_who_does_not_get_nearer_is_content_with_more_after_four_stalls_and_with_five_times() -> (
-    None
-):
+def test_who_has_stalled_four_times_is_content_with_twice_and_later_with_five_times() -> None:
     checker = GoalChecker(OPTIONS)
     factors = [
         checker.content_with(QUIET, stalls).leave_distance / QUIET.leave_distance
