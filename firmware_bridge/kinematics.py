@@ -11,6 +11,11 @@ WRAP = 2**32
 AGREE = 3
 """So many counters in a row that agree with each other, and not with those before, are a new
 beginning."""
+SLACK, SHARE = 0.02, 0.1
+"""A wheel's step may differ from what its speeds before and after say by this [m], and by this
+share of it: stamps are late, and speeds are filtered."""
+ROLLS = 0.5
+"""A robot whose board restarts is taken to roll on for no longer than this [s]."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +106,17 @@ def wrapped(difference: float) -> float:
     return (difference + WRAP // 2) % WRAP - WRAP // 2
 
 
+@dataclass(frozen=True)
+class Reading:
+    """What a board said of both channels at a time."""
+
+    counts: tuple[float, float]
+    stamp: float
+    """[s]"""
+    speeds: tuple[float, float] | None
+    """Of the wheels (left, right) [rad/s]; None where the board does not tell."""
+
+
 class WheelOdometry:
     """Pose from the counters of both channels, along exact arcs.
 
@@ -116,13 +132,16 @@ class WheelOdometry:
 
     def __init__(self, geometry: WheelGeometry, counts_per_turn: float, wraps: bool) -> None:
         self._geometry, self._counts_per_turn, self._wraps = geometry, counts_per_turn, wraps
-        self._last: tuple[float, float, float] | None = None
-        self._doubted: tuple[float, float, float] | None = None
+        self._last: Reading | None = None
+        self._doubted: Reading | None = None
+        self._first: Reading
         self._agreed = 0
         self.x = self.y = self.theta = 0.0
         """[m], [m], [rad] in (-pi, pi]"""
         self.turned = (0.0, 0.0)
         """How far the wheels (left, right) turned in the last step [rad]."""
+        self.beginnings = 0
+        """How often the counters went on elsewhere than they were: the board was restarted."""
 
     @property
     def count(self) -> float:
@@ -131,45 +150,101 @@ class WheelOdometry:
 
     def rebase(self) -> None:
         """Forget the counters: the next ones are a new beginning at the same pose."""
-        self._last = self._doubted = None
+        if self._doubted is None or self._last is None:
+            self._last = self._doubted = None
+        else:  # they have been seen
+            self._begin(self._last)
 
-    def update(self, first: float, second: float, stamp: float) -> bool:
+    def update(
+        self,
+        first: float,
+        second: float,
+        stamp: float,
+        speeds: tuple[float, float] | None = None,
+    ) -> bool:
         """Move by what the counters say; False, without a move, for steps that no wheel can take.
 
         A damaged reply makes such a jump, and the next counters go on from those before it. A board
-        that was switched off and on makes one too, and the next counters go on from there.
+        that was switched off and on makes one too, and the next counters go on from there. `speeds`
+        of both channels [motor turns/s] tell the way back to zero of such a board from a robot that
+        drives backward, however long nobody asked it.
         """
-        now = (first, second, stamp)
+        wheel_speeds = None if speeds is None else self._geometry.from_channels(*speeds)
+        now = Reading((first, second), stamp, wheel_speeds)
         if self._last is None:
             self._last, self.turned = now, (0.0, 0.0)
             return True
         wheels = self._turned(self._last, now)
         follows = self._doubted is not None and self._turned(self._doubted, now) is not None
         if wheels is None or follows:
+            if not follows:
+                self._first = now
             self._doubted, self._agreed = now, self._agreed + 1 if follows else 1
             if self._agreed >= AGREE:
-                self._last, self._doubted = now, None
+                self._begin(self._last)
+                self.beginnings += 1
             return False
         self._last, self._doubted, self.turned = now, None, wheels
+        self._move(wheels)
+        return True
+
+    def _begin(self, before: Reading) -> None:
+        """Go on from the first counters that do not follow those before."""
+        self._move(self._rolled(before, self._first))
+        self._last, self._doubted = self._first, None
+
+    def _rolled(self, before: Reading, now: Reading) -> tuple[float, float]:
+        """How far the wheels (left, right) turned by their speeds alone, at a restart [rad]."""
+        if before.speeds is None or now.speeds is None:
+            return 0.0, 0.0
+        half = min(max(0.0, now.stamp - before.stamp), ROLLS) / 2.0
+        left, right = (half * (a + b) for a, b in zip(before.speeds, now.speeds, strict=True))
+        return left, right
+
+    def _move(self, wheels: tuple[float, float]) -> None:
+        """Go on along the arc of what the wheels (left, right) turned [rad]."""
         forward, turn = self._geometry.body(*wheels)
         half = turn / 2.0
         chord = forward * (math.sin(half) / half if abs(half) > 1e-6 else 1.0)
         self.x += chord * math.cos(self.theta + half)
         self.y += chord * math.sin(self.theta + half)
         self.theta = math.remainder(self.theta + turn, math.tau)
-        return True
 
-    def _turned(
-        self, before: tuple[float, float, float], now: tuple[float, float, float]
-    ) -> tuple[float, float] | None:
+    def _turned(self, before: Reading, now: Reading) -> tuple[float, float] | None:
         """How far the wheels (left, right) turned [rad]; None where no wheel can have."""
-        steps = (now[0] - before[0], now[1] - before[1])
+        first, second = now.counts[0] - before.counts[0], now.counts[1] - before.counts[1]
         if self._wraps:
-            steps = (wrapped(steps[0]), wrapped(steps[1]))
-        left, right = self._geometry.from_channels(
-            steps[0] / self._counts_per_turn, steps[1] / self._counts_per_turn
+            first, second = wrapped(first), wrapped(second)
+        left, right = self._wheels(first, second)
+        dt = max(0.0, now.stamp - before.stamp)
+        reach = (2.0 * self._geometry.max_wheel_speed * dt + SLACK) / self._geometry.wheel_radius
+        if not (abs(left) <= reach and abs(right) <= reach):
+            return None
+        return None if self._from_zero(before, now, (left, right), dt) else (left, right)
+
+    def _from_zero(
+        self, before: Reading, now: Reading, steps: tuple[float, float], dt: float
+    ) -> bool:
+        """Whether the speeds explain counters that began anew at zero, and not these steps."""
+        if before.speeds is None or now.speeds is None:
+            return False
+        since_zero, until = self._wheels(*now.counts), self._wheels(*before.counts)
+        for wheel, step in enumerate(steps):  # perhaps only one was read after the restart
+            ends = before.speeds[wheel] * dt, now.speeds[wheel] * dt
+            slack = SLACK / self._geometry.wheel_radius + SHARE * max(map(abs, ends))
+            back = abs(since_zero[wheel]) < abs(until[wheel])
+            anew = back and _outside(since_zero[wheel], (*ends, 0.0)) <= slack
+            if anew and _outside(step, ends) > slack:
+                return True
+        return False
+
+    def _wheels(self, first: float, second: float) -> tuple[float, float]:
+        """Wheels (left, right) [rad] of counts of both channels."""
+        return self._geometry.from_channels(
+            first / self._counts_per_turn, second / self._counts_per_turn
         )
-        reach = (
-            2.0 * self._geometry.max_wheel_speed * max(0.0, now[2] - before[2]) + 0.02
-        ) / self._geometry.wheel_radius
-        return (left, right) if abs(left) <= reach and abs(right) <= reach else None
+
+
+def _outside(value: float, bounds: tuple[float, ...]) -> float:
+    """How far a value lies outside of what some numbers span."""
+    return max(min(bounds) - value, value - max(bounds), 0.0)

@@ -77,6 +77,8 @@ class LinkStatus:
     """bytes, frames, bad CRCs, resynchronisations, refused messages, reconnects, ..."""
     frame_doubt: str = ""
     """Why the board's frame may lie elsewhere than it did, in words; else empty."""
+    restarted: bool = False
+    """Whether the board was switched off and on lately: how far the robot rolled is not known."""
     unmoved: str = ""
     """What the robot was told and did not do, in words; else empty."""
     scan_stamp: float | None = None

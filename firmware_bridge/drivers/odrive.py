@@ -160,10 +160,18 @@ class ODriveDriver(PolledDriver):
             feedback.append((position, speed, stamp))
         self._judge(feedback)
         if cycle % 5 == 0:
-            self._armed = self._closed_loop() and self._armed and not any(self._axis_errors)
+            self._look_at_loops()
         if self._released and self._mode != "idle":
             self._release()
         if cycle % 25 == 12 and self._armed and not all(map(self._watchdog_is_set, self._axes)):
+            self._restarted()
+
+    def _look_at_loops(self) -> None:
+        """See whether the axes still drive: one that let go without an error was restarted."""
+        closed = self._closed_loop()
+        lost = self._armed and not closed and not self._released and not any(self._axis_errors)
+        self._armed = closed and self._armed and not any(self._axis_errors)
+        if lost and not all(map(self._watchdog_is_set, self._axes)):
             self._restarted()
 
     def _judge(self, feedback: list[tuple[float, float, float]]) -> None:

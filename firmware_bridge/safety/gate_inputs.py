@@ -46,8 +46,12 @@ def judge(
         found.append(Reason.SCAN)
     if state is not None and (where := place(s, state)) is not None:
         found.append(where)
-    told = {Reason.FRAME: status.frame_doubt, Reason.UNMOVED: status.unmoved}
-    found += [reason for reason, words in told.items() if words]
+    told = {
+        Reason.FRAME: status.frame_doubt,
+        Reason.RESTARTED: status.restarted,
+        Reason.UNMOVED: status.unmoved,
+    }
+    found += [reason for reason, wrong in told.items() if wrong]
     if command is None or not fresh(now, command.stamp, s.watchdog):
         found.append(Reason.COMMAND)
     if command is not None and not (math.isfinite(command.v) and math.isfinite(command.omega)):

@@ -59,6 +59,9 @@ class Reason(Enum):
     POSE = "no pose, or too old"
     POSE_INVALID = "pose not finite"
     FRAME = "the board's frame may lie elsewhere than it did: look, then confirm it"
+    RESTARTED = (
+        "the board was restarted, and how far the robot rolled is not known: look, then enable"
+    )
     UNMOVED = "told to drive, and the pose stays: frozen, an encoder dead, or motors off"
     STALLED = "the bridge itself stood still, or the computer slept"
     SCAN = "no scan of the lidar, or too old"
@@ -67,7 +70,7 @@ class Reason(Enum):
     COMMAND_INVALID = "controller output not finite"
 
 
-FINAL = frozenset({Reason.GEOFENCE, Reason.FRAME, Reason.UNMOVED, Reason.STALLED})
+FINAL = frozenset({Reason.GEOFENCE, Reason.FRAME, Reason.RESTARTED, Reason.UNMOVED, Reason.STALLED})
 """Reasons that do not go away by themselves: such a stop ends in a release."""
 UNHEARD = frozenset({Reason.LINK, Reason.HEARTBEAT})
 """Reasons for which it is not known what the board is doing."""

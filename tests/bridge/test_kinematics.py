@@ -114,7 +114,7 @@ def test_impossible_jumps_do_not_move_the_robot():
     x = odometry.x
     for k in range(3):
         assert not odometry.update(10 * k, 10 * k, 0.04 + 0.02 * k) and odometry.x == x
-    assert odometry.update(30, 30, 0.1) and odometry.x == pytest.approx(2 * x)
+    assert odometry.update(30, 30, 0.1) and odometry.x == pytest.approx(4 * x)
     assert not odometry.update(math.nan, 0, 0.12)
 
 
@@ -131,6 +131,48 @@ def test_one_damaged_reply_costs_no_motion():
     assert (damaged.x, damaged.y, damaged.theta) == pytest.approx(
         (clean.x, clean.y, clean.theta), abs=1e-4
     )
+
+
+@pytest.mark.parametrize("gap", [0.06, 0.15, 0.4, 1.0])
+@pytest.mark.parametrize("v", [0.3, -0.3])
+def test_counters_that_come_back_to_zero_after_a_gap_are_no_way_back(gap, v):
+    """A reset of the board, seen after a slow poll, was taken as motion backward."""
+    per_metre = 1000.0 / (math.tau * 0.0425)
+    odometry = WheelOdometry(ROSBOT, 1000.0, wraps=True)
+    speeds = ROSBOT.to_channels(*ROSBOT.wheels(v, 0.0))
+    for k in range(51):
+        assert odometry.update(*[0.02 * k * v * per_metre] * 2, 0.02 * k, speeds)
+    x = odometry.x
+    assert x == pytest.approx(v)
+    for k in range(3):
+        assert odometry.beginnings == 0
+        rolled = 0.01 * v * per_metre
+        assert not odometry.update(rolled, rolled, 1.0 + gap + 0.02 * k, (0.0, 0.0))
+        assert odometry.x == x or k == 2
+    assert odometry.beginnings == 1
+    assert odometry.x - x == pytest.approx(v * min(gap, 0.5) / 2)  # by its speeds before and after
+
+
+def test_one_counter_that_was_read_after_the_reset_is_no_turn():
+    per_metre = 1000.0 / (math.tau * 0.0425)
+    odometry = WheelOdometry(ROSBOT, 1000.0, wraps=True)
+    speeds = ROSBOT.to_channels(*ROSBOT.wheels(0.3, 0.0))
+    assert odometry.update(0.07 * per_metre, 0.07 * per_metre, 0.0, speeds)
+    assert not odometry.update(0.112 * per_metre, 0.009 * per_metre, 0.13, speeds)
+    assert odometry.theta == 0.0
+
+
+@pytest.mark.parametrize("gap", [0.02, 0.06, 0.15, 0.4])
+@pytest.mark.parametrize("start", [-0.1, 0.1, 0.2])
+def test_a_robot_that_drives_across_zero_and_back_is_believed(gap, start):
+    per_metre = 1000.0 / (math.tau * 0.0425)
+    odometry = WheelOdometry(ROSBOT, 1000.0, wraps=True)
+    for k in range(200):
+        t = gap * k
+        v, way = 0.3 * math.cos(t), 0.3 * math.sin(t)
+        speeds = ROSBOT.to_channels(*ROSBOT.wheels(v, 0.0))
+        assert odometry.update(*[(start + way) * per_metre] * 2, t, speeds)
+    assert odometry.x == pytest.approx(way, abs=1e-9) and odometry.beginnings == 0
 
 
 def test_rebase_keeps_the_pose():

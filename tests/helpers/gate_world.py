@@ -22,6 +22,7 @@ class World:
         )
         self.ready, self.x, self.pose_ok, self.connected = True, 0.0, True, True
         self.frame_doubt = self.unmoved = ""
+        self.restarted = False
         self.faults: tuple[str, ...] = ()
         self.silent: set[str] = set()
         self.stamps = dict.fromkeys(("command", "pose", "source", "heartbeat"), self.now)
@@ -39,6 +40,7 @@ class World:
             self.pose_ok,
             faults=self.faults,
             frame_doubt=self.frame_doubt,
+            restarted=self.restarted,
             unmoved=self.unmoved,
         )
         state = State(self.x, 0.0, 0.0, 0.0, 0.0, self.stamps["pose"])

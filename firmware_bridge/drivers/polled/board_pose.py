@@ -26,7 +26,7 @@ class BoardPose:
 
     def __init__(self, geometry: WheelGeometry, odometry: WheelOdometry) -> None:
         self._geometry, self._odometry = geometry, odometry
-        self._jumped = -math.inf
+        self._jumped = self._restarted = -math.inf
         self.state: State | None = None
         """Newest state; None before the first counters."""
 
@@ -39,10 +39,23 @@ class BoardPose:
         """Whether the counters have jumped lately."""
         return now - self._jumped < JUMP_SHOWN
 
+    def restarted(self, now: float) -> bool:
+        """Whether the board was restarted lately."""
+        return now - self._restarted < JUMP_SHOWN
+
+    @property
+    def beginnings(self) -> int:
+        """How often the counters themselves showed that the board was restarted."""
+        return self._odometry.beginnings
+
     def rebase(self, now: float) -> None:
         """Go on from new counters: nobody knows how far the robot rolled meanwhile."""
         self._odometry.rebase()
         self._jumped = now
+
+    def note_restart(self, now: float) -> None:
+        """Remember that the board was restarted."""
+        self._restarted = now
 
     def plausible(self, counts: tuple[float, float], speeds: tuple[float, float]) -> bool:
         """Whether wheels can do that: counts, and speeds [motor turns/s]."""
@@ -52,7 +65,7 @@ class BoardPose:
 
     def move(self, counts: tuple[float, float], speeds: tuple[float, float], stamp: float) -> bool:
         """Take counts and speeds [motor turns/s] in; False, without a move, where they jumped."""
-        if not self._odometry.update(*counts, stamp):
+        if not self._odometry.update(*counts, stamp, speeds):
             self._jumped = stamp
             return False
         v, omega = self._geometry.body(*self._geometry.from_channels(*speeds))

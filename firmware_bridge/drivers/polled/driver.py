@@ -109,6 +109,7 @@ class PolledDriver(PollingThread):
                 armed=self._armed and not self._released,
                 mode="; ".join((*filter(None, (self._mode,)), *self._warnings)),
                 faults=faults,
+                restarted=self._pose.restarted(now),
                 counters={
                     **self._transport.counters,
                     **self._exchange.counters,

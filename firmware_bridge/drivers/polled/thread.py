@@ -190,7 +190,12 @@ class PollingThread(Board):
         """
         with self._changed:
             self._pose.rebase(time.monotonic())
-            self._counters["board_restarts"] += 1
+            self._note_restart()
+
+    def _note_restart(self) -> None:
+        """Tell of it, and set the board up anew; one restart may show in several ways."""
+        self._pose.note_restart(time.monotonic())
+        self._counters["board_restarts"] += self._configured
         self._configured = False
 
     def _moved(
@@ -200,8 +205,11 @@ class PollingThread(Board):
         if not self._pose.plausible(counts, speeds):
             raise self._exchange.refuse(f"counters {counts}, speeds {speeds}")
         with self._changed:
+            beginnings = self._pose.beginnings
             if not self._pose.move(counts, speeds, stamp):
                 self._counters["odometry_jumps"] += 1
+                if self._pose.beginnings != beginnings:
+                    self._note_restart()
                 return
             self._watch_wheels(speeds, stamp)
             self._changed.notify_all()

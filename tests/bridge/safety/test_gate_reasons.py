@@ -16,6 +16,7 @@ SPOIL = {
     Reason.POSE: lambda w: w.silent.add("pose"),
     Reason.POSE_INVALID: lambda w: setattr(w, "x", math.nan),
     Reason.FRAME: lambda w: setattr(w, "frame_doubt", "restarted"),
+    Reason.RESTARTED: lambda w: setattr(w, "restarted", True),
     Reason.UNMOVED: lambda w: setattr(w, "unmoved", "told to drive 0.15 m"),
     Reason.STALLED: lambda w: w.gate.slept(),
     Reason.GEOFENCE: lambda w: setattr(w, "x", 5.01),
@@ -87,6 +88,16 @@ def test_outside_the_geofence_it_never_recovers_by_itself():
     world.run(0.1)
     world.x = 0.0
     assert world.run(5.0).state is GateState.RELEASED
+
+
+def test_after_a_restart_of_the_board_it_drives_on_only_when_enabled():
+    world = World(pilot=False).drive()
+    world.restarted = True
+    world.run(0.1)
+    world.restarted = False
+    assert world.run(5.0).state is GateState.RELEASED
+    world.gate.enable()
+    assert world.run(1.0).state is GateState.ACTIVE
 
 
 def test_a_plain_board_that_is_not_ready_is_a_fault_and_takes_its_motors_back_by_zeros():
