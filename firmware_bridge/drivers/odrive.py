@@ -188,6 +188,9 @@ class ODriveDriver(PolledDriver):
             (first, speed1, stamp1), (second, speed2, stamp2) = feedback
             self._moved((first + speed1 * (stamp2 - stamp1), second), (speed1, speed2), stamp2)
 
+    def _barrier(self) -> None:
+        self._number(f"axis{self._axes[0]}.current_state")
+
     def _feed_idle(self) -> None:
         """Feed the watchdogs with zeros, and with nothing else, while nobody commands."""
         with self._changed:

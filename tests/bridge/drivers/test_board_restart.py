@@ -1,8 +1,13 @@
 """A board that is switched off and on while the robot drives: no way back, and no going on."""
 
+import itertools
+import time
+
 import pytest
 from boards import TABLES, Rig, distance
 from waiting import until
+
+from firmware_bridge.emulator.odrive import ODriveEmulator
 
 
 @pytest.mark.parametrize("name", TABLES)
@@ -22,4 +27,25 @@ def test_a_restart_that_is_seen_after_a_gap_is_no_way_back(name, tmp_path):
     assert rig.counters["board_restarts"] == 1
     assert distance(rig.driver, rig.emulator)[0] < 0.07
     assert until(lambda: not rig.driver.health().restarted)
+    rig.close()
+
+
+def test_a_late_answer_of_one_axis_is_not_the_position_of_the_other(tmp_path, monkeypatch):
+    """After a time-out the next question was for two numbers again, and got those of before."""
+    rig = Rig("odrive", f"pty:{tmp_path / 'link'}").connect()
+    rig.drive(0.3, 0.0, 0.3)
+    asked = itertools.count()
+
+    def late(self, data, answer=ODriveEmulator.handle):
+        reply = answer(self, data)
+        if data.startswith(b"f 1") and next(asked) % 3 == 0:
+            time.sleep(0.07)  # its time-out, and the pause behind it
+        return reply
+
+    monkeypatch.setattr(ODriveEmulator, "handle", late)
+    rig.drive(0.3, 0.0, 0.8)
+    monkeypatch.undo()
+    rig.come_to_rest()
+    assert rig.counters["timeouts"] > 0 and rig.counters["odometry_jumps"] == 0
+    assert max(distance(rig.driver, rig.emulator)) < 0.05
     rig.close()
