@@ -10,11 +10,19 @@ import time
 from dataclasses import dataclass, replace
 from typing import Any
 
+from firmware_bridge.cli.course import with_footprint
 from firmware_bridge.cli.model_gate import describe_model
 from firmware_bridge.cli.options import add_robot_options, read_robot
 from firmware_bridge.drivers import Driver
 from firmware_bridge.link import open_transport
-from firmware_bridge.messages import BridgeError, LidarError, LinkError, State, VelocityCommand
+from firmware_bridge.messages import (
+    BridgeError,
+    ConfigError,
+    LidarError,
+    LinkError,
+    State,
+    VelocityCommand,
+)
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.session import open_driver
 from firmware_bridge.runtime.timing import Histogram
@@ -23,6 +31,7 @@ from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.gate_table import Reason
 from firmware_bridge.safety.latch import is_latched
 from firmware_bridge.safety.places import default_socket
+from firmware_bridge.sensors.placed import placed
 from firmware_bridge.sensors.sensor_driver import autopilot_of
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import positive
@@ -63,7 +72,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scenario",
         metavar="NAME",
-        help="control.scenario: tell whether what a lidar sees fits its map",
+        help="control.scenario: tell whether the robot stands in none of its obstacles, and what a "
+        "lidar sees fits its map",
     )
     parser.add_argument(
         "--seconds",
@@ -120,7 +130,7 @@ def _answers(robot: Robot, seconds: float) -> list[Finding]:
         found = _telemetry(driver, robot, seconds)
         if robot.lidar is not None:
             found += _sight(driver, robot, seconds)
-        return [*found, *_judgement(driver, robot)]
+        return [*found, *_place(driver, robot), *_judgement(driver, robot)]
     except LidarError as error:
         driver.close()
         others = _answers(replace(robot, lidar=None), seconds)
@@ -188,6 +198,24 @@ def _sight(driver: Any, robot: Robot, seconds: float) -> list[Finding]:
     from firmware_bridge.cli.lidar_check import look  # NumPy only for robots that see
 
     return [Finding(ok, text) for ok, text in look(driver, robot, seconds)]
+
+
+def _place(driver: Driver, robot: Robot) -> list[Finding]:
+    """Whether the robot can stand in its scenario where its pose says."""
+    state = driver.state()
+    if robot.control.scenario is None or not robot.control.map or state is None:
+        return []
+    from firmware_bridge.cli.standing import misplaced, own_frame
+    from kmpc_lite.errors import KmpcError
+    from kmpc_lite.sim import Scenario
+
+    try:
+        scenario = with_footprint(robot, Scenario.load(robot.control.scenario))
+    except KmpcError as error:
+        raise ConfigError(str(error)) from error
+    here = placed(state, own_frame(robot, scenario))
+    wrong = misplaced(scenario, (here.x, here.y, here.theta))
+    return [Finding(False, wrong)] if wrong else []
 
 
 def _judgement(driver: Driver, robot: Robot) -> list[Finding]:

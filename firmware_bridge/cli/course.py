@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 from firmware_bridge.messages import ConfigError
@@ -70,6 +71,7 @@ def course(
     import numpy as np
 
     import kmpc_lite as kl
+    from firmware_bridge.cli.standing import misplaced, own_frame
     from firmware_bridge.runtime.navigator import Moment, Navigator, Planned, Pose, Task
     from kmpc_lite.sim import Scenario
     from kmpc_lite.sim.closed_loop import obstacle_gaps
@@ -77,7 +79,7 @@ def course(
     if robot.control.scenario is None:
         raise ConfigError(f"{robot.where}: control.scenario: missing: give --scenario NAME")
     try:
-        scenario = _with_footprint(robot, Scenario.load(robot.control.scenario))
+        scenario = with_footprint(robot, Scenario.load(robot.control.scenario))
         robot, learned, notes = load_model(robot, rehearse)
         controller = build_controller(robot, scenario, learned)
     except kl.KmpcError as error:
@@ -112,23 +114,15 @@ def course(
         scenario.radius,
         scenario.circles_at,
         lambda pose, time: float(obstacle_gaps(scenario, np.array([pose]), np.array([time]))[0]),
+        partial(misplaced, scenario) if told else None,
     )
-    origin = _origin(robot, scenario)
     period = robot.control.period or controller.problem.dt
     navigator = Navigator(step, task, settle, seconds, wait=wait)
     name, made = scenario.name, (scenario, controller, watchers)
-    return Course(name, robot, navigator, period, origin, notes, *made)
+    return Course(name, robot, navigator, period, own_frame(robot, scenario), notes, *made)
 
 
-def _origin(robot: Robot, scenario: Any) -> tuple[float, float, float]:
-    """Pose of the vehicle's own frame: wheels begin at the start, others know where they are."""
-    if robot.is_autopilot or robot.link.pose is not None:
-        return 0.0, 0.0, 0.0
-    start: tuple[float, float, float] = scenario.start
-    return start
-
-
-def _with_footprint(robot: Robot, scenario: Any) -> Any:
+def with_footprint(robot: Robot, scenario: Any) -> Any:
     """Put the footprint of a robot's file in the place of the scenario's robot."""
     from kmpc_lite.control import Footprint
 

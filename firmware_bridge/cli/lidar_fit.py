@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from firmware_bridge.cli.standing import own_frame
 from firmware_bridge.messages import ConfigError, State
 from firmware_bridge.robot_file import Robot
+from firmware_bridge.sensors.placed import placed
 
 if TYPE_CHECKING:
     from firmware_bridge.sensors.scan import Scan
@@ -41,14 +43,8 @@ def against_map(scan: Scan, state: State, robot: Robot) -> list[str]:
         scenario = Scenario.load(robot.control.scenario)
     except KmpcError as error:
         raise ConfigError(str(error)) from error
-    placed = robot.is_autopilot or robot.link.pose is not None
-    x, y, theta = robot.origin or ((0.0, 0.0, 0.0) if placed else scenario.start)
-    cos, sin = math.cos(theta), math.sin(theta)
-    pose = (
-        x + cos * state.x - sin * state.y,
-        y + sin * state.x + cos * state.y,
-        theta + state.theta,
-    )
+    here = placed(state, own_frame(robot, scenario))
+    pose = here.x, here.y, here.theta
     return fit(scan, pose, world_of(scenario), robot.lidar.mirrored)
 
 

@@ -78,6 +78,9 @@ def run(
     def plan(state: State) -> VelocityCommand:
         return navigator(state, _moment(session, state))
 
+    def trouble() -> str:
+        return navigator.refused or ("" if examiner is None else examiner.trouble)
+
     with Session(
         robot,
         plan,
@@ -91,8 +94,8 @@ def run(
         sys.stderr.write("".join(f"kmpc: {note}\n" for note in notes))
 
         def finished() -> bool:
-            if examiner is not None and examiner.trouble and not session.loop.stop_reason:
-                session.loop.request_stop(examiner.trouble)
+            if trouble() and not session.loop.stop_reason:
+                session.loop.request_stop(trouble())
                 return False
             return navigator.finished()
 
@@ -104,10 +107,9 @@ def run(
         interrupted = session.loop.stop_reason in SIGNALS
         if examiner is not None:
             report["rehearsal"] = examiner.finish()
-        trouble = "" if examiner is None else examiner.trouble
-        ended_by = session.loop.stop_reason if interrupted else trouble
+        ended_by = session.loop.stop_reason if interrupted else trouble()
         report["outcome"] = _outcome(navigator, ended_by)
-        if not navigator.arrived and not trouble:
+        if not navigator.arrived and not trouble():
             controller = f"the controller: {navigator.reason}" if navigator.reason else ""
             why = (*session.loop.why_stopped, *session.words(), controller)
             report["why"] = list(dict.fromkeys(filter(None, why)))
@@ -115,7 +117,7 @@ def run(
     report["problems"] = session.problems()  # counted after the session has closed its files
     if out is not None:
         tell(report, session, out)
-    if navigator.arrived and not navigator.touched and not trouble:
+    if navigator.arrived and not navigator.touched and not trouble():
         return report, DONE
     return report, INTERRUPTED if interrupted else NOT_DONE
 
@@ -132,6 +134,8 @@ def _outcome(navigator: Navigator, stop: str) -> str:
         outcome = "arrived"
     elif navigator.arrived_after is not None:
         outcome = "left the goal again while stopping"
+    elif navigator.refused:
+        outcome = f"not driven: {navigator.refused}"
     elif stop:
         outcome = f"stopped by {stop}"
     else:

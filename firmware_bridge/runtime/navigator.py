@@ -65,6 +65,8 @@ class Task:
     gap_at: Callable[[Pose, float], float] | None = None
     """Distance of a robot at a pose [m, m, rad] and a time [s] to the nearest obstacle of any kind,
     between edges [m]; None: of the circles."""
+    misplaced: Callable[[Pose], str] | None = None
+    """Says why a robot cannot stand at the pose from which it would begin, in words; else empty."""
 
 
 class Navigator:
@@ -109,6 +111,8 @@ class Navigator:
         """What the lidar saw at the time of the last plan."""
         self.reason = ""
         """Why the last plan is none that drives to the goal, in words, where its planner says."""
+        self.refused = ""
+        """Why it was not driven from where it stood, in words; else empty."""
         self._wait = seconds if wait is None else wait
         self._started: float | None = None
         self._began: float | None = None
@@ -125,6 +129,10 @@ class Navigator:
     def __call__(self, state: State, moment: Moment) -> VelocityCommand:
         """Plan from a pose."""
         now = self._clock()
+        if self._began is None and (wrong := self._misplaced(state)):
+            # only where the gate lets it begin: until then it may be carried, or its pose settle
+            self.refused, self.reason = wrong if moment.driving else self.refused, wrong
+            return VelocityCommand(0.0, 0.0, now)
         if self._began is None and moment.driving:
             self._began = now
         circles = self._task.circles_at(self.elapsed(now))
@@ -136,6 +144,10 @@ class Navigator:
         if self._began is not None:
             self.statuses[planned.status] += 1
         return VelocityCommand(planned.v, planned.omega, self._clock())
+
+    def _misplaced(self, state: State) -> str:
+        look = self._task.misplaced
+        return self.refused or ("" if look is None else look((state.x, state.y, state.theta)))
 
     def elapsed(self, now: float) -> float:
         """Time since the beginning [s]."""

@@ -9,6 +9,18 @@ from firmware_bridge.drivers import Driver
 from firmware_bridge.messages import LinkStatus, State
 
 
+def placed(state: State, origin: tuple[float, float, float]) -> State:
+    """Tell a state in the frame in which its own lies at `origin` [m, m, rad]."""
+    x, y, theta = origin
+    cos, sin = math.cos(theta), math.sin(theta)
+    return replace(
+        state,
+        x=x + cos * state.x - sin * state.y,
+        y=y + sin * state.x + cos * state.y,
+        theta=state.theta + theta,
+    )
+
+
 class PlacedDriver:
     """Moves a driver's poses into the frame in which the vehicle's own lies at `origin`.
 
@@ -21,9 +33,7 @@ class PlacedDriver:
     """
 
     def __init__(self, driver: Driver, origin: tuple[float, float, float]) -> None:
-        self.inner = driver
-        self._x, self._y, self._theta = origin
-        self._cos, self._sin = math.cos(self._theta), math.sin(self._theta)
+        self.inner, self._origin = driver, origin
         self.connect, self.send, self.stop, self.close = (
             driver.connect,
             driver.send,
@@ -34,14 +44,7 @@ class PlacedDriver:
     def state(self) -> State | None:
         """Newest state, in our frame."""
         state = self.inner.state()
-        if state is None:
-            return None
-        return replace(
-            state,
-            x=self._x + self._cos * state.x - self._sin * state.y,
-            y=self._y + self._sin * state.x + self._cos * state.y,
-            theta=state.theta + self._theta,
-        )
+        return None if state is None else placed(state, self._origin)
 
     def health(self) -> LinkStatus:
         """What is known of the other end."""

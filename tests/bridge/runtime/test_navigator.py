@@ -1,6 +1,7 @@
 """What a run is told to be: an end in any case, touches, and goals that are left again."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from robots import Clock
@@ -49,6 +50,27 @@ def test_wait_is_counted_apart_from_the_drive():
     clock.now += 2.0
     assert made.finished()
     assert made.drove
+
+
+def test_a_robot_that_stands_inside_an_obstacle_is_not_driven_and_says_so():
+    """It drove, from inside a wall, for all its time: the frame's origin was wrong."""
+    clock, task = Clock(), Task((1.0, 0.0, 0.0), 0.05, 0.1, 0.2, lambda t: [])
+    task = replace(task, misplaced=lambda pose: "stands inside" if pose[0] < 0.5 else "")
+    made = Navigator(lambda *_: Planned(0.3, 0.0, "SOLVED"), task, 0.5, 20.0, clock)
+    state = State(0.0, 0.0, 0.0, 0.0, 0.0, clock())
+    assert made(state, Moment()).v == 0.0
+    assert not made.refused  # it may still be carried
+    assert made(state, Moment(driving=True)).v == 0.0
+    assert made.refused == made.reason == "stands inside"
+    assert not made.drove
+    assert made(replace(state, x=1.0), Moment(driving=True)).v == 0.0, "for good"
+
+    made = Navigator(lambda *_: Planned(0.3, 0.0, "SOLVED"), task, 0.5, 20.0, clock)
+    made(state, Moment())
+    made(replace(state, x=1.0), Moment())
+    assert made(replace(state, x=0.9), Moment(driving=True)).v == 0.3
+    made(state, Moment(driving=True))
+    assert not made.refused, "a robot that has touched on its way is judged otherwise"
 
 
 def test_clearance_is_that_to_whatever_the_scenario_holds():
