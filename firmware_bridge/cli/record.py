@@ -52,6 +52,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="length of the recording [s] (default: 300)",
     )
     add(
+        "--wait",
+        type=positive,
+        metavar="S",
+        help="with --excite: how long to wait for the vehicle before it drives [s] (default: as "
+        "--seconds)",
+    )
+    add(
         "--hold",
         type=positive,
         metavar="S",
@@ -72,6 +79,8 @@ def run(options: argparse.Namespace) -> int:
 
     if options.until_covered and not options.excite:
         raise ConfigError("--until-covered: goes with --excite; whoever drives by hand decides")
+    if options.wait is not None and not options.excite:
+        raise ConfigError("--wait: goes with --excite; whoever drives by hand is not waited for")
     robot = read_robot(options)
     if options.by_hand and robot.sections.get("board", {}).get("arm"):
         raise ConfigError("--by-hand: the pilot arms and drives; leave board.arm and --arm out")
@@ -86,6 +95,7 @@ def run(options: argparse.Namespace) -> int:
         excitation=None if options.by_hand else driving,
         out=people(options),
         meter=coverage_meter(period),
+        wait=options.wait,
     )
     if options.json:
         print(json.dumps(report))

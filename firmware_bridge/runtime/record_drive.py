@@ -64,6 +64,7 @@ def record(
     excitation: RandomDriving | None,
     out: TextIO | None,
     meter: Meter | None = None,
+    wait: float | None = None,
 ) -> tuple[dict[str, Any], int]:
     """Record a drive to learn from; return the report and the exit status.
 
@@ -83,8 +84,10 @@ def record(
         For people.
     meter : callable, optional
         Tells what the log shows.
+    wait : float, optional
+        How long the vehicle may take until it is driven at random [s]; `seconds` where not given.
     """
-    drive = Recording(robot, seconds, period, excitation, meter)
+    drive = Recording(robot, seconds, period, excitation, meter, wait=wait)
     with Session(
         robot,
         drive.control,
@@ -116,7 +119,7 @@ class Recording:
 
     Parameters
     ----------
-    robot, seconds, period, driving, meter
+    robot, seconds, period, driving, meter, wait
         See `record`.
     clock : callable
         [s]
@@ -130,8 +133,10 @@ class Recording:
         driving: RandomDriving | None,
         meter: Meter | None,
         clock: Callable[[], float] = time.monotonic,
+        wait: float | None = None,
     ) -> None:
-        self._clock = clock
+        self._clock, self._wait = clock, seconds if wait is None else wait
+        self._started: float | None = None
         limits = robot.gate.limits
         self.watch = DriveWatch(period, limits, by_hand=driving is None)
         self._seconds, self._driving, self._meter = seconds, driving, meter
@@ -177,6 +182,7 @@ class Recording:
         state = session.gate.state
         if self._began is None:
             if self._driving is not None and state is not GateState.ACTIVE:
+                self._wait_for(session)
                 return False
             self._began = self._clock()
         if self._excitation is not None and not session.loop.stop_reason:
@@ -188,6 +194,16 @@ class Recording:
                 return False
         return self._is_covered or self._clock() - self._began > self._seconds
 
+    def _wait_for(self, session: Session) -> None:
+        """Give up, and say why, where the vehicle has not let itself be driven in time."""
+        now = self._clock()
+        if self._started is None:
+            self._started = now
+        if now - self._started > self._wait and not session.loop.stop_reason:
+            why = "; ".join(session.why()) or "it was not given to us"
+            self.trouble = f"never drove within {self._wait:g} s: {why}"
+            session.loop.request_stop(self.trouble)
+
     @property
     def _is_covered(self) -> bool:
         wanted = self._driving is not None and self._driving.until_covered
@@ -198,6 +214,8 @@ class Recording:
         """How it ended, in words."""
         if self.trouble:
             return f"stopped: {self.trouble}"
+        if self._began is None:
+            return "never drove"
         return "covered" if self._is_covered else "recorded"
 
     def lines(self) -> list[str]:
@@ -226,6 +244,8 @@ class Recording:
     def summary(self) -> list[str]:
         """What the drive has shown, for people."""
         lines = [f"stopped: {self.trouble}"] if self.trouble else []
+        if self._began is None:
+            return lines or ["never drove"]
         if self._coverage is None:
             return lines
         if self._coverage.is_complete:

@@ -86,3 +86,16 @@ def test_record_by_hand_sends_nothing_and_its_tlog_gives_the_same_csv(desk, caps
     assert again == pytest.approx(hand, rel=1e-3)
     assert main(["replay", "hand.tlog", "--csv", "again.csv"]) == 2
     assert "exists already" in capsys.readouterr().err
+
+
+def test_a_vehicle_that_does_not_arm_ends_the_recording_with_its_own_words(desk, capsys):
+    with emulated("rover", arm_after=0.0) as rover:
+        rover.autopilot.arming_failure = "Compass not calibrated"
+        command = ["record", *robot_options("rover"), "--output", "never", "--json"]
+        fence = ["--geofence", "-2", "-2", "2", "2"]
+        assert main([*command, "--excite", *fence, "--wait", "1.5"]) == 1
+        report = json.loads(capsys.readouterr().out)
+        assert "never drove within 1.5 s" in report["outcome"]
+        assert "Arm: Compass not calibrated" in report["outcome"]
+        assert main([*command, "--by-hand", "--wait", "2"]) == 2
+        assert "--wait: goes with --excite" in capsys.readouterr().out

@@ -21,11 +21,17 @@ def robot(fence=BOX, **limits):
     return load_robot(None, {"link": LINK, "safety": safety, "limits": limits})
 
 
-def recording(driving=None, seconds=300.0, **limits):
+def recording(driving=None, seconds=300.0, wait=None, **limits):
     clock = SimpleNamespace(now=0.0)
     meter = coverage_meter(0.1)
     job = Recording(
-        robot(**limits), seconds, 0.1, driving or RandomDriving(), meter, clock=lambda: clock.now
+        robot(**limits),
+        seconds,
+        0.1,
+        driving or RandomDriving(),
+        meter,
+        clock=lambda: clock.now,
+        wait=wait,
     )
     return job, clock
 
@@ -33,7 +39,8 @@ def recording(driving=None, seconds=300.0, **limits):
 def session(state=GateState.ACTIVE):
     stops = []
     loop = SimpleNamespace(stop_reason="", request_stop=stops.append, changes=[], stops=stops)
-    return SimpleNamespace(gate=SimpleNamespace(state=state), loop=loop)
+    gate = SimpleNamespace(state=state)
+    return SimpleNamespace(gate=gate, loop=loop, why=lambda: ["Arm: no GPS", "board not ready"])
 
 
 def drive(job, clock, simulated, seconds, at=None):
@@ -56,7 +63,7 @@ def drive(job, clock, simulated, seconds, at=None):
 
 
 def test_it_counts_from_the_first_moment_in_which_the_robot_drives():
-    job, clock = recording(seconds=10.0)
+    job, clock = recording(seconds=10.0, wait=200.0)
     waiting = session(GateState.WAITING)
     clock.now = 100.0
     assert not job.finished(waiting)
@@ -65,6 +72,21 @@ def test_it_counts_from_the_first_moment_in_which_the_robot_drives():
     assert not job.finished(session())
     clock.now = 110.5
     assert job.finished(session())
+
+
+@pytest.mark.parametrize("wait", [None, 5.0])
+def test_a_vehicle_that_is_never_given_ends_the_recording_with_the_reasons(wait):
+    """It waited for ever, and said nothing."""
+    job, clock = recording(seconds=20.0, wait=wait)
+    patience, waiting = wait or 20.0, session(GateState.WAITING)
+    assert job.outcome == "never drove" and job.summary() == ["never drove"]
+    for clock.now in (100.0, 100.0 + patience):
+        assert not job.finished(waiting) and waiting.loop.stops == []
+    clock.now += 0.1
+    assert not job.finished(waiting)
+    told = f"never drove within {patience:g} s: Arm: no GPS; board not ready"
+    assert waiting.loop.stops == [told] and job.outcome == f"stopped: {told}"
+    assert job.summary() == [f"stopped: {told}"]
 
 
 def test_until_covered_ends_as_soon_as_the_log_shows_all():
