@@ -22,8 +22,9 @@ LATE_PERIODS, LATE = 3.0, 0.03
 """A stream is late after this many of its periods, plus this time on the link [s]."""
 ENOUGH = 0.75
 """Less than this share of the rate that was asked for is too little."""
-WINDOW = 1.0
-"""Rates are counted over this time [s]."""
+WINDOW, PERIODS = 1.0, 8
+"""Rates are counted over this time [s], and over so many of a stream's periods at least: one that
+comes once a second, and now and then a little later, would count as none at all."""
 AGAIN, RAREST = 0.3, 5.0
 """First and longest time after which a stream that is too slow is asked for again [s]; it doubles
 each time that asking does not help."""
@@ -61,6 +62,11 @@ class Stream:
         """Rate that is asked for [Hz]."""
         return self.rates[self.level]
 
+    @property
+    def window(self) -> float:
+        """Time over which it is counted [s]."""
+        return max(WINDOW, PERIODS / self.rate)
+
     def saw(self, now: float) -> None:
         """Note that one came."""
         self.seen = now
@@ -70,16 +76,16 @@ class Stream:
 
     def measured(self, now: float) -> float:
         """How often it comes [Hz]."""
-        while self._times and self._times[0] < now - WINDOW:
+        while self._times and self._times[0] < now - self.window:
             self._times.popleft()
-        return len(self._times) / WINDOW
+        return len(self._times) / self.window
 
     def too_slow(self, now: float) -> bool:
         """Whether it comes, or came until now, less often than was asked for."""
         if self.refused or not self.answered or now - self.seen > ALIVE:
             return False
         late = now - self.seen > LATE_PERIODS / self.rate + LATE
-        counted = now - max(self._since, self.asked) > 1.5 * WINDOW
+        counted = now - max(self._since, self.asked) > 1.5 * self.window
         return late or (counted and self.measured(now) < ENOUGH * self.rate)
 
     def ask_again(self, now: float) -> bool:

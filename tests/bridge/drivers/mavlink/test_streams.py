@@ -90,3 +90,16 @@ def test_other_stations_are_told_and_whose_heartbeats_the_failsafe_counts() -> N
     assert "failsafe" not in notes[0]
     rig.run(6.0)
     assert not any("another ground station" in note for note in rig.core.notes(rig.now))
+
+
+def test_one_a_second_that_comes_a_little_later_is_not_lowered() -> None:
+    """GPS_GLOBAL_ORIGIN came 1.02 s apart on the real firmware: all was asked for every 4 s."""
+    stream = Stream(49, "GPS_GLOBAL_ORIGIN", (1.0,), needed=False, answered=True, asked=0.0)
+    seen = 0
+    for k in range(int(90.0 / 0.047)):
+        now = 0.047 * k
+        if now > 1.02 * seen:
+            stream.saw(now)
+            seen += 1
+        assert not stream.ask_again(now)
+    assert 0.7 < stream.measured(now) <= 1.0
