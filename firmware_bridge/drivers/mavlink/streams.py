@@ -28,6 +28,9 @@ comes once a second, and now and then a little later, would count as none at all
 AGAIN, RAREST = 0.3, 5.0
 """First and longest time after which a stream that is too slow is asked for again [s]; it doubles
 each time that asking does not help."""
+OFTEN, MINUTE = 3, 60.0
+"""A stream that pauses so many times in this time [s] is lowered again and again; one pause may be
+a stall of anything."""
 TOLD = 10.0
 """How long a lowered stream is reported [s]."""
 CAUSE = "another station lowers it (MAVProxy: --streamrate -1), or the link is too slow"
@@ -56,6 +59,7 @@ class Stream:
     _again: float = AGAIN
     _since: float = float("inf")
     _times: deque[float] = field(default_factory=lambda: deque(maxlen=512))
+    _pauses: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=64))
 
     @property
     def rate(self) -> float:
@@ -69,10 +73,16 @@ class Stream:
 
     def saw(self, now: float) -> None:
         """Note that one came."""
+        if self.answered and self._late_after < now - self.seen < float("inf"):
+            self._pauses.append((now, now - self.seen))
         self.seen = now
         self._times.append(now)
         if self._since == float("inf"):
             self._since = now
+
+    @property
+    def _late_after(self) -> float:
+        return LATE_PERIODS / self.rate + LATE
 
     def measured(self, now: float) -> float:
         """How often it comes [Hz]."""
@@ -84,9 +94,23 @@ class Stream:
         """Whether it comes, or came until now, less often than was asked for."""
         if self.refused or not self.answered or now - self.seen > ALIVE:
             return False
-        late = now - self.seen > LATE_PERIODS / self.rate + LATE
+        late = now - self.seen > self._late_after
         counted = now - max(self._since, self.asked) > 1.5 * self.window
         return late or (counted and self.measured(now) < ENOUGH * self.rate)
+
+    def cause(self, now: float) -> str:
+        """Why it was found to come too slowly, in words."""
+        rare = self.measured(now) < ENOUGH * self.rate
+        pauses = [pause for when, pause in self._pauses if now - when < MINUTE]
+        asked = f"{self.rate:.0f} Hz was asked for: {CAUSE}"
+        if rare or not pauses:
+            return f"{self.name} comes at {self.measured(now):.0f} Hz, {asked}"
+        if len(pauses) >= OFTEN:
+            return f"{self.name} paused {len(pauses)} times within a minute, {asked}"
+        return (
+            f"{self.name} paused for {max(pauses):.2f} s, and comes at {self.measured(now):.0f} Hz "
+            "again: the link or the vehicle stalled"
+        )
 
     def ask_again(self, now: float) -> bool:
         """Whether to ask again now; each time that it does not help it is asked more rarely."""
@@ -135,15 +159,14 @@ class StreamRequests:
     def notes(self, now: float) -> tuple[str, ...]:
         """Which streams are lowered, in words a user can act on."""
         return tuple(
-            f"{stream.name} comes at {stream.measured(now):.0f} Hz, {stream.rate:.0f} Hz was asked "
-            f"for: {CAUSE}"
+            stream.cause(now)
             for stream in self.streams
             if stream.needed and now - stream.lowered < TOLD
         )
 
     def warning(self, now: float) -> str:
         """Say that streams are lowered, in words that stay the same; empty where they are not."""
-        lowered = any(s.needed and now - s.lowered < TOLD for s in self.streams)
+        lowered = any(CAUSE in note for note in self.notes(now))
         return f"telemetry comes too rarely: {CAUSE}" if lowered else ""
 
     def tick(self, now: float) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from mavlink_rig import Rig, dialect, other
 
-from firmware_bridge.drivers.mavlink.streams import AGAIN, Stream
+from firmware_bridge.drivers.mavlink.commands import CommandDesk
+from firmware_bridge.drivers.mavlink.streams import AGAIN, Stream, StreamRequests
 
 ALL, MAVPROXY_RATE = 0, 4
 """What MAVProxy asks for every 15 s at its default settings [Hz]."""
@@ -50,6 +51,32 @@ def test_a_station_that_lowers_the_streams_costs_one_short_gap() -> None:
     assert rig.core.warnings(rig.now) and "--streamrate -1" in rig.core.warnings(rig.now)[0]
     rig.run(15.0)
     assert not any("LOCAL_POSITION_NED" in note for note in rig.core.notes(rig.now))
+
+
+def test_one_stall_is_told_as_such_and_blamed_on_nobody() -> None:
+    """It was told as: "comes at 40 Hz, 40 Hz was asked for: another station lowers it"."""
+    stream = Stream(32, "LOCAL_POSITION_NED", (40.0,), answered=True)
+    requests, now = StreamRequests(CommandDesk(lambda *_: None), (stream,)), 0.0
+
+    def comes(seconds: float, rate: float) -> None:
+        nonlocal now
+        for _ in range(round(seconds * rate)):
+            now += 1.0 / rate
+            stream.saw(now)
+            if stream.ask_again(now):
+                stream.asked = now
+
+    comes(3.0, 40.0)
+    now += 0.135
+    assert stream.ask_again(now)
+    comes(0.5, 40.0)
+    note = requests.notes(now)[0]
+    assert note.startswith("LOCAL_POSITION_NED paused for 0.16 s, and comes at 3")
+    assert note.endswith("Hz again: the link or the vehicle stalled")
+    assert requests.warning(now) == ""
+    comes(3.0, 10.0)
+    assert "1 Hz, 40 Hz was asked for: another station" in requests.notes(now)[0]
+    assert "another station" in requests.warning(now)
 
 
 def test_a_link_that_is_too_slow_is_not_flooded_with_requests() -> None:
