@@ -31,7 +31,9 @@ POLL = 0.02
 CLIENT_PATIENCE = 1.0
 """How long a client may take to say its word [s]; it holds up nobody else."""
 CONFIRM_PATIENCE = 0.4
-"""How long the answer to a stop waits for the gate to obey [s]."""
+"""How long the answer to a request waits for the gate to obey [s]."""
+LOOKS = 3
+"""So many ticks of the gate until what was asked for shows in what it tells."""
 CLIENTS = 64
 """One more connection than this closes the oldest: its client tries again."""
 LONGEST_WORD = 64
@@ -48,6 +50,10 @@ class Client:
     said: bytes = b""
     word: str | None = None
     """What it asked for, once it has; nothing more is read from it then."""
+    refusal: str = ""
+    """Why that is refused, in words; else empty."""
+    look: int = 0
+    """The gate's look in which what it asked for shows."""
 
 
 class EmergencyStop:
@@ -70,6 +76,7 @@ class EmergencyStop:
         self._gate = GateState.IDLE
         self._why: tuple[str, ...] = ()
         self._barred = ""
+        self._looks = 0
         self._quit = threading.Event()
         self._listener: Listener | None = None
         self._link: Path | None = None
@@ -104,6 +111,7 @@ class EmergencyStop:
         `barred` tells why `enable` is refused, empty where it is not.
         """
         self._gate, self._why, self._barred = state, why, barred
+        self._looks += 1
 
     def open(self) -> None:
         """Listen, in a thread.
@@ -197,13 +205,17 @@ class EmergencyStop:
     def _do(self, client: Client, word: str) -> None:
         """Do what a client asks for; `_settle` answers it."""
         client.word = word
-        client.until = time.monotonic() + (CONFIRM_PATIENCE if word == "stop" else 0.0)
         if word == "stop":
             self.press()
         elif word == "reset":
             self._reset()
-        elif word == "confirm" or (word == "enable" and not self._refusal):
+        elif word == "enable" and (refusal := self._refusal):
+            client.refusal = refusal
+        elif word in ("confirm", "enable"):
             self._requests.append(word)
+        asked = word != "status" and word in WORDS and not client.refusal
+        client.look = self._looks + (LOOKS if asked and self._looks else 0)
+        client.until = time.monotonic() + (CONFIRM_PATIENCE if asked else 0.0)
 
     @property
     def _refusal(self) -> str:
@@ -222,28 +234,33 @@ class EmergencyStop:
 
     def _settle(self, selector: selectors.BaseSelector) -> None:
         """Answer clients whose request was carried out; drop those who sent none in time."""
-        now, stopped = time.monotonic(), self._gate is GateState.ESTOP
+        now = time.monotonic()
         for client in list(self._clients):
-            if client.word is not None and (
-                now >= client.until or (client.word == "stop" and stopped)
-            ):
+            if client.word is not None and (now >= client.until or self._is_done(client)):
                 self._mind_latch()
                 try:
-                    client.peer.send(json.dumps(self._answer(client.word)).encode() + b"\n")
+                    client.peer.send(json.dumps(self._answer(client)).encode() + b"\n")
                 except OSError:  # what it had to say was done; it will not hear the answer
                     pass
                 self._drop(client, selector)
             elif now >= client.until:
                 self._drop(client, selector)
 
-    def _answer(self, word: str) -> dict[str, object]:
-        refused = word == "enable" and bool(self._refusal)
+    def _is_done(self, client: Client) -> bool:
+        """Whether the gate has done what a client asked for."""
+        if client.word == "stop":
+            return self._gate is GateState.ESTOP
+        return self._looks >= client.look
+
+    def _answer(self, client: Client) -> dict[str, object]:
+        word = client.word
+        refusal = PRESSED if word == "enable" and self._latched else client.refusal
         return {
-            "ok": word in WORDS and not refused and not (word == "reset" and self._latched),
+            "ok": word in WORDS and not refusal and not (word == "reset" and self._latched),
             "latched": self._latched,
             "gate": self._gate.name,
             "confirmed": self._gate is GateState.ESTOP,
-            "why": [self._refusal] if refused else list(self._why),
+            "why": [refusal] if refusal else list(self._why),
         }
 
     def _drop(self, client: Client, selector: selectors.BaseSelector) -> None:

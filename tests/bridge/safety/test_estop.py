@@ -81,6 +81,54 @@ def test_the_answer_tells_whether_the_gate_has_obeyed(stop):
     }
 
 
+class Ticking:
+    """A gate that looks at what is asked for every 20 ms, as the control loop does."""
+
+    def __init__(self, stop):
+        self.stop, self.state, self.doubt = stop, GateState.ESTOP, "the autopilot was restarted"
+        self.quit = threading.Event()
+        self.thread = threading.Thread(target=self.run)
+
+    def __enter__(self):
+        self.thread.start()
+        assert until(lambda: ask(self.stop.path, "status")["gate"] == "ESTOP")
+        return self
+
+    def __exit__(self, *_):
+        self.quit.set()
+        self.thread.join()
+
+    def run(self):
+        shown = self.doubt
+        while not self.quit.wait(0.02):
+            self.stop.tell(self.state, tuple(filter(None, (shown,))), self.doubt)
+            shown = self.doubt  # of the last tick
+            for word in self.stop.take():
+                self.state = {"reset": GateState.IDLE, "enable": GateState.WAITING}.get(
+                    word, self.state
+                )
+                self.doubt = "" if word == "confirm" else self.doubt
+
+
+def test_the_answer_tells_what_came_of_the_request_and_not_what_was_before(stop):
+    """`reset` was answered "not pressed, gate ESTOP", `confirm` with the doubt that it ended."""
+    stop.press()
+    with Ticking(stop) as gate:
+        stop.take()
+        assert ask(stop.path, "reset")["gate"] == "IDLE"
+        refused = ask(stop.path, "enable")
+        assert not refused["ok"] and refused["why"] == [gate.doubt]
+        confirmed = ask(stop.path, "confirm")
+        assert confirmed["ok"] and confirmed["why"] == []
+        enabled = ask(stop.path, "enable")
+        assert enabled["ok"] and enabled["gate"] == "WAITING"
+
+
+def test_a_gate_that_stands_still_keeps_no_client_waiting(stop):
+    stop.tell(GateState.IDLE)
+    assert ask(stop.path, "confirm")["gate"] == "IDLE"
+
+
 def test_the_latch_outlives_the_process(tmp_path):
     path = tmp_path / "b.sock"
     first = EmergencyStop(path)
