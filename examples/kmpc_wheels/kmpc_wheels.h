@@ -14,6 +14,8 @@
 #define KMPC_LONGEST_LINE 48          /* bytes of a request, without its line feed */
 #define KMPC_LONGEST_REPLY 96         /* bytes of an answer, with line feed and zero */
 #define KMPC_LONGEST_WATCHDOG 60000L  /* ms */
+#define KMPC_DEAD_AFTER 250           /* ms for which the counter of a driven wheel may stand */
+#define KMPC_DITHER 2                 /* counts by which a counter that stands may go to and fro */
 
 enum { KMPC_DRIVEN = 1, KMPC_WATCHDOG = 2, KMPC_STOPPED = 4, KMPC_ENCODER = 8, KMPC_FAULT = 16 };
 
@@ -25,12 +27,15 @@ struct kmpc_wheels {
   int32_t count[2]; /* encoder counts, wrapping */
   int32_t speed[2]; /* counts/s */
   uint8_t faults;   /* KMPC_STOPPED, KMPC_ENCODER, KMPC_FAULT; any of them lets the motors go */
-  /* of the protocol */
+  bool dead;        /* of kmpc_watch: a wheel is driven and its counter stands; until the motors are let go */
+  /* of the protocol, and of kmpc_watch */
   bool expired;
   uint32_t heard, watchdog; /* ms */
   char line[KMPC_LONGEST_LINE];
   uint8_t length;
   bool dropping;
+  int32_t stood_at[2];
+  uint32_t stood_since[2];
 };
 
 static inline uint16_t kmpc_crc(const char *text, int length) {
@@ -75,6 +80,18 @@ static inline void kmpc_check(struct kmpc_wheels *w, uint32_t now) {
   }
 }
 
+/* Call it with each turn of the speed loop: sees whether the counter of a wheel stands although it is driven hard
+ * enough to turn. Its encoder may be unplugged, and a loop that believes it drives the motor at full power. */
+static inline void kmpc_watch(struct kmpc_wheels *w, int i, bool pushed, uint32_t now) {
+  uint32_t moved = (uint32_t)w->count[i] - (uint32_t)w->stood_at[i] + KMPC_DITHER;
+  if (!pushed || moved > 2 * KMPC_DITHER) {
+    w->stood_at[i] = w->count[i];
+    w->stood_since[i] = now;
+  } else if (now - w->stood_since[i] >= KMPC_DEAD_AFTER) {
+    w->dead = true;
+  }
+}
+
 static inline int kmpc_finish(char *reply, int length) {
   return length + snprintf(reply + length, KMPC_LONGEST_REPLY - (size_t)length, "*%04X\n",
                            (unsigned)kmpc_crc(reply, length));
@@ -116,6 +133,7 @@ static inline int kmpc_obey(struct kmpc_wheels *w, uint32_t now, char *reply) {
     case 'R':
       if (count != 1) return 0;
       w->driven = false;
+      w->dead = false;
       break;
     case 'P':
       if (count != 1) return 0;

@@ -11,6 +11,7 @@ static const int ENCODER_A[2] = {32, 34}, ENCODER_B[2] = {33, 35};
 static const int STOP_PIN = -1;              /* a switch to ground that stops the motors; -1 for none */
 static const float TOP_SPEED = 6000.0f;      /* counts/s of a motor at full power */
 static const float P_GAIN = 0.5f, I_GAIN = 4.0f; /* of the speed loop, in shares of full power */
+static const float TURNS_AT = 0.15f;         /* share of full power at which a wheel surely turns on the ground */
 static const unsigned long PERIOD = 10;      /* of the speed loop [ms] */
 
 static struct kmpc_wheels wheels;
@@ -46,7 +47,7 @@ void setup() {
   Serial.begin(BAUD);
 }
 
-static void speed_loop(float seconds) {
+static void speed_loop(float seconds, unsigned long now) {
   for (int i = 0; i < 2; i++) {
     noInterrupts();
     wheels.count[i] = counts[i];
@@ -55,12 +56,15 @@ static void speed_loop(float seconds) {
     last_count[i] = wheels.count[i];
     if (!wheels.driven || wheels.target[i] == 0) {
       integral[i] = 0.0f;
+      kmpc_watch(&wheels, i, false, now);
       power(i, 0.0f); /* both inputs low: most H-bridges coast or brake; see yours */
       continue;
     }
     float error = (float)(wheels.target[i] - wheels.speed[i]) / TOP_SPEED;
     integral[i] = constrain(integral[i] + I_GAIN * error * seconds, -1.0f, 1.0f);
-    power(i, (float)wheels.target[i] / TOP_SPEED + P_GAIN * error + integral[i]);
+    float share = (float)wheels.target[i] / TOP_SPEED + P_GAIN * error + integral[i];
+    kmpc_watch(&wheels, i, share >= TURNS_AT || share <= -TURNS_AT, now);
+    power(i, wheels.dead ? 0.0f : share);
   }
 }
 
@@ -71,10 +75,11 @@ void loop() {
     int length = kmpc_feed(&wheels, (char)Serial.read(), now, reply);
     if (length > 0) Serial.write((const uint8_t *)reply, (size_t)length);
   }
-  wheels.faults = STOP_PIN >= 0 && digitalRead(STOP_PIN) == LOW ? KMPC_STOPPED : 0;
+  bool stopped = STOP_PIN >= 0 && digitalRead(STOP_PIN) == LOW;
+  wheels.faults = (uint8_t)((stopped ? KMPC_STOPPED : 0) | (wheels.dead ? KMPC_ENCODER : 0));
   kmpc_check(&wheels, now);
   if (now - last_loop >= PERIOD) {
-    speed_loop((float)(now - last_loop) / 1000.0f);
+    speed_loop((float)(now - last_loop) / 1000.0f, now);
     last_loop = now;
   }
 }

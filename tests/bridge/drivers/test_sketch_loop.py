@@ -1,0 +1,52 @@
+"""The sketch's speed loop: a motor whose encoder is dead is not driven at full power."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+SKETCH = Path(__file__).parents[3] / "examples" / "kmpc_wheels"
+HARNESS = Path(__file__).with_name("kmpc_sketch_harness.cpp")
+TOP = 6000
+"""Counts a second at full power."""
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
+    """Drive the sketch: when it told the fault [ms], largest power, powers at the end, faults."""
+    compiler = shutil.which("g++")
+    if compiler is None:
+        pytest.skip("no g++")
+    program = tmp_path_factory.mktemp("loop") / "sketch"
+    flags = ["-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined"]
+    command = [compiler, *flags, f"-I{SKETCH}", "-x", "c++", str(HARNESS), "-o", str(program)]
+    subprocess.run(command, check=True)
+
+    def driven(speed: int, dead: int, milliseconds: int) -> list[float]:
+        words = [program, str(speed), str(dead), str(milliseconds)]
+        return [float(word) for word in subprocess.check_output(words, text=True).split()]
+
+    return driven
+
+
+@pytest.mark.parametrize("speed", [TOP // 10, -TOP // 10, TOP // 2, TOP])
+def test_a_dead_encoder_is_told_within_300_ms_and_its_motor_stopped(drive, speed):
+    """The I term drove that motor at full power, and no fault was told."""
+    told, largest, left, right, after = drive(speed, 1, 3000)
+    assert 200 <= told <= 300
+    assert largest <= 2.0 * abs(speed) / TOP + 0.2 or abs(speed) > TOP // 3
+    assert left == right == 0.0
+    assert after == 0.0, "let go, it may be tried again"
+
+
+@pytest.mark.parametrize("speed", [TOP // 100, -TOP // 100, TOP // 10, TOP])
+def test_a_wheel_that_turns_is_no_fault(drive, speed):
+    told, _, left, right, _ = drive(speed, -1, 5000)
+    assert told == -1
+    assert left * speed > 0.0 > right * speed
+
+
+def test_a_slow_wheel_is_told_before_its_motor_has_run_up(drive):
+    told, largest, *_ = drive(TOP // 100, 1, 10_000)
+    assert told > 0 and largest < 0.2
