@@ -13,6 +13,7 @@ from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.drive_logs import Recorder
 from firmware_bridge.runtime.navigator import Moment, Navigator
 from firmware_bridge.runtime.observer import Observer
+from firmware_bridge.runtime.reasons import told_once
 from firmware_bridge.runtime.session import STOPS, Session
 from firmware_bridge.runtime.timing import table
 from firmware_bridge.safety.gate_table import GateState
@@ -111,8 +112,8 @@ def run(
         report["outcome"] = _outcome(navigator, ended_by)
         if not navigator.arrived and not trouble():
             controller = f"the controller: {navigator.reason}" if navigator.reason else ""
-            why = (*session.loop.why_stopped, *session.words(), controller)
-            report["why"] = list(dict.fromkeys(filter(None, why)))
+            why = told_once(session.loop.why_stopped, session.words())
+            report["why"] = [*why, *filter(None, (controller,))]
         session.logs.finish(report)
     report["problems"] = session.problems()  # counted after the session has closed its files
     if out is not None:

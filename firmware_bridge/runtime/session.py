@@ -24,6 +24,7 @@ from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.drive_logs import DriveLogs, Recorder
 from firmware_bridge.runtime.loop import ControlLoop
 from firmware_bridge.runtime.observer import Observer
+from firmware_bridge.runtime.reasons import told_once
 from firmware_bridge.runtime.sharing import drives, share
 from firmware_bridge.safety.estop import EmergencyStop
 from firmware_bridge.safety.gate import SafetyGate
@@ -256,7 +257,7 @@ class Session:
 
     def why(self) -> list[str]:
         """Why the robot does not drive, with the autopilot's own words, uncut."""
-        return list(dict.fromkeys((*self.loop.why(), *self.words())))
+        return told_once(self.loop.why(), self.words())
 
     def words(self) -> tuple[str, ...]:
         """Why the autopilot would not arm, in its own words."""
