@@ -39,6 +39,8 @@ SETTLED = 0.5
 the gate has stopped the robot."""
 SILENCE = 0.25
 """A longer gap between poses is counted [s]."""
+TOLD = 1.0
+"""How long it is told that a source sends what is no number [s]."""
 KEYS = ("stamp", "x", "y", "theta")
 COUNTERS = (
     "poses",
@@ -105,6 +107,8 @@ class PoseFilter:
         self.latest: SourcePose | None = None
         """Newest that is believed, stamped with our clock."""
         self._heard: float | None = None
+        self._nonsense = -math.inf
+        """When it last sent what is no number [s]."""
         self._source_stamp = -math.inf
         self._restarts: deque[float] = deque(maxlen=RESTARTS + 1)
         """When its clock was last set anew [s]."""
@@ -125,6 +129,7 @@ class PoseFilter:
         """Take a pose with the source's stamp that came at `now` [s]; gives it if credible."""
         if not all(map(math.isfinite, said)) or max(abs(said.x), abs(said.y)) > FARTHEST:
             self.counters["not_finite"] += 1
+            self._nonsense = now
             return None
         if self._heard is not None and now - self._heard > SILENCE:
             self.counters["silences"] += 1
@@ -167,6 +172,13 @@ class PoseFilter:
         """Arrival minus stamp of the pose that came fastest lately [s]; NaN before the first."""
         ways = tuple(self._ways)  # a copy, since the source's thread changes it
         return ways[0][1] if ways else math.nan
+
+    def nonsense(self, now: float) -> str:
+        """Say that poses come of which none is a number; empty where that is not so."""
+        since = self._nonsense - (-math.inf if self._heard is None else self._heard)
+        if now - self._nonsense > TOLD or not since > SILENCE:
+            return ""
+        return f"the pose source sends what is no number, or farther than {FARTHEST / 1e3:g} km"
 
     def fault(self, now: float) -> str:
         """Why nothing is believed now, empty where that is not so."""
@@ -256,7 +268,8 @@ class PosedDriver(SensorDriver):
         stamp = -math.inf if pose is None else pose.stamp
         # an autopilot's own word counts too: its position may be older than what it was fed
         stamp = min(stamp, status.pose_stamp) if self._feed is not None else stamp
-        fault = self._filter.fault(time.monotonic())
+        now = time.monotonic()
+        fault = self._filter.fault(now) or self._filter.nonsense(now)
         return replace(
             status,
             pose_stamp=stamp,

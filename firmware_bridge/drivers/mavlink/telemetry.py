@@ -15,6 +15,8 @@ EKF_AGE = 0.25
 """How old the flags may be [s]."""
 PAIR = 0.2
 """How far apart a position and the attitude used with it may be [s]."""
+MISSING, TOLD = 0.25, 1.0
+"""Poses that are refused are told for some time [s], where none has been good for so long [s]."""
 FARTHEST, FASTEST = 1e5, 100.0
 """Positions [m] and speeds [m/s, rad/s] beyond these are no rover's."""
 
@@ -31,19 +33,18 @@ class PoseTracker:
         """Messages refused for impossible values."""
         self.unpaired = 0
         """Positions without an attitude near them in time."""
-        self._flags_stamp = -float("inf")
+        self._flags_stamp = self._refused_at = -math.inf
         self._attitude: tuple[float, float, float] | None = None
 
     def on_attitude(self, message: Any, stamp: float) -> None:
         """Keep the newest yaw and yaw rate (NED)."""
-        if self._sane((message.yaw, message.yawspeed), FASTEST):
+        if self._sane((message.yaw, message.yawspeed), FASTEST, stamp):
             self._attitude = (stamp, message.yaw, message.yawspeed)
 
     def on_position(self, message: Any, stamp: float) -> None:
         """Make a state of the newest position and the attitude, brought to the same time."""
-        if not self._sane((message.x, message.y), FARTHEST) or not self._sane(
-            (message.vx, message.vy), FASTEST
-        ):
+        place, speed = (message.x, message.y), (message.vx, message.vy)
+        if not (self._sane(place, FARTHEST, stamp) and self._sane(speed, FASTEST, stamp)):
             return
         if self._attitude is None or abs(stamp - self._attitude[0]) > PAIR:
             self.unpaired += 1
@@ -72,10 +73,19 @@ class PoseTracker:
             (bool(self.flags & UNINITIALIZED), "not initialised"),
             (bool(self.flags & GPS_GLITCHING), "GPS glitch"),
         ]
-        return tuple(f"EKF: {text}" for wrong, text in missing if wrong)
+        return tuple(f"EKF: {text}" for wrong, text in missing if wrong) + self._nonsense(now)
 
-    def _sane(self, values: tuple[float, ...], limit: float) -> bool:
+    def _nonsense(self, now: float) -> tuple[str, ...]:
+        """Say that poses come of which none is a number."""
+        last = -math.inf if self.state is None else self.state.stamp
+        if now - self._refused_at > TOLD or not self._refused_at - last > MISSING:
+            return ()
+        return ("the autopilot sends poses that are no numbers, or impossible ones",)
+
+    def _sane(self, values: tuple[float, ...], limit: float, stamp: float) -> bool:
         """Whether all are numbers within the limit; counted if not."""
         good = all(math.isfinite(value) and abs(value) <= limit for value in values)
-        self.refused += not good
+        if not good:
+            self.refused += 1
+            self._refused_at = stamp
         return good

@@ -176,3 +176,26 @@ def test_noise_of_any_kind_raises_nothing():
     assert counts["malformed"] > 1000
     refused = ("malformed", "not_finite", "out_of_order", "jumps", "unsteady")
     assert good + sum(counts[name] for name in refused) == 20_000
+
+
+@pytest.mark.parametrize("words", ["nan 2 3", "1 2 inf", "1e9 2 3"])
+def test_a_source_that_sends_no_numbers_is_told_as_such(words):
+    """It was told as "no pose, or too old", as one that sends nothing."""
+    source, now = fed()
+    assert source.nonsense(now) == ""
+    for _ in range(40):
+        now += PERIOD
+        source.take(f"{now + 7000.0} {words}".encode(), now)
+    assert source.nonsense(now).startswith("the pose source sends what is no number")
+    assert source.nonsense(now + 5.0) == "", "it sends nothing now"
+    source.take(line(now + 7000.01), now + 0.01)
+    assert source.nonsense(now + 0.01) == ""
+    mute = PoseFilter()
+    mute.take(b"1 nan 2 3", 5.0)
+    assert mute.nonsense(5.1)
+
+
+def test_one_pose_that_is_no_number_is_no_fault():
+    source, now = fed()
+    source.take(b"nan nan nan nan", now + 0.01)
+    assert source.nonsense(now + 0.01) == ""

@@ -109,3 +109,19 @@ class TestEstimate:
         status = rig.core.status(rig.now, True)
         assert rig.now - status.pose_stamp > 0.9
         assert rig.now - status.heartbeat_stamp > 0.9
+
+    def test_poses_that_are_no_numbers_are_told_as_such(self) -> None:
+        rig = Rig()
+        rig.take()
+        word = "the autopilot sends poses that are no numbers, or impossible ones"
+        tracker = rig.core.pose
+        assert word not in rig.faults
+        nan, stamp = math.nan, tracker.state.stamp
+        for k in range(1, 20):
+            later = stamp + 0.025 * k
+            message = dialect.MAVLink_local_position_ned_message(0, nan, nan, 0.0, 0.0, 0.0, 0.0)
+            tracker.on_position(message, later)
+            tracker.on_ekf(0x33F, later)
+            assert (word in tracker.faults(later, 20.0)) == (0.025 * k > 0.25 + 1e-9)
+        rig.run(0.5)
+        assert word not in rig.faults
