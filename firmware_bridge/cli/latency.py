@@ -17,7 +17,7 @@ from firmware_bridge.cli.emulated_board import SCENARIO, emulator, robot_text
 from firmware_bridge.cli.latency_table import MEASURED, measure, progress_line, table
 from firmware_bridge.messages import BridgeError, ConfigError, LinkError
 from firmware_bridge.robot_file import Robot, load_robot
-from kmpc_lite.cli.command import Command, UsageError
+from kmpc_lite.cli.command import Command, refuse_unread
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import count, positive
 
@@ -27,8 +27,10 @@ SECONDS = 10.0
 """Measuring time, for each row of the table or with and without browsers, by default [s]."""
 RATES = (10.0, 50.0)
 """Rates of the table by default [Hz]."""
-READS = {
-    "live_clients": ("seconds",),
+SHARED = "--seconds", "--drivers", "--rates"
+"""The table's options."""
+READS: dict[str, tuple[str, ...]] = {
+    "live_clients": ("--seconds",),
     "stops": (),
     "flood": (),
     "busy": (),
@@ -99,13 +101,8 @@ def run(options: argparse.Namespace) -> int:
     job = next((name for name in READS if getattr(options, name) is not None), None)
     if job is None:
         return _table(options)
-    shared = [name for name in ("seconds", "drivers", "rates") if name not in READS[job]]
-    given = [f"--{name}" for name in shared if getattr(options, name) is not None]
-    if given:
-        who, them = f"--{job.replace('_', '-')}", "it" if len(given) == 1 else "them"
-        those = ", ".join(f"--{name}" for name in READS[job]) or "no others"
-        text = f"{', '.join(given)}: kmpc latency {who} does not read {them}; it reads {those}"
-        raise UsageError("kmpc latency", text)
+    who = f"kmpc latency --{job.replace('_', '-')}"
+    refuse_unread("kmpc latency", who, options, SHARED, READS[job])
     jobs = {"live_clients": _watched, "stops": _stops, "flood": _flood, "busy": _busy}
     return jobs[job](options)
 

@@ -66,6 +66,38 @@ class UsageError(KmpcError):
         """Whose help explains it: ``kmpc fit``."""
 
 
+def refuse_unread(
+    prog: str, job: str, options: argparse.Namespace, shared: Sequence[str], reads: Sequence[str]
+) -> None:
+    """Refuse options that were given, and that the job that was asked for does not read.
+
+    Parameters
+    ----------
+    prog : str
+        Whose help explains it: ``kmpc bench``.
+    job : str
+        What was asked for: ``kmpc bench --fit``.
+    options : argparse.Namespace
+        None or False is what a command line does not name.
+    shared, reads : sequence of str
+        Options that not every job reads, and those that this one does: ``--drives``.
+
+    Raises
+    ------
+    UsageError
+        In one line.
+    """
+
+    def is_given(option: str) -> bool:
+        return getattr(options, option.removeprefix("--").replace("-", "_")) not in (None, False)
+
+    given = [option for option in shared if option not in reads and is_given(option)]
+    if given:
+        them, those = "it" if len(given) == 1 else "them", ", ".join(reads) or "no others"
+        text = f"{', '.join(given)}: {job} does not read {them}; it reads {those}"
+        raise UsageError(prog, text)
+
+
 class HelpFormatter(argparse.RawDescriptionHelpFormatter):
     """Keeps the line breaks of descriptions, examples and helps, and aligns lists of commands."""
 

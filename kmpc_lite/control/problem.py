@@ -138,18 +138,17 @@ class NavigationProblem:
         if not (self.du_max > 0).all():
             raise ProblemError(f"du_max: expected numbers > 0, or infinity, got {self.du_max}")
         self._check_bounds()
-        # these follow the robot's size and speed where they are not given; how near a goal is to be
-        # reached follows from its model, too
+        # these follow the robot's size and speed where they are not given
         scale = self.scale
         follows = {
             "deceleration": UNIT_DECELERATION * scale.acceleration,
             "slack_weights": UNIT_SLACK_WEIGHTS / (scale.length, scale.length**2),
-            "goal_tolerance": None,
         }
         for name, usual in follows.items():
             given = getattr(self, name)
-            if given is not None or usual is not None:
-                set_field(name, positive(name, usual if given is None else given, 2))
+            set_field(name, positive(name, usual if given is None else given, 2))
+        if self.goal_tolerance is not None:
+            set_field("goal_tolerance", positive("goal_tolerance", self.goal_tolerance, 2))
 
     def _take_footprint(self) -> None:
         """Take the radius from the footprint, where there is one."""

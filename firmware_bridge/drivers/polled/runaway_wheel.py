@@ -9,7 +9,8 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
-SIDES = "left", "right"
+from firmware_bridge.drivers.polled.dead_wheel import SIDES
+
 PATIENCE = 1.0
 """What was told within this time may still act [s]: longer than any motor's lag."""
 OVERSHOOT, MARGIN = 1.5, 0.25

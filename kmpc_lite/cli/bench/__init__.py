@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
 from kmpc_lite.cli.bench.jobs import COMPARISON, DRIVES, JOBS, LOOP, SECONDS, STEPS
-from kmpc_lite.cli.command import Command, UsageError
+from kmpc_lite.cli.command import Command, refuse_unread
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import count, positive
 
 SHARED = ("--drives", "--tuning", "--only", "--picture", "--seconds", "--no-load", "--budget")
 """Options that not every job reads."""
-UNGIVEN = (None, False)
-"""Values of an option that a command line does not name."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -58,33 +55,13 @@ def run(options: argparse.Namespace) -> int:
     """Measure what was asked for."""
     name = "--loop" if options.loop else options.job
     job = LOOP if options.loop else JOBS.get(options.job, COMPARISON)
-    _refuse_unread(options, job.reads, name)
+    who = " ".join(filter(None, ("kmpc bench", name)))
+    refuse_unread("kmpc bench", who, options, SHARED, job.reads)
     if options.picture:
         need("--picture", "matplotlib")
     told, text = job.measure(options)
     print(json.dumps(told) if options.json else text)
     return 0
-
-
-def _refuse_unread(options: argparse.Namespace, reads: Sequence[str], name: str | None) -> None:
-    """Raise UsageError for an option that was given, and that a job does not read."""
-    given = [
-        option
-        for option in SHARED
-        if option not in reads and getattr(options, _attribute(option)) not in UNGIVEN
-    ]
-    if given:
-        who = " ".join(filter(None, ("kmpc bench", name)))
-        them = "it" if len(given) == 1 else "them"
-        those = ", ".join(reads) or "no others"
-        raise UsageError(
-            "kmpc bench", f"{', '.join(given)}: {who} does not read {them}; it reads {those}"
-        )
-
-
-def _attribute(option: str) -> str:
-    """Where argparse puts an option's value."""
-    return option.removeprefix("--").replace("-", "_")
 
 
 COMMAND = Command(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -36,26 +37,32 @@ class GoalTolerances:
     off_path: float
     """Distance from the path at which a new one is looked for near the goal [m]."""
 
-    def times(self, factor: int) -> GoalTolerances:
-        """So many times as wide, but for the path; who is pushed is so beyond them."""
-        if factor == 1:
-            return self
-        return replace(
-            self,
-            turn_distance=factor * self.turn_distance,
-            turn_limit=factor * self.turn_limit,
-            enter_distance=factor * self.enter_distance,
-            enter_angle=factor * self.enter_angle,
-            leave_distance=factor * self.leave_distance,
-            leave_angle=factor * self.leave_angle,
-            pushed_distance=max(self.pushed_distance, PUSHED * factor * self.leave_distance),
-            pushed_angle=max(self.pushed_angle, PUSHED * factor * self.leave_angle),
-        )
-
 
 PUSHED = 1.5
 """How many times a wider tolerance a single pose is farther away, at the least, of a robot that was
 pushed."""
+
+Limits = TypeVar("Limits", GoalOptions, GoalTolerances)
+"""Both have the same tolerances, by the same names."""
+
+
+def widened(limits: Limits, longer: float, wider: float) -> Limits:
+    """Distances so many times as long and angles as wide, but for the path's.
+
+    Who is pushed is so beyond them.
+    """
+    distance, angle = longer * limits.leave_distance, wider * limits.leave_angle
+    return replace(
+        limits,
+        turn_distance=longer * limits.turn_distance,
+        turn_limit=longer * limits.turn_limit,
+        enter_distance=longer * limits.enter_distance,
+        enter_angle=wider * limits.enter_angle,
+        leave_distance=distance,
+        leave_angle=angle,
+        pushed_distance=max(limits.pushed_distance, PUSHED * distance),
+        pushed_angle=max(limits.pushed_angle, PUSHED * angle),
+    )
 
 
 def goal_tolerances(
@@ -82,7 +89,10 @@ def goal_tolerances(
     position, heading = tube_noise(model.noise_model, model.dt).pose_deviation
     noise = max(position - options.quiet_position, 0.0)
     turn_noise = max(heading - options.quiet_heading, 0.0)
-    o = options if asked is None else _as_asked(options, *asked.tolist())
+    o = options
+    if asked is not None:
+        distance, angle = asked.tolist()
+        o = widened(o, distance / o.leave_distance, angle / o.leave_angle)
     return GoalTolerances(
         turn_distance=o.turn_distance + o.turn_distance_noise * noise,
         turn_limit=o.turn_limit + o.turn_limit_noise * noise,
@@ -93,22 +103,6 @@ def goal_tolerances(
         pushed_distance=o.pushed_distance + o.pushed_distance_noise * noise,
         pushed_angle=o.pushed_angle + o.pushed_angle_noise * turn_noise,
         off_path=o.off_path + o.off_path_noise * noise,
-    )
-
-
-def _as_asked(options: GoalOptions, distance: float, angle: float) -> GoalOptions:
-    """Options of a robot that is to stay within a distance and an angle."""
-    longer, wider = distance / options.leave_distance, angle / options.leave_angle
-    return replace(
-        options,
-        turn_distance=longer * options.turn_distance,
-        turn_limit=longer * options.turn_limit,
-        enter_distance=longer * options.enter_distance,
-        enter_angle=wider * options.enter_angle,
-        leave_distance=distance,
-        leave_angle=angle,
-        pushed_distance=max(options.pushed_distance, PUSHED * distance),
-        pushed_angle=max(options.pushed_angle, PUSHED * angle),
     )
 
 
@@ -137,7 +131,8 @@ class GoalChecker:
     def content_with(self, tolerances: GoalTolerances, stalls: int) -> GoalTolerances:
         """Tolerances of a robot that has not got nearer for so many stalls."""
         o = self._options
-        return tolerances.times(min(max(stalls - o.content_stalls + 2, 1), o.content_most))
+        times = min(max(stalls - o.content_stalls + 2, 1), o.content_most)
+        return tolerances if times == 1 else widened(tolerances, times, times)
 
     def holds(
         self,

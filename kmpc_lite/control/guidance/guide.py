@@ -21,7 +21,7 @@ from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles
 from kmpc_lite.control.guidance.reference import Guidance, told_progress, wait_in_sight
 from kmpc_lite.control.guidance.replan import Replanner
 from kmpc_lite.control.guidance.situation import Situation, Surveyor
-from kmpc_lite.control.guidance.state import GuideState
+from kmpc_lite.control.guidance.state import BLOCKED, GuideState
 from kmpc_lite.control.guidance.timed_path import TimedPath
 from kmpc_lite.control.guidance.turning_centre import seen_from
 from kmpc_lite.control.options import (
@@ -169,7 +169,7 @@ class Guide:
             states = self._evade(state, now, now.moving)
         # what was seen from afar, or long ago, does not tell that there is no path, nor does what
         # goes on its way
-        may_be = state.urgent or now.view is not None or bool(state.blocked)
+        may_be = state.urgent or now.view is not None or state.why_none == BLOCKED
         return Guidance(
             states=states,
             reachable=may_be,

@@ -14,7 +14,7 @@ from kmpc_lite.control.guidance.progress_checker import ProgressChecker
 from kmpc_lite.control.guidance.search_state import PathSearch, Stage
 from kmpc_lite.control.guidance.shuttle import ShuttleFinder
 from kmpc_lite.control.guidance.situation import Situation
-from kmpc_lite.control.guidance.state import GuideState
+from kmpc_lite.control.guidance.state import BLOCKED, GuideState
 from kmpc_lite.control.guidance.timed_path import TimedPath
 from kmpc_lite.control.guidance.turning_centre import swing
 from kmpc_lite.control.options import GuidanceOptions
@@ -22,8 +22,6 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.types import Array
 
-BLOCKED = "something that moves stands in the only way"
-"""Why there is no path where there is one but for what moves."""
 FORGETTING = 0.95
 """Factor per search by which the remembered time of the longest one shrinks."""
 
@@ -174,18 +172,16 @@ class SearchDriver:
 
     def _take_over(self, state: GuideState, now: Situation, search: PathSearch) -> bool:
         """Follow the path that was chosen, and tell whether it leads another way around."""
-        previous, path = state.path, search.path
-        state.blocked = ""
+        previous, path, reason = state.path, search.path, search.reason
         if search.only_tells:
-            state.blocked = "" if path is None else BLOCKED
-            search.reason, path = search.only_tells, None
+            path, reason = None, search.only_tells if path is None else BLOCKED
         if state.only_renews and previous is not None:
             left = previous.duration - state.place - self._options.switch_time
             if path is None or path.time > left - search.gear_time:
                 return False
         if path is None:
             state.waiting = search.pose if state.waiting is None else state.waiting
-            state.path, state.why_none = None, state.blocked or search.reason
+            state.path, state.why_none = None, reason
             return previous is not None
         state.waiting = None
         free_turn, o, can = self._free_turn(search), self._options, now.capabilities

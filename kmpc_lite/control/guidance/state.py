@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from kmpc_lite.control.obstacles.solids import Solids
 
 
+BLOCKED = "something that moves stands in the only way"
+"""Why there is no path where there is one but for what moves."""
+
+
 @dataclass(slots=True)
 class GuideState:
     """The path, the search for another one, and what they were made for."""
@@ -40,8 +44,6 @@ class GuideState:
     """How many were driven for this goal."""
     why_none: str = ""
     """Why there is no path."""
-    blocked: str = ""
-    """The same, where there is one but for what moves."""
     waiting: Array | None = None
     """Pose (3,) at which the robot waits while there is no path."""
     evasive_arc: int = -1

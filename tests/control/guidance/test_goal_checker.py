@@ -9,7 +9,12 @@ import pytest
 from guided import GuidedController
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance.goal_checker import GoalChecker, GoalCheckerState, goal_tolerances
+from kmpc_lite.control.guidance.goal_checker import (
+    GoalChecker,
+    GoalCheckerState,
+    goal_tolerances,
+    widened,
+)
 from kmpc_lite.control.options import GoalOptions, lengths_from_radii
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
@@ -154,7 +159,7 @@ def test_who_has_stalled_four_times_is_content_with_twice_and_later_with_five_ti
     ]
     np.testing.assert_allclose(factors, [1, 1, 1, 1, 2, 3, 4, 5, 5, 5])
     assert checker.content_with(QUIET, 3) is QUIET
-    wide = QUIET.times(4)
+    wide = widened(QUIET, 4, 4)
     assert wide.pushed_distance == pytest.approx(1.5 * wide.leave_distance)
     assert wide.enter_angle < wide.leave_angle < wide.pushed_angle
 

@@ -41,8 +41,6 @@ class ScanWatchState:
     """By where they are mounted."""
     silent: float = 0.0
     """For how long nothing new was told [s]."""
-    hangs: bool = False
-    """Whether what was told since is what was told before."""
 
 
 class ScanWatch:
@@ -91,10 +89,11 @@ class ScanWatch:
         if any(scan.hits.any() or scan.clear.any() for scan in new):
             state.silent = 0.0
             return new, ""
-        state.silent, state.hangs = state.silent + self._period, len(new) < len(scans)
+        state.silent += self._period
         if state.silent <= self._limit:
             return new, ""
-        what = "have not changed while the robot moved" if state.hangs else "have told nothing"
+        hangs = len(new) < len(scans)
+        what = "have not changed while the robot moved" if hangs else "have told nothing"
         return new, f"scans {what} for {self._limit:g} s or longer: it does not drive blind"
 
     def _is_new(self, state: ScanWatchState, scan: LaserScan, pose: Array) -> bool:
