@@ -42,6 +42,7 @@ class Guiding:
 
     def __init__(self, units: NavigationProblem, options: StopOptions, guide: Guide | None) -> None:
         self._guide, self._dt = guide, units.dt
+        self._inflation = units.half_width + units.margin
         self._ramps = Braking(units, options) if RateLimit(units).active else None
 
     def reference(
@@ -85,8 +86,10 @@ class Guiding:
             until,
             seen.view,
             seen.spread,
+            abs(float(state.history.command[0])),
         )
         states = guidance.states
         if late:
             states = np.concatenate([led[:-1], states])[: len(states)]
-        return replace(guidance, states=states, path_clearance=state.guide.kept_on_the_way(states))
+        kept = state.guide.kept_on_the_way(states, self._inflation)
+        return replace(guidance, states=states, path_clearance=kept)

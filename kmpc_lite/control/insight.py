@@ -64,7 +64,10 @@ def _margins(controller: Controller, plan: Plan) -> Array:
     around = np.column_stack([np.cos(DIRECTIONS), np.sin(DIRECTIONS)])
     if controller.problem.footprint is not None:
         around = np.column_stack([around, np.zeros(len(around))])
-    clearance = math.inf if state.guide is None else state.guide.kept_on_the_way(states)
+    clearance: float | Array = math.inf
+    if state.guide is not None:
+        units = controller._units
+        clearance = state.guide.kept_on_the_way(states, units.half_width + units.margin)
     found = known.margins.tightening.margins(
         state.drift, lin, states, inputs, np.tile(around, (len(inputs), 1, 1)), clearance
     )

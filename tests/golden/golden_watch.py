@@ -281,6 +281,14 @@ TESTS: dict[str, tuple[str, ...]] = {
         "guidance.near_goal_parts",
     ),
     "control/guidance/test_guidance_options.py::"
+    "test_near_the_goal_who_is_sent_at_four_tenths_of_the_speed_does_not_look_for_a_path": (
+        "guidance.settled_share",
+    ),
+    "control/guidance/test_guidance_options.py::"
+    "test_a_path_from_near_the_goal_ends_beside_it_by_half_of_where_the_last_turn_may_begin": (
+        "guidance.goal_slack",
+    ),
+    "control/guidance/test_guidance_options.py::"
     "test_sixty_parts_of_a_search_that_is_needed_at_once_are_done_in_a_step": (
         "guidance.urgent_parts",
     ),

@@ -90,6 +90,7 @@ class Guide:
         until: float = math.inf,
         view: View | None = None,
         spread: Array | None = None,
+        speed: float = 0.0,
     ) -> Guidance:
         """Give the reference of the coming stages.
 
@@ -114,11 +115,13 @@ class Guide:
             What scans have shown: another path is looked for where that stands on the one driven.
         spread : ndarray, optional
             (M,) speeds at which circles grow whose velocity was seen, not told.
+        speed : float
+            That was commanded last, in either direction [m/s].
         """
         self._take_over_centre(state, capabilities.turning_centre)
         state.age += self._dt
         now = self._surveyor.see(
-            state, capabilities, pose, goal, circles, solids, rest, until, view, spread
+            state, capabilities, pose, goal, circles, solids, rest, until, view, spread, speed
         )
         self._begin_last_turn(state, now)
         off = 0.0

@@ -89,6 +89,13 @@ def coarser(options: GuidanceOptions, nodes: int, step: float) -> GuidanceOption
 
 def distance_around(point: Array, circles: Array, path_map: PathMap | None) -> float:
     """Distance of a point (2,) from the edge of the nearest circle (M, 5) or solid [m]."""
-    away = np.hypot(*(circles[:, :2] - point).T) - circles[:, 2]
-    distance = float(away.min(initial=np.inf))
-    return distance if path_map is None else min(distance, path_map.distance(point))
+    return float(distances_around(point[None], circles, path_map)[0])
+
+
+def distances_around(points: Array, circles: Array, path_map: PathMap | None) -> Array:
+    """The same of points (n, 2), (n,) [m]."""
+    x, y = points.T[..., None] - circles[:, :2].T[:, None]
+    distances: Array = (np.hypot(x, y) - circles[:, 2]).min(axis=1, initial=np.inf)
+    if path_map is not None:
+        np.minimum(distances, path_map.distances(points), out=distances)
+    return distances

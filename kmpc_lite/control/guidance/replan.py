@@ -111,7 +111,13 @@ class Replanner:
         o, least = self._options, now.capabilities.tolerances.off_path
         allowed = min(max(least, o.off_path_share * now.distance), o.off_path_limit)
         too_far = state.age > o.replan_interval and off > allowed
-        return self._progress.wait(state.progress, self._dt) or too_far
+        return self._progress.wait(state.progress, self._dt) or (too_far and self._settled(now))
+
+    def _settled(self, now: Situation) -> bool:
+        """Whether nothing carries the robot nearer to its goal any more: it is far, or slow."""
+        o = self._options
+        slow = o.settled_share * float(now.capabilities.forward[0])
+        return now.distance > o.near_goal or now.speed <= slow
 
     def _watch_progress(self, state: GuideState, now: Situation) -> bool:
         """Note the progress: whether there was none for too long; then something else is tried.

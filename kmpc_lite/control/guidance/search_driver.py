@@ -19,7 +19,7 @@ from kmpc_lite.control.guidance.timed_path import TimedPath
 from kmpc_lite.control.guidance.turning_centre import swing
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.geometry import nearest_turn
+from kmpc_lite.geometry import nearest_turn, rotate
 from kmpc_lite.types import Array
 
 FORGETTING = 0.95
@@ -96,7 +96,7 @@ class SearchDriver:
         return PathSearch(
             pose=pose,
             lead=lead,
-            goal=(now.goal if state.shuttle is None else state.shuttle).copy(),
+            goal=(self._aim(now, pose) if state.shuttle is None else state.shuttle).copy(),
             target=state.goal,
             circles=circles,
             path_map=state.path_map,
@@ -108,6 +108,20 @@ class SearchDriver:
             narrow=state.narrow,
             gear_time=0.0 if now.view is None else now.view.gear_time,
         )
+
+    def _aim(self, now: Situation, pose: Array) -> Array:
+        """Pose (3,) at which a path from a pose ends: near the goal, a little beside it.
+
+        What lies beside the robot it can only reach by turning away and back.
+        """
+        o, goal = self._options, now.goal
+        if now.distance > o.near_goal:
+            return goal
+        most = o.goal_slack * now.capabilities.tolerances.turn_distance
+        x, y, heading = goal.tolist()
+        _, beside = rotate(float(pose[0]) - x, float(pose[1]) - y, -heading)
+        dx, dy = rotate(0.0, min(max(beside, -most), most), heading)
+        return np.array((x + dx, y + dy, heading))
 
     def _look_behind(self, state: GuideState, now: Situation, search: PathSearch) -> bool:
         """Begin to look whether there is a path but for what moves, where that was in the way."""

@@ -51,6 +51,8 @@ class Situation:
     """When to leave a search to the next step [s]."""
     view: View | None = None
     """What scans have shown; none without any."""
+    speed: float = 0.0
+    """That was commanded last, in either direction [m/s]."""
 
     def met(self, waited: float) -> Array:
         """Circles (M, 5) where the robot meets them, which has stood for them so long [s]."""
@@ -96,6 +98,7 @@ class Surveyor:
         until: float,
         view: View | None,
         spread: Array | None,
+        speed: float,
     ) -> Situation:
         """See all that `Guide.reference` is given; a goal outside the area is moved to its edge."""
         tolerance = capabilities.tolerances.enter_distance
@@ -122,6 +125,7 @@ class Surveyor:
             outside=outside,
             until=until,
             view=view,
+            speed=speed,
         )
 
     def _lies_outside(self, goal: Array, tolerance: float) -> bool:

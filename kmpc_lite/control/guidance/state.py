@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.control.guidance.goal_checker import GoalCheckerState
-from kmpc_lite.control.guidance.path_map import PathMap
+from kmpc_lite.control.guidance.path_map import PathMap, distances_around
 from kmpc_lite.control.guidance.progress_checker import ProgressState
 from kmpc_lite.control.guidance.search_state import PathSearch
 from kmpc_lite.control.guidance.timed_path import TimedPath
@@ -98,16 +98,24 @@ class GuideState:
     goal_checker: GoalCheckerState = field(default_factory=GoalCheckerState)
     progress: ProgressState = field(default_factory=ProgressState)
 
-    def kept_on_the_way(self, states: Array) -> float | Array:
+    def kept_on_the_way(self, states: Array, inflation: float) -> float | Array:
         """Clearance beyond the margin that stages 1 to N of states (N + 1, 3) keep [m].
 
-        One number, or one of each stage, (N, 1): towards the goal no more than what it leaves, and
-        the way to it. A robot that is to keep more is driven away from a goal between obstacles,
-        and swings about it.
+        One number, or one of each stage, (N, 1): where the goal leaves less than the path keeps, no
+        more than what is left there. A robot that is to keep more is driven away from a goal
+        between obstacles, and swings about it.
+
+        Parameters
+        ----------
+        states : ndarray
+            The reference, or a plan.
+        inflation : float
+            Distance from an obstacle at which the margin begins [m].
         """
-        kept, left = self.path_clearance, self.goal_clearance
+        kept, left = self.path_clearance, max(self.goal_clearance, 0.0)
         if left >= kept:
             return kept
-        away = np.hypot(*(states[1:, :2] - self.goal[:2]).T)
-        out: Array = np.minimum(kept, max(left, 0.0) + away)[:, None]
+        at_rest = self.circles[~self.circles[:, 3:].any(axis=1)]
+        around = distances_around(states[1:, :2], at_rest, self.path_map) - inflation
+        out: Array = np.minimum(np.maximum(around, left), kept)[:, None]
         return out

@@ -54,6 +54,12 @@ class GuidanceOptions:
     near_goal: float = radii(2.0)
     """Distance to the goal below which repeated searches for a path are hurried [radii]: a robot
     that lags more than its model knows has soon left the place where the search began."""
+    settled_share: float = share(0.4)
+    """A robot that is nearer to its goal than `near_goal`, and is commanded faster than this share
+    of its speed, is still on its way there: it looks for no new path for having left its own."""
+    goal_slack: float = share(0.5)
+    """A path that begins near the goal may end beside it, by this share of the distance at which
+    the last turn may begin: what is left to the side takes two turns."""
     near_goal_parts: int = count(2)
     """Most parts of such a search that are done in one step."""
     hurried_parts: int = count(3)

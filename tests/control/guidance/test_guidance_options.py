@@ -116,6 +116,43 @@ def test_two_parts_of_a_third_search_near_the_goal_are_done_in_a_step(
     assert len(parts) == expected
 
 
+@pytest.mark.parametrize(
+    ("ahead", "speed", "looks"), [(0.2, 0.25, False), (0.2, 0.23, True), (0.35, 0.25, True)]
+)
+def test_near_the_goal_who_is_sent_at_four_tenths_of_the_speed_does_not_look_for_a_path(
+    ahead: float, speed: float, looks: bool
+) -> None:
+    guide, beside = GuideInUse(PROBLEM), np.array([GOAL[0] - ahead, 0.06, 0.0])
+    guide.reference(np.array([GOAL[0] - 0.6, 0.0, 0.0]), GOAL, NO_CIRCLES)
+    guide.state.age = 1.0
+    guide.reference(beside, GOAL, NO_CIRCLES, speed=speed)
+    assert (guide.state.age == 0.0) == looks
+
+
+@pytest.mark.parametrize(
+    ("pose", "aside"),
+    [
+        ((-0.2, 0.05, 0.0), 0.006),  # half of 8 % of the radius
+        ((-0.2, -0.05, 0.0), -0.006),
+        ((-0.2, 0.004, 0.0), 0.004),
+        ((-0.2, 0.0, 0.5), 0.0),
+        ((-0.35, 0.05, 0.0), 0.0),  # farther away than two radii
+    ],
+)
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+def test_a_path_from_near_the_goal_ends_beside_it_by_half_of_where_the_last_turn_may_begin(
+    pose: tuple[float, float, float], aside: float, heading: float
+) -> None:
+    turned = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
+    start = np.array([*turned @ pose[:2], pose[2] + heading])
+    guide = GuideInUse(PROBLEM)
+    guide.reference(start, np.array([0.0, 0.0, heading]), NO_CIRCLES)
+    assert guide.state.path is not None
+    end = guide.state.path.poses[-1]
+    np.testing.assert_allclose(end[:2] @ turned, (0.0, aside), atol=1e-12)
+    assert np.cos(end[2] - heading) == pytest.approx(1.0)
+
+
 def test_sixty_parts_of_a_search_that_is_needed_at_once_are_done_in_a_step(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

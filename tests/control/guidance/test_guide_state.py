@@ -122,3 +122,34 @@ def test_an_equal_map_is_no_new_one() -> None:
     assert not guide.reference(START, GOAL, circles, solids=same).refreshed
     other = Solids([kl.Wall(0.0, -0.4, 0.0, 1.0, 0.05)])
     assert guide.reference(START, GOAL, circles, solids=other).refreshed
+
+
+@pytest.mark.parametrize("as_wall", [False, True])
+def test_towards_a_goal_that_leaves_little_a_robot_keeps_what_is_left_on_its_way(
+    as_wall: bool,
+) -> None:
+    # along something straight the way to the goal is no wider than the goal's place
+    guide, goal = GuideInUse(kl.NavigationProblem()), np.array([0.5, 0.16, 0.0])
+    wall = Solids([kl.Wall(-9.0, 0.0, 9.0, 0.0)])
+    beside = circles_to_array([kl.Circle(0.5, -1.0, 1.0)])
+    none = np.empty((0, 5))
+    guide.reference(
+        np.array([-0.3, 0.16, 0.0]),
+        goal,
+        none if as_wall else beside,
+        solids=wall if as_wall else None,
+    )
+    assert guide.state.path_clearance > 0.02
+    states = np.array([[x, 0.16, 0.0] for x in (-0.3, 0.2, 0.4, 0.5)])
+    kept = np.ravel(guide.state.kept_on_the_way(states, 0.15))
+    left = np.hypot(states[1:, 0] - 0.5, 1.16) - 1.15
+    np.testing.assert_allclose(kept, [0.01] * 3 if as_wall else left, atol=1e-9)
+
+
+def test_somebody_who_moves_does_not_tell_what_is_left_on_the_way() -> None:
+    guide, goal = GuideInUse(kl.NavigationProblem()), np.array([0.5, 0.0, 0.0])
+    near = circles_to_array([kl.Circle(0.5, 0.36, 0.2), kl.Circle(0.2, 0.36, 0.2, 0.0, 0.5)])
+    guide.reference(np.array([-0.3, 0.0, 0.0]), goal, near)
+    states = np.array([[x, 0.0, 0.0] for x in (-0.3, 0.2, 0.5)])
+    kept = np.ravel(guide.state.kept_on_the_way(states, 0.15))
+    assert kept[1] == pytest.approx(0.01) and kept[0] == guide.state.path_clearance
