@@ -39,6 +39,8 @@ STOOD = 1.0
 """How long a robot must have stood to be walked into [s]."""
 STANDS = 0.01
 """Within how much of one place [m]."""
+AT_REST = 1e-3
+"""Speed up to which the robot approaches nobody: what is left of a command to stand [m/s]."""
 APART = 0.1
 """How far apart they must be for the next contact to count [m]."""
 TIMEOUT = 60.0
@@ -153,8 +155,9 @@ def _kind(trail: Array, place: Array) -> str:
     second = trail[-round(STOOD / DT * LOOKS) - 1 :]
     if np.hypot(*(second - trail[-1]).T).max() <= STANDS:
         return "walked_into"
-    moved = trail[-1] - trail[-2]
-    return "driven_into" if moved @ (place - trail[-1]) > 0.0 else "met"
+    moved, away = trail[-1] - trail[-2], place - trail[-1]
+    approach = float(moved @ away) / float(np.hypot(*away)) * LOOKS / DT
+    return "driven_into" if approach > AT_REST else "met"
 
 
 def drive_record(people: int, turning: bool, seen: str, seed: int) -> Record:

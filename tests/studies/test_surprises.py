@@ -32,6 +32,10 @@ def test_a_contact_is_told_by_who_moves() -> None:
     ahead, behind = drives[-1] + (0.4, 0.0), drives[-1] - (0.4, 0.0)
     assert pedestrians._kind(drives, ahead) == "driven_into"
     assert pedestrians._kind(drives, behind) == "met"
+    # what is left of a command to stand approaches nobody
+    stops = drives.copy()
+    stops[-50:] = stops[-50] + np.column_stack([1e-7 * np.arange(50), np.zeros(50)])
+    assert pedestrians._kind(stops, stops[-1] + (0.4, 0.0)) == "met"
 
 
 def test_records_of_people_are_resumed_and_told(tmp_path) -> None:  # type: ignore[no-untyped-def]
