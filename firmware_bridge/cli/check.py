@@ -10,19 +10,12 @@ import time
 from dataclasses import dataclass, replace
 from typing import Any
 
-from firmware_bridge.cli.course import with_footprint
+from firmware_bridge.cli.course import scenario_of
 from firmware_bridge.cli.model_gate import describe_model
 from firmware_bridge.cli.options import add_robot_options, read_robot
 from firmware_bridge.drivers import Driver
 from firmware_bridge.link import open_transport
-from firmware_bridge.messages import (
-    BridgeError,
-    ConfigError,
-    LidarError,
-    LinkError,
-    State,
-    VelocityCommand,
-)
+from firmware_bridge.messages import BridgeError, LidarError, LinkError, State, VelocityCommand
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.session import open_driver
 from firmware_bridge.runtime.timing import Histogram
@@ -206,13 +199,8 @@ def _place(driver: Driver, robot: Robot) -> list[Finding]:
     if robot.control.scenario is None or not robot.control.map or state is None:
         return []
     from firmware_bridge.cli.standing import misplaced, own_frame
-    from kmpc_lite.errors import KmpcError
-    from kmpc_lite.sim import Scenario
 
-    try:
-        scenario = with_footprint(robot, Scenario.load(robot.control.scenario))
-    except KmpcError as error:
-        raise ConfigError(str(error)) from error
+    scenario = scenario_of(robot)
     here = placed(state, own_frame(robot, scenario))
     wrong = misplaced(scenario, (here.x, here.y, here.theta))
     return [Finding(False, wrong)] if wrong else []

@@ -73,13 +73,10 @@ def course(
     import kmpc_lite as kl
     from firmware_bridge.cli.standing import misplaced, own_frame
     from firmware_bridge.runtime.navigator import Moment, Navigator, Planned, Pose, Task
-    from kmpc_lite.sim import Scenario
     from kmpc_lite.sim.closed_loop import obstacle_gaps
 
-    if robot.control.scenario is None:
-        raise ConfigError(f"{robot.where}: control.scenario: missing: give --scenario NAME")
+    scenario = scenario_of(robot)
     try:
-        scenario = with_footprint(robot, Scenario.load(robot.control.scenario))
         robot, learned, notes = load_model(robot, rehearse)
         controller = build_controller(robot, scenario, learned)
     except kl.KmpcError as error:
@@ -122,13 +119,27 @@ def course(
     return Course(name, robot, navigator, period, own_frame(robot, scenario), notes, *made)
 
 
-def with_footprint(robot: Robot, scenario: Any) -> Any:
-    """Put the footprint of a robot's file in the place of the scenario's robot."""
-    from kmpc_lite.control import Footprint
+def scenario_of(robot: Robot) -> Any:
+    """Scenario of a robot's file, with the file's footprint in the place of its robot's.
 
-    if robot.footprint is None:
-        return scenario
-    return replace(scenario, footprint=Footprint.of(robot.footprint))
+    Raises
+    ------
+    ConfigError
+        For a scenario that is missing, or cannot be read.
+    """
+    from kmpc_lite.control import Footprint
+    from kmpc_lite.errors import KmpcError
+    from kmpc_lite.sim import Scenario
+
+    if robot.control.scenario is None:
+        raise ConfigError(f"{robot.where}: control.scenario: missing: give --scenario NAME")
+    try:
+        scenario = Scenario.load(robot.control.scenario)
+        if robot.footprint is None:
+            return scenario
+        return replace(scenario, footprint=Footprint.of(robot.footprint))
+    except KmpcError as error:
+        raise ConfigError(str(error)) from error
 
 
 def laser_scan(scan: Any) -> Any:

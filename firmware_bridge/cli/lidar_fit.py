@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from firmware_bridge.cli.course import scenario_of
 from firmware_bridge.cli.standing import own_frame
-from firmware_bridge.messages import ConfigError, State
+from firmware_bridge.messages import State
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.sensors.placed import placed
 
@@ -34,15 +35,10 @@ def against_map(scan: Scan, state: State, robot: Robot) -> list[str]:
     ConfigError
         For a scenario that cannot be read.
     """
-    from kmpc_lite.errors import KmpcError
-    from kmpc_lite.sim import Scenario
     from kmpc_lite.sim.lidar import world_of
 
-    assert robot.lidar is not None and robot.control.scenario is not None
-    try:
-        scenario = Scenario.load(robot.control.scenario)
-    except KmpcError as error:
-        raise ConfigError(str(error)) from error
+    assert robot.lidar is not None
+    scenario = scenario_of(robot)
     here = placed(state, own_frame(robot, scenario))
     pose = here.x, here.y, here.theta
     return fit(scan, pose, world_of(scenario), robot.lidar.mirrored)

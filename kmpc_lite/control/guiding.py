@@ -42,7 +42,7 @@ class Guiding:
 
     def __init__(self, units: NavigationProblem, options: StopOptions, guide: Guide | None) -> None:
         self._guide, self._dt = guide, units.dt
-        self._inflation = units.half_width + units.margin
+        self._inflation = units.inflation
         self._ramps = Braking(units, options) if RateLimit(units).active else None
 
     def reference(

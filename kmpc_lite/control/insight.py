@@ -66,8 +66,7 @@ def _margins(controller: Controller, plan: Plan) -> Array:
         around = np.column_stack([around, np.zeros(len(around))])
     clearance: float | Array = math.inf
     if state.guide is not None:
-        units = controller._units
-        clearance = state.guide.kept_on_the_way(states, units.half_width + units.margin)
+        clearance = state.guide.kept_on_the_way(states, controller._units.inflation)
     found = known.margins.tightening.margins(
         state.drift, lin, states, inputs, np.tile(around, (len(inputs), 1, 1)), clearance
     )

@@ -236,6 +236,11 @@ class NavigationProblem:
         return self.robot_radius if self.footprint is None else self.footprint.half_width
 
     @property
+    def inflation(self) -> float:
+        """How near the robot's middle may come to an obstacle that it drives past [m]."""
+        return self.half_width + self.margin
+
+    @property
     def bounds(self) -> tuple[Array, Array, Array, Array]:
         """u_min (2,), u_max (2,), x_min (3,), x_max (3,)."""
         return self.u_min, self.u_max, self.x_min, self.x_max

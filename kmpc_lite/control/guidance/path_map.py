@@ -72,12 +72,11 @@ class PathMap:
         self.landmarks = np.concatenate([self.corners.middles, self.lattice.landmarks])
         self.is_ready = True
 
-    def distance(self, point: Array) -> float:
-        """Distance of a point (2,) from the nearest solid [m]; of what that was made of at most."""
-        return float(self.distances(point[None, :2])[0])
-
     def distances(self, points: Array) -> Array:
-        """The same of points (n, 2), (n,) [m]."""
+        """Distances (n,) of points (n, 2) from the nearest solid [m].
+
+        Of what that was made of at most.
+        """
         return self.solids.whole.least(points) + self._coarseness
 
 

@@ -42,7 +42,7 @@ class PathSearcher:
     def __init__(self, problem: NavigationProblem, options: GuidanceOptions) -> None:
         _, _, x_min, x_max = problem.bounds
         self._options, self._radius = options, problem.robot_radius
-        self._inflation = problem.half_width + problem.margin
+        self._inflation = problem.inflation
         self._turning = problem.robot_radius - problem.half_width
         """What the robot needs beyond that to turn on the spot [m]; a round one nothing."""
         self._body = _body_paths(problem, options)

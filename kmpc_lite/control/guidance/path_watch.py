@@ -30,7 +30,7 @@ class PathWatch:
 
     def __init__(self, problem: NavigationProblem, options: GuidanceOptions) -> None:
         self._options, self._dt = options, problem.dt
-        self._inflation = problem.half_width + problem.margin
+        self._inflation = problem.inflation
 
     def has_grown_elsewhere(self, state: GuideState, now: Situation) -> bool:
         """Whether the map is another one, which leaves the path free: then there is no hurry."""

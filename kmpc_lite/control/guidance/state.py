@@ -110,7 +110,7 @@ class GuideState:
         states : ndarray
             The reference, or a plan.
         inflation : float
-            Distance from an obstacle at which the margin begins [m].
+            The problem's [m].
         """
         kept, left = self.path_clearance, max(self.goal_clearance, 0.0)
         if left >= kept:
