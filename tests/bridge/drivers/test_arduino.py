@@ -1,7 +1,6 @@
 """The line protocol: its words, and the sketch's own parser against the emulator, byte for byte."""
 
 import random
-import shutil
 import struct
 import subprocess
 from pathlib import Path
@@ -9,13 +8,13 @@ from pathlib import Path
 import fastcrc
 import pytest
 from boards import Rig
+from compiled_sketch import SKETCH, compiled
 from waiting import until
 
 from firmware_bridge.drivers.arduino import ENCODER, FAULT, STOPPED, ArduinoOptions
 from firmware_bridge.emulator.arduino import ArduinoEmulator
 from firmware_bridge.kinematics import WheelGeometry
 
-SKETCH = Path(__file__).parents[3] / "examples" / "kmpc_wheels"
 HARNESS = Path(__file__).with_name("kmpc_wheels_harness.c")
 ROBOT = WheelGeometry(wheel_radius=0.05, track=0.3, max_wheel_speed=2.0)
 OPTIONS = ArduinoOptions(counts_per_turn=2000)
@@ -104,20 +103,8 @@ def test_faults_and_restarts_are_told(tmp_path):
 @pytest.fixture(scope="module")
 def sketch(tmp_path_factory):
     """The sketch's parser, compiled with every warning an error, and with sanitizers."""
-    compiler = shutil.which("gcc")
-    if compiler is None:
-        pytest.skip("no gcc")
     program = tmp_path_factory.mktemp("sketch") / "kmpc_wheels"
-    flags = [
-        "-std=c99",
-        "-Wall",
-        "-Wextra",
-        "-Wconversion",
-        "-Werror",
-        "-fsanitize=address,undefined",
-    ]
-    subprocess.run([compiler, *flags, f"-I{SKETCH}", str(HARNESS), "-o", str(program)], check=True)
-    return program
+    return compiled(program, "gcc", "-std=c99", "-Wconversion", str(HARNESS))
 
 
 class AtOnce:

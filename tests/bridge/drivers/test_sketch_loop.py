@@ -1,12 +1,11 @@
 """The sketch's speed loop: a motor whose encoder is dead is not driven at full power."""
 
-import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+from compiled_sketch import compiled
 
-SKETCH = Path(__file__).parents[3] / "examples" / "kmpc_wheels"
 HARNESS = Path(__file__).with_name("kmpc_sketch_harness.cpp")
 TOP = 6000
 """Counts a second at full power."""
@@ -15,13 +14,8 @@ TOP = 6000
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory):
     """Drive the sketch: when it told the fault [ms], largest power, powers at the end, faults."""
-    compiler = shutil.which("g++")
-    if compiler is None:
-        pytest.skip("no g++")
     program = tmp_path_factory.mktemp("loop") / "sketch"
-    flags = ["-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined"]
-    command = [compiler, *flags, f"-I{SKETCH}", "-x", "c++", str(HARNESS), "-o", str(program)]
-    subprocess.run(command, check=True)
+    compiled(program, "g++", "-std=c++11", "-x", "c++", str(HARNESS))
 
     def driven(speed: int, dead: int, milliseconds: int) -> list[float]:
         words = [program, str(speed), str(dead), str(milliseconds)]
