@@ -188,7 +188,10 @@ class CommandCheck:
         far = self._options.check_far_periods * abs(v) * self._model.dt
         if nearest > far + self._error(felt, v, omega):
             return CommandShare(1.0, nearest)
-        cos, sin = np.cos(here[2]), np.sin(here[2])
+        leaving = math.copysign(1.0, v) * (away @ (math.cos(here[2]), math.sin(here[2])))
+        # a retreat may graze what it leads past, by less than the margin of this check
+        retreat = self._options.retreat_share * abs(v) * self._model.dt
+        into = -retreat * leaving > self._check_margin * before
         share = 1.0
         for _ in range(self._options.check_corrections):
             approach = self._approach(felt, here, share * command, circles, past, away, before)
@@ -197,14 +200,16 @@ class CommandCheck:
                 break
             possible = self.sure(clearance) / np.maximum(approach, AT_CENTRE)
             limits = np.where(closing, possible, 1.0)
-            worst = int(limits.argmin())
-            # a robot at the very centre can only go away
-            straight = math.copysign(1.0, v) * float(away[worst] @ (cos, sin))
-            if straight >= 0.0:
-                least = self._retreat(straight, before.item(worst), clearance.item(worst))
-                return CommandShare(share * max(float(limits[worst]), least), nearest)
+            entering = closing & into
+            if not entering.any():
+                # a robot at the very centre can only go away
+                worst = int(limits.argmin())
+                least = self._retreat(
+                    leaving.item(worst), before.item(worst), clearance.item(worst)
+                )
+                return CommandShare(share * max(limits.item(worst), least), nearest)
             # again, for a curve that is driven slowly turns less in the period than the share says
-            share *= float(limits[worst])
+            share *= float(limits[entering].min())
         return CommandShare(share, nearest)
 
     def turn_share(self, drift: DriftState, clearance: float, omega: float) -> float:

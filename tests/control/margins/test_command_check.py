@@ -85,6 +85,18 @@ def test_speed_share_lets_a_touching_robot_get_free(model):
     assert wary.speed_share(x, ahead, CIRCLES) == 0.0
 
 
+def test_a_robot_that_touches_one_obstacle_does_not_retreat_into_another(model):
+    wary = Wary(model, PROBLEM)
+    back, touched = np.array([-0.3, 0.0]), np.array([0.66, 0.0, 0.0])
+    behind = np.array([[0.66 - 0.35 - 0.004, 0.0, 0.2, 0.0, 0.0]])
+    both = np.concatenate([CIRCLES, behind])
+    for circles in (both, both[::-1]):
+        assert 0.3 * 0.1 * wary.speed_share(touched, back, circles) < 0.004
+    # what it grazes on its way out does not hold it
+    beside = np.array([[0.66, 0.349, 0.2, 0.0, 0.0]])
+    assert wary.speed_share(touched, back, np.concatenate([CIRCLES, beside])) >= 0.25
+
+
 def test_a_robot_that_drives_past_an_obstacle_is_not_taken_for_one_that_leaves_it():
     """A few mm beside it on a floor that pushes aside, what leads away by little must be slow."""
     wary = Wary(slipping(0.2), PROBLEM)
