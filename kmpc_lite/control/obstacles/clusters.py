@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.geometry import rotate
@@ -45,10 +46,25 @@ def clusters(scan: LaserScan, pose: Array, gap: float, largest: float, fewest: i
     # a cluster lies between two gaps of the ring; the one behind the first gap comes first
     gaps = np.flatnonzero(~together)
     begins, ends = (gaps + 1) % count, np.concatenate([gaps[1:], gaps[:1]])
-    large = scan.hits.take(told.take(begins)) & ((ends - begins) % count + 1 >= fewest)
-    begins, ends = begins[large], ends[large]
+    chosen = scan.hits.take(told.take(begins)) & ((ends - begins) % count + 1 >= fewest)
+    chosen &= _extents(scan.ends.take(told, axis=0), gaps) <= 2.0 * largest
+    begins, ends = begins[chosen], ends[chosen]
     left, right = told.take(begins - 1), told.take((ends + 1) % count)
     return _circles(scan, pose, gap, largest, (left, told.take(begins), told.take(ends), right))
+
+
+def _extents(ring: Array, gaps: NDArray[np.intp]) -> Array:
+    """Longest sides (G,) of the boxes around the runs that begin behind each gap of a ring (n, 2).
+
+    Both walls of a corridor are one run that leads around the robot: its ends lie near each other.
+    """
+    if not len(gaps):
+        return np.empty(0)
+    ring = np.roll(ring, -1 - gaps[0], axis=0)
+    begins = gaps - gaps[0]
+    sides = np.maximum.reduceat(ring, begins) - np.minimum.reduceat(ring, begins)
+    longest: Array = sides.max(axis=1)
+    return longest
 
 
 def _circles(

@@ -118,3 +118,18 @@ def test_a_wall_that_goes_on_beyond_the_scanners_reach_is_none() -> None:
 def test_a_pose_of_another_shape_is_refused() -> None:
     with pytest.raises(ValueError, match="expected shape"):
         ObstacleTracker(DT).see(look(POSTS, np.zeros(3)), (0.0, 0.0))
+
+
+@pytest.mark.parametrize("width", [0.6, 0.8])
+def test_the_walls_of_a_corridor_around_the_robot_are_no_cluster(width: float) -> None:
+    """Their hits are one run that leads around behind the robot; its ends are a width apart."""
+    half = 0.5 * width
+    walls = np.array([[-3.0, -half, 8.0, -half], [-3.0, half, 8.0, half]])
+    ends = np.array([[-3.0, -half, -3.0, half]])
+    post = np.array([[1.0, 0.0, 0.05, 0.0, 0.0]])
+    for x in (0.0, 0.2, 0.4):
+        pose = np.array([x, 0.0, 0.0])
+        nobody = look(np.empty((0, 5)), pose, walls=np.concatenate([walls, ends]))
+        assert not len(clusters(nobody, pose, 0.15, 0.45, 3))
+        found = clusters(look(post, pose, walls=np.concatenate([walls, ends])), pose, 0.15, 0.45, 3)
+        assert len(found) == 1 and found[0] == pytest.approx(post[0, :3], abs=0.03)
