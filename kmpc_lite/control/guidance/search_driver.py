@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from kmpc_lite.control.guidance.path_map import PathMap, coarser, distance_around
+from kmpc_lite.control.guidance.path_map import PathMap, coarser, distance_around, distances_around
 from kmpc_lite.control.guidance.path_search import PathSearcher
 from kmpc_lite.control.guidance.path_watch import same_solids
 from kmpc_lite.control.guidance.progress_checker import ProgressChecker
@@ -15,6 +15,7 @@ from kmpc_lite.control.guidance.search_state import PathSearch, Stage
 from kmpc_lite.control.guidance.shuttle import ShuttleFinder
 from kmpc_lite.control.guidance.situation import Situation
 from kmpc_lite.control.guidance.state import BLOCKED, GuideState
+from kmpc_lite.control.guidance.tangent_graph import GeometricPath
 from kmpc_lite.control.guidance.timed_path import TimedPath
 from kmpc_lite.control.guidance.turning_centre import swing
 from kmpc_lite.control.options import GuidanceOptions
@@ -52,6 +53,7 @@ class SearchDriver:
         self._dt = problem.dt
         self._turning = problem.robot_radius + problem.margin
         self._limits = problem.x_min[:2], problem.x_max[:2]
+        self._inflation = problem.inflation
         self._searcher = PathSearcher(problem, options)
         self._shuttles = ShuttleFinder(problem, options)
 
@@ -199,6 +201,7 @@ class SearchDriver:
             return previous is not None
         state.waiting = None
         free_turn, o, can = self._free_turn(search), self._options, now.capabilities
+        path = self._from_rest(now, search, path)
         speed = can.backward if path.reverse else can.forward
         if state.shuttles:
             speed = speed * (o.shuttle_speed, 1.0)
@@ -213,6 +216,22 @@ class SearchDriver:
         self._progress.begin_path(state.progress, left, turn_time, other or search.stuck)
         state.place, _ = state.path.locate(now.pose, 0.0)
         return other
+
+    def _from_rest(self, now: Situation, search: PathSearch, path: GeometricPath) -> GeometricPath:
+        """Give the path from where the robot stands if it brakes now, if its first line is clear.
+
+        A robot that has come past the beginning would drive back to turn there.
+        """
+        rest = (now.goal + now.rest_error)[:2]
+        begun = path.begun_at(rest)
+        if begun is path or now.distance <= self._options.near_goal:
+            return path
+        line = begun.points[1] - rest
+        samples = 2 + int(math.hypot(*line.tolist()) / self._options.lattice_sample)
+        points = rest + np.linspace(0.0, 1.0, samples)[:, None] * line
+        distances = distances_around(points, search.circles, search.path_map)
+        is_clear = distances.min() >= min(self._inflation, float(distances[0]))
+        return begun if is_clear else path
 
     def _free_turn(self, search: PathSearch) -> float:
         """Part of the first turn that is made while driving [rad]; none if the robot is stuck."""

@@ -42,22 +42,29 @@ def study(
 
 
 def summary(rows: Sequence[SightDrive]) -> dict[str, Any]:
-    """What became of the drives of ours, and how they compare with pursuit's of the same worlds."""
+    """What became of the drives of ours, and how they compare with pursuit's of the same worlds.
+
+    ``ratio`` is of the times in each world, ``times`` of the quantiles of all times.
+    """
     ours = [row for row in rows if row.driver == "ours"]
     theirs = {_world(row): row for row in rows if row.driver == "pursuit"}
-    ratios = [
-        row.seconds / other.seconds
+    both = [
+        (row.seconds, other.seconds)
         for row in ours
         if row.arrived and (other := theirs.get(_world(row))) is not None and other.arrived
     ]
+    # where neither arrived there is nothing to compare
+    times, its = np.array(both or [(math.nan, math.nan)]).T
     return {
         "drives": len(ours),
         "arrived": sum(row.arrived for row in ours),
         "collisions": sum(row.collided for row in ours),
         "pursuit_arrived": sum(row.arrived for row in theirs.values()),
         "pursuit_collisions": sum(row.collided for row in theirs.values()),
-        "ratio_median": float(np.median(ratios)) if ratios else math.nan,
-        "ratio_p90": float(np.quantile(ratios, 0.9)) if ratios else math.nan,
+        "ratio_median": float(np.median(times / its)),
+        "ratio_p90": float(np.quantile(times / its, 0.9)),
+        "times_median": float(np.median(times) / np.median(its)),
+        "times_p90": float(np.quantile(times, 0.9) / np.quantile(its, 0.9)),
         "gears_median": float(np.median([row.gears for row in ours])) if ours else math.nan,
         "stopped": float(np.mean([row.stopped for row in ours])) if ours else math.nan,
         "unseen": sum(row.unseen for row in ours),
@@ -70,7 +77,7 @@ def format_rows(rows: Sequence[SightDrive]) -> str:
     """Table, and every drive of ours that did not arrive."""
     head = (
         f"{'robot':12} {'world':7} reach drives arrived hit  pursuit: arrived hit"
-        "  time/its p90  gears stopped unseen unreachable p99 ms"
+        "  time/its p90  median p90/its  gears stopped unseen unreachable p99 ms"
     )
     lines = [head]
     for key in dict.fromkeys((row.robot, row.kind, row.reach) for row in rows):
@@ -79,7 +86,8 @@ def format_rows(rows: Sequence[SightDrive]) -> str:
         lines.append(
             f"{robot:12} {kind:7} {reach:5g} {s['drives']:6d} {s['arrived']:7d} "
             f"{s['collisions']:3d} {s['pursuit_arrived']:17d} {s['pursuit_collisions']:3d} "
-            f"{s['ratio_median']:9.2f} {s['ratio_p90']:4.2f} {s['gears_median']:5.1f} "
+            f"{s['ratio_median']:9.2f} {s['ratio_p90']:4.2f} "
+            f"{s['times_median']:7.2f} {s['times_p90']:7.2f} {s['gears_median']:6.1f} "
             f"{100 * s['stopped']:6.1f}% {s['unseen']:6d} {s['unreachable']:11d} "
             f"{s['step_p99_ms']:6.1f}"
         )

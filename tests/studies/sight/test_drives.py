@@ -8,7 +8,7 @@ import pytest
 from kmpc_lite.sim.lidar import LidarSpec, World, box_edges
 from kmpc_lite.studies.any_robot import STANDARD
 from kmpc_lite.studies.sight.circles import sight_law
-from kmpc_lite.studies.sight.drives import SightDrive, SightLoop, _gears
+from kmpc_lite.studies.sight.drives import SightDrive, SightLoop, _gears, drive
 from kmpc_lite.studies.sight.seen_cells import SeenCells
 from kmpc_lite.studies.sight.table import format_rows, summary
 from kmpc_lite.studies.sight.worlds import KINDS, Course, course_of
@@ -49,6 +49,13 @@ def test_both_drivers_arrive_in_an_empty_room(driver: str) -> None:
     assert row.unseen == row.unreachable == 0 and row.stopped == 0.0
 
 
+def test_what_comes_into_view_makes_the_robot_turn_where_it_is() -> None:
+    """Not drive back to where the path around it begins: it sees four of its radii."""
+    rows = [drive("ours", "Husky-like", "maze", 2.0, seed) for seed in (656000, 656002)]
+    assert all(row.arrived and not row.collided for row in rows)
+    assert sum(row.gears for row in rows) <= 4
+
+
 def test_a_gear_changes_where_the_robot_drives_back() -> None:
     driven = np.array([0.1, 0.1, -0.01, 0.01, -0.01, 0.1, -0.05, -0.05, 0.2])
     assert _gears(driven, 0.03) == 2
@@ -68,4 +75,8 @@ def test_the_table_compares_the_same_worlds() -> None:
     rows = [row("ours", 1, 10.0), row("pursuit", 1, 20.0), row("ours", 2, 99.0, False)]
     found = summary(rows)
     assert found["ratio_median"] == 0.5 and found["arrived"] == 1
+    rows += [row("ours", 3, 40.0), row("pursuit", 3, 20.0)]
+    found = summary(rows)
+    assert found["ratio_median"] == 1.25 and found["times_median"] == pytest.approx(25.0 / 20.0)
+    assert found["times_p90"] == pytest.approx(37.0 / 20.0)
     assert "maze 2, reach 4 m: waiting: for nothing" in format_rows(rows)
