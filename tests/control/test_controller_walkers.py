@@ -178,8 +178,8 @@ def test_who_is_told_and_seen_counts_once_and_leaves_no_marks_on_the_map() -> No
         controller.step(pose, pose, [scanned(pose, k), told])
     seen = controller.state.seen
     assert seen is not None and controller.state.guide is not None
-    hits = seen.points(np.flatnonzero(seen.state > 0))
-    assert len(hits) and (hits[:, 1] > 1.0).all()
+    low, _ = seen.boxes(np.flatnonzero(seen.state > 0))
+    assert len(low) and (low[:, 1] > 1.0).all()
 
 
 def test_circles_that_stand_give_the_drive_of_a_controller_that_watches_nothing() -> None:

@@ -17,7 +17,7 @@ UNKNOWN = -1
 """State of a cell of which nothing is known; see `LocalMap.state`."""
 NEVER = -np.inf
 """Before every time; see `LocalMap.taken`."""
-EMPTY = ("state", UNKNOWN), ("seen", 0.0), ("offset", 0.0), ("taken", NEVER)
+EMPTY = ("state", UNKNOWN), ("seen", 0.0), ("extent", 0.0), ("taken", NEVER)
 """What is told of cells of which nothing is known."""
 NO_POSES = np.empty((0, 4))
 
@@ -36,8 +36,9 @@ class LocalMap:
     """(H, W) UNKNOWN; 0: seen to be free; n: occupied, until n more scans have passed through."""
     seen: NDArray[np.float32]
     """(H, W) when it was seen last, on `clock`."""
-    offset: NDArray[np.float32]
-    """(H, W, 2) where in an occupied cell the last hit lay, from the cell's corner."""
+    extent: NDArray[np.float32]
+    """(H, W, 4) box around the hits of the last step that hit a cell: its lower and upper corner,
+    from the cell's lower one."""
     taken: NDArray[np.float32]
     """(H, W) when an occupied cell was hit that was free until then, on `clock`."""
     is_fixed: bool
@@ -63,7 +64,7 @@ class LocalMap:
             row,
             np.full(shape, UNKNOWN, dtype=np.int8),
             np.zeros(shape, dtype=np.float32),
-            np.zeros((*shape, 2), dtype=np.float32),
+            np.zeros((*shape, 4), dtype=np.float32),
             np.full(shape, NEVER, dtype=np.float32),
             is_fixed,
         )
@@ -142,25 +143,34 @@ class LocalMap:
         near = (points >= low) & (points <= high)
         return near[:, 0] & near[:, 1]
 
-    def points(self, cells: NDArray[np.intp]) -> Array:
-        """Where the last hits in cells with flat numbers (n,) lay, (n, 2)."""
+    def boxes(self, cells: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Corners (n, 2), (n, 2) of what was hit in cells with flat numbers (n,)."""
         row, column = np.divmod(cells, self.state.shape[1])
-        found = np.empty((len(cells), 2))
-        np.multiply(column + self.column, self.cell, out=found[:, 0])
-        np.multiply(row + self.row, self.cell, out=found[:, 1])
-        found += self.offset.reshape(-1, 2).take(cells, axis=0)
-        return found
+        low = np.empty((len(cells), 2))
+        np.multiply(column + self.column, self.cell, out=low[:, 0])
+        np.multiply(row + self.row, self.cell, out=low[:, 1])
+        extent = self.extent.reshape(-1, 4).take(cells, axis=0)
+        return low + extent[:, :2], low + extent[:, 2:]
 
     def mark(self, points: Array, level: int) -> None:
-        """Mark the cells of hits (n, 2) as occupied."""
+        """Mark the cells of a step's hits (n, 2) as occupied."""
         cells, inside = self.cells_of(points)
         if not inside.all():
             cells, points = cells[inside], points[inside]
+        if not len(cells):
+            return
+        order = np.argsort(cells, kind="stable")
+        cells, points = cells.take(order), points.take(order, axis=0)
+        first = np.flatnonzero(np.diff(cells, prepend=-1))
+        cells = cells.take(first)
         state = self.state.ravel()
         self.taken.ravel()[cells[state[cells] == 0]] = self.clock
         state[cells] = level
         self.seen.ravel()[cells] = self.clock
-        self.offset.reshape(-1, 2)[cells] = points - self.cell * np.floor(points / self.cell)
+        places = points - self.cell * np.floor(points / self.cell)
+        extent = self.extent.reshape(-1, 4)
+        extent[cells, :2] = np.minimum.reduceat(places, first)
+        extent[cells, 2:] = np.maximum.reduceat(places, first)
 
     def was_free(self, cells: NDArray[np.intp], time: float) -> NDArray[np.bool_]:
         """Whether cells with flat numbers (n,) are free, or were until a time ago at most."""

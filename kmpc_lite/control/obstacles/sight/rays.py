@@ -47,12 +47,8 @@ class Rays:
         reach = scan.reach / unit
         x, y = placed(scan.ends[:, 0] / unit, scan.ends[:, 1] / unit)
         ends = np.stack([x, y], axis=1)
-        hits = np.flatnonzero(scan.hits)
-        if scan.mirrored != (scan.angle_increment < 0.0):
-            hits = hits[::-1]
-        hits = hits[np.argsort(-reach.take(hits), kind="stable")]
-        self.hits = ends.take(hits, axis=0)
-        """(M, 2) what was hit, nearest last: of hits in one cell the last one counts."""
+        self.hits = ends[scan.hits]
+        """(M, 2) what was hit."""
         self.noise = scan.noise / unit
         """Standard deviation of a range."""
         self.origin = np.array(placed(mount_x / unit, mount_y / unit)).reshape(2, -1)[:, -1]

@@ -109,8 +109,8 @@ class Sight:
             error = math.hypot(ray.noise, pose_noise)
             here.rounding = max(here.rounding, options.certainty * error)
             self._clear(here, ray)
-        for ray in rays:
-            hits = ray.hits
+        if rays:
+            hits = rays[0].hits if len(rays) == 1 else np.concatenate([ray.hits for ray in rays])
             if len(moving):
                 away = np.hypot(*(hits[:, None] - moving[:, :2]).transpose(2, 0, 1))
                 hits = hits[(away > moving[:, 2] + here.cell).all(axis=1)]
@@ -128,7 +128,7 @@ class Sight:
         window = here.window(pose[:2], self._reach)
         rows, columns = window
         state = here.state[window]
-        hits = here.points(here.occupied(window))
+        low, high = here.boxes(here.occupied(window))
         unknown = state == UNKNOWN
         grow = 0.0
         if self._emerging > 0.0:
@@ -139,7 +139,7 @@ class Sight:
         left, bottom = columns.start + here.column, rows.start + here.row
         sides = here.cell * (rectangles_of(unknown) + (left, bottom, left, bottom))
         behind = self.options.level * here.cell
-        occupied = _boxes(hits - here.rounding, hits + here.rounding, behind)
+        occupied = _boxes(low - here.rounding, high + here.rounding, behind)
         dark = _boxes(sides[:, :2] - grow, sides[:, 2:] + grow, behind)
         return Seen(occupied, dark)
 
@@ -161,10 +161,15 @@ class Sight:
             return False
         low, high = points.min(axis=0), points.max(axis=0)
         middle, half = 0.5 * (low + high), float((high - low).max()) / 2.0
-        hits = here.points(here.occupied(here.window(middle, half + distance + here.cell)))
-        near = (hits > low - distance) & (hits < high + distance)
-        hits = hits[near[:, 0] & near[:, 1]]
-        x, y = (hits[:, axis, None] - points[:, axis] for axis in (0, 1))
+        boxes = here.boxes(here.occupied(here.window(middle, half + distance + here.cell)))
+        near = ((boxes[1] > low - distance) & (boxes[0] < high + distance)).all(axis=1)
+        begin, end = (corners[near] for corners in boxes)
+        x, y = (
+            np.maximum(begin[:, i, None] - points[:, i], points[:, i] - end[:, i, None])
+            for i in (0, 1)
+        )
+        np.maximum(x, 0.0, out=x)
+        np.maximum(y, 0.0, out=y)
         x *= x
         y *= y
         x += y
@@ -209,7 +214,7 @@ class Sight:
         cells = here.occupied(here.between(rays.low, rays.high), window)
         if not len(cells):
             return
-        x, y = here.points(cells).T
+        x, y = np.mean(here.boxes(cells), axis=0).T
         # beyond what was hit there
         gone = cells[rays.passed(x, y)]
         here.state.ravel()[gone] -= 1

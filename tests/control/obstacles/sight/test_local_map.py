@@ -61,7 +61,8 @@ def test_a_place_that_somebody_comes_to_was_free_until_he_was_seen_before_it() -
 
 
 @pytest.mark.parametrize("tip", [0, 1])
-def test_of_hits_in_one_cell_the_nearest_one_counts(tip: int) -> None:
+def test_all_hits_in_one_cell_count(tip: int) -> None:
+    """A corner between them may stand farther out than any one of them."""
     s, ranges = sight(), np.full(BEAMS, np.inf)
     beams = BEAMS // 2 + np.array([1, 2])
     ranges[beams] = 1.04
@@ -69,7 +70,11 @@ def test_of_hits_in_one_cell_the_nearest_one_counts(tip: int) -> None:
     seen = look(s, None, ranges)
     cells = np.flatnonzero(seen.state > 0)
     assert len(cells) == 1
-    assert np.hypot(*seen.points(cells)[0]) == pytest.approx(1.01, abs=1e-6)
+    told = scan(ranges)
+    hits = told.ends[told.hits]
+    low, high = seen.boxes(cells)
+    np.testing.assert_allclose(low[0], hits.min(axis=0), atol=1e-6)
+    np.testing.assert_allclose(high[0], hits.max(axis=0), atol=1e-6)
 
 
 def test_beams_that_tell_nothing_free_nothing() -> None:
@@ -141,14 +146,17 @@ def test_scans_of_the_past_are_seen_from_where_the_robot_was_then() -> None:
         seen = s.look(seen, [late], pose, 0.0)
         pose = pose + (0.1, 0.0, 0.0)
     assert seen is not None
-    x = np.sort(seen.points(np.flatnonzero(seen.state > 0))[:, 0])
+    x = np.sort(seen.boxes(np.flatnonzero(seen.state > 0))[0][:, 0])
     np.testing.assert_allclose(x, [1.0, 1.1], atol=1e-6)
 
 
-def test_points_keep_their_place_within_a_cell() -> None:
+def test_hits_keep_their_place_within_a_cell() -> None:
     seen = look(sight(), None, ROUND)
-    points = seen.points(np.flatnonzero(seen.state > 0))
-    np.testing.assert_allclose(np.hypot(*points.T), 1.0, atol=1e-6)
+    low, high = seen.boxes(np.flatnonzero(seen.state > 0))
+    assert (high - low <= seen.cell).all()
+    told = scan(ROUND)
+    for hit in told.ends[told.hits]:
+        assert ((low - 1e-6 <= hit) & (hit <= high + 1e-6)).all(axis=1).any()
 
 
 def test_what_stands_beside_a_path_of_any_length_is_found_in_time() -> None:
