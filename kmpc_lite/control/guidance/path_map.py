@@ -43,7 +43,9 @@ class PathMap:
         limits: tuple[Array, Array] | None = None,
     ) -> None:
         self._limits = limits
-        self.solids, self._coarseness, self._options = solids, coarseness, options
+        self.solids, self._options = solids, options
+        self.coarseness = coarseness
+        """How far the solids may stand out of what they were made of [m]."""
         self.later = later
         """Whether work on the lattice is done part by part."""
         self.lattice: Lattice | None = None
@@ -77,7 +79,7 @@ class PathMap:
 
         Of what that was made of at most.
         """
-        return self.solids.whole.least(points) + self._coarseness
+        return self.solids.whole.least(points) + self.coarseness
 
 
 @lru_cache(maxsize=16)

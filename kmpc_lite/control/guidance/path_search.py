@@ -76,6 +76,10 @@ class PathSearcher:
                 _choose(search, None, True)
                 return
             clearances = self._clearances(capabilities.clearance, centre)
+            if path_map is not None and path_map.coarseness:
+                # cells stand out of what was hit in them, on either side by half of that in the
+                # mean: from nearer the robot sees whether it fits
+                clearances.append(clearances[-1] - 0.5 * path_map.coarseness)
             search.clearances = clearances[-2:] if search.narrow else clearances
             self._try_next_clearance(search, place, capabilities)
         elif search.stage is Stage.LINKED and path_map is not None and path_map.lattice is not None:
