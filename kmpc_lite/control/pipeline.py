@@ -27,6 +27,7 @@ from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
 from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
+from kmpc_lite.control.recent_times import longest_lately
 from kmpc_lite.control.safe_stop.backup import Backup
 from kmpc_lite.control.safe_stop.stop_task import StopTask, StopTrajectory
 from kmpc_lite.control.safe_stop.stop_trajectory import stop_trajectories
@@ -40,9 +41,6 @@ from kmpc_lite.types import Array
 if TYPE_CHECKING:
     from kmpc_lite.control.guidance.guide import Guide
     from kmpc_lite.control.guidance.reference import Guidance
-
-FORGETTING = 0.95
-"""Factor per step by which the remembered time that the work after a solve takes shrinks."""
 
 
 class Pipeline:
@@ -215,8 +213,7 @@ class Pipeline:
         verified = self._verification.check(result, seen, task)
         state.trajectory = verified.trajectory
         took = clock.lap("verify") + LEAST_AFTER_SOLVE
-        # the longest of the recent steps counts: it grows at once and shrinks slowly
-        state.after_solve = max(took, FORGETTING * state.after_solve)
+        state.after_solve = longest_lately(state.after_solve, took)
         return verified
 
     def command(

@@ -20,11 +20,9 @@ from kmpc_lite.control.guidance.timed_path import TimedPath
 from kmpc_lite.control.guidance.turning_centre import swing
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.recent_times import longest_lately
 from kmpc_lite.geometry import nearest_turn, rotate
 from kmpc_lite.types import Array
-
-FORGETTING = 0.95
-"""Factor per search by which the remembered time of the longest one shrinks."""
 
 
 class SearchDriver:
@@ -183,7 +181,7 @@ class SearchDriver:
         if search.stage is Stage.CHOSEN:
             # one more, in which it began
             steps = 1 + math.ceil(search.work / most)
-            state.search_time = max(steps * self._dt, FORGETTING * state.search_time)
+            state.search_time = longest_lately(state.search_time, steps * self._dt)
         return work
 
     def _take_over(self, state: GuideState, now: Situation, search: PathSearch) -> bool:

@@ -35,10 +35,8 @@ from kmpc_lite.control.obstacles.half_planes import keep_out
 from kmpc_lite.control.options import SolverOptions, StepOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
+from kmpc_lite.control.recent_times import longest_lately
 from kmpc_lite.types import INPUTS, STATES, Array
-
-FORGETTING = 0.95
-"""Factor per pass by which the remembered time of the longest line search shrinks."""
 
 
 class SQP:
@@ -219,7 +217,7 @@ class SQP:
         timing["solve"] += solved - filled
         timing["search"] += end - solved
         run.longest_pass = max(run.longest_pass, end - begin)
-        state.search_time = max(end - solved, FORGETTING * state.search_time)
+        state.search_time = longest_lately(state.search_time, end - solved)
 
     def _step(
         self, run: Progress, task: Task, data: Linearized, solution: QPSolution, warm: Array
