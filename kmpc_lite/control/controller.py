@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
@@ -12,6 +12,7 @@ from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.control.estimation.command_history import CommandHistory
 from kmpc_lite.control.estimation.estimator import adapt
 from kmpc_lite.control.estimation.pose_age import whole_age
+from kmpc_lite.control.guiding import make_guide
 from kmpc_lite.control.knowledge import Examiner, problem_in_units
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER
 from kmpc_lite.control.nmpc.sqp import SQP
@@ -33,9 +34,6 @@ from kmpc_lite.control.settings import (
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import StepClock
 from kmpc_lite.model.koopman import KoopmanModel
-
-if TYPE_CHECKING:
-    from kmpc_lite.control.guidance.guide import Guide
 
 
 class Controller:
@@ -85,6 +83,10 @@ class Controller:
     ----------
     state : ControllerState
         All that outlives a step. A copy of it, assigned later, takes the drive back to then.
+    known : Knowledge
+        What follows from the model in use, in the robot's units.
+    units : NavigationProblem
+        The problem in the robot's units, with the weights that are used.
 
     Raises
     ------
@@ -135,11 +137,10 @@ class Controller:
         self.adaptation = choose_adaptation(
             model, adaptation, tightening is not None, scale, options.adaptation
         )
-        self._units = units = problem_in_units(problem, model, options, bool(guidance))
+        self.units = units = problem_in_units(problem, model, options, bool(guidance))
         self._clock, self._time_budget = clock, time_budget
         self._pose_age = whole_age(pose_age, model, options.step) / scale.time
         self._examiner = Examiner(units, scale, options, tightening is not None, bool(guidance))
-        self._guide = _make_guide(units, options, clock) if guidance else None
         self._sqp = SQP(
             units,
             model.history,
@@ -153,9 +154,8 @@ class Controller:
             ways=keeps_ways(units, self._settings, options.solver),
         )
         check_budget(time_budget, solver, self._sqp.workspace.can_be_stopped)
-        self._pipeline = Pipeline(
-            problem, units, scale, options, self._sqp, self._guide, self._pose_age
-        )
+        guide = make_guide(units, options, clock) if guidance else None
+        self._pipeline = Pipeline(problem, units, scale, options, self._sqp, guide, self._pose_age)
         self._admission = Admission(scale, self._pipeline.scene, options.obstacles)
         self._learned = model
         self.reset()
@@ -197,19 +197,19 @@ class Controller:
         clock = StepClock(self._clock, self._time_budget)
         phases, state = self._pipeline, self._state
         seen = self._admission.admit(state.scene, x, goal, obstacles, sent)
-        phases.bring_forward(state, seen, self._known)
+        phases.bring_forward(state, seen, self.known)
         refusal = self._learn(seen) or seen.refusal
         if refusal:
-            return phases.fallback.stop(state, seen, self._known, refusal, clock)
-        phases.estimate(state, seen, self._known)
-        guidance = phases.guide(state, seen, self._known, clock)
+            return phases.fallback.stop(state, seen, self.known, refusal, clock)
+        phases.estimate(state, seen, self.known)
+        guidance = phases.guide(state, seen, self.known, clock)
         if guidance is not None and guidance.hold:
-            return phases.hold(state, seen, guidance, self._known, clock)
-        result = phases.solve(state, seen, guidance, self._known, clock)
-        verified = phases.verify(state, seen, result, self._known, clock)
+            return phases.hold(state, seen, guidance, self.known, clock)
+        result = phases.solve(state, seen, guidance, self.known, clock)
+        verified = phases.verify(state, seen, result, self.known, clock)
         if verified.trajectory is None or verified.stop is None:
             reason, passes = verified.reason, result.passes
-            return phases.fallback.stop(state, seen, self._known, reason, clock, passes)
+            return phases.fallback.stop(state, seen, self.known, reason, clock, passes)
         return phases.command(state, seen, guidance, verified, result.passes, clock)
 
     @property
@@ -227,17 +227,17 @@ class Controller:
         self._state = state
         if self.adaptation is not None and state.adaptation is not None:
             self.adaptation.restore(state.adaptation, state.model)
-        self._known = self._examiner.examine(state.base_model, state.model)
+        self.known = self._examiner.examine(state.base_model, state.model)
 
     def reset(self) -> None:
         """Forget the last plan, the commands sent, the path, and what was learned while driving."""
         if self.adaptation is not None:
             self.adaptation.reset()
-        history = CommandHistory.start(self._units, self._learned.history, self._pose_age)
+        history = CommandHistory.start(self.units, self._learned.history, self._pose_age)
         adaptation = None if self.adaptation is None else self.adaptation.state
-        guided = self._guide is not None
+        guided = self._settings["guidance"]
         self._state = ControllerState.start(self._learned, history, guided, adaptation)
-        self._known = self._examiner.examine(self._learned, self._learned)
+        self.known = self._examiner.examine(self._learned, self._learned)
 
     def update_model(self, model: KoopmanModel) -> None:
         """Replace the model by another one of the same robot, between two steps.
@@ -253,11 +253,11 @@ class Controller:
 
     def _take_over(self, model: KoopmanModel) -> None:
         """Drive with another model from now on."""
-        before = self._known.margins
+        before = self.known.margins
         self._state.model = model
-        self._known = self._examiner.examine(self._state.base_model, model)
-        if before is not None and self._known.margins is not None:
-            self._known.margins.drift_detector.carry_over(self._state.drift, before.drift_detector)
+        self.known = self._examiner.examine(self._state.base_model, model)
+        if before is not None and self.known.margins is not None:
+            self.known.margins.drift_detector.carry_over(self._state.drift, before.drift_detector)
 
     def _learn(self, seen: Observation) -> str:
         """Adapt to the past period; return why the model cannot be used, empty where it can."""
@@ -273,15 +273,6 @@ class Controller:
         own: Any = False if self.adaptation is None else self.adaptation
         made_of = (self._learned, self.problem, {**self._settings, "adaptation": own})
         return _restored, (*made_of, self._state)
-
-
-def _make_guide(
-    units: NavigationProblem, options: ControllerOptions, clock: Callable[[], float]
-) -> Guide:
-    # here, for its graph search costs as much to import as all the rest
-    from kmpc_lite.control.guidance.guide import Guide
-
-    return Guide(units, options.guidance, options.goal, options.moving_obstacles, clock)
 
 
 def _restored(

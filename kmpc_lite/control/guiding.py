@@ -7,6 +7,7 @@ would lie behind what the robot can do, and ask it to make up for that at full s
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ import numpy as np
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.obstacles.circles import some_move
-from kmpc_lite.control.options import StopOptions
+from kmpc_lite.control.options import ControllerOptions, StopOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.safe_stop.braking import Braking
@@ -93,3 +94,13 @@ class Guiding:
             states = np.concatenate([led[:-1], states])[: len(states)]
         kept = state.guide.kept_on_the_way(states, self._inflation)
         return replace(guidance, states=states, path_clearance=kept)
+
+
+def make_guide(
+    units: NavigationProblem, options: ControllerOptions, clock: Callable[[], float]
+) -> Guide:
+    """Make the guide of a robot; arguments in its units, but for the clock [s]."""
+    # here, for its graph search costs as much to import as all the rest
+    from kmpc_lite.control.guidance.guide import Guide
+
+    return Guide(units, options.guidance, options.goal, options.moving_obstacles, clock)

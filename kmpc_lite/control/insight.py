@@ -54,7 +54,7 @@ def insight(controller: Controller, plan: Plan) -> Insight:
 
 def _margins(controller: Controller, plan: Plan) -> Array:
     """Margins (N,) of a plan's stages [m]."""
-    state, scale, known = controller.state, controller.scale, controller._known
+    state, scale, known = controller.state, controller.scale, controller.known
     asked = np.full(len(plan.inputs), float(controller.problem.margin))
     if known.margins is None or not np.isfinite(plan.states).all():
         return asked
@@ -66,7 +66,7 @@ def _margins(controller: Controller, plan: Plan) -> Array:
         around = np.column_stack([around, np.zeros(len(around))])
     clearance: float | Array = math.inf
     if state.guide is not None:
-        clearance = state.guide.kept_on_the_way(states, controller._units.inflation)
+        clearance = state.guide.kept_on_the_way(states, controller.units.inflation)
     found = known.margins.tightening.margins(
         state.drift, lin, states, inputs, np.tile(around, (len(inputs), 1, 1)), clearance
     )

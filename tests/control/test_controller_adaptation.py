@@ -257,7 +257,7 @@ def test_a_log_without_noise_does_not_make_margins_blind(
     inputs = np.tile((0.6, 0.0), (20, 1))
     states = knowing[0.0].rollout(np.zeros(3), inputs)
     lin, normals = knowing[0.0].linearize(states[:-1], inputs), np.tile((0.0, 1.0), (20, 1, 1))
-    margins, drift = controller._known.margins, DriftState()
+    margins, drift = controller.known.margins, DriftState()
     assert margins is not None
     # what one period of an unknown floor may do is kept in any case
     kept = margins.tightening.margins(drift, lin, states, inputs, normals)
@@ -278,7 +278,7 @@ def test_a_robot_that_lags_takes_the_same_risk(
     learned: kl.KoopmanModel, lagging: kl.KoopmanModel
 ) -> None:
     def quantile(model: kl.KoopmanModel, **options: float) -> float:
-        margins = kl.Controller(model, **options)._known.margins  # type: ignore[arg-type]
+        margins = kl.Controller(model, **options).known.margins  # type: ignore[arg-type]
         assert margins is not None
         return margins.noise.quantile
 

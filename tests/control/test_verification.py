@@ -27,7 +27,7 @@ def contradicted(circles: np.ndarray) -> tuple[kl.Controller, SQPResult, Observa
     plan = Trajectory(np.zeros((21, 3)), inputs, np.zeros(1))
     result = SQPResult(plan, QPStatus.SOLVED, 1, np.inf, 0.2, np.zeros(3))
     seen = Observation(np.zeros(3), np.array([1.0, 0.0, 0.0]), circles, None, None)
-    margins = controller._known.margins
+    margins = controller.known.margins
     assert margins is not None
     task = StopTask(
         MODEL,

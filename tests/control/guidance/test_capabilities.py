@@ -68,7 +68,7 @@ def test_the_controller_times_by_its_model_and_by_what_it_learns() -> None:
     start, goal = np.array([0.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.5])
 
     def time_left() -> float:
-        guide = GuideInUse(PROBLEM, controller._known.capabilities)
+        guide = GuideInUse(PROBLEM, controller.known.capabilities)
         return guide.reference(start, goal, np.empty((0, 5))).time_left
 
     slow = time_left()

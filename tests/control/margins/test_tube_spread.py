@@ -139,11 +139,11 @@ def test_the_same_robot_in_other_units_keeps_the_same_distances() -> None:
     controller = kl.Controller(model, large)
     scale = controller.scale
     assert not scale.is_one
-    inner = controller._known.margins
+    inner = controller.known.margins
     assert inner is not None
     lin, states, inputs = plan(model)
     outer = of_noise(model).covariances(lin, states, inputs)
-    motion = controller._known.model
+    motion = controller.known.model
     by_state, by_command = scale.state, scale.command
     inside = inner.tightening.covariances(
         controller.state.drift,
