@@ -15,8 +15,10 @@ import numpy as np
 from kmpc_lite.bench.drives import RecordedDrive
 from kmpc_lite.bench.measure import violation
 from kmpc_lite.control.controller import Controller
+from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, choose_solver
+from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.qp_solvers import QPSolver
-from kmpc_lite.control.options import ControllerOptions, SolverOptions
+from kmpc_lite.control.options import ControllerOptions, OSQPOptions, SolverOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import heading_near
 from kmpc_lite.model.koopman import KoopmanModel
@@ -126,18 +128,22 @@ def _controller(
         problem = replace(problem, slack_weights=variant.slack_weights)
     slots = 5 if variant.slots is None else variant.slots
     real_time = replace(SolverOptions().real_time, **variant.osqp)
+    made: list[_Counting] = []
+
+    def counting(qp: NavigationQP, options: OSQPOptions) -> Any:
+        made.append(_Counting(choose_solver(DEFAULT_SOLVER, qp, options)))
+        return made[-1]
+
     controller = Controller(
         model,
         problem,
         guidance=False,
         tightening=None,
         obstacle_slots=slots,
+        solver=counting,
         options=ControllerOptions(solver=SolverOptions(real_time=real_time)),
     )
-    sqp = controller._sqp
-    counting = _Counting(sqp.workspace)
-    sqp.workspace = counting
-    return controller, counting
+    return controller, made[0]
 
 
 def _judge(

@@ -14,7 +14,7 @@ from kmpc_lite.control.estimation.estimator import adapt
 from kmpc_lite.control.estimation.pose_age import whole_age
 from kmpc_lite.control.guiding import make_guide
 from kmpc_lite.control.knowledge import Examiner, problem_in_units
-from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER
+from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, MakeSolver
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.observation import Admission, Observation
 from kmpc_lite.control.obstacles.scene import Obstacles
@@ -69,8 +69,9 @@ class Controller:
     time_budget : float, optional
         Longest that a step may take [s]. Passes that would not end in time are not begun, and the
         QP solver is stopped; what it has by then is used if it passes the checks (FEASIBLE).
-    solver : str
-        ``"osqp"``, the fast path, or any QP solver that qpsolvers knows and finds installed.
+    solver : str or callable
+        ``"osqp"``, the fast path, any QP solver that qpsolvers knows and finds installed, or what
+        makes a `QPSolver` from a `NavigationQP` and `OSQPOptions`.
     options : ControllerOptions, optional
         Everything else that can be tuned.
     clock : callable
@@ -116,7 +117,7 @@ class Controller:
         tolerance: float = 1e-5,
         obstacle_slots: int = 5,
         time_budget: float | None = None,
-        solver: str = DEFAULT_SOLVER,
+        solver: str | MakeSolver = DEFAULT_SOLVER,
         options: ControllerOptions | None = None,
         clock: Callable[[], float] = perf_counter,
     ) -> None:

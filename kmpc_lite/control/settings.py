@@ -167,7 +167,7 @@ def choose_adaptation(
     return adaptation
 
 
-def check_budget(time_budget: float | None, solver: str, can_be_stopped: bool) -> None:
+def check_budget(time_budget: float | None, solver: object, can_be_stopped: bool) -> None:
     """Raise ProblemError for a time budget that the QP solver does not let keep."""
     if time_budget is not None and not can_be_stopped:
         raise ProblemError(

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import osqp
 
-from kmpc_lite.control.nmpc.osqp_workspace import SOLVED
+from kmpc_lite.control.nmpc.osqp_workspace import SOLVED, OSQPWorkspace, osqp_settings
+from kmpc_lite.control.nmpc.qp import NavigationQP
+from kmpc_lite.control.options import OSQPOptions
 from kmpc_lite.types import Array
 
 STATUSES = {
@@ -29,15 +31,38 @@ CUT_SHORT = 1e-3
 number."""
 
 
-class BrokenSolver:
-    """OSQP's compiled half with a switch.
+@dataclass
+class Switch:
+    """Which fault solves have, and the chance in it.
 
     While `fault` names a status, solves end with it; ``update refused`` refuses data.
     """
 
-    def __init__(self, solver: Any, random: np.random.Generator) -> None:
-        self._solver, self._random = solver, random
-        self.fault = ""
+    random: np.random.Generator
+    fault: str = ""
+
+
+class BrokenWorkspace(OSQPWorkspace):
+    """OSQP as controllers use it, on a compiled half with a switch."""
+
+    def __init__(self, switch: Switch, qp: NavigationQP, options: OSQPOptions) -> None:
+        self._made_of = switch, qp, options
+        super().__init__(qp.P, qp.q, qp.A, qp.lower, qp.upper, **osqp_settings(options))
+
+    def _set_up(self) -> None:
+        super()._set_up()
+        if not isinstance(self._solver, BrokenSolver):
+            self._solver = BrokenSolver(self._solver, self._made_of[0])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), self._made_of
+
+
+class BrokenSolver:
+    """OSQP's compiled half with a switch."""
+
+    def __init__(self, solver: Any, switch: Switch) -> None:
+        self._solver, self._switch = solver, switch
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._solver, name)
@@ -47,16 +72,14 @@ class BrokenSolver:
 
         It then returns an error code, and everything stays as it was.
         """
-        return 1 if self.fault == "update refused" else int(self._solver.update_data_vec(**data))
+        refused = self._switch.fault == "update refused"
+        return 1 if refused else int(self._solver.update_data_vec(**data))
 
     @property
     def info(self) -> Any:
         """OSQP's account of the last solve."""
-        return (
-            _Told(self._solver.info, int(STATUSES[self.fault]), self.fault)
-            if self.fault in STATUSES
-            else self._solver.info
-        )
+        info, fault = self._solver.info, self._switch.fault
+        return _Told(info, int(STATUSES[fault]), fault) if fault in STATUSES else info
 
     @property
     def solution(self) -> Any:
@@ -64,11 +87,11 @@ class BrokenSolver:
 
         After a failed solve it is what OSQP leaves there.
         """
-        found = self._solver.solution
-        if self.fault not in STATUSES or int(STATUSES[self.fault]) == SOLVED:
+        found, fault = self._solver.solution, self._switch.fault
+        if fault not in STATUSES or int(STATUSES[fault]) == SOLVED:
             return found
-        if self.fault in ("solved inaccurate", "max iter", "time limit"):
-            off = CUT_SHORT * self._random.normal(size=len(found.x))
+        if fault in ("solved inaccurate", "max iter", "time limit"):
+            off = CUT_SHORT * self._switch.random.normal(size=len(found.x))
             return _Solution(np.array(found.x) * (1.0 + off) + off, np.array(found.y))
         return _Solution(np.full(len(found.x), GARBAGE), np.full(len(found.y), GARBAGE))
 

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.control.controller import Controller
-from kmpc_lite.control.nmpc.osqp_workspace import OSQPWorkspace
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.control.safe_stop.braking import Braking
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.scenario.files import Scenario
-from kmpc_lite.studies.broken_solver import STATUSES, BrokenSolver
+from kmpc_lite.studies.broken_solver import STATUSES, BrokenWorkspace, Switch
 from kmpc_lite.studies.training import DT
 from kmpc_lite.types import Array
 
@@ -93,10 +93,9 @@ class FaultyLoop:
             {"time_budget": BUDGET, "clock": self._clock} if kind == "clock jumps" else {}
         )
         problem, options = scenario.problem(), scenario.options
-        self.controller = Controller(model, problem, options=options, **timed)
-        workspace = self.controller._sqp.workspace
-        assert isinstance(workspace, OSQPWorkspace)
-        self._solver = workspace._solver = BrokenSolver(workspace._solver, self._random)
+        self._switch = Switch(self._random)
+        solver = partial(BrokenWorkspace, self._switch)
+        self.controller = Controller(model, problem, options=options, solver=solver, **timed)
         self._braking = Braking(self.controller.problem, StopOptions())
         self._step, self._begin, self._end = 0, 0, 0
         self._frozen = np.zeros(3)
@@ -124,7 +123,7 @@ class FaultyLoop:
         if not failing:
             self._frozen = pose.copy()
         seen = self._break(pose) if failing else pose
-        self._solver.fault = self.kind if failing else ""
+        self._switch.fault = self.kind if failing else ""
         self._jump = 2.0 * BUDGET if failing and self.kind == "clock jumps" else 0.0
         plan = self.controller.step(seen, goal, obstacles)
         self._count(plan, failing, bool(np.isfinite(seen).all()))

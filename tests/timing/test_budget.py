@@ -8,11 +8,14 @@ import pytest
 from guided import GuideInUse
 
 import kmpc_lite as kl
+from kmpc_lite.control.nmpc.choose_solver import choose_solver
 from kmpc_lite.control.nmpc.line_search import Direction, Penalties, predict_stages
-from kmpc_lite.control.nmpc.qp_solvers import QPStatus
+from kmpc_lite.control.nmpc.qp import NavigationQP
+from kmpc_lite.control.nmpc.qp_solvers import QPSolver, QPStatus
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import at_rest
 from kmpc_lite.control.obstacles.circles import circles_to_array
+from kmpc_lite.control.options import OSQPOptions
 
 GOAL = (1.5, 1.5, 0.0)
 OBSTACLES = [kl.Circle(0.6, 0.6, 0.15)]
@@ -37,17 +40,23 @@ def controller(
 
     And the limits that they were given.
     """
-    made = kl.Controller(kl.nominal_unicycle(0.1), time_budget=budget, clock=clock, **options)
-    workspace, limits = made._sqp.workspace, []
-    solve = workspace.solve
+    limits: list[float] = []
 
-    def timed(*data: np.ndarray, time_limit: float | None, **more: Any) -> Any:
-        if time_limit is not None:
-            limits.append(time_limit)
-        clock.now += qp_seconds if time_limit is None else min(qp_seconds, time_limit)
-        return solve(*data, time_limit=time_limit, **more)
+    def slow(qp: NavigationQP, options: OSQPOptions) -> QPSolver:
+        workspace = choose_solver("osqp", qp, options)
+        solve = workspace.solve
 
-    workspace.solve = timed  # type: ignore[method-assign]
+        def timed(*data: np.ndarray, time_limit: float | None, **more: Any) -> Any:
+            if time_limit is not None:
+                limits.append(time_limit)
+            clock.now += qp_seconds if time_limit is None else min(qp_seconds, time_limit)
+            return solve(*data, time_limit=time_limit, **more)
+
+        workspace.solve = timed  # type: ignore[method-assign]
+        return workspace
+
+    model = kl.nominal_unicycle(0.1)
+    made = kl.Controller(model, time_budget=budget, clock=clock, solver=slow, **options)
     return made, limits
 
 

@@ -15,7 +15,7 @@ from time import perf_counter
 
 import numpy as np
 
-from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, choose_solver
+from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, MakeSolver, choose_solver
 from kmpc_lite.control.nmpc.fill_qp import Linearized, QPFiller
 from kmpc_lite.control.nmpc.line_search import (
     Direction,
@@ -58,8 +58,8 @@ class SQP:
         Settings of the QP solver and of the passes.
     step : StepOptions, optional
         How far the model may contradict the plan of one pass before more are made.
-    solver : str
-        ``"osqp"``, or a name that qpsolvers knows.
+    solver : str or callable
+        ``"osqp"``, a name that qpsolvers knows, or what sets up a solver for a QP.
     clock : callable
         Gives the time [s] that deadlines are on.
     ways : bool
@@ -81,7 +81,7 @@ class SQP:
         slots: int = 5,
         options: SolverOptions | None = None,
         step: StepOptions | None = None,
-        solver: str = DEFAULT_SOLVER,
+        solver: str | MakeSolver = DEFAULT_SOLVER,
         clock: Callable[[], float] = perf_counter,
         ways: bool = False,
     ) -> None:
