@@ -1,7 +1,10 @@
 """ODrive: what only this driver does."""
 
+import itertools
+import time
+
 import pytest
-from boards import GEOMETRY, Rig, with_board
+from boards import GEOMETRY, Rig, distance, with_board
 from waiting import until
 
 from firmware_bridge.drivers.odrive import ODriveDriver, ODriveOptions
@@ -232,3 +235,23 @@ def test_bad_options_name_the_key(board, message):
         )
     assert str(caught.value).startswith(message)
     assert ODriveOptions().checksum
+
+
+def test_a_late_answer_of_one_axis_is_not_the_position_of_the_other(rig, monkeypatch):
+    """After a time-out the next question was for two numbers again, and got those of before."""
+    rig.connect()
+    rig.drive(0.3, 0.0, 0.3)
+    asked = itertools.count()
+
+    def late(self, data, answer=ODriveEmulator.handle):
+        reply = answer(self, data)
+        if data.startswith(b"f 1") and next(asked) % 3 == 0:
+            time.sleep(0.07)  # its time-out, and the pause behind it
+        return reply
+
+    monkeypatch.setattr(ODriveEmulator, "handle", late)
+    rig.drive(0.3, 0.0, 0.8)
+    monkeypatch.undo()
+    rig.come_to_rest()
+    assert rig.counters["timeouts"] > 0 and rig.counters["odometry_jumps"] == 0
+    assert max(distance(rig.driver, rig.emulator)) < 0.05

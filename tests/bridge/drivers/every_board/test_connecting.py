@@ -1,0 +1,75 @@
+"""What every serial board says of a port, a robot file or a baud rate that is wrong."""
+
+import threading
+
+import pytest
+from boards import DRIVERS, EMULATORS, TABLES, Rig
+
+from firmware_bridge.link import open_transport
+from firmware_bridge.messages import ConfigError, LinkError
+
+
+def test_a_silent_board_is_told_in_words(name, tmp_path):
+    rig = Rig(name, f"pty:{tmp_path}/port")
+    rig.emulator.mute = True
+    with pytest.raises(LinkError, match="no answer within 0.3 s: is it powered, wired TX to RX"):
+        rig.driver.connect(0.3)
+    assert threading.active_count() < 10
+    rig.close()
+
+
+def test_wrong_baud_is_told_in_words(name, tmp_path):
+    floor = {"baud": 115200}
+    emulator = EMULATORS[name].from_options(TABLES[name], **floor)
+    emulator.start(f"pty:{tmp_path}/port")
+    driver = DRIVERS[name].from_options(
+        open_transport(f"serial:{tmp_path}/port?baud=57600"), TABLES[name]
+    )
+    with pytest.raises(LinkError, match="baud rate"):
+        driver.connect(0.3)
+    right = DRIVERS[name].from_options(
+        open_transport(f"serial:{tmp_path}/port?baud=115200"), TABLES[name]
+    )
+    right.connect(20.0)
+    assert right.health().ready
+    right.close()
+    emulator.close()
+
+
+def test_nobody_at_the_port(name, tmp_path):
+    driver = DRIVERS[name].from_options(open_transport(f"pty:{tmp_path}/none"), TABLES[name])
+    with pytest.raises(LinkError, match="no such port"):
+        driver.connect(1.0)
+    driver.close()
+
+
+def test_second_driver_on_the_port_is_refused(rig):
+    rig.connect()
+    second = DRIVERS[rig.name].from_options(open_transport(rig.url), TABLES[rig.name])
+    with pytest.raises(LinkError, match="in use"):
+        second.connect(1.0)
+    rig.is_ready()
+
+
+def test_close_twice_and_before_connect(name, tmp_path):
+    driver = DRIVERS[name].from_options(open_transport(f"pty:{tmp_path}/none"), TABLES[name])
+    driver.close()
+    driver.close()
+    assert driver.state() is None and not driver.health().connected and not driver.health().ready
+
+
+@pytest.mark.parametrize(
+    ("section", "change", "message"),
+    [
+        ("board", {"baud": 1}, "board.baud: unknown key"),
+        ("board", {"poll_hz": "fast"}, "board.poll_hz: expected float"),
+        ("board", {"poll_hz": 0}, "board.poll_hz: expected 5 to 200 Hz"),
+        ("board", {"command_timeout": -1}, "board.command_timeout: expected 0.05"),
+        ("geometry", {"track": 0}, "geometry.track: expected 0.01 to 100 m, got 0"),
+    ],
+)
+def test_bad_robot_files_name_the_key(name, section, change, message):
+    table = {**TABLES[name], section: {**TABLES[name][section], **change}}
+    with pytest.raises(ConfigError) as caught:
+        DRIVERS[name].from_options(open_transport("loopback:unused"), table)
+    assert str(caught.value).startswith(message)
