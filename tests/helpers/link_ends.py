@@ -1,14 +1,7 @@
 """Both ends of a link, and what each has received."""
 
-import socket
 import threading
 import time
-
-
-def free_port(kind=socket.SOCK_STREAM):
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class End:

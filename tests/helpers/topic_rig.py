@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import socket
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from free_port import free_port
 from waiting import until
 
 import kmpc_lite as kl
@@ -27,12 +27,6 @@ from kmpc_lite.sim import Scenario
 PERIOD = 0.1
 PATIENCE = 20.0
 """How long a message may take from one session to the other [s]."""
-
-
-def free_port() -> int:
-    with socket.socket() as sock:
-        sock.bind(("127.0.0.1", 0))
-        return int(sock.getsockname()[1])
 
 
 class TopicRig:

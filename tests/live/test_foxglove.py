@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 import pytest
+from free_port import free_port
 
 import kmpc_lite as kl
 from kmpc_lite.cli.extras import MissingExtra
@@ -22,12 +23,6 @@ needs_foxglove = pytest.mark.skipif(
     reason="foxglove-sdk or websockets is not installed: pip install 'kmpc-lite[live,dev]'",
 )
 MESSAGE_DATA = 1
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def drive(scenario: Scenario):

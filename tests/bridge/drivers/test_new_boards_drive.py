@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from courses import COURSE, PATIENT
+from free_port import free_port
 
 from firmware_bridge.cli.main import main
 from firmware_bridge.emulator.build import build_emulator
@@ -40,9 +41,7 @@ def test_drives_past_the_obstacle_to_the_goal(name, tmp_path, monkeypatch, capsy
     (tmp_path / "course.toml").write_text(COURSE)
     link = {"url": "pty:link"}
     camera = None
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        pose = f"udp:127.0.0.1:{probe.getsockname()[1]}"
+    pose = f"udp:127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
     if name == "sabertooth":
         link["pose"] = pose
     robot = load_robot(ROBOTS / f"{name}.toml", {"link": link})

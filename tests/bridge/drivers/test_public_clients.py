@@ -6,7 +6,6 @@ import importlib.util
 import math
 import os
 import re
-import socket
 import subprocess
 import sys
 import threading
@@ -15,6 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from free_port import free_port
 from mavlink_rig import dialect, set_point_frame
 
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
@@ -167,12 +167,6 @@ action.disarm()
 print("done", flush=True)
 sys.stdin.readline()
 """
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def test_mavsdk(rover: Listening, tmp_path: Path) -> None:

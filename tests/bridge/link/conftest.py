@@ -3,7 +3,8 @@
 import socket
 
 import pytest
-from link_ends import End, free_port
+from free_port import free_port
+from link_ends import End
 
 
 @pytest.fixture(params=["pty", "tcp", "udp", "loopback"])

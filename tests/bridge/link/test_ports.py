@@ -5,7 +5,7 @@ import os
 import socket
 
 import pytest
-from link_ends import free_port
+from free_port import free_port
 from waiting import until
 
 from firmware_bridge.link import open_transport

@@ -7,7 +7,7 @@ import time
 
 import pytest
 import serial
-from link_ends import free_port
+from free_port import free_port
 from waiting import until
 
 from firmware_bridge.link import open_transport

@@ -11,7 +11,7 @@ from waiting import until
 
 pytest.importorskip("zenoh", reason="the extra ros2 (eclipse-zenoh) is not installed")
 
-from topic_rig import free_port
+from free_port import free_port
 
 from firmware_bridge.messages import ConfigError, LinkError
 from firmware_bridge.ros2.message_types import GRID, LARGEST, ODOMETRY, POSE, TF, TWIST

@@ -15,7 +15,7 @@ import pytest
 
 pytest.importorskip("zenoh", reason="the extra ros2 (eclipse-zenoh) is not installed")
 
-from topic_rig import free_port
+from free_port import free_port
 
 from firmware_bridge.messages import LinkError
 from firmware_bridge.safety.estop_client import ask

@@ -3,6 +3,7 @@
 import importlib.util
 import math
 import os
+import socket
 import subprocess
 import sys
 import threading
@@ -10,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from free_port import free_port
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
@@ -54,14 +56,6 @@ class Station:
         )
 
 
-def port() -> int:
-    import socket
-
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def wait(condition, seconds: float = 40.0) -> None:
     until = time.monotonic() + seconds
     while not condition():
@@ -104,7 +98,7 @@ def test_only_an_autopilot_is_shared(tmp_path):
 
 def test_a_station_sees_the_vehicle_is_refused_set_points_and_takes_it_over_by_mode(tmp_path):
     rover = RoverEmulator(arm_after=0.2, uptime=5.0)
-    number = port()
+    number = free_port(socket.SOCK_DGRAM)
     station = Station(number)
     rover.start(f"pty:{tmp_path}/rover")
     try:
@@ -145,7 +139,7 @@ def test_mavproxy_shares_a_vehicle_that_the_bridge_drives(tmp_path):
     if importlib.util.find_spec("MAVProxy") is None:
         pytest.skip("MAVProxy is not installed: pip install mavproxy")
     rover = RoverEmulator(arm_after=0.2, uptime=5.0)
-    number = port()
+    number = free_port(socket.SOCK_DGRAM)
     rover.start(f"pty:{tmp_path}/rover")
     script = Path(sys.executable).parent / "mavproxy.py"
     words = (

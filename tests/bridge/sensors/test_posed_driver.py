@@ -8,6 +8,7 @@ import pytest
 from boards import TABLES
 from boards import Rig as BoardRig
 from courses import COURSE, PATIENT
+from free_port import free_port
 from waiting import until
 
 from firmware_bridge.emulator.mocap import MocapOptions, MocapSender
@@ -16,12 +17,6 @@ from firmware_bridge.messages import ConfigError, LinkError
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.session import open_driver
 from firmware_bridge.sensors.pose import COUNTERS, PosedDriver
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def posed(port, name="roboclaw", **more):
@@ -35,7 +30,7 @@ def posed(port, name="roboclaw", **more):
 
 
 def test_a_board_drives_by_the_pose_of_the_source_and_not_by_its_wheels(tmp_path):
-    port, url = free_port(), f"pty:{tmp_path}/link"
+    port, url = free_port(socket.SOCK_DGRAM), f"pty:{tmp_path}/link"
     rig = BoardRig("roboclaw", url, slip=0.3, turn_gain=0.6)
     rig.emulator.place(2.0, -1.0, 0.5)
     camera = MocapSender(
@@ -87,7 +82,7 @@ def test_an_autopilot_is_fed_with_the_pose_and_judged_by_the_source(tmp_path):
     from firmware_bridge.emulator.rover.parameters import MOTION_CAPTURE
     from firmware_bridge.emulator.rover.rover import RoverEmulator
 
-    port, url = free_port(), f"pty:{tmp_path}/rover"
+    port, url = free_port(socket.SOCK_DGRAM), f"pty:{tmp_path}/rover"
     rover = RoverEmulator(
         arm_after=0.1, uptime=5.0, parameters=MOTION_CAPTURE, pose=(1.0, 2.0, 0.5)
     )
@@ -175,7 +170,7 @@ def test_a_whole_run_by_motion_capture(tmp_path, monkeypatch, capsys):
         "[geometry]\nwheel_radius = 0.0425\ntrack = 0.27\nmax_wheel_speed = "
         "0.9\n[board]\ncounts_per_turn = 1440.0\n"
     )
-    pose = f"udp:127.0.0.1:{free_port()}"
+    pose = f"udp:127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
     (tmp_path / "robot.toml").write_text(
         f'[link]\nurl = "pty:link"\ndriver = "roboclaw"\npose = "{pose}"\n{robot_file}'
     )

@@ -5,7 +5,7 @@ import time
 
 import pytest
 from boards import Rig, distance, with_board
-from link_ends import free_port
+from free_port import free_port
 from waiting import until
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import pytest
-from rover_link import free_port
+from free_port import free_port
 
 
 @pytest.fixture

@@ -14,8 +14,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from free_port import free_port
 from mavlink_rig import decode, set_point_frame
-from rover_link import READY, free_port
+from rover_link import READY
 
 from firmware_bridge.drivers.mavlink.driver import MavlinkDriver
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
