@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from firmware_bridge.drivers.polled import PolledDriver
+from firmware_bridge.drivers.polled import LineDriver
 from firmware_bridge.drivers.polled.timing import check_watchdog, counts_per_metre
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
-from firmware_bridge.link.framing import Lines, crc16
+from firmware_bridge.link.framing import crc16
 from firmware_bridge.messages import LinkError
 from firmware_bridge.options import bounded, check, from_table
 
@@ -60,7 +60,7 @@ class ArduinoOptions:
         check_watchdog(self.command_timeout, self.watchdog)
 
 
-class ArduinoDriver(PolledDriver):
+class ArduinoDriver(LineDriver):
     """Two motors on a microcontroller.
 
     `V` commands speeds, `P` asks for the state, `R` lets go, `H` asks who is there. `V`, `P` and
@@ -79,9 +79,7 @@ class ArduinoDriver(PolledDriver):
         counts_per_metre(geometry, options.counts_per_turn)
         self._counts_per_turn = options.counts_per_turn
         self._watchdog = round(options.watchdog * 1000.0)
-        self._lines = Lines()
-        self._bad_lines = self._sequence = 0
-        self._uptime = -1
+        self._sequence, self._uptime = 0, -1
         self.hint = "is it powered, wired TX to RX, with the sketch loaded, at this baud rate?"
 
     @classmethod
@@ -135,18 +133,9 @@ class ArduinoDriver(PolledDriver):
             raise self._exchange.refuse(f"{kind}: expected {count} numbers, got {len(values)}")
         return values, stamp
 
-    def _begin(self, key: Hashable) -> None:
-        self._lines.reset()
-
-    def _feed(self, data: bytes, stamp: float) -> None:
-        with self._changed:
-            lines = self._lines.feed(data)
-        for text in lines:
-            match = LINE.fullmatch(text)
-            if match is None or int(match[4], 16) != crc16(text[:-5]):
-                self._bad_lines += 1
-            else:
-                self._exchange.deliver((match[1].decode("ascii"), int(match[2])), match[3], stamp)
-
-    def _damaged(self) -> int:
-        return self._lines.bad + self._bad_lines
+    def _take_line(self, line: bytes, stamp: float) -> bool:
+        match = LINE.fullmatch(line)
+        if match is None or int(match[4], 16) != crc16(line[:-5]):
+            return False
+        self._exchange.deliver((match[1].decode("ascii"), int(match[2])), match[3], stamp)
+        return True

@@ -5,21 +5,23 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from firmware_bridge.drivers.odrive_errors import REGISTERS
-from firmware_bridge.drivers.polled import STANDSTILL, NoReply, PolledDriver
+from firmware_bridge.drivers.polled import STANDSTILL, LineDriver, NoReply
 from firmware_bridge.drivers.polled.timing import check_watchdog
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
-from firmware_bridge.link.framing import Lines, odrive_line, odrive_text
+from firmware_bridge.link.framing import odrive_line, odrive_text
 from firmware_bridge.messages import ConfigError, LinkError
 from firmware_bridge.options import bounded, check, from_table
 
 IDLE, CLOSED_LOOP = 1, 8
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)", re.ASCII)
+BOOLEANS = {"True": "1", "False": "0"}
+"""Words that an ODrive answers with, as the numbers that they count as."""
 REFUSALS = ("invalid property", "unknown command", "not implemented", "invalid command format")
 
 
@@ -52,7 +54,7 @@ class ODriveOptions:
         check_watchdog(self.command_timeout, self.watchdog)
 
 
-class ODriveDriver(PolledDriver):
+class ODriveDriver(LineDriver):
     """Two axes of one ODrive over its ASCII protocol.
 
     `v` commands, `f` gives feedback, `r` and `w` read and write errors, state and watchdog.
@@ -72,8 +74,6 @@ class ODriveDriver(PolledDriver):
         odometry = WheelOdometry(geometry, 1.0, wraps=False)
         super().__init__(transport, geometry, odometry, options)
         self._axes, self._options = (options.first_axis, options.second_axis), options
-        self._lines = Lines()
-        self._bad_lines = 0
         self._register = REGISTERS[0]
         self._armed = False
         self._axis_errors = [0, 0]
@@ -245,29 +245,15 @@ class ODriveDriver(PolledDriver):
             raise self._exchange.refuse(line.decode("ascii"))
         return float(line)
 
-    def _begin(self, key: Hashable) -> None:
-        self._lines.reset()
-
-    def _feed(self, data: bytes, stamp: float) -> None:
-        with self._changed:
-            lines = self._lines.feed(data)
-        for line in lines:
-            text = odrive_text(line, self._options.checksum)
-            if text is None:
-                self._bad_lines += 1
-                continue
-            words = [
-                "1" if word == "True" else "0" if word == "False" else word for word in text.split()
-            ]
-            numbers = all(NUMBER.fullmatch(word) for word in words)
-            shape = (
-                "number"
-                if text in REFUSALS
-                else {1: "number", 2: "pair"}.get(len(words))
-                if numbers
-                else None
-            )
-            self._exchange.deliver(shape, " ".join(words).encode("ascii"), stamp)
-
-    def _damaged(self) -> int:
-        return self._lines.bad + self._bad_lines
+    def _take_line(self, line: bytes, stamp: float) -> bool:
+        text = odrive_text(line, self._options.checksum)
+        if text is None:
+            return False
+        words = [BOOLEANS.get(word, word) for word in text.split()]
+        shape = None
+        if text in REFUSALS:
+            shape = "number"
+        elif all(NUMBER.fullmatch(word) for word in words):
+            shape = {1: "number", 2: "pair"}.get(len(words))
+        self._exchange.deliver(shape, " ".join(words).encode("ascii"), stamp)
+        return True

@@ -7,11 +7,10 @@ from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from firmware_bridge.drivers.polled import PolledDriver
+from firmware_bridge.drivers.polled import LineDriver
 from firmware_bridge.drivers.polled.timing import check_watchdog
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
-from firmware_bridge.link.framing import Lines
 from firmware_bridge.messages import LinkError
 from firmware_bridge.options import bounded, check, from_table
 
@@ -66,7 +65,7 @@ class RoboteqOptions:
         check_watchdog(self.command_timeout, self.watchdog)
 
 
-class RoboteqDriver(PolledDriver):
+class RoboteqDriver(LineDriver):
     """Two motors in closed-loop speed mode.
 
     Speeds by `!S`, counters by `?C`, speeds by `?S`, faults by `?FF` and `?FM`. Only commands feed
@@ -83,8 +82,7 @@ class RoboteqDriver(PolledDriver):
         super().__init__(transport, geometry, odometry, options)
         self._counts_per_turn = options.counts_per_turn
         self._watchdog = round(options.watchdog * 1000.0)
-        self._lines = Lines()
-        self._bad_lines = self._accepted = self._refusals = 0
+        self._accepted = self._refusals = 0
         self.hint = "is it powered, wired TX to RX, with serial commands enabled at this baud rate?"
 
     @classmethod
@@ -153,23 +151,18 @@ class RoboteqDriver(PolledDriver):
         return [float(word) for word in reply.split(b":")], stamp
 
     def _begin(self, key: Hashable) -> None:
-        self._lines.reset()
+        super()._begin(key)
         self._accepted = 0
 
-    def _feed(self, data: bytes, stamp: float) -> None:
-        with self._changed:
-            lines = self._lines.feed(data)
-        for line in lines:
-            self._take(line, stamp)
-
-    def _take(self, line: bytes, stamp: float) -> None:
+    def _take_line(self, line: bytes, stamp: float) -> bool:
         match = REPLY.fullmatch(line)
         if match is not None:
             self._exchange.deliver(match[1].decode("ascii"), match[2], stamp)
-        elif line in (ACCEPTED, REFUSED):
+            return True
+        if line in (ACCEPTED, REFUSED):
             self._answered(line == ACCEPTED, stamp)
-        elif line[:1] not in b"^!~?":  # an echo of ours, before it is switched off, is none
-            self._bad_lines += 1
+            return True
+        return line[:1] in b"^!~?"  # an echo of ours, before it is switched off
 
     def _answered(self, accepted: bool, stamp: float) -> None:
         """Count the answers to the two commands of a frame."""
@@ -185,9 +178,6 @@ class RoboteqDriver(PolledDriver):
                 self._trouble = ()
             self._refusals = 0
             self._exchange.deliver(BOTH, b"", stamp)
-
-    def _damaged(self) -> int:
-        return self._lines.bad + self._bad_lines
 
 
 def _bits(words: tuple[str, ...], flags: int) -> list[tuple[int, str]]:
