@@ -236,9 +236,7 @@ class OSQPWorkspace:
             self._solver.update_settings(self._osqp.settings)
 
     def _failed(self, reason: str) -> QPSolution:
-        return QPSolution(
-            QPStatus.FAILED, np.zeros(self.n), np.zeros(self.m), 0, np.inf, np.inf, reason
-        )
+        return QPSolution.failed(self.n, self.m, reason)
 
 
 def _rebuilt(

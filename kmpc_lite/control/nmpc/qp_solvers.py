@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import Protocol, Self
+
+import numpy as np
 
 from kmpc_lite.types import Array
 
@@ -39,6 +41,12 @@ class QPSolution:
     primal_residual: float
     dual_residual: float
     reason: str
+
+    @classmethod
+    def failed(cls, variables: int, rows: int, reason: str) -> Self:
+        """Answer that a QP with so many variables and rows has no iterate."""
+        nothing = np.zeros(variables), np.zeros(rows)
+        return cls(QPStatus.FAILED, *nothing, 0, np.inf, np.inf, reason)
 
 
 class QPSolver(Protocol):

@@ -192,9 +192,7 @@ class QpsolversBackend:
         return self._split[1]
 
     def _failed(self, reason: str) -> QPSolution:
-        return QPSolution(
-            QPStatus.FAILED, np.zeros(self.n), np.zeros(self.m), 0, np.inf, np.inf, reason
-        )
+        return QPSolution.failed(self.n, self.m, reason)
 
 
 def _fault(q: Array, lower: Array, upper: Array, Ax: Array, Px: Array) -> str:
