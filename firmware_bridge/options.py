@@ -28,11 +28,29 @@ def check(options: Any) -> None:
         if "low" not in entry.metadata or (value is None and entry.default is None):
             continue
         low, high, unit = entry.metadata["low"], entry.metadata["high"], entry.metadata["unit"]
-        is_number = isinstance(value, Real) and not isinstance(value, bool)
-        if not (is_number and math.isfinite(value) and low <= value <= high):
+        if not (is_number(value) and low <= value <= high):
             raise ConfigError(
                 f"{entry.name}: expected {low:g} to {high:g}{unit and ' ' + unit}, got {value!r}"
             )
+
+
+def is_number(value: object) -> bool:
+    """Whether a value is a finite number."""
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def three_numbers(values: object) -> tuple[float, float, float] | None:
+    """Three finite numbers of a list; None where it holds anything else.
+
+    Examples
+    --------
+    >>> three_numbers([1, 2.5, 0]), three_numbers([1, 2]), three_numbers("abc")
+    ((1.0, 2.5, 0.0), None, None)
+    """
+    if not isinstance(values, list | tuple) or len(values) != 3 or not all(map(is_number, values)):
+        return None
+    first, second, third = values
+    return float(first), float(second), float(third)
 
 
 def from_table(kind: type[T], table: Mapping[str, Any], section: str) -> T:

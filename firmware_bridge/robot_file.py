@@ -5,7 +5,6 @@ Command-line options are laid over the file before anything is checked, so both 
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -15,7 +14,7 @@ from typing import Any
 from firmware_bridge.drivers.boards import BOARDS
 from firmware_bridge.link import open_transport
 from firmware_bridge.messages import ConfigError
-from firmware_bridge.options import bounded, check, from_table
+from firmware_bridge.options import bounded, check, from_table, three_numbers
 from firmware_bridge.robot_checks import check_period, check_wheels
 from firmware_bridge.safety.gate_settings import TICK, GateSettings
 from firmware_bridge.safety.limits import Limits
@@ -280,11 +279,7 @@ def _origin(frame: Mapping[str, Any]) -> tuple[float, float, float] | None:
     origin = frame.get("origin")
     if origin is None:
         return None
-    numbers = [x for x in origin if _is_number(x)] if isinstance(origin, list | tuple) else []
-    if len(numbers) != 3 or len(origin) != 3:
+    numbers = three_numbers(origin)
+    if numbers is None:
         raise ConfigError(f"frame.origin: expected [x, y, theta] in m and rad, got {origin!r}")
-    return float(numbers[0]), float(numbers[1]), float(numbers[2])
-
-
-def _is_number(value: object) -> bool:
-    return not isinstance(value, bool) and isinstance(value, int | float) and math.isfinite(value)
+    return numbers

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import stat
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -10,11 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.messages import ConfigError
+from firmware_bridge.options import is_number, three_numbers
 from kmpc_lite.reading import read_bytes
 
 GCS, COMPANION = "gcs", "companion"
 EKF, MOCAP = "ekf", "mocap"
 KEY_BYTES, MAX_KEY_BYTES = 32, 4096
+EARTH = (90.0, 180.0, 1e4)
+"""Largest latitude, longitude [degrees] and altitude [m] of an origin."""
 
 
 @dataclass(frozen=True)
@@ -68,21 +70,11 @@ class MavlinkOptions:
         for name in ("arm", "failsafe", "sectors"):
             if not isinstance(getattr(self, name), bool):
                 raise ConfigError(f"{name}: expected true or false, got {getattr(self, name)!r}")
-        if not _is_number(self.rate) or not 1.0 <= self.rate <= 400.0:
+        if not is_number(self.rate) or not 1.0 <= self.rate <= 400.0:
             raise ConfigError(f"rate: expected 1 to 400 Hz, got {self.rate!r}")
         if self.origin is not None:
-            numbers = (
-                [x for x in self.origin if _is_number(x)]
-                if isinstance(self.origin, list | tuple)
-                else []
-            )
-            if (
-                len(numbers) != 3
-                or len(self.origin) != 3
-                or abs(numbers[0]) > 90.0
-                or abs(numbers[1]) > 180.0
-                or abs(numbers[2]) > 1e4
-            ):
+            place = three_numbers(self.origin)
+            if place is None or any(abs(x) > most for x, most in zip(place, EARTH, strict=True)):
                 raise ConfigError(
                     "origin: expected [latitude, longitude, altitude] in degrees and m, "
                     f"got {self.origin!r}"
@@ -146,10 +138,6 @@ class MavlinkOptions:
                 f"got {len(raw)} bytes"
             )
         return key
-
-
-def _is_number(value: object) -> bool:
-    return not isinstance(value, bool) and isinstance(value, int | float) and math.isfinite(value)
 
 
 def _one_of(name: str, value: object, *allowed: str) -> None:
