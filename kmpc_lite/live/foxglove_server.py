@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from kmpc_lite.live.address import LOOPBACK
-from kmpc_lite.live.viewer import LONGEST
+from kmpc_lite.live.channel import LONGEST
 from kmpc_lite.mcap.write import Message
 from kmpc_lite.recording.encoder import DriveEncoder
 from kmpc_lite.recording.schemas import TOPICS

@@ -20,6 +20,7 @@ import numpy as np
 
 from kmpc_lite.control.plan import PlannedAround
 from kmpc_lite.live.address import LOOPBACK, LiveError
+from kmpc_lite.live.channel import LONGEST
 from kmpc_lite.live.moment import MOST_CIRCLES, LastStep
 from kmpc_lite.recording.records import Gate, Health, PoseSeen, Record, Sent, Stepped
 
@@ -30,8 +31,6 @@ PORT = 8765
 """Where Foxglove looks unless told otherwise."""
 PERIOD, HEALTH_PERIOD = 0.1, 1.0
 """Between two packets, and between two looks at link and vehicle [s]."""
-LONGEST = 192 * 1024
-"""Of one packet [bytes]."""
 PATIENCE = 10.0
 """How long the process may take to start, and to end [s]."""
 MODULE = "kmpc_lite.live.foxglove_server"

@@ -16,6 +16,8 @@ PROFILE = "kmpc"
 
 DRIVE = "drive.mcap"
 """Name of a recorded drive in its folder."""
+LARGEST_MESSAGE = 2**20
+"""Length of the longest message that this project writes [bytes]."""
 
 
 class Op(IntEnum):

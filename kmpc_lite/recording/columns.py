@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.control.obstacles.scan import LaserScan
+from kmpc_lite.mcap.layout import LARGEST_MESSAGE
 from kmpc_lite.mcap.read import Found
 from kmpc_lite.sim.scan_arrays import ranges_of
 from kmpc_lite.types import Array
 
-LARGEST_MESSAGE = 2**20
-"""A longer message is none of ours [bytes]."""
 MOST_STEPS = 500_000
 """A drive of 14 hours at 10 steps a second."""
 MOST_OTHERS = 4_000_000

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.sim.closed_loop import Outcome
+from kmpc_lite.studies.tables import seconds
 from kmpc_lite.studies.training import LAMBDAS
 
 PaperCell = tuple[int, float | None, float | None]
@@ -106,10 +107,6 @@ class Block:
     """None where the paper does not tell the figure."""
 
 
-def _seconds(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f}"
-
-
 def _deepest_cut(cell: Cell) -> str:
     clearances = [run["clearance_m"] for run in cell.runs if run["clearance_m"] is not None]
     worst = min(clearances, default=0.0)
@@ -125,13 +122,13 @@ BLOCKS = (
     ),
     Block(
         "mean time of collision-free runs until there [s] (paper: until its own end)",
-        lambda c: _seconds(c.mean("arrival_s")),
-        lambda p: _seconds(p[1]),
+        lambda c: seconds(c.mean("arrival_s")),
+        lambda p: seconds(p[1]),
     ),
     Block(
         "mean time to collision [s]",
-        lambda c: _seconds(c.mean("duration_s", collided=True)),
-        lambda p: _seconds(p[2]),
+        lambda c: seconds(c.mean("duration_s", collided=True)),
+        lambda p: seconds(p[2]),
     ),
 )
 

@@ -149,15 +149,17 @@ def time_ratio(
     return len(both), sum(ours[k] for k in both) / sum(theirs[k] for k in both) if both else None
 
 
+def seconds(value: float | None) -> str:
+    """Tell a time [s]; a dash where there is none."""
+    return "-" if value is None else f"{value:.2f}"
+
+
 def format_maps(rows: Sequence[Row]) -> str:
     """Render as a table, with intervals of 95 % (Wilson) in brackets."""
 
     def share(count: int, drives: int) -> str:
         low, high = wilson(count, drives)
         return f"{100 * count / drives:5.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
-
-    def seconds(value: float | None) -> str:
-        return "-" if value is None else f"{value:.2f}"
 
     widest, conditions = (
         max(len(row.controller) for row in rows),

@@ -17,7 +17,6 @@ from firmware_bridge.link import Transport
 from firmware_bridge.link.url import LinkUrl
 from firmware_bridge.messages import LinkError
 
-ARMED = 128
 REPEAT, TIMES = 0.2, 3
 """Time between repeats of the key [s], and their number: the vehicle acknowledges none."""
 TICK = 0.1
@@ -126,7 +125,7 @@ def _hand_over(link: _Link, options: MavlinkOptions, key: bytes, timeout: float)
     heard = link.wait(lambda m: m.get_type() == "HEARTBEAT", timeout, lambda: link.send(beat))
     if heard is None:
         raise LinkError(f"mavlink: no heartbeat of system {options.system} within {timeout:g} s")
-    if heard.base_mode & ARMED:
+    if heard.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED:
         raise LinkError("mavlink: the vehicle is armed: it takes a key while disarmed only")
     message = dialect.MAVLink_setup_signing_message(
         options.system, options.component, tuple(key), signing_time(time.time())

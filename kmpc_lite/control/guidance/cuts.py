@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from kmpc_lite.control.guidance.edges import cut_edges
+from kmpc_lite.control.guidance.edges import NOTHING, cut_edges
 from kmpc_lite.types import Array
-
-NOTHING = 1e-12
-"""Square of a length that is none [m^2]: rounding."""
 
 
 def cut_circles(points: Array, centres: Array, radii: Array, depth: float) -> Array:

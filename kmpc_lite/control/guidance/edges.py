@@ -11,7 +11,7 @@ import numpy as np
 from kmpc_lite.types import Array
 
 NOTHING = 1e-12
-"""Square of a length that is none [m^2]."""
+"""Square of a length that is none [m^2]: rounding."""
 
 
 def point_gaps(points: Array, begins: Array, ends: Array) -> Array:

@@ -11,13 +11,12 @@ from typing import Any
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.formats.thinned import Thinned
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
+from kmpc_lite.mcap.layout import LARGEST_MESSAGE
 from kmpc_lite.mcap.read import Found, read_mcap
 
 POSES, COMMANDS, GATE = "/pose", "/command", "/gate"
 DRIVING = ("ACTIVE", "STOPPING", "HOLDING")
 """States of the safety gate in which the robot obeys the commands that are recorded."""
-LARGEST_MESSAGE = 2**20
-"""Length of the longest message that kmpc writes [bytes]."""
 BREAKS = 0.3
 """Where the robot did not obey, poses are left out, and so is this long after it [s]."""
 
