@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.guidance.guide_task import GuideTask
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.obstacles.circles import some_move
@@ -76,19 +77,18 @@ class Guiding:
         rest = None
         if self._ramps is not None:
             rest = self._ramps.pose_at_rest(here, state.history.command)
-        guidance = self._guide.reference(
-            state.guide,
-            known.capabilities,
-            here,
-            seen.goal,
-            circles,
-            seen.solids,
-            rest,
-            until,
-            seen.view,
-            seen.spread,
-            abs(float(state.history.command[0])),
+        task = GuideTask(
+            pose=here,
+            goal=seen.goal,
+            circles=circles,
+            solids=seen.solids,
+            rest=rest,
+            until=until,
+            view=seen.view,
+            spread=seen.spread,
+            speed=abs(float(state.history.command[0])),
         )
+        guidance = self._guide.reference(state.guide, known.capabilities, task)
         states = guidance.states
         if late:
             states = np.concatenate([led[:-1], states])[: len(states)]

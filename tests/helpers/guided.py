@@ -13,6 +13,7 @@ import kmpc_lite as kl
 from kmpc_lite.control import options as kl_options
 from kmpc_lite.control.guidance.capabilities import Capabilities, capabilities
 from kmpc_lite.control.guidance.guide import Guide
+from kmpc_lite.control.guidance.guide_task import GuideTask
 from kmpc_lite.control.guidance.reference import Guidance
 from kmpc_lite.control.guidance.state import GuideState
 
@@ -50,7 +51,7 @@ class GuideInUse:
     def reference(
         self, pose: np.ndarray, goal: np.ndarray, circles: np.ndarray, **more: Any
     ) -> Guidance:
-        return self.guide.reference(self.state, self.known, pose, goal, circles, **more)
+        return self.guide.reference(self.state, self.known, GuideTask(pose, goal, circles, **more))
 
     def turn_about(self, centre: np.ndarray | None) -> None:
         self.known = replace(self.known, turning_centre=centre)

@@ -11,12 +11,12 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kmpc_lite.control.guidance.capabilities import Capabilities
 from kmpc_lite.control.guidance.goal_checker import GoalChecker, GoalTolerances
+from kmpc_lite.control.guidance.guide_task import GuideTask
 from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles
 from kmpc_lite.control.guidance.reference import Guidance, told_progress, wait_in_sight
 from kmpc_lite.control.guidance.replan import Replanner
@@ -35,10 +35,6 @@ from kmpc_lite.control.plan import GoalProgress
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.types import Array
-
-if TYPE_CHECKING:
-    from kmpc_lite.control.obstacles.sight.view import View
-    from kmpc_lite.control.obstacles.solids import Solids
 
 ORIGIN = np.zeros(2)
 
@@ -78,20 +74,7 @@ class Guide:
         self._range = math.inf if problem.sensor_range is None else problem.sensor_range
         self._replanner = Replanner(problem, self._options, clock)
 
-    def reference(
-        self,
-        state: GuideState,
-        capabilities: Capabilities,
-        pose: Array,
-        goal: Array,
-        circles: Array,
-        solids: Solids | None = None,
-        rest: Array | None = None,
-        until: float = math.inf,
-        view: View | None = None,
-        spread: Array | None = None,
-        speed: float = 0.0,
-    ) -> Guidance:
+    def reference(self, state: GuideState, capabilities: Capabilities, task: GuideTask) -> Guidance:
         """Give the reference of the coming stages.
 
         Parameters
@@ -100,29 +83,12 @@ class Guide:
             What the steps before have left; updated.
         capabilities : Capabilities
             Of the robot, as they are known now.
-        pose, goal : ndarray
-            Poses (3,) [m, m, rad].
-        circles : ndarray
-            (M, 5) rows x, y, radius, vx, vy, now.
-        solids : Solids, optional
-            Polygons, walls and grids; unequal ones are another map.
-        rest : ndarray, optional
-            Pose (3,) at which the robot would stand if it braked now; where it is, if not given.
-        until : float
-            When to leave a search that is needed at once to the next step [s], on the guide's
-            clock; the old path is kept meanwhile, and where there was none the robot stands.
-        view : View, optional
-            What scans have shown: another path is looked for where that stands on the one driven.
-        spread : ndarray, optional
-            (M,) speeds at which circles grow whose velocity was seen, not told.
-        speed : float
-            That was commanded last, in either direction [m/s].
+        task : GuideTask
+            What is asked.
         """
         self._take_over_centre(state, capabilities.turning_centre)
         state.age += self._dt
-        now = self._surveyor.see(
-            state, capabilities, pose, goal, circles, solids, rest, until, view, spread, speed
-        )
+        now = self._surveyor.see(state, capabilities, task)
         self._begin_last_turn(state, now)
         off = 0.0
         if state.path is not None:

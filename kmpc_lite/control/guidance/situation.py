@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.control.guidance.capabilities import Capabilities
+from kmpc_lite.control.guidance.guide_task import GuideTask
 from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, MovingObstacleTable
 from kmpc_lite.control.guidance.turning_centre import point_of, swing
 from kmpc_lite.control.obstacles.circles import some_move
@@ -86,21 +87,9 @@ class Surveyor:
         self._area = np.array([self._low, self._high])
         self._table = MovingObstacleTable(lengths_from_radii(options, unit_length(problem)))
 
-    def see(
-        self,
-        state: GuideState,
-        capabilities: Capabilities,
-        pose: Array,
-        goal: Array,
-        circles: Array,
-        solids: Solids | None,
-        rest: Array | None,
-        until: float,
-        view: View | None,
-        spread: Array | None,
-        speed: float,
-    ) -> Situation:
-        """See all that `Guide.reference` is given; a goal outside the area is moved to its edge."""
+    def see(self, state: GuideState, capabilities: Capabilities, task: GuideTask) -> Situation:
+        """See all that the guide is asked; a goal outside the area is moved to its edge."""
+        pose, goal, rest = task.pose, task.goal, task.rest
         tolerance = capabilities.tolerances.enter_distance
         outside = self._lies_outside(goal, tolerance)
         if outside:
@@ -118,14 +107,14 @@ class Surveyor:
             error=error,
             rest_error=error if rest is None else error + (rest - pose),
             distance=math.hypot(error[0], error[1]),
-            circles=circles,
-            solids=solids,
-            moving=self._moving(state, capabilities, circles, solids, spread),
+            circles=task.circles,
+            solids=task.solids,
+            moving=self._moving(state, capabilities, task),
             capabilities=capabilities,
             outside=outside,
-            until=until,
-            view=view,
-            speed=speed,
+            until=task.until,
+            view=task.view,
+            speed=task.speed,
         )
 
     def _lies_outside(self, goal: Array, tolerance: float) -> bool:
@@ -135,14 +124,10 @@ class Surveyor:
         return not (inside_x and low[1] - tolerance <= y <= high[1] + tolerance)
 
     def _moving(
-        self,
-        state: GuideState,
-        capabilities: Capabilities,
-        circles: Array,
-        solids: Solids | None,
-        spread: Array | None,
+        self, state: GuideState, capabilities: Capabilities, task: GuideTask
     ) -> MovingObstacles | None:
         """The circles, if any of them moves."""
+        circles, spread = task.circles, task.spread
         # circles at rest that were seen before are known again in a moment
         if not len(circles) or circles.tobytes() == state.circles_at_rest:
             return None
@@ -152,4 +137,4 @@ class Surveyor:
         speed = capabilities.evasive
         # who walks as he is told to is driven past as ever
         area = None if spread is None else self._area
-        return MovingObstacles(circles, inflation, speed, self._table, solids, spread, area)
+        return MovingObstacles(circles, inflation, speed, self._table, task.solids, spread, area)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from time import perf_counter
-
 import numpy as np
 import pytest
+from guided import GuideInUse
 
 import kmpc_lite as kl
 from kmpc_lite.control.guidance.capabilities import capabilities
-from kmpc_lite.control.guidance.guide import Guide
-from kmpc_lite.control.guidance.state import GuideState
 from kmpc_lite.control.guidance.timed_path import TimedPath
 from kmpc_lite.control.obstacles.solids import Solids
 from kmpc_lite.sim.touch import footprint_gaps
@@ -28,12 +25,9 @@ def path_of(
     walls: list[kl.Wall],
     **options: float,
 ) -> tuple[TimedPath | None, str]:
-    guide = Guide(PROBLEM, kl.GuidanceOptions(**options), clock=perf_counter)
-    state = GuideState()
-    guidance = guide.reference(
-        state, KNOWN, np.array(start), np.array(goal), NOTHING, Solids(walls)
-    )
-    return state.path, guidance.reason
+    guide = GuideInUse(PROBLEM, KNOWN, options=kl.GuidanceOptions(**options))
+    found = guide.reference(np.array(start), np.array(goal), NOTHING, solids=Solids(walls))
+    return guide.state.path, found.reason
 
 
 def least_gap(path: TimedPath, walls: list[kl.Wall]) -> float:

@@ -10,6 +10,7 @@ from lagging_robot import lagging
 
 import kmpc_lite as kl
 from kmpc_lite.control.guidance.guide import Guide
+from kmpc_lite.control.guidance.guide_task import GuideTask
 
 START, GOAL, LATE = np.array([0.0, 0.0, 0.3]), (3.0, 1.0, 0.0), 4
 WALKER = [kl.Circle(1.0, 1.5, 0.2, 0.1, -0.2)]
@@ -21,9 +22,9 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:
     found: list[tuple[Any, ...]] = []
     answer = Guide.reference
 
-    def listening(guide: Guide, *args: Any) -> Any:
-        guidance = answer(guide, *args)
-        found.append((args[2], args[4], guidance))
+    def listening(guide: Guide, state: Any, known: Any, task: GuideTask) -> Any:
+        guidance = answer(guide, state, known, task)
+        found.append((task.pose, task.circles, guidance))
         return guidance
 
     monkeypatch.setattr(Guide, "reference", listening)
