@@ -4,7 +4,8 @@ Matplotlib (``pip install 'kmpc-lite[plot]'``) is needed only when something is 
 """
 
 from kmpc_lite.report.html import write_report
-from kmpc_lite.report.maps import map_picture, overlay_picture
+from kmpc_lite.report.maps import map_picture
+from kmpc_lite.report.overlay import overlay_picture
 from kmpc_lite.report.pictures.commands import commands_picture
 from kmpc_lite.report.pictures.errors import errors_picture
 from kmpc_lite.report.pictures.files import write_pictures

@@ -15,7 +15,7 @@ from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
 from kmpc_lite.control.obstacles.outlines import corners_of
 from kmpc_lite.control.obstacles.shapes import Wall
 from kmpc_lite.recording.seen import CORNERS, STEP, hits, outline
-from kmpc_lite.report.maps import view_of
+from kmpc_lite.report.map_view import view_of
 from kmpc_lite.report.moments import Moments, moments
 from kmpc_lite.report.pictures.commands import limits
 from kmpc_lite.report.words import STATUS_WORDS

@@ -146,7 +146,7 @@ def test_passages_are_judged_past_solids_too() -> None:
 
 def test_pictures_show_solids(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    from kmpc_lite.report.maps import map_picture, overlay_picture
+    from kmpc_lite.report import map_picture, overlay_picture
 
     field = scenario(
         "polygons = [[[0, -1], [1, -1], [0, 0]]]\nwalls = [[-1, 1, 0, 1.5, 0.1]]\n"
