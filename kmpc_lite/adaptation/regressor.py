@@ -17,7 +17,7 @@ from kmpc_lite.adaptation.gains import whitening
 from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.adaptation.state import NO_STEPS, AdaptationState
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.scale import Scale
+from kmpc_lite.scale import UNIT_RADIUS, Scale
 from kmpc_lite.types import INPUTS, STATES, Array
 
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
@@ -43,7 +43,7 @@ class Regressor:
     ) -> None:
         self._dictionary, self._dt, self._memory = model.dictionary, model.dt, memory
         self._closed_form = model.closed_form
-        radius = scale.length * 0.15
+        radius = scale.length * UNIT_RADIUS
         self._least_step, self._least_turn = options.least_step * radius, options.least_turn
         self._jump_factor = options.jump_factor
         self._jump, self._jump_turn = options.jump * radius, options.jump_turn

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from kmpc_lite.control.problem import NavigationProblem
-
-POINT_ROBOT = 0.15
-"""Unit length of a robot without a radius [m]: the radius of the paper's robot."""
+from kmpc_lite.scale import UNIT_RADIUS
 
 
 def unit_length(problem: NavigationProblem) -> float:
@@ -13,7 +11,7 @@ def unit_length(problem: NavigationProblem) -> float:
 
     The robot's, or that of its footprint's circles; the paper's for a point.
     """
-    return problem.body_radius or POINT_ROBOT
+    return problem.body_radius or UNIT_RADIUS
 
 
 def fastest(problem: NavigationProblem) -> tuple[float, float]:
