@@ -125,8 +125,7 @@ def calibrate(model: KoopmanModel, held_out: Dataset, risk: float) -> float:
     held_out : Dataset
         Drives that it was not fitted to.
     risk : float
-        Probability that a robot leaves the ellipses within the memory of the tube (0.8 s at dt =
-        0.1).
+        Probability that a robot leaves the ellipses within the memory of the tube.
 
     Returns
     -------

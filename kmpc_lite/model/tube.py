@@ -20,7 +20,8 @@ from kmpc_lite.types import INPUTS, STATES, Array
 MEMORY = 8
 """Steps of noise that a stage still feels, a power of two. The feedback has forgotten the older
 ones: after 8 steps the spread is within 1 % of its limit at 0.3 m/s and more, and when slower there
-is little noise to add up."""
+is little noise to add up. Steps, not seconds: the controller corrects once in each, and quantiles
+in model files are calibrated so."""
 FORWARD, LATERAL, TURN = 0.5, 0.2, 0.5
 """What the assumed feedback takes away in one step: shares of the forward and of the heading error,
 and the gain by which a lateral error turns the robot back, as the share of itself that it is then

@@ -65,7 +65,8 @@ class GoalOptions:
     quiet_heading: float = angle(0.024)
     """A standard deviation of measured headings up to this widens nothing [rad]."""
     averaging: float = share(0.2)
-    """Weight of the newest pose in the averaged one: a robot at rest averages its noise away."""
+    """Weight of the newest pose in the averaged one: a robot at rest averages its noise away. It is
+    that of one period, however long it is: how much noise is left hangs on how many poses count."""
 
     def __post_init__(self) -> None:
         check(self)

@@ -12,9 +12,9 @@ class MarginOptions:
     """How wide margins are, and how fast they follow errors that the model did not expect."""
 
     risk: float = probability(0.05)
-    """Probability of leaving the tube around a plan within its memory (0.8 s at dt = 0.1) that
-    margins are made for. A collision is far rarer: the robot would have to leave the tube towards
-    an obstacle that the plan touches, and no later step could correct it."""
+    """Probability of leaving the tube around a plan within its memory (8 periods) that margins are
+    made for. A collision is far rarer: the robot would have to leave the tube towards an obstacle
+    that the plan touches, and no later step could correct it."""
     solver_margin: float = radii(1 / 30)
     """Added to every margin [radii]: what a QP that is stopped at its tolerance, and linearised
     once, may leave of a half-plane."""
@@ -60,10 +60,12 @@ class MarginOptions:
 
     innovation_attack: float = part(0.2)
     """Weight of the newest error in the running mean where that error is larger: ten times the slip
-    widens the margins 4-fold after one period and 8-fold after five."""
+    widens the margins 4-fold after one period and 8-fold after five. Weights and fading are those
+    of one period, however long it is: how surely chance is told from a floor hangs on how many
+    errors count, not on how long they took."""
     innovation_release: float = part(0.1)
     """Weight of the newest error where it is smaller: on a calm floor the margins are narrow again
-    within two seconds."""
+    within twenty periods."""
     innovation_calm: float = share(2.5, zero=False)
     """Running mean of squared errors, as a multiple of the expected one, up to which margins stay
     as they are: slip with heavy tails exceeds it in one period of ten."""
