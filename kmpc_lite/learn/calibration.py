@@ -18,7 +18,7 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.tube import MEMORY, feedback_delay, window_deviations
+from kmpc_lite.model.tube import tube_memory, window_deviations
 from kmpc_lite.types import Array
 
 RISKS = (0.3, 0.2, 0.1, 0.05, 0.03, 0.02, 0.01, 0.005, 0.003, 0.002, 0.001)
@@ -37,9 +37,8 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int | None = None) -> 
     held_out : Dataset
         Drives that the model was not fitted to.
     steps : int, optional
-        Length of a window [periods]: what the tube remembers, `MEMORY` and the feedback's delay,
-        where not given. Windows do not overlap, so that they are as independent as the drives
-        allow.
+        Length of a window [periods]: what the tube remembers where not given. Windows do not
+        overlap, so that they are as independent as the drives allow.
 
     Returns
     -------
@@ -59,7 +58,7 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int | None = None) -> 
         )
     length = model.history
     if steps is None:
-        steps = MEMORY + feedback_delay(model)
+        steps = tube_memory(model)
     parts: list[tuple[Array, Array, Array, Array | None]] = []
     found = []
     for episode in held_out.episodes:
@@ -148,7 +147,7 @@ def calibrate(model: KoopmanModel, held_out: Dataset, risk: float) -> float:
     values = scores(model, held_out)
     bound = conformal_quantile(values, risk)
     if not np.isfinite(bound):
-        steps = MEMORY + feedback_delay(model)
+        steps = tube_memory(model)
         raise DataError(
             f"{len(values)} held-out windows of {steps} steps are too few for a risk of "
             f"{risk:g}: "
@@ -172,7 +171,7 @@ def with_quantiles(
         for r in sorted(risks, reverse=True)
         if np.isfinite(q := conformal_quantile(values, r))
     ]
-    steps = MEMORY + feedback_delay(model)
+    steps = tube_memory(model)
     if len(table) < 2:
         raise DataError(
             f"{len(values)} held-out windows of {steps} steps are too few to calibrate: "

@@ -83,6 +83,11 @@ def feedback_delay(model: MotionModel) -> int:
     return late
 
 
+def tube_memory(model: MotionModel) -> int:
+    """Periods whose noise a stage feels: until feedback acts, and until it has forgotten them."""
+    return MEMORY + feedback_delay(model)
+
+
 def rotations(cos: Array, sin: Array) -> Array:
     """Matrices (..., 3, 3) from the robot's frame to the map's."""
     out = np.zeros((*cos.shape, 3, 3))
