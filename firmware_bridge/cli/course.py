@@ -73,7 +73,7 @@ def course(
     import kmpc_lite as kl
     from firmware_bridge.cli.standing import misplaced, own_frame
     from firmware_bridge.runtime.navigator import Moment, Navigator, Planned, Pose, Task
-    from kmpc_lite.sim.closed_loop import obstacle_gaps
+    from kmpc_lite.sim.gaps import obstacle_gaps
 
     scenario = scenario_of(robot)
     try:

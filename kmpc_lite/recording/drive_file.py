@@ -16,8 +16,9 @@ from kmpc_lite.mcap.read import is_ours, read_messages
 from kmpc_lite.reading import open_regular, parse_toml
 from kmpc_lite.recording.columns import Columns, number
 from kmpc_lite.recording.encoder import BEGIN, END, FORMAT, VERSION
-from kmpc_lite.sim.closed_loop import Outcome, Run, obstacle_gaps
+from kmpc_lite.sim.closed_loop import Outcome, Run
 from kmpc_lite.sim.details import Details
+from kmpc_lite.sim.gaps import obstacle_gaps
 from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.types import Array
 

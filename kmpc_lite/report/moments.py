@@ -8,8 +8,9 @@ import numpy as np
 
 from kmpc_lite.geometry import distances, wrap
 from kmpc_lite.report.words import substeps
-from kmpc_lite.sim.closed_loop import Run, obstacle_gaps
+from kmpc_lite.sim.closed_loop import Run
 from kmpc_lite.sim.details import Details
+from kmpc_lite.sim.gaps import obstacle_gaps
 from kmpc_lite.types import Array
 
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.errors import KmpcError
-from kmpc_lite.sim.closed_loop import Outcome, Run, obstacle_gaps
+from kmpc_lite.sim.closed_loop import Outcome, Run
+from kmpc_lite.sim.gaps import obstacle_gaps
 from kmpc_lite.types import Array
 
 STATUS_WORDS = {

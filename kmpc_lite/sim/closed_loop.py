@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.geometry import distances, wrap
 from kmpc_lite.sim.details import Details
-from kmpc_lite.sim.plants.lag import LaggingDrive
-from kmpc_lite.sim.plants.robots import DifferentialDrive
+from kmpc_lite.sim.gaps import obstacle_gaps as obstacle_gaps
+from kmpc_lite.sim.periods import periods
+from kmpc_lite.sim.plants.plant import Plant, scenario_plant
 from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.types import Array
 
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from kmpc_lite.sim.lidar import Lidar
 
 SUBSAMPLES = 4
+Watch = Callable[[float, Array, Any, Plan], None]
+"""Is told of each step: its time [s], the measured pose, the obstacles, and the plan."""
 
 
 class Steps(Protocol):
@@ -34,14 +36,6 @@ class Steps(Protocol):
 
     def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Any = ()) -> Plan:
         """Plan from a pose."""
-        ...
-
-
-class Plant(Protocol):
-    """Whatever can be driven."""
-
-    def trace(self, x: ArrayLike, u: ArrayLike, dt: float, substeps: int) -> Array:
-        """States (substeps, 3) during one period."""
         ...
 
 
@@ -148,7 +142,7 @@ def drive(
     settle: float = 0.0,
     stop_norm: float | None = None,
     info: dict[str, Any] | None = None,
-    watch: Callable[[float, Array, Any, Plan], None] | None = None,
+    watch: Watch | None = None,
     lidar: Lidar | None = None,
 ) -> Run:
     """Drive a scenario to its end: arrived, collided, or out of time.
@@ -171,26 +165,19 @@ def drive(
     info : dict, optional
         Kept with the run.
     watch : callable, optional
-        Is told of each step: its time [s], the measured pose, the obstacles, and the plan.
+        Is told of each step: see `Watch`.
     lidar : Lidar, optional
         What the controller gets to see instead of the scenario's obstacles.
     """
     robot = scenario_plant(scenario) if plant is None else plant
-    noise = np.random.default_rng([scenario.seed, 1])
-    goal, x = np.array(scenario.goal), np.array(scenario.start)
+    x = np.array(scenario.start)
     states, path, inputs, plans = [x], [x], [], []
     statuses, times = list[str](), list[float]()
     steps = int(np.ceil(scenario.timeout / dt - 1e-9))
     clearance, outcome, inside, duration = np.inf, Outcome.TIMEOUT, 0.0, steps * dt
     moments = dt * np.arange(1, SUBSAMPLES + 1) / SUBSAMPLES
-    for k in range(steps):
-        seen = x if not scenario.pose_age else _at(path, SUBSAMPLES * (k - scenario.pose_age / dt))
-        measured = seen + noise.normal(size=3) * scenario.pose_noise
-        obstacles = scenario.obstacles_at(k * dt) if lidar is None else [lidar.scan(seen, k * dt)]
-        plan = controller.step(measured, goal, obstacles)
-        if watch is not None:
-            watch(k * dt, measured, obstacles, plan)
-        trace = robot.trace(x, plan.command, dt, SUBSAMPLES)
+    step = _planning(controller, scenario, dt, path, watch, lidar)
+    for k, plan, trace in periods(step, lambda x, u: robot.trace(x, u, dt, SUBSAMPLES), x, steps):
         inputs.append(plan.command)
         plans.append(plan.states)
         statuses.append(plan.status.name)
@@ -226,6 +213,30 @@ def drive(
     )
 
 
+def _planning(
+    controller: Steps,
+    scenario: Scenario,
+    dt: float,
+    path: Sequence[Array],
+    watch: Watch | None,
+    lidar: Lidar | None,
+) -> Callable[[Array, int], Plan]:
+    """Give what plans in a period from what is measured and seen then; `path` grows meanwhile."""
+    noise, goal = np.random.default_rng([scenario.seed, 1]), np.array(scenario.goal)
+    age = scenario.pose_age / dt
+
+    def step(pose: Array, k: int) -> Plan:
+        seen = _at(path, SUBSAMPLES * (k - age)) if age else pose
+        measured = seen + noise.normal(size=3) * scenario.pose_noise
+        obstacles = scenario.obstacles_at(k * dt) if lidar is None else [lidar.scan(seen, k * dt)]
+        plan = controller.step(measured, goal, obstacles)
+        if watch is not None:
+            watch(k * dt, measured, obstacles, plan)
+        return plan
+
+    return step
+
+
 def _tuned(controller: Steps) -> dict[str, Any]:
     """Options of a controller of ours that are not the usual ones, to be kept with a run."""
     options = getattr(controller, "options", None)
@@ -243,51 +254,9 @@ def _is_there(x: Array, scenario: Scenario, stop_norm: float | None) -> bool:
     return bool(np.linalg.norm(error) <= stop_norm)
 
 
-def scenario_plant(scenario: Scenario) -> Plant:
-    """Build the robot of a scenario: one that lags where motors lag or the floor changes."""
-    if scenario.lag or scenario.dead_time or scenario.floors:
-        return LaggingDrive(
-            scenario.lag,
-            scenario.dead_time,
-            scenario.slip,
-            scenario.turn_gain,
-            scenario.seed,
-            scenario.floors,
-            scenario.turning_point,
-        )
-    return DifferentialDrive(
-        scenario.slip, scenario.seed, scenario.turn_gain, scenario.turning_point
-    )
-
-
 def _at(path: Sequence[Array], place: float) -> Array:
     """Pose (3,) between two sub-samples; before the first the robot stood there."""
     whole, share = divmod(max(place, 0.0), 1.0)
     before, after = path[int(whole)], path[min(int(whole) + 1, len(path) - 1)]
     pose: Array = before + share * (after - before)
     return pose
-
-
-def obstacle_gaps(scenario: Scenario, poses: Array, times: Array) -> Array:
-    """Distances (n,) from a robot at poses (n, 3) [m, m, rad] to its nearest obstacle.
-
-    Obstacles stand where they are at times (n,) [s]; distances [m] are those between edges.
-    """
-    if scenario.footprint is None:
-        return point_gaps(scenario, poses[:, :2], times) - scenario.radius
-    # here, since most robots are round
-    from kmpc_lite.sim.touch import footprint_gaps
-
-    circles = np.array([scenario.circles_at(time) for time in times.tolist()])
-    solids = () if scenario.solids is None else scenario.solids.solids
-    return footprint_gaps(scenario.footprint, poses, circles, solids)
-
-
-def point_gaps(scenario: Scenario, points: Array, times: Array) -> Array:
-    """Distances (n,) from points (n, 2) to the nearest obstacle at times (n,) [m], [s]."""
-    gaps = np.full(len(points), np.inf)
-    if scenario.circles:
-        gaps = circle_distances(scenario.circles_at(0.0), points, times)[0].min(axis=1)
-    if scenario.solids is not None:
-        gaps = np.minimum(gaps, scenario.solids.whole.least(points))
-    return gaps

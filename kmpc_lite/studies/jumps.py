@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.control.controller import Controller
-from kmpc_lite.control.plan import GoalProgress
+from kmpc_lite.control.plan import GoalProgress, Plan
 from kmpc_lite.model.nominal import nominal_unicycle
-from kmpc_lite.sim.closed_loop import obstacle_gaps
+from kmpc_lite.sim.gaps import obstacle_gaps
 from kmpc_lite.sim.maps.families import random_map
+from kmpc_lite.sim.periods import periods
 from kmpc_lite.sim.plants.robots import DifferentialDrive
 from kmpc_lite.sim.touch import LOOKS
 from kmpc_lite.studies.records import Record, RecordFile, drive_all
@@ -90,21 +91,22 @@ def drive(kind: str, size: float, seed: int) -> Record:
     scenario = random_map(FAMILY, seed, SLIP)
     controller = Controller(nominal_unicycle(DT), scenario.problem())
     jumps, plant = Jumps(kind, size, seed), DifferentialDrive(SLIP, seed)
-    pose, goal, circles = (
-        np.array(scenario.start),
-        np.array(scenario.goal),
-        scenario.circles_at(0.0),
-    )
-    steps = waited = 0
-    collided = arrived = False
-    while steps * DT < TIMEOUT and not (collided or arrived):
-        off, frame = jumps.at(steps * DT), jumps.frame
-        plan = controller.step(pose + off + frame, goal, circles + (*frame[:2], 0.0, 0.0, 0.0))
-        waited += plan.progress is GoalProgress.WAITING
-        trace = plant.trace(pose, plan.command, DT, LOOKS)
-        collided = bool((obstacle_gaps(scenario, trace, np.zeros(LOOKS)) < 0.0).any())
-        pose, steps = trace[-1], steps + 1
-        arrived = bool(scenario.arrival.met(pose + jumps.frame, goal))
+    goal, circles = np.array(scenario.goal), scenario.circles_at(0.0)
+    waited = 0
+
+    def step(pose: Array, k: int) -> Plan:
+        off, frame = jumps.at(k * DT), jumps.frame
+        return controller.step(pose + off + frame, goal, circles + (*frame[:2], 0.0, 0.0, 0.0))
+
+    def move(pose: Array, command: Array) -> Array:
+        return plant.trace(pose, command, DT, LOOKS)
+
+    for period in periods(step, move, np.array(scenario.start), round(TIMEOUT / DT)):
+        waited += period.plan.progress is GoalProgress.WAITING
+        collided = bool((obstacle_gaps(scenario, period.poses, np.zeros(LOOKS)) < 0.0).any())
+        arrived = bool(scenario.arrival.met(period.poses[-1] + jumps.frame, goal))
+        if collided or arrived:
+            break
     return {
         "kind": kind,
         "size": size,
@@ -112,7 +114,7 @@ def drive(kind: str, size: float, seed: int) -> Record:
         "jumps": jumps.count,
         "collided": collided,
         "arrived": arrived and not collided,
-        "seconds": round(steps * DT, 3),
+        "seconds": round((period.number + 1) * DT, 3),
         "waited": round(waited * DT, 3),
     }
 

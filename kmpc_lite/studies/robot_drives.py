@@ -16,11 +16,12 @@ from typing import Any, Protocol
 import numpy as np
 
 from kmpc_lite.control import Circle, Controller, NavigationProblem
-from kmpc_lite.control.plan import PlanStatus
+from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import UNIT_RADIUS
 from kmpc_lite.sim.arrival import in_pose
 from kmpc_lite.sim.maps.families import random_map
+from kmpc_lite.sim.periods import periods
 from kmpc_lite.sim.touch import footprint_gaps
 from kmpc_lite.studies.any_robot import Robot, RobotPlant, learn, random_robot
 from kmpc_lite.studies.records import drive_rows
@@ -105,28 +106,35 @@ def drive(
 def judge(name: str, seed: int, controller: Controller, plant: Moves, course: Course) -> RobotDrive:
     """Drive over a course, and judge by the true poses."""
     radius, dt = controller.problem.body_radius, controller.problem.dt
-    random, goal, pose = np.random.default_rng([seed, 7]), course.goal, course.start
+    random, goal = np.random.default_rng([seed, 7]), course.goal
     tolerance = in_pose(radius, course.spread)
-    limit, inside, stopped, k, clearance = 8.0 * course.ideal + 20.0, 0.0, 0, 0, np.inf
-    while k * dt < limit and inside < HELD:
-        plan = controller.step(pose + course.spread * random.normal(size=3), goal, course.circles)
-        poses = plant.drive(pose, plan.command)
-        pose, k = poses[-1], k + 1
+    inside, stopped, clearance = 0.0, 0, np.inf
+
+    def step(pose: Array, k: int) -> Plan:
+        measured = pose + course.spread * random.normal(size=3)
+        return controller.step(measured, goal, course.circles)
+
+    most = math.ceil((8.0 * course.ideal + 20.0) / dt)
+    for period in periods(step, plant.drive, course.start, most):
+        plan, poses = period.plan, period.poses
         stopped += plan.status is PlanStatus.STOPPED
         clearance = min(clearance, _least_gap(controller.problem, poses, course.circles))
         if clearance < 0.0:
             break
-        inside = inside + dt if tolerance.met(pose, goal) else 0.0
+        inside = inside + dt if tolerance.met(poses[-1], goal) else 0.0
+        if inside >= HELD:
+            break
+    driven = period.number + 1
     return RobotDrive(
         name,
         seed,
         inside >= HELD,
         plan.holding and inside < HELD,
         clearance < 0.0,
-        k * dt - HELD,
+        driven * dt - HELD,
         course.ideal,
         clearance,
-        stopped / k,
+        stopped / driven,
         f"{plan.progress.value}: {plan.reason}" if plan.reason else plan.progress.value,
     )
 

@@ -10,7 +10,8 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.errors import ScenarioError
-from kmpc_lite.sim.closed_loop import Outcome, Run, drive, obstacle_gaps
+from kmpc_lite.sim.closed_loop import Outcome, Run, drive
+from kmpc_lite.sim.gaps import obstacle_gaps
 from kmpc_lite.sim.maps.families import random_map
 from kmpc_lite.sim.scenario.files import Scenario
 

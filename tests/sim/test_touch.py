@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from kmpc_lite.control import Footprint, OccupancyGrid, Polygon, Wall
-from kmpc_lite.sim.closed_loop import obstacle_gaps
+from kmpc_lite.sim.gaps import obstacle_gaps
 from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.sim.touch import footprint_gaps
 from kmpc_lite.types import Array

@@ -28,7 +28,7 @@ from firmware_bridge.ros2.node import Node, NodeOptions, Publisher, Subscription
 from firmware_bridge.ros2.transforms import planar, planar_matrix
 from kmpc_lite.control import Footprint
 from kmpc_lite.sim import Scenario
-from kmpc_lite.sim.closed_loop import obstacle_gaps
+from kmpc_lite.sim.gaps import obstacle_gaps
 from kmpc_lite.sim.plants.lag import LaggingDrive
 from kmpc_lite.types import Array
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from kmpc_lite.sim import Scenario
-from kmpc_lite.sim.closed_loop import point_gaps
+from kmpc_lite.sim.gaps import point_gaps
 from kmpc_lite.types import Array
 
 BORDER = 0.5

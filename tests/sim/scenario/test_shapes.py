@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.sim.closed_loop import Outcome, drive, obstacle_gaps
+from kmpc_lite.sim.closed_loop import Outcome, drive
+from kmpc_lite.sim.gaps import obstacle_gaps
 from kmpc_lite.sim.maps.families import has_passage, random_map
 from kmpc_lite.sim.scenario.files import Scenario
 
