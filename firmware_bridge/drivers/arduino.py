@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from firmware_bridge.drivers.polled import LineDriver
-from firmware_bridge.drivers.polled.timing import check_watchdog, counts_per_metre
+from firmware_bridge.drivers.polled.counts import INT32, counts_per_metre
+from firmware_bridge.drivers.polled.options import PolledOptions, check_watchdog
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import crc16
 from firmware_bridge.messages import LinkError
-from firmware_bridge.options import bounded, check, from_table
+from firmware_bridge.options import bounded, from_table
 
 VERSION = 1
 DRIVEN, WATCHDOG, STOPPED, ENCODER, FAULT = 1, 2, 4, 8, 16
@@ -24,7 +25,6 @@ ERRORS = {
     FAULT: "the sketch reports a fault",
 }
 SEQUENCES = 256
-INT32 = 2**31
 LINE = re.compile(rb"([HS]) (\d{1,3})((?: -?\d{1,10})*)\*([0-9A-F]{4})")
 
 
@@ -40,8 +40,8 @@ def line(text: str) -> bytes:
     return body + b"*%04X\n" % crc16(body)
 
 
-@dataclass(frozen=True)
-class ArduinoOptions:
+@dataclass(frozen=True, kw_only=True)
+class ArduinoOptions(PolledOptions):
     """The ``[board]`` section of a robot file."""
 
     counts_per_turn: float = bounded(1.0, 1e7)
@@ -49,14 +49,10 @@ class ArduinoOptions:
     watchdog: float = bounded(0.1, 10.0, "s", 0.3)
     """The board stops the motors when it hears no command for so long [s]; told with each command.
     """
-    command_timeout: float = bounded(0.05, 10.0, "s", 0.25)
-    """The driver sends zero when the last command is older [s]."""
-    poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)
-    reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        check(self)
+        super().__post_init__()
         check_watchdog(self.command_timeout, self.watchdog)
 
 

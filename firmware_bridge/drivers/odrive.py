@@ -11,12 +11,12 @@ from typing import Any
 
 from firmware_bridge.drivers.odrive_errors import REGISTERS
 from firmware_bridge.drivers.polled import STANDSTILL, LineDriver, NoReply
-from firmware_bridge.drivers.polled.timing import check_watchdog
+from firmware_bridge.drivers.polled.options import PolledOptions, check_watchdog
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import odrive_line, odrive_text
 from firmware_bridge.messages import ConfigError, LinkError
-from firmware_bridge.options import bounded, check, from_table
+from firmware_bridge.options import bounded, from_table
 
 IDLE, CLOSED_LOOP = 1, 8
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)", re.ASCII)
@@ -25,8 +25,8 @@ BOOLEANS = {"True": "1", "False": "0"}
 REFUSALS = ("invalid property", "unknown command", "not implemented", "invalid command format")
 
 
-@dataclass(frozen=True)
-class ODriveOptions:
+@dataclass(frozen=True, kw_only=True)
+class ODriveOptions(PolledOptions):
     """The ``[board]`` section of a robot file."""
 
     first_axis: int = bounded(0, 7, "", 0)
@@ -40,12 +40,10 @@ class ODriveOptions:
     command_timeout: float = bounded(0.05, 10.0, "s", 0.25)
     """The driver sends zero when the last command is older [s]; less than the watchdog, so that the
     motors brake before they disarm."""
-    poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)
-    reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        check(self)
+        super().__post_init__()
         if self.first_axis == self.second_axis:
             raise ConfigError(
                 "second_axis: expected another axis than first_axis, "

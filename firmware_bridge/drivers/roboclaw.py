@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from firmware_bridge.drivers.polled import NoReply, PolledDriver
-from firmware_bridge.drivers.polled.timing import counts_per_metre
+from firmware_bridge.drivers.polled.counts import counts_per_metre
+from firmware_bridge.drivers.polled.options import PolledOptions
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import RoboClawReplies, roboclaw_packet, roboclaw_request
 from firmware_bridge.messages import LinkError
-from firmware_bridge.options import bounded, check, from_table
+from firmware_bridge.options import bounded, from_table
 
 SET_TIMEOUT, GET_TIMEOUT, DUTY, SPEED, SPEED_ACCEL, COUNTS, RAW_SPEEDS, STATUS = (
     14,
@@ -78,8 +79,8 @@ STOPPING_32, STOPPING_16 = 0x0000FFFF, 0x000003FC
 ENCODER_LOST = 0x00000300
 
 
-@dataclass(frozen=True)
-class RoboClawOptions:
+@dataclass(frozen=True, kw_only=True)
+class RoboClawOptions(PolledOptions):
     """The ``[board]`` section of a robot file."""
 
     counts_per_turn: float = bounded(1.0, 1e7)
@@ -93,12 +94,6 @@ class RoboClawOptions:
     command_timeout: float = bounded(0.05, 10.0, "s", 0.5)
     """The driver sends zero when the last command is older [s]: its questions alone would feed the
     board's watchdog."""
-    poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)
-    reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check(self)
 
 
 def status_words(status: int, size: int) -> tuple[tuple[str, ...], tuple[str, ...]]:

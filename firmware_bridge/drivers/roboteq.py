@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from firmware_bridge.drivers.polled import LineDriver
-from firmware_bridge.drivers.polled.timing import check_watchdog
+from firmware_bridge.drivers.polled.options import PolledOptions, check_watchdog
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import LinkError
-from firmware_bridge.options import bounded, check, from_table
+from firmware_bridge.options import bounded, from_table
 
 FAULTS = (
     "overheat",
@@ -46,22 +46,18 @@ REFUSALS = 5
 RPM = 60.0
 
 
-@dataclass(frozen=True)
-class RoboteqOptions:
+@dataclass(frozen=True, kw_only=True)
+class RoboteqOptions(PolledOptions):
     """The ``[board]`` section of a robot file."""
 
     counts_per_turn: float = bounded(1.0, 1e7)
     """Encoder counts per motor turn: four times the encoder's pulses (`EPPR`)."""
     watchdog: float = bounded(0.1, 10.0, "s", 0.5)
     """The board stops the motors when it hears no command for so long (`RWD`) [s]."""
-    command_timeout: float = bounded(0.05, 10.0, "s", 0.25)
-    """The driver sends zero when the last command is older [s]."""
-    poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)
-    reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        check(self)
+        super().__post_init__()
         check_watchdog(self.command_timeout, self.watchdog)
 
 

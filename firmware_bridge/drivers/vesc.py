@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from firmware_bridge.drivers.polled import NoReply, PolledDriver
+from firmware_bridge.drivers.polled.options import PolledOptions
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import VescPackets, vesc_packet
 from firmware_bridge.messages import ConfigError
-from firmware_bridge.options import bounded, check, from_table
+from firmware_bridge.options import bounded, from_table
 
 FW_VERSION, GET_VALUES, SET_CURRENT, SET_BRAKE, SET_RPM, ALIVE, FORWARD_CAN, GET_SELECTIVE = (
     0,
@@ -70,8 +71,8 @@ FAULTS = (
 ENCODER_FAULTS = frozenset({11, 12, 13, 20, 21, 22, 25, 26, 28})
 
 
-@dataclass(frozen=True)
-class VescOptions:
+@dataclass(frozen=True, kw_only=True)
+class VescOptions(PolledOptions):
     """The ``[board]`` section of a robot file."""
 
     can_id: int = bounded(0, 253)
@@ -83,12 +84,6 @@ class VescOptions:
     roll."""
     command_timeout: float = bounded(0.05, 0.9, "s", 0.5)
     """The driver sends zero when the last command is older [s]; below the board's own second."""
-    poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)
-    reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check(self)
 
 
 class VescDriver(PolledDriver):

@@ -24,8 +24,8 @@ class PolledDriver(PollingThread):
         Of the robot.
     odometry : WheelOdometry
         Fits the board's counters.
-    timing : Timing
-        How often the board is asked, and how long replies and commands last: the board's options.
+    options : PolledOptions
+        How often the board is asked, and how long replies and commands last.
     """
 
     def connect(self, timeout: float) -> None:

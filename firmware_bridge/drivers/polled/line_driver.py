@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 
 from firmware_bridge.drivers.polled.driver import PolledDriver
-from firmware_bridge.drivers.polled.timing import Timing
+from firmware_bridge.drivers.polled.options import PolledOptions
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import Lines
@@ -18,7 +18,7 @@ class LineDriver(PolledDriver):
 
     Parameters
     ----------
-    transport, geometry, odometry, timing
+    transport, geometry, odometry, options
         As `PolledDriver` takes them.
     """
 
@@ -27,9 +27,9 @@ class LineDriver(PolledDriver):
         transport: Transport,
         geometry: WheelGeometry,
         odometry: WheelOdometry,
-        timing: Timing,
+        options: PolledOptions,
     ) -> None:
-        super().__init__(transport, geometry, odometry, timing)
+        super().__init__(transport, geometry, odometry, options)
         self._lines, self._bad_lines = Lines(), 0
 
     def _take_line(self, line: bytes, stamp: float) -> bool:

@@ -11,8 +11,8 @@ from firmware_bridge.drivers.polled.board_pose import BoardPose
 from firmware_bridge.drivers.polled.dead_wheel import DeadWheels
 from firmware_bridge.drivers.polled.exchange import Exchange, NoReply
 from firmware_bridge.drivers.polled.held_command import HeldCommand
+from firmware_bridge.drivers.polled.options import PolledOptions
 from firmware_bridge.drivers.polled.runaway_wheel import RunawayWheels
-from firmware_bridge.drivers.polled.timing import Timing
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import LinkError
@@ -33,7 +33,7 @@ class PollingThread(Board):
 
     Parameters
     ----------
-    transport, geometry, odometry, timing
+    transport, geometry, odometry, options
         As `PolledDriver` takes them.
     """
 
@@ -42,15 +42,15 @@ class PollingThread(Board):
         transport: Transport,
         geometry: WheelGeometry,
         odometry: WheelOdometry,
-        timing: Timing,
+        options: PolledOptions,
     ) -> None:
         self._transport, self._geometry = transport, geometry
         self._pose = BoardPose(geometry, odometry)
         self._odometry, self._dead = odometry, DeadWheels(geometry.wheel_radius, odometry.count)
         self._runaway = RunawayWheels(geometry.max_wheel_speed / geometry.wheel_radius)
-        self._period = 1.0 / timing.poll_hz
-        self._held = HeldCommand(timing.command_timeout, 0 if self.answers_commands else ZEROS)
-        self._exchange = Exchange(transport, timing.reply_timeout, self._begin)
+        self._period = 1.0 / options.poll_hz
+        self._held = HeldCommand(options.command_timeout, 0 if self.answers_commands else ZEROS)
+        self._exchange = Exchange(transport, options.reply_timeout, self._begin)
         self._changed = self._exchange.changed
         self._thread: threading.Thread | None = None
         self._configured = False

@@ -1,0 +1,39 @@
+"""How often a board is asked and how long it is waited for: what every ``[board]`` section has."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from firmware_bridge.messages import ConfigError
+from firmware_bridge.options import bounded, check
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolledOptions:
+    """What the ``[board]`` section of every board that answers requests has."""
+
+    command_timeout: float = bounded(0.05, 10.0, "s", 0.25)
+    """The driver itself sends zero speed when the last command is older [s]."""
+    poll_hz: float = bounded(5.0, 200.0, "Hz", 50.0)
+    """Rounds of questions per second [Hz]."""
+    reply_timeout: float = bounded(0.01, 1.0, "s", 0.05)
+    """How long a reply may take [s]."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check(self)
+
+
+def check_watchdog(command_timeout: float, watchdog: float) -> None:
+    """Check that the driver stops the motors before the board's watchdog does.
+
+    Raises
+    ------
+    ConfigError
+        Where its time-out is not the shorter one.
+    """
+    if command_timeout >= watchdog:
+        raise ConfigError(
+            f"command_timeout: expected less than the watchdog of {watchdog:g} s, "
+            f"got {command_timeout:g}"
+        )
