@@ -23,6 +23,7 @@ from kmpc_lite.control.pipeline import Pipeline
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.settings import (
+    Settings,
     check_budget,
     check_replacement,
     check_settings,
@@ -123,36 +124,37 @@ class Controller:
     ) -> None:
         self.problem = problem = NavigationProblem() if problem is None else problem
         self.options = options = choose_options(options, guidance, risk)
-        settings: dict[str, Any] = {
-            "pose_age": pose_age,
-            "sqp_iterations": choose_passes(problem, sqp_iterations, guidance, options),
-            "tolerance": tolerance,
-            "obstacle_slots": obstacle_slots,
-            "time_budget": time_budget,
-            "solver": solver,
-        }
-        check_settings(model, problem, tightening, guidance, settings, options.step)
-        chosen = {"guidance": bool(guidance), "tightening": tightening}
-        self._settings = {**settings, **chosen, "options": options, "clock": clock}
+        self._settings = settings = Settings(
+            guidance=bool(guidance),
+            tightening=tightening,
+            pose_age=pose_age,
+            sqp_iterations=choose_passes(problem, sqp_iterations, guidance, options),
+            tolerance=tolerance,
+            obstacle_slots=obstacle_slots,
+            time_budget=time_budget,
+            solver=solver,
+            options=options,
+            clock=clock,
+        )
+        check_settings(model, problem, settings)
         self.scale = scale = problem.scale
         self.adaptation = choose_adaptation(
             model, adaptation, tightening is not None, scale, options.adaptation
         )
         self.units = units = problem_in_units(problem, model, options, bool(guidance))
-        self._clock, self._time_budget = clock, time_budget
         self._pose_age = whole_age(pose_age, model, options.step) / scale.time
         self._examiner = Examiner(units, scale, options, tightening is not None, bool(guidance))
         self._sqp = SQP(
             units,
             model.history,
-            iterations=settings["sqp_iterations"],
+            iterations=settings.sqp_iterations,
             tolerance=tolerance,
             slots=obstacle_slots,
             options=options.solver,
             step=options.step,
             solver=solver,
             clock=clock,
-            ways=keeps_ways(units, self._settings, options.solver),
+            ways=keeps_ways(units, settings),
         )
         check_budget(time_budget, solver, self._sqp.workspace.can_be_stopped)
         guide = make_guide(units, options, clock) if guidance else None
@@ -195,7 +197,7 @@ class Controller:
         ValueError
             For wrong shapes and what is no numbers, and for nothing else.
         """
-        clock = StepClock(self._clock, self._time_budget)
+        clock = StepClock(self._settings.clock, self._settings.time_budget)
         phases, state = self._pipeline, self._state
         seen = self._admission.admit(state.scene, x, goal, obstacles, sent)
         phases.bring_forward(state, seen, self.known)
@@ -236,7 +238,7 @@ class Controller:
             self.adaptation.reset()
         history = CommandHistory.start(self.units, self._learned.history, self._pose_age)
         adaptation = None if self.adaptation is None else self.adaptation.state
-        guided = self._settings["guidance"]
+        guided = self._settings.guidance
         self._state = ControllerState.start(self._learned, history, guided, adaptation)
         self.known = self._examiner.examine(self._learned, self._learned)
 
@@ -272,19 +274,18 @@ class Controller:
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy and pickle as what it was made of, and its state."""
         own: Any = False if self.adaptation is None else self.adaptation
-        made_of = (self._learned, self.problem, {**self._settings, "adaptation": own})
-        return _restored, (*made_of, self._state)
+        return _restored, (self._learned, self.problem, self._settings, own, self._state)
 
 
 def _restored(
     model: KoopmanModel,
     problem: NavigationProblem,
-    settings: dict[str, Any],
+    settings: Settings,
+    adaptation: Any,
     state: ControllerState,
 ) -> Controller:
     """Continue a drive with a new controller; the state of its adaptation is not touched."""
-    adaptation = settings["adaptation"]
-    controller = Controller(model, problem, **{**settings, "adaptation": False})
+    controller = Controller(model, problem, adaptation=False, **vars(settings))
     controller.adaptation = adaptation or None
     controller.state = state
     return controller

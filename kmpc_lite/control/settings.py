@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
+from kmpc_lite.control.nmpc.choose_solver import MakeSolver
 from kmpc_lite.control.options import (
     AdaptationOptions,
     ControllerOptions,
     GuidanceOptions,
-    SolverOptions,
-    StepOptions,
     fastest,
     unit_length,
 )
@@ -25,10 +25,30 @@ from kmpc_lite.model.motion import unmodelled_delay
 from kmpc_lite.scale import Scale
 
 
+@dataclass(frozen=True)
+class Settings:
+    """Arguments of a `Controller` by their names, as it uses them; it is copied by these."""
+
+    guidance: bool
+    tightening: Literal["learned"] | None
+    pose_age: float
+    """[s]"""
+    sqp_iterations: int
+    tolerance: float
+    obstacle_slots: int
+    time_budget: float | None
+    """[s]"""
+    solver: str | MakeSolver
+    options: ControllerOptions
+    clock: Callable[[], float]
+
+
 def choose_options(
     options: ControllerOptions | None, guidance: bool | GuidanceOptions, risk: float | None
 ) -> ControllerOptions:
     """Options with what was said in arguments of their own."""
+    if not isinstance(guidance, bool | GuidanceOptions):
+        raise ProblemError(f"guidance: expected True, False or GuidanceOptions, got {guidance!r}")
     chosen = ControllerOptions() if options is None else options
     if not isinstance(chosen, ControllerOptions):
         raise ProblemError(f"options: expected ControllerOptions, got {type(chosen).__name__}")
@@ -60,27 +80,19 @@ def choose_passes(
     return options.solver.long_period_passes if far else 1
 
 
-def keeps_ways(
-    problem: NavigationProblem, settings: dict[str, Any], options: SolverOptions
-) -> bool:
+def keeps_ways(problem: NavigationProblem, settings: Settings) -> bool:
     """Whether ways between stages are kept clear: steps are long, and passes are made for it.
 
     The paper, without guidance or margins, looks at the stages alone.
     """
-    if problem.footprint is not None or settings["sqp_iterations"] == 1:
+    if problem.footprint is not None or settings.sqp_iterations == 1:
         return False
-    is_long = problem.dt * fastest(problem)[0] > options.long_step * unit_length(problem)
-    return bool(is_long and settings["guidance"] and settings["tightening"] is not None)
+    long_step = settings.options.solver.long_step * unit_length(problem)
+    is_long = problem.dt * fastest(problem)[0] > long_step
+    return is_long and settings.guidance and settings.tightening is not None
 
 
-def check_settings(
-    model: Any,
-    problem: NavigationProblem,
-    tightening: Any,
-    guidance: Any,
-    numbers: dict[str, Any],
-    limits: StepOptions,
-) -> None:
+def check_settings(model: Any, problem: NavigationProblem, settings: Settings) -> None:
     """Raise ProblemError for arguments of a controller that cannot be meant."""
     if not isinstance(model, KoopmanModel):
         raise ProblemError(
@@ -89,10 +101,11 @@ def check_settings(
         )
     check_period(model, problem)
     for name in ("sqp_iterations", "obstacle_slots"):
-        value = numbers[name]
+        value = getattr(settings, name)
         if isinstance(value, bool) or not isinstance(value, int) or value < 1:
             raise ProblemError(f"{name}: expected a whole number >= 1, got {value!r}")
-    tolerance, budget, age = numbers["tolerance"], numbers["time_budget"], numbers["pose_age"]
+    tolerance, budget, age = settings.tolerance, settings.time_budget, settings.pose_age
+    tightening, limits = settings.tightening, settings.options.step
     if not (np.isfinite(tolerance) and tolerance > 0):
         raise ProblemError(f"tolerance: expected a number > 0, got {tolerance!r}")
     if budget is not None and not (np.isfinite(budget) and budget > 0):
@@ -111,8 +124,6 @@ def check_settings(
         raise ProblemError(
             "sensor_range: plans are checked for a stop within it only with tightening='learned'"
         )
-    if not isinstance(guidance, bool | GuidanceOptions):
-        raise ProblemError(f"guidance: expected True, False or GuidanceOptions, got {guidance!r}")
 
 
 def check_period(model: KoopmanModel, problem: NavigationProblem) -> None:
