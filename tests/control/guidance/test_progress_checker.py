@@ -4,25 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from guide_scenes import NO_CIRCLES, OPTIONS, PROBLEM, circles
 from guided import GuideInUse
 
 import kmpc_lite as kl
 from kmpc_lite.control.guidance.progress_checker import ProgressChecker, ProgressState
 from kmpc_lite.control.guidance.reference import Guidance
-from kmpc_lite.control.obstacles.circles import circles_to_array
 from kmpc_lite.control.obstacles.solids import Solids
-from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
 from kmpc_lite.control.plan import GoalProgress
 
-PROBLEM = kl.NavigationProblem(margin=0.05)
-OPTIONS = lengths_from_radii(GuidanceOptions(), PROBLEM.robot_radius)
-NO_CIRCLES = np.empty((0, 5))
 START = np.array([-1.5, 0.05, 0.0])
 STALL_STEPS = round(OPTIONS.stall_time / PROBLEM.dt)
-
-
-def circles(*rows: tuple[float, ...]) -> np.ndarray:
-    return circles_to_array([kl.Circle(*row) for row in rows])
 
 
 def first_answer(goal: tuple[float, float, float], scene: np.ndarray, **more: object) -> Guidance:
