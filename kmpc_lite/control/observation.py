@@ -60,6 +60,8 @@ class Observation:
     """(3,) the pose as measured, not brought forward."""
     spread: Array | None = None
     """(M,) speeds at which circles grow whose velocity was seen, not told; None: none was."""
+    walkers: int = 0
+    """How many of the circles, the last ones, scans have shown to walk."""
     perhaps: Array = field(default_factory=lambda: np.empty((0, 5)))
     """(P, 5) who seems to walk in scans, but may be a piece of something that stands."""
 
@@ -67,6 +69,18 @@ class Observation:
     def pose_is_known(self) -> bool:
         """Whether the measured pose is plausible."""
         return is_plausible(self.pose)
+
+    @property
+    def unsure(self) -> Array | None:
+        """What is not known of the speeds (M,) at which circles walk; None where all are as told.
+
+        Nothing is added for those of scans: what is seen of somebody is his side towards the robot,
+        and its circle comes nearer than he does.
+        """
+        if self.spread is None:
+            return None
+        told = np.arange(len(self.spread)) < len(self.spread) - self.walkers
+        return np.where(told, self.spread, 0.0)
 
     def place(self, scene: Scene, state: SceneState) -> None:
         """Bring the heading within one turn, and look up what is near."""

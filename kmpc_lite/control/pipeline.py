@@ -209,6 +209,7 @@ class Pipeline:
             check=None if margins is None else margins.command_check,
             drift=state.drift,
             perhaps=seen.perhaps,
+            unsure=seen.unsure,
         )
         verified = self._verification.check(result, seen, task)
         state.trajectory = verified.trajectory

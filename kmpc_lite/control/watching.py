@@ -110,6 +110,7 @@ class Watching:
         state.walkers, rows, spread, seen.perhaps = self._walkers.see(
             before, seen.scans, seen.measured, seen.circles, state.seen
         )
+        seen.walkers = len(rows)
         if not len(rows):
             return
         told = np.zeros(len(seen.circles)) if seen.spread is None else seen.spread

@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.obstacles.motion_watch import MotionWatch, MotionWatchState
 from kmpc_lite.control.options import TrackerOptions
+from kmpc_lite.control.safe_stop.stop_task import CheckedPlan, StopTask
+from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectories
 from kmpc_lite.sim.lidar import World
 from kmpc_lite.studies import pedestrians
 from kmpc_lite.types import Array
@@ -110,6 +113,36 @@ def test_who_turns_on_the_spot_counts_as_moving_without_a_break() -> None:
         row = [*(place + 0.01 * random.normal(size=2)), 0.25, 0.0, 0.0]
         _, spread = looking.see(state, np.array([row]))
         assert k < 6 or (spread is not None and spread[0] > 0.0)
+
+
+@pytest.mark.parametrize("angle", [1.6, 2.2, 2.8])
+def test_nobody_is_taken_to_walk_more_slowly_for_having_turned(
+    angle: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    speeds, plain, find = list[float](), list[float](), StopTrajectories.find
+
+    def note(self: StopTrajectories, states: Array, inputs: Array, task: StopTask) -> CheckedPlan:
+        speeds.append(float(task.walking[1][0]))
+        plain.append(float(np.hypot(*task.circles[0, 3:])))
+        return find(self, states, inputs, task)
+
+    monkeypatch.setattr(StopTrajectories, "find", note)
+    controller, pose = kl.Controller(kl.nominal_unicycle(DT)), np.zeros(3)
+    place, way = np.array([-0.5, 1.5]), np.array([0.9, 0.0])
+    for k in range(25):
+        if k == 15:
+            way = 0.9 * np.array([math.cos(angle), math.sin(angle)])
+        pose = controller.step(pose, GOAL, np.array([[*place, 0.25, 0.0, 0.0]])).states[1]
+        place = place + DT * way
+    assert min(plain[8:]) < 0.8
+    assert min(speeds[8:]) > 0.9
+
+
+def test_what_is_not_known_of_speeds_is_that_of_told_circles() -> None:
+    seen = Observation(np.zeros(3), np.zeros(3), np.zeros((3, 5)), None, None)
+    assert seen.unsure is None
+    seen.spread, seen.walkers = np.array([0.0, 0.3, 0.4]), 1
+    assert seen.unsure is not None and seen.unsure.tolist() == [0.0, 0.3, 0.0]
 
 
 BEAMS = 180

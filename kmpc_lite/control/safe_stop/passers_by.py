@@ -2,7 +2,8 @@
 
 Nobody is driven into who can be anywhere within his reach by the time that the robot stands: what
 leads away from him is always allowed, what leads past him more slowly the nearer he is, and where
-he can be at the robot by then, it stands.
+he can be at the robot by then, it stands. He walks as fast as he is known to, and faster by what is
+not known of it: who has just turned round is seen to walk slowly.
 """
 
 from __future__ import annotations
@@ -36,13 +37,17 @@ class PassersBy:
         self._longest = max(options.swerve_time, problem.dt)
         self._away = options.makes_room
 
-    def share(self, circles: Array, states: Array, command: Array, history: int) -> float:
+    def share(
+        self, circles: Array, speeds: Array, states: Array, command: Array, history: int
+    ) -> float:
         """Share of a command that drives into nobody who turns on the spot.
 
         Parameters
         ----------
         circles : ndarray
             (M, 5) as they are now.
+        speeds : ndarray
+            (M,) at which they can be walking at the most; zero for those at rest.
         states : ndarray
             The plan (N + 1, 3), whose first period is the coming one.
         command : ndarray
@@ -57,20 +62,28 @@ class PassersBy:
         else:
             places = self._footprint.places(states[:2])
         return min(
-            share_beside(circles, here, there, self._radius, time, self._away)
+            share_beside(circles, speeds, here, there, self._radius, time, self._away)
             for here, there in places.transpose(1, 0, 2)
         )
 
 
 def share_beside(
-    circles: Array, here: Array, there: Array, radius: float, time: float, away: float
+    circles: Array,
+    speeds: Array,
+    here: Array,
+    there: Array,
+    radius: float,
+    time: float,
+    away: float,
 ) -> float:
     """Share from 0 to 1 of a motion that ends where nobody who moves can be.
 
     Parameters
     ----------
     circles : ndarray
-        (M, 5) rows x, y, radius, vx, vy; those at rest do not count.
+        (M, 5) rows x, y, radius, vx, vy; their velocities do not count.
+    speeds : ndarray
+        (M,) at which they can be walking at the most; those at rest do not count.
     here, there : ndarray
         Positions (2,) at which the robot begins, and at which it would stand.
     radius : float
@@ -83,20 +96,19 @@ def share_beside(
 
     Examples
     --------
-    >>> person = np.array([[1.0, 0.0, 0.25, 0.0, 1.0]])
+    >>> person, speed = np.array([[1.0, 0.0, 0.25, 0.0, 1.0]]), np.ones(1)
     >>> here = np.zeros(2)
-    >>> share_beside(person, here, np.array([0.2, 0.0]), 0.15, 0.1, 0.5)
+    >>> share_beside(person, speed, here, np.array([0.2, 0.0]), 0.15, 0.1, 0.5)
     1.0
-    >>> share_beside(person, here, np.array([0.2, 0.0]), 0.15, 0.7, 0.5)
+    >>> share_beside(person, speed, here, np.array([0.2, 0.0]), 0.15, 0.7, 0.5)
     0.0
-    >>> share_beside(person, here, np.array([-0.2, 0.0]), 0.15, 0.7, 0.5)
+    >>> share_beside(person, speed, here, np.array([-0.2, 0.0]), 0.15, 0.7, 0.5)
     1.0
     """
     step = there - here
     length = float(np.hypot(step[0], step[1]))
     if not length:
         return 1.0
-    speeds = np.hypot(circles[:, 3], circles[:, 4])
     apart = here - circles[:, :2]
     distance = np.hypot(apart[:, 0], apart[:, 1])
     gaps = distance - circles[:, 2] - radius - time * speeds

@@ -55,6 +55,17 @@ class StopTask:
     """Of the drift detector; given with `check`."""
     perhaps: Array = field(default_factory=lambda: np.empty((0, 5)))
     """(P, 5) who may be walking, and who is else known as something that stands."""
+    unsure: Array | None = None
+    """(M,) what is not known of the speeds of circles; none where all are known."""
+
+    @property
+    def walking(self) -> tuple[Array, Array]:
+        """All circles (M + P, 5), and speeds at which they can be walking at the most (M + P,)."""
+        everybody = np.concatenate([self.circles, self.perhaps])
+        speeds = np.hypot(everybody[:, 3], everybody[:, 4])
+        if self.unsure is not None:
+            speeds[: len(self.unsure)] += self.unsure
+        return everybody, speeds
 
 
 class CheckedPlan(NamedTuple):

@@ -96,8 +96,7 @@ class StopTrajectories:
         share, nearest = check.speed_share(drift, here, inputs[0], ahead, task.past)
         if closing or len(task.perhaps):
             # to keep away from who only seems to walk costs little: he has stood there anyway
-            walkers = np.concatenate([task.circles, task.perhaps])
-            beside = self._passers_by.share(walkers, states, inputs[0], model.history)
+            beside = self._passers_by.share(*task.walking, states, inputs[0], model.history)
             share = min(share, beside)
         plan = CheckedPlan(StopTrajectory(), states, inputs)
         if share < 1.0:

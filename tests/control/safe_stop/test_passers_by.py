@@ -15,7 +15,9 @@ RADIUS, TIME, AWAY = 0.15, 0.1, 0.5
 
 
 def share(person: list[float], there: Array) -> float:
-    return share_beside(np.array([person]), np.zeros(2), there, RADIUS, TIME, AWAY)
+    circles = np.array([person])
+    speeds = np.hypot(circles[:, 3], circles[:, 4])
+    return share_beside(circles, speeds, np.zeros(2), there, RADIUS, TIME, AWAY)
 
 
 @pytest.mark.parametrize("speed", [0.3, 1.0])
@@ -64,7 +66,7 @@ def slowed_by(problem: kl.NavigationProblem, gap: float, bearing: float = 0.0) -
     away = gap + 0.25 + RADIUS
     person = [away * np.cos(bearing), away * np.sin(bearing), 0.25, 0.0, 1.0]
     states = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0]])
-    return passers_by.share(np.array([person]), states, np.array([0.1, 0.7]), 8)
+    return passers_by.share(np.array([person]), np.ones(1), states, np.array([0.1, 0.7]), 8)
 
 
 def test_he_may_turn_for_three_tenths_of_a_second_at_the_most() -> None:

@@ -150,6 +150,29 @@ def test_who_only_seems_to_walk_is_not_driven_up_to(others: list[list[float]]) -
     assert driven(0.3) == plan.inputs[0, 0]
 
 
+def test_who_was_seen_to_walk_is_let_walk_faster_by_what_is_not_known_of_his_speed() -> None:
+    model, none = kl.nominal_unicycle(0.1), np.zeros((0, 2))
+    plan = straight(model, none)
+    check, stops = Margins(model, PROBLEM).command_check, StopTrajectories(PROBLEM)
+
+    def driven(unsure: float) -> float:
+        # 6 cm ahead of a robot, along whose way he walks
+        person = np.array([[0.06 + 0.25 + PROBLEM.robot_radius, 0.0, 0.25, 0.5, 0.0]])
+        task = StopTask(
+            model,
+            none,
+            np.zeros(2),
+            person,
+            check=check,
+            drift=DriftState(),
+            unsure=np.array([unsure]),
+        )
+        return float(stops.find(plan.states, plan.inputs, task).inputs[0, 0])
+
+    assert 0.0 < driven(0.0) < 0.3
+    assert driven(0.1) == 0.0
+
+
 def test_without_margins_no_plan_is_refused() -> None:
     model = kl.nominal_unicycle(0.1)
     plan, circles = straight(model, np.zeros((0, 2))), np.array([[0.1, 0.0, 0.3, 0.0, 0.0]])
