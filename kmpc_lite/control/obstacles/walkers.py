@@ -35,7 +35,8 @@ class Walking(NamedTuple):
     deviations: Array
     """(M,) of their velocities."""
     perhaps: Array
-    """(P, 5) who has left the place where he was, but not for long enough to be sure."""
+    """(P, 5) who has left the place where he was, but not for long enough to be sure, or only comes
+    to where it was free."""
 
 
 NOBODY = Walking(np.empty((0, 5)), np.empty(0), np.empty((0, 5)))
@@ -55,7 +56,8 @@ def who_walks(
     What is seen of a wall also seems to move as the robot does, but the wall is still there, and
     mostly nothing was free where it seems to come to, as `was_free` tells of circles (M, 5).
     Whoever was seen to walk does so until nothing has told of it for a window: two who walk side by
-    side, or past each other, are one cluster for a while.
+    side, or past each other, are one cluster for a while. Who comes to where it was free may walk
+    though he is not seen to leave a place: somebody follows him, or he is near and hides it.
     """
     begins = options.begins
     knew = tracks.walked >= begins
@@ -68,6 +70,7 @@ def who_walks(
     rows = np.hstack([tracks.states[:, :2], tracks.radii[:, None], velocities])
     is_seen = tracks.unseen == 0.0
     walks = tracks.moving & moved
+    comes = np.zeros(len(tracks), dtype=bool)
     here, faster = np.flatnonzero(walks & is_seen), np.full(len(tracks), SURE)
     if len(here):
         before = rows[here, :2] - lasted[here, None] * velocities[here]
@@ -75,13 +78,14 @@ def who_walks(
         walks[here] = np.any(left, axis=0)
         if was_free is not None:
             # he may walk over what was seen of himself
-            faster[here] = np.where(was_free(rows[here]), SURE, 1.0)
+            comes[here] = was_free(rows[here])
+            faster[here] = np.where(comes[here], SURE, 1.0)
     # who is hidden walks on for as long as he was seen to
     longer = np.minimum(tracks.walked + faster * dt, begins + WINDOW)
     times = np.where(is_seen, longer, tracks.walked)
     tracks.walked = np.where(walks, times, np.where(knew, tracks.walked - dt, 0.0))
     known = (tracks.walked >= begins) & (tracks.unseen <= tracks.walked)
-    perhaps = walks & is_seen & ~known
+    perhaps = (walks | comes) & is_seen & ~known
     return Walking(rows[known], tracks.velocity_deviations[known], rows[perhaps])
 
 

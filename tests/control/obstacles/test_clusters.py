@@ -109,6 +109,22 @@ def test_who_walks_is_somebody_until_nothing_has_told_of_it_for_a_second() -> No
     assert all(known[:9]) and not any(known[10:])
 
 
+@pytest.mark.parametrize("free", [True, False])
+def test_who_comes_to_where_it_was_free_may_walk_though_somebody_is_where_he_was(
+    free: bool,
+) -> None:
+    tracker, pose = ObstacleTracker(DT), np.zeros(3)
+    for k in range(20):
+        # one after the other, as far apart as they walk in a second
+        scan = look(np.array([[1.2, 0.06 * k - 0.6 * i, 0.2, 0.0, 0.0] for i in (0, 1)]), pose)
+        tracker.see(scan, pose)
+    tracks, options = tracker.tracks, lengths_from_radii(TrackerOptions(), 0.15)
+    tracks.walked = np.zeros(len(tracks))
+    found = who_walks(tracks, options, DT, [scan], pose, lambda rows: np.full(len(rows), free))
+    assert not len(found.rows)
+    assert (found.perhaps[:, 1] > 0.8).any() == free
+
+
 def test_a_wall_that_goes_on_beyond_the_scanners_reach_is_none() -> None:
     walls = np.array([[0.98 * REACH, -9.0, 0.98 * REACH, 9.0]])
     scan = look(np.empty((0, 5)), np.zeros(3), walls=walls)
