@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check
 
 WRAP = 2**32
@@ -48,8 +49,13 @@ class WheelGeometry:
     """The right wheel is on the board's first channel."""
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
+        """Check the ranges, and that no wheel is as large as if it was told in centimetres."""
         check(self)
+        if self.wheel_radius > self.track:
+            raise ConfigError(
+                f"wheel_radius: expected at most the track of {self.track:g} m, "
+                f"got {self.wheel_radius:g} m"
+            )
 
     def wheels(self, v: float, omega: float) -> tuple[float, float]:
         """Wheel speeds (left, right) [rad/s] for v [m/s] and omega [rad/s].

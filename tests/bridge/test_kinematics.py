@@ -15,7 +15,7 @@ finite = st.floats(allow_nan=False, allow_infinity=False)
 speeds = st.floats(-3.0, 3.0)
 geometries = st.builds(
     WheelGeometry,
-    st.floats(0.01, 1.0),
+    st.floats(0.01, 0.05),
     st.floats(0.05, 3.0),
     st.floats(0.1, 5.0),
     st.floats(0.1, 100.0),
@@ -192,6 +192,10 @@ GOOD = {"wheel_radius": 0.05, "track": 0.3, "max_wheel_speed": 1}
     [
         ({"wheel_radius": -0.05}, "geometry.wheel_radius: expected 0.001 to 10 m, got -0.05"),
         ({"wheel_radius": float("nan")}, "geometry.wheel_radius: expected"),
+        (
+            {"wheel_radius": 5},
+            "geometry.wheel_radius: expected at most the track of 0.3 m, got 5 m",
+        ),
         ({"track": "wide"}, "geometry.track: expected float, got 'wide'"),
         ({"track": True}, "geometry.track: expected float, got True"),
         ({"invert_left": 1}, "geometry.invert_left: expected bool, got 1"),
