@@ -51,7 +51,7 @@ class SearchDriver:
         self._dt = problem.dt
         self._turning = problem.robot_radius + problem.margin
         self._limits = problem.x_min[:2], problem.x_max[:2]
-        self._inflation = problem.inflation
+        self._inflation, self._is_round = problem.inflation, problem.footprint is None
         self._searcher = PathSearcher(problem, options)
         self._shuttles = ShuttleFinder(problem, options)
 
@@ -228,8 +228,9 @@ class SearchDriver:
         samples = 2 + int(math.hypot(*line.tolist()) / self._options.lattice_sample)
         points = rest + np.linspace(0.0, 1.0, samples)[:, None] * line
         distances = distances_around(points, search.circles, search.path_map)
-        is_clear = distances.min() >= min(self._inflation, float(distances[0]))
-        return begun if is_clear else path
+        around = float(distances[0])
+        may_turn = self._is_round or around >= self._turning
+        return begun if may_turn and distances.min() >= min(self._inflation, around) else path
 
     def _free_turn(self, search: PathSearch) -> float:
         """Part of the first turn that is made while driving [rad]; none if the robot is stuck."""
