@@ -16,7 +16,7 @@ from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.geometry import distances, wrap
 from kmpc_lite.sim.details import Details
-from kmpc_lite.sim.gaps import obstacle_gaps as obstacle_gaps
+from kmpc_lite.sim.gaps import obstacle_gaps
 from kmpc_lite.sim.periods import periods
 from kmpc_lite.sim.plants.plant import Plant, scenario_plant
 from kmpc_lite.sim.scenario.files import Scenario

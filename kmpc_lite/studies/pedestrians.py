@@ -18,11 +18,13 @@ import numpy as np
 
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.obstacles.scan import LaserScan
+from kmpc_lite.control.plan import Plan
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.sim.arrival import ARRIVED
 from kmpc_lite.sim.lidar import LidarSpec, World
 from kmpc_lite.sim.pedestrians import Pedestrians, Walks
+from kmpc_lite.sim.periods import periods
 from kmpc_lite.sim.plants.robots import DifferentialDrive
 from kmpc_lite.sim.touch import LOOKS
 from kmpc_lite.studies.records import Record, RecordFile, drive_all
@@ -102,16 +104,18 @@ def drive(people: int, turning: bool, seen: str, seed: int) -> CrowdDrive:
     counts = CrowdCounts(people, turning, seen, seed)
     touching, trail = np.zeros(people, dtype=bool), [pose[:2]]
     poses, circles, statuses, contacts = [pose], [crowd.circles], list[str](), []
-    while counts.steps * DT < TIMEOUT and not counts.arrived:
+
+    def step(pose: Array, number: int) -> Plan:
         if seen == "lidar":
-            around: Any = [_scan(pose, crowd.circles, noise)]
-        else:
-            around = _as_seen(crowd.circles, seen, noise)
-        plan = controller.step(pose, goal, around)
-        counts.stopped += plan.status.name == "STOPPED"
-        trace = plant.trace(pose, plan.command, DT, LOOKS)
-        places = crowd.walk(DT, LOOKS)
-        for at, there in zip(trace, places, strict=True):
+            return controller.step(pose, goal, [_scan(pose, crowd.circles, noise)])
+        return controller.step(pose, goal, _as_seen(crowd.circles, seen, noise))
+
+    def move(pose: Array, command: Array) -> Array:
+        return plant.trace(pose, command, DT, LOOKS)
+
+    for period in periods(step, move, pose, round(TIMEOUT / DT)):
+        counts.stopped += period.plan.status.name == "STOPPED"
+        for at, there in zip(period.poses, crowd.walk(DT, LOOKS), strict=True):
             trail.append(at[:2])
             gaps = np.hypot(*(there - at[:2]).T) - walks.radius - problem.robot_radius
             for i in np.flatnonzero((gaps < 0.0) & ~touching):
@@ -119,12 +123,13 @@ def drive(people: int, turning: bool, seen: str, seed: int) -> CrowdDrive:
                 setattr(counts, kind, getattr(counts, kind) + 1)
                 contacts.append((counts.steps * DT, kind))
             touching = (gaps < 0.0) | (touching & (gaps < APART))
-        pose = trace[-1]
         counts.steps += 1
-        poses.append(pose)
+        poses.append(period.poses[-1])
         circles.append(crowd.circles)
-        statuses.append(plan.status.name)
-        counts.arrived = bool(ARRIVED.met(pose, goal))
+        statuses.append(period.plan.status.name)
+        counts.arrived = bool(ARRIVED.met(period.poses[-1], goal))
+        if counts.arrived:
+            break
     counts.seconds = round(counts.steps * DT, 3)
     return CrowdDrive(counts, np.array(poses), np.array(circles), tuple(statuses), tuple(contacts))
 

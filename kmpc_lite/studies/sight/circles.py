@@ -15,12 +15,16 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.control import Circle, Controller, NavigationProblem
-from kmpc_lite.control.plan import PlanStatus
+from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.model.nominal import nominal_unicycle
-from kmpc_lite.sim.closed_loop import SUBSAMPLES, obstacle_gaps
+from kmpc_lite.sim.closed_loop import SUBSAMPLES
+from kmpc_lite.sim.gaps import obstacle_gaps
 from kmpc_lite.sim.maps.families import random_map
+from kmpc_lite.sim.periods import periods
 from kmpc_lite.sim.plants.robots import DifferentialDrive
 from kmpc_lite.studies.records import drive_rows
+from kmpc_lite.studies.training import DT
+from kmpc_lite.types import Array
 
 REACHES = 2.0, 1.0, 0.5, 0.3
 SPEEDS = 0.6, 1.5
@@ -73,22 +77,26 @@ def _drive(speed: float, reach: float, seed: int) -> tuple[float, bool, float, f
         du_max=DU_MAX,
         sensor_range=reach if reach < math.inf else None,
     )
-    controller = Controller(nominal_unicycle(0.1), problem)
-    plant, pose = DifferentialDrive(seed=seed), np.array(scenario.start)
+    controller = Controller(nominal_unicycle(DT), problem)
+    plant = DifferentialDrive(seed=seed)
     circles = np.array([(c.x, c.y, c.radius) for c in scenario.circles])
-    fastest, stopped, k = 0.0, 0, 0
-    while k * 0.1 < LONGEST:
+
+    def step(pose: Array, number: int) -> Plan:
         gaps = np.hypot(*(circles[:, :2] - pose[:2]).T) - circles[:, 2] - problem.robot_radius
-        plan = controller.step(pose, scenario.goal, [Circle(*c) for c in circles[gaps <= reach]])
-        stopped += plan.status is PlanStatus.STOPPED
-        fastest, k = max(fastest, abs(float(plan.command[0]))), k + 1
-        if plan.holding:
+        return controller.step(pose, scenario.goal, [Circle(*c) for c in circles[gaps <= reach]])
+
+    def move(pose: Array, command: Array) -> Array:
+        return plant.trace(pose, command, DT, SUBSAMPLES)
+
+    fastest, stopped, k = 0.0, 0, 0
+    for period in periods(step, move, np.array(scenario.start), math.ceil(LONGEST / DT)):
+        stopped += period.plan.status is PlanStatus.STOPPED
+        fastest, k = max(fastest, abs(float(period.plan.command[0]))), k + 1
+        if period.plan.holding:
             break
-        trace = plant.trace(pose, plan.command, 0.1, SUBSAMPLES)
-        if (obstacle_gaps(scenario, trace, np.zeros(SUBSAMPLES)) < 0.0).any():
+        if (obstacle_gaps(scenario, period.poses, np.zeros(SUBSAMPLES)) < 0.0).any():
             return LONGEST, True, fastest, stopped / k
-        pose = trace[-1]
-    return k * 0.1, False, fastest, stopped / k
+    return k * DT, False, fastest, stopped / k
 
 
 def study(
