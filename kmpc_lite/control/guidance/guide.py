@@ -72,6 +72,7 @@ class Guide:
         self._goal_checker = GoalChecker(lengths_from_radii(goal_options or GoalOptions(), unit))
         self._surveyor = Surveyor(problem, moving or MovingObstacleOptions())
         self._range = math.inf if problem.sensor_range is None else problem.sensor_range
+        self._body = problem.inflation
         self._replanner = Replanner(problem, self._options, clock)
 
     def reference(self, state: GuideState, capabilities: Capabilities, task: GuideTask) -> Guidance:
@@ -173,7 +174,8 @@ class Guide:
         else:
             state.evasive_arc = -1
             states = self._along(path, place, scale or 0.0, state.turning, float(now.pose[2]))
-            wait_in_sight(states, now, self._range)
+            turn = float(now.capabilities.forward[1]) * self._dt
+            wait_in_sight(states, state, now, self._range, self._body, turn)
         state.yielding = scale != 1.0
         state.yielded = max(state.yielded + (self._dt if scale == 0.0 else -self._dt), 0.0)
         progress, reason = told_progress(state, hold, scale)

@@ -15,6 +15,7 @@ from kmpc_lite.types import Array
 if TYPE_CHECKING:
     from kmpc_lite.control.guidance.state import GuideState
 
+NO_TURNS = np.empty(0)
 TOLD_STALLS = 2
 """Stalls after which the guidance says that the robot waits: the second follows when something else
 was tried and did not help either."""
@@ -52,29 +53,52 @@ class Guidance:
     passage is narrow, or the goal lies between obstacles."""
 
 
-def wait_in_sight(states: Array, now: Situation, known: float) -> None:
+def wait_in_sight(
+    states: Array, state: GuideState, now: Situation, known: float, body: float, turn: float
+) -> None:
     """Let the reference (N + 1, 3) wait where it would lead into what is not known.
 
-    A plan that is drawn farther than it may go is solved badly.
+    A plan that is drawn farther than it may go is solved badly. A robot that waits where no
+    scanner looks turns round to look.
 
     Parameters
     ----------
     states : ndarray
         Changed.
+    state : GuideState
+        Updated: whether it looks.
     now : Situation
         Robot, and what scans have shown.
     known : float
         How far from the robot everything is told [m]; infinite where it always is.
+    body : float
+        Distance that the robot keeps from what is unknown [m].
+    turn : float
+        How far it turns from stage to stage [rad].
     """
-    if now.view is None and known == math.inf:
+    view = now.view
+    if view is None and known == math.inf:
         return
     dark = np.zeros(len(states), dtype=bool)
     if known < math.inf:
         dark = np.hypot(*(states[:, :2] - now.pose[:2]).T) > known
-    if now.view is not None:
-        dark |= now.view.is_dark(states[:, :2], 0.0)
+    if view is not None:
+        dark |= view.is_dark(states[:, :2], 0.0)
+        if view.is_narrow:
+            dark |= view.leads_into_dark(states[:, :2], now.pose[:2], body)
     first = int(dark.argmax())
-    if dark[first]:
+    waits = bool(dark[first])
+    turns = NO_TURNS
+    if waits and view is not None and view.is_narrow:
+        turns = view.turns_to_see(states[dark, :2], body, turn)
+    # once it has stopped to look, it looks as far as the reference leads: each look is a stop
+    state.looking = len(turns) > 0 and (state.looking or first <= 1)
+    if state.looking:
+        aim = float(turns[np.abs(turns).argmin()])
+        states[:] = now.pose
+        turned = np.minimum(turn * np.arange(1, len(states) + 1), abs(aim))
+        states[:, 2] += math.copysign(1.0, aim) * turned
+    elif waits:
         states[first:] = states[max(first - 1, 0)]
 
 

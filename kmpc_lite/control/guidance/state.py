@@ -52,6 +52,8 @@ class GuideState:
     """Point (2,) that paths are made for, ahead and to the left of the tracked pose [m]; none: that
     pose."""
 
+    looking: bool = False
+    """Whether it stands and turns to where its way goes dark, until it has looked there."""
     avoided: TimedPath | None = None
     """Path that has led nowhere, until the robot gets nearer to its goal ..."""
     avoided_place: float = 0.0

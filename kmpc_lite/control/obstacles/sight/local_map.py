@@ -6,11 +6,13 @@ It is plain data, which copies and pickles. All lengths are in the robot's units
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from kmpc_lite.control.obstacles.sight.outlook import Outlook
 from kmpc_lite.types import Array
 
 UNKNOWN = -1
@@ -51,6 +53,8 @@ class LocalMap:
     """When cells were forgotten last."""
     trail: Array = field(default_factory=lambda: NO_POSES)
     """(K, 4) time and pose of the steps before."""
+    outlooks: dict[Outlook, float] = field(default_factory=dict)
+    """Where scanners look, and when each has told something last, on `clock`."""
 
     @classmethod
     def around(cls, low: Array, high: Array, cell: float, is_fixed: bool) -> LocalMap:
@@ -136,6 +140,12 @@ class LocalMap:
         row += column
         return np.where(inside, row, 0), inside
 
+    def is_unknown(self, points: Array) -> NDArray[np.bool_]:
+        """Of which of points (n, 2) nothing is known; beyond the map of none."""
+        cells, inside = self.cells_of(points)
+        unknown: NDArray[np.bool_] = (self.state.ravel()[cells] == UNKNOWN) | ~inside
+        return unknown
+
     def is_near(self, points: Array, distance: float) -> NDArray[np.bool_]:
         """Which points (n, 2) lie on the map, or no farther from it than a distance."""
         low = self.cell * np.array((self.column, self.row)) - distance
@@ -184,6 +194,11 @@ class LocalMap:
             return
         self.forgotten = self.clock
         self.state[self.seen < self.clock - memory] = UNKNOWN
+
+    def look_out(self, outlooks: Iterable[Outlook], memory: float) -> None:
+        """Note where scanners look; which told nothing for so long, look no more."""
+        told = self.outlooks | dict.fromkeys(outlooks, self.clock)
+        self.outlooks = {o: time for o, time in told.items() if time >= self.clock - memory}
 
     def remember_pose(self, pose: Array, most: int) -> None:
         """Remember where the robot (3,) is now."""

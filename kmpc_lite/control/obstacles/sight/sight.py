@@ -12,6 +12,7 @@ from kmpc_lite.control.obstacles.boxes import Boxes
 from kmpc_lite.control.obstacles.occupancy import OccupancyGrid, rectangles_of
 from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.obstacles.sight.local_map import UNKNOWN, LocalMap, side_of
+from kmpc_lite.control.obstacles.sight.outlook import outlook_of
 from kmpc_lite.control.obstacles.sight.rays import Rays
 from kmpc_lite.control.obstacles.sight.view import View
 from kmpc_lite.control.obstacles.solids import Solids
@@ -104,6 +105,8 @@ class Sight:
         here.forget(options.memory)
         scans = self.without_robot(scans)
         unit = self._scale.length
+        looks = (outlook_of(scan, unit) for scan in scans)
+        here.look_out((o for o in looks if o is not None), options.blind_time / self._scale.time)
         rays = [Rays(s, self._pose_of(here, s, pose), unit, here.cell) for s in scans]
         for ray in rays:
             error = math.hypot(ray.noise, pose_noise)

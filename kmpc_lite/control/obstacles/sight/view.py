@@ -9,6 +9,7 @@ import numpy as np
 
 from kmpc_lite.control.obstacles.nearby import Nearby
 from kmpc_lite.control.obstacles.sight.local_map import LocalMap
+from kmpc_lite.control.obstacles.sight.outlook import Outlooks
 from kmpc_lite.control.obstacles.solids import Solids
 from kmpc_lite.types import Array
 
@@ -35,7 +36,10 @@ class View:
     """
 
     def __init__(self, sight: Sight, here: LocalMap, pose: Array, speed: float) -> None:
-        self._sight, self._map = sight, here
+        self._sight, self._map, self._pose = sight, here, pose
+        self._outlooks = Outlooks(here.outlooks)
+        self.is_narrow = self._outlooks.is_narrow
+        """Whether there are directions in which no scanner looks."""
         self._seen = sight.seen(here, pose, speed)
         self.hits: Nearby | None = None
         """What was hit near the robot; none where nothing was."""
@@ -63,6 +67,51 @@ class View:
             return np.zeros(len(points), dtype=bool)
         found: Array = self._unknown.least(points) < distance
         return found
+
+    def leads_into_dark(self, points: Array, place: Array, distance: float) -> Array:
+        """At which of points (n, 2) a robot comes nearer to what is unknown than it is, (n,).
+
+        Parameters
+        ----------
+        points : ndarray
+            Near the robot.
+        place : ndarray
+            (2,) where it is.
+        distance : float
+            What it needs around it: there may be darkness farther away.
+        """
+        if self._unknown is None:
+            return np.zeros(len(points), dtype=bool)
+        # what stands out by less than half a cell is rounding
+        least = min(distance, float(self._unknown.least(place[None])[0])) - 0.5 * self._map.cell
+        found: Array = self._unknown.least(points) < least
+        return found
+
+    def turns_to_see(self, points: Array, distance: float, slack: float) -> Array:
+        """Turns [rad] to what is unknown near points (n, 2), and is not looked at, (m,)."""
+        if not self._seen.unknown:
+            return np.empty(0)
+        boxes, inside = self._seen.unknown[0], 0.5 * self._map.cell
+        nearest = np.clip(points[:, None], boxes.low, boxes.high)
+        near = np.hypot(*(points[:, None] - nearest).transpose(2, 0, 1)) < distance
+        # a cell has been seen when its middle was
+        middles = np.clip(points[:, None], boxes.low + inside, boxes.high - inside)
+        return self._outlooks.turns(self._pose, middles[near], slack)
+
+    def blind_turn(self, direction: float) -> float:
+        """How far a robot must turn until it sees what lies in a direction in its frame [rad]."""
+        return float(self._outlooks.beyond(np.array([direction]))[0]) if self.is_narrow else 0.0
+
+    def unknown_length(self, points: Array) -> float:
+        """How much of a line through points (n, 2) is unknown."""
+        steps = np.diff(points, axis=0)
+        lengths = np.hypot(steps[:, 0], steps[:, 1])
+        length = float(lengths.sum())
+        count = max(math.ceil(length / self._map.cell), 1)
+        along = np.linspace(0.0, length, count + 1)
+        places = np.concatenate([[0.0], np.cumsum(lengths)])
+        samples = np.stack([np.interp(along, places, points[:, i]) for i in (0, 1)], axis=1)
+        return length * float(self._map.is_unknown(samples).mean())
 
     def blocks(self, points: Array, distance: float) -> bool:
         """Whether something that was hit is nearer than a distance to any of points (n, 2)."""
