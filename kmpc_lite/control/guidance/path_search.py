@@ -7,6 +7,7 @@ obstacles as the path that is driven, if that is hardly slower.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,7 @@ from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.guidance.body_paths import BodyPaths
+    from kmpc_lite.control.obstacles.sight.view import View
 
 NO_EDGES = np.empty((0, 2), dtype=np.intp)
 
@@ -46,11 +48,17 @@ class PathSearcher:
         self._turning = problem.robot_radius - problem.half_width
         """What the robot needs beyond that to turn on the spot [m]; a round one nothing."""
         self._body = _body_paths(problem, options)
+        self._plan_time = problem.horizon * problem.dt
         self._low, self._high = x_min[:2], x_max[:2]
         self._narrow = [options.narrow_clearance, options.least_clearance]
 
     def advance(
-        self, search: PathSearch, place: float, capabilities: Capabilities, centre: Array | None
+        self,
+        search: PathSearch,
+        place: float,
+        capabilities: Capabilities,
+        centre: Array | None,
+        view: View | None = None,
     ) -> None:
         """Do one part of the work.
 
@@ -64,6 +72,8 @@ class PathSearcher:
             Speeds and clearance, as they are now.
         centre : ndarray or None
             Turning centre (2,) that the search is made for.
+        view : View, optional
+            What scans have shown: a gear in which the robot must stop to look takes longer.
         """
         path_map = search.path_map
         if path_map is not None and not path_map.is_ready:
@@ -81,19 +91,19 @@ class PathSearcher:
                 # mean: from nearer the robot sees whether it fits
                 clearances.append(clearances[-1] - 0.5 * path_map.coarseness)
             search.clearances = clearances[-2:] if search.narrow else clearances
-            self._try_next_clearance(search, place, capabilities)
+            self._try_next_clearance(search, place, capabilities, view)
         elif search.stage is Stage.LINKED and path_map is not None and path_map.lattice is not None:
             path_map.lattice.find(*self._on_lattice(search))
             search.stage = Stage.STRAIGHTEN
         elif search.stage is Stage.STRAIGHTEN:
             self._straighten(search)
         elif search.stage is Stage.LATTICE and search.lattice_path is None:
-            self._try_next_clearance(search, place, capabilities)
+            self._try_next_clearance(search, place, capabilities, view)
         elif search.stage is Stage.LATTICE:
-            self._begin_graph(search, capabilities)
-            self._look(search, place, capabilities)
+            self._begin_graph(search, capabilities, view)
+            self._look(search, place, capabilities, view)
         elif search.stage is Stage.TANGENTS:
-            self._look(search, place, capabilities)
+            self._look(search, place, capabilities, view)
 
     def _clearances(self, at_speed: float, centre: Array | None) -> list[float]:
         """Clearances that are tried [m], the widest first."""
@@ -147,7 +157,7 @@ class PathSearcher:
         return ""
 
     def _try_next_clearance(
-        self, search: PathSearch, place: float, capabilities: Capabilities
+        self, search: PathSearch, place: float, capabilities: Capabilities, view: View | None
     ) -> None:
         """Begin with the next clearance; where none is left there is no path."""
         obstacles = search.obstacles
@@ -169,8 +179,8 @@ class PathSearcher:
             if not path_map.later:
                 self._straighten(search)
             return
-        self._begin_graph(search, capabilities)
-        self._look(search, place, capabilities)
+        self._begin_graph(search, capabilities, view)
+        self._look(search, place, capabilities, view)
 
     def _on_lattice(self, search: PathSearch) -> tuple[Array, Array, float, Array, Array]:
         """Between what, and how far from what, a path on the lattice is looked for."""
@@ -184,7 +194,9 @@ class PathSearcher:
         search.lattice_path = search.path_map.lattice.path(*self._on_lattice(search))
         search.stage = Stage.LATTICE
 
-    def _begin_graph(self, search: PathSearch, capabilities: Capabilities) -> None:
+    def _begin_graph(
+        self, search: PathSearch, capabilities: Capabilities, view: View | None
+    ) -> None:
         """Begin a search on the tangent graph."""
         obstacles = search.obstacles
         assert obstacles is not None
@@ -198,12 +210,33 @@ class PathSearcher:
             obstacles.area,
             capabilities.forward,
             capabilities.backward_share,
+            self._look_times(search, capabilities, view),
             search.lattice_path,
         )
         search.tangents = TangentSearch(query, self._options)
         search.stage = Stage.TANGENTS
 
-    def _look(self, search: PathSearch, place: float, capabilities: Capabilities) -> None:
+    def _look_times(
+        self, search: PathSearch, capabilities: Capabilities, view: View | None
+    ) -> tuple[float, float]:
+        """How long the robot stops to look on its way forwards, and backwards [s].
+
+        Where no scanner looks in the direction in which it drives, it turns round to look, and
+        back, each time it has come to the end of what it saw: that is as far as plans lead.
+        """
+        if view is None or not view.is_narrow:
+            return 0.0, 0.0
+        straight = np.stack([search.pose[:2], search.goal[:2]])
+        path = search.lattice_path
+        unknown = view.unknown_length(straight if path is None else path.points)
+        speed, turn_rate = capabilities.forward.tolist()
+        looks = max(unknown / (speed * self._plan_time), 1.0) if unknown else 0.0
+        ahead, behind = (2.0 * view.blind_turn(gear) / turn_rate for gear in (0.0, math.pi))
+        return looks * ahead, looks * behind
+
+    def _look(
+        self, search: PathSearch, place: float, capabilities: Capabilities, view: View | None
+    ) -> None:
         """Bring the search on the tangent graph to the end of a part."""
         tangents = search.tangents
         assert tangents is not None
@@ -216,7 +249,7 @@ class PathSearcher:
                 if search.best is not None:
                     _choose(search, _preferred(search), True)
                 else:
-                    self._try_next_clearance(search, place, capabilities)
+                    self._try_next_clearance(search, place, capabilities, view)
                 return
             if tangents.part is not Part.NEXT:
                 return

@@ -177,7 +177,8 @@ class SearchDriver:
         most = self._options.hurried_parts
         work = search.weight(most)
         search.work += work
-        self._searcher.advance(search, state.place, now.capabilities, state.turning_centre)
+        can, centre = now.capabilities, state.turning_centre
+        self._searcher.advance(search, state.place, can, centre, now.view)
         if search.stage is Stage.CHOSEN:
             # one more, in which it began
             steps = 1 + math.ceil(search.work / most)

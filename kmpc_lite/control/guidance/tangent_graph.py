@@ -93,6 +93,8 @@ class PathQuery:
     """(2,) largest speed [m/s] and rate of turn [rad/s]."""
     backward_share: float = 1.0
     """How fast the robot drives backwards, as a share of forwards; 0 where it may not."""
+    look_times: tuple[float, float] = (0.0, 0.0)
+    """What a path takes longer forwards, and backwards, for the robot must stop to look [s]."""
     lattice_path: LatticePath | None = None
     """Path through a grid's many corners, which tells the few that matter."""
 
@@ -210,6 +212,7 @@ class TangentGraph:
         # turns on the spot count as slower too: that is only for the choice
         backward = self._query.backward_share
         total[1] = total[1] / backward if backward > 0.0 else np.inf
+        total += np.array(self._query.look_times)[:, None]
         self._total, self._order = total, np.argsort(total, axis=None)
 
     def next_candidate(self) -> bool:

@@ -165,14 +165,15 @@ class TangentSearch:
         directions = np.arctan2(steps[:, 1], steps[:, 0])
         driving = float(np.hypot(steps[:, 0], steps[:, 1]).sum()) / speed
         paths = []
-        for gear, share in ((0.0, 1.0), (np.pi, query.backward_share)):
+        gears = (0.0, 1.0), (np.pi, query.backward_share)
+        for (gear, share), look_time in zip(gears, query.look_times, strict=True):
             if share <= 0.0:
                 continue
             start, goal = query.start[2] - gear, query.goal[2] - gear
             turns = wrap(np.diff(directions, prepend=start))
             headings = start + np.cumsum(turns)
             turned = np.abs(turns).sum() + abs(wrap(goal - headings[-1]))
-            time = (driving + turned / turn_rate) / share
+            time = (driving + turned / turn_rate) / share + look_time
             paths.append(
                 GeometricPath(
                     np.stack([points[:-1], points[1:]], axis=1).reshape(-1, 2),
