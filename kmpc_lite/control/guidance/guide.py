@@ -18,6 +18,7 @@ from kmpc_lite.control.guidance.capabilities import Capabilities
 from kmpc_lite.control.guidance.goal_checker import GoalChecker, GoalTolerances
 from kmpc_lite.control.guidance.guide_task import GuideTask
 from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles
+from kmpc_lite.control.guidance.progress_checker import gets_on
 from kmpc_lite.control.guidance.reference import Guidance, told_progress, wait_in_sight
 from kmpc_lite.control.guidance.replan import Replanner
 from kmpc_lite.control.guidance.situation import Situation, Surveyor
@@ -178,7 +179,9 @@ class Guide:
             wait_in_sight(states, state, now, self._range, self._body, turn)
         state.yielding = scale != 1.0
         state.yielded = max(state.yielded + (self._dt if scale == 0.0 else -self._dt), 0.0)
-        progress, reason = told_progress(state, hold, scale)
+        left = path.duration - place
+        drives_on = gets_on(state.progress, left, self._options.patience)
+        progress, reason = told_progress(state, hold, scale, drives_on)
         if hold and tolerances is not now.capabilities.tolerances:
             reason = "it holds where it is: it does not get nearer to its goal"
         if now.outside:
@@ -190,7 +193,7 @@ class Guide:
             progress=progress,
             reason=reason,
             path=path.points,
-            time_left=path.duration - place,
+            time_left=left,
             refreshed=refreshed,
             switched=switched,
             share_at_goal=path.share_at_goal(states),

@@ -7,12 +7,12 @@ obstacles as the path that is driven, if that is hardly slower.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kmpc_lite.control.guidance.capabilities import Capabilities
+from kmpc_lite.control.guidance.look_times import look_times
 from kmpc_lite.control.guidance.path_map import distance_around
 from kmpc_lite.control.guidance.search_state import PathSearch, SearchObstacles, Stage
 from kmpc_lite.control.guidance.tangent_graph import GeometricPath, PathQuery
@@ -200,6 +200,8 @@ class PathSearcher:
         """Begin a search on the tangent graph."""
         obstacles = search.obstacles
         assert obstacles is not None
+        straight = np.stack([search.pose[:2], search.goal[:2]])
+        points = straight if search.lattice_path is None else search.lattice_path.points
         inflated = obstacles.sizes + self._inflation + search.clearance
         query = PathQuery(
             search.pose,
@@ -210,29 +212,11 @@ class PathSearcher:
             obstacles.area,
             capabilities.forward,
             capabilities.backward_share,
-            self._look_times(search, capabilities, view),
             search.lattice_path,
+            look_times(view, capabilities, points, self._plan_time),
         )
         search.tangents = TangentSearch(query, self._options)
         search.stage = Stage.TANGENTS
-
-    def _look_times(
-        self, search: PathSearch, capabilities: Capabilities, view: View | None
-    ) -> tuple[float, float]:
-        """How long the robot stops to look on its way forwards, and backwards [s].
-
-        Where no scanner looks in the direction in which it drives, it turns round to look, and
-        back, each time it has come to the end of what it saw: that is as far as plans lead.
-        """
-        if view is None or not view.is_narrow:
-            return 0.0, 0.0
-        straight = np.stack([search.pose[:2], search.goal[:2]])
-        path = search.lattice_path
-        unknown = view.unknown_length(straight if path is None else path.points)
-        speed, turn_rate = capabilities.forward.tolist()
-        looks = max(unknown / (speed * self._plan_time), 1.0) if unknown else 0.0
-        ahead, behind = (2.0 * view.blind_turn(gear) / turn_rate for gear in (0.0, math.pi))
-        return looks * ahead, looks * behind
 
     def _look(
         self, search: PathSearch, place: float, capabilities: Capabilities, view: View | None

@@ -135,3 +135,19 @@ class ProgressChecker:
         state.worst_left = state.best_left
         state.stalls += 1
         return True
+
+
+def gets_on(state: ProgressState, left: float, patience: float) -> bool:
+    """Whether a robot that has stalled gets on since: along a detour it is not nearer for long.
+
+    Parameters
+    ----------
+    state : ProgressState
+        As `ProgressChecker.watch` left it.
+    left : float
+        Time to the goal [s of path].
+    patience : float
+        How much of its path it must have left behind [s].
+    """
+    moved = state.since_moved < state.since_best
+    return moved and state.worst_left - left > patience

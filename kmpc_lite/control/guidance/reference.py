@@ -102,10 +102,13 @@ def wait_in_sight(
         states[first:] = states[max(first - 1, 0)]
 
 
-def told_progress(state: GuideState, hold: bool, scale: float | None) -> tuple[GoalProgress, str]:
+def told_progress(
+    state: GuideState, hold: bool, scale: float | None, gets_on: bool
+) -> tuple[GoalProgress, str]:
     """Tell what a robot on its path does about its goal, and why it does not drive there.
 
     `scale` is the share of the speed that moving obstacles leave it; none: it makes room for them.
+    `gets_on` is whether it has left some of its path behind since it stalled last.
     """
     if hold:
         return GoalProgress.HOLDING, ""
@@ -113,6 +116,6 @@ def told_progress(state: GuideState, hold: bool, scale: float | None) -> tuple[G
         return GoalProgress.DRIVING, ""
     if scale == 0.0:
         return GoalProgress.WAITING, "something that moves is let pass"
-    if state.progress.stalls >= TOLD_STALLS:
+    if state.progress.stalls >= TOLD_STALLS and not gets_on:
         return GoalProgress.WAITING, "no progress, on this path and on another one"
     return GoalProgress.DRIVING, ""

@@ -93,10 +93,10 @@ class PathQuery:
     """(2,) largest speed [m/s] and rate of turn [rad/s]."""
     backward_share: float = 1.0
     """How fast the robot drives backwards, as a share of forwards; 0 where it may not."""
-    look_times: tuple[float, float] = (0.0, 0.0)
-    """What a path takes longer forwards, and backwards, for the robot must stop to look [s]."""
     lattice_path: LatticePath | None = None
     """Path through a grid's many corners, which tells the few that matter."""
+    look_times: tuple[float, float] = (0.0, 0.0)
+    """What a path takes longer forwards, and backwards, for the robot must stop to look [s]."""
 
 
 class TangentGraph:

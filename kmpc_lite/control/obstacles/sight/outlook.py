@@ -49,7 +49,9 @@ def _sector(layout: Layout, ignore: tuple[Sector, ...]) -> Sector | None:
     """Middle and half of all directions but the widest gap between beams [rad]."""
     directions = beams(*layout)[0]
     for begin, end in ignore:
-        directions = directions[np.mod(directions - begin, math.tau) > np.mod(end - begin, math.tau)]
+        directions = directions[
+            np.mod(directions - begin, math.tau) > np.mod(end - begin, math.tau)
+        ]
     if not len(directions):
         return None
     known = np.sort(wrap(directions))
@@ -73,9 +75,10 @@ class Outlooks:
     def __init__(self, outlooks: Iterable[Outlook]) -> None:
         self._rows = np.array(list(outlooks)).reshape(-1, 4)
         ends = self._rows[:, 2] + self._rows[:, 3] + BEYOND
-        all_around = bool((self._rows[:, 3] >= math.pi).any())
-        self.is_narrow = not all_around and bool((self.beyond(ends) > 0.0).any())
-        """Whether there are directions in which none looks."""
+        halves = self._rows[:, 3]
+        some = len(halves) > 0 and float(halves.max()) < math.pi
+        self.is_narrow = some and bool((self.beyond(ends) > 0.0).any())
+        """Whether there are directions in which none looks; not where there is none at all."""
 
     def beyond(self, directions: Array) -> Array:
         """How far directions (n,) in the robot's frame lie beyond what is seen, (n,) [rad]."""

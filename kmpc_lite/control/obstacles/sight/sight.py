@@ -147,13 +147,16 @@ class Sight:
         return Seen(occupied, dark)
 
     def solids(self, here: LocalMap, given: Solids | None) -> Solids | None:
-        """All that is known to be occupied, as solids for a path search."""
-        rows, columns = (np.flatnonzero((here.state > 0).any(axis=axis)) for axis in (1, 0))
+        """All that is occupied, known or in doubt, as solids for a path search."""
+        taken = here.state > 0
+        cells, inside = here.cells_of(here.doubts(self.options.memory))
+        taken.ravel()[cells[inside]] = True
+        rows, columns = (np.flatnonzero(taken.any(axis=axis)) for axis in (1, 0))
         others = [] if given is None else list(given.solids)
         if not len(rows):
             return given
         (top, bottom), (left, right) = rows[[-1, 0]] + (1, 0), columns[[0, -1]] + (0, 1)
-        occupied = here.state[bottom:top, left:right] > 0
+        occupied = taken[bottom:top, left:right]
         corner = here.cell * np.array([here.column + left, here.row + bottom])
         return Solids([*others, OccupancyGrid(occupied, here.cell, corner)])
 

@@ -119,7 +119,7 @@ def test_nobody_steps_out_of_what_is_not_seen() -> None:
 class OneView:
     """What scans have shown: nothing on the path, and a map."""
 
-    coarseness = 0.0
+    coarseness, is_narrow = 0.0, False
 
     def __init__(self, known: Solids | None = None) -> None:
         options = SightOptions()
