@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from kmpc_lite.control.guidance.capabilities import Capabilities
 from kmpc_lite.types import Array
 

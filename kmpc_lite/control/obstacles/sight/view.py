@@ -82,8 +82,8 @@ class View:
         """
         if self._unknown is None:
             return np.zeros(len(points), dtype=bool)
-        # what stands out by less than half a cell is rounding
-        least = min(distance, float(self._unknown.least(place[None])[0])) - 0.5 * self._map.cell
+        # what stands out by less than a quarter of a cell is rounding
+        least = min(distance, float(self._unknown.least(place[None])[0])) - 0.25 * self._map.cell
         found: Array = self._unknown.least(points) < least
         return found
 
