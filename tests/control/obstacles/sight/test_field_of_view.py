@@ -69,10 +69,8 @@ def test_a_robot_turns_round_to_see_what_lies_behind_it(
 def test_a_robot_that_cannot_back_up_looks_to_either_side_before_it_sets_off() -> None:
     """A camera of 90 degrees before its middle does not see what stands beside the robot."""
     problem = kl.NavigationProblem(u_min=(0.0, -np.pi / 4), **AREA)  # type: ignore[arg-type]
-    controller, pose = (
-        kl.Controller(kl.nominal_unicycle(0.1), problem),
-        np.array([1.0, 2.0, QUARTER]),
-    )
+    controller = kl.Controller(kl.nominal_unicycle(0.1), problem)
+    pose = np.array([1.0, 2.0, QUARTER])
     for k in range(180):
         plan = controller.step(
             pose, (5.0, 2.0, math.pi), [scan_from(pose, QUARTER, (0.1, 0.0, 0.0), k)]
