@@ -14,7 +14,6 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.obstacles.sight.view import View
     from kmpc_lite.control.obstacles.solids import Solids
 
 
@@ -31,7 +30,7 @@ class PathWatch:
 
     def __init__(self, problem: NavigationProblem, options: GuidanceOptions) -> None:
         self._options, self._dt = options, problem.dt
-        self._inflation, self._plan_time = problem.inflation, problem.horizon * problem.dt
+        self._inflation = problem.inflation
 
     def has_grown_elsewhere(self, state: GuideState, now: Situation) -> bool:
         """Whether the map is another one, which leaves the path free: then there is no hurry."""
@@ -80,13 +79,6 @@ class PathWatch:
             if not view.blocks(points, self._inflation):
                 return end - state.place
         return 0.0
-
-    def doubt_ahead(self, state: GuideState, now: Situation, path: TimedPath, view: View) -> None:
-        """Lead later paths around what the robot has come to look at, and has not seen."""
-        end = min(path.drive_end, state.place + self._plan_time)
-        points = path.at(np.arange(state.place, end, self._options.grid_step))[:, :2]
-        if len(points):
-            view.doubt(points, now.pose[:2], self._inflation)
 
     @property
     def _longest(self) -> float:

@@ -134,8 +134,6 @@ class Replanner:
         period = 0.0 if state.yielding else self._dt
         left = path.duration - state.place
         stalled = self._progress.watch(progress, now.pose, left, period)
-        if stalled and now.view is not None:
-            self._watch.doubt_ahead(state, now, path, now.view)
         if not progress.stalls:
             state.avoided, state.narrow = None, False
         elif stalled and now.distance > self._options.near_goal:

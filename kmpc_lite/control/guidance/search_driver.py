@@ -195,8 +195,6 @@ class SearchDriver:
             if path is None or path.time > left - search.gear_time:
                 return False
         if path is None:
-            if now.view is not None:
-                now.view.doubt_nothing()
             state.waiting = search.pose if state.waiting is None else state.waiting
             state.path, state.why_none = None, reason
             return previous is not None

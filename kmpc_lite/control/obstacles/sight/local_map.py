@@ -22,7 +22,6 @@ NEVER = -np.inf
 EMPTY = ("state", UNKNOWN), ("seen", 0.0), ("extent", 0.0), ("taken", NEVER)
 """What is told of cells of which nothing is known."""
 NO_POSES = np.empty((0, 4))
-NO_DOUBTS = np.empty((0, 3))
 
 
 @dataclass(slots=True)
@@ -54,8 +53,6 @@ class LocalMap:
     """When cells were forgotten last."""
     trail: Array = field(default_factory=lambda: NO_POSES)
     """(K, 4) time and pose of the steps before."""
-    doubted: Array = field(default_factory=lambda: NO_DOUBTS)
-    """(K, 3) column and row of cells that stay unknown though the robot came to look, and when."""
     outlooks: dict[Outlook, float] = field(default_factory=dict)
     """Where scanners look, and when each has told something last, on `clock`."""
 
@@ -202,24 +199,6 @@ class LocalMap:
         """Note where scanners look; which told nothing for so long, look no more."""
         told = self.outlooks | dict.fromkeys(outlooks, self.clock)
         self.outlooks = {o: time for o, time in told.items() if time >= self.clock - memory}
-
-    def doubt(self, point: Array, distance: float) -> None:
-        """Doubt that unknown cells within a distance of a point (2,) are free."""
-        rows, columns = self.window(point, distance)
-        x, y = self.centres(rows, columns)
-        near = np.hypot(x[None, :] - point[0], y[:, None] - point[1]) <= distance
-        row, column = np.nonzero(near & (self.state[rows, columns] == UNKNOWN))
-        row, column = row + rows.start + self.row, column + columns.start + self.column
-        cells = np.stack([column, row, np.full(len(row), self.clock)], axis=1)
-        self.doubted = np.concatenate([self.doubted, cells])
-
-    def doubts(self, memory: float) -> Array:
-        """Places (K, 2) within the cells that are in doubt: not longer than the memory reaches."""
-        places = self.cell * (self.doubted[:, :2] + 0.5)
-        stays = self.is_unknown(places) & (self.doubted[:, 2] >= self.clock - memory)
-        self.doubted = self.doubted[stays]
-        found: Array = places[stays]
-        return found
 
     def remember_pose(self, pose: Array, most: int) -> None:
         """Remember where the robot (3,) is now."""

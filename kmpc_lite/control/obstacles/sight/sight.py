@@ -147,10 +147,8 @@ class Sight:
         return Seen(occupied, dark)
 
     def solids(self, here: LocalMap, given: Solids | None) -> Solids | None:
-        """All that is occupied, known or in doubt, as solids for a path search."""
+        """All that is known to be occupied, as solids for a path search."""
         taken = here.state > 0
-        cells, inside = here.cells_of(here.doubts(self.options.memory))
-        taken.ravel()[cells[inside]] = True
         rows, columns = (np.flatnonzero(taken.any(axis=axis)) for axis in (1, 0))
         others = [] if given is None else list(given.solids)
         if not len(rows):

@@ -98,28 +98,6 @@ class View:
         middles = np.clip(points[:, None], boxes.low + inside, boxes.high - inside)
         return self._outlooks.turns(self._pose, middles[near], slack)
 
-    def doubt(self, points: Array, place: Array, distance: float) -> None:
-        """Doubt that the way of a robot that got no farther is free where it goes dark.
-
-        Parameters
-        ----------
-        points : ndarray
-            (n, 2) of its way, from where it is on.
-        place : ndarray
-            (2,) where it is; what is farther away than it needs twice, it did not come to look at.
-        distance : float
-            What it needs around it.
-        """
-        dark = self.leads_into_dark(points, place, distance)
-        if dark.any():
-            point, near = points[dark.argmax()], 2.0 * distance
-            if math.hypot(*(point - place)) <= near:
-                self._map.doubt(point, near)
-
-    def doubt_nothing(self) -> None:
-        """Take what stays unknown as free again: there is no way around it."""
-        self._map.doubted = self._map.doubted[:0]
-
     def blind_turn(self, direction: float) -> float:
         """How far a robot must turn until it sees what lies in a direction in its frame [rad]."""
         return float(self._outlooks.beyond(np.array([direction]))[0]) if self.is_narrow else 0.0

@@ -1,4 +1,4 @@
-"""Drives of robots that do not see all around, and what they do about what stays unseen."""
+"""Drives of robots that do not see all around."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from kmpc_lite.types import Array
 ROOM = World(edges=box_edges(0.0, 0.0, 7.0, 4.0))
 AREA = {"x_min": (-0.3, -0.3, -np.inf), "x_max": (7.3, 4.3, np.inf)}
 REACH, QUARTER = 8.0, math.pi / 2
-PANEL = np.array([(3.0, 1.5, 3.0, 2.5)])
 
 
 def scan_from(pose: Array, view: float, mount: tuple[float, float, float], k: int) -> kl.LaserScan:
@@ -92,37 +91,6 @@ def test_a_robot_drives_in_the_gear_in_which_it_sees(mounted: float, sense: floa
         driven += 0.1 * plan.command[0]
         pose = DifferentialDrive().trace(pose, plan.command, 0.1, 4)[-1]
     assert sense * driven > 1.5
-
-
-def test_what_is_not_seen_from_near_is_led_around() -> None:
-    """Beams that hit a black panel of 1 m tell nothing; the hall around it is seen."""
-    controller = kl.Controller(kl.nominal_unicycle(0.1), kl.NavigationProblem(**AREA))  # type: ignore[arg-type]
-    pose, panel = np.array([0.6, 2.0, 0.0]), World(edges=PANEL)
-    for k in range(500):
-        scan = scan_from(pose, math.tau, (0.0, 0.0, 0.0), k)
-        directions = pose[2] + scan.directions
-        lost = panel.ranges(pose[:2], directions) < ROOM.ranges(pose[:2], directions)
-        ranges = np.where(lost, np.nan, scan.ranges)
-        plan = controller.step(
-            pose, (5.2, 2.0, 0.0), [kl.LaserScan(ranges, -math.pi, math.pi / 180, REACH)]
-        )
-        assert plan.reachable
-        if plan.holding:
-            break
-        pose = DifferentialDrive().trace(pose, plan.command, 0.1, 4)[-1]
-    assert plan.holding
-
-
-def test_what_is_in_doubt_is_forgotten_when_it_is_seen_or_too_long_ago() -> None:
-    here = LocalMap.around(np.full(2, -1.0), np.full(2, 1.0), 0.05, True)
-    here.doubt(np.array([0.5, 0.5]), 0.1)
-    some = len(here.doubts(120.0))
-    assert some > 5
-    cells, _ = here.cells_of(np.array([[0.51, 0.51]]))
-    here.state.ravel()[cells] = 0
-    assert len(here.doubts(120.0)) == some - 1
-    here.clock = 121.0
-    assert not len(here.doubts(120.0)) and not len(here.doubted)
 
 
 # -- where scanners look
