@@ -82,15 +82,9 @@ def format_rows(rows: Sequence[SightDrive]) -> str:
     lines = [head]
     for key in dict.fromkeys((row.robot, row.kind, row.reach) for row in rows):
         some = [row for row in rows if (row.robot, row.kind, row.reach) == key]
-        s, (robot, kind, reach) = summary(some), key
-        lines.append(
-            f"{robot:12} {kind:7} {reach:5g} {s['drives']:6d} {s['arrived']:7d} "
-            f"{s['collisions']:3d} {s['pursuit_arrived']:17d} {s['pursuit_collisions']:3d} "
-            f"{s['ratio_median']:9.2f} {s['ratio_p90']:4.2f} "
-            f"{s['times_median']:7.2f} {s['times_p90']:7.2f} {s['gears_median']:6.1f} "
-            f"{100 * s['stopped']:6.1f}% {s['unseen']:6d} {s['unreachable']:11d} "
-            f"{s['step_p99_ms']:6.1f}"
-        )
+        lines.append(_line(*key[:2], f"{key[2]:g}", some))
+    for robot in dict.fromkeys(row.robot for row in rows):
+        lines.append(_line(robot, "all", "all", [row for row in rows if row.robot == robot]))
     lines += [
         f"{row.robot}, {row.kind} {row.seed}, reach {row.reach:g} m: "
         + ("touched" if row.collided else row.ended or "out of time")
@@ -98,6 +92,19 @@ def format_rows(rows: Sequence[SightDrive]) -> str:
         if row.driver == "ours" and not row.arrived
     ]
     return "\n".join(lines)
+
+
+def _line(robot: str, kind: str, reach: str, rows: Sequence[SightDrive]) -> str:
+    """A row of the table."""
+    s = summary(rows)
+    return (
+        f"{robot:12} {kind:7} {reach:>5} {s['drives']:6d} {s['arrived']:7d} "
+        f"{s['collisions']:3d} {s['pursuit_arrived']:17d} {s['pursuit_collisions']:3d} "
+        f"{s['ratio_median']:9.2f} {s['ratio_p90']:4.2f} "
+        f"{s['times_median']:7.2f} {s['times_p90']:7.2f} {s['gears_median']:6.1f} "
+        f"{100 * s['stopped']:6.1f}% {s['unseen']:6d} {s['unreachable']:11d} "
+        f"{s['step_p99_ms']:6.1f}"
+    )
 
 
 def _world(row: SightDrive) -> tuple[str, str, float, int]:

@@ -148,13 +148,13 @@ class Sight:
 
     def solids(self, here: LocalMap, given: Solids | None) -> Solids | None:
         """All that is known to be occupied, as solids for a path search."""
-        taken = here.state > 0
-        rows, columns = (np.flatnonzero(taken.any(axis=axis)) for axis in (1, 0))
+        is_hit = here.state > 0
+        rows, columns = (np.flatnonzero(is_hit.any(axis=axis)) for axis in (1, 0))
         others = [] if given is None else list(given.solids)
         if not len(rows):
             return given
         (top, bottom), (left, right) = rows[[-1, 0]] + (1, 0), columns[[0, -1]] + (0, 1)
-        occupied = taken[bottom:top, left:right]
+        occupied = is_hit[bottom:top, left:right]
         corner = here.cell * np.array([here.column + left, here.row + bottom])
         return Solids([*others, OccupancyGrid(occupied, here.cell, corner)])
 
