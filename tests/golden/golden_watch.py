@@ -53,8 +53,9 @@ DRIVES: dict[str, int] = {
     "margins.check_margin": 40,
     "margins.check_corrections": 152,
     "margins.retreat_share": 260,
-    "margins.innovation_attack": 36,
-    "margins.innovation_release": 36,
+    "margins.innovation_attack_time": 36,
+    "margins.innovation_release_time": 36,
+    "margins.fading_period": 169,
     "margins.innovation_calm": 36,
     "margins.judged_step": 146,
     "margins.step_tolerance": 36,
@@ -63,7 +64,7 @@ DRIVES: dict[str, int] = {
     "margins.turn_tolerance_share": 36,
     "margins.usual_speed": 36,
     "margins.drift_threshold": 61,
-    "margins.drift_fading": 169,
+    "margins.drift_memory": 169,
     "solver.real_time.tolerance": 1,
     "solver.real_time.max_iter": 202,
     "solver.real_time.rho": 1,
@@ -155,8 +156,10 @@ TESTS: dict[str, tuple[str, ...]] = {
         "goal.content_stalls",
         "goal.content_most",
     ),
-    "control/guidance/test_goal_checker.py::test_a_push_is_forgotten_by_a_fifth_a_step": (
-        "goal.averaging",
+    "control/guidance/test_goal_checker.py::"
+    "test_a_push_is_forgotten_in_half_a_second_or_with_five_poses": (
+        "goal.averaging_time",
+        "goal.averaging_period",
     ),
     "control/margins/test_command_check.py::"
     "test_what_is_farther_than_some_periods_of_driving_is_not_looked_at": (

@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from kmpc_lite.control.options.goal import GoalOptions
+from kmpc_lite.control.running_mean import newest_weight
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.tube import tube_noise
 from kmpc_lite.types import Array
@@ -16,7 +17,7 @@ from kmpc_lite.types import Array
 
 @dataclass(frozen=True, slots=True)
 class GoalTolerances:
-    """How near to the goal is near enough, for one robot."""
+    """How near to the goal is near enough, for one robot, and how its pose is averaged for it."""
 
     turn_distance: float
     """Distance at which the last turn may begin [m]."""
@@ -36,6 +37,8 @@ class GoalTolerances:
     """Error of one single heading at which it drives again [rad]."""
     off_path: float
     """Distance from the path at which a new one is looked for near the goal [m]."""
+    averaging: float
+    """Weight of the newest pose in the averaged one."""
 
 
 PUSHED = 1.5
@@ -73,7 +76,7 @@ def goal_tolerances(
     Parameters
     ----------
     model : MotionModel
-        Its noise at rest is that of the measured poses.
+        Its noise at rest is that of the measured poses, its period is between two of them.
     options : GoalOptions
         Lengths as the model's.
     asked : ndarray, optional
@@ -103,6 +106,7 @@ def goal_tolerances(
         pushed_distance=o.pushed_distance + o.pushed_distance_noise * noise,
         pushed_angle=o.pushed_angle + o.pushed_angle_noise * turn_noise,
         off_path=o.off_path + o.off_path_noise * noise,
+        averaging=newest_weight(o.averaging_time, model.dt, o.averaging_period),
     )
 
 
@@ -126,7 +130,7 @@ class GoalChecker:
     """
 
     def __init__(self, options: GoalOptions) -> None:
-        self._averaging, self._options = options.averaging, options
+        self._options = options
 
     def content_with(self, tolerances: GoalTolerances, stalls: int) -> GoalTolerances:
         """Tolerances of a robot that has not got nearer for so many stalls."""
@@ -164,7 +168,7 @@ class GoalChecker:
             if state.holding:
                 state.mean_error = error.copy()
             return state.holding
-        state.mean_error += self._averaging * (error - state.mean_error)
+        state.mean_error += tolerances.averaging * (error - state.mean_error)
         distance, turn = _sizes(error)
         mean_distance, mean_turn = _sizes(state.mean_error)
         pushed = distance > tolerances.pushed_distance or turn > tolerances.pushed_angle

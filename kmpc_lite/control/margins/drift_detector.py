@@ -14,6 +14,7 @@ import numpy as np
 
 from kmpc_lite.control.options import MarginOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.running_mean import newest_weight
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.tube import tube_noise
 from kmpc_lite.types import Array
@@ -79,7 +80,9 @@ class DriftDetector:
             for i, j in ((0, 0), (1, 1), (0, 1), (2, 2))
         ]
         # a fading sum of errors that last has so many times the variance of one of white ones
-        fading = options.drift_fading
+        self._fading = fading = 1.0 - self._weight(options.drift_memory)
+        self._attack = self._weight(options.innovation_attack_time)
+        self._release = self._weight(options.innovation_release_time)
         summed = tube.white + (1.0 + fading) / (1.0 - fading) * tube.lasting
         self._by_sum = [
             [float(part[i, j]) for part in (measured, at_speed, *summed)]
@@ -152,14 +155,13 @@ class DriftDetector:
         variance += options.turn_tolerance**2 + tolerated**2
         square = max(square, turned * turned / variance)
         change = min(float(square), options.largest_innovation) - state.level
-        weight = options.innovation_attack if change > 0.0 else options.innovation_release
-        state.level += weight * change
+        state.level += (self._attack if change > 0.0 else self._release) * change
 
     def _update_sums(
         self, state: DriftState, ahead: float, left: float, v: float, omega: float
     ) -> None:
         """Add an error and its expected variances to the fading sums, and judge them."""
-        fading = self._options.drift_fading
+        fading = self._fading
         own = self._own(v)
         xx, yy, xy = (v * v * a + omega * omega * b for _, _, a, b in self._by_sum)
         state.ahead, state.left = fading * state.ahead + ahead, fading * state.left + left
@@ -176,6 +178,10 @@ class DriftDetector:
             state.covariance + mc,
         )
         state.drifting = drift > self._options.drift_threshold
+
+    def _weight(self, memory: float) -> float:
+        """Weight of the newest error in a mean that lasts for a time [s]."""
+        return newest_weight(memory, self._dt, self._options.fading_period)
 
     def _own(self, v: float) -> float:
         """Variance of a period's error that even a model without noise may have [m^2]."""

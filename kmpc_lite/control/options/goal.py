@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.option_fields import angle, check, count, radii, share
+from kmpc_lite.option_fields import angle, check, count, radii, seconds, share
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,7 +14,7 @@ class GoalOptions:
     Each option that ends in `_noise` widens the tolerance before it where poses are noisy: by this
     many times the amount by which the measured pose's standard deviation exceeds the quiet one.
     Chance hardly ever carries a single pose farther than 3 to 5 standard deviations; those of the
-    averaged pose are a third as large.
+    averaged pose are a third as large, or less.
     """
 
     turn_distance: float = radii(0.08)
@@ -64,9 +64,12 @@ class GoalOptions:
     """A standard deviation of measured positions up to this widens nothing [radii]."""
     quiet_heading: float = angle(0.024)
     """A standard deviation of measured headings up to this widens nothing [rad]."""
-    averaging: float = share(0.2)
-    """Weight of the newest pose in the averaged one: a robot at rest averages its noise away. It is
-    that of one period, however long it is: how much noise is left hangs on how many poses count."""
+    averaging_time: float = seconds(0.5, zero=False)
+    """Memory of the averaged pose [s]: a robot at rest averages its noise away."""
+    averaging_period: float = seconds(0.1, zero=False)
+    """Period up to which poses are averaged by that time [s]. A longer one counts as this, so that
+    five poses count at the least, whatever time they took: how much noise is left hangs on how many
+    they are."""
 
     def __post_init__(self) -> None:
         check(self)

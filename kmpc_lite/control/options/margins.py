@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.option_fields import angle, check, count, part, probability, radii, share
+from kmpc_lite.option_fields import angle, check, count, part, probability, radii, seconds, share
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,14 +58,16 @@ class MarginOptions:
     """Share of a command that is always allowed straight away from an obstacle: a robot that
     touches must get free."""
 
-    innovation_attack: float = part(0.2)
-    """Weight of the newest error in the running mean where that error is larger: ten times the slip
-    widens the margins 4-fold after one period and 8-fold after five. Weights and fading are those
-    of one period, however long it is: how surely chance is told from a floor hangs on how many
-    errors count, not on how long they took."""
-    innovation_release: float = part(0.1)
-    """Weight of the newest error where it is smaller: on a calm floor the margins are narrow again
-    within twenty periods."""
+    innovation_attack_time: float = seconds(0.5, zero=False)
+    """Memory of the running mean of errors where the newest is larger [s]: ten times the slip
+    widens the margins 4-fold after 0.1 s and 8-fold after 0.5 s."""
+    innovation_release_time: float = seconds(1.0, zero=False)
+    """Memory of that mean where the newest error is smaller [s]: on a calm floor the margins are
+    narrow again within 2 s."""
+    fading_period: float = seconds(0.1, zero=False)
+    """Period up to which errors fade by these times and by `drift_memory` [s]. A longer one counts
+    as this, so that five errors count at the least, and ten where they become smaller, whatever
+    time they took: how surely chance is told from a floor hangs on how many they are."""
     innovation_calm: float = share(2.5, zero=False)
     """Running mean of squared errors, as a multiple of the expected one, up to which margins stay
     as they are: slip with heavy tails exceeds it in one period of ten."""
@@ -91,8 +93,8 @@ class MarginOptions:
     """Squared sum of recent errors, as a multiple of the expected one, beyond which the floor
     counts as unknown: where poses are noisy, a single error tells little, but a floor that pushes
     to one side does so again and again."""
-    drift_fading: float = part(0.8)
-    """Factor by which the sum of recent errors fades per period."""
+    drift_memory: float = seconds(0.5, zero=False)
+    """Memory of the sum of recent errors [s]."""
 
     def __post_init__(self) -> None:
         check(self)

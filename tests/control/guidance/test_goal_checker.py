@@ -12,6 +12,7 @@ import kmpc_lite as kl
 from kmpc_lite.control.guidance.goal_checker import (
     GoalChecker,
     GoalCheckerState,
+    GoalTolerances,
     goal_tolerances,
     widened,
 )
@@ -24,6 +25,11 @@ QUIET = goal_tolerances(kl.nominal_unicycle(0.1), OPTIONS)
 ENTER = QUIET.enter_distance, QUIET.enter_angle
 LEAVE = QUIET.leave_distance, QUIET.leave_angle
 PUSHED = QUIET.pushed_distance, QUIET.pushed_angle
+
+
+def sizes(tolerances: GoalTolerances) -> dict[str, float]:
+    """Distances [m] and angles [rad] by their names."""
+    return {name: value for name, value in asdict(tolerances).items() if name != "averaging"}
 
 
 class Goal:
@@ -96,7 +102,7 @@ def test_the_papers_robot_parks_within_these_tolerances() -> None:
     """Each default, so that none changes unseen: distances [cm], angles [mrad]."""
     found = {
         name: round(1e3 * value if name.endswith("angle") else 1e2 * value, 3)
-        for name, value in asdict(QUIET).items()
+        for name, value in sizes(QUIET).items()
     }
     assert found == {
         "turn_distance": 1.2,
@@ -112,7 +118,7 @@ def test_the_papers_robot_parks_within_these_tolerances() -> None:
 
 
 def test_a_tolerance_that_is_asked_for_moves_all_that_is_decided_near_the_goal() -> None:
-    wide = asdict(goal_tolerances(kl.nominal_unicycle(0.1), OPTIONS, np.array([0.06, 0.2])))
+    wide = sizes(goal_tolerances(kl.nominal_unicycle(0.1), OPTIONS, np.array([0.06, 0.2])))
     assert {name: round(value, 4) for name, value in wide.items()} == {
         "turn_distance": 0.048,
         "turn_limit": 0.06,
@@ -189,7 +195,7 @@ def test_what_cannot_be_reached_more_closely_is_held_and_told() -> None:
 
 def test_each_tolerance_is_widened_by_its_number_of_standard_deviations() -> None:
     """Poses that err by 2 cm and 80 mrad, of which 0.6 cm and 24 mrad are quiet."""
-    wide, quiet = asdict(goal_tolerances(noisy(0.02, 0.08), OPTIONS)), asdict(QUIET)
+    wide, quiet = sizes(goal_tolerances(noisy(0.02, 0.08), OPTIONS)), sizes(QUIET)
     beyond = {
         name: round((wide[name] - quiet[name]) / (0.056 if name.endswith("angle") else 0.014), 3)
         for name in wide
@@ -207,14 +213,24 @@ def test_each_tolerance_is_widened_by_its_number_of_standard_deviations() -> Non
     }
 
 
-def test_a_push_is_forgotten_by_a_fifth_a_step() -> None:
-    goal = Goal()
+@pytest.mark.parametrize(
+    ("period", "weight"), [(0.02, 0.04), (0.05, 0.1), (0.1, 0.2), (0.2, 0.2), (1.0, 0.2)]
+)
+def test_a_push_is_forgotten_in_half_a_second_or_with_five_poses(
+    period: float, weight: float
+) -> None:
+    goal = Goal(kl.nominal_unicycle(period))
     assert goal.holds(np.zeros(3))
     means = []
     for push in (0.04, 0.0, 0.0, 0.0):
         goal.holds(np.array([push, 0.0, 0.0]))
         means.append(goal.state.mean_error[0])
-    np.testing.assert_allclose(means, 0.008 * 0.8 ** np.arange(4))
+    np.testing.assert_allclose(means, 0.04 * weight * (1.0 - weight) ** np.arange(4))
+
+
+def test_a_memory_of_less_than_a_period_is_the_newest_pose_alone() -> None:
+    short = replace(OPTIONS, averaging_time=0.05)
+    assert goal_tolerances(kl.nominal_unicycle(0.1), short).averaging == 1.0
 
 
 def test_tolerances_grow_with_the_robot() -> None:

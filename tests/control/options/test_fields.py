@@ -27,7 +27,7 @@ GROUPS = (GuidanceOptions, GoalOptions, MovingObstacleOptions)
         (GuidanceOptions, "hurried_parts", 0, "a whole number >= 1, got 0"),
         (GuidanceOptions, "hurried_parts", 2.0, "a whole number >= 1, got 2.0"),
         (GuidanceOptions, "turn_share", True, "got True"),
-        (GoalOptions, "averaging", None, "got None"),
+        (GoalOptions, "averaging_time", None, "got None"),
         (MovingObstacleOptions, "speed_scales", (), "a tuple of finite numbers"),
         (MovingObstacleOptions, "arc_times", (1.0, float("inf")), "a tuple of finite numbers"),
     ],
