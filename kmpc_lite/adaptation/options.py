@@ -22,7 +22,8 @@ class AdaptationOptions:
     memory: float = seconds(30.0, zero=False)
     """Memory of the slow estimate [s]: short enough to follow a floor that wears."""
     fewest_steps: int = count(8)
-    """Least number of steps since a change from which a model is given."""
+    """Least number of steps since a change from which a model is given. Steps, not seconds: how
+    surely gains are known hangs on how many tell of them."""
     window_alarm: float = share(40.0, zero=False)
     """Squared distance, in standard errors over four gains, between the window's estimate and the
     gains in use that counts as a change. Chance alone gives 4, but few steps are heavy-tailed."""

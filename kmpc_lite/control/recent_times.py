@@ -4,7 +4,7 @@ from __future__ import annotations
 
 FORGETTING = 0.95
 """Factor by which the remembered time shrinks with each newer one: twenty quick ones take two
-thirds of it."""
+thirds of it. Counted, not timed: how rarely work is late hangs on how often it is done."""
 
 
 def longest_lately(before: float, took: float) -> float:

@@ -64,7 +64,7 @@ DRIVES: dict[str, int] = {
     "margins.turn_tolerance_share": 36,
     "margins.usual_speed": 36,
     "margins.drift_threshold": 61,
-    "margins.drift_memory": 169,
+    "margins.drift_fading": 169,
     "solver.real_time.tolerance": 1,
     "solver.real_time.max_iter": 202,
     "solver.real_time.rho": 1,

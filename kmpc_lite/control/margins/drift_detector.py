@@ -68,6 +68,9 @@ class DriftDetector:
         # errors of a robot that lags last: unless it is known how much, their sum tells nothing
         tube = tube_noise(model.noise_model, model.dt)
         self._sums_errors = not model.history or bool(tube.lasting.any())
+        longest = options.fading_period
+        self._attack = newest_weight(options.innovation_attack_time, model.dt, longest)
+        self._release = newest_weight(options.innovation_release_time, model.dt, longest)
         unit = unit_length(problem)
         self._judged_step = options.judged_step * unit
         self._step_tolerance = options.step_tolerance * unit
@@ -80,9 +83,7 @@ class DriftDetector:
             for i, j in ((0, 0), (1, 1), (0, 1), (2, 2))
         ]
         # a fading sum of errors that last has so many times the variance of one of white ones
-        self._fading = fading = 1.0 - self._weight(options.drift_memory)
-        self._attack = self._weight(options.innovation_attack_time)
-        self._release = self._weight(options.innovation_release_time)
+        fading = options.drift_fading
         summed = tube.white + (1.0 + fading) / (1.0 - fading) * tube.lasting
         self._by_sum = [
             [float(part[i, j]) for part in (measured, at_speed, *summed)]
@@ -161,7 +162,7 @@ class DriftDetector:
         self, state: DriftState, ahead: float, left: float, v: float, omega: float
     ) -> None:
         """Add an error and its expected variances to the fading sums, and judge them."""
-        fading = self._fading
+        fading = self._options.drift_fading
         own = self._own(v)
         xx, yy, xy = (v * v * a + omega * omega * b for _, _, a, b in self._by_sum)
         state.ahead, state.left = fading * state.ahead + ahead, fading * state.left + left
@@ -178,10 +179,6 @@ class DriftDetector:
             state.covariance + mc,
         )
         state.drifting = drift > self._options.drift_threshold
-
-    def _weight(self, memory: float) -> float:
-        """Weight of the newest error in a mean that lasts for a time [s]."""
-        return newest_weight(memory, self._dt, self._options.fading_period)
 
     def _own(self, v: float) -> float:
         """Variance of a period's error that even a model without noise may have [m^2]."""

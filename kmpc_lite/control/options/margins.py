@@ -65,9 +65,9 @@ class MarginOptions:
     """Memory of that mean where the newest error is smaller [s]: on a calm floor the margins are
     narrow again within 2 s."""
     fading_period: float = seconds(0.1, zero=False)
-    """Period up to which errors fade by these times and by `drift_memory` [s]. A longer one counts
-    as this, so that five errors count at the least, and ten where they become smaller, whatever
-    time they took: how surely chance is told from a floor hangs on how many they are."""
+    """Period up to which errors fade by these times [s]. A longer one counts as this, so that five
+    errors count at the least, and ten where they become smaller, whatever time they took: how
+    surely chance is told from a floor hangs on how many they are."""
     innovation_calm: float = share(2.5, zero=False)
     """Running mean of squared errors, as a multiple of the expected one, up to which margins stay
     as they are: slip with heavy tails exceeds it in one period of ten."""
@@ -93,8 +93,11 @@ class MarginOptions:
     """Squared sum of recent errors, as a multiple of the expected one, beyond which the floor
     counts as unknown: where poses are noisy, a single error tells little, but a floor that pushes
     to one side does so again and again."""
-    drift_memory: float = seconds(0.5, zero=False)
-    """Memory of the sum of recent errors [s]."""
+    drift_fading: float = part(0.8)
+    """Factor by which the sum of recent errors fades per period, however long that is: five count.
+    What a model does not know of its robot's lag is as lasting as what a floor does, and the more
+    errors add up, the smaller is what counts as one: over half a second of short periods, robots
+    that lag took their own floor for an unknown one."""
 
     def __post_init__(self) -> None:
         check(self)

@@ -142,16 +142,13 @@ def test_errors_count_for_a_time_but_five_of_them_and_ten_at_the_least(
     wary.observe(np.array([1e3, 0.0, 0.0]), 0.0, u)
     level = wary.drift.level
     assert level == pytest.approx(1.0 + larger * (400.0 - 1.0))
-    assert wary.drift.ahead == pytest.approx(1e3)
     wary.observe(np.zeros(3), 0.0, u)
     assert wary.drift.level == pytest.approx((1.0 - smaller) * level)
-    assert wary.drift.ahead == pytest.approx((1.0 - larger) * 1e3)
 
 
 def test_a_memory_of_less_than_a_period_is_the_newest_error_alone() -> None:
-    short = {"innovation_attack_time": 0.05, "innovation_release_time": 0.05, "drift_memory": 0.05}
+    short = {"innovation_attack_time": 0.05, "innovation_release_time": 0.05}
     wary, u = Wary(nominal_unicycle(0.1), PROBLEM, **short), np.array([0.5, 0.0])
     for error in (1e3, 0.0):
         wary.observe(np.array([error, 0.0, 0.0]), 0.0, u)
         assert wary.drift.level == (400.0 if error else 0.0)
-        assert wary.drift.ahead == error
