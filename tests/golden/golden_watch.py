@@ -55,7 +55,7 @@ DRIVES: dict[str, int] = {
     "margins.retreat_share": 260,
     "margins.innovation_attack_time": 36,
     "margins.innovation_release_time": 36,
-    "margins.fading_period": 169,
+    "margins.fading_period": 133,
     "margins.innovation_calm": 36,
     "margins.judged_step": 146,
     "margins.step_tolerance": 36,
