@@ -86,11 +86,8 @@ class BodyCommandCheck(CommandCheck):
             limits = np.where(closing, possible, 1.0)
             entering = closing & (leaving < 0.0)
             if not entering.any():
-                worst = int(limits.argmin())
-                least = self._retreat(
-                    leaving.item(worst), before.item(worst), clearance.item(worst)
-                )
-                return CommandShare(share * max(limits.item(worst), least), nearest)
+                allowed = self._retreat(limits, leaving, before, clearance)
+                return CommandShare(share * allowed, nearest)
             share *= float(limits[entering].min())
         return CommandShare(share, nearest)
 

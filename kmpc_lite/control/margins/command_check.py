@@ -203,11 +203,8 @@ class CommandCheck:
             entering = closing & into
             if not entering.any():
                 # a robot at the very centre can only go away
-                worst = int(limits.argmin())
-                least = self._retreat(
-                    leaving.item(worst), before.item(worst), clearance.item(worst)
-                )
-                return CommandShare(share * max(limits.item(worst), least), nearest)
+                allowed = self._retreat(limits, leaving, before, clearance)
+                return CommandShare(share * allowed, nearest)
             # again, for a curve that is driven slowly turns less in the period than the share says
             share *= float(limits[entering].min())
         return CommandShare(share, nearest)
@@ -222,22 +219,25 @@ class CommandCheck:
             return 1.0
         return max(clearance / error, self._options.retreat_share)
 
-    def _retreat(self, leaving: float, distance: float, clearance: float) -> float:
-        """Share that is always allowed of a command which leads away from an obstacle.
+    def _retreat(self, limits: Array, leaving: Array, distance: Array, clearance: Array) -> float:
+        """Share that is always allowed of a command which leads away from what is in its way.
 
         What leads past it has less, for floors push robots aside; but a robot that touches for
         sure, whatever the pose's noise pretends, must get free.
 
         Parameters
         ----------
-        leaving : float
+        limits : ndarray
+            Shares that obstacles allow, of any shape; the least one counts.
+        leaving : ndarray
             Part of the distance [m] that lies in the direction of the command.
-        distance, clearance : float
-            Of the obstacle's middle and of its edge [m].
+        distance, clearance : ndarray
+            Of each obstacle's middle and of its edge [m].
         """
-        least = self._options.retreat_share
-        touches = clearance <= -self.pose_error
-        return least if touches else least * leaving / max(distance, AT_CENTRE)
+        worst, least = int(limits.argmin()), self._options.retreat_share
+        if clearance.item(worst) > -self.pose_error:
+            least *= leaving.item(worst) / max(distance.item(worst), AT_CENTRE)
+        return float(max(limits.item(worst), least))
 
     def _error(self, felt: FeltNoise, v: float, omega: float) -> float:
         """Quantile of a command's error in any direction [m]."""
