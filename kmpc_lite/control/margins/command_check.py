@@ -16,7 +16,7 @@ import numpy as np
 from kmpc_lite.control.margins.chords import halves, least_on_way
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_noise import FeltNoise, ModelNoise
-from kmpc_lite.control.options import MarginOptions, unit_length
+from kmpc_lite.control.options import MarginOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.tube import FLOOR
@@ -70,6 +70,10 @@ class CommandCheck:
             options.solver_margin * unit,
             options.check_margin * unit,
         )
+        # a retreat may graze what it leads past, by less than the margin of this check: the sine of
+        # the angle at which it does
+        way = options.retreat_share * (fastest(problem)[0] or 1.0) * model.dt
+        self._graze = self._check_margin / way if way else 1.0
         self._touch = problem.body_radius
         variance = noise.tube.pose_deviation[0] ** 2 - FLOOR**2
         self.pose_error = noise.quantile * math.sqrt(max(variance, 0.0))
@@ -189,9 +193,7 @@ class CommandCheck:
         if nearest > far + self._error(felt, v, omega):
             return CommandShare(1.0, nearest)
         leaving = math.copysign(1.0, v) * (away @ (math.cos(here[2]), math.sin(here[2])))
-        # a retreat may graze what it leads past, by less than the margin of this check
-        retreat = self._options.retreat_share * abs(v) * self._model.dt
-        into = -retreat * leaving > self._check_margin * before
+        into = -leaving > self._graze * before
         share = 1.0
         for _ in range(self._options.check_corrections):
             approach = self._approach(felt, here, share * command, circles, past, away, before)

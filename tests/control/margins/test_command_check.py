@@ -92,6 +92,8 @@ def test_a_robot_that_touches_one_obstacle_does_not_retreat_into_another(model):
     both = np.concatenate([CIRCLES, behind])
     for circles in (both, both[::-1]):
         assert 0.3 * 0.1 * wary.speed_share(touched, back, circles) < 0.004
+        # nor does it creep there
+        assert wary.speed_share(touched - (0.004, 0.0, 0.0), 0.02 * back, circles) < 0.01
     # what it grazes on its way out does not hold it
     beside = np.array([[0.66, 0.349, 0.2, 0.0, 0.0]])
     assert wary.speed_share(touched, back, np.concatenate([CIRCLES, beside])) >= 0.25
