@@ -454,6 +454,8 @@ TESTS: dict[str, tuple[str, ...]] = {
     "test_what_is_within_a_cell_of_a_line_counts_as_behind_it": ("sight.level",),
     "control/obstacles/sight/test_sight_options.py::"
     "test_cells_are_noted_as_free_up_to_three_metres": ("sight.free_distance",),
+    "control/obstacles/sight/test_sight_options.py::"
+    "test_nothing_is_known_of_what_stands_beside_a_robot_that_begins": ("sight.free_at_start",),
     "control/obstacles/sight/test_sight_options.py::test_sixty_four_poses_of_the_past_are_kept": (
         "sight.trail",
     ),

@@ -19,7 +19,13 @@ from kmpc_lite.control.guidance.goal_checker import GoalChecker, GoalTolerances
 from kmpc_lite.control.guidance.guide_task import GuideTask
 from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles
 from kmpc_lite.control.guidance.progress_checker import gets_on
-from kmpc_lite.control.guidance.reference import Guidance, told_progress, wait_in_sight
+from kmpc_lite.control.guidance.reference import (
+    NO_PROGRESS,
+    UNSEEN,
+    Guidance,
+    told_progress,
+    wait_in_sight,
+)
 from kmpc_lite.control.guidance.replan import Replanner
 from kmpc_lite.control.guidance.situation import Situation, Surveyor
 from kmpc_lite.control.guidance.state import BLOCKED, GuideState
@@ -74,6 +80,8 @@ class Guide:
         self._surveyor = Surveyor(problem, moving or MovingObstacleOptions())
         self._range = math.inf if problem.sensor_range is None else problem.sensor_range
         self._body = problem.inflation
+        arms = 0.0 if problem.footprint is None else problem.footprint.reach
+        self._swept = problem.body_radius + arms
         self._replanner = Replanner(problem, self._options, clock)
 
     def reference(self, state: GuideState, capabilities: Capabilities, task: GuideTask) -> Guidance:
@@ -182,6 +190,9 @@ class Guide:
         left = path.duration - place
         drives_on = gets_on(state.progress, left, self._options.patience)
         progress, reason = told_progress(state, hold, scale, drives_on)
+        if reason == NO_PROGRESS and now.view is not None:
+            unseen = now.view.is_dark(now.pose[None, :2], self._swept)[0]
+            reason = UNSEEN if unseen else reason
         if hold and tolerances is not now.capabilities.tolerances:
             reason = "it holds where it is: it does not get nearer to its goal"
         if now.outside:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from kmpc_lite.control.guidance.state import GuideState
 
 NO_TURNS = np.empty(0)
+NO_PROGRESS = "no progress, on this path and on another one"
+UNSEEN = "no progress: what stands beside the robot was never seen (sight.free_at_start)"
 TOLD_STALLS = 2
 """Stalls after which the guidance says that the robot waits: the second follows when something else
 was tried and did not help either."""
@@ -117,5 +119,5 @@ def told_progress(
     if scale == 0.0:
         return GoalProgress.WAITING, "something that moves is let pass"
     if state.progress.stalls >= TOLD_STALLS and not gets_on:
-        return GoalProgress.WAITING, "no progress, on this path and on another one"
+        return GoalProgress.WAITING, NO_PROGRESS
     return GoalProgress.DRIVING, ""

@@ -46,6 +46,9 @@ class SightOptions:
     milliseconds."""
     lattice_step: float = radii(0.5, zero=False)
     """Least distance between neighbours of that lattice [radii]."""
+    free_at_start: float = radii(0.0)
+    """How far from the robot's edge there is nothing where it begins, seen or not [radii]. One with
+    corners, and a camera at its front edge, does not see what it must sweep to get away."""
     trail: int = count(64, least=2)
     """How many poses of the past are kept, to tell where old beams were sent from."""
     blind_time: float = clock_seconds(1.0)

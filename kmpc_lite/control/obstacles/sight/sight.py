@@ -119,7 +119,8 @@ class Sight:
                 hits = hits[(away > moving[:, 2] + here.cell).all(axis=1)]
             here.mark(hits, options.passes)
         # what the robot overlaps by a part is free where it begins; later it must have been seen
-        self._stand(here, pose, self._radius + begins * math.sqrt(0.5) * here.cell)
+        around = math.sqrt(0.5) * here.cell + options.free_at_start
+        self._stand(here, pose, self._radius + begins * around)
         return here
 
     def view(self, here: LocalMap, pose: Array, speed: float) -> View:

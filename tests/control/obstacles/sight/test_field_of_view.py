@@ -11,6 +11,7 @@ import kmpc_lite as kl
 from kmpc_lite.control.guidance.progress_checker import ProgressState, gets_on
 from kmpc_lite.control.obstacles.sight.local_map import UNKNOWN, LocalMap
 from kmpc_lite.control.obstacles.sight.outlook import Outlook, Outlooks, outlook_of
+from kmpc_lite.control.options import SightOptions
 from kmpc_lite.sim.lidar import World, box_edges
 from kmpc_lite.sim.plants.robots import DifferentialDrive
 from kmpc_lite.types import Array
@@ -78,6 +79,26 @@ def test_a_robot_that_cannot_back_up_looks_to_either_side_before_it_sets_off() -
             break
         pose = DifferentialDrive().trace(pose, plan.command, 0.1, 4)[-1]
     assert plan.holding
+
+
+@pytest.mark.parametrize("free_at_start", [0.0, 1.0])
+def test_a_robot_with_corners_is_told_that_nothing_stands_beside_it(free_at_start: float) -> None:
+    """A camera at its front edge does not see what its corners sweep."""
+    sight = SightOptions(free_at_start=free_at_start)
+    problem = kl.NavigationProblem(footprint=kl.Footprint.rectangle(0.4, 0.25), **AREA)  # type: ignore[arg-type]
+    controller = kl.Controller(
+        kl.nominal_unicycle(0.1), problem, options=kl.ControllerOptions(sight=sight)
+    )
+    pose, mount = np.array([2.0, 2.0, 0.0]), (0.2, 0.0, 0.0)
+    for k in range(200):
+        plan = controller.step(pose, (2.0, 3.5, QUARTER), [scan_from(pose, QUARTER, mount, k)])
+        if plan.holding:
+            break
+        pose = DifferentialDrive().trace(pose, plan.command, 0.1, 4)[-1]
+    assert plan.holding is bool(free_at_start)
+    if not free_at_start:
+        assert plan.progress is kl.GoalProgress.WAITING
+        assert "sight.free_at_start" in plan.reason
 
 
 @pytest.mark.parametrize(("mounted", "sense"), [(0.0, 1.0), (math.pi, -1.0)])

@@ -116,6 +116,27 @@ def test_nobody_steps_out_of_what_is_not_seen() -> None:
     assert dark(sight()) == dark(usual) < dark(wary)
 
 
+def test_nothing_is_known_of_what_stands_beside_a_robot_that_begins() -> None:
+    """But what it covers itself, up to a cell; a scanner looks ahead."""
+    ahead = kl.LaserScan(np.full(90, 2.0), -np.pi / 4, STEP, 5.0)
+
+    def free_behind(eyes: Sight, pose: Array = HERE) -> float:
+        here = eyes.look(None, [ahead], pose, 0.0)
+        assert here is not None
+        distance = np.arange(0.0, 1.0, 0.01)
+        dark = here.is_unknown(np.stack([-distance, 0.0 * distance], axis=1))
+        return float(distance[dark.argmax()])
+
+    usual, trusting = free_behind(sight()), free_behind(sight(free_at_start=1.0))
+    assert 0.15 <= usual < 0.22
+    assert trusting == pytest.approx(usual + 0.15, abs=0.02)
+
+
+def test_what_is_hit_beside_a_robot_that_begins_is_there() -> None:
+    here = sight(free_at_start=3.0).look(None, [scan(0.4)], HERE, 0.0)
+    assert here is not None and here.state[here.window(HERE[:2], 0.6)].max() > 0
+
+
 class OneView:
     """What scans have shown: nothing on the path, and a map."""
 
