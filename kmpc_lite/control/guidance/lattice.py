@@ -7,7 +7,7 @@ lattice and the search from a goal are kept while these stay.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +30,17 @@ NEIGHBOURS = ((0, 1), (1, -1), (1, 0), (1, 1))
 COARSE = 8
 """Every so many points of a line are looked at first: most lines that are barred are so there."""
 
-Search = tuple[Array, NDArray[np.int32]]
-"""Cost (n,) of every node to a goal [m], and the node that comes next (n,)."""
+
+class Search(NamedTuple):
+    """Of the whole lattice, from a goal."""
+
+    cost: Array
+    """(n,) of every node to the goal [m]; infinite where no way is known."""
+    towards: NDArray[np.int32]
+    """(n,) the node that comes next."""
+    start: int
+    """Node of the start for which the graph was made: nodes around it may be nearer to solids than
+    a path leads."""
 
 
 class Lattice:
@@ -108,13 +117,13 @@ class Lattice:
         area : ndarray
             xmin, ymin, xmax, ymax (4,).
         """
-        cost, towards = self.find(start, goal, inflation, circles, area)
+        search = self.find(start, goal, inflation, circles, area)
         begin, end = self._node(start), self._node(goal)
-        if not np.isfinite(cost[begin]):
+        if not np.isfinite(search.cost[begin]):
             return None
         nodes = [begin]
         while nodes[-1] != end:
-            nodes.append(int(towards[nodes[-1]]))
+            nodes.append(int(search.towards[nodes[-1]]))
         points = np.concatenate([start[None, :2], self._places[nodes[1:-1]], goal[None, :2]])
         return LatticePath(
             self, points, inflation, min(self.clearance(start), self.clearance(goal))
@@ -126,7 +135,7 @@ class Lattice:
         """Make the graph that `find` searches: half of the work."""
         self.cover(start, goal)
         key, still = self._key(goal, inflation, circles, area)
-        if key not in self._searches:
+        if not self._is_known(key, start):
             self._linked = key, self._graph(start, goal, inflation, still, area)
 
     def find(
@@ -135,16 +144,23 @@ class Lattice:
         """Search from the goal; what was found is kept, as `path` will need it."""
         self.cover(start, goal)
         key, still = self._key(goal, inflation, circles, area)
-        if key not in self._searches:
+        if not self._is_known(key, start):
+            self._searches.pop(key, None)
             if len(self._searches) >= self.options.lattice_searches:
                 del self._searches[next(iter(self._searches))]
             linked, self._linked = self._linked, None
             if linked is None or linked[0] != key:
                 linked = key, self._graph(start, goal, inflation, still, area)
-            self._searches[key] = dijkstra(
+            cost, towards = dijkstra(
                 linked[1], directed=False, indices=self._node(goal), return_predecessors=True
             )
+            self._searches[key] = Search(cost, towards, self._node(start))
         return self._searches[key]
+
+    def _is_known(self, key: tuple[object, ...], start: Array) -> bool:
+        """Whether a search tells of a start: one from elsewhere may end before it."""
+        search, node = self._searches.get(key), self._node(start)
+        return search is not None and (search.start == node or np.isfinite(search.cost[node]))
 
     def _key(
         self, goal: Array, inflation: float, circles: Array, area: Array

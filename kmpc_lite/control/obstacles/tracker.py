@@ -133,7 +133,7 @@ class ObstacleTracker:
         options = self._follower.options
         found = clusters(scan, here, options.gap, options.largest_cluster, options.fewest_hits)
         self.follow(np.hstack([found, np.zeros((len(found), 2))]))
-        rows = who_walks(self.tracks, options, self._follower.dt, [scan], here).rows
+        rows = who_walks(self.tracks, options, self._follower.dt, [scan], [here]).rows
         return [Circle(*row) for row in rows.tolist()]
 
     def follow(self, circles: Array) -> Array:

@@ -47,10 +47,10 @@ def who_walks(
     options: TrackerOptions,
     dt: float,
     scans: Sequence[LaserScan],
-    pose: Array,
+    poses: Sequence[Array],
     was_free: Callable[[Array], NDArray[np.bool_]] | None = None,
 ) -> Walking:
-    """Find the circles of tracks that walk.
+    """Find the circles of tracks that walk, in scans that were taken at poses (3,).
 
     Whoever walks has left the place where he was: it is seen to be free, or hidden behind himself.
     What is seen of a wall also seems to move as the robot does, but the wall is still there, and
@@ -74,7 +74,10 @@ def who_walks(
     here, faster = np.flatnonzero(walks & is_seen), np.full(len(tracks), SURE)
     if len(here):
         before = rows[here, :2] - lasted[here, None] * velocities[here]
-        left = [_has_left(scan, pose, rows[here], before, options) for scan in scans]
+        left = [
+            _has_left(scan, pose, rows[here], before, options)
+            for scan, pose in zip(scans, poses, strict=True)
+        ]
         walks[here] = np.any(left, axis=0)
         if was_free is not None:
             # he may walk over what was seen of himself
@@ -183,10 +186,10 @@ class Walkers:
             (P, 5) who seems to walk, but may be a piece of something that stands.
         """
         options, scale = self._follower.options, self._scale
-        here = pose * scale.state
+        taken = [self._taken_at(scan, pose, before) * scale.state for scan in scans]
         found = [
-            clusters(scan, here, options.gap, options.largest_cluster, options.fewest_hits)
-            for scan in scans
+            clusters(scan, at, options.gap, options.largest_cluster, options.fewest_hits)
+            for scan, at in zip(scans, taken, strict=True)
         ]
         seen = found[0] if len(found) == 1 else np.concatenate([np.empty((0, 3)), *found])
         if not len(seen) and not len(tracks):
@@ -199,7 +202,7 @@ class Walkers:
         def was_free(rows: Array) -> NDArray[np.bool_]:
             return _was_free(before, rows[:, :2] / length, pose[:2], WINDOW / scale.time)
 
-        rows, deviations, perhaps = who_walks(tracks, options, period, scans, here, was_free)
+        rows, deviations, perhaps = who_walks(tracks, options, period, scans, taken, was_free)
         rows, perhaps = rows / scale.circle, perhaps / scale.circle
         spread = options.spread * deviations / scale.speed
         if len(circles) and len(rows):
@@ -207,3 +210,10 @@ class Walkers:
             new = (away > rows[:, 2:3] + circles[:, 2]).all(axis=1)
             rows, spread = rows[new], spread[new]
         return tracks, rows, spread, perhaps
+
+    def _taken_at(self, scan: LaserScan, pose: Array, before: LocalMap | None) -> Array:
+        """Where the robot, that is at a pose (3,) now, was in the middle of a scan."""
+        if before is None or not (scan.age or scan.time_increment):
+            return pose
+        age = 0.5 * float(scan.ages[0] + scan.ages[-1]) / self._scale.time
+        return before.poses_at(np.array(age), self._follower.dt / self._scale.time, pose)

@@ -48,3 +48,15 @@ def test_paths_keep_their_distance_and_bend_where_they_must() -> None:
     assert lattice.path(start, goal, 0.21, np.array([[-1.2, -0.4, 0.1, 0.0, 0.0]]), AREA) is None
     closed = PathMap(Solids([slanted(None)]), OPTIONS).lattice
     assert closed is not None and closed.path(start, goal, 0.21, NO_CIRCLES, AREA) is None
+
+
+def test_a_start_near_a_wall_is_left_though_a_search_for_another_start_is_known() -> None:
+    lattice = PathMap(Solids([slanted()]), OPTIONS).lattice
+    assert lattice is not None
+    goal, far = np.array([0.0, 2.5]), np.array([0.0, -2.5])
+    near = np.array([-1.0, -0.46])
+    assert 0.15 < lattice.clearance(near) < 0.21
+    assert lattice.path(far, goal, 0.21, NO_CIRCLES, AREA) is not None
+    assert lattice.path(near, goal, 0.21, NO_CIRCLES, AREA) is not None
+    # and the other way round
+    assert lattice.path(far, goal, 0.21, NO_CIRCLES, AREA) is not None

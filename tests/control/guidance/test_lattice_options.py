@@ -68,7 +68,7 @@ def test_a_step_along_an_obstacle_counts_a_fifth_more() -> None:
     lattice = Lattice(walls(200, 0, 11), OPTIONS)
     start, goal = np.array([3.0, 0.3]), np.array([7.0, 0.3])
     lattice.cover(start, goal)
-    cost, _ = lattice.find(start, goal, 0.2249, NO_CIRCLES, AREA)
+    cost = lattice.find(start, goal, 0.2249, NO_CIRCLES, AREA).cost
     assert cost[lattice._node(start)] == pytest.approx(1.2 * 4.0, rel=0.002)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -9,9 +10,12 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.control.obstacles.clusters import clusters
+from kmpc_lite.control.obstacles.sight.sight import Sight
 from kmpc_lite.control.obstacles.tracker import ObstacleTracker
-from kmpc_lite.control.obstacles.walkers import who_walks
-from kmpc_lite.control.options import TrackerOptions, lengths_from_radii
+from kmpc_lite.control.obstacles.tracks import Tracks
+from kmpc_lite.control.obstacles.walkers import Walkers, who_walks
+from kmpc_lite.control.options import SightOptions, TrackerOptions, lengths_from_radii
+from kmpc_lite.scale import Scale
 from kmpc_lite.sim.lidar import World
 from kmpc_lite.types import Array
 
@@ -105,7 +109,7 @@ def test_who_walks_is_somebody_until_nothing_has_told_of_it_for_a_second() -> No
     tracks, options, known = tracker.tracks, lengths_from_radii(TrackerOptions(), 0.15), []
     for _ in range(15):
         tracks.moving[:] = False
-        known.append(len(who_walks(tracks, options, DT, [scan], pose).rows))
+        known.append(len(who_walks(tracks, options, DT, [scan], [pose]).rows))
     assert all(known[:9]) and not any(known[10:])
 
 
@@ -120,7 +124,7 @@ def test_who_comes_to_where_it_was_free_may_walk_though_somebody_is_where_he_was
         tracker.see(scan, pose)
     tracks, options = tracker.tracks, lengths_from_radii(TrackerOptions(), 0.15)
     tracks.walked = np.zeros(len(tracks))
-    found = who_walks(tracks, options, DT, [scan], pose, lambda rows: np.full(len(rows), free))
+    found = who_walks(tracks, options, DT, [scan], [pose], lambda rows: np.full(len(rows), free))
     assert not len(found.rows)
     assert (found.perhaps[:, 1] > 0.8).any() == free
 
@@ -149,3 +153,22 @@ def test_the_walls_of_a_corridor_around_the_robot_are_no_cluster(width: float) -
         assert not len(clusters(nobody, pose, 0.15, 0.45, 3))
         found = clusters(look(post, pose, walls=np.concatenate([walls, ends])), pose, 0.15, 0.45, 3)
         assert len(found) == 1 and found[0] == pytest.approx(post[0, :3], abs=0.03)
+
+
+@pytest.mark.parametrize("age", [0.1, 0.2])
+def test_posts_do_not_walk_when_scans_of_a_robot_that_turns_are_old(age: float) -> None:
+    posts, walkers, count = np.append(POSTS, [[-1.0, 1.5, 0.1, 0.0, 0.0]], axis=0), 0, 100
+    times = DT * np.arange(count) - np.array([[0.0], [age]])
+    # to and fro, by 0.2 rad each way
+    headings = 0.2 * np.arcsin(np.sin(math.tau * times))
+    problem = kl.NavigationProblem(x_min=(-6, -6, -np.inf), x_max=(6, 6, np.inf))
+    eyes, map_ = Sight(problem, Scale(), SightOptions(), 1.65), None
+    watch, tracks = Walkers(DT, TrackerOptions(), Scale()), Tracks()
+    random = np.random.default_rng(0)
+    for now, then in headings.T:
+        pose, fresh = np.array([0.0, 0.0, now]), look(posts, np.array([0.0, 0.0, then]), random)
+        scan = dataclasses.replace(fresh, age=age)
+        tracks, rows, _, _ = watch.see(tracks, [scan], pose, np.empty((0, 5)), map_)
+        map_ = eyes.look(map_, [scan], pose, 0.0)
+        walkers += len(rows)
+    assert walkers < 5

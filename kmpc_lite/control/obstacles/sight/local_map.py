@@ -78,11 +78,19 @@ class LocalMap:
         """Where the first cell begins (2,)."""
         return self.cell * np.array([self.column, self.row])
 
-    def follow(self, point: Array) -> None:
-        """Move the map along, where a point (2,) lies too near to its edge."""
+    def follow(self, point: Array, reach: float) -> None:
+        """Move the map along, where a point (2,) lies too near to its edge.
+
+        One that holds the whole area stays, unless what lies within a reach of the point is not on
+        it: a robot outside its area takes the map along from then on.
+        """
+        height, width = self.state.shape
+        if self.is_fixed:
+            low = self.corner + reach
+            high = self.corner + self.cell * np.array((width, height)) - reach
+            self.is_fixed = bool(((point >= low) & (point <= high)).all())
         if self.is_fixed:
             return
-        height, width = self.state.shape
         column, row = np.floor(point / self.cell).astype(int).tolist()
         inside_x = width // 4 <= column - self.column < width - width // 4
         inside_y = height // 4 <= row - self.row < height - height // 4
@@ -205,10 +213,16 @@ class LocalMap:
         row = np.array([[self.clock, *pose.tolist()]])
         self.trail = np.concatenate([self.trail[-(most - 1) :], row])
 
-    def poses_at(self, ages: Array) -> Array:
-        """Where the robot was before, (..., 3): now where an age is zero."""
-        times, poses = self.trail[:, 0], self.trail[:, 1:]
-        moments = self.clock - ages
+    def poses_at(self, ages: Array, after: float = 0.0, now: Array | None = None) -> Array:
+        """Where the robot was before, (..., 3): now where an age is zero.
+
+        `now` (3,) is where it is a time after the last pose that was remembered.
+        """
+        trail, clock = self.trail, self.clock + after
+        if now is not None:
+            trail = np.concatenate([trail, [[clock, *now.tolist()]]])
+        times, poses = trail[:, 0], trail[:, 1:]
+        moments = clock - ages
         x, y = (np.interp(moments, times, poses[:, i]) for i in (0, 1))
         heading = np.interp(moments, times, np.unwrap(poses[:, 2]))
         return np.stack([x, y, heading], axis=-1)

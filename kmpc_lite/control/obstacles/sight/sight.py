@@ -100,7 +100,7 @@ class Sight:
             before = self._begin(scans, pose)
         here, options = before, self.options
         here.clock += self._dt
-        here.follow(pose[:2])
+        here.follow(pose[:2], self._reach)
         here.remember_pose(pose, options.trail)
         here.forget(options.memory)
         scans = self.without_robot(scans)

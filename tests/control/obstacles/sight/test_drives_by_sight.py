@@ -51,6 +51,18 @@ def test_a_copy_in_the_middle_of_a_drive_goes_on_to_the_last_bit() -> None:
             np.testing.assert_array_equal(plan.states, twin.states)
 
 
+def test_a_robot_outside_its_area_sees_what_stands_before_it() -> None:
+    """It drives back, as far as it can: a wall stands in between."""
+    wall = World(np.empty((0, 5)), np.array([[5.0, -4.0, 5.0, 4.0]]))
+    controller, pose = kl.Controller(kl.nominal_unicycle(0.1)), np.array([6.0, 0.0, np.pi])
+    for k in range(60):
+        pose = DifferentialDrive().trace(
+            pose, controller.step(pose, (0.0, 0.0, np.pi), [look(pose, k, wall)]).command, 0.1, 4
+        )[-1]
+        assert pose[0] > 5.15
+    assert pose[0] < 5.6
+
+
 def test_a_robot_that_sees_nothing_stands() -> None:
     controller = kl.Controller(kl.nominal_unicycle(0.1))
     nothing, pose = kl.LaserScan(np.full(360, np.nan), 0.0, 0.0175, 4.0), START
