@@ -38,7 +38,8 @@ class Replanner:
         self._options, self._dt = options, problem.dt
         self._watch = PathWatch(problem, options)
         moved = options.moved_distance
-        self._moved = np.array([moved, moved, 0.0, 0.0, 0.0])
+        # a velocity that is told otherwise matters once it has led elsewhere: trackers are noisy
+        self._moved = np.array([moved, moved, moved, np.inf, np.inf])
         self._progress = ProgressChecker(options)
         self._searches = SearchDriver(problem, options, self._progress, clock)
 

@@ -83,6 +83,23 @@ def test_an_obstacle_may_be_a_centimetre_from_where_it_was(by: float, refreshed:
     assert found.refreshed is refreshed
 
 
+@pytest.mark.parametrize(("by", "refreshed"), [(0.0099, False), (0.0101, True)])
+def test_an_obstacle_may_be_a_centimetre_larger_than_it_was(by: float, refreshed: bool) -> None:
+    guide, circles = GuideInUse(PROBLEM), np.array([[0.0, 0.3, 0.2, 0.0, 0.0]])
+    guide.reference(START, GOAL, circles)
+    found = guide.reference(START, GOAL, circles + (0.0, 0.0, by, 0.0, 0.0))
+    assert found.refreshed is refreshed
+
+
+def test_a_velocity_that_is_told_with_noise_is_no_other_map() -> None:
+    guide, circles = GuideInUse(PROBLEM), np.array([[0.0, 0.9, 0.2, 0.0, 0.1]])
+    guide.reference(START, GOAL, circles)
+    for k in range(1, 6):
+        circles = circles + (0.0, 0.01, 0.0, 0.0, 0.0)
+        noisy = circles + (0.0, 0.0, 0.0, 0.01 * (-1) ** k, 0.01)
+        assert not guide.reference(START, GOAL, noisy).refreshed
+
+
 @pytest.mark.parametrize(("distance", "hurried"), [(0.295, True), (0.305, False)])
 def test_repeated_searches_are_hurried_within_two_radii_of_the_goal(
     distance: float, hurried: bool
