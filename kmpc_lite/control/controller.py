@@ -35,6 +35,7 @@ from kmpc_lite.control.settings import (
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import StepClock
 from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.ramps import Ramps
 
 
 class Controller:
@@ -43,7 +44,8 @@ class Controller:
     Parameters
     ----------
     model : KoopmanModel
-        Learned by `fit`, or `nominal_unicycle`; its dt must be the problem's.
+        Learned by `fit`, or `nominal_unicycle`; its dt must be the problem's. Where its log shows
+        ramps by which the robot changes its speeds, these limit `du_max` and `deceleration`.
     problem : NavigationProblem, optional
         The paper's where not given.
     guidance : bool or GuidanceOptions
@@ -122,7 +124,7 @@ class Controller:
         options: ControllerOptions | None = None,
         clock: Callable[[], float] = perf_counter,
     ) -> None:
-        self.problem = problem = NavigationProblem() if problem is None else problem
+        problem = NavigationProblem() if problem is None else problem
         self.options = options = choose_options(options, guidance, risk)
         self._settings = settings = Settings(
             guidance=bool(guidance),
@@ -137,6 +139,7 @@ class Controller:
             clock=clock,
         )
         check_settings(model, problem, settings)
+        self.problem = problem = problem.within_ramps(Ramps.of(model.info))
         self.scale = scale = problem.scale
         self.adaptation = choose_adaptation(
             model, adaptation, tightening is not None, scale, options.adaptation

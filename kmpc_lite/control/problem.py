@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.problem_fields import positive, scalar, vector, weight
 from kmpc_lite.errors import ProblemError
+from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import INPUTS, STATES, Array
 
@@ -252,6 +253,20 @@ class NavigationProblem:
             np.diag(GOAL_Q) if self.Q is None else self.Q,
             np.diag(GOAL_R) if self.R is None else self.R,
             np.zeros((STATES, STATES)) if self.Q_terminal is None else self.Q_terminal,
+        )
+
+    def within_ramps(self, ramps: Ramps) -> NavigationProblem:
+        """The same for a robot that changes its speeds by ramps: it is asked for no faster changes.
+
+        What is braked at may be less than what it speeds up at; changes away from zero are limited
+        by either then.
+        """
+        if not ramps.limit:
+            return self
+        return replace(
+            self,
+            du_max=np.minimum(self.du_max, np.minimum(*ramps)),
+            deceleration=np.minimum(self.deceleration, ramps.slower),
         )
 
     @property

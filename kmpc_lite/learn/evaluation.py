@@ -13,6 +13,7 @@ from kmpc_lite.files import SAME_DT
 from kmpc_lite.geometry import seen_along
 from kmpc_lite.learn.dataset import CHUNK, Dataset
 from kmpc_lite.learn.episode import check_time
+from kmpc_lite.learn.ramps import as_driven
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.types import Array
@@ -90,21 +91,29 @@ def evaluate(
     if stride != int(stride) or stride < 1:
         raise DataError(f"stride: expected a whole number >= 1, got {stride}")
     stride, steps = int(stride), max(1, int(round(check_time("horizon", horizon) / model.dt)))
-    nominal = nominal_unicycle(model.dt)
+    nominal, passed = nominal_unicycle(model.dt), as_driven(model, dataset)
     sums = np.zeros((4, 3))
     total, count, long_count = 0.0, 0, 0
     # a model may diverge far from its data: then its error is infinite, and no warning is due
     with np.errstate(over="ignore", invalid="ignore"):
-        for x, inputs, truth in _segments(dataset, model.history, 1, stride):
-            predicted = model.predict(x, inputs[:, -1], inputs[:, :-1])
+        for (x, inputs, truth), (_, driven, _) in zip(
+            _segments(dataset, model.history, 1, stride),
+            _segments(passed, model.history, 1, stride),
+            strict=True,
+        ):
+            predicted = model.predict(x, driven[:, -1], driven[:, :-1])
             sums[0] += _squares(predicted, truth, x)
             sums[1] += _squares(nominal.predict(x, inputs[:, -1]), truth, x)
             total += float(np.sum((predicted - truth) ** 2))
             count += len(x)
-        for x, inputs, truth in _segments(dataset, model.history, steps, stride):
-            past, future = inputs[:, : model.history], inputs[:, model.history :]
+        for (x, inputs, truth), (_, driven, _) in zip(
+            _segments(dataset, model.history, steps, stride),
+            _segments(passed, model.history, steps, stride),
+            strict=True,
+        ):
+            past, future = driven[:, : model.history], driven[:, model.history :]
             sums[2] += _squares(model.rollout(x, future, past)[:, -1], truth, x)
-            sums[3] += _squares(nominal.rollout(x, future)[:, -1], truth, x)
+            sums[3] += _squares(nominal.rollout(x, inputs[:, model.history :])[:, -1], truth, x)
             long_count += len(x)
     if long_count == 0:
         longest = max(len(e) for e in dataset.episodes) * dataset.dt

@@ -25,6 +25,7 @@ def fit(
     noise: bool = True,
     symmetric: bool | None = None,
     lags: Literal["auto"] | Sequence[int] | None = None,
+    ramps: bool = True,
 ) -> KoopmanModel:
     """Learn a bilinear Koopman model from driving.
 
@@ -56,6 +57,10 @@ def fit(
         in every direction, as with an `InputHistoryDictionary`. Without any, commands are paired
         with the motion that comes of them later, and how much later is kept beside the model: the
         controller brings poses forward by it.
+    ramps : bool
+        Whether, together with lags that are chosen, ramps are looked for by which the robot changes
+        its speeds (`learn.ramps`): then the model is one of commands as they let them through, and
+        the controller asks for no faster changes.
 
     Returns
     -------
@@ -97,8 +102,13 @@ def fit(
             )
         # here, for a robot that drives needs none of it
         from kmpc_lite.learn.noise_sources import split_noise_sources
+        from kmpc_lite.learn.ramps import find_ramps, let_through
         from kmpc_lite.learn.supported_terms import fit_supported_terms
 
+        found = find_ramps(dataset) if ramps else None
+        if found is not None and found.limit:
+            model = fit(let_through(dataset, found), lifting, method, 0.0, noise, True, lags, False)
+            return replace(model, info={**model.info, "ramps": found.as_dict()})
         model = fit_supported_terms(dataset, lifting, ages=ages)
         if not noise:
             return model

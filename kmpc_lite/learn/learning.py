@@ -15,9 +15,11 @@ from kmpc_lite.learn.fit_summary import describe_fit
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.noise_sources import NoiseCheck, check_sources
 from kmpc_lite.learn.provenance import describe_making
+from kmpc_lite.learn.ramps import find_ramps, let_through
 from kmpc_lite.learn.regression import Method
 from kmpc_lite.model.dictionary import Dictionary, HermiteTrigDictionary
 from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.ramps import Ramps
 
 FEWEST_EPISODES = 10
 """A log of fewer episodes is cut into windows before it is split."""
@@ -92,15 +94,25 @@ def learn(
         Where the log is too short to split, or cannot determine a model.
     """
     options = LearningOptions() if options is None else options
+    # before the log is cut: a piece does not tell how fast the robot drives where it begins
+    ramps = find_ramps(data) if options.lags else Ramps.of({})
+    data = let_through(data, ramps)
     train, held = split_log(data, logs, options.holdout, options.seed)
     model = fit(
-        train, options.dictionary, options.method, symmetric=options.symmetric, lags=options.lags
+        train,
+        options.dictionary,
+        options.method,
+        symmetric=options.symmetric,
+        lags=options.lags,
+        ramps=False,
     )
     report = evaluate(model, held, options.horizon)
     facts: dict[str, Any] = {}
     noise = None
     if "selection" in model.info:
-        facts, noise = describe_fit(model, train, data, report), check_sources(model, held)
+        facts = dict(describe_fit(model, train, data, report))
+        facts["braking_distance"] += float(facts["largest"]["v"] ** 2 / (2.0 * ramps.slower[0]))
+        noise = check_sources(model, held)
     if noise is not None:
         facts["noise"] = noise.as_dict()
     uncalibrated = ""
@@ -109,6 +121,8 @@ def learn(
     except DataError as error:
         uncalibrated = str(error)
     made = describe_making(model, logs, data, vehicle=vehicle)
+    if ramps.limit:
+        made["ramps"] = ramps.as_dict()
     model = replace(model, info={**model.info, "held_out": report.as_dict(), **made})
     return Learned(model, train, held, report, made, uncalibrated, facts, noise)
 

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from math import ceil
 from pathlib import Path
@@ -20,10 +20,13 @@ from kmpc_lite.learn.formats.readers import find_logs
 from kmpc_lite.learn.stopping import measure_stopping
 from kmpc_lite.model.info import is_vehicle
 from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.reading import text_lines
 
 REMARK = "# vehicle "
 """What a log's first line begins with where its recorder knew the vehicle; JSON follows."""
+FREELY = "at once"
+"""How fast a robot without a ramp follows."""
 LONGEST = 4096
 """Characters of the longest such line."""
 SHOWN = 0.5
@@ -71,7 +74,22 @@ def format_making(info: Mapping[str, Any]) -> str:
     late = f"stops  {stopping['stops']} in the log; the motion comes {stopping['delay']:.2g} s late"
     if stopping["deceleration"] is not None:
         late += f", and slows down by {stopping['deceleration']:.2g} m/s^2"
+    ramps = [
+        f"{name} {up} {unit} faster, {down} slower"
+        for name, unit, up, down in zip(
+            ("speed", "turn rate"), ("m/s^2", "rad/s^2"), *_limits(info), strict=True
+        )
+        if (up, down) != (FREELY, FREELY)
+    ]
+    if ramps:
+        late += f"\nramps  {'; '.join(ramps)}: the controller asks for no faster changes"
     return "\n".join([*lines, late])
+
+
+def _limits(info: Mapping[str, Any]) -> Iterator[list[str]]:
+    """Ramps in words: of speed and turn rate, away from zero, and towards it."""
+    for limits in Ramps.of(info):
+        yield [f"{limit:.2g}" if np.isfinite(limit) else FREELY for limit in limits]
 
 
 def driven_speeds(*datasets: Dataset) -> dict[str, float]:

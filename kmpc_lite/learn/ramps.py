@@ -1,0 +1,224 @@
+"""How fast a robot changes its speeds, where that is slower than it is told: its ramps.
+
+Motor boards and heavy robots follow a command that jumps by a ramp. That is no lag: its time grows
+with the size of the jump, and a model with a lag promises a stop from full speed far too soon. So
+ramps are looked for before all else; where the log shows them, the model is learned from the
+commands as the ramps let them through, and the controller asks for no faster changes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kmpc_lite.geometry import rotate
+from kmpc_lite.learn.cross_validation import assign_folds, critical_score, gain_score
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.episode import Episode
+from kmpc_lite.learn.responses import Response, first_candidates, neighbours
+from kmpc_lite.learn.selection_options import SelectionOptions
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.ramps import FREE, Ramps
+from kmpc_lite.types import INPUTS, Array
+
+PARTS = 5
+"""Parts of a period in which a ramp is reckoned."""
+FINE = 3
+"""How many times as close as at first responses lie that need no ramp: none is to be taken for one
+because a lag lies between two of them."""
+MOST = 32
+"""Pairs of ramps that are looked at at once: a matter of memory alone."""
+
+
+@dataclass(frozen=True)
+class RampOptions:
+    """How ramps are looked for."""
+
+    window: float = 0.5
+    """Length of the windows whose way is predicted [s]: longer than noise of poses matters."""
+    longest: float = 6.0
+    """Slowest ramp that is tried: time to the fastest command of the log [s]."""
+    step: float = 1.3
+    """Ratio of neighbouring ramps that are tried first."""
+    refined: float = 1.08
+    """The same for those that are tried around the best one."""
+    significance: float = 0.01
+    """Probability at which a ramp may be found that is none: driven more gently, nothing is lost; a
+    ramp that is missed is a stop that comes too late."""
+    worth: float = 0.05
+    """Share of the squared error that a ramp must explain at the least."""
+    blocks: int = 16
+    """Parts of the log that must agree."""
+    most_steps: int = 20_000
+    """Steps of the log that are looked at."""
+
+
+def find_ramps(dataset: Dataset, options: RampOptions | None = None) -> Ramps:
+    """Find the ramps of speed and turn rate that a log shows beyond chance.
+
+    All pairs of ramps, away from zero and towards it, are compared with none, each with the dead
+    time, the time constant and the gain that suit it best, on parts of the log that they were not
+    chosen by.
+
+    Examples
+    --------
+    >>> from kmpc_lite import DifferentialDrive, generate_dataset
+    >>> find_ramps(generate_dataset(DifferentialDrive(), 10, 100, dt=0.1, seed=0)).limit
+    False
+    """
+    options = RampOptions() if options is None else options
+    found = [_find(dataset, axis, options) for axis in range(INPUTS)]
+    faster, slower = np.array(found).T
+    return Ramps(faster, slower)
+
+
+def let_through(dataset: Dataset, ramps: Ramps) -> Dataset:
+    """Give the same driving with its commands as ramps let them through: means of each period."""
+    if not ramps.limit:
+        return dataset
+    episodes = []
+    for episode in dataset.episodes:
+        columns = [
+            _follow(told, ramps.faster[[i]], ramps.slower[[i]], episode.dt)
+            for i, told in enumerate(episode.inputs.T)
+        ]
+        episodes.append(Episode(episode.states, np.concatenate(columns, axis=1), episode.dt))
+    return Dataset(episodes)
+
+
+def as_driven(model: KoopmanModel, dataset: Dataset) -> Dataset:
+    """Give the same driving with its commands as the ramps that a model knows let them through."""
+    return let_through(dataset, Ramps.of(model.info))
+
+
+def _follow(told: Array, faster: Array, slower: Array, dt: float) -> Array:
+    """Mean speeds (T, C) of each period that follow told ones (T,) by ramps (C,)."""
+    speed = np.full(len(faster), told[0])
+    up, down = faster * dt / PARTS, slower * dt / PARTS
+    means = np.empty((len(told), len(faster)))
+    for k, aim in enumerate(told.tolist()):
+        total = 0.5 * speed
+        for _ in range(PARTS):
+            grows = np.abs(aim) >= np.abs(speed)
+            limit = np.where(grows & (aim * speed >= 0.0), up, down)
+            speed = speed + np.clip(aim - speed, -limit, limit)
+            total = total + speed
+        means[k] = (total - 0.5 * speed) / PARTS
+    return means
+
+
+def _find(dataset: Dataset, axis: int, options: RampOptions) -> tuple[float, float]:
+    """Ramps away from zero and towards it of one command; infinite where none is sure."""
+    pieces = _pieces(dataset, axis, options)
+    told = np.concatenate([u for u, _ in pieces]) if pieces else np.zeros(1)
+    fastest = float(np.abs(told).max())
+    jumps = max((float(np.abs(np.diff(u)).max()) for u, _ in pieces), default=0.0) / dataset.dt
+    least = fastest / options.longest
+    if fastest <= 0.0 or jumps <= least:
+        return FREE, FREE
+    count = int(np.log(jumps / least) / np.log(options.step)) + 1
+    tried = np.append(least * options.step ** np.arange(count), FREE)
+    faster, slower = (a.ravel() for a in np.meshgrid(tried, tried))
+    limited = np.isfinite(faster) | np.isfinite(slower)
+    faster, slower = faster[limited], slower[limited]
+    errors = _errors(pieces, faster, slower, dataset.dt, options)
+    none = _errors(pieces, np.array([FREE]), np.array([FREE]), dataset.dt, options, FINE)
+    if errors.shape[2] < options.blocks // 2 or not _is_sure(none, errors, options):
+        return FREE, FREE
+    best = _best(errors)
+    pair = faster[best], slower[best]
+    around = options.refined ** np.arange(-3, 4)
+    nearby = [v * around if np.isfinite(v) else np.array([FREE]) for v in pair]
+    faster, slower = (a.ravel() for a in np.meshgrid(*nearby))
+    best = _best(_errors(pieces, faster, slower, dataset.dt, options))
+    return float(faster[best]), float(slower[best])
+
+
+def _best(errors: Array) -> int:
+    """Which ramps (C, R, B) explain most, each with the response that suits it best."""
+    return int(errors.sum(axis=2).min(axis=1).argmin())
+
+
+def _is_sure(free: Array, limited: Array, options: RampOptions) -> bool:
+    """Whether ramps (C, R, B) explain more than none (1, R, B), beyond chance, and enough.
+
+    What is compared on a part of the log was chosen on the others.
+    """
+    blocks = free.shape[2]
+    folds, honest = assign_folds(blocks), np.empty((2, blocks))
+    for kind, errors in enumerate((free, limited)):
+        flat = errors.reshape(-1, blocks)
+        for fold in range(int(folds.max()) + 1):
+            out = folds == fold
+            honest[kind, out] = flat[int(flat[:, ~out].sum(axis=1).argmin())][out]
+    reference, errors = honest
+    if errors.sum() > (1.0 - options.worth) * reference.sum():
+        return False
+    return gain_score(reference, errors) > critical_score(blocks, options.significance)
+
+
+def _errors(
+    pieces: list[tuple[Array, Array]],
+    faster: Array,
+    slower: Array,
+    dt: float,
+    options: RampOptions,
+    parts: int = 1,
+) -> Array:
+    """Squared errors (C, R, B) of ramps, with each of R responses, in each block of the log.
+
+    Responses lie `parts` times as close as those that are tried first when a model is learned.
+    """
+    if len(faster) > MOST:
+        some = [slice(k, k + MOST) for k in range(0, len(faster), MOST)]
+        return np.concatenate(
+            [_errors(pieces, faster[s], slower[s], dt, options, parts) for s in some]
+        )
+    longest = SelectionOptions().longest_history(dt)
+    closer = {Response(*r) for r in first_candidates(dt, longest)}
+    for _ in range(parts - 1):
+        closer |= {n for r in closer for n in neighbours(r, dt / parts, dt, longest)}
+    kernels = [r.weights(dt, longest) for r in sorted(closer)]
+    kinds = np.zeros((len(kernels), longest + 1))
+    for kernel, row in zip(kernels, kinds, strict=True):
+        row[: len(kernel)] = kernel
+    length = max(1, round(options.window / dt))
+    moved, predicted = [], []
+    for told, went in pieces:
+        if len(told) < longest + 2 * length:
+            continue
+        passed = _follow(told, faster, slower, dt)
+        sums = np.cumsum(np.vstack([np.zeros(len(faster)), passed]), axis=0)
+        # ways of whole windows, every half of one
+        ends = np.arange(longest + length, len(told) + 1, max(1, length // 2))
+        way = np.cumsum(np.append(0.0, went))
+        moved.append(way[ends] - way[ends - length])
+        by_age = np.stack([sums[ends - a] - sums[ends - a - length] for a in range(longest + 1)])
+        predicted.append(np.tensordot(kinds, by_age, axes=1) * dt)
+    if not moved:
+        return np.zeros((len(faster), len(kinds), 0))
+    seen, way = np.concatenate(moved), np.concatenate(predicted, axis=1)
+    gain = (way * seen[None, :, None]).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1e-12)
+    left = (seen[None, :, None] - gain[:, None] * way) ** 2
+    blocks = min(options.blocks, len(seen) // 8)
+    if not blocks:
+        return np.zeros((len(faster), len(kinds), 0))
+    found = [block.sum(axis=1).T for block in np.array_split(left, blocks, axis=1)]
+    return np.stack(found, axis=-1)
+
+
+def _pieces(dataset: Dataset, axis: int, options: RampOptions) -> list[tuple[Array, Array]]:
+    """Commands (T,), and how far the robot went along its heading, or turned, in each period."""
+    found, count = [], 0
+    for episode in dataset.episodes:
+        steps = np.diff(episode.states, axis=0)
+        went = steps[:, 2]
+        if axis == 0:
+            middle = episode.states[:-1, 2] + 0.5 * steps[:, 2]
+            went, _ = rotate(steps[:, 0], steps[:, 1], -middle)
+        found.append((episode.inputs[:, axis], went))
+        count += len(episode)
+        if count >= options.most_steps:
+            break
+    return found

@@ -1,0 +1,43 @@
+"""How fast a robot changes its speeds, where that is slower than it is told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kmpc_lite.types import INPUTS, Array
+
+FREE = np.inf
+"""Limit of a robot that follows at once."""
+
+
+class Ramps(NamedTuple):
+    """Largest changes of speed and turn rate, (2,) each [m/s^2, rad/s^2]."""
+
+    faster: Array
+    """Away from zero; infinite where no ramp is known."""
+    slower: Array
+    """Towards zero."""
+
+    @property
+    def limit(self) -> bool:
+        """Whether they limit anything."""
+        return bool(np.isfinite(self).any())
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for a model's `info`; None where nothing is limited."""
+        return {
+            name: [float(v) if np.isfinite(v) else None for v in values]
+            for name, values in self._asdict().items()
+        }
+
+    @classmethod
+    def of(cls, info: Mapping[str, Any]) -> Ramps:
+        """Read them from a model's `info`; those of a robot without any where it tells none."""
+        told = info.get("ramps") or dict.fromkeys(cls._fields, [None] * INPUTS)
+        faster, slower = (
+            np.array([FREE if v is None else float(v) for v in told[name]]) for name in cls._fields
+        )
+        return cls(faster, slower)

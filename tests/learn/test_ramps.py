@@ -1,0 +1,156 @@
+"""Robots that change their speeds by ramps: found in their logs, and driven by them."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.errors import ModelError
+from kmpc_lite.learn import Dataset, Episode, fit, with_quantiles
+from kmpc_lite.learn.ramps import find_ramps, let_through
+from kmpc_lite.model.info import check_info
+from kmpc_lite.model.ramps import Ramps
+from kmpc_lite.types import Array
+
+DT, PARTS = 0.1, 20
+RAMPS = Ramps(np.array((0.4, 2.0)), np.array((0.8, 2.0)))
+NONE = Ramps(np.full(2, np.inf), np.full(2, np.inf))
+
+
+class RampedRobot:
+    """A robot of 1 m/s: a ramp, then a lag; its commands act after a dead time of a period."""
+
+    def __init__(self, pose: Array, ramps: Ramps = RAMPS, lag: float = 0.1) -> None:
+        self.pose, self._ramps, self._lag = np.array(pose, dtype=float), ramps, lag
+        self._aim, self.speed, self._told = np.zeros(2), np.zeros(2), np.zeros(2)
+
+    def drive(self, command: Array) -> Array:
+        """Poses (PARTS, 3) of a period."""
+        h, poses = DT / PARTS, []
+        told, self._told = self._told, np.asarray(command, dtype=float)
+        for _ in range(PARTS):
+            slows = (np.abs(told) < np.abs(self._aim)) | (told * self._aim < 0.0)
+            most = h * np.where(slows, self._ramps.slower, self._ramps.faster)
+            self._aim = self._aim + np.clip(told - self._aim, -most, most)
+            self.speed += (self._aim - self.speed) * min(h / self._lag, 1.0)
+            v, omega = self.speed
+            self.pose += h * np.array((v * np.cos(self.pose[2]), v * np.sin(self.pose[2]), omega))
+            poses.append(self.pose.copy())
+        return np.array(poses)
+
+
+def drive_by_hand(ramps: Ramps = RAMPS, lag: float = 0.1, seconds: float = 120.0) -> Dataset:
+    """A log of commands held for a second or two."""
+    random, robot = np.random.default_rng(3), RampedRobot(np.zeros(3), ramps, lag)
+    commands: list[Array] = []
+    while len(commands) < seconds / DT:
+        kind = random.random()
+        command = random.uniform((-0.5, -1.0), (1.0, 1.0)) * (kind > 0.15, kind > 0.3)
+        commands += [command] * int(random.integers(8, 25))
+    poses = [robot.pose.copy(), *(robot.drive(command)[-1] for command in commands)]
+    noisy = np.array(poses) + random.normal(size=(len(poses), 3)) * (0.005, 0.005, 0.005)
+    return Dataset([Episode(noisy, np.array(commands), DT)])
+
+
+@pytest.fixture(scope="module")
+def log() -> Dataset:
+    return drive_by_hand()
+
+
+def test_ramps_are_found_in_a_log_of_driving_by_hand(log: Dataset) -> None:
+    found = find_ramps(log)
+    np.testing.assert_allclose(found.faster, RAMPS.faster, rtol=0.15)
+    np.testing.assert_allclose(found.slower, RAMPS.slower, rtol=0.15)
+
+
+@pytest.mark.parametrize("lag", [0.02, 0.3, 0.5])
+def test_a_lag_is_no_ramp(lag: float) -> None:
+    assert not find_ramps(drive_by_hand(NONE, lag)).limit
+
+
+def test_a_short_log_shows_no_ramps(log: Dataset) -> None:
+    (whole,) = log.episodes
+    assert not find_ramps(Dataset([Episode(whole.states[:20], whole.inputs[:19], DT)])).limit
+    still = Episode(np.zeros((200, 3)), np.zeros((199, 2)), DT)
+    assert not find_ramps(Dataset([still])).limit
+
+
+def test_what_ramps_let_through_is_what_the_robot_was_asked_for() -> None:
+    told = np.zeros((60, 2))
+    told[5:35, 0], told[35:, 0] = 0.4, -0.4
+    log = Dataset([Episode(np.zeros((61, 3)), told, DT)])
+    (passed,) = let_through(log, RAMPS).episodes
+    speed = passed.inputs[:, 0]
+    # up to 0.4 m/s within a second, down to zero within half of one, and on the other way
+    np.testing.assert_allclose(speed[5:15], 0.04 * np.arange(10) + 0.02)
+    np.testing.assert_allclose(speed[15:35], 0.4)
+    np.testing.assert_allclose(speed[35:40], 0.4 - 0.08 * np.arange(5) - 0.04)
+    np.testing.assert_allclose(speed[40:50], -0.04 * np.arange(10) - 0.02)
+    assert let_through(log, NONE) is log
+
+
+def test_a_model_tells_the_ramps_of_its_robot_and_predicts_it(log: Dataset) -> None:
+    train, held = (Dataset([e]) for e in _halves(log))
+    model = with_quantiles(fit(train, lags="auto"), held)
+    assert Ramps.of(model.info).limit
+    errors = kl.evaluate(model, held, 1.0).multi_step
+    without = fit(train, lags="auto", ramps=False)
+    assert not Ramps.of(without.info).limit
+    # positions are measured to 5 mm, at both ends
+    assert errors[0] < 0.012 < 0.05 < kl.evaluate(without, held, 1.0).multi_step[0]
+
+
+def _halves(log: Dataset) -> list[Episode]:
+    (whole,) = log.episodes
+    k = len(whole) // 2
+    first = Episode(whole.states[: k + 1], whole.inputs[:k], DT)
+    return [first, Episode(whole.states[k:], whole.inputs[k:], DT)]
+
+
+def test_the_controller_asks_for_no_faster_changes() -> None:
+    info = {"ramps": Ramps(np.array((0.4, np.inf)), np.array((0.8, 3.0))).as_dict()}
+    model = dataclasses.replace(kl.nominal_unicycle(DT), info=info)
+    problem = kl.Controller(model, kl.NavigationProblem(du_max=(0.6, 9.0))).problem
+    np.testing.assert_allclose(problem.du_max, (0.4, 3.0))
+    np.testing.assert_allclose(problem.deceleration, (0.8, 3.0))
+    own = kl.NavigationProblem(du_max=(0.2, 1.0), deceleration=(0.5, 1.0))
+    kept = kl.Controller(model, own).problem
+    np.testing.assert_allclose((kept.du_max, kept.deceleration), ((0.2, 1.0), (0.5, 1.0)))
+
+
+@pytest.mark.parametrize("wrong", [{"faster": [1.0, 2.0]}, {"faster": [0.0, 1], "slower": [1, 1]}])
+def test_ramps_of_a_damaged_file_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ModelError, match=r"info\.ramps: expected two limits"):
+        check_info({"ramps": wrong})
+
+
+@pytest.mark.parametrize("goal", [(3.0, 0.0, 0.0), (1.5, 2.5, 2.0), (-2.0, 1.0, -2.0)])
+def test_a_robot_that_needs_a_metre_to_stop_drives_past_what_stands_in_its_way(
+    log: Dataset, goal: tuple[float, float, float]
+) -> None:
+    """0.3 m across half-way: from full speed it stands after 0.8 m, by the lag alone 0.2 m."""
+    train, held = (Dataset([e]) for e in _halves(log))
+    model = with_quantiles(fit(train, lags="auto"), held)
+    problem = kl.NavigationProblem(
+        u_min=(-1.0, -1.0),
+        u_max=(1.0, 1.0),
+        x_min=(-4.0, -4.0, -np.inf),
+        x_max=(4.0, 4.0, np.inf),
+        robot_radius=0.25,
+    )
+    controller = kl.Controller(model, problem)
+    middle = np.array(goal[:2]) / 2.0
+    circle, random = kl.Circle(*middle, 0.3), np.random.default_rng(0)
+    robot = RampedRobot(np.zeros(3))
+    for _ in range(300):
+        seen = robot.pose + 0.005 * random.normal(size=3)
+        plan = controller.step(seen, goal, [circle])
+        if plan.holding and not robot.speed.round(3).any():
+            break
+        poses = robot.drive(plan.command)
+        assert np.hypot(*(poses[:, :2] - middle).T).min() > 0.55
+    assert plan.holding
+    assert np.hypot(*(robot.pose[:2] - goal[:2])) < 0.03
