@@ -43,7 +43,7 @@ class RampOptions:
     """Ratio of neighbouring ramps that are tried first."""
     refined: float = 1.08
     """The same for those that are tried around the best one."""
-    significance: float = 0.01
+    significance: float = 0.05
     """Probability at which a ramp may be found that is none: driven more gently, nothing is lost; a
     ramp that is missed is a stop that comes too late."""
     worth: float = 0.05

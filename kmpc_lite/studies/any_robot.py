@@ -15,6 +15,7 @@ import numpy as np
 
 from kmpc_lite.control import Footprint, NavigationProblem
 from kmpc_lite.learn import Dataset, Episode, fit, with_quantiles
+from kmpc_lite.learn.ramps import find_ramps, let_through
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.scale import UNIT_RADIUS, UNIT_SPEED
@@ -42,6 +43,8 @@ class Robot:
     """Time constant of the motors [s]."""
     dead_time: float = 0.0
     """Time from a command to the motors' first reaction [s]."""
+    ramps: tuple[float, float] = (0.0, 0.0)
+    """Least time from rest to full speed, and from full speed to rest [s]."""
     slip: float = 0.0
     """Mean of the slip ratios."""
     turn_gain: float = 1.0
@@ -140,11 +143,16 @@ KNOWN = (
 LIMITS = (
     Robot("one-minute log", noise=(0.02, math.radians(3.0)), slip=0.05, seconds=60.0),
     *(
+        Robot(f"ramps {up:g}, {down:g} s", ramps=(up, down), lag=0.1, dead_time=0.1, slip=0.05)
+        for up, down in ((1.0, 1.0), (2.0, 1.0), (1.0, 2.0))
+    ),
+    *(
         Robot(f"1 s, N {n}", dt=1.0, horizon=n, slip=0.05, learned=False, turn_rate=UNIT_TURN)
         for n in (10, 20, 40)
     ),
 )
-"""A short log of badly measured poses, and the paper's period at three horizons."""
+"""A short log of badly measured poses, motors that follow by ramps, and the paper's period at three
+horizons."""
 
 
 def scaled(robot: Robot, by: float) -> Robot:
@@ -161,7 +169,7 @@ def scaled(robot: Robot, by: float) -> Robot:
 
 
 class RobotPlant:
-    """The robot as it is: motors that lag behind a dead time, wheels that slip.
+    """The robot as it is: motors that lag, by ramps, behind a dead time; wheels that slip.
 
     `LaggingDrive` moves such a robot, too, by the arcs that the controller reckons with. This one
     shares no code with either and holds speeds between two looks, so that what is wrong with them
@@ -178,6 +186,7 @@ class RobotPlant:
     def __init__(self, robot: Robot, seed: int) -> None:
         self._robot, self._random = robot, np.random.default_rng([seed, 3])
         self._speeds, self._delayed = np.zeros(2), [np.zeros(2)]
+        self._asked = np.zeros(2)
 
     def drive(self, pose: Array, command: Array) -> Array:
         """Poses (LOOKS, 3) during one period from a pose (3,)."""
@@ -189,6 +198,7 @@ class RobotPlant:
         x, y, heading = pose.tolist()
         for k in range(LOOKS):
             asked = self._delayed[-1 - min(waiting + LOOKS - 1 - k, len(self._delayed) - 1)]
+            asked = self._ramped(asked, h)
             share = 1.0 - math.exp(-h / robot.lag) if robot.lag else 1.0
             self._speeds = self._speeds + share * (asked - self._speeds)
             v, omega = self._speeds.tolist()
@@ -203,6 +213,16 @@ class RobotPlant:
             poses[k] = x, y, heading
         del self._delayed[: max(len(self._delayed) - waiting - LOOKS, 0)]
         return poses
+
+    def _ramped(self, asked: Array, h: float) -> Array:
+        """What the motors are asked for when the ramps have let it through, a time [s] later."""
+        robot, now = self._robot, self._asked
+        slows = (np.abs(asked) < np.abs(now)) | (asked * now < 0.0)
+        times = np.where(slows, robot.ramps[1], robot.ramps[0])
+        full = np.array((robot.speed, robot.turn_rate))
+        most = np.where(times > 0.0, full * h / np.maximum(times, 1e-9), np.inf)
+        self._asked = now + np.clip(asked - now, -most, most)
+        return self._asked
 
 
 def record(robot: Robot, seed: int) -> Dataset:
@@ -231,5 +251,7 @@ def learn(robot: Robot, seed: int) -> KoopmanModel:
     if not robot.learned:
         return nominal_unicycle(robot.dt)
     log = record(robot, seed)
-    train, held = log.windows(10.0).split(0.5, seed=0)
-    return with_quantiles(fit(train, lags="auto"), held)
+    ramps = find_ramps(log)
+    train, held = let_through(log, ramps).windows(10.0).split(0.5, seed=0)
+    model = with_quantiles(fit(train, lags="auto", ramps=False), held)
+    return replace(model, info={**model.info, "ramps": ramps.as_dict()})
