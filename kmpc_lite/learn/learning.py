@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.calibration import with_quantiles
+from kmpc_lite.learn.checks.drives import refuse_car_like
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.evaluation import FitReport, evaluate
 from kmpc_lite.learn.fit_summary import describe_fit
@@ -94,6 +95,8 @@ def learn(
         Where the log is too short to split, or cannot determine a model.
     """
     options = LearningOptions() if options is None else options
+    if options.lags:
+        refuse_car_like(data)  # half of the turns on the spot may be too few to tell
     # before the log is cut: a piece does not tell how fast the robot drives where it begins
     ramps = find_ramps(data) if options.lags else Ramps.of({})
     data = let_through(data, ramps)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,10 +16,12 @@ from kmpc_lite.learn.coverage import find_gaps
 from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.diagnosis import diagnose
 from kmpc_lite.learn.fit_summary import format_summary, summarize_fit, warn_of_errors
+from kmpc_lite.learn.learning import LearningOptions, learn
 from kmpc_lite.learn.responses import AT_ONCE
 from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 
 NOISE = np.array([0.005, 0.005, 0.01])
+MOSTLY_HELD = LearningOptions(holdout=0.8, seed=1)
 Change = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
@@ -144,6 +147,21 @@ def test_a_car_is_refused_and_a_robot_that_turns_less_is_not() -> None:
         refuse_car_like(drive(car=True))
     with pytest.raises(kl.DataError, match="does not turn on the spot"):
         kl.fit(drive(car=True), kl.HermiteTrigDictionary(0), lags="auto")
+
+
+def test_a_car_that_is_told_a_few_times_to_turn_on_the_spot_is_refused() -> None:
+    """The part of its log that a model is learned from does not show it."""
+    random, step, inputs = np.random.default_rng(2), 0.1, np.zeros((1200, 2))
+    inputs[:] = np.repeat(random.uniform((0.3, -0.8), (1.0, 0.8), (60, 2)), 20, axis=0)
+    for begin in (100, 500, 900):
+        inputs[begin : begin + 20] = 0.0, 0.8
+    x = np.zeros((1201, 3))
+    for k, (v, omega) in enumerate(inputs):
+        turn = 0.0 if v == 0.0 else omega
+        x[k + 1] = x[k] + step * np.array([v * np.cos(x[k, 2]), v * np.sin(x[k, 2]), turn])
+    x += random.normal(size=x.shape) * 0.002
+    with pytest.raises(kl.DataError, match="does not turn on the spot"):
+        learn(kl.Dataset([kl.Episode(x, inputs, step)]), [Path("car.csv")], MOSTLY_HELD)
 
 
 @pytest.mark.parametrize("seed", [1027, 1038, 1054, 1072])
