@@ -45,7 +45,8 @@ class Controller:
     ----------
     model : KoopmanModel
         Learned by `fit`, or `nominal_unicycle`; its dt must be the problem's. Where its log shows
-        ramps by which the robot changes its speeds, these limit `du_max` and `deceleration`.
+        ramps by which the robot changes its speeds, or no faster changes, these limit `du_max`
+        and `deceleration`.
     problem : NavigationProblem, optional
         The paper's where not given.
     guidance : bool or GuidanceOptions
@@ -139,7 +140,8 @@ class Controller:
             clock=clock,
         )
         check_settings(model, problem, settings)
-        self.problem = problem = problem.within_ramps(Ramps.of(model.info))
+        ramps = Ramps.of(model.info).within(Ramps.of(model.info, "changes"))
+        self.problem = problem = problem.within_ramps(ramps)
         self.scale = scale = problem.scale
         self.adaptation = choose_adaptation(
             model, adaptation, tightening is not None, scale, options.adaptation

@@ -102,13 +102,13 @@ def fit(
             )
         # here, for a robot that drives needs none of it
         from kmpc_lite.learn.noise_sources import split_noise_sources
-        from kmpc_lite.learn.ramps import find_ramps, let_through
+        from kmpc_lite.learn.ramps import describe_changes, find_ramps, let_through
         from kmpc_lite.learn.supported_terms import fit_supported_terms
 
-        found = find_ramps(dataset) if ramps else None
-        if found is not None and found.limit:
+        if ramps:
+            found = find_ramps(dataset)
             model = fit(let_through(dataset, found), lifting, method, 0.0, noise, True, lags, False)
-            return replace(model, info={**model.info, "ramps": found.as_dict()})
+            return replace(model, info={**model.info, **describe_changes(dataset, found)})
         model = fit_supported_terms(dataset, lifting, ages=ages)
         if not noise:
             return model

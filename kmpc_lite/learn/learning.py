@@ -16,7 +16,7 @@ from kmpc_lite.learn.fit_summary import describe_fit
 from kmpc_lite.learn.fitting import fit
 from kmpc_lite.learn.noise_sources import NoiseCheck, check_sources
 from kmpc_lite.learn.provenance import describe_making
-from kmpc_lite.learn.ramps import find_ramps, let_through
+from kmpc_lite.learn.ramps import describe_changes, find_ramps, let_through
 from kmpc_lite.learn.regression import Method
 from kmpc_lite.model.dictionary import Dictionary, HermiteTrigDictionary
 from kmpc_lite.model.koopman import KoopmanModel
@@ -99,6 +99,7 @@ def learn(
         refuse_car_like(data)  # half of the turns on the spot may be too few to tell
     # before the log is cut: a piece does not tell how fast the robot drives where it begins
     ramps = find_ramps(data) if options.lags else Ramps.of({})
+    changes = describe_changes(data, ramps) if options.lags else {}
     data = let_through(data, ramps)
     train, held = split_log(data, logs, options.holdout, options.seed)
     model = fit(
@@ -123,9 +124,7 @@ def learn(
         model = with_quantiles(model, held)
     except DataError as error:
         uncalibrated = str(error)
-    made = describe_making(model, logs, data, vehicle=vehicle)
-    if ramps.limit:
-        made["ramps"] = ramps.as_dict()
+    made = {**describe_making(model, logs, data, vehicle=vehicle), **changes}
     model = replace(model, info={**model.info, "held_out": report.as_dict(), **made})
     return Learned(model, train, held, report, made, uncalibrated, facts, noise)
 

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from math import ceil
 from pathlib import Path
@@ -25,8 +25,6 @@ from kmpc_lite.reading import text_lines
 
 REMARK = "# vehicle "
 """What a log's first line begins with where its recorder knew the vehicle; JSON follows."""
-FREELY = "at once"
-"""How fast a robot without a ramp follows."""
 LONGEST = 4096
 """Characters of the longest such line."""
 SHOWN = 0.5
@@ -74,22 +72,28 @@ def format_making(info: Mapping[str, Any]) -> str:
     late = f"stops  {stopping['stops']} in the log; the motion comes {stopping['delay']:.2g} s late"
     if stopping["deceleration"] is not None:
         late += f", and slows down by {stopping['deceleration']:.2g} m/s^2"
-    ramps = [
-        f"{name} {up} {unit} faster, {down} slower"
-        for name, unit, up, down in zip(
-            ("speed", "turn rate"), ("m/s^2", "rad/s^2"), *_limits(info), strict=True
+    lines.append(late)
+    if ramps := _limits(info, "ramps"):
+        lines.append(f"ramps  {ramps}: the controller asks for no faster changes")
+    if changes := _limits(info, "changes"):
+        lines.append(
+            f"asked  {changes}: the log holds no faster changes, so the controller asks for none"
         )
-        if (up, down) != (FREELY, FREELY)
-    ]
-    if ramps:
-        late += f"\nramps  {'; '.join(ramps)}: the controller asks for no faster changes"
-    return "\n".join([*lines, late])
+    return "\n".join(lines)
 
 
-def _limits(info: Mapping[str, Any]) -> Iterator[list[str]]:
-    """Ramps in words: of speed and turn rate, away from zero, and towards it."""
-    for limits in Ramps.of(info):
-        yield [f"{limit:.2g}" if np.isfinite(limit) else FREELY for limit in limits]
+def _limits(info: Mapping[str, Any], name: str) -> str:
+    """Limits of changes in words; empty where there are none."""
+    pairs = zip(("speed", "turn rate"), ("m/s^2", "rad/s^2"), *Ramps.of(info, name), strict=True)
+    return "; ".join(
+        f"{what} {_limit(faster)} {unit} faster, {_limit(slower)} slower"
+        for what, unit, faster, slower in pairs
+        if min(faster, slower) < np.inf
+    )
+
+
+def _limit(limit: float) -> str:
+    return f"{limit:.2g}" if np.isfinite(limit) else "at once"
 
 
 def driven_speeds(*datasets: Dataset) -> dict[str, float]:

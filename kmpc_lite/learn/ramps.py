@@ -9,6 +9,8 @@ commands as the ramps let them through, and the controller asks for no faster ch
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +26,11 @@ from kmpc_lite.types import INPUTS, Array
 
 PARTS = 5
 """Parts of a period in which a ramp is reckoned."""
+SHOWN = 0.5
+"""A change counts as shown where the log holds it, or faster ones, for so long in all [s]."""
+AT_ONCE = 0.3
+"""Commands that come to the fastest one within this time come there at once [s]: robots whose ramps
+are as short are driven as well by a lag."""
 FINE = 3
 """How many times as close as at first responses lie that need no ramp: none is to be taken for one
 because a lag lies between two of them."""
@@ -71,6 +78,32 @@ def find_ramps(dataset: Dataset, options: RampOptions | None = None) -> Ramps:
     found = [_find(dataset, axis, options) for axis in range(INPUTS)]
     faster, slower = np.array(found).T
     return Ramps(faster, slower)
+
+
+def shown_changes(dataset: Dataset) -> Ramps:
+    """Tell the fastest changes of commands that a log holds: how it follows faster ones is unknown.
+
+    Infinite where commands come to the fastest one of the log at once, or nearly so.
+    """
+    rows, found = max(1, ceil(SHOWN / dataset.dt)), np.full((len(Ramps._fields), INPUTS), FREE)
+    for axis in range(INPUTS):
+        sizes = [np.abs(e.inputs[:, axis]) for e in dataset.episodes]
+        changes = np.concatenate([np.diff(size) for size in sizes]) / dataset.dt
+        fastest = max(float(size.max()) for size in sizes)
+        for side, signed in enumerate((changes, -changes)):
+            largest = float(np.sort(signed)[-min(rows, len(signed))]) if len(signed) else 0.0
+            if 0.0 < largest < fastest / AT_ONCE:
+                found[side, axis] = largest
+    return Ramps(*found)
+
+
+def describe_changes(dataset: Dataset, ramps: Ramps) -> dict[str, Any]:
+    """Values for a model's `info`: ramps, and the fastest changes in the log; where there are any.
+
+    The controller asks for no faster ones.
+    """
+    told = {"ramps": ramps, "changes": shown_changes(dataset)}
+    return {name: limits.as_dict() for name, limits in told.items() if limits.limit}
 
 
 def let_through(dataset: Dataset, ramps: Ramps) -> Dataset:

@@ -118,6 +118,7 @@ KNOWN: dict[str, tuple[Callable[[Any], bool], str]] = {
     "held_out": (_is_errors, "a table of errors"),
     "noise_quantiles": (_is_quantiles, "risks and their quantiles: calibrate it anew"),
     "ramps": (_is_ramps, "two limits faster and two slower, above zero or null"),
+    "changes": (_is_ramps, "two limits faster and two slower, above zero or null"),
     "driven": (_is_speeds, "the largest speeds forward, reverse and turn"),
     "stopping": (_is_stopping, "delay, stops and deceleration"),
     "vehicle": (is_vehicle, "a table of plain values"),

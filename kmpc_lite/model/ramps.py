@@ -26,6 +26,10 @@ class Ramps(NamedTuple):
         """Whether they limit anything."""
         return bool(np.isfinite(self).any())
 
+    def within(self, other: Ramps) -> Ramps:
+        """The slower of two ramps in each direction."""
+        return Ramps(*np.minimum(self, other))
+
     def as_dict(self) -> dict[str, Any]:
         """Plain values for a model's `info`; None where nothing is limited."""
         return {
@@ -34,10 +38,10 @@ class Ramps(NamedTuple):
         }
 
     @classmethod
-    def of(cls, info: Mapping[str, Any]) -> Ramps:
+    def of(cls, info: Mapping[str, Any], name: str = "ramps") -> Ramps:
         """Read them from a model's `info`; those of a robot without any where it tells none."""
-        told = info.get("ramps") or dict.fromkeys(cls._fields, [None] * INPUTS)
+        told = info.get(name) or dict.fromkeys(cls._fields, [None] * INPUTS)
         faster, slower = (
-            np.array([FREE if v is None else float(v) for v in told[name]]) for name in cls._fields
+            np.array([FREE if v is None else float(v) for v in told[side]]) for side in cls._fields
         )
         return cls(faster, slower)
