@@ -10,7 +10,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.errors import ModelError
 from kmpc_lite.learn import Dataset, Episode, fit, with_quantiles
-from kmpc_lite.learn.ramps import find_ramps, let_through
+from kmpc_lite.learn.ramps import find_ramps, let_through, shown_changes
 from kmpc_lite.model.info import check_info
 from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.types import Array
@@ -119,6 +119,29 @@ def test_the_controller_asks_for_no_faster_changes() -> None:
     own = kl.NavigationProblem(du_max=(0.2, 1.0), deceleration=(0.5, 1.0))
     kept = kl.Controller(model, own).problem
     np.testing.assert_allclose((kept.du_max, kept.deceleration), ((0.2, 1.0), (0.5, 1.0)))
+
+
+def test_changes_that_a_log_does_not_hold_are_not_asked_for() -> None:
+    """A stick that is moved gently: from rest to 1 m/s in a second, and back in half of one."""
+    times = DT * np.arange(1200)
+    turn = np.where(np.sin(times) > 0.0, 0.8, -0.8)
+    speed = np.interp(times % 4.0, (0.0, 1.0, 2.0, 2.5, 4.0), (0.0, 1.0, 1.0, 0.0, 0.0))
+    log = Dataset([Episode(np.zeros((1201, 3)), np.column_stack([speed, turn]), DT)])
+    shown = shown_changes(log)
+    np.testing.assert_allclose((shown.faster[0], shown.slower[0]), (1.0, 2.0), rtol=1e-6)
+    assert np.isinf((shown.faster[1], shown.slower[1])).all()
+    info = {"changes": shown.as_dict()}
+    check_info(info)
+    model = dataclasses.replace(kl.nominal_unicycle(DT), info=info)
+    np.testing.assert_allclose(kl.Controller(model).problem.du_max, (1.0, np.inf))
+
+
+@pytest.mark.parametrize("rise", [0.29, 0.31])
+def test_commands_that_rise_within_three_tenths_of_a_second_come_at_once(rise: float) -> None:
+    times = 0.01 * np.arange(4000)
+    speed = np.interp(times % 2.0, (0.0, rise, 1.0, 1.0 + rise), (0.0, 1.0, 1.0, 0.0))
+    log = Dataset([Episode(np.zeros((4001, 3)), np.column_stack([speed, speed]), 0.01)])
+    assert shown_changes(log).limit is (rise > 0.3)
 
 
 @pytest.mark.parametrize("wrong", [{"faster": [1.0, 2.0]}, {"faster": [0.0, 1], "slower": [1, 1]}])
