@@ -71,7 +71,6 @@ class Watching:
             self._look_out(state, seen)
             self._find_walkers(state, seen)
         noise, pose = known.margins.noise, seen.pose if seen.pose_is_known else None
-        doubted = state.pose.believed is not None
         instead = self._poses.see(state.pose, state.history, known.model, noise, pose)
         if instead is not None:
             # circles that are seen from a pose that jumped have jumped, too
@@ -79,7 +78,7 @@ class Watching:
             state.walkers = None
             seen.pose = instead
             seen.refusal = seen.refusal or self._answers.jump(state.pose.jump)
-        elif doubted and state.pose.agreed:
+        elif state.pose.elsewhere:
             # the poses stay where they jumped to: what scans showed lies elsewhere now
             state.seen, state.scans, state.out_of_sight = None, None, CircleMemoryState()
         if not seen.refusal and seen.pose_is_known:

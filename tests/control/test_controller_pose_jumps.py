@@ -85,6 +85,68 @@ def test_a_pose_that_jumps_all_the_time_is_never_believed() -> None:
     assert not any(plan.command.any() for plan in plans[NO_STEPS + 20 :])
 
 
+@pytest.mark.parametrize("lost", [(NO_STEPS,), (NO_STEPS + 1,), tuple(range(NO_STEPS, 18))])
+def test_a_pose_that_is_lost_beside_a_jump_makes_the_jump_no_truer(lost: tuple[int, ...]) -> None:
+    controller = kl.Controller(kl.nominal_unicycle(DT))
+    off = jump(1.0, 0.5, 0.3, NO_STEPS, 1000)
+    plans, _ = drive(controller, lambda k: off(k) if k not in lost else np.full(3, np.nan), 30)
+    assert set(range(NO_STEPS, 30)) == set(waiting(plans)) | set(lost)
+
+
+@pytest.mark.parametrize("periods", [1, 5, 100])
+@pytest.mark.parametrize("slip", [0.05, 0.2])
+def test_a_pose_that_was_lost_is_believed_where_the_robot_can_have_come_to(
+    periods: int, slip: float
+) -> None:
+    controller = kl.Controller(kl.nominal_unicycle(DT))
+    off, end = np.full(3, np.nan), NO_STEPS + periods
+    plans, _ = drive(
+        controller, lambda k: off if NO_STEPS <= k < end else np.zeros(3), end + 40, slip
+    )
+    assert waiting(plans) == [] and plans[-1].holding
+
+
+def test_a_robot_that_was_carried_while_its_pose_was_lost_waits_until_poses_agree() -> None:
+    controller = kl.Controller(kl.nominal_unicycle(DT))
+    lost, carried = range(NO_STEPS, NO_STEPS + 100), np.array([0.0, -1.5, 0.0])
+    plans, _ = drive(
+        controller, lambda k: np.full(3, np.nan) if k in lost else (k >= NO_STEPS) * carried, 150
+    )
+    assert waiting(plans) == list(range(lost.stop, lost.stop + 20))
+
+
+@pytest.mark.parametrize("lost", [(), (NO_STEPS + 1,), (NO_STEPS + 20,)])
+@pytest.mark.parametrize("comes_back", [True, False])
+def test_what_scans_showed_is_forgotten_where_poses_stay_elsewhere(
+    lost: tuple[int, ...], comes_back: bool
+) -> None:
+    controller = kl.Controller(kl.nominal_unicycle(DT))
+    random, wall = np.random.default_rng(0), 1.5
+    back = NO_STEPS + 10 if comes_back else 1000
+    off = jump(0.0, 1.0, 0.0, NO_STEPS, back)
+    for k in range(NO_STEPS + 30):
+        pose = off(k) if k not in lost else np.full(3, np.nan)
+        ranges = wall + random.normal(0.0, 0.005, 90)
+        scan = kl.LaserScan(ranges, -np.pi, 2 * np.pi / 90, 4.0)
+        controller.step(pose, GOAL, [scan], sent=(0.0, 0.0))
+    seen = controller.state.seen
+    assert seen is not None
+    there = seen.window(np.array([0.0, -wall]), 0.1)
+    assert bool((seen.state[there] > 0).any()) == comes_back
+
+
+def test_an_unknown_command_ends_a_doubt_and_what_scans_showed() -> None:
+    controller = kl.Controller(kl.nominal_unicycle(DT))
+    scan = kl.LaserScan(np.full(90, 1.5), -np.pi, 2 * np.pi / 90, 4.0)
+    for _ in range(5):
+        controller.step((0.0, 0.0, 0.0), GOAL, [scan])
+    before = controller.state.seen
+    assert controller.step((0.0, 1.0, 0.0), GOAL).reason.startswith("the pose jumped")
+    assert controller.state.seen is before
+    controller.step((0.0, 1.0, 0.0), GOAL, sent=(np.nan, np.nan))
+    assert controller.state.seen is None
+
+
 def test_who_waits_stops_as_it_was_verified() -> None:
     wall = kl.Circle(1.2, 0.4, 0.2)
     controller = kl.Controller(kl.nominal_unicycle(DT))

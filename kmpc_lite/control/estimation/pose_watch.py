@@ -3,13 +3,17 @@
 A pose that differs from the predicted one by more than commands, slip and the pose's own noise can
 make was never driven to: the localisation has jumped. From then on the place is predicted from the
 last pose that was believed. A pose that comes back to that place is believed at once; others are
-believed when they have agreed with themselves, as the wheels say, for long enough.
+believed when they have agreed with themselves, as the wheels say, for long enough. While poses are
+lost, both go on as predicted: the first that comes again is compared with where the robot can have
+come to meanwhile.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+
+import numpy as np
 
 from kmpc_lite.control.estimation.command_history import CommandHistory
 from kmpc_lite.control.margins.model_noise import ModelNoise
@@ -24,7 +28,9 @@ class PoseWatchState:
     """The pose before, and whether it is doubted."""
 
     last: Array | None = None
-    """(3,) as measured in the last step."""
+    """(3,) as measured in the last step, predicted since where no pose came."""
+    unseen: tuple[float, float] = (0.0, 0.0)
+    """By how much that place and heading may be off: slip since the last pose that came."""
     believed: Array | None = None
     """(3,) predicted since the last pose that was believed; None: poses are believed."""
     jump: tuple[float, float] = (0.0, 0.0)
@@ -33,6 +39,8 @@ class PoseWatchState:
     """By how much the believed place and heading may be off: slip since the jump."""
     agreed: float = 0.0
     """For how long poses have agreed with themselves."""
+    elsewhere: bool = False
+    """Whether in this step a doubt has ended otherwise than by a pose that came back."""
     pace: tuple[float, float] = (0.0, 0.0)
     """Fastest commands of late, v and omega."""
 
@@ -83,35 +91,48 @@ class PoseWatch:
             (3,) the predicted pose; None where the measured one is believed.
         """
         last, state.last = state.last, pose
-        before = history.driven
-        if pose is None or last is None or before is None:
+        before, doubted = history.driven, state.believed is not None
+        state.elsewhere = False
+        if last is None or before is None:
             # nobody knows what was sent, or where the robot was
-            state.believed = None
+            _give_up(state)
             return None
         slip = self._slip(state, before.command)
-        bounds = self._bounds(noise, slip)
+        unseen = _added(state.unseen, slip)
         planned = history.planned
-        if planned is not None and planned.expected is not None and state.believed is None:
+        if planned is not None and planned.expected is not None and not doubted:
             step = planned.expected  # of the same place and command
         else:
             step = model.predict(last, before.command, before.earlier)
+        places = step
+        if state.believed is not None:
+            state.believed = model.predict(state.believed, before.command, before.earlier)
+            state.strayed = _added(state.strayed, slip)
+            places = step + state.believed
+        if not np.isfinite(places).all():
+            _give_up(state)  # a model that drifts has been followed for too long
+            return None
+        if pose is None:
+            state.last, state.unseen = step, unseen
+            return None
+        state.unseen = (0.0, 0.0)
+        bounds = self._bounds(noise, unseen)
         agrees = _within(pose, step, *bounds)
-        if state.believed is None and (agrees or not self._options.agreement):
+        if not doubted and (agrees or not self._options.agreement):
             return None
         # what happens from pose to pose then tells nothing of the floor
         history.driven = history.planned = None
         if state.believed is None:
             state.believed, state.jump = step, _difference(pose, step)
-            state.agreed, state.strayed = 0.0, slip
+            state.agreed, state.strayed = 0.0, unseen
             return step
-        believed = model.predict(state.believed, before.command, before.earlier)
-        # slips of different periods are independent
-        state.strayed = math.hypot(state.strayed[0], slip[0]), math.hypot(state.strayed[1], slip[1])
         state.agreed = state.agreed + self._dt if agrees else 0.0
-        near = _within(pose, believed, bounds[0] + state.strayed[0], bounds[1] + state.strayed[1])
+        strayed = state.strayed
+        near = _within(pose, state.believed, bounds[0] + strayed[0], bounds[1] + strayed[1])
         # what comes back must jump, too; what does not is not back, however near
-        trusted = (near and not agrees) or state.agreed >= self._options.agreement
-        state.believed = None if trusted else believed
+        back, state.elsewhere = near and not agrees, state.agreed >= self._options.agreement
+        if back or state.elsewhere:
+            state.believed = None
         return state.believed
 
     def _slip(self, state: PoseWatchState, command: Array) -> tuple[float, float]:
@@ -129,6 +150,17 @@ class PoseWatch:
             max(options.tolerated, position) + slip[0],
             max(options.tolerated_turn, heading) + slip[1],
         )
+
+
+def _give_up(state: PoseWatchState) -> None:
+    """Predict no longer: the pose is believed as it comes."""
+    state.elsewhere = state.believed is not None
+    state.believed, state.unseen = None, (0.0, 0.0)
+
+
+def _added(strayed: tuple[float, float], slip: tuple[float, float]) -> tuple[float, float]:
+    """By how much a place and a heading may be off with another period's independent slip."""
+    return math.hypot(strayed[0], slip[0]), math.hypot(strayed[1], slip[1])
 
 
 def _difference(pose: Array, expected: Array) -> tuple[float, float]:

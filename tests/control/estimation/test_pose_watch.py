@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lite.control.estimation.pose_watch import PoseWatch, PoseWatchState
+from kmpc_lite.control.options import PoseOptions
+from kmpc_lite.types import Array
 
 GOAL = (1.8, 0.0, 0.0)
 SLIP_FADED = math.exp(-0.2 / 0.5)
@@ -57,3 +62,18 @@ def test_a_pose_that_stays_is_believed_after_two_seconds() -> None:
         plan = controller.step((0.5, 0.3, 0.0), GOAL, sent=(0.0, 0.0))
         waited += plan.reason.startswith("the pose jumped")
     assert waited == pytest.approx(20, abs=1)
+
+
+@pytest.mark.parametrize("pose", [None, np.array([0.0, 9.0, 0.0])], ids=["lost", "doubted"])
+def test_a_model_that_drifts_out_of_all_numbers_is_not_followed(pose: Array | None) -> None:
+    controller = kl.Controller(kl.nominal_unicycle(0.1))
+    problem, history = controller.units, controller.state.history
+    margins = controller.known.margins
+    assert margins is not None
+    watch, state = PoseWatch(problem, PoseOptions()), PoseWatchState(last=np.zeros(3))
+    if pose is not None:
+        state.believed = np.zeros(3)
+    history.remember(np.zeros(2))
+    runaway = SimpleNamespace(predict=lambda *_: np.full(3, np.inf))
+    assert watch.see(state, history, runaway, margins.noise, pose) is None
+    assert state.believed is None and state.last is pose
