@@ -94,7 +94,8 @@ class ProgressChecker:
 
     def expect_new_goal(self, state: ProgressState) -> None:
         """Begin anew: what was reached of another goal does not count."""
-        state.best_left, state.stalls = math.inf, 0
+        state.best_left, state.worst_left = math.inf, 0.0
+        state.since_best, state.stalls = 0.0, 0
         state.anchor = NOWHERE
 
     def watch(self, state: ProgressState, pose: Array, left: float, period: float) -> bool:
@@ -123,7 +124,8 @@ class ProgressChecker:
         x, y, heading = pose.tolist()
         x_then, y_then, heading_then = state.anchor
         moved = math.hypot(x - x_then, y - y_then) > self._distance
-        if moved or abs(heading - heading_then) > self._turn:
+        # a place that is nowhere has no heading
+        if moved or abs(math.remainder(heading - heading_then, math.tau)) > self._turn:
             state.anchor, state.since_moved = (x, y, heading), 0.0
         state.since_best += period
         state.since_moved += period

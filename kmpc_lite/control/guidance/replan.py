@@ -129,6 +129,7 @@ class Replanner:
         progress, path = state.progress, state.path
         if now.target.tolist() != state.goal.tolist():
             self._progress.expect_new_goal(progress)
+            state.avoided, state.narrow = None, False
             return False
         if path is None or state.urgent or state.goal_checker.holding:
             return False

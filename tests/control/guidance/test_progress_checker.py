@@ -12,6 +12,7 @@ from kmpc_lite.control.guidance.progress_checker import ProgressChecker, Progres
 from kmpc_lite.control.guidance.reference import Guidance
 from kmpc_lite.control.obstacles.solids import Solids
 from kmpc_lite.control.plan import GoalProgress
+from kmpc_lite.geometry import wrap
 
 START = np.array([-1.5, 0.05, 0.0])
 STALL_STEPS = round(OPTIONS.stall_time / PROBLEM.dt)
@@ -187,3 +188,37 @@ def test_a_detour_is_driven_to_its_end_but_not_for_ever() -> None:
 
 def test_slow_progress_is_progress() -> None:
     assert watched(np.linspace(10.0, 5.0, 600), moving=False) == []
+
+
+def test_time_without_progress_does_not_count_for_another_goal() -> None:
+    checker, state, stands = ProgressChecker(OPTIONS), ProgressState(), np.zeros(3)
+    checker.begin_path(state, 3.0, 0.0, True)
+    for _ in range(STALL_STEPS - 1):
+        assert not checker.watch(state, stands, 3.0, PROBLEM.dt)
+    checker.expect_new_goal(state)
+    checker.begin_path(state, 8.0, 0.0, True)
+    assert not any(checker.watch(state, stands, 8.0, PROBLEM.dt) for _ in range(STALL_STEPS - 1))
+
+
+def test_a_side_that_led_nowhere_is_not_avoided_on_the_way_to_another_goal() -> None:
+    # a robot that stands tries the other side of the circle, which is longer to both goals
+    held, scene = GuideInUse(PROBLEM), circles((0.0, 0.0, 0.5))
+    for _ in range(STALL_STEPS + 12):
+        held.reference(np.array([-1.5, 0.1, 0.0]), np.array([1.5, 0.1, 0.0]), scene)
+    assert held.state.avoided is not None
+    start, goal = np.array([-1.5, 0.1, 0.0]), np.array([1.5, 0.6, 0.0])
+    held.reference(start, goal, scene)
+    fresh = GuideInUse(PROBLEM)
+    fresh.reference(start, goal, scene)
+    assert held.state.path is not None and fresh.state.path is not None
+    assert held.state.path.duration == pytest.approx(fresh.state.path.duration, abs=0.01)
+
+
+@pytest.mark.parametrize("heading", [1.0, np.pi, -np.pi])
+def test_a_robot_that_stands_has_stalled_whichever_way_it_looks(heading: float) -> None:
+    checker, state, random = ProgressChecker(OPTIONS), ProgressState(), np.random.default_rng(0)
+    checker.begin_path(state, 10.0, 0.0, True)
+    checker.watch(state, np.array([0.0, 0.0, heading]), 10.0, PROBLEM.dt)
+    # a detour was found: a robot that drives it has more time, one that stands has not
+    headings = wrap(heading + random.normal(0.0, 0.01, STALL_STEPS + 3))
+    assert any(checker.watch(state, np.array([0.0, 0.0, h]), 16.0, PROBLEM.dt) for h in headings)
