@@ -45,6 +45,8 @@ class Observation:
     """(2,) what was really sent in the past period, where the caller says so."""
     refusal: str = ""
     """Why the step cannot be planned; empty where it can."""
+    pose_is_known: bool = True
+    """Whether the measured pose is plausible."""
     here: Array = field(default_factory=lambda: np.zeros(STATES))
     """(3,) the pose, its heading within one turn."""
     turns: float = 0.0
@@ -66,11 +68,6 @@ class Observation:
     """(P, 5) who seems to walk in scans, but may be a piece of something that stands."""
 
     @property
-    def pose_is_known(self) -> bool:
-        """Whether the measured pose is plausible."""
-        return is_plausible(self.pose)
-
-    @property
     def unsure(self) -> Array | None:
         """What is not known of the speeds (M,) at which circles walk; None where all are as told.
 
@@ -81,6 +78,11 @@ class Observation:
             return None
         told = np.arange(len(self.spread)) < len(self.spread) - self.walkers
         return np.where(told, self.spread, 0.0)
+
+    def bring_forward(self, pose: Array) -> None:
+        """Take over where the robot is now; a model that runs away leads out of all numbers."""
+        self.pose = pose
+        self.pose_is_known = self.pose_is_known and bool(np.isfinite(pose).all())
 
     def place(self, scene: Scene, state: SceneState) -> None:
         """Bring the heading within one turn, and look up what is near."""
@@ -133,14 +135,14 @@ class Admission:
             command = np.full(INPUTS, np.nan)  # nobody knows what was sent
         refusal = too_many(obstacles, self._most)
         circles, solids, scans = self._scene.sort(state, () if refusal else obstacles)
-        scale = self._scale
+        scale, pose_is_known = self._scale, is_plausible(pose)
         if refusal:
             pass
         elif not are_plausible(circles):
             row = first_implausible(circles)
             refusal = f"obstacle not usable: {row}; {EXPECTED}, no radius below 0"
             circles = circles[:0]
-        elif not is_plausible(pose):
+        elif not pose_is_known:
             refusal = f"pose not usable: {pose}; {EXPECTED}"
         elif not is_plausible(target):
             refusal = f"goal not usable: {target}; {EXPECTED}"
@@ -157,6 +159,7 @@ class Admission:
             solids,
             None if command is None else command / scale.command,
             refusal,
+            pose_is_known,
             scans=scans,
             measured=measured,
         )

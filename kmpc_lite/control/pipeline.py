@@ -112,7 +112,8 @@ class Pipeline:
         if seen.sent is not None:
             state.history.correct(seen.sent, known.model, self._problem)
         if self._pose_age:
-            seen.pose = advance_pose(known.model, seen.pose, state.history.given, self._pose_age)
+            given = state.history.given
+            seen.bring_forward(advance_pose(known.model, seen.pose, given, self._pose_age))
         self._watching.watch(state, seen, known)
 
     def guide(

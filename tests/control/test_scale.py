@@ -104,3 +104,44 @@ def test_limits_on_changes_scale_too(learned: kl.KoopmanModel) -> None:
     limits = {"du_max": (1.0, 4.0)}
     unit = drive(learned, Scale(), False, **limits)
     np.testing.assert_array_equal(drive(learned, Scale(4.0, 2.0), False, **limits), unit)
+
+
+FAR = 8e3
+"""Within what is believed of a pose [m], but 24,000 units of a robot of 0.05 m."""
+
+
+def small_robot() -> kl.Controller:
+    problem = kl.NavigationProblem(
+        robot_radius=0.05,
+        u_min=(-0.2, -0.78),
+        u_max=(0.2, 0.78),
+        x_min=(-1e4, -1e4, -np.inf),
+        x_max=(1e4, 1e4, np.inf),
+    )
+    return kl.Controller(kl.nominal_unicycle(0.1), problem)
+
+
+def test_a_small_robot_far_from_the_origin_notices_that_its_pose_jumps() -> None:
+    controller, goal = small_robot(), (FAR + 3.0, 0.0, 0.0)
+    controller.step((FAR, 0.0, 0.0), goal)
+    plan = controller.step((FAR, 5.0, 0.0), goal)
+    assert plan.reason.startswith("the pose jumped by 5.0")
+
+
+def test_the_last_plan_of_a_small_robot_far_from_the_origin_starts_the_next() -> None:
+    controller = small_robot()
+    pose, passes = np.array([FAR, 0.0, 0.0]), []
+    for _ in range(5):
+        plan = controller.step(pose, (FAR + 3.0, 0.0, 0.0), [kl.Circle(FAR + 1.0, 0.02, 0.1)])
+        pose = plan.states[1]
+        passes.append(plan.iterations)
+    assert passes[1:] == [1, 1, 1, 1]
+
+
+def test_an_observation_without_a_pose_knows_none() -> None:
+    for pose, known in (((np.nan, 0.0, 0.0), False), ((1.01e4, 0.0, 0.0), False), ((FAR, 0, 0), 1)):
+        controller = small_robot()
+        seen = controller._admission.admit(controller.state.scene, pose, (0, 0, 0), (), None)
+        assert seen.pose_is_known == known
+        seen.bring_forward(np.array([0.0, np.inf, 0.0]))
+        assert not seen.pose_is_known

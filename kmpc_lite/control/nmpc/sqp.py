@@ -101,6 +101,7 @@ class SQP:
         self._rates = RateLimit(problem)
         self._short, self._straight = short_limits(problem, options)
         self._contradicted = (step or StepOptions()).accepted_defect * unit_length(problem)
+        self._tolerated_depth = options.constraint_tolerance * unit_length(problem)
 
     def solve(self, state: SQPState, guess: Trajectory, task: Task, passes: int = 1) -> SQPResult:
         """Run the passes from a guess whose first state is the present one.
@@ -290,6 +291,6 @@ class SQP:
         before, run.pressed_depth = run.pressed_depth, depth
         return (
             run.penalties.slack < self.options.largest_penalty
-            and depth > self.options.constraint_tolerance
+            and depth > self._tolerated_depth
             and depth < 0.5 * before
         )

@@ -16,6 +16,8 @@ from kmpc_lite.types import Array
 
 ROUNDING = 1e-9
 """By which a command may pass its bound."""
+FARTHEST = 2 * POSITION_LIMIT
+"""From the robot, in its own units, and in its turns [rad]: a plan that leads farther is spoilt."""
 
 
 class WarmStart:
@@ -65,7 +67,7 @@ class WarmStart:
         guess = shifted(self._qp, last, here)
         # also false for NaN
         if not (
-            np.maximum.reduce(np.abs(guess.states), axis=None) <= 2 * POSITION_LIMIT
+            np.maximum.reduce(np.abs(guess.states - here), axis=None) <= FARTHEST
             and np.maximum.reduce(np.abs(guess.inputs), axis=None) <= self._largest_command
             and math.isfinite(np.add.reduce(guess.duals))
         ):

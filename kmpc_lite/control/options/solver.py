@@ -11,7 +11,6 @@ from kmpc_lite.option_fields import (
     clock_seconds,
     count,
     group,
-    metres,
     part,
     radii,
     share,
@@ -129,8 +128,8 @@ class SolverOptions:
     and the last growth has halved its depth."""
     largest_penalty: float = share(1e5, zero=False)
     """Largest linear slack weight [1/m]."""
-    constraint_tolerance: float = metres(1e-5, zero=False)
-    """How deep in an obstacle a converged plan may stand [m]: the accuracy of its QP."""
+    constraint_tolerance: float = radii(1 / 15000, zero=False)
+    """How deep in an obstacle a converged plan may stand [radii]: the accuracy of its QP."""
     least_solve_time: float = clock_seconds(5e-5, zero=False)
     """Time that a QP gets even past a deadline [s]: the iterate that it starts from is no plan."""
 

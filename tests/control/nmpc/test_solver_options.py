@@ -154,6 +154,13 @@ def test_a_converged_plan_may_stand_in_an_obstacle_by_a_hundredth_of_a_millimetr
         assert sqp._has_ended(run, task) is not grown
 
 
+def test_a_larger_robot_may_stand_in_it_deeper() -> None:
+    sqp = SQP(kl.NavigationProblem(robot_radius=0.3), 0, iterations=9)
+    for depth, grown in ((1.9e-5, False), (2.1e-5, True)):
+        run, task = progress(sqp, depth - 0.15)
+        assert sqp._has_ended(run, task) is not grown
+
+
 def test_passes_to_convergence_solve_with_four_thousand_iterations_at_the_most() -> None:
     sqp = SQP(PROBLEM, 0, iterations=2)
     assert sqp.workspace._osqp.settings.max_iter == 4000  # type: ignore[attr-defined]
