@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kmpc_lite.control.obstacles.scan import LaserScan
+from kmpc_lite.control.obstacles.scan import LaserScan, Layout
 from kmpc_lite.control.options import SightOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import wrap
@@ -21,13 +21,18 @@ NOISY = 8
 """Fewest hits that never come again by chance: a few may, along a wall and told in centimetres."""
 PERIODS = 2.5
 """Fewest periods that scans may stay away: one may be late."""
+SCANNERS = 16
+"""Most scanners that are remembered: one whose beams lie otherwise each time is new each time."""
+
+Scanner = tuple[tuple[float, float, float], Layout]
+"""Where it is mounted, and how its beams lie: it may tell each half of its turn by itself."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LastScan:
     """What a scanner told last, and where the robot was when it told it first."""
 
-    ranges: Array
+    ranges: bytes
     """(B,) [m]."""
     pose: Array
     """(3,)."""
@@ -37,8 +42,8 @@ class LastScan:
 class ScanWatchState:
     """What scanners have told, and since when they tell nothing."""
 
-    last: dict[tuple[float, float, float], LastScan] = field(default_factory=dict)
-    """By where they are mounted."""
+    last: dict[Scanner, LastScan] = field(default_factory=dict)
+    """The one that told something last at the end."""
     silent: float = 0.0
     """For how long nothing new was told [s]."""
 
@@ -98,10 +103,14 @@ class ScanWatch:
 
     def _is_new(self, state: ScanWatchState, scan: LaserScan, pose: Array) -> bool:
         """Whether a scan is another one than the scanner's last, or the robot has hardly moved."""
-        before = state.last.get(scan.mount)
-        if before is None or not np.array_equal(before.ranges, scan.ranges, equal_nan=True):
-            state.last[scan.mount] = LastScan(scan.ranges, pose.copy())
+        scanner, ranges = (scan.mount, scan.layout), scan.ranges.tobytes()
+        before = state.last.pop(scanner, None)
+        if before is None or before.ranges != ranges:
+            state.last[scanner] = LastScan(ranges, pose.copy())
+            if len(state.last) > SCANNERS:
+                del state.last[next(iter(state.last))]
             return True
+        state.last[scanner] = before
         if np.count_nonzero(scan.hits) < NOISY:
             return True
         x, y, turn = (pose - before.pose).tolist()

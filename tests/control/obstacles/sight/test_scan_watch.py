@@ -66,6 +66,25 @@ def test_what_is_told_again_is_left_out_at_once_and_another_scanner_still_counts
         assert eyes.see(state, [hangs, lives], far) == ((lives,), "")
 
 
+def test_a_scanner_that_tells_each_half_of_its_turn_by_itself_may_hang_too() -> None:
+    random = np.random.default_rng(0)
+    ahead, behind = (
+        kl.LaserScan(random.uniform(1.0, 3.0, 90), first, np.pi / 90, 8.0)
+        for first in (-np.pi / 2, np.pi / 2)
+    )
+    eyes, state = watch(), ScanWatchState()
+    eyes.see(state, [ahead, behind], HERE)
+    assert eyes.see(state, [ahead, behind], HERE + (1.0, 0.0, 0.0)) == ((), "")
+
+
+def test_scanners_whose_beams_are_always_others_are_not_remembered_for_ever() -> None:
+    eyes, state = watch(), ScanWatchState()
+    for k in range(100):
+        turned = kl.LaserScan(np.full(36, 2.0), 1e-3 * k, np.pi / 18, 4.0)
+        assert eyes.see(state, [turned], HERE)[0] == (turned,)
+    assert len(state.last) == 16
+
+
 def test_far_and_wide_there_may_be_nothing_for_long() -> None:
     assert steps_until_blind(watch(), [scan(np.inf)], np.array([3.0, 0.0, 0.0])) == 100
 
