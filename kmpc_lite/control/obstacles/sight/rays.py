@@ -65,7 +65,9 @@ class Rays:
             self._cos, self._sin = 1.0, 0.0
             x, y = x - self.origin[0], y - self.origin[1]
             reach = np.where(scan.unknown, 0.0, np.hypot(x, y))
-            nearest, aside = _nearest_beams(np.arctan2(y, x))
+            # where nothing is known of a beam's end, something is of its direction
+            directions = np.where(scan.unknown, poses[:, 2] + scan.directions, np.arctan2(y, x))
+            nearest, aside = _nearest_beams(directions)
         self.farthest = float(reach.max())
         """Longest ray."""
         # only so far does the nearest beam pass through a cell in a direction beside it

@@ -84,6 +84,20 @@ def test_beams_that_tell_nothing_free_nothing() -> None:
         assert state_at(seen, 0.0, -0.5) == UNKNOWN
 
 
+@pytest.mark.parametrize("speed", [0.0, 0.3, -0.3])
+def test_beams_that_tell_nothing_hide_nothing_where_they_do_not_point(speed: float) -> None:
+    s, seen, ranges = sight(), None, np.full(BEAMS, 3.0)
+    ranges[20:25] = np.nan  # behind, to the right
+    increment = 2.0 * np.pi / BEAMS
+    for k in range(30):
+        pose = np.array([0.1 * speed * k, 0.025, 0.0])
+        told = kl.LaserScan(ranges, 0.5 * increment - np.pi, increment, 8.0, time_increment=1e-4)
+        seen = s.look(seen, [told], pose, 0.0)
+    assert seen is not None
+    ahead = np.stack([pose[0] + np.arange(0.2, 1.5, 0.02), np.full(65, 0.025)], axis=1)
+    assert not seen.is_unknown(ahead).any()
+
+
 def test_what_was_seen_is_remembered_out_of_sight_then_forgotten() -> None:
     s = sight(memory=2.0)
     seen = look(s, None, ROUND)
