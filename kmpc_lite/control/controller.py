@@ -24,6 +24,8 @@ from kmpc_lite.control.plan import Plan
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.settings import (
     Settings,
+    adapt_anew,
+    adaptation_of,
     check_budget,
     check_replacement,
     check_settings,
@@ -233,22 +235,23 @@ class Controller:
     @state.setter
     def state(self, state: ControllerState) -> None:
         self._state = state
+        self.adaptation = adaptation_of(self.adaptation, state.base_model)
         if self.adaptation is not None and state.adaptation is not None:
             self.adaptation.restore(state.adaptation, state.model)
         self.known = self._examiner.examine(state.base_model, state.model)
 
     def reset(self) -> None:
         """Forget the last plan, the commands sent, the path, and what was learned while driving."""
-        if self.adaptation is not None:
-            self.adaptation.reset()
+        self.adaptation, adaptation = adapt_anew(self.adaptation, self._learned)
         history = CommandHistory.start(self.units, self._learned.history, self._pose_age)
-        adaptation = None if self.adaptation is None else self.adaptation.state
         guided = self._settings.guidance
         self._state = ControllerState.start(self._learned, history, guided, adaptation)
         self.known = self._examiner.examine(self._learned, self._learned)
 
     def update_model(self, model: KoopmanModel) -> None:
         """Replace the model by another one of the same robot, between two steps.
+
+        Adaptation begins anew, and corrects this one from now on; a discrete model ends it.
 
         Raises
         ------
@@ -257,6 +260,7 @@ class Controller:
         """
         check_replacement(model, self.model, self.problem)
         self._learned = self._state.base_model = model
+        self.adaptation, self._state.adaptation = adapt_anew(self.adaptation, model)
         self._take_over(model)
 
     def _take_over(self, model: KoopmanModel) -> None:
@@ -278,19 +282,19 @@ class Controller:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy and pickle as what it was made of, and its state."""
-        own: Any = False if self.adaptation is None else self.adaptation
-        return _restored, (self._learned, self.problem, self._settings, own, self._state)
+        drive = self.adaptation, self._state
+        return _restored, (self._learned, self.problem, self._settings, *drive)
 
 
 def _restored(
     model: KoopmanModel,
     problem: NavigationProblem,
     settings: Settings,
-    adaptation: Any,
+    adaptation: OnlineAdaptation | None,
     state: ControllerState,
 ) -> Controller:
     """Continue a drive with a new controller; the state of its adaptation is not touched."""
     controller = Controller(model, problem, adaptation=False, **vars(settings))
-    controller.adaptation = adaptation or None
+    controller.adaptation = adaptation
     controller.state = state
     return controller

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
+from kmpc_lite.adaptation.state import AdaptationState
 from kmpc_lite.control.nmpc.choose_solver import MakeSolver
 from kmpc_lite.control.options import (
     AdaptationOptions,
@@ -176,6 +177,28 @@ def choose_adaptation(
             f"got {adaptation.scale}; OnlineAdaptation(model, scale=problem.scale) takes them over"
         )
     return adaptation
+
+
+def adaptation_of(
+    adaptation: OnlineAdaptation | None, model: KoopmanModel
+) -> OnlineAdaptation | None:
+    """Return what learns while driving with this learned model: as before, or a new one like it."""
+    if adaptation is None or adaptation.base is model:
+        return adaptation
+    if not model.continuous:
+        return None
+    return OnlineAdaptation(model, adaptation.options, adaptation.scale)
+
+
+def adapt_anew(
+    adaptation: OnlineAdaptation | None, model: KoopmanModel
+) -> tuple[OnlineAdaptation | None, AdaptationState | None]:
+    """Return what learns from now on, with nothing learned yet, and its state."""
+    adaptation = adaptation_of(adaptation, model)
+    if adaptation is None:
+        return None, None
+    adaptation.reset()
+    return adaptation, adaptation.state
 
 
 def check_budget(time_budget: float | None, solver: object, can_be_stopped: bool) -> None:

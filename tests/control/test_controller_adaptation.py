@@ -284,3 +284,52 @@ def test_a_robot_that_lags_takes_the_same_risk(
 
     assert quantile(learned) == quantile(lagging)
     assert quantile(learned, risk=0.1) == quantile(lagging, risk=0.1) < quantile(learned)
+
+
+def turning(gain: float) -> kl.KoopmanModel:
+    """Learned on a floor that lets so much of a turn happen."""
+    log = kl.generate_dataset(kl.DifferentialDrive(turn_gain=gain, seed=1), episodes=20, steps=60)
+    return kl.fit(log)
+
+
+def test_adaptation_corrects_the_model_that_took_another_ones_place() -> None:
+    first, second = turning(1.0), turning(0.5)
+    options = AdaptationOptions(window=3.0)
+    controller = kl.Controller(first, adaptation=OnlineAdaptation(first, options))
+    controller.update_model(second)
+    assert controller.adaptation is not None
+    assert controller.adaptation.base is second and controller.adaptation.options is options
+    assert controller.state.adaptation is controller.adaptation.state
+    x, plant, random = np.zeros(3), kl.DifferentialDrive(turn_gain=0.5), np.random.default_rng(0)
+    for k in range(120):
+        if k % 40 == 0:
+            goal = random.uniform((-1.5, -1.5, -3.0), (1.5, 1.5, 3.0))
+        x = plant.step(x, controller.step(x, goal).command, DT)
+    # the floor is as the second model says: there is nothing to correct
+    assert controller.model is second and controller.adaptation.gains.turn == 1.0
+    controller.reset()
+    assert controller.model is second and controller.adaptation.base is second
+
+
+def test_a_state_from_before_another_model_brings_back_what_was_corrected() -> None:
+    first, second = turning(1.0), turning(0.5)
+    controller = kl.Controller(first)
+    before = controller.state
+    controller.reset()
+    controller.update_model(second)
+    controller.state = before
+    assert controller.adaptation is not None
+    assert controller.adaptation.base is first and controller.adaptation.state is before.adaptation
+    controller.reset()
+    assert controller.model is second and controller.adaptation.base is second
+
+
+def test_a_discrete_model_that_takes_anothers_place_is_not_corrected(
+    learned: kl.KoopmanModel, learned_edmdc: kl.KoopmanModel
+) -> None:
+    controller = kl.Controller(learned)
+    controller.update_model(learned_edmdc)
+    assert controller.adaptation is None and controller.state.adaptation is None
+    controller.step((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+    controller.reset()
+    assert controller.model is learned_edmdc
