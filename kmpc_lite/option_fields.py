@@ -67,9 +67,9 @@ def moments(*default: float) -> Any:
     return field(default=default, metadata={"unit": "s each"})
 
 
-def count(default: int, least: int = 1) -> Any:
-    """Whole number, not less than a least one."""
-    return field(default=default, metadata={"unit": "count", "least": least})
+def count(default: int, least: int = 1, most: float = math.inf) -> Any:
+    """Whole number from a least one up to the most."""
+    return field(default=default, metadata={"unit": "count", "least": least, "most": most})
 
 
 def switch(default: bool) -> Any:
@@ -109,9 +109,10 @@ def _expected(value: Any, limits: Mapping[str, Any]) -> str:
     """What a field takes instead of a value, in words; nothing where the value is right."""
     unit = limits["unit"]
     if unit == "count":
-        least = limits["least"]
-        right = not isinstance(value, bool) and isinstance(value, int) and value >= least
-        return "" if right else f"a whole number >= {least}"
+        least, most = limits["least"], limits["most"]
+        right = not isinstance(value, bool) and isinstance(value, int) and least <= value <= most
+        upwards = f">= {least}" if most == math.inf else f"from {least} to {most}"
+        return "" if right else f"a whole number {upwards}"
     if unit == "switch":
         return "" if isinstance(value, bool) else "true or false"
     if unit == "group":

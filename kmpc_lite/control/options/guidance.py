@@ -106,17 +106,17 @@ class GuidanceOptions:
     """... or turns by more than this [rad] has not stalled."""
 
     # timing of a path
-    turn_share: float = share(0.9)
+    turn_share: float = share(0.9, zero=False)
     """Share of the fastest turn rate at which paths are timed: the rest is left for corrections."""
     lead_time: float = seconds(0.2)
     """How far the reference runs ahead of the robot [s]."""
     free_turn: float = angle(math.pi / 3)
     """How much of the first turn the robot makes while it drives, on a long path far from obstacles
     [rad]."""
-    free_turn_length: float = radii(0.5 / 0.15)
+    free_turn_length: float = radii(0.5 / 0.15, zero=False)
     """Length of a path on which the robot may make the whole free turn; on a shorter path it makes
     a part of it in proportion [radii]."""
-    free_turn_clearance: float = radii(4.0)
+    free_turn_clearance: float = radii(4.0, zero=False)
     """Clearance that the whole free turn needs: the robot may back up in it [radii]."""
     goal_stretch: float = seconds(0.5)
     """For so long before the path reaches the goal's position, the reference ends there: it does
@@ -124,13 +124,13 @@ class GuidanceOptions:
     brake_share: float = share(0.6)
     """Share of `du_max` with which the reference brakes before the goal: turning takes the rest,
     and what brakes with all of it has nothing left for an error."""
-    grid_step: float = seconds(0.05)
+    grid_step: float = seconds(0.05, zero=False)
     """Time between neighbouring poses of a path, among which the robot's place is looked for [s].
     """
     grid_poses: int = count(20_000)
     """Most poses of one path: the path of a robot that hardly moves would need more than there is
     memory for."""
-    turn_length: float = radii(2.0)
+    turn_length: float = radii(2.0, zero=False)
     """One radian of heading counts as much as this distance when the robot's place on its path is
     looked for [radii]."""
     locate_back: float = seconds(0.5)
@@ -139,9 +139,9 @@ class GuidanceOptions:
     """How far ahead along its path the robot's place may move in one step [s]."""
 
     # the tangent graph
-    cut_depth: float = radii(0.002 / 0.15)
+    cut_depth: float = radii(0.002 / 0.15, zero=False)
     """How deep the chords of a path's arcs may cut an inflated circle [radii]."""
-    arc_step: float = angle(0.15)
+    arc_step: float = angle(0.15, zero=False)
     """Largest turn between two points of an arc [rad]."""
     turning_radius_share: float = share(0.3)
     """Radius of the circles beside start and goal on which the robot may turn, as a share of the
@@ -174,11 +174,11 @@ class GuidanceOptions:
     lattice_cut: float = radii(0.02 / 0.15)
     """How deep a path may cut the inflated cells of a grid [radii]: its clearance is larger than
     what the robot needs."""
-    lattice_sample: float = radii(0.04 / 0.15)
+    lattice_sample: float = radii(0.04 / 0.15, zero=False)
     """A line is looked at in points that lie so far apart [radii]."""
     lattice_samples: int = count(400)
     """Most of these points on one line."""
-    lattice_look: int = count(80)
+    lattice_look: int = count(80, least=2)
     """A lattice path is pulled straight: from each corner, the farthest node in sight is looked for
     among so many."""
     lattice_searches: int = count(4)

@@ -13,7 +13,7 @@ class MovingObstacleOptions:
 
     look_ahead: float = seconds(4.0)
     """How long circles are taken to keep their velocity [s]."""
-    look_step: float = seconds(0.2)
+    look_step: float = seconds(0.2, zero=False)
     """Time between two moments at which distances are looked at [s]."""
     clearance: float = radii(0.8)
     """A moving circle is in the way where it comes nearer than this, beyond the problem's margin

@@ -23,7 +23,7 @@ class SightOptions:
     memory: float = seconds(120.0, zero=False)
     """How long what is out of sight is remembered [s]: then nothing is known there. Scans, and
     circles that are out of `sensor_range`."""
-    passes: int = count(3)
+    passes: int = count(3, most=127)
     """How many scans must pass through a cell that was hit until it counts as free."""
     certainty: float = share(2.0)
     """How many standard deviations of range and pose hits are taken to be nearer than they were

@@ -12,6 +12,7 @@ from kmpc_lite.control.options import (
     GoalOptions,
     GuidanceOptions,
     MovingObstacleOptions,
+    SightOptions,
     lengths_from_radii,
 )
 
@@ -27,6 +28,8 @@ GROUPS = (GuidanceOptions, GoalOptions, MovingObstacleOptions)
         (GuidanceOptions, "hurried_parts", 0, "a whole number >= 1, got 0"),
         (GuidanceOptions, "hurried_parts", 2.0, "a whole number >= 1, got 2.0"),
         (GuidanceOptions, "turn_share", True, "got True"),
+        (GuidanceOptions, "lattice_look", 1, "a whole number >= 2, got 1"),
+        (SightOptions, "passes", 128, "a whole number from 1 to 127, got 128"),
         (GoalOptions, "averaging_time", None, "got None"),
         (MovingObstacleOptions, "speed_scales", (), "a tuple of finite numbers"),
         (MovingObstacleOptions, "arc_times", (1.0, float("inf")), "a tuple of finite numbers"),
@@ -41,6 +44,23 @@ def test_what_is_no_such_number_is_refused_in_one_line(
         group(**{name: value})
     refused.match(words)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("group", "name"),
+    [
+        *((GuidanceOptions, f"free_turn_{what}") for what in ("length", "clearance")),
+        *((GuidanceOptions, f"turn_{what}") for what in ("share", "length")),
+        (GuidanceOptions, "grid_step"),
+        (GuidanceOptions, "cut_depth"),
+        (GuidanceOptions, "arc_step"),
+        (GuidanceOptions, "lattice_sample"),
+        (MovingObstacleOptions, "look_step"),
+    ],
+)
+def test_what_something_is_divided_by_is_not_zero(group: Any, name: str) -> None:
+    with pytest.raises(kl.ProblemError, match=rf"{name}: expected a number > 0 .*, got 0.0$"):
+        group(**{name: 0.0})
 
 
 @pytest.mark.parametrize("group", GROUPS)

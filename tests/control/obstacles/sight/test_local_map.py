@@ -122,6 +122,10 @@ def test_rays_that_pass_through_clear_what_has_gone(far: float) -> None:
     assert state_at(seen, far + 0.001, 0.0) == 0
 
 
+def test_as_many_passes_as_are_accepted_can_be_counted() -> None:
+    assert state_at(look(sight(passes=127), None, ROUND), 1.001, 0.0) == 127
+
+
 def test_a_hit_counts_at_once_and_wins_over_rays_beside_it() -> None:
     s = sight()
     seen = look(s, None, np.full(BEAMS, np.inf))
