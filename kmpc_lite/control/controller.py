@@ -210,7 +210,7 @@ class Controller:
         phases.bring_forward(state, seen, self.known)
         refusal = self._learn(seen) or seen.refusal
         if refusal:
-            return phases.fallback.stop(state, seen, self.known, refusal, clock)
+            return phases.refuse(state, seen, self.known, refusal, clock)
         phases.estimate(state, seen, self.known)
         guidance = phases.guide(state, seen, self.known, clock)
         if guidance is not None and guidance.hold:

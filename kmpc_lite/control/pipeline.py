@@ -116,6 +116,22 @@ class Pipeline:
             seen.bring_forward(advance_pose(known.model, seen.pose, given, self._pose_age))
         self._watching.watch(state, seen, known)
 
+    def refuse(
+        self,
+        state: ControllerState,
+        seen: Observation,
+        known: Knowledge,
+        refusal: str,
+        clock: StepClock,
+    ) -> Plan:
+        """Stop in a step that cannot be planned, short of what scans show in it all the same."""
+        if seen.pose_is_known and state.pose.believed is None:
+            seen.place(self.scene, state.scene)
+            self._watching.look(state, seen, known)
+        else:
+            self._watching.wait(state)
+        return self.fallback.stop(state, seen, known, refusal, clock)
+
     def guide(
         self, state: ControllerState, seen: Observation, known: Knowledge, clock: StepClock
     ) -> Guidance | None:

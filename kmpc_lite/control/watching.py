@@ -116,6 +116,11 @@ class Watching:
         seen.circles = np.concatenate([seen.circles, rows])
         seen.spread = np.concatenate([told, spread])
 
+    def wait(self, state: ControllerState) -> None:
+        """Let a period pass without a look around: what was seen is older by it."""
+        if state.seen is not None:
+            state.seen.clock += self._dt
+
     def look(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
         """Look around: what scans show, and what they have shown before."""
         if not seen.scans and state.seen is None:
