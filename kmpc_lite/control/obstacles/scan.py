@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from kmpc_lite.control.convex import FARTHEST
+from kmpc_lite.control.input_checks import POSITION_LIMIT
 from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.files import real_array
@@ -120,13 +121,13 @@ class LaserScan:
             "ranges": values,
             "angle_min": _number("angle_min", angle_min, -np.inf),
             "angle_increment": _number("angle_increment", angle_increment, -np.inf),
-            "range_max": _number("range_max", range_max, 0.0),
-            "range_min": _number("range_min", range_min, 0.0),
+            "range_max": _number("range_max", range_max, 0.0, POSITION_LIMIT),
+            "range_min": _number("range_min", range_min, 0.0, POSITION_LIMIT),
             "mirrored": bool(mirrored),
-            "noise": _number("noise", noise, 0.0),
+            "noise": _number("noise", noise, 0.0, POSITION_LIMIT),
             "age": _number("age", age, 0.0),
             "time_increment": _number("time_increment", time_increment, 0.0),
-            "self_radius": _number("self_radius", self_radius, 0.0),
+            "self_radius": _number("self_radius", self_radius, 0.0, POSITION_LIMIT),
         }
         if not fields["range_min"] < fields["range_max"]:
             raise ProblemError(
@@ -134,8 +135,11 @@ class LaserScan:
                 f"{fields['range_max']:g} m"
             )
         place = real_array(mount, "scan: mount", ProblemError)
-        if place.shape not in ((2,), (3,)) or not (np.abs(place) <= FARTHEST).all():
-            raise ProblemError(f"scan: expected a finite mount x, y, yaw, got {place.tolist()}")
+        if place.shape not in ((2,), (3,)) or not (np.abs(place) <= POSITION_LIMIT).all():
+            raise ProblemError(
+                f"scan: expected a mount x, y, yaw of finite numbers, none beyond "
+                f"{POSITION_LIMIT:g}, got {place.tolist()}"
+            )
         x, y, *heading = place.tolist()
         fields["mount"] = x, y, heading[0] if heading else 0.0
         sectors = real_array(list(ignore), "scan: ignore", ProblemError).reshape(-1, 2)
@@ -240,11 +244,12 @@ def beams(
     return directions, along
 
 
-def _number(name: str, value: Any, least: float) -> float:
-    """Finite number of at least a least one."""
+def _number(name: str, value: Any, least: float, most: float = FARTHEST) -> float:
+    """Finite number of at least a least one, in size at most the most."""
     is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
     number = float(value) if is_number else np.nan
-    if not (least <= number and abs(number) <= FARTHEST):
+    if not (least <= number and abs(number) <= most):
         bound = "" if least == -np.inf else f" >= {least:g}"
+        bound += "" if most == FARTHEST else f", at most {most:g}"
         raise ProblemError(f"scan: {name}: expected a finite number{bound}, got {value!r:.80}")
     return number
