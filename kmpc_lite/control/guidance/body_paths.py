@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
+from kmpc_lite.control.guidance.path_map import distances_around
 from kmpc_lite.control.guidance.search_state import PathSearch
 from kmpc_lite.control.guidance.tangent_graph import GeometricPath
 from kmpc_lite.control.guidance.timed_path import poses_along
@@ -63,12 +64,6 @@ class BodyPaths:
     def _distances(self, poses: Array, search: PathSearch) -> Array:
         """Least distance (n,) of the circles' middles from obstacles, at poses (n, 3) [m]."""
         points = self._footprint.places(poses).reshape(-1, 2)
-        circles, path_map = search.circles, search.path_map
-        least = np.full(len(points), np.inf)
-        if len(circles):
-            x, y = points.T[..., None] - circles[:, :2].T[:, None]
-            least = (np.hypot(x, y) - circles[:, 2]).min(axis=1)
-        if path_map is not None:
-            least = np.minimum(least, path_map.distances(points))
+        least = distances_around(points, search.circles, search.path_map)
         nearest: Array = least.reshape(len(poses), -1).min(axis=1)
         return nearest
