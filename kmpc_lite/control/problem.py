@@ -61,7 +61,8 @@ class NavigationProblem:
         the robot's size and speed: 1 m/s^2 and 4 rad/s^2 at 0.15 m and 0.6 m/s.
     du_max : array_like
         How fast commands may change (2,) [m/s^2, rad/s^2]; infinite where not given, as in the
-        paper. Speeds that shrink in an emergency may do so at `deceleration` where that is more.
+        paper. Speeds that shrink in an emergency may do so at `deceleration` where that is more; of
+        a robot that brakes less hard than it speeds up, give the smaller one in both.
     track, max_wheel_speed : float
         Distance between the wheels [m] and how fast one turns at its rim [m/s], for robots whose
         wheels saturate together: ``|v| + track / 2 |omega| <= max_wheel_speed``. Infinite where not

@@ -135,7 +135,7 @@ def _follow(told: Array, faster: Array, slower: Array, dt: float) -> Array:
         for _ in range(PARTS):
             grows = np.abs(aim) >= np.abs(speed)
             limit = np.where(grows & (aim * speed >= 0.0), up, down)
-            speed = speed + np.clip(aim - speed, -limit, limit)
+            speed = speed + np.minimum(np.maximum(aim - speed, -limit), limit)
             total = total + speed
         means[k] = (total - 0.5 * speed) / PARTS
     return means
@@ -203,42 +203,45 @@ def _errors(
 
     Responses lie `parts` times as close as those that are tried first when a model is learned.
     """
-    if len(faster) > MOST:
-        some = [slice(k, k + MOST) for k in range(0, len(faster), MOST)]
-        return np.concatenate(
-            [_errors(pieces, faster[s], slower[s], dt, options, parts) for s in some]
-        )
     longest = SelectionOptions().longest_history(dt)
-    closer = {Response(*r) for r in first_candidates(dt, longest)}
-    for _ in range(parts - 1):
-        closer |= {n for r in closer for n in neighbours(r, dt / parts, dt, longest)}
-    kernels = [r.weights(dt, longest) for r in sorted(closer)]
-    kinds = np.zeros((len(kernels), longest + 1))
-    for kernel, row in zip(kernels, kinds, strict=True):
-        row[: len(kernel)] = kernel
+    kinds = _responses(dt, longest, parts)
     length = max(1, round(options.window / dt))
-    moved, predicted = [], []
+    moved, sums, ends = [], [], []
     for told, went in pieces:
         if len(told) < longest + 2 * length:
             continue
         passed = _follow(told, faster, slower, dt)
-        sums = np.cumsum(np.vstack([np.zeros(len(faster)), passed]), axis=0)
+        sums.append(np.cumsum(np.vstack([np.zeros(len(faster)), passed]), axis=0))
         # ways of whole windows, every half of one
-        ends = np.arange(longest + length, len(told) + 1, max(1, length // 2))
+        ends.append(np.arange(longest + length, len(told) + 1, max(1, length // 2)))
         way = np.cumsum(np.append(0.0, went))
-        moved.append(way[ends] - way[ends - length])
-        by_age = np.stack([sums[ends - a] - sums[ends - a - length] for a in range(longest + 1)])
-        predicted.append(np.tensordot(kinds, by_age, axes=1) * dt)
-    if not moved:
-        return np.zeros((len(faster), len(kinds), 0))
-    seen, way = np.concatenate(moved), np.concatenate(predicted, axis=1)
-    gain = (way * seen[None, :, None]).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1e-12)
-    left = (seen[None, :, None] - gain[:, None] * way) ** 2
+        moved.append(way[ends[-1]] - way[ends[-1] - length])
+    seen = np.concatenate(moved) if moved else np.empty(0)
     blocks = min(options.blocks, len(seen) // 8)
-    if not blocks:
-        return np.zeros((len(faster), len(kinds), 0))
-    found = [block.sum(axis=1).T for block in np.array_split(left, blocks, axis=1)]
-    return np.stack(found, axis=-1)
+    found = np.zeros((len(faster), len(kinds), blocks))
+    for some in (slice(k, k + MOST) for k in range(0, len(faster) if blocks else 0, MOST)):
+        by_age = [
+            [at[e - age, some] - at[e - age - length, some] for age in range(longest + 1)]
+            for at, e in zip(sums, ends, strict=True)
+        ]
+        way = dt * np.tensordot(kinds, np.concatenate(by_age, axis=1), axes=1)
+        gain = (way * seen[:, None]).sum(axis=1) / np.maximum((way**2).sum(axis=1), 1e-12)
+        left = (seen[:, None] - gain[:, None] * way) ** 2
+        for b, block in enumerate(np.array_split(left, blocks, axis=1)):
+            found[some, :, b] = block.sum(axis=1).T
+    return found
+
+
+def _responses(dt: float, longest: int, parts: int) -> Array:
+    """Weights (R, longest + 1) of the commands' ages for each response that is tried."""
+    tried = {Response(*r) for r in first_candidates(dt, longest)}
+    for _ in range(parts - 1):
+        tried |= {n for r in tried for n in neighbours(r, dt / parts, dt, longest)}
+    kinds = np.zeros((len(tried), longest + 1))
+    for response, row in zip(sorted(tried), kinds, strict=True):
+        kernel = response.weights(dt, longest)
+        row[: len(kernel)] = kernel
+    return kinds
 
 
 def _pieces(dataset: Dataset, axis: int, options: RampOptions) -> list[tuple[Array, Array]]:
