@@ -157,6 +157,7 @@ def describe_model(robot: Robot) -> list[tuple[bool, str]]:
         return [(True, f"no model: the nominal unicycle; {_limits(limits)}, {_braking(robot)}")]
     import kmpc_lite as kl
     from firmware_bridge.cli.course import load_model
+    from kmpc_lite.learn.provenance import format_changes
 
     try:
         within, model, notes = load_model(robot)
@@ -174,6 +175,7 @@ def describe_model(robot: Robot) -> list[tuple[bool, str]]:
             f"reaction: the motion comes {stopping['delay']:.2g} s after its command (log); "
             f"from full speed it stands after {way:.2g} m"
         )
+    found += [line.replace("  ", ": ", 1) for line in format_changes(info)]
     return [(True, text) for text in (*found, *(f"note: {note}" for note in notes))]
 
 

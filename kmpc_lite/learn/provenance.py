@@ -72,28 +72,30 @@ def format_making(info: Mapping[str, Any]) -> str:
     late = f"stops  {stopping['stops']} in the log; the motion comes {stopping['delay']:.2g} s late"
     if stopping["deceleration"] is not None:
         late += f", and slows down by {stopping['deceleration']:.2g} m/s^2"
-    lines.append(late)
+    return "\n".join([*lines, late, *format_changes(info)])
+
+
+def format_changes(info: Mapping[str, Any]) -> list[str]:
+    """Lines that tell which changes of commands the controller asks for, where they are limited."""
+    lines = []
     if ramps := _limits(info, "ramps"):
         lines.append(f"ramps  {ramps}: the controller asks for no faster changes")
     if changes := _limits(info, "changes"):
-        lines.append(
-            f"asked  {changes}: the log holds no faster changes, so the controller asks for none"
-        )
-    return "\n".join(lines)
+        lines.append(f"asked  {changes}: the log holds nothing faster, nor does the controller ask")
+    return lines
 
 
 def _limits(info: Mapping[str, Any], name: str) -> str:
     """Limits of changes in words; empty where there are none."""
-    pairs = zip(("speed", "turn rate"), ("m/s^2", "rad/s^2"), *Ramps.of(info, name), strict=True)
-    return "; ".join(
-        f"{what} {_limit(faster)} {unit} faster, {_limit(slower)} slower"
-        for what, unit, faster, slower in pairs
-        if min(faster, slower) < np.inf
-    )
-
-
-def _limit(limit: float) -> str:
-    return f"{limit:.2g}" if np.isfinite(limit) else "at once"
+    units, told = (("speed", "m/s^2"), ("turn rate", "rad/s^2")), []
+    for (what, unit), *limits in zip(units, *Ramps.of(info, name), strict=True):
+        finite = [
+            f"{limit:.2g} {unit} {side}"
+            for limit, side in zip(limits, Ramps._fields, strict=True)
+            if np.isfinite(limit)
+        ]
+        told += [f"{what} {', '.join(finite)}"] if finite else []
+    return "; ".join(told)
 
 
 def driven_speeds(*datasets: Dataset) -> dict[str, float]:

@@ -10,6 +10,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.errors import ModelError
 from kmpc_lite.learn import Dataset, Episode, fit, with_quantiles
+from kmpc_lite.learn.provenance import format_changes
 from kmpc_lite.learn.ramps import find_ramps, let_through, shown_changes
 from kmpc_lite.model.info import check_info
 from kmpc_lite.model.ramps import Ramps
@@ -142,6 +143,17 @@ def test_commands_that_rise_within_three_tenths_of_a_second_come_at_once(rise: f
     speed = np.interp(times % 2.0, (0.0, rise, 1.0, 1.0 + rise), (0.0, 1.0, 1.0, 0.0))
     log = Dataset([Episode(np.zeros((4001, 3)), np.column_stack([speed, speed]), 0.01)])
     assert shown_changes(log).limit is (rise > 0.3)
+
+
+def test_limits_of_changes_are_told_in_words() -> None:
+    assert format_changes({}) == []
+    ramps, shown = format_changes({"ramps": RAMPS.as_dict(), "changes": RAMPS.as_dict()})
+    assert ramps.startswith(
+        "ramps  speed 0.4 m/s^2 faster, 0.8 m/s^2 slower; turn rate 2 rad/s^2 fas"
+    )
+    assert shown.startswith("asked  speed 0.4 m/s^2 faster")
+    half = Ramps(np.array((np.inf, np.inf)), np.array((np.inf, 3.0))).as_dict()
+    assert format_changes({"ramps": half})[0].startswith("ramps  turn rate 3 rad/s^2 slower:")
 
 
 @pytest.mark.parametrize("wrong", [{"faster": [1.0, 2.0]}, {"faster": [0.0, 1], "slower": [1, 1]}])
