@@ -14,7 +14,7 @@ from firmware_bridge.cli.recording import DriveRecorder, about_drive
 from firmware_bridge.recording.durable import DurableFile
 from firmware_bridge.ros2.navigator import GoalNavigator
 from kmpc_lite.control.controller import Controller
-from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
+from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.recording.encoder import DriveEncoder
 from kmpc_lite.recording.records import Ended, Record, Stepped

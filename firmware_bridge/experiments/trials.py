@@ -16,7 +16,7 @@ from firmware_bridge.messages import State, VelocityCommand
 from firmware_bridge.runtime.controller_thread import Predict, unicycle_arc
 from firmware_bridge.runtime.navigator import Moment, Navigator, Planned, Task
 from firmware_bridge.safety.gate_settings import TICK
-from kmpc_lite.control.obstacles.circles import circle_distances
+from kmpc_lite.control.world.circles import circle_distances
 from kmpc_lite.sim import Outcome, Run, Scenario
 from kmpc_lite.sim.twin import Twin
 

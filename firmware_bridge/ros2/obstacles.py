@@ -21,8 +21,8 @@ from firmware_bridge.ros2.transforms import (
 from firmware_bridge.safety.gate_inputs import GRACE
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
-    from kmpc_lite.control.obstacles.scan import LaserScan
+    from kmpc_lite.control.world.occupancy import OccupancyGrid
+    from kmpc_lite.control.world.scan import LaserScan
 
 LEVEL = 0.97
 """Cosine of the largest tilt of a map or a scanner, 14 degrees: a plane that is tilted farther cuts
@@ -105,7 +105,7 @@ class GridInput:
         """Make the grid of the newest cells, which takes long for large maps; never raises."""
         if not self._changed or self._cells is None:
             return
-        from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
+        from kmpc_lite.control.world.occupancy import OccupancyGrid
         from kmpc_lite.errors import ProblemError
 
         origin = pose_matrix(self._info.origin.position, self._info.origin.orientation)
@@ -226,7 +226,7 @@ class ScanInput:
 
 def _scan(message: Any, mount: tuple[float, float, float], mirrored: bool, age: float) -> LaserScan:
     """Make kmpc_lite's scan; ProblemError where the message tells none."""
-    from kmpc_lite.control.obstacles.scan import LaserScan
+    from kmpc_lite.control.world.scan import LaserScan
 
     return LaserScan(
         message.ranges,

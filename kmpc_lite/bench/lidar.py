@@ -12,8 +12,8 @@ import numpy as np
 from kmpc_lite.bench.drives import free_pose, random_circles
 from kmpc_lite.bench.quantiles import HEAD, QUANTILES, format_times, in_ms
 from kmpc_lite.control.controller import Controller
-from kmpc_lite.control.obstacles.scan import LaserScan
-from kmpc_lite.control.obstacles.scene import Obstacles
+from kmpc_lite.control.world.scan import LaserScan
+from kmpc_lite.control.world.scene import Obstacles
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.sim.lidar import LidarSpec, scan_of, scan_ranges
 from kmpc_lite.studies.any_robot import STANDARD, RobotPlant

@@ -14,8 +14,8 @@ import numpy as np
 
 from kmpc_lite.bench.drives import RecordedDrive
 from kmpc_lite.bench.quantiles import HEAD, format_times, in_ms
-from kmpc_lite.control.obstacles.circles import circle_distances
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.world.circles import circle_distances
 from kmpc_lite.geometry import heading_near
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.studies.contenders import Contender

@@ -2,14 +2,14 @@
 
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.obstacles.circles import Circle
-from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
-from kmpc_lite.control.obstacles.scan import LaserScan
-from kmpc_lite.control.obstacles.shapes import Polygon, Wall
-from kmpc_lite.control.obstacles.tracker import ObstacleTracker
 from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
 from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.world.circles import Circle
+from kmpc_lite.control.world.occupancy import OccupancyGrid
+from kmpc_lite.control.world.scan import LaserScan
+from kmpc_lite.control.world.shapes import Polygon, Wall
+from kmpc_lite.control.world.tracker import ObstacleTracker
 
 __all__ = [
     "Circle",

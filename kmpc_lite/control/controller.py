@@ -9,15 +9,14 @@ from typing import Any, Literal
 from numpy.typing import ArrayLike
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
-from kmpc_lite.control.estimation.command_history import CommandHistory
-from kmpc_lite.control.estimation.estimator import adapt
-from kmpc_lite.control.estimation.pose_age import whole_age
+from kmpc_lite.control.estimate.command_history import CommandHistory
+from kmpc_lite.control.estimate.estimator import adapt
+from kmpc_lite.control.estimate.pose_age import whole_age
 from kmpc_lite.control.guiding import make_guide
 from kmpc_lite.control.knowledge import Examiner, problem_in_units
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, MakeSolver
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.observation import Admission, Observation
-from kmpc_lite.control.obstacles.scene import Obstacles
 from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
 from kmpc_lite.control.pipeline import Pipeline
 from kmpc_lite.control.plan import Plan
@@ -36,6 +35,7 @@ from kmpc_lite.control.settings import (
 )
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import StepClock
+from kmpc_lite.control.world.scene import Obstacles
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import Ramps
 

@@ -10,10 +10,10 @@ from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.control.safe_stop.backup import Backup
-from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectories
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import StepClock
+from kmpc_lite.control.stop.backup import Backup
+from kmpc_lite.control.stop.stop_trajectory import StopTrajectories
 from kmpc_lite.control.verification import Verification
 from kmpc_lite.types import INPUTS, Array
 

@@ -13,20 +13,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.guidance.guide_task import GuideTask
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.observation import Observation
-from kmpc_lite.control.obstacles.circles import some_move
 from kmpc_lite.control.options import ControllerOptions, StopOptions
+from kmpc_lite.control.path.guide_task import GuideTask
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.control.safe_stop.braking import Braking
 from kmpc_lite.control.state import ControllerState
+from kmpc_lite.control.stop.braking import Braking
+from kmpc_lite.control.world.circles import some_move
 from kmpc_lite.types import INPUTS
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.guidance.guide import Guide
-    from kmpc_lite.control.guidance.reference import Guidance
+    from kmpc_lite.control.path.guide import Guide
+    from kmpc_lite.control.path.reference import Guidance
 
 
 class Guiding:
@@ -101,6 +101,6 @@ def make_guide(
 ) -> Guide:
     """Make the guide of a robot; arguments in its units, but for the clock [s]."""
     # here, for its graph search costs as much to import as all the rest
-    from kmpc_lite.control.guidance.guide import Guide
+    from kmpc_lite.control.path.guide import Guide
 
     return Guide(units, options.guidance, options.goal, options.moving_obstacles, clock)

@@ -15,7 +15,7 @@ from kmpc_lite.model.motion import MotionModel, in_units
 from kmpc_lite.scale import Scale
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.guidance.capabilities import Capabilities
+    from kmpc_lite.control.path.capabilities import Capabilities
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -43,7 +43,7 @@ def problem_in_units(
     units = scaled_problem(problem, problem.scale)
     if not guides:
         return with_goal_weights(units)
-    from kmpc_lite.control.guidance.capabilities import speed_shares
+    from kmpc_lite.control.path.capabilities import speed_shares
 
     # where the robot does not reach its command bounds, the weights say so
     shares = speed_shares(motion_model(model, problem.scale), units, options.guidance)
@@ -86,7 +86,7 @@ class Examiner:
         found = self._learned_capabilities(base)
         if adapted:
             # adaptation corrects speeds; all else stays as the learned model says
-            from kmpc_lite.control.guidance.capabilities import drivable_speeds
+            from kmpc_lite.control.path.capabilities import drivable_speeds
 
             guidance = self._options.guidance
             found = found.with_speeds(drivable_speeds(motion, self._units, guidance), guidance)
@@ -99,7 +99,7 @@ class Examiner:
 
     def _learned_capabilities(self, base: KoopmanModel) -> Capabilities:
         if self._learned is None or self._learned[0] is not base:
-            from kmpc_lite.control.guidance.capabilities import capabilities
+            from kmpc_lite.control.path.capabilities import capabilities
 
             motion, options = motion_model(base, self._scale), self._options
             margins = self._margins(motion, adapted=False)

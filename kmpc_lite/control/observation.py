@@ -16,17 +16,17 @@ from kmpc_lite.control.input_checks import (
     is_plausible,
     to_numbers,
 )
-from kmpc_lite.control.obstacles.scan import LaserScan
-from kmpc_lite.control.obstacles.scene import Obstacles, Scene, SceneState, too_many
 from kmpc_lite.control.options import ObstacleOptions
+from kmpc_lite.control.world.scan import LaserScan
+from kmpc_lite.control.world.scene import Obstacles, Scene, SceneState, too_many
 from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import INPUTS, STATES, Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.obstacles.nearby import Nearby
-    from kmpc_lite.control.obstacles.sight.view import View
-    from kmpc_lite.control.obstacles.solids import Solids
+    from kmpc_lite.control.world.nearby import Nearby
+    from kmpc_lite.control.world.sight.view import View
+    from kmpc_lite.control.world.solids import Solids
 
 
 @dataclass(slots=True)

@@ -11,10 +11,9 @@ import math
 from typing import TYPE_CHECKING
 
 from kmpc_lite.control.answers import Answers
-from kmpc_lite.control.estimation.estimator import observe_drift
-from kmpc_lite.control.estimation.pose_age import advance_pose
+from kmpc_lite.control.estimate.estimator import observe_drift
+from kmpc_lite.control.estimate.pose_age import advance_pose
 from kmpc_lite.control.fallback import Fallback
-from kmpc_lite.control.guidance.goal_reference import GoalReference
 from kmpc_lite.control.guiding import Guiding
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.nmpc.sqp import SQP
@@ -22,25 +21,26 @@ from kmpc_lite.control.nmpc.sqp_state import SQPResult
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import along, at_rest, leads_elsewhere
 from kmpc_lite.control.observation import Observation
-from kmpc_lite.control.obstacles.scene import Scene
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
+from kmpc_lite.control.path.goal_reference import GoalReference
 from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.recent_times import longest_lately
-from kmpc_lite.control.safe_stop.backup import Backup
-from kmpc_lite.control.safe_stop.stop_task import StopTask, StopTrajectory
-from kmpc_lite.control.safe_stop.stop_trajectory import stop_trajectories
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE, StepClock
+from kmpc_lite.control.stop.backup import Backup
+from kmpc_lite.control.stop.stop_task import StopTask, StopTrajectory
+from kmpc_lite.control.stop.stop_trajectory import stop_trajectories
 from kmpc_lite.control.verification import Verification, Verified
 from kmpc_lite.control.watching import Watching
+from kmpc_lite.control.world.scene import Scene
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.guidance.guide import Guide
-    from kmpc_lite.control.guidance.reference import Guidance
+    from kmpc_lite.control.path.guide import Guide
+    from kmpc_lite.control.path.reference import Guidance
 
 
 class Pipeline:

@@ -14,8 +14,8 @@ from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.footprint import Footprint
-    from kmpc_lite.control.obstacles.nearby import Nearby
-    from kmpc_lite.control.obstacles.solids import Solids
+    from kmpc_lite.control.world.nearby import Nearby
+    from kmpc_lite.control.world.solids import Solids
 
 
 class PlanStatus(Enum):
@@ -68,7 +68,7 @@ class PlannedAround:
         """Distances (K,) between the edges of robot and obstacles at states (K, 3) [m]."""
         # here, for a plan is imported before obstacles are
         from kmpc_lite.control.footprint import places_of
-        from kmpc_lite.control.obstacles.circles import circle_distances
+        from kmpc_lite.control.world.circles import circle_distances
 
         places, count = places_of(self.footprint, states), len(states)
         times = np.repeat(self.dt * np.arange(count), len(places) // max(count, 1))

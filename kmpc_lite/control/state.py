@@ -6,23 +6,23 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from kmpc_lite.adaptation.state import AdaptationState
-from kmpc_lite.control.estimation.command_history import CommandHistory
-from kmpc_lite.control.estimation.pose_watch import PoseWatchState
-from kmpc_lite.control.guidance.goal_reference import GoalReferenceState
+from kmpc_lite.control.estimate.command_history import CommandHistory
+from kmpc_lite.control.estimate.pose_watch import PoseWatchState
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.nmpc.sqp_state import SQPState
 from kmpc_lite.control.nmpc.trajectory import Trajectory
-from kmpc_lite.control.obstacles.circle_memory import CircleMemoryState
-from kmpc_lite.control.obstacles.motion_watch import MotionWatchState
-from kmpc_lite.control.obstacles.scene import SceneState
-from kmpc_lite.control.safe_stop.backup import BackupState
+from kmpc_lite.control.path.goal_reference import GoalReferenceState
+from kmpc_lite.control.stop.backup import BackupState
+from kmpc_lite.control.world.circle_memory import CircleMemoryState
+from kmpc_lite.control.world.motion_watch import MotionWatchState
+from kmpc_lite.control.world.scene import SceneState
 from kmpc_lite.model.koopman import KoopmanModel
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.guidance.state import GuideState
-    from kmpc_lite.control.obstacles.sight.local_map import LocalMap
-    from kmpc_lite.control.obstacles.sight.scan_watch import ScanWatchState
-    from kmpc_lite.control.obstacles.tracks import Tracks
+    from kmpc_lite.control.path.state import GuideState
+    from kmpc_lite.control.world.sight.local_map import LocalMap
+    from kmpc_lite.control.world.sight.scan_watch import ScanWatchState
+    from kmpc_lite.control.world.tracks import Tracks
 
 
 @dataclass(slots=True)
@@ -82,7 +82,7 @@ class ControllerState:
         guide = None
         if guided:
             # here, for guidance costs as much to import as all the rest
-            from kmpc_lite.control.guidance.state import GuideState
+            from kmpc_lite.control.path.state import GuideState
 
             guide = GuideState()
         return cls(

@@ -2,7 +2,7 @@
 
 The model must agree with it, and the robot must be able to stop after it: `safe_stop` looks for the
 stop trajectory (`stop_trajectory.py`). A plan without one is not driven, and the pipeline turns to
-the last good plan's (`safe_stop/backup.py`).
+the last good plan's (`stop/backup.py`).
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from kmpc_lite.control.options import StepOptions, unit_length
 from kmpc_lite.control.plan import PlannedAround
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.control.safe_stop.stop_task import StopTask, StopTrajectory
-from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectories
+from kmpc_lite.control.stop.stop_task import StopTask, StopTrajectory
+from kmpc_lite.control.stop.stop_trajectory import StopTrajectories
 from kmpc_lite.types import Array
 
 

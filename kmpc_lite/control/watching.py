@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from kmpc_lite.control.answers import Answers
-from kmpc_lite.control.estimation.pose_watch import PoseWatch
+from kmpc_lite.control.estimate.pose_watch import PoseWatch
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.observation import Observation
-from kmpc_lite.control.obstacles.circle_memory import CircleMemory, CircleMemoryState
-from kmpc_lite.control.obstacles.motion_watch import MotionWatch
-from kmpc_lite.control.obstacles.tracks import Tracks
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.state import ControllerState
+from kmpc_lite.control.world.circle_memory import CircleMemory, CircleMemoryState
+from kmpc_lite.control.world.motion_watch import MotionWatch
+from kmpc_lite.control.world.tracks import Tracks
 from kmpc_lite.scale import Scale
 
 
@@ -43,9 +43,9 @@ class Watching:
         answers: Answers,
     ) -> None:
         # here, for importing the package has no need of them, and no step has time to
-        from kmpc_lite.control.obstacles.sight.scan_watch import ScanWatch
-        from kmpc_lite.control.obstacles.sight.sight import Sight
-        from kmpc_lite.control.obstacles.walkers import Walkers
+        from kmpc_lite.control.world.sight.scan_watch import ScanWatch
+        from kmpc_lite.control.world.sight.sight import Sight
+        from kmpc_lite.control.world.walkers import Walkers
 
         self._answers, self._dt = answers, units.dt
         self._poses = PoseWatch(units, options.pose)
@@ -95,7 +95,7 @@ class Watching:
     def _look_out(self, state: ControllerState, seen: Observation) -> None:
         """Leave out scans that come again; refuse to drive blind."""
         if state.scans is None:
-            from kmpc_lite.control.obstacles.sight.scan_watch import ScanWatchState
+            from kmpc_lite.control.world.sight.scan_watch import ScanWatchState
 
             state.scans = ScanWatchState()
         # what is carried along moves, and is neither somebody nor a scanner that hangs

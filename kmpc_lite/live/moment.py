@@ -18,7 +18,7 @@ from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.controller import Controller
-    from kmpc_lite.control.obstacles.scan import LaserScan
+    from kmpc_lite.control.world.scan import LaserScan
     from kmpc_lite.sim.scenario.files import Scenario
 
 MOST_CIRCLES, MOST_POSES = 300, 300

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.obstacles.circles import Circle, circles_to_array
 from kmpc_lite.control.plan import Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
+from kmpc_lite.control.world.circles import Circle, circles_to_array
 from kmpc_lite.errors import KmpcError, ProblemError
 from kmpc_lite.geometry import heading_near
 from kmpc_lite.model.koopman import KoopmanModel

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.control.obstacles.scan import LaserScan
+from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.mcap.layout import LARGEST_MESSAGE
 from kmpc_lite.mcap.read import Found
 from kmpc_lite.sim.scan_arrays import ranges_of

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from kmpc_lite.control.obstacles.scan import LaserScan
+from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.sim.scan_arrays import told_ranges
 
 Content = dict[str, Any]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
-from kmpc_lite.control.obstacles.outlines import corners_of
-from kmpc_lite.control.obstacles.scene import Solid
-from kmpc_lite.control.obstacles.shapes import Wall
+from kmpc_lite.control.world.occupancy import OccupancyGrid
+from kmpc_lite.control.world.outlines import corners_of
+from kmpc_lite.control.world.scene import Solid
+from kmpc_lite.control.world.shapes import Wall
 from kmpc_lite.recording.foxglove import (
     LOOP,
     ROBOT,

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES
+from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.geometry import rotate
 from kmpc_lite.sim.scan_arrays import ranges_of, told_ranges
 from kmpc_lite.types import Array

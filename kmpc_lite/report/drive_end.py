@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kmpc_lite.control.obstacles.circles import circle_distances
+from kmpc_lite.control.world.circles import circle_distances
 from kmpc_lite.report.words import substeps
 from kmpc_lite.sim.closed_loop import Outcome, Run
 from kmpc_lite.types import Array

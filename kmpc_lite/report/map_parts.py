@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kmpc_lite.control.obstacles.circles import Circle
+from kmpc_lite.control.world.circles import Circle
 from kmpc_lite.report.map_labels import TALLEST, Labels, write
 from kmpc_lite.report.solid_parts import draw_solids
 from kmpc_lite.report.style import BLUE, GREEN, INK, RED, WIDTH, new_figure

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
-from kmpc_lite.control.obstacles.outlines import corners_of
-from kmpc_lite.control.obstacles.shapes import Wall
+from kmpc_lite.control.world.occupancy import OccupancyGrid
+from kmpc_lite.control.world.outlines import corners_of
+from kmpc_lite.control.world.shapes import Wall
 from kmpc_lite.recording.seen import CORNERS, STEP, hits, outline
 from kmpc_lite.report.map_view import view_of
 from kmpc_lite.report.moments import Moments, moments

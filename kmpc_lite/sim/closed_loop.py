@@ -23,7 +23,7 @@ from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.obstacles.scan import LaserScan
+    from kmpc_lite.control.world.scan import LaserScan
     from kmpc_lite.sim.lidar import Lidar
 
 SUBSAMPLES = 4

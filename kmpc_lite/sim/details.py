@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.control.obstacles.scan import LaserScan
+from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.types import Array
 

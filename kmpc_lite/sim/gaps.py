@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kmpc_lite.control.obstacles.circles import circle_distances
+from kmpc_lite.control.world.circles import circle_distances
 from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.types import Array
 

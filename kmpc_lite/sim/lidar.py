@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.obstacles.scan import LaserScan
+from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.sim.scenario.lidar import LidarSpec as LidarSpec
 from kmpc_lite.types import Array

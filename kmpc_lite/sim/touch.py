@@ -11,10 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
-from kmpc_lite.control.obstacles.outlines import corners_of
-from kmpc_lite.control.obstacles.scene import Solid
-from kmpc_lite.control.obstacles.shapes import Wall
+from kmpc_lite.control.world.occupancy import OccupancyGrid
+from kmpc_lite.control.world.outlines import corners_of
+from kmpc_lite.control.world.scene import Solid
+from kmpc_lite.control.world.shapes import Wall
 from kmpc_lite.types import Array
 
 LOOKS = 10

@@ -13,7 +13,7 @@ from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.plan import Plan, PlanStatus
-from kmpc_lite.control.safe_stop.braking import Braking
+from kmpc_lite.control.stop.braking import Braking
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.studies.broken_solver import STATUSES, BrokenWorkspace, Switch

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.control.controller import Controller
-from kmpc_lite.control.obstacles.scan import LaserScan
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.sim.arrival import ARRIVED
 from kmpc_lite.sim.lidar import LidarSpec, World

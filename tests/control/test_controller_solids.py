@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance.moving_obstacles import MovingObstacles, MovingObstacleTable
-from kmpc_lite.control.obstacles.solids import Solids
 from kmpc_lite.control.options import GuidanceOptions, MovingObstacleOptions, lengths_from_radii
+from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
+from kmpc_lite.control.world.solids import Solids
 from kmpc_lite.sim.closed_loop import Outcome, drive
 from kmpc_lite.sim.scenario.files import Scenario
 

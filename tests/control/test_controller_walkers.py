@@ -11,10 +11,10 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.control.observation import Observation
-from kmpc_lite.control.obstacles.motion_watch import MotionWatch, MotionWatchState
 from kmpc_lite.control.options import TrackerOptions
-from kmpc_lite.control.safe_stop.stop_task import CheckedPlan, StopTask
-from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectories
+from kmpc_lite.control.stop.stop_task import CheckedPlan, StopTask
+from kmpc_lite.control.stop.stop_trajectory import StopTrajectories
+from kmpc_lite.control.world.motion_watch import MotionWatch, MotionWatchState
 from kmpc_lite.sim.lidar import World
 from kmpc_lite.studies import pedestrians
 from kmpc_lite.types import Array

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance.cuts import with_walls
 from kmpc_lite.control.options import ObstacleOptions
+from kmpc_lite.control.path.cuts import with_walls
 
 GOAL = (1.6, 1.2, 0.0)
 

@@ -13,7 +13,7 @@ from kmpc_lite.control.nmpc.sqp_state import SQPResult
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import ControllerOptions, SolverOptions
-from kmpc_lite.control.safe_stop.stop_task import StopTask
+from kmpc_lite.control.stop.stop_task import StopTask
 from kmpc_lite.studies.any_robot import Robot, RobotPlant
 from kmpc_lite.studies.robot_drives import course_of, judge
 

@@ -84,7 +84,7 @@ def test_the_same_robot_scaled_asks_for_the_same(by):
 
 
 def test_a_robot_that_turns_by_less_than_it_is_told_drives_its_wheels_farther():
-    from kmpc_lite.control.guidance.capabilities import capabilities
+    from kmpc_lite.control.path.capabilities import capabilities
 
     nominal = kl.nominal_unicycle(0.1)
     problem = kl.NavigationProblem(**BOUNDS, **WHEELS)

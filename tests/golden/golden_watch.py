@@ -107,7 +107,7 @@ TESTS: dict[str, tuple[str, ...]] = {
         "guidance.spare_clearance",
         "guidance.speed_clearance_limit",
     ),
-    "control/guidance/test_shuttle.py::test_it_is_tried_three_times_for_one_goal": (
+    "control/path/test_shuttle.py::test_it_is_tried_three_times_for_one_goal": (
         "guidance.shuttles",
     ),
     "control/options/test_effects.py::test_a_path_that_is_half_a_second_longer_is_a_detour": (
@@ -121,7 +121,7 @@ TESTS: dict[str, tuple[str, ...]] = {
         "guidance.stall_distance",
         "guidance.stall_angle",
     ),
-    "control/guidance/test_tangent_graph.py::test_small_circles_keep_their_arcs": (
+    "control/path/test_tangent_graph.py::test_small_circles_keep_their_arcs": (
         "guidance.cut_depth",
     ),
     "control/options/test_effects.py::test_a_turning_centre_counts_from_four_millimetres": (
@@ -131,7 +131,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "test_a_twentieth_of_a_command_is_believed_of_a_robot_that_does_not_move": (
         "guidance.least_speed_share",
     ),
-    "control/guidance/test_goal_checker.py::"
+    "control/path/test_goal_checker.py::"
     "test_each_tolerance_is_widened_by_its_number_of_standard_deviations": (
         "goal.turn_distance_noise",
         "goal.turn_limit_noise",
@@ -144,19 +144,19 @@ TESTS: dict[str, tuple[str, ...]] = {
         "goal.quiet_position",
         "goal.quiet_heading",
     ),
-    "control/guidance/test_goal_checker.py::test_the_papers_robot_parks_within_these_tolerances": (
+    "control/path/test_goal_checker.py::test_the_papers_robot_parks_within_these_tolerances": (
         "goal.turn_limit",
         "goal.enter_distance",
         "goal.leave_angle",
         "goal.pushed_distance",
         "goal.pushed_angle",
     ),
-    "control/guidance/test_goal_checker.py::"
+    "control/path/test_goal_checker.py::"
     "test_who_has_stalled_four_times_is_content_with_twice_and_later_with_five_times": (
         "goal.content_stalls",
         "goal.content_most",
     ),
-    "control/guidance/test_goal_checker.py::"
+    "control/path/test_goal_checker.py::"
     "test_a_push_is_forgotten_in_half_a_second_or_with_five_poses": (
         "goal.averaging_time",
         "goal.averaging_period",
@@ -190,17 +190,18 @@ TESTS: dict[str, tuple[str, ...]] = {
         "solver.penalty_growth",
         "solver.largest_penalty",
     ),
-    "control/safe_stop/test_stop_options.py::"
+    "control/stop/test_stop_options.py::"
     "test_the_rest_of_the_plan_is_tried_for_as_long_as_it_is_told": ("stop.further_time",),
-    "control/safe_stop/test_stop_options.py::"
-    "test_commands_are_slowed_to_the_shares_that_are_told": ("stop.slower_shares",),
-    "control/safe_stop/test_passers_by.py::"
-    "test_he_may_turn_for_three_tenths_of_a_second_at_the_most": ("stop.swerve_time",),
-    "control/safe_stop/test_passers_by.py::"
-    "test_a_motion_makes_room_that_leads_away_by_sixty_degrees": ("stop.makes_room",),
-    "control/safe_stop/test_stop_options.py::test_what_is_far_is_not_looked_at": (
-        "stop.overspeed",
+    "control/stop/test_stop_options.py::test_commands_are_slowed_to_the_shares_that_are_told": (
+        "stop.slower_shares",
     ),
+    "control/stop/test_passers_by.py::test_he_may_turn_for_three_tenths_of_a_second_at_the_most": (
+        "stop.swerve_time",
+    ),
+    "control/stop/test_passers_by.py::test_a_motion_makes_room_that_leads_away_by_sixty_degrees": (
+        "stop.makes_room",
+    ),
+    "control/stop/test_stop_options.py::test_what_is_far_is_not_looked_at": ("stop.overspeed",),
     "control/options/test_effects.py::test_a_ramp_takes_ten_seconds_at_most": (
         "stop.longest_ramp",
     ),
@@ -227,112 +228,116 @@ TESTS: dict[str, tuple[str, ...]] = {
         "step.shortest_period",
         "step.longest_period",
     ),
-    "control/guidance/test_guidance_options.py::"
+    "control/path/test_guidance_options.py::"
     "test_a_robot_that_is_not_round_is_looked_at_in_400_places_of_a_path": (
         "guidance.body_samples",
     ),
     "control/options/test_effects.py::test_nor_for_one_that_is_turned_by_a_radian": (
         "solver.lost_heading",
     ),
-    "control/guidance/test_lattice_options.py::"
+    "control/path/test_lattice_options.py::"
     "test_the_tangent_graph_takes_the_corners_of_24_rectangles": ("guidance.lattice_rectangles",),
-    "control/guidance/test_lattice_options.py::"
+    "control/path/test_lattice_options.py::"
     "test_nodes_lie_five_centimetres_apart_and_farther_where_they_are_too_many": (
         "guidance.lattice_step",
         "guidance.lattice_nodes",
     ),
-    "control/guidance/test_lattice_options.py::test_a_field_has_a_million_cells_at_the_most": (
+    "control/path/test_lattice_options.py::test_a_field_has_a_million_cells_at_the_most": (
         "guidance.lattice_field_cells",
     ),
-    "control/guidance/test_lattice_options.py::test_a_step_along_an_obstacle_counts_a_fifth_more": (
+    "control/path/test_lattice_options.py::test_a_step_along_an_obstacle_counts_a_fifth_more": (
         "guidance.lattice_near_cost",
     ),
-    "control/guidance/test_lattice_options.py::"
+    "control/path/test_lattice_options.py::"
     "test_a_path_may_cut_the_cells_of_a_grid_by_two_centimetres": ("guidance.lattice_cut",),
-    "control/guidance/test_lattice_options.py::"
+    "control/path/test_lattice_options.py::"
     "test_lines_are_looked_at_every_four_centimetres_at_400_points_at_the_most": (
         "guidance.lattice_sample",
         "guidance.lattice_samples",
     ),
-    "control/guidance/test_lattice_options.py::"
+    "control/path/test_lattice_options.py::"
     "test_the_farthest_node_in_sight_is_looked_for_among_eighty": ("guidance.lattice_look",),
-    "control/guidance/test_lattice_options.py::test_four_searches_from_goals_are_kept": (
+    "control/path/test_lattice_options.py::test_four_searches_from_goals_are_kept": (
         "guidance.lattice_searches",
     ),
-    "control/guidance/test_lattice_options.py::"
+    "control/path/test_lattice_options.py::"
     "test_corners_are_added_twelve_times_before_the_lattices_own_path_is_taken": (
         "guidance.corner_rounds",
     ),
-    "control/guidance/test_lattice_options.py::test_a_graph_takes_150_circles": (
+    "control/path/test_lattice_options.py::test_a_graph_takes_150_circles": (
         "guidance.graph_circles",
     ),
-    "control/guidance/test_guidance_options.py::"
+    "control/path/test_guidance_options.py::"
     "test_paths_keep_six_or_three_centimetres_or_five_millimetres": (
         "guidance.narrow_clearance",
         "guidance.least_clearance",
     ),
-    "control/guidance/test_guidance_options.py::"
+    "control/path/test_guidance_options.py::"
     "test_who_is_carried_by_half_a_metre_gets_another_path_at_once": ("guidance.lost_distance",),
-    "control/guidance/test_guidance_options.py::"
+    "control/path/test_guidance_options.py::"
     "test_an_obstacle_may_be_a_centimetre_from_where_it_was": ("guidance.moved_distance",),
-    "control/guidance/test_guidance_options.py::"
+    "control/path/test_guidance_options.py::"
     "test_repeated_searches_are_hurried_within_two_radii_of_the_goal": ("guidance.near_goal",),
-    "control/guidance/test_guidance_options.py::"
+    "control/path/test_guidance_options.py::"
     "test_three_parts_of_a_hurried_search_are_done_in_a_step": ("guidance.hurried_parts",),
-    "control/guidance/test_guidance_options.py::"
+    "control/path/test_guidance_options.py::"
     "test_two_parts_of_a_third_search_near_the_goal_are_done_in_a_step": (
         "guidance.near_goal_parts",
     ),
-    "control/guidance/test_guidance_options.py::"
+    "control/path/test_guidance_options.py::"
     "test_near_the_goal_who_is_sent_at_four_tenths_of_the_speed_does_not_look_for_a_path": (
         "guidance.settled_share",
     ),
-    "control/guidance/test_guidance_options.py::"
+    "control/path/test_guidance_options.py::"
     "test_a_path_from_near_the_goal_ends_beside_it_by_half_of_where_the_last_turn_may_begin": (
         "guidance.goal_slack",
     ),
-    "control/guidance/test_guidance_options.py::"
+    "control/path/test_guidance_options.py::"
     "test_sixty_parts_of_a_search_that_is_needed_at_once_are_done_in_a_step": (
         "guidance.urgent_parts",
     ),
-    "control/guidance/test_guidance_options.py::"
+    "control/path/test_guidance_options.py::"
     "test_another_side_is_taken_where_it_is_quicker_by_half_a_second_and_a_tenth": (
         "guidance.switch_time",
         "guidance.switch_share",
     ),
-    "control/guidance/test_guidance_options.py::"
-    "test_a_path_has_twenty_thousand_poses_at_the_most": ("guidance.grid_poses",),
-    "control/guidance/test_guidance_options.py::"
+    "control/path/test_guidance_options.py::test_a_path_has_twenty_thousand_poses_at_the_most": (
+        "guidance.grid_poses",
+    ),
+    "control/path/test_guidance_options.py::"
     "test_the_place_moves_by_half_a_second_back_and_one_and_a_half_ahead": (
         "guidance.locate_back",
         "guidance.locate_ahead",
     ),
-    "control/guidance/test_guidance_options.py::"
+    "control/path/test_guidance_options.py::"
     "test_the_robot_turns_on_circles_of_three_tenths_of_the_way": (
         "guidance.turning_radius_share",
     ),
-    "control/guidance/test_guidance_options.py::"
+    "control/path/test_guidance_options.py::"
     "test_a_turning_centre_is_certain_by_three_and_a_half_standard_errors": (
         "guidance.centre_certainty",
     ),
-    "control/guidance/test_guidance_options.py::"
-    "test_a_turning_centre_explains_half_of_the_motion": ("guidance.centre_share",),
-    "control/guidance/test_guidance_options.py::"
-    "test_a_model_is_asked_for_turns_at_eight_headings": ("guidance.centre_headings",),
-    "control/guidance/test_shuttle.py::test_beside_its_goal_a_robot_backs_up_and_comes_again": (
+    "control/path/test_guidance_options.py::test_a_turning_centre_explains_half_of_the_motion": (
+        "guidance.centre_share",
+    ),
+    "control/path/test_guidance_options.py::test_a_model_is_asked_for_turns_at_eight_headings": (
+        "guidance.centre_headings",
+    ),
+    "control/path/test_shuttle.py::test_beside_its_goal_a_robot_backs_up_and_comes_again": (
         "guidance.shuttle_length",
     ),
-    "control/guidance/test_shuttle.py::"
-    "test_it_must_be_quicker_than_turning_on_the_spot_by_a_second": ("guidance.shuttle_gain",),
-    "control/guidance/test_shuttle.py::test_it_turns_back_within_half_a_radius_of_its_end": (
+    "control/path/test_shuttle.py::test_it_must_be_quicker_than_turning_on_the_spot_by_a_second": (
+        "guidance.shuttle_gain",
+    ),
+    "control/path/test_shuttle.py::test_it_turns_back_within_half_a_radius_of_its_end": (
         "guidance.shuttle_reach",
     ),
-    "control/guidance/test_turning_centre.py::test_a_point_that_is_learned_anew_keeps_the_way": (
+    "control/path/test_turning_centre.py::test_a_point_that_is_learned_anew_keeps_the_way": (
         "guidance.centre_change",
     ),
-    "control/guidance/test_moving_obstacles.py::"
+    "control/path/test_moving_obstacles.py::"
     "test_an_evasive_arc_may_lead_out_of_the_area_by_a_millimetre": ("moving_obstacles.touch",),
-    "control/guidance/test_moving_obstacles.py::"
+    "control/path/test_moving_obstacles.py::"
     "test_an_arc_is_left_for_one_with_three_centimetres_more_clearance": (
         "moving_obstacles.switch_clearance",
     ),
@@ -376,108 +381,105 @@ TESTS: dict[str, tuple[str, ...]] = {
     "control/test_verification.py::test_a_plan_that_was_rolled_out_may_cut_in_by_two_centimetres": (
         "step.accepted_depth",
     ),
-    "control/safe_stop/test_stop_options.py::"
-    "test_the_quick_look_keeps_its_error_beyond_the_margin": (
+    "control/stop/test_stop_options.py::test_the_quick_look_keeps_its_error_beyond_the_margin": (
         "stop.quick_look_error",
         "stop.quick_look_error_share",
     ),
-    "control/obstacles/test_scan.py::test_scans_that_are_none_are_refused": (
-        "obstacles.scan_beams",
-    ),
-    "control/estimation/test_pose_watch.py::"
+    "control/world/test_scan.py::test_scans_that_are_none_are_refused": ("obstacles.scan_beams",),
+    "control/estimate/test_pose_watch.py::"
     "test_a_third_of_a_radius_and_all_that_was_driven_is_no_jump": (
         "pose.tolerated",
         "pose.slip",
         "pose.slip_memory",
     ),
-    "control/estimation/test_pose_watch.py::"
+    "control/estimate/test_pose_watch.py::"
     "test_a_tenth_of_a_radian_and_two_and_a_half_times_the_turn_is_no_jump": (
         "pose.tolerated_turn",
         "pose.turn_slip",
     ),
-    "control/estimation/test_pose_watch.py::test_a_pose_that_stays_is_believed_after_two_seconds": (
+    "control/estimate/test_pose_watch.py::test_a_pose_that_stays_is_believed_after_two_seconds": (
         "pose.agreement",
     ),
-    "control/obstacles/test_tracker_options.py::"
+    "control/world/test_tracker_options.py::"
     "test_what_was_seen_once_is_known_to_two_centimetres_and_may_drive_twice_as_fast": (
         "tracker.noise",
         "tracker.first_speed",
         "tracker.turn_rate",
     ),
-    "control/obstacles/test_tracker_options.py::"
+    "control/world/test_tracker_options.py::"
     "test_accelerations_of_two_thirds_of_the_fastest_speed_and_turns_of_two_seconds": (
         "tracker.acceleration",
         "tracker.turn_memory",
     ),
-    "control/obstacles/test_tracker_options.py::"
+    "control/world/test_tracker_options.py::"
     "test_who_is_where_chance_leads_once_in_ten_thousand_is_still_the_same": ("tracker.gate",),
-    "control/obstacles/test_tracker_options.py::"
+    "control/world/test_tracker_options.py::"
     "test_who_stands_is_taken_to_move_once_in_a_thousand_times": ("tracker.false_alarm",),
-    "control/obstacles/test_tracker_options.py::"
+    "control/world/test_tracker_options.py::"
     "test_who_is_hidden_is_expected_for_a_second_and_a_half": ("tracker.coast",),
-    "control/obstacles/test_tracker_options.py::"
+    "control/world/test_tracker_options.py::"
     "test_who_was_seen_to_move_grows_by_three_standard_deviations_of_his_velocity": (
         "tracker.spread",
     ),
-    "control/obstacles/test_tracker_options.py::test_two_hundred_circles_are_followed": (
+    "control/world/test_tracker_options.py::test_two_hundred_circles_are_followed": (
         "tracker.most",
     ),
-    "control/obstacles/test_tracker_options.py::"
-    "test_who_is_seen_has_a_radius_of_three_of_the_robots": ("tracker.largest_cluster",),
-    "control/obstacles/test_tracker_options.py::test_three_hits_are_somebody": (
-        "tracker.fewest_hits",
+    "control/world/test_tracker_options.py::test_who_is_seen_has_a_radius_of_three_of_the_robots": (
+        "tracker.largest_cluster",
     ),
-    "control/obstacles/test_tracker_options.py::test_a_step_of_a_radius_separates_two_things": (
+    "control/world/test_tracker_options.py::test_three_hits_are_somebody": ("tracker.fewest_hits",),
+    "control/world/test_tracker_options.py::test_a_step_of_a_radius_separates_two_things": (
         "tracker.gap",
     ),
-    "control/obstacles/test_tracker_options.py::"
+    "control/world/test_tracker_options.py::"
     "test_somebody_moves_by_half_of_his_radius_in_a_second": ("tracker.strayed",),
-    "control/obstacles/test_tracker_options.py::"
+    "control/world/test_tracker_options.py::"
     "test_somebody_has_left_his_place_for_three_tenths_of_a_second": ("tracker.begins",),
-    "control/obstacles/sight/test_sight_options.py::"
+    "control/world/sight/test_sight_options.py::"
     "test_cells_have_a_third_of_a_radius_and_twice_the_noise_of_the_ranges": (
         "sight.cell",
         "sight.cell_noise",
     ),
-    "control/obstacles/sight/test_sight_options.py::"
+    "control/world/sight/test_sight_options.py::"
     "test_the_map_reaches_twice_as_far_as_the_scanner_and_has_400_cells_a_side": (
         "sight.map_reach",
         "sight.most_cells",
     ),
-    "control/obstacles/sight/test_sight_options.py::"
+    "control/world/sight/test_sight_options.py::"
     "test_what_is_out_of_sight_is_known_for_two_minutes": ("sight.memory",),
-    "control/obstacles/sight/test_sight_options.py::"
+    "control/world/sight/test_sight_options.py::"
     "test_a_cell_that_was_hit_is_free_after_three_scans_have_passed": ("sight.passes",),
-    "control/obstacles/sight/test_sight_options.py::"
+    "control/world/sight/test_sight_options.py::"
     "test_hits_are_nearer_than_seen_by_two_standard_deviations": ("sight.certainty",),
-    "control/obstacles/sight/test_sight_options.py::"
+    "control/world/sight/test_sight_options.py::"
     "test_what_is_within_a_cell_of_a_line_counts_as_behind_it": ("sight.level",),
-    "control/obstacles/sight/test_sight_options.py::"
-    "test_cells_are_noted_as_free_up_to_three_metres": ("sight.free_distance",),
-    "control/obstacles/sight/test_sight_options.py::"
+    "control/world/sight/test_sight_options.py::test_cells_are_noted_as_free_up_to_three_metres": (
+        "sight.free_distance",
+    ),
+    "control/world/sight/test_sight_options.py::"
     "test_nothing_is_known_of_what_stands_beside_a_robot_that_begins": ("sight.free_at_start",),
-    "control/obstacles/sight/test_sight_options.py::test_sixty_four_poses_of_the_past_are_kept": (
+    "control/world/sight/test_sight_options.py::test_sixty_four_poses_of_the_past_are_kept": (
         "sight.trail",
     ),
-    "control/obstacles/sight/test_sight_options.py::test_nobody_steps_out_of_what_is_not_seen": (
+    "control/world/sight/test_sight_options.py::test_nobody_steps_out_of_what_is_not_seen": (
         "sight.emerging_speed",
     ),
-    "control/obstacles/sight/test_scan_watch.py::test_a_robot_drives_for_a_second_without_scans": (
+    "control/world/sight/test_scan_watch.py::test_a_robot_drives_for_a_second_without_scans": (
         "sight.blind_time",
     ),
-    "control/obstacles/sight/test_scan_watch.py::"
+    "control/world/sight/test_scan_watch.py::"
     "test_a_scan_counts_as_told_again_from_half_a_radius_away": ("sight.same_scan_distance",),
-    "control/obstacles/sight/test_sight_options.py::"
+    "control/world/sight/test_sight_options.py::"
     "test_a_path_is_looked_for_anew_after_three_seconds": ("sight.refresh_interval",),
-    "control/obstacles/sight/test_sight_options.py::"
+    "control/world/sight/test_sight_options.py::"
     "test_five_times_a_second_is_looked_for_what_stands_on_the_path": ("sight.blocked_interval",),
-    "control/obstacles/sight/test_sight_options.py::"
+    "control/world/sight/test_sight_options.py::"
     "test_a_lattice_of_what_was_seen_has_twelve_thousand_nodes": ("sight.lattice_nodes",),
-    "control/obstacles/sight/test_sight_options.py::"
+    "control/world/sight/test_sight_options.py::"
     "test_nodes_of_a_lattice_of_what_was_seen_lie_seven_and_a_half_centimetres_apart": (
         "sight.lattice_step",
     ),
-    "control/obstacles/sight/test_sight_options.py::"
+    "control/world/sight/test_sight_options.py::"
     "test_a_path_without_a_change_of_gear_may_take_two_seconds_longer": ("sight.gear_time",),
     "adaptation/test_adaptation_options.py::"
     "test_the_window_has_two_seconds_and_eight_steps_and_the_memory_thirty_seconds": (
@@ -532,7 +534,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "adaptation/test_adaptation_options.py::test_an_adapted_model_may_be_worse_by_a_tenth": (
         "adaptation.worse",
     ),
-    "control/obstacles/test_ways.py::test_ways_are_looked_at_where_steps_are_long": (
+    "control/world/test_ways.py::test_ways_are_looked_at_where_steps_are_long": (
         "solver.long_step",
     ),
 }

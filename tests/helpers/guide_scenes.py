@@ -6,8 +6,8 @@ import numpy as np
 from guided import GuidedController
 
 import kmpc_lite as kl
-from kmpc_lite.control.obstacles.circles import circles_to_array
 from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
+from kmpc_lite.control.world.circles import circles_to_array
 
 DT = 0.1
 PROBLEM = kl.NavigationProblem(margin=0.05)

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 
 import kmpc_lite as kl
 from kmpc_lite.control import options as kl_options
-from kmpc_lite.control.guidance.capabilities import Capabilities, capabilities
-from kmpc_lite.control.guidance.guide import Guide
-from kmpc_lite.control.guidance.guide_task import GuideTask
-from kmpc_lite.control.guidance.reference import Guidance
-from kmpc_lite.control.guidance.state import GuideState
+from kmpc_lite.control.path.capabilities import Capabilities, capabilities
+from kmpc_lite.control.path.guide import Guide
+from kmpc_lite.control.path.guide_task import GuideTask
+from kmpc_lite.control.path.reference import Guidance
+from kmpc_lite.control.path.state import GuideState
 
 
 class GuidedController(kl.Controller):

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from kmpc_lite.control.guidance.tangent_graph import GeometricPath, PathQuery
-from kmpc_lite.control.guidance.tangent_search import Part, TangentSearch
 from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
+from kmpc_lite.control.path.tangent_graph import GeometricPath, PathQuery
+from kmpc_lite.control.path.tangent_search import Part, TangentSearch
 
 OPTIONS = lengths_from_radii(GuidanceOptions(), 0.15)
 NO_EDGES = np.empty((0, 2), dtype=np.intp)

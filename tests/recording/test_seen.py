@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.obstacles.sight.rays import Rays
+from kmpc_lite.control.world.sight.rays import Rays
 from kmpc_lite.live.moment import last_step, numbers, plan_packet
 from kmpc_lite.recording.seen import BEAMS, CORNERS, counted, hits, outline
 

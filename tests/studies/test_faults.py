@@ -9,9 +9,9 @@ import pytest
 from executors import Inline
 
 from kmpc_lite.control.plan import PlanStatus
-from kmpc_lite.control.safe_stop.backup import Backup, BackupState
-from kmpc_lite.control.safe_stop.stop_task import CheckedPlan
-from kmpc_lite.control.safe_stop.stop_trajectory import StopTrajectories
+from kmpc_lite.control.stop.backup import Backup, BackupState
+from kmpc_lite.control.stop.stop_task import CheckedPlan
+from kmpc_lite.control.stop.stop_trajectory import StopTrajectories
 from kmpc_lite.control.verification import Verification
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.sim.maps.families import random_map

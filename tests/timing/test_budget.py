@@ -14,8 +14,8 @@ from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.qp_solvers import QPSolver, QPStatus
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import at_rest
-from kmpc_lite.control.obstacles.circles import circles_to_array
 from kmpc_lite.control.options import OSQPOptions
+from kmpc_lite.control.world.circles import circles_to_array
 
 GOAL = (1.5, 1.5, 0.0)
 OBSTACLES = [kl.Circle(0.6, 0.6, 0.15)]

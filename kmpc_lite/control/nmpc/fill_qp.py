@@ -11,8 +11,8 @@ from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.sqp_state import Progress
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory
-from kmpc_lite.control.obstacles.half_planes import KeepOut
 from kmpc_lite.control.options import SolverOptions
+from kmpc_lite.control.world.half_planes import KeepOut
 from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.types import Array
 

@@ -16,9 +16,9 @@ import numpy as np
 from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, command_windows
-from kmpc_lite.control.obstacles.half_planes import KeepOut
 from kmpc_lite.control.options import SolverOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.world.half_planes import KeepOut
 from kmpc_lite.types import Array
 
 ROUNDING = 1e-10

@@ -31,11 +31,11 @@ from kmpc_lite.control.nmpc.sqp_state import Progress, SQPResult, SQPState
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, command_windows
 from kmpc_lite.control.nmpc.warm_start import WarmStart
-from kmpc_lite.control.obstacles.half_planes import keep_out
 from kmpc_lite.control.options import SolverOptions, StepOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.recent_times import longest_lately
+from kmpc_lite.control.world.half_planes import keep_out
 from kmpc_lite.types import INPUTS, STATES, Array
 
 

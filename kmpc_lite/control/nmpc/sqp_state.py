@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from kmpc_lite.control.nmpc.line_search import Penalties
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
 from kmpc_lite.control.nmpc.trajectory import Trajectory
-from kmpc_lite.control.obstacles.half_planes import NO_SOLIDS_AHEAD, SolidsAhead
+from kmpc_lite.control.world.half_planes import NO_SOLIDS_AHEAD, SolidsAhead
 from kmpc_lite.types import Array
 
 

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from kmpc_lite.control.obstacles.circles import Circle
-from kmpc_lite.control.obstacles.nearby import Nearby
-from kmpc_lite.control.obstacles.outlines import Outlines
-from kmpc_lite.control.obstacles.scene import Solid
-from kmpc_lite.control.obstacles.solids import Solids
+from kmpc_lite.control.world.circles import Circle
+from kmpc_lite.control.world.nearby import Nearby
+from kmpc_lite.control.world.outlines import Outlines
+from kmpc_lite.control.world.scene import Solid
+from kmpc_lite.control.world.solids import Solids
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.sim.maps.layout import BOUNDS, ROBOT_RADIUS, Layout, Random, at_rest, draw_ends
 from kmpc_lite.sim.maps.solids import draw_polygons, draw_rooms, draw_walls

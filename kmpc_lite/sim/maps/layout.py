@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
-from kmpc_lite.control.obstacles.scene import Solid
-from kmpc_lite.control.obstacles.shapes import Polygon, Wall
+from kmpc_lite.control.world.occupancy import OccupancyGrid
+from kmpc_lite.control.world.scene import Solid
+from kmpc_lite.control.world.shapes import Polygon, Wall
 from kmpc_lite.types import Array
 
 BOUNDS = (-2.0, -2.0, 2.0, 2.0)

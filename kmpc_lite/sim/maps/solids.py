@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
-from kmpc_lite.control.obstacles.shapes import Polygon, Wall
+from kmpc_lite.control.world.occupancy import OccupancyGrid
+from kmpc_lite.control.world.shapes import Polygon, Wall
 from kmpc_lite.sim.maps.layout import BOUNDS, Layout, Random, at_rest, draw_ends
 from kmpc_lite.types import Array
 

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.obstacles.circles import Circle
-from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
-from kmpc_lite.control.obstacles.scene import Solid
-from kmpc_lite.control.obstacles.shapes import Polygon, Wall
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.world.circles import Circle
+from kmpc_lite.control.world.occupancy import OccupancyGrid
+from kmpc_lite.control.world.scene import Solid
+from kmpc_lite.control.world.shapes import Polygon, Wall
 from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
 from kmpc_lite.reading import read_toml
 from kmpc_lite.sim.arrival import ARRIVED, Tolerance
@@ -40,7 +40,7 @@ from kmpc_lite.sim.scenario.values import (
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.obstacles.solids import Solids
+    from kmpc_lite.control.world.solids import Solids
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,6 +284,6 @@ def _prepared(
         found.append(grid)
     if not found:
         return None
-    from kmpc_lite.control.obstacles.solids import Solids
+    from kmpc_lite.control.world.solids import Solids
 
     return Solids(found)

@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from kmpc_lite.control.obstacles.occupancy import OccupancyGrid
-from kmpc_lite.control.obstacles.shapes import Polygon, Wall
+from kmpc_lite.control.world.occupancy import OccupancyGrid
+from kmpc_lite.control.world.shapes import Polygon, Wall
 from kmpc_lite.errors import ProblemError, ScenarioError
 
 FREE, OCCUPIED, UNKNOWN = ".", "#", "?"

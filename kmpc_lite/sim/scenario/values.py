@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.obstacles.circles import Circle
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES
+from kmpc_lite.control.world.circles import Circle
 from kmpc_lite.errors import ProblemError, ScenarioError
 from kmpc_lite.sim.arrival import ARRIVED
 from kmpc_lite.sim.scenario.shapes import LARGEST_NUMBER, read_grid, read_polygons, read_walls

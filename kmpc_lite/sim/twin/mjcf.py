@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from kmpc_lite.control.obstacles.circles import Circle
+from kmpc_lite.control.world.circles import Circle
 
 WHEEL_RADIUS = 0.0425
 WHEELBASE, TRACK = 0.106, 0.192

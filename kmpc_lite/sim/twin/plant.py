@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.obstacles.circles import Circle
+from kmpc_lite.control.world.circles import Circle
 from kmpc_lite.errors import KmpcError, ScenarioError
 from kmpc_lite.sim.scenario.files import Scenario
 from kmpc_lite.sim.twin.floors import Floor, Ground

@@ -17,7 +17,7 @@ import numpy as np
 
 from kmpc_lite.control import Controller
 from kmpc_lite.control.plan import GoalProgress, PlanStatus
-from kmpc_lite.control.safe_stop.braking import Braking
+from kmpc_lite.control.stop.braking import Braking
 from kmpc_lite.control.units import scaled_problem
 from kmpc_lite.sim.arrival import Tolerance
 from kmpc_lite.sim.lidar import LidarSpec, scan_of, scan_ranges

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kmpc_lite.control.obstacles.circles import Circle
-from kmpc_lite.control.obstacles.shapes import Polygon
+from kmpc_lite.control.world.circles import Circle
+from kmpc_lite.control.world.shapes import Polygon
 from kmpc_lite.scale import UNIT_RADIUS
 from kmpc_lite.sim.lidar import World, box_edges
 from kmpc_lite.sim.maps.families import has_passage

@@ -8,8 +8,8 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.control.nmpc.exact_hessian import convex, dynamics_curvature, hessians
 from kmpc_lite.control.nmpc.qp import NavigationQP
-from kmpc_lite.control.obstacles.circles import circles_to_array
-from kmpc_lite.control.obstacles.half_planes import KeepOut
+from kmpc_lite.control.world.circles import circles_to_array
+from kmpc_lite.control.world.half_planes import KeepOut
 
 PROBLEM = kl.NavigationProblem(horizon=6)
 LEAST = 0.1

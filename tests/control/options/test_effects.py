@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance.capabilities import clearance_at_speed, drivable_speeds
-from kmpc_lite.control.guidance.progress_checker import ProgressChecker, ProgressState
-from kmpc_lite.control.guidance.turning_centre import turning_centre
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.trajectory import at_rest
 from kmpc_lite.control.options import GuidanceOptions, StopOptions, lengths_from_radii
-from kmpc_lite.control.safe_stop.braking import Braking
+from kmpc_lite.control.path.capabilities import clearance_at_speed, drivable_speeds
+from kmpc_lite.control.path.progress_checker import ProgressChecker, ProgressState
+from kmpc_lite.control.path.turning_centre import turning_centre
+from kmpc_lite.control.stop.braking import Braking
 from kmpc_lite.control.weights import with_goal_weights
 
 PROBLEM = kl.NavigationProblem()

@@ -12,7 +12,7 @@ from kmpc_lite import (
     fit,
     nominal_unicycle,
 )
-from kmpc_lite.control.estimation.pose_age import advance_pose
+from kmpc_lite.control.estimate.pose_age import advance_pose
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.sim.closed_loop import Outcome, drive
 from kmpc_lite.sim.plants.lag import Floor, LaggingDrive, drive_log

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import kmpc_lite as kl
-from kmpc_lite.control.guidance.turning_centre import seen_from
+from kmpc_lite.control.path.turning_centre import seen_from
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.sim import LearnedPlant
 from kmpc_lite.sim.plants.lag import LaggingDrive

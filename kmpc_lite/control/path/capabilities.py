@@ -1,0 +1,216 @@
+"""What a model says its robot can do: how fast it drives and turns, what clearance it needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kmpc_lite.control.options import GoalOptions, GuidanceOptions, lengths_from_radii, unit_length
+from kmpc_lite.control.path.goal_checker import GoalTolerances, goal_tolerances
+from kmpc_lite.control.path.turning_centre import turning_centre
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.model.tube import feedback_delay
+from kmpc_lite.types import INPUTS, Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.margins.model_margins import Margins
+
+ROUNDING = 1e-6
+"""Relative difference of speeds that is rounding; and the speed of a robot that cannot drive, or
+turn, so that times are finite [m/s, rad/s]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Capabilities:
+    """What the guide knows of the robot."""
+
+    forward: Array
+    """(2,) speed [m/s] and rate of turn [rad/s] at which paths are timed forwards."""
+    backward: Array
+    """(2,) the same backwards; no speed where the robot may not."""
+    evasive: Array
+    """(2,) the same on evasive arcs, which are driven in either direction."""
+    backward_share: float
+    """Speed backwards as a share of the speed forwards."""
+    turning_centre: Array | None
+    """(2,) point about which the robot turns, ahead and to the left of its tracked pose [m]; none:
+    the pose itself."""
+    tolerances: GoalTolerances
+    """Of the goal checker."""
+    clearance: float
+    """Clearance that a path must keep so that it can be driven at full speed [m]."""
+    wheels: tuple[float, float] = (0.0, np.inf)
+    """How far a wheel drives for each radian that the robot turns [m], and its fastest speed
+    [m/s]."""
+    deceleration: float = np.inf
+    """With which a path ends [m/s^2]."""
+    late: int = 0
+    """Periods until a command has had half of its effect, where the model knows of it."""
+
+    def with_speeds(self, speeds: Array, options: GuidanceOptions) -> Capabilities:
+        """Return the same for other speeds (3,): ahead, backwards [m/s], rate of turn [rad/s]."""
+        forward, backward, evasive, backward_share = _timing(speeds, options)
+        return replace(
+            self,
+            forward=forward,
+            backward=backward,
+            evasive=evasive,
+            backward_share=backward_share,
+        )
+
+
+def capabilities(
+    model: MotionModel,
+    problem: NavigationProblem,
+    margins: Margins | None = None,
+    options: GuidanceOptions | None = None,
+    goal_options: GoalOptions | None = None,
+) -> Capabilities:
+    """Ask a model for all that the guide needs to know.
+
+    Parameters
+    ----------
+    model : MotionModel
+        With an input history it is asked for what it does once a command has been held that long.
+    problem : NavigationProblem
+        Command bounds, horizon, radius.
+    margins : Margins, optional
+        Margins that plans keep.
+    options : GuidanceOptions, optional
+        Lengths in radii.
+    goal_options : GoalOptions, optional
+        Lengths in radii.
+    """
+    unit = unit_length(problem)
+    options = lengths_from_radii(options or GuidanceOptions(), unit)
+    goal_options = lengths_from_radii(goal_options or GoalOptions(), unit)
+    # a robot without lag is steered back before it needs the clearance
+    clearance = (
+        clearance_at_speed(problem, margins, options)
+        if margins is not None and model.history
+        else 0.0
+    )
+    speeds = drivable_speeds(model, problem, options)
+    forward, backward, evasive, backward_share = _timing(speeds, options)
+    return Capabilities(
+        forward,
+        backward,
+        evasive,
+        backward_share,
+        turning_centre(model, problem, options),
+        goal_tolerances(model, goal_options, problem.goal_tolerance),
+        clearance,
+        _wheels(problem, float(speeds[2])),
+        options.brake_share * float(problem.du_max[0]),
+        # a delay that the model does not know is part of the pose's age
+        feedback_delay(model) if model.history else 0,
+    )
+
+
+def _wheels(problem: NavigationProblem, turn_rate: float) -> tuple[float, float]:
+    """How far a wheel drives for a radian of turn [m], and its fastest speed [m/s].
+
+    A robot that makes a third of a turn it is told drives its wheels three times as far for it.
+    """
+    u_min, u_max, _, _ = problem.bounds
+    told = float(problem.within_bounds(np.array((0.0, min(u_max[1], -u_min[1]))))[1])
+    half = 0.5 * problem.track * (told / turn_rate if turn_rate > 0.0 else 1.0)
+    return half, problem.max_wheel_speed
+
+
+def _timing(speeds: Array, options: GuidanceOptions) -> tuple[Array, Array, Array, float]:
+    """Give the speeds forwards, backwards, on evasive arcs (2,) each, and the backward share."""
+    ahead, back, turn = speeds.tolist()
+    ahead, turn = max(ahead, ROUNDING), options.turn_share * max(turn, ROUNDING)
+    forward, backward = np.array([ahead, turn]), np.array([back, turn])
+    # the slower direction counts
+    evasive = backward if 0.0 < back < ahead else forward
+    return forward, backward, evasive, back / ahead
+
+
+def drivable_speeds(
+    model: MotionModel, problem: NavigationProblem, options: GuidanceOptions | None = None
+) -> Array:
+    """Speeds that the robot holds at the command bounds, by its model, but not above the bounds.
+
+    A skid-steer robot that makes a third of a turn it is told needs three times as long for it; one
+    that slips ahead is not asked for more than was commanded.
+
+    Parameters
+    ----------
+    model : MotionModel
+        With an input history it is asked for what it does once a command has been held that long.
+    problem : NavigationProblem
+        Command bounds.
+    options : GuidanceOptions, optional
+        Share of a bound that is believed in the least.
+
+    Returns
+    -------
+    ndarray
+        (3,) speed ahead [m/s], backwards [m/s], and rate of turn to the slower side [rad/s]; zeros
+        where a bound forbids it.
+
+    Examples
+    --------
+    >>> from kmpc_lite import nominal_unicycle
+    >>> drivable_speeds(nominal_unicycle(0.1), NavigationProblem(u_min=(-0.2, -0.8))).round(3)
+    array([0.6  , 0.2  , 0.785])
+    """
+    options = options or GuidanceOptions()
+    u_min, u_max, _, _ = problem.bounds
+    held = np.zeros((4, INPUTS))
+    held[0, 0], held[1, 0], held[2, 1], held[3, 1] = u_max[0], u_min[0], u_max[1], u_min[1]
+    held = problem.within_bounds(held)
+    history = np.repeat(held[:, None], model.history, axis=1)
+    ends = model.predict(np.zeros((4, 3)), held, history)
+    signed = np.array([ends[0, 0], -ends[1, 0], ends[2, 2], -ends[3, 2]]) / model.dt
+    bounds = np.array([held[0, 0], -held[1, 0], held[2, 1], -held[3, 1]])
+    # rounding must not decide between two paths that are equally quick
+    speeds = np.where(
+        signed > (1.0 - ROUNDING) * bounds,
+        bounds,
+        np.maximum(signed, options.least_speed_share * bounds),
+    )
+    return np.array([speeds[0], speeds[1], min(speeds[2], speeds[3])])
+
+
+def speed_shares(
+    model: MotionModel, problem: NavigationProblem, options: GuidanceOptions | None = None
+) -> tuple[float, float]:
+    """Speed ahead and rate of turn that the robot holds, as shares of the command bounds.
+
+    One where a bound forbids it.
+    """
+    ahead, _, turn = drivable_speeds(model, problem, options).tolist()
+    u_min, u_max, _, _ = problem.bounds
+    fastest, quickest = float(u_max[0]), float(min(u_max[1], -u_min[1]))
+    return (
+        ahead / fastest if fastest > 0.0 else 1.0,
+        turn / quickest if quickest > 0.0 else 1.0,
+    )
+
+
+def clearance_at_speed(
+    problem: NavigationProblem,
+    margins: Margins,
+    options: GuidanceOptions | None = None,
+) -> float:
+    """Clearance [m] that a path must keep so that a plan at full speed along it keeps its margins.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Command bounds.
+    margins : Margins
+        Asked for the last stage's margin.
+    options : GuidanceOptions, optional
+        In metres: what is spare, and the most.
+    """
+    options = options or lengths_from_radii(GuidanceOptions(), unit_length(problem))
+    # headway gives way to narrow passages, so it asks for no clearance
+    _, aside = margins.straight(float(problem.bounds[1][0]))
+    return min(options.spare_clearance + aside, options.speed_clearance_limit)

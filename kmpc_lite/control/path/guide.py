@@ -1,0 +1,231 @@
+"""A reference around obstacles, so that the controller is never trapped behind one.
+
+A step of the guide: locate the robot on its path; look for another one where the map, the goal, or
+the robot's place gives a reason (`replan`); read the reference of the coming stages off the path.
+All for the point about which the robot turns.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+
+from kmpc_lite.control.options import (
+    GoalOptions,
+    GuidanceOptions,
+    MovingObstacleOptions,
+    lengths_from_radii,
+    unit_length,
+)
+from kmpc_lite.control.path.capabilities import Capabilities
+from kmpc_lite.control.path.goal_checker import GoalChecker, GoalTolerances
+from kmpc_lite.control.path.guide_task import GuideTask
+from kmpc_lite.control.path.moving_obstacles import MovingObstacles
+from kmpc_lite.control.path.progress_checker import gets_on
+from kmpc_lite.control.path.reference import (
+    NO_PROGRESS,
+    UNSEEN,
+    Guidance,
+    told_progress,
+    wait_in_sight,
+)
+from kmpc_lite.control.path.replan import Replanner
+from kmpc_lite.control.path.situation import Situation, Surveyor
+from kmpc_lite.control.path.state import BLOCKED, GuideState
+from kmpc_lite.control.path.timed_path import TimedPath
+from kmpc_lite.control.path.turning_centre import seen_from
+from kmpc_lite.control.plan import GoalProgress
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.geometry import nearest_turn
+from kmpc_lite.types import Array
+
+ORIGIN = np.zeros(2)
+
+
+class Guide:
+    """Finds paths, and keeps to one.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Bounds, radius and margin, horizon and period.
+    options : GuidanceOptions, optional
+        How paths are found, timed and followed; lengths in radii.
+    goal_options : GoalOptions, optional
+        When the robot has arrived.
+    moving : MovingObstacleOptions, optional
+        What it does about moving obstacles.
+    clock : callable
+        Gives the time [s] that `until` is on.
+    """
+
+    def __init__(
+        self,
+        problem: NavigationProblem,
+        options: GuidanceOptions | None = None,
+        goal_options: GoalOptions | None = None,
+        moving: MovingObstacleOptions | None = None,
+        clock: Callable[[], float] = perf_counter,
+    ) -> None:
+        unit = unit_length(problem)
+        self._options = lengths_from_radii(options or GuidanceOptions(), unit)
+        self._dt = problem.dt
+        self._times = problem.dt * np.arange(problem.horizon + 1)
+        self._ahead = self._options.lead_time + self._times
+        self._goal_checker = GoalChecker(lengths_from_radii(goal_options or GoalOptions(), unit))
+        self._surveyor = Surveyor(problem, moving or MovingObstacleOptions())
+        self._range = math.inf if problem.sensor_range is None else problem.sensor_range
+        self._body = problem.inflation
+        arms = 0.0 if problem.footprint is None else problem.footprint.reach
+        self._swept = problem.body_radius + arms
+        self._replanner = Replanner(problem, self._options, clock)
+
+    def reference(self, state: GuideState, capabilities: Capabilities, task: GuideTask) -> Guidance:
+        """Give the reference of the coming stages.
+
+        Parameters
+        ----------
+        state : GuideState
+            What the steps before have left; updated.
+        capabilities : Capabilities
+            Of the robot, as they are known now.
+        task : GuideTask
+            What is asked.
+        """
+        self._take_over_centre(state, capabilities.turning_centre)
+        state.age += self._dt
+        now = self._surveyor.see(state, capabilities, task)
+        self._begin_last_turn(state, now)
+        off = 0.0
+        if state.path is not None:
+            least = state.path.drive_end if state.turning else 0.0
+            state.place, off = state.path.locate(now.pose, state.place, least)
+        refreshed, switched = self._replanner.update(state, now, off)
+        if state.path is None:
+            guidance = self._wait(state, now, refreshed, switched)
+        else:
+            guidance = self._follow(state, now, state.path, refreshed, switched)
+        if state.turning_centre is None:
+            return guidance
+        return replace(guidance, states=seen_from(guidance.states, -state.turning_centre))
+
+    def _take_over_centre(self, state: GuideState, centre: Array | None) -> None:
+        """Plan for another turning centre; the path is kept until there is one for it."""
+        if centre is state.turning_centre:
+            return
+        before, now = (ORIGIN if c is None else c for c in (state.turning_centre, centre))
+        if math.hypot(*(now - before)) >= self._options.centre_change:
+            state.turning_centre, state.centre_moved = centre, True
+
+    def _begin_last_turn(self, state: GuideState, now: Situation) -> None:
+        """Begin the last turn where the robot comes to a stop; give it up where it has left."""
+        tolerances = self._tolerances(state, now)
+        if state.shuttle is not None:
+            state.turning = False
+        elif state.turning:
+            state.turning = now.distance <= tolerances.turn_limit
+        else:
+            at_rest = math.hypot(now.rest_error[0], now.rest_error[1])
+            # a robot that has stalled does not get nearer
+            stalled = state.progress.stalls > 0
+            limit = tolerances.turn_limit if stalled else tolerances.turn_distance
+            state.turning = max(now.distance, at_rest) <= limit
+
+    def _tolerances(self, state: GuideState, now: Situation) -> GoalTolerances:
+        """Of the robot, which is content with less where it does not get nearer."""
+        usual, stalls = now.capabilities.tolerances, state.progress.stalls
+        return self._goal_checker.content_with(usual, stalls)
+
+    def _wait(self, state: GuideState, now: Situation, refreshed: bool, switched: bool) -> Guidance:
+        """Give the reference of a robot without a path: it waits, and makes room for what moves."""
+        place = now.pose if state.waiting is None else state.waiting
+        states = np.tile(np.array([place[0], place[1], now.pose[2]]), (len(self._times), 1))
+        if now.moving is not None and not now.moving.spares(now.pose):
+            states = self._evade(state, now, now.moving)
+        # what was seen from afar, or long ago, does not tell that there is no path, nor does what
+        # goes on its way
+        may_be = state.urgent or now.view is not None or state.why_none == BLOCKED
+        return Guidance(
+            states=states,
+            reachable=may_be,
+            hold=False,
+            progress=GoalProgress.WAITING if may_be else GoalProgress.UNREACHABLE,
+            reason="a path is being looked for" if state.urgent else state.why_none,
+            path=place[None, :2],
+            time_left=np.inf,
+            refreshed=refreshed,
+            switched=switched,
+            share_at_goal=0.0,
+            path_clearance=state.path_clearance,
+        )
+
+    def _follow(
+        self, state: GuideState, now: Situation, path: TimedPath, refreshed: bool, switched: bool
+    ) -> Guidance:
+        """Give the reference along the path: slower, or beside it, where something moves."""
+        limit = max if state.turning else min
+        state.place = place = limit(state.place, path.drive_end)
+        moving, tolerances = now.moving, self._tolerances(state, now)
+        hold = self._goal_checker.holds(
+            state.goal_checker,
+            tolerances,
+            now.error,
+            now.rest_error,
+            state.progress.stalls > 0,
+        ) and (moving is None or moving.spares(now.pose))
+        scale = 1.0 if moving is None else moving.speed_scale(path, place)
+        if moving is not None and scale is None:
+            states = self._evade(state, now, moving)
+        else:
+            state.evasive_arc = -1
+            states = self._along(path, place, scale or 0.0, state.turning, float(now.pose[2]))
+            turn = float(now.capabilities.forward[1]) * self._dt
+            wait_in_sight(states, state, now, self._range, self._body, turn)
+        state.yielding = scale != 1.0
+        state.yielded = max(state.yielded + (self._dt if scale == 0.0 else -self._dt), 0.0)
+        left = path.duration - place
+        drives_on = gets_on(state.progress, left, self._options.patience)
+        progress, reason = told_progress(state, hold, scale, drives_on)
+        if reason == NO_PROGRESS and now.view is not None:
+            unseen = now.view.is_dark(now.pose[None, :2], self._swept)[0]
+            reason = UNSEEN if unseen else reason
+        if hold and tolerances is not now.capabilities.tolerances:
+            reason = "it holds where it is: it does not get nearer to its goal"
+        if now.outside:
+            progress, reason = GoalProgress.UNREACHABLE, "the goal lies outside the area"
+        return Guidance(
+            states=states,
+            reachable=not now.outside,
+            hold=hold,
+            progress=progress,
+            reason=reason,
+            path=path.points,
+            time_left=left,
+            refreshed=refreshed,
+            switched=switched,
+            share_at_goal=path.share_at_goal(states),
+            path_clearance=state.path_clearance,
+        )
+
+    def _along(
+        self, path: TimedPath, place: float, scale: float, turning: bool, heading: float
+    ) -> Array:
+        """States (N + 1, 3) along the path at a share of its speed, their headings near one."""
+        later = self._ahead * scale
+        times = place + later if turning else path.times_after(place, later)
+        if not turning and place > path.drive_end - self._options.goal_stretch:
+            np.minimum(times, path.drive_end, out=times)
+        states = path.at(times)
+        turns = nearest_turn(heading - path.heading_at(place))
+        if turns:
+            states[:, 2] += turns
+        return states
+
+    def _evade(self, state: GuideState, now: Situation, moving: MovingObstacles) -> Array:
+        """States (N + 1, 3) on an arc that makes room."""
+        state.evasive_arc, states = moving.evasive_arc(now.pose, state.evasive_arc, self._times)
+        return states

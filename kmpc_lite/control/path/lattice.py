@@ -1,0 +1,280 @@
+"""Paths through large grids: a lattice tells where they bend, and the tangent graph the rest.
+
+A map from a lidar has hundreds of corners, and the graph of all their tangents is more than a step
+can bear. The shortest path on a lattice tells which few of them a path touches. Distances on the
+lattice and the search from a goal are kept while these stay.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.control.path.grid_field import GridField
+from kmpc_lite.control.path.lattice_path import LatticePath
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.world.solids import Solids
+
+EVERYWHERE = np.full(2, -np.inf), np.full(2, np.inf)
+PORTION = 2**18
+"""Nodes times edges that are looked at at once: a matter of memory alone."""
+NEIGHBOURS = ((0, 1), (1, -1), (1, 0), (1, 1))
+"""Half of a node's neighbours, by their numbers: the others have it for theirs."""
+COARSE = 8
+"""Every so many points of a line are looked at first: most lines that are barred are so there."""
+
+
+class Search(NamedTuple):
+    """Of the whole lattice, from a goal."""
+
+    cost: Array
+    """(n,) of every node to the goal [m]; infinite where no way is known."""
+    towards: NDArray[np.int32]
+    """(n,) the node that comes next."""
+    start: int
+    """Node of the start for which the graph was made: nodes around it may be nearer to solids than
+    a path leads."""
+
+
+class Lattice:
+    """Distances of a map's solids on a lattice, and searches on it.
+
+    Parameters
+    ----------
+    solids : Solids
+        With at least one grid.
+    options : GuidanceOptions
+        In metres.
+    limits : tuple of ndarray, optional
+        Corners (2,), (2,) of the area that paths lie in; only start and goal may lie outside [m].
+    """
+
+    def __init__(
+        self, solids: Solids, options: GuidanceOptions, limits: tuple[Array, Array] | None = None
+    ) -> None:
+        self._solids, self.options = solids, options
+        self._limits = EVERYWHERE if limits is None else limits
+        self._low, self._high = np.zeros(2), np.zeros(2)
+        corners = solids.outermost
+        self._corners = corners.min(axis=0), corners.max(axis=0)
+        self._searches: dict[tuple[object, ...], Search] = {}
+        self._linked: tuple[tuple[object, ...], csr_matrix] | None = None
+        self._fields = [GridField(b.grid, options, self._limits) for b in solids.boxes]
+        self.landmarks = np.concatenate([field.landmarks for field in self._fields])
+        """(L, 2) a point in each of the grids' pieces that hang together [m]."""
+
+    def cover(self, *points: Array) -> None:
+        """Lay the lattice so that it holds the solids and points (2,)."""
+        border = self.options.lattice_border
+        ends = np.stack([p[:2] for p in points])
+        first, last = ends.min(axis=0), ends.max(axis=0)
+        low = np.maximum(np.minimum(self._corners[0], first) - border, self._limits[0])
+        high = np.minimum(np.maximum(self._corners[1], last) + border, self._limits[1])
+        low, high = np.minimum(low, first), np.maximum(high, last)
+        if (low >= self._low).all() and (high <= self._high).all():
+            return
+        self._low, self._high = low, high
+        self._searches.clear()
+        size = self._high - self._low
+        coarse = float(np.sqrt(size.prod() / self.options.lattice_nodes))
+        self.step = max(self.options.lattice_step, coarse)
+        self._shape = tuple(int(v) for v in np.ceil(size / self.step).astype(int) + 1)
+        axes = [self._low[i] + self.step * np.arange(self._shape[i]) for i in (0, 1)]
+        self._axes, self._places = axes, np.empty((*self._shape, 2))
+        self._places[..., 0], self._places[..., 1] = axes[0][:, None], axes[1]
+        self._places = self._places.reshape(-1, 2)
+        distance = np.full(len(self._places), np.inf)
+        for field in self._fields:
+            np.minimum(distance, field.distances(self._places, axes), out=distance)
+        for outlines in self._solids.outlines.walls_and_polygons():
+            portion = max(PORTION // outlines.edge_count, 1)
+            for begin in range(0, len(distance), portion):
+                some = slice(begin, begin + portion)
+                near = outlines.distances(self._places[some])[0].min(axis=1)
+                np.minimum(distance[some], near, out=distance[some])
+        self._distance = distance.reshape(self._shape)
+
+    def path(
+        self, start: Array, goal: Array, inflation: float, circles: Array, area: Array
+    ) -> LatticePath | None:
+        """Find the shortest path that keeps a distance from all solids and from circles at rest.
+
+        Parameters
+        ----------
+        start, goal : ndarray
+            Points (2,), or poses.
+        inflation : float
+            Distance from the solids' edges [m].
+        circles : ndarray
+            (M, 5); those that move are not looked at.
+        area : ndarray
+            xmin, ymin, xmax, ymax (4,).
+        """
+        search = self.find(start, goal, inflation, circles, area)
+        begin, end = self._node(start), self._node(goal)
+        if not np.isfinite(search.cost[begin]):
+            return None
+        nodes = [begin]
+        while nodes[-1] != end:
+            nodes.append(int(search.towards[nodes[-1]]))
+        points = np.concatenate([start[None, :2], self._places[nodes[1:-1]], goal[None, :2]])
+        return LatticePath(
+            self, points, inflation, min(self.clearance(start), self.clearance(goal))
+        )
+
+    def link(
+        self, start: Array, goal: Array, inflation: float, circles: Array, area: Array
+    ) -> None:
+        """Make the graph that `find` searches: half of the work."""
+        self.cover(start, goal)
+        key, still = self._key(goal, inflation, circles, area)
+        if not self._is_known(key, start):
+            self._linked = key, self._graph(start, goal, inflation, still, area)
+
+    def find(
+        self, start: Array, goal: Array, inflation: float, circles: Array, area: Array
+    ) -> Search:
+        """Search from the goal; what was found is kept, as `path` will need it."""
+        self.cover(start, goal)
+        key, still = self._key(goal, inflation, circles, area)
+        if not self._is_known(key, start):
+            self._searches.pop(key, None)
+            if len(self._searches) >= self.options.lattice_searches:
+                del self._searches[next(iter(self._searches))]
+            linked, self._linked = self._linked, None
+            if linked is None or linked[0] != key:
+                linked = key, self._graph(start, goal, inflation, still, area)
+            cost, towards = dijkstra(
+                linked[1], directed=False, indices=self._node(goal), return_predecessors=True
+            )
+            self._searches[key] = Search(cost, towards, self._node(start))
+        return self._searches[key]
+
+    def _is_known(self, key: tuple[object, ...], start: Array) -> bool:
+        """Whether a search tells of a start: one from elsewhere may end before it."""
+        search, node = self._searches.get(key), self._node(start)
+        return search is not None and (search.start == node or np.isfinite(search.cost[node]))
+
+    def _key(
+        self, goal: Array, inflation: float, circles: Array, area: Array
+    ) -> tuple[tuple[object, ...], Array]:
+        """What a search from a goal depends on, and the circles (K, 5) at rest."""
+        still = circles[~circles[:, 3:].any(axis=1)]
+        return (self._node(goal), inflation, still.tobytes(), area.tobytes()), still
+
+    def _node(self, point: Array) -> int:
+        row, column = np.rint((point[:2] - self._low) / self.step).astype(int)
+        return int(row * self._shape[1] + column)
+
+    def _graph(
+        self, start: Array, goal: Array, inflation: float, still: Array, area: Array
+    ) -> csr_matrix:
+        """Links between the nodes that keep the distance."""
+        distance = self._distance.copy()
+        places = self._places.reshape(*self._shape, 2)
+        for x, y, radius in still[:, :3]:
+            # farther away it changes nothing of what follows
+            reach = radius + 2.0 * inflation + 2.0 * self.step
+            low = np.maximum((np.array([x, y]) - reach - self._low) / self.step, 0.0).astype(int)
+            high = np.maximum((np.array([x, y]) + reach - self._low) / self.step + 2.0, 0.0)
+            some = slice(low[0], int(high[0])), slice(low[1], int(high[1]))
+            away = np.hypot(places[some][..., 0] - x, places[some][..., 1] - y) - radius
+            np.minimum(distance[some], away, out=distance[some])
+        distance = distance.ravel()
+        free = (distance >= inflation).reshape(self._shape)
+        x, y = (
+            (a >= low) & (a <= high)
+            for a, low, high in zip(self._axes, area[:2], area[2:], strict=True)
+        )
+        free &= x[:, None] & y
+        # a robot may stand nearer to an obstacle than a path leads: from there outwards
+        for point in (start, goal):
+            x, y = (a - p for a, p in zip(self._axes, point[:2], strict=True))
+            reach = 2.0 * inflation
+            rows, columns = (
+                slice(*np.searchsorted(a, (-reach, reach + self.step))) for a in (x, y)
+            )
+            some = rows, columns
+            near = np.hypot(x[rows, None], y[columns]) <= reach
+            allowed = min(float(distance[self._node(point)]) - self.step, inflation)
+            around = distance.reshape(self._shape)[some]
+            free[some] |= near & (around >= allowed) & (around > 0.0)
+        # between obstacles, paths away from them are no longer than those along them, and better
+        near = np.maximum(1.0 - (distance - inflation) / inflation, 0.0)
+        return self._links(free, 1.0 + self.options.lattice_near_cost * near)
+
+    def _links(self, free: NDArray[np.bool_], cost: Array) -> csr_matrix:
+        """Graph of the links between free nodes, each as long as the first node's cost makes it."""
+        height, width = free.shape
+        links = np.zeros((height, width, len(NEIGHBOURS)), dtype=bool)
+        for i, (dx, dy) in enumerate(NEIGHBOURS):
+            left, right = max(-dy, 0), width - max(dy, 0)
+            here = free[: height - dx, left:right]
+            links[: height - dx, left:right, i] = here & free[dx:, left + dy : right + dy]
+        begins = np.zeros(free.size + 1, dtype=np.int32)
+        counts = sum(links[..., i].astype(np.int32) for i in range(len(NEIGHBOURS)))
+        np.cumsum(counts, out=begins[1:])
+        linked = np.flatnonzero(links)
+        tail = linked // len(NEIGHBOURS)
+        kind = linked - len(NEIGHBOURS) * tail
+        ahead = np.array([dx * width + dy for dx, dy in NEIGHBOURS])
+        length = np.array([self.step * np.hypot(dx, dy) for dx, dy in NEIGHBOURS])
+        head = (tail + ahead.take(kind)).astype(np.int32)
+        lengths = length.take(kind) * cost.take(tail)
+        return csr_matrix((lengths, head, begins), (free.size, free.size))
+
+    def distances(self, points: Array) -> Array:
+        """Distance (...) of points (..., 2) from the solids, between the lattice's nodes [m]."""
+        (x, i), (y, j) = (self._between(points[..., axis], axis) for axis in (0, 1))
+        width, field = self._shape[1], self._distance.ravel()
+        at = i * width + j
+        low, high = (
+            (1 - y) * field.take(row) + y * field.take(row + 1) for row in (at, at + width)
+        )
+        found: Array = (1 - x) * low + x * high
+        return found
+
+    def _between(self, places: Array, axis: int) -> tuple[Array, NDArray[np.intp]]:
+        """Where places (...) along an axis lie between two nodes, and the number of the first."""
+        place = (places - self._low[axis]) / self.step
+        near = np.minimum(np.maximum(place.astype(np.intp), 0), self._shape[axis] - 2)
+        return place - near, near
+
+    def lines_free(self, first: Array, last: Array, inflation: float) -> Array:
+        """Which lines (T,) from (T, 2) to (T, 2) keep a distance [m].
+
+        They may come nearer by `lattice_cut`, or by half a step of the lattice if that is larger.
+        """
+        if not len(first):
+            return np.ones(0, dtype=bool)
+        o = self.options
+        longest = float(np.abs(last - first).max())
+        samples = min(2 + int(longest / o.lattice_sample), o.lattice_samples)
+        along = np.linspace(0.0, 1.0, samples)[:, None, None]
+        least = inflation - max(o.lattice_cut, 0.5 * self.step)
+        free = np.ones(len(first), dtype=bool)
+        for some in (along[::COARSE], along):
+            look = np.flatnonzero(free)
+            begin = first[look]
+            distances = self.distances(begin + some * (last[look] - begin))
+            free[look] = (distances >= least).all(axis=0)
+        return free
+
+    def clearance(self, point: Array) -> float:
+        """Exact distance of a point (2,) from the nearest solid [m]."""
+        return float(self._solids.whole.least(point[None, :2])[0])
+
+    def touched(self, points: Array) -> tuple[Array, Array]:
+        """Distances (n,) of points (n, 2) from the nearest solid, and its edge there (n, 2) [m]."""
+        distance, normals = self._solids.whole.measure(points)
+        nearest = distance.argmin(axis=1)[:, None]
+        least = np.take_along_axis(distance, nearest, 1)[:, 0]
+        away = np.take_along_axis(normals, nearest[..., None], 1)[:, 0]
+        return least, points - least[:, None] * away

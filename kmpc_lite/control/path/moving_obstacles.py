@@ -1,0 +1,216 @@
+"""Circles that move: whether the robot will meet them, and must slow down or make room for them."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kmpc_lite.control.options import MovingObstacleOptions
+from kmpc_lite.control.path.timed_path import TimedPath
+from kmpc_lite.geometry import exact_arc
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.world.solids import Solids
+
+ROUNDING = 1e-9
+"""Time that belongs to the look-ahead [s]."""
+
+
+class MovingObstacleTable:
+    """What follows from the options: moments that are looked at, scales and arcs that are tried.
+
+    Parameters
+    ----------
+    options : MovingObstacleOptions
+        In metres.
+    """
+
+    def __init__(self, options: MovingObstacleOptions) -> None:
+        self.options = options
+        self.times = np.arange(0.0, options.look_ahead + ROUNDING, options.look_step)
+        """(T,) from now [s]."""
+        self.scales = np.array(options.speed_scales)
+        """(S,) shares of the speed."""
+        order = product(options.arc_times, options.arc_speeds, options.arc_turns)
+        self.arcs = np.array([(v, omega, end) for end, v, omega in order])
+        """(E, 3) shares of speed and rate of turn, and when the arc ends [s]."""
+
+
+class MovingObstacles:
+    """Circles at constant velocity, as they are now.
+
+    Parameters
+    ----------
+    circles : ndarray
+        (M, 5) rows x, y, radius, vx, vy; those at rest belong to it.
+    inflation : float
+        Distance that the robot's centre must keep from the circles' edges [m].
+    speed : ndarray
+        At which the robot drives and turns [m/s, rad/s], (2,).
+    table : MovingObstacleTable
+        Of the options.
+    solids : Solids, optional
+        What else is there, at rest.
+    spread : ndarray, optional
+        (M,) speeds at which circles grow whose velocity was seen, not told [m/s]: up to
+        `inflation`.
+    area : ndarray, optional
+        Least and largest x, y of the robot's centre (2, 2) [m]: beyond it there is no room.
+    """
+
+    def __init__(
+        self,
+        circles: Array,
+        inflation: float,
+        speed: Array,
+        table: MovingObstacleTable,
+        solids: Solids | None = None,
+        spread: Array | None = None,
+        area: Array | None = None,
+    ) -> None:
+        moves = circles[:, 3:].any(axis=1)
+        self._all, self._solids, self.spread, self._area = circles, solids, spread, area
+        self._moving = circles[moves]
+        self._moving_spread = None if spread is None else spread[moves]
+        self._inflation, self._speed = inflation, speed
+        self._table, self._times, self._options = table, table.times, table.options
+
+    def stays(self, waited: float) -> bool:
+        """Whether a robot has stood so long [s] that whom it lets pass is not about to pass."""
+        return waited > self._options.look_ahead
+
+    def where_met(self, pose: Array, waited: float = 0.0) -> Array:
+        """Circles (M, 5) where a robot at a pose (3,) meets them if it drives there.
+
+        Those that move are larger by the clearance that paths keep from them. Where the robot has
+        stood for them too long [s], by that at which they are not in its way, and by how far they
+        come while it drives past.
+        """
+        met, velocity = self._all.copy(), self._all[:, 3:]
+        time = np.zeros(len(met))
+        # how far away it is when the robot gets there, to two rounds
+        for _ in range(2):
+            away = self._all[:, :2] + time[:, None] * velocity - pose[:2]
+            distance = np.hypot(away[:, 0], away[:, 1]) - self._all[:, 2] - self._inflation
+            time = np.minimum(np.maximum(distance, 0.0) / self._speed[0], self._options.look_ahead)
+        met[:, :2] += time[:, None] * velocity
+        if self.stays(waited):
+            kept = self._options.clearance * velocity.any(axis=1)
+            kept += (self._options.look_ahead - time) * np.hypot(velocity[:, 0], velocity[:, 1])
+        else:
+            kept = self._options.path_clearance * velocity.any(axis=1)
+        met[:, 2] += kept
+        return met
+
+    def blocks(self, path: TimedPath, place: float, waited: float = 0.0) -> bool:
+        """Whether a circle will be where the robot then is on its path, from its place [s] on.
+
+        Or whether the robot has stood there for too long [s].
+        """
+        if self.stays(waited):
+            return True
+        positions = path.at(place + self._times)[:, :2]
+        return bool(self._from_moving(positions) < 0.0)
+
+    def speed_scale(self, path: TimedPath, place: float) -> float | None:
+        """Share of the speed at which the robot on its path keeps clear; none if no share does."""
+        wanted = self._options.clearance
+        positions = path.at(place + self._times)[:, :2]
+        if self._from_moving(positions) >= wanted:
+            return 1.0
+        scales = self._table.scales
+        slower = scales[:, None] * self._times
+        positions = path.at((place + slower).ravel())[:, :2].reshape(*slower.shape, 2)
+        clear = self._from_moving(positions) >= wanted
+        return float(scales[np.argmax(clear)]) if clear.any() else None
+
+    def spares(self, pose: Array) -> bool:
+        """Whether a robot that stays at a pose (3,) is passed at a distance."""
+        stays = np.broadcast_to(pose[:2], (len(self._times), 2))
+        clearance = self._from_moving(stays)
+        return bool(clearance >= self._options.clearance)
+
+    def evasive_arc(self, pose: Array, begun: int, times: Array) -> tuple[int, Array]:
+        """Pick the arc on which the robot makes room.
+
+        The first one that is clear for long is taken; else the first that is clear for now. Where
+        none is, the one with the most clearance; the arc begun is kept unless another promises more
+        by `switch_clearance`.
+
+        Parameters
+        ----------
+        pose : ndarray
+            The robot's pose (3,).
+        begun : int
+            Number of the arc that it is on; -1 for none.
+        times : ndarray
+            Times (n,) at which poses are wanted [s].
+
+        Returns
+        -------
+        number : int
+            Of the arc.
+        poses : ndarray
+            (n, 3) on it.
+        """
+        for ahead in (self._times * self._options.long_look, self._times):
+            clearance = self._clearance_on_arcs(pose, ahead)
+            clear = clearance >= self._options.clearance
+            if clear.any():
+                best = int(np.argmax(clear))
+                break
+        else:
+            if begun >= 0:
+                clearance[begun] += self._options.switch_clearance
+            best = int(np.argmax(clearance))
+        arc: Array = self._arcs(pose, times)[best]
+        return best, arc
+
+    def _from_moving(self, positions: Array) -> Array:
+        """Least clearance (...) of positions (..., T, 2) from what moves [m]."""
+        return self._clearance(positions, self._moving, self._times, self._moving_spread)
+
+    def _clearance(
+        self, positions: Array, circles: Array, times: Array, spread: Array | None
+    ) -> Array:
+        """Least clearance (...) from circles (M, 5), of positions (..., T, 2) at times (T,) [m]."""
+        away = positions[..., None, :] - circles[:, :2] - times[:, None, None] * circles[:, 3:]
+        distances: Array = np.sqrt(np.einsum("...i,...i->...", away, away))
+        distances -= circles[:, 2]
+        distances -= self._inflation
+        if spread is not None:
+            distances -= np.minimum(times[:, None] * spread, self._inflation)
+        least: Array = distances.min(axis=(-2, -1))
+        return least
+
+    def _clearance_on_arcs(self, pose: Array, times: Array) -> Array:
+        """Least clearance (E,) on all arcs from a pose (3,).
+
+        Arcs into solids and out of the area come last.
+        """
+        positions = self._arcs(pose, times)[..., :2]
+        clearance = self._clearance(positions, self._all, times, self.spread)
+        last = np.ptp(clearance) + np.abs(clearance).max()
+        if self._area is not None:
+            outside = np.maximum(self._area[0] - positions, positions - self._area[1]).max(axis=2)
+            # who stands outside need not go farther
+            allowed = max(float(outside[0, 0]), 0.0) + self._options.touch
+            clearance[outside.max(axis=1) > allowed] -= last
+        if self._solids is None:
+            return clearance
+        longest = float(self._table.arcs[:, 2].max())
+        reach = longest * float(self._speed[0]) + self._inflation
+        near = self._solids.within(pose[:2], reach)
+        distances = near.least(positions.reshape(-1, 2)).reshape(len(clearance), -1)
+        # what stands still needs no more than its margin; no circle is a reason to drive into it
+        allowed = min(self._inflation, float(distances[0, 0])) - self._options.touch
+        clearance[distances.min(axis=1) < allowed] -= last
+        return clearance
+
+    def _arcs(self, pose: Array, times: Array) -> Array:
+        """Poses (E, n, 3) on all arcs from a pose (3,)."""
+        v, omega = (self._table.arcs[:, :2] * self._speed).T[..., None]
+        return exact_arc(pose, v, omega, np.minimum(times, self._table.arcs[:, 2:]))

@@ -1,0 +1,92 @@
+"""A shuttle: away along the goal's axis and back, where turning on the spot takes longer.
+
+A robot that has stopped beside its goal, by more than it may begin its last turn at, would turn to
+drive there and turn back: up to half a circle, and each turn moves a robot that slips. Where it is
+nearly aligned it is quicker to drive away from the goal, along the axis of the goal's heading, and
+to come back in the other gear.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.control.path.path_map import PathMap, distance_around
+from kmpc_lite.control.path.situation import Situation
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.geometry import wrap
+from kmpc_lite.types import Array
+
+
+class ShuttleFinder:
+    """Tells whether a shuttle is quicker, and where it turns back.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Radius, margin and area.
+    options : GuidanceOptions
+        In metres.
+    """
+
+    def __init__(self, problem: NavigationProblem, options: GuidanceOptions) -> None:
+        self._length, self._gain = options.shuttle_length, options.shuttle_gain
+        self._slow = np.array([options.shuttle_speed, 1.0])
+        self._inflation = problem.robot_radius + problem.margin
+        self._low, self._high = problem.x_min[:2], problem.x_max[:2]
+
+    def find(self, now: Situation, path_map: PathMap | None) -> Array | None:
+        """Pose (3,) at which a shuttle turns back; None where turning on the spot is quicker.
+
+        Parameters
+        ----------
+        now : Situation
+            Of this step.
+        path_map : PathMap, optional
+            Of the solids.
+        """
+        forward, backward = now.capabilities.forward, now.capabilities.backward
+        if backward[0] <= 0.0:
+            return None
+        directly = min(
+            _time_of_leg(now.pose, now.goal, speed, turned)
+            for speed, turned in ((forward, 0.0), (backward, math.pi))
+        )
+        x, y, heading = now.goal.tolist()
+        ahead = self._length * np.array([math.cos(heading), math.sin(heading)])
+        best, best_time = None, directly - self._gain
+        # behind the goal in reverse, or before it: back in the other gear
+        gears = backward * self._slow, forward * self._slow
+        for side, out, back in ((-1.0, *gears), (1.0, *gears[::-1])):
+            pose = np.array([x + side * ahead[0], y + side * ahead[1], heading])
+            time = _time_of_leg(now.pose, pose, out, math.pi if side < 0.0 else 0.0)
+            time += self._length / float(back[0])
+            if time < best_time and self._is_free(pose, now.circles, path_map):
+                best, best_time = pose, time
+        return best
+
+    def _is_free(self, pose: Array, circles: Array, path_map: PathMap | None) -> bool:
+        """Whether the robot can stand at a pose (3,): in the area, and off all obstacles."""
+        if not ((pose[:2] >= self._low).all() and (pose[:2] <= self._high).all()):
+            return False
+        return distance_around(pose[:2], circles, path_map) >= self._inflation
+
+
+def _time_of_leg(begin: Array, end: Array, speed: Array, turned: float) -> float:
+    """Time of turning on the spot, driving straight, and turning to the end's heading [s].
+
+    Parameters
+    ----------
+    begin, end : ndarray
+        Poses (3,).
+    speed : ndarray
+        Speed [m/s] and rate of turn [rad/s], (2,).
+    turned : float
+        Angle from the robot's course to its heading: pi in reverse [rad].
+    """
+    dx, dy = (end - begin)[:2].tolist()
+    course = math.atan2(dy, dx) + turned
+    turns = abs(wrap(course - float(begin[2]))) + abs(wrap(float(end[2]) - course))
+    return turns / float(speed[1]) + math.hypot(dx, dy) / float(speed[0])

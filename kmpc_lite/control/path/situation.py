@@ -1,0 +1,140 @@
+"""What the guide sees in one step."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii, unit_length
+from kmpc_lite.control.path.capabilities import Capabilities
+from kmpc_lite.control.path.guide_task import GuideTask
+from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
+from kmpc_lite.control.path.turning_centre import point_of, swing
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.world.circles import some_move
+from kmpc_lite.geometry import nearest_turn
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.path.state import GuideState
+    from kmpc_lite.control.world.sight.view import View
+    from kmpc_lite.control.world.solids import Solids
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Situation:
+    """Robot, goal and obstacles now; poses are those of the turning centre."""
+
+    pose: Array
+    """(3,)."""
+    goal: Array
+    """(3,)."""
+    target: Array
+    """Goal of the tracked pose (3,)."""
+    error: Array
+    """Pose less goal (3,), the heading's in [-pi, pi]."""
+    rest_error: Array
+    """The same of the pose at which the robot stands if it brakes now."""
+    distance: float
+    """To the goal [m]."""
+    circles: Array
+    """(M, 5)."""
+    solids: Solids | None
+    moving: MovingObstacles | None
+    """The circles, if any of them moves."""
+    capabilities: Capabilities
+    outside: bool
+    """Whether the goal lies outside the area; then `goal` is the nearest pose inside."""
+    until: float
+    """When to leave a search to the next step [s]."""
+    view: View | None = None
+    """What scans have shown; none without any."""
+    speed: float = 0.0
+    """That was commanded last, in either direction [m/s]."""
+
+    def met(self, waited: float) -> Array:
+        """Circles (M, 5) where the robot meets them, which has stood for them so long [s]."""
+        moving = self.moving
+        return self.circles.copy() if moving is None else moving.where_met(self.pose, waited)
+
+    @property
+    def told(self) -> Array:
+        """Circles (K, 5) that do as they are told: who was seen to move is no part of the map."""
+        moving = self.moving
+        if moving is None or moving.spread is None:
+            return self.circles
+        told: Array = self.circles[moving.spread == 0.0]
+        return told
+
+
+class Surveyor:
+    """Sees the situation of a step, from the point about which the robot turns.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Area, radius and margin.
+    options : MovingObstacleOptions
+        What the robot does about what moves.
+    """
+
+    def __init__(self, problem: NavigationProblem, options: MovingObstacleOptions) -> None:
+        self._inflation = problem.robot_radius + problem.margin
+        self._low, self._high = problem.x_min[:2].tolist(), problem.x_max[:2].tolist()
+        self._area = np.array([self._low, self._high])
+        self._table = MovingObstacleTable(lengths_from_radii(options, unit_length(problem)))
+
+    def see(self, state: GuideState, capabilities: Capabilities, task: GuideTask) -> Situation:
+        """See all that the guide is asked; a goal outside the area is moved to its edge."""
+        pose, goal, rest = task.pose, task.goal, task.rest
+        tolerance = capabilities.tolerances.enter_distance
+        outside = self._lies_outside(goal, tolerance)
+        if outside:
+            goal = np.array([*np.clip(goal[:2], self._low, self._high), goal[2]])
+        target, centre = goal, state.turning_centre
+        if centre is not None:
+            pose, goal = point_of(pose, centre), point_of(goal, centre)
+            rest = None if rest is None else point_of(rest, centre)
+        error = pose - goal
+        error[2] -= nearest_turn(float(error[2]))
+        return Situation(
+            pose=pose,
+            goal=goal,
+            target=target,
+            error=error,
+            rest_error=error if rest is None else error + (rest - pose),
+            distance=math.hypot(error[0], error[1]),
+            circles=task.circles,
+            solids=task.solids,
+            moving=self._moving(state, capabilities, task),
+            capabilities=capabilities,
+            outside=outside,
+            until=task.until,
+            view=task.view,
+            speed=task.speed,
+        )
+
+    def _lies_outside(self, goal: Array, tolerance: float) -> bool:
+        """Whether a goal (3,) lies outside the area by more than a tolerance."""
+        (x, y, _), low, high = goal.tolist(), self._low, self._high
+        inside_x = low[0] - tolerance <= x <= high[0] + tolerance
+        return not (inside_x and low[1] - tolerance <= y <= high[1] + tolerance)
+
+    def _moving(
+        self, state: GuideState, capabilities: Capabilities, task: GuideTask
+    ) -> MovingObstacles | None:
+        """The circles, if any of them moves."""
+        circles, spread = task.circles, task.spread
+        # circles at rest that were seen before are known again in a moment
+        if not len(circles) or circles.tobytes() == state.circles_at_rest:
+            return None
+        if not some_move(circles):
+            return None
+        inflation = self._inflation + swing(state.turning_centre)
+        speed = capabilities.evasive
+        # who walks as he is told to is driven past as ever
+        area = None if spread is None else self._area
+        return MovingObstacles(circles, inflation, speed, self._table, task.solids, spread, area)

@@ -1,0 +1,123 @@
+"""What the guide remembers from step to step: plain data, which copies and pickles."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kmpc_lite.control.path.goal_checker import GoalCheckerState
+from kmpc_lite.control.path.path_map import PathMap, distances_around
+from kmpc_lite.control.path.progress_checker import ProgressState
+from kmpc_lite.control.path.search_state import PathSearch
+from kmpc_lite.control.path.timed_path import TimedPath
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.world.solids import Solids
+
+
+BLOCKED = "something that moves stands in the only way"
+"""Why there is no path where there is one but for what moves."""
+
+
+@dataclass(slots=True)
+class GuideState:
+    """The path, the search for another one, and what they were made for."""
+
+    # the path
+    path: TimedPath | None = None
+    """What is followed."""
+    place: float = 0.0
+    """Where on it the robot is [s]."""
+    path_clearance: float = math.inf
+    """Clearance beyond the problem's margin that it keeps [m]."""
+    goal_clearance: float = math.inf
+    """What the goal leaves beyond that margin [m]: less than the path keeps, between obstacles."""
+    turning: bool = False
+    """Whether the robot is on its last turn on the spot."""
+    shuttle: Array | None = None
+    """Pose (3,) at which a shuttle turns back: the path leads there; none: to the goal."""
+    shuttles: int = 0
+    """How many were driven for this goal."""
+    why_none: str = ""
+    """Why there is no path."""
+    waiting: Array | None = None
+    """Pose (3,) at which the robot waits while there is no path."""
+    evasive_arc: int = -1
+    """Number of the arc on which it makes room for a moving obstacle; -1: none."""
+    turning_centre: Array | None = None
+    """Point (2,) that paths are made for, ahead and to the left of the tracked pose [m]; none: that
+    pose."""
+
+    looking: bool = False
+    """Whether it stands and turns to where its way goes dark, until it has looked there."""
+    avoided: TimedPath | None = None
+    """Path that has led nowhere, until the robot gets nearer to its goal ..."""
+    avoided_place: float = 0.0
+    """... and where on it the robot stood [s]."""
+    narrow: bool = False
+    """Whether the widest clearance is not tried, until the robot gets nearer to its goal."""
+    yielding: bool = False
+    """Whether the robot drives more slowly, or elsewhere, for something that moves."""
+    yielded: float = 0.0
+    """How long it has stood for something that moves, less what it has driven since [s]."""
+
+    # what the last search was begun for
+    goal: Array = field(default_factory=lambda: np.full(3, np.nan))
+    """(3,), of the tracked pose."""
+    circles: Array = field(default_factory=lambda: np.empty((0, 5)))
+    """(M, 5)."""
+    circles_at_rest: bytes = b""
+    """The same as bytes where none moves: equal ones are known again in a moment."""
+    solids: Solids | None = None
+    path_map: PathMap | None = None
+    """Made of the solids when a search first needs it."""
+    age: float = 0.0
+    """Time since then [s]."""
+
+    unwatched: float = 0.0
+    """Time since what scans show was last looked at for what stands on the path [s]."""
+
+    # the search that is under way
+    search: PathSearch | None = None
+    urgent: bool = False
+    """Whether its path is needed in this step: the old one is not for this map or goal."""
+    hurried: bool = False
+    """Whether it is brought forward by more parts in each step: something stands on the path."""
+    search_time: float = 0.0
+    """How long a search takes during which the robot drives on, as the last ones have shown [s]."""
+    only_renews: bool = False
+    """Whether nothing is wrong with the path: it is kept unless another is much quicker."""
+    attempts: int = 0
+    """Searches near the same goal, one after the other."""
+    centre_moved: bool = False
+    """Whether the turning centre has moved since the last search was begun."""
+
+    # the checkers
+    goal_checker: GoalCheckerState = field(default_factory=GoalCheckerState)
+    progress: ProgressState = field(default_factory=ProgressState)
+
+    def kept_on_the_way(self, states: Array, inflation: float) -> float | Array:
+        """Clearance beyond the margin that stages 1 to N of states (N + 1, 3) keep [m].
+
+        One number, or one of each stage, (N, 1): where the goal leaves less than the path keeps, no
+        more than what is left there. A robot that is to keep more is driven away from a goal
+        between obstacles, and swings about it.
+
+        Parameters
+        ----------
+        states : ndarray
+            The reference, or a plan.
+        inflation : float
+            The problem's [m].
+        """
+        kept, left = self.path_clearance, max(self.goal_clearance, 0.0)
+        if left >= kept:
+            return kept
+        at_rest = self.circles[~self.circles[:, 3:].any(axis=1)]
+        around = distances_around(states[1:, :2], at_rest, self.path_map) - inflation
+        out: Array = np.minimum(np.maximum(around, left), kept)[:, None]
+        return out

@@ -1,0 +1,201 @@
+"""A path as poses over time: how fast the robot can drive it, and where on it the robot is."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+
+import numpy as np
+
+from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.control.path.tangent_graph import GeometricPath
+from kmpc_lite.geometry import angle_swept, wrap
+from kmpc_lite.types import Array
+
+INSTANT = 1e-9
+"""Time between two poses that are the same [s]: times must grow."""
+AT_GOAL = 1e-6
+"""Distance that rounding leaves to the goal [m]."""
+
+
+class TimedPath:
+    """Poses along a path, at the times at which they can be reached; it does not change.
+
+    Parameters
+    ----------
+    geometry : GeometricPath
+        Points and directions.
+    start, goal : ndarray
+        Poses (3,).
+    speed : ndarray
+        Speed [m/s] and rate of turn [rad/s] to drive at, (2,).
+    options : GuidanceOptions
+        In metres: how the robot's place on the path is found.
+    free_turn : float
+        Part of the first turn that is left to the controller, to be made while driving [rad].
+    wheels : tuple
+        How far a wheel drives for each radian that the robot turns [m], and its fastest speed
+        [m/s].
+    deceleration : float
+        With which the drive ends [m/s^2]; infinite where the robot stands at once.
+    """
+
+    def __init__(
+        self,
+        geometry: GeometricPath,
+        start: Array,
+        goal: Array,
+        speed: Array,
+        options: GuidanceOptions,
+        free_turn: float = 0.0,
+        wheels: tuple[float, float] = (0.0, math.inf),
+        deceleration: float = math.inf,
+    ) -> None:
+        self.geometry, self._braking = geometry, float(speed[0]) / deceleration
+        self.poses = poses_along(geometry, start, goal, free_turn)
+        steps = np.diff(self.poses, axis=0)
+        lengths = np.hypot(steps[:, 0], steps[:, 1])
+        turns = np.abs(steps[:, 2])
+        needed = np.maximum(lengths / speed[0], turns / speed[1])
+        # the outer wheel drives both
+        needed = np.maximum(needed, (lengths + wheels[0] * turns) / wheels[1])
+        self.times = np.concatenate([[0.0], np.cumsum(np.maximum(needed, INSTANT))])
+        # as complex numbers, for both coordinates are interpolated in the time of one
+        self._places = self.poses[:, 0] + 1j * self.poses[:, 1]
+        self._headings, self._time_list = self.poses[:, 2].copy(), self.times.tolist()
+        self.duration = float(self.times[-1])
+        self.drive_end = float(self.times[-2])
+        """When the goal's position is reached, and the last turn begins [s]."""
+        self._back, self._ahead = options.locate_back, options.locate_ahead
+        self._turn_length = options.turn_length
+        self._grid_step = max(options.grid_step, self.duration / options.grid_poses)
+        self._grid_times = np.append(np.arange(0.0, self.duration, self._grid_step), self.duration)
+        self._grid = self.at(self._grid_times) * (1.0, 1.0, self._turn_length)
+
+    @property
+    def points(self) -> Array:
+        """The path's points (K, 2) [m]."""
+        return self.geometry.points
+
+    def at(self, times: Array) -> Array:
+        """Poses (n, 3) at times (n,) [s]; the ends are held."""
+        poses = np.empty((len(times), 3))
+        places = np.interp(times, self.times, self._places)
+        poses[:, :2] = places.view(float).reshape(-1, 2)
+        poses[:, 2] = np.interp(times, self.times, self._headings)
+        return poses
+
+    def times_after(self, place: float, later: Array) -> Array:
+        """Times on the path of a robot that is at a place [s] and drives on, braking at the end.
+
+        On its times alone a path ends at full speed: whoever brakes before it has braked too late.
+
+        Parameters
+        ----------
+        place : float
+            Where it is [s], before the last turn.
+        later : ndarray
+            How much later, (n,) [s].
+        """
+        left, braking = self.drive_end - place, self._braking
+        if left <= 0.0 or braking == 0.0:
+            return place + later
+        # with a constant deceleration the root of the time that is left shrinks evenly
+        root, rate = math.sqrt(min(left, 0.5 * braking)), 1.0 / math.sqrt(2.0 * braking)
+        slowed = later - max(left - 0.5 * braking, 0.0)
+        times: Array = np.where(
+            slowed <= 0.0,
+            place + later,
+            self.drive_end - np.maximum(root - rate * slowed, 0.0) ** 2,
+        )
+        return times + np.maximum(slowed - root / rate, 0.0)
+
+    def share_at_goal(self, states: Array) -> float:
+        """Share of the stages 1 to N of a reference (N + 1, 3) that have come to its goal."""
+        away = np.abs(states[1:, :2] - self.poses[-1, :2])
+        return float((away <= AT_GOAL).all(axis=1).mean())
+
+    def locate(self, pose: Array, place: float, least: float = 0.0) -> tuple[float, float]:
+        """Find the robot's place: the time of the path's pose that is nearest.
+
+        Parameters
+        ----------
+        pose : ndarray
+            The robot's pose (3,).
+        place : float
+            Where it was found last [s]; only places near it are looked at.
+        least : float
+            Where it must have come to [s].
+
+        Returns
+        -------
+        place, off : float
+            The time on the path [s], and the distance from its pose there [m].
+        """
+        last = max(place, least)
+        begin = int(max(place - self._back, least) / self._grid_step)
+        end = int((last + self._ahead) / self._grid_step) + 2
+        x, y, heading = pose.tolist()
+        # next to the heading at the last place: the robot has not turned by half a circle since
+        before = self._grid.item(int(last / self._grid_step), 2) / self._turn_length
+        heading -= math.tau * round((heading - before) / math.tau)
+        error = self._grid[begin:end] - (x, y, self._turn_length * heading)
+        nearest = int(np.einsum("ni,ni->n", error, error).argmin())
+        found = float(self._grid_times[begin + nearest])
+        return found, math.hypot(error.item(nearest, 0), error.item(nearest, 1))
+
+    def points_left(self, pose: Array, place: float) -> Array:
+        """Points (K, 2) from a robot's pose (3,) along the rest of the path after its place [s]."""
+        left = self.times[1:-1] > place
+        left[-1] = True
+        return np.concatenate([pose[None, :2], self.points[left]])
+
+    def heading_at(self, time: float) -> float:
+        """Heading [rad] at a time [s]."""
+        # one number: plain floats are faster than NumPy
+        after = min(max(bisect_right(self._time_list, time), 1), len(self._time_list) - 1)
+        begin, end = self._time_list[after - 1], self._time_list[after]
+        before, turned = self._headings.item(after - 1), self._headings.item(after)
+        share = min(max((time - begin) / (end - begin), 0.0), 1.0)
+        return float(before + share * (turned - before))
+
+
+def poses_along(
+    geometry: GeometricPath, start: Array, goal: Array, free_turn: float = 0.0
+) -> Array:
+    """Poses (K + 2, 3): the path's points between a turn at the start and one at the goal."""
+    headings = geometry.headings + (math.pi if geometry.reverse else 0.0)
+    first = float(wrap(headings[0] - start[2]))
+    last = float(wrap(goal[2] - headings[-1]))
+    on_the_spot = np.sign(first) * max(abs(first) - free_turn, 0.0)
+    headings = headings + (start[2] + first - headings[0])
+    poses = np.empty((len(headings) + 2, 3))
+    poses[1:-1, :2], poses[1:-1, 2] = geometry.points, headings
+    poses[0] = (*geometry.points[0], headings[0] - on_the_spot)
+    poses[-1] = (goal[0], goal[1], headings[-1] + last)
+    return poses
+
+
+def same_side(
+    previous: TimedPath, place: float, path: GeometricPath, pose: Array, centres: Array
+) -> bool:
+    """Tell whether two paths to one goal pass every obstacle on the same side, in the same gear.
+
+    Parameters
+    ----------
+    previous : TimedPath
+        The path that is driven.
+    place : float
+        Where on it the robot is [s].
+    path : GeometricPath
+        The other path.
+    pose : ndarray
+        Where that begins (3,).
+    centres : ndarray
+        A point in each obstacle, (M, 2) [m].
+    """
+    if previous.geometry.reverse != path.reverse:
+        return False
+    swept = angle_swept(previous.points_left(pose, place), centres)
+    turned = swept - angle_swept(path.points, centres)
+    return bool((np.abs(turned) < np.pi).all())

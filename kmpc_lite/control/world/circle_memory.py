@@ -1,0 +1,118 @@
+"""Circles that were told when they were near, and are out of reach now: they still stand there.
+
+Where only what lies within `NavigationProblem.sensor_range` is told, a circle is missing for one of
+two reasons. Within reach it has gone, and is forgotten at once. Out of reach it is remembered, or
+the robot would turn back from it, forget it, and come again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from kmpc_lite.control.options import ControllerOptions, lengths_from_radii, unit_length
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.world.circles import COLUMNS
+from kmpc_lite.control.world.pairing import pairs
+from kmpc_lite.types import Array
+
+
+@dataclass(slots=True)
+class CircleMemoryState:
+    """The circles that stand, in the order in which they were told first."""
+
+    circles: Array = field(default_factory=lambda: np.empty((0, COLUMNS)))
+    """(K, 5)."""
+    unseen: Array = field(default_factory=lambda: np.empty(0))
+    """(K,) for how long each has not been told; zero of those of the last step."""
+
+
+class CircleMemory:
+    """Adds the circles that are out of reach to those that are told.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Its `sensor_range`, radius and period, in the robot's units.
+    options : ControllerOptions
+        How long circles are remembered, how many there may be, and how far one may be from where
+        it was and be the same.
+    """
+
+    def __init__(self, problem: NavigationProblem, options: ControllerOptions) -> None:
+        self._range = problem.sensor_range
+        self._radius, self._dt = problem.body_radius, problem.dt
+        self._memory, self._most = options.sight.memory, options.obstacles.circles
+        self._moved = lengths_from_radii(options.guidance, unit_length(problem)).moved_distance
+
+    def recall(
+        self,
+        state: CircleMemoryState,
+        circles: Array,
+        spread: Array | None,
+        pose: Array,
+        noise: float,
+        driven: float,
+    ) -> tuple[Array, Array | None]:
+        """Take in the circles of a step, and give all that are known.
+
+        Parameters
+        ----------
+        state : CircleMemoryState
+            Updated; left alone where there is no `sensor_range`.
+        circles : ndarray
+            (M, 5) as told, or as seen to move.
+        spread : ndarray or None
+            (M,) speeds at which they grow; those that grow were seen to move.
+        pose : ndarray
+            (3,) from which they were seen.
+        noise : float
+            By how much poses may err.
+        driven : float
+            How far the robot drives in a period, by which the list may be older than the pose.
+
+        Returns
+        -------
+        circles : ndarray
+            (K + W, 5): all that stand, always in the same order so that a list that shrinks is no
+            other map, then those that move.
+        spread : ndarray or None
+            (K + W,), as told.
+        """
+        if self._range is None or not (len(circles) or len(state.circles)):
+            return circles, spread
+        stands = (circles[:, 3:] == 0.0).all(axis=1)
+        if spread is not None:
+            stands &= spread == 0.0
+        known, unseen = state.circles.copy(), state.unseen + self._dt
+        rows, columns = self._told_again(known, circles, noise)
+        known[rows], unseen[rows] = circles[columns], 0.0
+        is_new = stands.copy()
+        is_new[columns] = False
+        away = np.hypot(known[:, 0] - pose[0], known[:, 1] - pose[1])
+        reach = self._range - self._moved - noise - driven
+        kept = (away - known[:, 2] - self._radius > reach) & (unseen <= self._memory)
+        kept[rows] = stands[columns]
+        self._keep_latest(kept, unseen, self._most - len(circles))
+        state.circles = np.concatenate([known[kept], circles[is_new]])
+        state.unseen = np.concatenate([unseen[kept], np.zeros(np.count_nonzero(is_new))])
+        if spread is not None:
+            spread = np.concatenate([np.zeros(len(state.circles)), spread[~stands]])
+        return np.concatenate([state.circles, circles[~stands]]), spread
+
+    def _told_again(self, known: Array, circles: Array, noise: float) -> tuple[Array, Array]:
+        """Which of those that are known (K, 5) is which of the told ones (M, 5): pairs of rows."""
+        differ = np.zeros((len(known), len(circles)))
+        for axis in range(3):
+            away = np.abs(np.subtract.outer(known[:, axis], circles[:, axis]))
+            np.maximum(differ, away, out=differ)
+        differ[differ > self._moved + noise] = np.inf
+        return pairs(differ)
+
+    def _keep_latest(self, kept: Array, unseen: Array, most: int) -> None:
+        """Of the kept ones (K,) that were not told forget those beyond a number, the oldest."""
+        remembered = np.flatnonzero(kept & (unseen > 0.0))
+        if len(remembered) > most:
+            order = np.argsort(unseen[remembered], kind="stable")
+            kept[remembered[order[max(most, 0) :]]] = False

@@ -1,0 +1,267 @@
+"""How obstacles enter the QP: each as the half-plane that its nearest point stands for.
+
+A circle, a polygon, a wall or a cell of a grid lies behind the half-plane through its nearest
+point, across the direction from there to the robot. The QP keeps each stage out of the nearest few.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.world.circles import circle_distances, some_move
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.world.nearby import Nearby
+
+LEAST_DISTANCE = 1e-9
+"""Distance from the robot below which there is no direction towards it [m]."""
+
+
+class SolidsAhead(NamedTuple):
+    """Solids as seen from where a plan's first stage is: all that a check of one command needs.
+
+    A half-plane that a convex solid lies behind is as good as the solid. For a robot with a
+    footprint each of its circles has a row.
+    """
+
+    place: Array
+    """(2,) or (F, 2)."""
+    distances: Array
+    """(C,) or (F, C) of the solids from there [m]."""
+    normals: Array
+    """(C, 2) or (F, C, 2) unit vectors away from them."""
+
+
+NO_SOLIDS_AHEAD = SolidsAhead(np.zeros(2), np.empty(0), np.empty((0, 2)))
+
+
+class Clearances(NamedTuple):
+    """Clearances of stages 1 to N from K obstacles and sides, obstacles first."""
+
+    values: Array
+    """(N, K) [m], negative inside."""
+    normals: Array
+    """(N, K, 2) unit vectors away from them."""
+    obstacle_count: int
+    """How many of the K are obstacles; the others are sides of the area."""
+    solids_ahead: SolidsAhead
+    """From stage 1."""
+
+
+class KeepOut:
+    """What the robot's centre must stay out of: obstacles and the outside of the area.
+
+    Obstacles are circles and solids, grown by the robot's radius and the problem's margin. Holds
+    the memory for one problem; what it returns is overwritten by the next call.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Bounds, radius, margin, horizon.
+    slots : int
+        Half-planes per stage: the nearest of all obstacles and sides.
+    """
+
+    directions = 2
+    """By how many of a state's coordinates a clearance has slopes: x and y."""
+
+    def __init__(self, problem: NavigationProblem, slots: int) -> None:
+        _, _, x_min, x_max = problem.bounds
+        sides = [
+            (axis, sign, bound)
+            for axis in (0, 1)
+            for sign, bound in ((1.0, x_min[axis]), (-1.0, x_max[axis]))
+            if np.isfinite(bound)
+        ]
+        self._side_normals = np.array(
+            [[sign if axis == i else 0.0 for i in (0, 1)] for axis, sign, _ in sides]
+        ).reshape(-1, 2)
+        self._side_offsets = np.array([sign * bound for _, sign, bound in sides])
+        self._distance = problem.body_radius + problem.margin
+        self._range = problem.sensor_range
+        self._side_count = len(sides) + (self._range is not None)
+        self.horizon, self.slots = problem.horizon, slots
+        self._times = problem.dt * np.arange(1, problem.horizon + 1)
+        self._count = -1
+        self._row_starts = np.arange(problem.horizon)[:, None]
+        self._nearest: Array | None = None
+        self._normals = np.zeros((self.horizon, slots, self.directions))
+        self._offsets = np.full((self.horizon, slots), -np.inf)
+
+    def clearances(self, states: Array, circles: Array, solids: Nearby | None) -> Clearances:
+        """Clearances of stages 1 to N from circles, solids, then sides, in this order.
+
+        The last of the sides is the circle within which all is known, where there is one. A robot
+        that stands outside the area widens its side to where it stands: it is asked to come
+        back, at no obstacle's expense.
+
+        Parameters
+        ----------
+        states, circles : ndarray
+            (N + 1, 3), the first being the present one, and (M, 5).
+        solids : Nearby, optional
+            Solids that the robot can come to.
+        """
+        circle_count = len(circles)
+        count = circle_count + (0 if solids is None else solids.columns)
+        if count != self._count:
+            self._count = count
+            self._values = np.empty((self.horizon, count + self._side_count))
+            self._all_normals = np.empty((*self._values.shape, 2))
+            self._all_normals[:, count : count + len(self._side_offsets)] = self._side_normals
+        positions = states[1:, :2]
+        solids_ahead = NO_SOLIDS_AHEAD
+        if circle_count:
+            distances, self._all_normals[:, :circle_count] = circle_distances(
+                circles, positions, self._times
+            )
+            np.subtract(distances, self._distance, out=self._values[:, :circle_count])
+        if solids is not None:
+            distances, self._all_normals[:, circle_count:count] = solids.measure(positions)
+            np.subtract(distances, self._distance, out=self._values[:, circle_count:count])
+            normals_ahead = self._all_normals[0, circle_count:count]
+            solids_ahead = SolidsAhead(positions[0].copy(), distances[0], normals_ahead)
+        np.subtract(
+            positions @ self._side_normals.T,
+            self._side_offsets_from(states[0]),
+            out=self._values[:, count : count + len(self._side_offsets)],
+        )
+        if self._range is not None:
+            away = states[0, :2] - positions
+            distance = np.hypot(away[:, 0], away[:, 1])
+            self._values[:, -1] = self._range - distance
+            self._all_normals[:, -1] = away / np.maximum(distance, LEAST_DISTANCE)[:, None]
+        return Clearances(self._values, self._all_normals, count, solids_ahead)
+
+    def _side_offsets_from(self, present: Array) -> Array:
+        """Offsets of the sides (sides,) for a robot that is at `present` (3,)."""
+        offsets: Array = np.minimum(self._side_offsets, self._side_normals @ present[:2])
+        return offsets
+
+    def _outside(self, states: Array) -> Array:
+        """How far stages 1 to N lie beyond the sides (N, sides) [m]."""
+        beyond: Array = self._side_offsets_from(states[0]) - states[1:, :2] @ self._side_normals.T
+        if self._range is not None:
+            away = states[1:, :2] - states[0, :2]
+            farther = np.hypot(away[:, 0], away[:, 1]) - self._range
+            beyond = np.concatenate([beyond, farther[:, None]], axis=1)
+        return beyond
+
+    def growth(self, spread: Array) -> Array:
+        """How much circles that grow at speeds (M,) have grown at stages 1 to N, (N, M) [m].
+
+        At the most by the robot's radius: who may come must not block the way.
+        """
+        grown: Array = np.minimum(self._times[:, None] * spread, self._distance)
+        return grown
+
+    def tighten(
+        self, states: Array, circles: Array, found: Clearances, margins: Array | float
+    ) -> Array:
+        """Take margins (N, K) [m] off what `clearances` has found for states and circles."""
+        clearances = found.values
+        clearances -= margins
+        return clearances
+
+    def chord_radii(self, circle_count: int, count: int) -> Array | None:
+        """Radii for the margins of chords, of circles and of all obstacles; none: the robot's."""
+        return None
+
+    def shares(self) -> Array | None:
+        """Where on the way to its stage each of the last half-planes stands; none: at its end."""
+        return None
+
+    def half_planes(self, states: Array, clearances: Array, normals: Array) -> tuple[Array, Array]:
+        """Nearest half-planes ``normal . p >= offset`` of stages 1 to N.
+
+        Parameters
+        ----------
+        states, clearances, normals : ndarray
+            (N + 1, 3), and what `clearances` gave for them, less margins if there are any.
+
+        Returns
+        -------
+        normals, offsets : ndarray
+            (N, slots, `directions`); (N, slots) [m], minus infinity where a slot is not needed.
+        """
+        kinds = clearances.shape[1]
+        used = min(kinds, self.slots)
+        self._nearest = None
+        if kinds > self.slots:
+            # in the order of the obstacles, so that a row keeps its obstacle, and its multiplier,
+            # from pass to pass
+            nearest = np.argpartition(clearances, self.slots - 1, axis=1)[:, : self.slots]
+            nearest.sort(axis=1)
+            nearest += kinds * self._row_starts
+            self._nearest = nearest
+            clearances = clearances.take(nearest)
+            normals = normals.reshape(-1, self.directions).take(nearest, axis=0)
+        offsets = np.matmul(normals, states[1:, : self.directions, None])[..., 0]
+        offsets -= clearances
+        if used == self.slots:
+            return normals, offsets
+        self._normals[:, :used], self._offsets[:, :used] = normals, offsets
+        self._normals[:, used:], self._offsets[:, used:] = 0.0, -np.inf
+        return self._normals, self._offsets
+
+    def bends(self, states: Array, circles: Array) -> Array:
+        """How much the last half-planes turn per metre along their obstacles, (N, slots) [1/m].
+
+        Sides do not. Nor do solids here: edges are straight, and where a plan goes round a corner
+        the next pass sees it.
+        """
+        bends = np.zeros(self._values.shape)
+        if len(circles):
+            distances, _ = circle_distances(circles, states[1:, :2], self._times)
+            bends[:, : len(circles)] = 1.0 / np.maximum(distances + circles[:, 2], 1e-3)
+        if self._nearest is not None:
+            return bends.take(self._nearest)
+        out = np.zeros((self.horizon, self.slots))
+        out[:, : bends.shape[1]] = bends
+        return out
+
+    def penetration(
+        self,
+        states: Array,
+        circles: Array,
+        solids: Nearby | None = None,
+        margins: Array | float = 0.0,
+    ) -> Array:
+        """How deep stages 1 to N stand in their deepest obstacle or outside the area, (N,) [m].
+
+        As `clearances`, without normals; solids as far as the last linearisation saw them.
+        `margins` (N, K) [m] are added to what must be kept.
+        """
+        count = len(circles)
+        outside = self._outside(states)
+        x, y = states[1:, 0:1], states[1:, 1:2]
+        if solids is not None:
+            inside = self._distance - solids.again(states[1:, :2])
+            outside = np.concatenate([inside, outside], axis=1)
+        if count:
+            if some_move(circles):
+                x = x - self._times[:, None] * circles[:, 3]
+                y = y - self._times[:, None] * circles[:, 4]
+            inside = circles[:, 2] + self._distance - np.hypot(x - circles[:, 0], y - circles[:, 1])
+            outside = np.concatenate([inside, outside], axis=1)
+        deepest: Array = (outside + margins).max(axis=1, initial=0.0)
+        return deepest
+
+
+def keep_out(problem: NavigationProblem, slots: int, ways: bool = False) -> KeepOut:
+    """What a robot, or its ways, must stay out of, with so many half-planes per stage."""
+    if ways:
+        # here, since most steps are short
+        from kmpc_lite.control.world.ways import WayKeepOut
+
+        return WayKeepOut(problem, slots)
+    if problem.footprint is None:
+        return KeepOut(problem, slots)
+    # here, since most robots are round
+    from kmpc_lite.control.world.body_half_planes import BodyKeepOut
+
+    return BodyKeepOut(problem, problem.footprint, slots)

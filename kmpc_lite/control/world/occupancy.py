@@ -1,0 +1,278 @@
+"""Occupancy grids: what a map server or a costmap gives, reduced to few rectangles."""
+
+from __future__ import annotations
+
+import os
+from copy import copy
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from kmpc_lite.control.convex import FARTHEST
+from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES, ObstacleOptions
+from kmpc_lite.errors import ProblemError
+from kmpc_lite.types import Array
+
+
+class OccupancyGrid:
+    """Cells that are occupied or free, like ``nav_msgs/OccupancyGrid``.
+
+    A grid must not be changed once it is made.
+
+    Parameters
+    ----------
+    data : array_like
+        (height, width) of -1 (unknown) and 0 (free) to 100 (occupied), or booleans; the first row
+        has the lowest y, and with a flat list of a message: ``np.reshape(message.data,
+        (info.height, info.width))``.
+    resolution : float
+        Side of a cell [m].
+    origin : array_like
+        x, y [m] of the grid's corner at ``data[0, 0]``, and its heading [rad], (2,) or (3,).
+    threshold : float
+        A cell with this value or more is occupied.
+    unknown_is_free : bool
+        Whether the robot may drive where nothing is known.
+    limits : ObstacleOptions
+        How many cells it may have, and how small and how ragged they may be.
+
+    Raises
+    ------
+    ProblemError
+        Names what is wrong.
+
+    Examples
+    --------
+    >>> grid = OccupancyGrid([[0, 0, 0], [0, 100, 100]], resolution=0.5, origin=(-1.0, 0.0))
+    >>> grid.rectangles.tolist()
+    [[0.5, 0.5, 1.5, 1.0]]
+    """
+
+    def __init__(
+        self,
+        data: ArrayLike,
+        resolution: float,
+        origin: ArrayLike = (0.0, 0.0, 0.0),
+        threshold: float = 65.0,
+        unknown_is_free: bool = False,
+        limits: ObstacleOptions = USUAL_OBSTACLES,
+    ) -> None:
+        try:
+            cells, place = np.asarray(data), np.array(origin, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise ProblemError(
+                f"grid: expected cells (height, width) and an origin x, y, yaw: {error}"
+            ) from error
+        if cells.size > limits.grid_cells:
+            raise ProblemError(
+                f"grid: expected at most {limits.grid_cells:,} cells, got {cells.size:,}: "
+                "make them larger"
+            )
+        if cells.ndim != 2 or not cells.size or cells.dtype.kind not in "biuf":
+            raise ProblemError(
+                f"grid: expected numbers (height, width), got {cells.dtype} of shape {cells.shape}"
+            )
+        _check_resolution(resolution, limits)
+        if place.shape not in ((2,), (3,)) or not (np.abs(place) <= FARTHEST).all():
+            raise ProblemError(f"grid: expected a finite origin x, y, yaw, got {place.tolist()}")
+        if not 0.0 < threshold <= 100.0:
+            raise ProblemError(
+                f"grid: expected a threshold above 0 and up to 100, got {threshold!r}"
+            )
+        if cells.dtype.kind == "b":
+            cells = 100 * cells.astype(np.int8)
+        if not (cells.min() >= -1 and cells.max() <= 100):
+            raise ProblemError(
+                f"grid: expected values from -1 to 100, got {cells.min()} to {cells.max()}"
+            )
+        self.resolution = float(resolution)
+        x, y, *heading = map(float, place)
+        self.origin = (x, y, heading[0] if heading else 0.0)
+        self.unknown = cells < 0
+        """(height, width) whether nothing is known."""
+        self.occupied: NDArray[np.bool_] = cells >= threshold
+        """(height, width) what the robot must not touch."""
+        if not unknown_is_free:
+            self.occupied = self.occupied | self.unknown
+        self._threshold, self._unknown_is_free = threshold, unknown_is_free
+        self._limits = limits
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Count the runs, and make rectangles of them: now, not in the first step that sees it."""
+        limits = self._limits
+        for array in (self.unknown, self.occupied):
+            array.flags.writeable = False
+        self.runs = min(_runs(self.occupied), _runs(self.occupied.T))
+        """How many runs of occupied cells there are, along rows or columns as these are fewer."""
+        if self.runs > limits.grid_runs:
+            raise ProblemError(
+                f"grid: expected at most {limits.grid_runs:,} runs of occupied cells in its rows "
+                f"or columns, got {self.runs:,}: filter the noise, or make the cells larger"
+            )
+        rows = rectangles_of(self.occupied)
+        columns = rectangles_of(self.occupied.T)[:, [1, 0, 3, 2]]
+        self._blocks = rows if len(rows) <= len(columns) else columns
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        unknown_is_free: bool = False,
+        limits: ObstacleOptions = USUAL_OBSTACLES,
+    ) -> OccupancyGrid:
+        """Read the pair of files that ROS's map_server writes.
+
+        They are ``map.yaml`` and the PGM image that it names.
+
+        Raises
+        ------
+        ProblemError
+            Names the file, and what is wrong with it.
+        """
+        from kmpc_lite.control.world.map_server import read_map
+
+        cells, resolution, origin = read_map(Path(path), limits.grid_cells)
+        return cls(cells, resolution, origin, unknown_is_free=unknown_is_free, limits=limits)
+
+    def update(self, patch: ArrayLike, row: int = 0, column: int = 0) -> OccupancyGrid:
+        """Return the grid with some cells anew, as ``map_msgs/OccupancyGridUpdate`` tells them.
+
+        Where the patch changes nothing that matters the grid itself is returned, so that nothing is
+        prepared anew.
+
+        Parameters
+        ----------
+        patch : array_like
+            (h, w) values as those of the grid.
+        row, column : int
+            Of the grid's cell that the patch's first one replaces: y and x of the message.
+
+        Raises
+        ------
+        ProblemError
+            For a patch that is no part of the grid, or values that are none.
+        """
+        new = OccupancyGrid(
+            patch, self.resolution, (0.0, 0.0), self._threshold, self._unknown_is_free, self._limits
+        )
+        height, width = new.occupied.shape
+        if row < 0 or column < 0:
+            raise ProblemError(f"grid: expected a row and a column >= 0, got {row} and {column}")
+        place = slice(row, row + height), slice(column, column + width)
+        if self.occupied[place].shape != (height, width):
+            raise ProblemError(
+                f"grid: a patch of {height} x {width} cells at row {row} and column {column} "
+                f"reaches beyond the grid's {self.occupied.shape[0]} x {self.occupied.shape[1]}"
+            )
+        if np.array_equal(self.occupied[place], new.occupied) and np.array_equal(
+            self.unknown[place], new.unknown
+        ):
+            return self
+        other = copy(self)
+        other.__dict__.pop("rectangles", None)
+        other.unknown, other.occupied = self.unknown.copy(), self.occupied.copy()
+        other.unknown[place], other.occupied[place] = new.unknown, new.occupied
+        other._prepare()
+        return other
+
+    def scaled(self, unit: float) -> OccupancyGrid:
+        """Return the same in units of a length [m]; the cells are shared."""
+        other = copy(self)
+        other.__dict__.pop("rectangles", None)
+        other.resolution = self.resolution / unit
+        other.origin = (self.origin[0] / unit, self.origin[1] / unit, self.origin[2])
+        return other
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, OccupancyGrid) and (
+            self is other
+            or (self.resolution, self.origin) == (other.resolution, other.origin)
+            and np.array_equal(self.occupied, other.occupied)
+            and np.array_equal(self.unknown, other.unknown)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.resolution, self.origin, self.occupied.shape))
+
+    def __repr__(self) -> str:
+        height, width = self.occupied.shape
+        return (
+            f"OccupancyGrid({height} x {width} cells of {self.resolution:g} m, "
+            f"origin {self.origin})"
+        )
+
+    @cached_property
+    def rectangles(self) -> Array:
+        """Rectangles that together cover the occupied cells, (B, 4) [m].
+
+        Each is xmin, ymin, xmax, ymax in the grid's own frame.
+        """
+        found: Array = self.resolution * self._blocks
+        return found
+
+    def to_grid(self, points: Array) -> Array:
+        """Points (..., 2) of the map in the grid's own frame [m]."""
+        away: Array = points - self.origin[:2]
+        return away @ self._turn.T if self.origin[2] else away
+
+    def to_map(self, points: Array) -> Array:
+        """Points (..., 2) of the grid's own frame in the map [m]."""
+        there: Array = self.turn(points) + self.origin[:2]
+        return there
+
+    def turn(self, directions: Array) -> Array:
+        """Directions (..., 2) of the grid's own frame in the map."""
+        return directions @ self._turn if self.origin[2] else directions
+
+    @cached_property
+    def _turn(self) -> Array:
+        """Matrix (2, 2) that turns rows of the grid's frame into the map's."""
+        cos, sin = np.cos(self.origin[2]), np.sin(self.origin[2])
+        return np.array([[cos, sin], [-sin, cos]])
+
+
+def _check_resolution(resolution: float, limits: ObstacleOptions) -> None:
+    """Raise ProblemError where the side of a cell is none, or finer or coarser than allowed."""
+    if (
+        isinstance(resolution, bool)
+        or not isinstance(resolution, int | float | np.number)
+        or not 0.0 < resolution < np.inf
+    ):
+        raise ProblemError(f"grid: expected a resolution > 0 m, got {resolution!r}")
+    if not limits.cell <= resolution <= FARTHEST:
+        raise ProblemError(
+            f"grid: expected a resolution of at least {limits.cell:g} m, got {resolution:g} m"
+        )
+
+
+def _runs(occupied: NDArray[np.bool_]) -> int:
+    """How many runs of occupied cells the rows have."""
+    begins = np.count_nonzero(occupied[:, 1:] & ~occupied[:, :-1])
+    return int(begins + np.count_nonzero(occupied[:, 0]))
+
+
+def rectangles_of(occupied: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Rectangles (B, 4) of occupied cells: first column and row, and one past the last of each.
+
+    Each is a run of cells in a row, joined with equal runs of the rows that follow.
+    """
+    height, width = occupied.shape
+    padded = np.zeros((height, width + 2), dtype=np.int8)
+    padded[:, 1:-1] = occupied
+    # no run goes on from one row to the next: all rows are looked at as one
+    change = np.diff(padded.ravel())
+    rows, begins = np.divmod(np.flatnonzero(change == 1), width + 2)
+    ends = np.flatnonzero(change == -1) - (width + 2) * rows
+    # in one number: runs of equal columns stand one after the other, and a rectangle goes on while
+    # the rows do
+    runs = (begins * (width + 1) + ends) * (height + 1) + rows
+    runs.sort()
+    goes_on = runs[1:] == runs[:-1] + 1
+    first = np.flatnonzero(np.concatenate([[True], ~goes_on])[: len(runs)])
+    last = np.append(first[1:], len(runs)) - 1 if len(first) else first
+    columns, bottom = np.divmod(runs[first], height + 1)
+    left, right = np.divmod(columns, width + 1)
+    return np.stack([left, bottom, right, runs[last] % (height + 1) + 1], axis=1)

@@ -1,0 +1,145 @@
+"""Polygons and walls as rounded convex outlines: how far points are from them, and which way.
+
+The nearest point of each stands for it, with a normal that makes a half-plane in which the whole
+shape lies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from kmpc_lite.control.world.shapes import Polygon, Wall
+from kmpc_lite.types import Array
+
+AT = 1e-9
+"""Distance at which a direction cannot be told [m]."""
+
+
+def corners_of(solid: Polygon | Wall) -> Array:
+    """Corners of a polygon, or ends of a wall, (K, 2) [m]."""
+    return np.array(
+        solid.vertices
+        if isinstance(solid, Polygon)
+        else [(solid.x1, solid.y1), (solid.x2, solid.y2)]
+    )
+
+
+class Outlines:
+    """Rounded convex outlines (P,) with at most E edges; shorter ones repeat their last edge.
+
+    Parameters
+    ----------
+    begins, steps : ndarray
+        Where edges begin, counter-clockwise, and how they go on, (P, E, 2) [m].
+    rounding : ndarray
+        Distance from the outline that belongs to the shape, (P,) [m].
+    is_line : ndarray
+        Which have one edge and no inside, (P,).
+    """
+
+    def __init__(self, begins: Array, steps: Array, rounding: Array, is_line: Array) -> None:
+        self.begins, self.steps, self.rounding, self.is_line = begins, steps, rounding, is_line
+        self._edges = begins.shape[1]
+        # all edges in one row, since NumPy's time is one of calls
+        begin, step = begins.reshape(-1, 2), steps.reshape(-1, 2)
+        squares = np.einsum("fi,fi->f", step, step)
+        scaled = step / np.maximum(squares, AT**2)[:, None]
+        self._outward = (
+            np.column_stack([step[:, 1], -step[:, 0]]) / np.maximum(np.sqrt(squares), AT)[:, None]
+        )
+        across, across_begin = self._outward.copy(), np.einsum("fi,fi->f", self._outward, begin)
+        # beyond a line's edge is everything
+        line = np.repeat(is_line, self._edges)
+        across[line], across_begin[line] = 0.0, -1.0
+        self._along, self._along_begin = (
+            np.ascontiguousarray(scaled.T),
+            np.einsum("fi,fi->f", scaled, begin),
+        )
+        self._across, self._across_begin = np.ascontiguousarray(across.T), across_begin
+        self._begin_x, self._begin_y = np.ascontiguousarray(begin.T)
+        self._step_x, self._step_y = np.ascontiguousarray(step.T)
+        self._first = self._edges * np.arange(len(begins))
+        self._has_inside = not bool(is_line.all())
+
+    def __len__(self) -> int:
+        return len(self.rounding)
+
+    @classmethod
+    def of(cls, solids: Sequence[Polygon | Wall]) -> Outlines:
+        """Outlines of polygons and walls."""
+        corners = [corners_of(s) for s in solids]
+        counts = [
+            1 if isinstance(s, Wall) else len(c) for s, c in zip(solids, corners, strict=True)
+        ]
+        edges = [np.minimum(np.arange(max(counts)), count - 1) for count in counts]
+        shape = len(solids), max(counts, default=1), 2
+        begins = np.array([c[e] for c, e in zip(corners, edges, strict=True)]).reshape(shape)
+        ends = np.array([c[(e + 1) % len(c)] for c, e in zip(corners, edges, strict=True)]).reshape(
+            shape
+        )
+        rounding = np.array([0.5 * s.thickness if isinstance(s, Wall) else 0.0 for s in solids])
+        return cls(
+            begins,
+            ends - begins,
+            rounding,
+            np.array([isinstance(s, Wall) for s in solids], dtype=bool),
+        )
+
+    def take(self, chosen: Array) -> Outlines:
+        """Some of the outlines."""
+        return Outlines(
+            self.begins[chosen], self.steps[chosen], self.rounding[chosen], self.is_line[chosen]
+        )
+
+    @property
+    def edge_count(self) -> int:
+        """Edges that are looked at for each point."""
+        return len(self._begin_x)
+
+    def walls_and_polygons(self) -> list[Outlines]:
+        """Give the same apart, where there are both: walls have one edge, and need not more."""
+        if not len(self):
+            return []
+        walls, polygons = self.take(self.is_line), self.take(~self.is_line)
+        walls = Outlines(walls.begins[:, :1], walls.steps[:, :1], walls.rounding, walls.is_line)
+        return [part for part in (walls, polygons) if len(part)]
+
+    def distances(self, points: Array) -> tuple[Array, Array]:
+        """Distances (n, P) of points (n, 2) [m], negative inside, and normals (n, P, 2)."""
+        share = points @ self._along
+        share -= self._along_begin
+        np.maximum(share, 0.0, out=share)
+        np.minimum(share, 1.0, out=share)
+        x, y = share * self._step_x, share * self._step_y
+        x += self._begin_x
+        y += self._begin_y
+        np.subtract(points[:, :1], x, out=x)
+        np.subtract(points[:, 1:], y, out=y)
+        squares = x * x
+        squares += y * y
+        nearest = squares.reshape(len(points), -1, self._edges).argmin(axis=2)
+        nearest += self._first
+        edge = nearest + len(self._begin_x) * np.arange(len(points))[:, None]
+        distance = np.sqrt(squares.take(edge))
+        normals = np.empty((*distance.shape, 2))
+        normals[..., 0], normals[..., 1] = x.take(edge), y.take(edge)
+        depth = None
+        if self._has_inside:
+            beyond = points @ self._across
+            beyond -= self._across_begin
+            depth = beyond.reshape(len(points), -1, self._edges).max(axis=2)
+        if (depth is not None and depth.min() < 0.0) or distance.min(initial=1.0) <= AT:
+            inside = np.zeros(distance.shape, dtype=bool) if depth is None else depth < 0.0
+            normals /= np.maximum(distance, AT)[..., None]
+            normals = np.where(
+                (inside | (distance <= AT))[..., None], self._outward[nearest], normals
+            )
+            # a wall without a length has no sides: any direction leads away
+            normals[..., 0] += ~normals.any(axis=-1)
+            distance[inside] *= -1.0
+        else:
+            normals /= distance[..., None]
+        distance -= self.rounding
+        return distance, normals

@@ -1,0 +1,251 @@
+"""The map of what scans have shown around the robot: cells that are free, occupied, or unknown.
+
+It is plain data, which copies and pickles. All lengths are in the robot's units.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kmpc_lite.control.world.sight.outlook import Outlook
+from kmpc_lite.types import Array
+
+UNKNOWN = -1
+"""State of a cell of which nothing is known; see `LocalMap.state`."""
+NEVER = -np.inf
+"""Before every time; see `LocalMap.taken`."""
+EMPTY = ("state", UNKNOWN), ("seen", 0.0), ("extent", 0.0), ("taken", NEVER)
+"""What is told of cells of which nothing is known."""
+NO_POSES = np.empty((0, 4))
+
+
+@dataclass(slots=True)
+class LocalMap:
+    """Cells along the axes of the world; row and column count with y and x."""
+
+    cell: float
+    """Side of a cell."""
+    column: int
+    """Of the map's first column among all columns of the world: its side lies at column * cell."""
+    row: int
+    """The same of the first row."""
+    state: NDArray[np.int8]
+    """(H, W) UNKNOWN; 0: seen to be free; n: occupied, until n more scans have passed through."""
+    seen: NDArray[np.float32]
+    """(H, W) when it was seen last, on `clock`."""
+    extent: NDArray[np.float32]
+    """(H, W, 4) box around the hits of the last step that hit a cell: its lower and upper corner,
+    from the cell's lower one."""
+    taken: NDArray[np.float32]
+    """(H, W) when an occupied cell was hit that was free until then, on `clock`."""
+    is_fixed: bool
+    """Whether it holds the whole area, so that it need not follow the robot."""
+    clock: float = 0.0
+    """Time since the map was begun."""
+    rounding: float = 0.0
+    """How much nearer than they were seen hits may be."""
+    forgotten: float = 0.0
+    """When cells were forgotten last."""
+    trail: Array = field(default_factory=lambda: NO_POSES)
+    """(K, 4) time and pose of the steps before."""
+    outlooks: dict[Outlook, float] = field(default_factory=dict)
+    """Where scanners look, and when each has told something last, on `clock`."""
+
+    @classmethod
+    def around(cls, low: Array, high: Array, cell: float, is_fixed: bool) -> LocalMap:
+        """Begin a map, of which nothing is known, from a corner (2,) to another."""
+        column, row = np.floor(low / cell).astype(int).tolist()
+        width, height = (np.ceil(high / cell).astype(int) - (column, row)).tolist()
+        shape = height, width
+        return cls(
+            cell,
+            column,
+            row,
+            np.full(shape, UNKNOWN, dtype=np.int8),
+            np.zeros(shape, dtype=np.float32),
+            np.zeros((*shape, 4), dtype=np.float32),
+            np.full(shape, NEVER, dtype=np.float32),
+            is_fixed,
+        )
+
+    @property
+    def corner(self) -> Array:
+        """Where the first cell begins (2,)."""
+        return self.cell * np.array([self.column, self.row])
+
+    def follow(self, point: Array, reach: float) -> None:
+        """Move the map along, where a point (2,) lies too near to its edge.
+
+        One that holds the whole area stays, unless what lies within a reach of the point is not on
+        it: a robot outside its area takes the map along from then on.
+        """
+        height, width = self.state.shape
+        if self.is_fixed:
+            low = self.corner + reach
+            high = self.corner + self.cell * np.array((width, height)) - reach
+            self.is_fixed = bool(((point >= low) & (point <= high)).all())
+        if self.is_fixed:
+            return
+        column, row = np.floor(point / self.cell).astype(int).tolist()
+        inside_x = width // 4 <= column - self.column < width - width // 4
+        inside_y = height // 4 <= row - self.row < height - height // 4
+        if inside_x and inside_y:
+            return
+        to_column, to_row = column - width // 2, row - height // 2
+        right, up = to_column - self.column, to_row - self.row
+        for name, empty in EMPTY:
+            setattr(self, name, _shifted(getattr(self, name), up, right, empty))
+        self.column, self.row = to_column, to_row
+
+    def window(self, point: Array, distance: float) -> tuple[slice, slice]:
+        """Rows and columns of the cells within a distance of a point (2,), along each axis."""
+        return self.between(point - distance, point + distance)
+
+    def between(self, low: Array, high: Array) -> tuple[slice, slice]:
+        """Rows and columns of the cells between two corners (2,)."""
+        (left, bottom), (right, top) = low.tolist(), high.tolist()
+        height, width = self.state.shape
+        bottom = math.floor(bottom / self.cell) - self.row
+        left = math.floor(left / self.cell) - self.column
+        top = math.floor(top / self.cell) - self.row + 1
+        right = math.floor(right / self.cell) - self.column + 1
+        rows = slice(min(max(bottom, 0), height), min(max(top, 0), height))
+        return rows, slice(min(max(left, 0), width), min(max(right, 0), width))
+
+    def centres(self, rows: slice, columns: slice) -> tuple[Array, Array]:
+        """X (W,) and y (H,) of the middles of a window's cells."""
+        x = self.cell * (self.column + 0.5 + np.arange(columns.start, columns.stop))
+        y = self.cell * (self.row + 0.5 + np.arange(rows.start, rows.stop))
+        return x, y
+
+    def occupied(
+        self, window: tuple[slice, slice], beyond: tuple[slice, slice] | None = None
+    ) -> NDArray[np.intp]:
+        """Flat numbers (n,) of a window's occupied cells: of all, or those beyond another one."""
+        rows, columns = window
+        state = self.state[window] > 0
+        if beyond is not None:
+            inner, across = beyond
+            skipped = slice(max(inner.start - rows.start, 0), max(inner.stop - rows.start, 0))
+            along = slice(max(across.start - columns.start, 0), max(across.stop - columns.start, 0))
+            state[skipped, along] = False
+        row, column = np.divmod(np.flatnonzero(state), max(state.shape[1], 1))
+        cells: NDArray[np.intp] = (row + rows.start) * self.state.shape[1] + column + columns.start
+        return cells
+
+    def cells_of(self, points: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+        """Flat numbers (n,) of the cells of points (n, 2), and which points lie on the map."""
+        height, width = self.state.shape
+        column = np.floor(points[:, 0] / self.cell).astype(np.intp) - self.column
+        row = np.floor(points[:, 1] / self.cell).astype(np.intp) - self.row
+        inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
+        row *= width
+        row += column
+        return np.where(inside, row, 0), inside
+
+    def is_unknown(self, points: Array) -> NDArray[np.bool_]:
+        """Of which of points (n, 2) nothing is known; beyond the map of none."""
+        cells, inside = self.cells_of(points)
+        unknown: NDArray[np.bool_] = (self.state.ravel()[cells] == UNKNOWN) | ~inside
+        return unknown
+
+    def is_near(self, points: Array, distance: float) -> NDArray[np.bool_]:
+        """Which points (n, 2) lie on the map, or no farther from it than a distance."""
+        low = self.cell * np.array((self.column, self.row)) - distance
+        high = low + self.cell * np.array(self.state.shape[::-1]) + 2.0 * distance
+        near = (points >= low) & (points <= high)
+        return near[:, 0] & near[:, 1]
+
+    def boxes(self, cells: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Corners (n, 2), (n, 2) of what was hit in cells with flat numbers (n,)."""
+        row, column = np.divmod(cells, self.state.shape[1])
+        low = np.empty((len(cells), 2))
+        np.multiply(column + self.column, self.cell, out=low[:, 0])
+        np.multiply(row + self.row, self.cell, out=low[:, 1])
+        extent = self.extent.reshape(-1, 4).take(cells, axis=0)
+        return low + extent[:, :2], low + extent[:, 2:]
+
+    def mark(self, points: Array, level: int) -> None:
+        """Mark the cells of a step's hits (n, 2) as occupied."""
+        cells, inside = self.cells_of(points)
+        if not inside.all():
+            cells, points = cells[inside], points[inside]
+        if not len(cells):
+            return
+        order = np.argsort(cells, kind="stable")
+        cells, points = cells.take(order), points.take(order, axis=0)
+        first = np.flatnonzero(np.diff(cells, prepend=-1))
+        cells = cells.take(first)
+        state = self.state.ravel()
+        self.taken.ravel()[cells[state[cells] == 0]] = self.clock
+        state[cells] = level
+        self.seen.ravel()[cells] = self.clock
+        places = points - self.cell * np.floor(points / self.cell)
+        extent = self.extent.reshape(-1, 4)
+        extent[cells, :2] = np.minimum.reduceat(places, first)
+        extent[cells, 2:] = np.maximum.reduceat(places, first)
+
+    def was_free(self, cells: NDArray[np.intp], time: float) -> NDArray[np.bool_]:
+        """Whether cells with flat numbers (n,) are free, or were until a time ago at most."""
+        state, taken = self.state.ravel()[cells], self.taken.ravel()[cells]
+        free: NDArray[np.bool_] = (state == 0) | ((state > 0) & (taken >= self.clock - time))
+        return free
+
+    def forget(self, memory: float) -> None:
+        """Forget what was seen longer ago than the memory reaches; at times, not in each step."""
+        if self.clock - self.forgotten < memory / 16:
+            return
+        self.forgotten = self.clock
+        self.state[self.seen < self.clock - memory] = UNKNOWN
+
+    def look_out(self, outlooks: Iterable[Outlook], memory: float) -> None:
+        """Note where scanners look; which told nothing for so long, look no more."""
+        told = self.outlooks | dict.fromkeys(outlooks, self.clock)
+        self.outlooks = {o: time for o, time in told.items() if time >= self.clock - memory}
+
+    def remember_pose(self, pose: Array, most: int) -> None:
+        """Remember where the robot (3,) is now."""
+        row = np.array([[self.clock, *pose.tolist()]])
+        self.trail = np.concatenate([self.trail[-(most - 1) :], row])
+
+    def poses_at(self, ages: Array, after: float = 0.0, now: Array | None = None) -> Array:
+        """Where the robot was before, (..., 3): now where an age is zero.
+
+        `now` (3,) is where it is a time after the last pose that was remembered.
+        """
+        trail, clock = self.trail, self.clock + after
+        if now is not None:
+            trail = np.concatenate([trail, [[clock, *now.tolist()]]])
+        times, poses = trail[:, 0], trail[:, 1:]
+        moments = clock - ages
+        x, y = (np.interp(moments, times, poses[:, i]) for i in (0, 1))
+        heading = np.interp(moments, times, np.unwrap(poses[:, 2]))
+        return np.stack([x, y, heading], axis=-1)
+
+
+def _shifted(cells: NDArray[np.generic], up: int, right: int, empty: float) -> NDArray[np.generic]:
+    """Cells (H, W, ...) as seen from a corner that many rows and columns farther up and right."""
+    moved = np.full_like(cells, empty)
+    height, width = cells.shape[:2]
+    if abs(up) < height and abs(right) < width:
+        to_rows, rows = _overlap(up, height)
+        to_columns, columns = _overlap(right, width)
+        moved[to_rows, to_columns] = cells[rows, columns]
+    return moved
+
+
+def _overlap(shift: int, length: int) -> tuple[slice, slice]:
+    """Where the cells that stay go to, and where they come from."""
+    to = slice(max(-shift, 0), length - max(shift, 0))
+    return to, slice(to.start + shift, to.stop + shift)
+
+
+def side_of(cell: float, noise: float, share: float) -> float:
+    """Side of a cell that suits a robot and a scanner: never finer than the scanner sees."""
+    least = share * noise
+    return cell if least <= cell else cell * math.ceil(least / cell)

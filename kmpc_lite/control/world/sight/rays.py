@@ -1,0 +1,137 @@
+"""The rays of a scan from one point: how far each direction was seen to be clear."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from kmpc_lite.control.world.scan import LaserScan, Layout, beams
+from kmpc_lite.geometry import wrap
+from kmpc_lite.types import Array
+
+DIRECTIONS = 2048
+"""Directions that are told apart all around: the beams of the finest scanner that is usual."""
+NOTHING = 1e-15
+"""Keeps a quotient finite: what it is added to changes by less than rounding."""
+
+EQUAL = 1e-9
+"""Difference of two angles that is rounding [rad]."""
+
+
+class Rays:
+    """A scan in the world: where its hits lie, and what its beams passed through.
+
+    Parameters
+    ----------
+    scan : LaserScan
+        In metres.
+    poses : ndarray
+        Where the robot was when it was taken: (3,), or (B, 3) where beams are of different ages;
+        in the robot's units.
+    unit : float
+        Metres of one of the robot's units.
+    cell : float
+        Side of the cells that are looked at.
+    """
+
+    def __init__(self, scan: LaserScan, poses: Array, unit: float, cell: float) -> None:
+        one = poses.ndim == 1
+        cos, sin = np.cos(poses[..., 2]), np.sin(poses[..., 2])
+        mount_x, mount_y, _ = scan.mount
+
+        def placed(x: Array | float, y: Array | float) -> tuple[Array, Array]:
+            return poses[..., 0] + cos * x - sin * y, poses[..., 1] + sin * x + cos * y
+
+        reach = scan.reach / unit
+        x, y = placed(scan.ends[:, 0] / unit, scan.ends[:, 1] / unit)
+        ends = np.stack([x, y], axis=1)
+        self.hits = ends[scan.hits]
+        """(M, 2) what was hit."""
+        self.noise = scan.noise / unit
+        """Standard deviation of a range."""
+        self.origin = np.array(placed(mount_x / unit, mount_y / unit)).reshape(2, -1)[:, -1]
+        """(2,) the scanner; at the time of the last beam."""
+        self.low = np.minimum((x.min(), y.min()), self.origin) - cell
+        """(2,) corner of the area that no beam has left ..."""
+        self.high = np.maximum((x.max(), y.max()), self.origin) + cell
+        """... and the opposite one."""
+        if one:
+            # beams of one moment lie in the robot's frame as those of the scan before
+            self._cos, self._sin = float(cos), float(sin)
+            nearest, aside = _nearest_beams_of(scan.layout)
+        else:
+            self._cos, self._sin = 1.0, 0.0
+            x, y = x - self.origin[0], y - self.origin[1]
+            reach = np.where(scan.unknown, 0.0, np.hypot(x, y))
+            # where nothing is known of a beam's end, something is of its direction
+            directions = np.where(scan.unknown, poses[:, 2] + scan.directions, np.arctan2(y, x))
+            nearest, aside = _nearest_beams(directions)
+        self.farthest = float(reach.max())
+        """Longest ray."""
+        # only so far does the nearest beam pass through a cell in a direction beside it
+        within = np.minimum(reach.take(nearest), 0.5 * cell / np.maximum(aside, NOTHING))
+        self._clear = np.empty(DIRECTIONS + 1, dtype=np.float32)
+        self._clear[:-1] = within * within
+        self._clear[-1] = self._clear[0]
+
+    def passed(self, x: Array, y: Array) -> NDArray[np.bool_]:
+        """Whether rays passed through the middles of cells, at x and y that broadcast.
+
+        The nearest ray counts, where it passes through the cell at all.
+        """
+        # single precision is a micrometre here, and half the time
+        x, y = (x - self.origin[0]).astype(np.float32), (y - self.origin[1]).astype(np.float32)
+        ahead, aside = self._cos * x + self._sin * y, self._cos * y - self._sin * x
+        clear = self._clear.take(_numbers(ahead, aside))
+        found: NDArray[np.bool_] = clear >= x * x + y * y
+        return found
+
+
+def _numbers(x: Array, y: Array) -> NDArray[np.intp]:
+    """Number each direction (x, y) from 0, straight back, counter-clockwise.
+
+    Without an arc tangent: by the sum of both sides of a triangle. Straight back has the number
+    DIRECTIONS, too.
+    """
+    size = np.abs(x)
+    size += np.abs(y)
+    size += NOTHING
+    turn = np.divide(x, size, out=size)
+    turn *= -0.25 * DIRECTIONS
+    turn += 0.25 * DIRECTIONS
+    np.copysign(turn, y, out=turn)
+    turn += 0.5 * DIRECTIONS
+    return turn.astype(np.intp)
+
+
+def _middles() -> Array:
+    """Angles (DIRECTIONS,) of the middles of the numbered directions [rad], from -pi upwards."""
+    share = (np.arange(DIRECTIONS) + 0.5) * (4.0 / DIRECTIONS) - 2.0
+    along = 1.0 - np.abs(share)
+    found: Array = np.arctan2(np.copysign(1.0 - np.abs(along), share), along)
+    return found
+
+
+MIDDLES = _middles()
+
+
+def _nearest_beams(directions: Array) -> tuple[NDArray[np.intp], Array]:
+    """For each numbered direction the nearest of beams (B,), and how far aside that one points."""
+    directions = wrap(directions)
+    order = np.argsort(directions)
+    known = directions[order]
+    after = np.searchsorted(known, MIDDLES)
+    first, second = (after - 1) % len(known), after % len(known)
+    aside = [np.abs(wrap(known[i] - MIDDLES)) for i in (first, second)]
+    # what lies in the middle of two beams, but for rounding, goes to the first
+    nearer = aside[0] <= aside[1] + EQUAL
+    nearest: NDArray[np.intp] = order[np.where(nearer, first, second)]
+    return nearest, np.where(nearer, *aside)
+
+
+@lru_cache(maxsize=16)
+def _nearest_beams_of(layout: Layout) -> tuple[NDArray[np.intp], Array]:
+    """The same of a scanner whose beams are of one moment, in the robot's frame."""
+    return _nearest_beams(beams(*layout)[0])

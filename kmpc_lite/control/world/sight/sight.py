@@ -1,0 +1,250 @@
+"""How a step looks around: scans into the map, and from it what must not be driven into."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from kmpc_lite.control.options import SightOptions, lengths_from_radii, unit_length
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.world.boxes import Boxes
+from kmpc_lite.control.world.occupancy import OccupancyGrid, rectangles_of
+from kmpc_lite.control.world.scan import LaserScan
+from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap, side_of
+from kmpc_lite.control.world.sight.outlook import outlook_of
+from kmpc_lite.control.world.sight.rays import Rays
+from kmpc_lite.control.world.sight.view import View
+from kmpc_lite.control.world.solids import Solids
+from kmpc_lite.scale import Scale
+from kmpc_lite.types import Array
+
+WORLD = OccupancyGrid([[0]], 1.0)
+"""A grid in the world's own frame, for rectangles that belong to none."""
+NOBODY = np.empty((0, 5))
+
+
+class Seen(NamedTuple):
+    """What a step needs of what was seen, near the robot."""
+
+    hits: list[Boxes]
+    """What was hit."""
+    unknown: list[Boxes]
+    """What was never seen to be free."""
+
+
+class Sight:
+    """Keeps a local map up to date; what it remembers is the map alone.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Radius, area and period, in the robot's units.
+    scale : Scale
+        The robot's units.
+    options : SightOptions
+        How long what is believed.
+    reach : float
+        How far from the robot what was seen matters to a plan.
+    """
+
+    def __init__(
+        self, problem: NavigationProblem, scale: Scale, options: SightOptions, reach: float
+    ) -> None:
+        self.options = lengths_from_radii(options, unit_length(problem))
+        self._scale, self._reach, self._dt = scale, reach, problem.dt
+        self._radius, self._footprint = problem.body_radius, problem.footprint
+        # hits nearer than the first are the robot's own; within the second of its circles' middles
+        # there is nothing but the robot
+        self._inside = self._core = problem.robot_radius
+        if problem.footprint is not None:
+            self._inside = problem.footprint.inner_radius
+            self._core = problem.footprint.core_radius
+        self._area = problem.x_min[:2], problem.x_max[:2]
+        self._emerging = options.emerging_speed / scale.speed
+        self._deceleration = float(problem.deceleration[0])
+
+    def without_robot(self, scans: Sequence[LaserScan]) -> tuple[LaserScan, ...]:
+        """Scans in which hits within the robot are not told: its mast, its arm."""
+        return tuple(s.with_self_radius(self._inside * self._scale.length) for s in scans)
+
+    def look(
+        self,
+        before: LocalMap | None,
+        scans: Sequence[LaserScan],
+        pose: Array,
+        pose_noise: float,
+        moving: Array = NOBODY,
+    ) -> LocalMap | None:
+        """Bring the map up to date.
+
+        Parameters
+        ----------
+        before : LocalMap or None
+            Changed.
+        scans : sequence of LaserScan
+            Taken at the pose; in metres. None at all is a step without a scan.
+        pose : ndarray
+            (3,) as measured.
+        pose_noise : float
+            Standard deviation of its position.
+        moving : ndarray
+            (M, 5) circles that move: what is hit of them is no part of the map.
+        """
+        begins = before is None
+        if before is None:
+            if not scans:
+                return None
+            before = self._begin(scans, pose)
+        here, options = before, self.options
+        here.clock += self._dt
+        here.follow(pose[:2], self._reach)
+        here.remember_pose(pose, options.trail)
+        here.forget(options.memory)
+        scans = self.without_robot(scans)
+        unit = self._scale.length
+        looks = (outlook_of(scan, unit) for scan in scans)
+        here.look_out((o for o in looks if o is not None), options.blind_time / self._scale.time)
+        rays = [Rays(s, self._pose_of(here, s, pose), unit, here.cell) for s in scans]
+        for ray in rays:
+            error = math.hypot(ray.noise, pose_noise)
+            here.rounding = max(here.rounding, options.certainty * error)
+            self._clear(here, ray)
+        if rays:
+            hits = rays[0].hits if len(rays) == 1 else np.concatenate([ray.hits for ray in rays])
+            if len(moving):
+                away = np.hypot(*(hits[:, None] - moving[:, :2]).transpose(2, 0, 1))
+                hits = hits[(away > moving[:, 2] + here.cell).all(axis=1)]
+            here.mark(hits, options.passes)
+        # what the robot overlaps by a part is free where it begins; later it must have been seen
+        around = math.sqrt(0.5) * here.cell + options.free_at_start
+        self._stand(here, pose, self._radius + begins * around)
+        return here
+
+    def view(self, here: LocalMap, pose: Array, speed: float) -> View:
+        """What is known around a robot at a pose (3,) with a speed."""
+        return View(self, here, pose, speed)
+
+    def seen(self, here: LocalMap, pose: Array, speed: float) -> Seen:
+        """What a robot at a pose (3,) with a speed must not drive into."""
+        window = here.window(pose[:2], self._reach)
+        rows, columns = window
+        state = here.state[window]
+        low, high = here.boxes(here.occupied(window))
+        unknown = state == UNKNOWN
+        grow = 0.0
+        if self._emerging > 0.0:
+            # somebody may come out of what is not seen now, until the robot stands
+            unknown = unknown | ((state == 0) & (here.seen[window] < here.clock - self._dt))
+            unknown &= self._distance(here, window, pose) > self._radius + here.cell
+            grow = self._emerging * (self._dt + abs(speed) / self._deceleration)
+        left, bottom = columns.start + here.column, rows.start + here.row
+        sides = here.cell * (rectangles_of(unknown) + (left, bottom, left, bottom))
+        behind = self.options.level * here.cell
+        occupied = _boxes(low - here.rounding, high + here.rounding, behind)
+        dark = _boxes(sides[:, :2] - grow, sides[:, 2:] + grow, behind)
+        return Seen(occupied, dark)
+
+    def solids(self, here: LocalMap, given: Solids | None) -> Solids | None:
+        """All that is known to be occupied, as solids for a path search."""
+        is_hit = here.state > 0
+        rows, columns = (np.flatnonzero(is_hit.any(axis=axis)) for axis in (1, 0))
+        others = [] if given is None else list(given.solids)
+        if not len(rows):
+            return given
+        (top, bottom), (left, right) = rows[[-1, 0]] + (1, 0), columns[[0, -1]] + (0, 1)
+        occupied = is_hit[bottom:top, left:right]
+        corner = here.cell * np.array([here.column + left, here.row + bottom])
+        return Solids([*others, OccupancyGrid(occupied, here.cell, corner)])
+
+    def blocks(self, here: LocalMap, points: Array, distance: float) -> bool:
+        """Whether something stands nearer than a distance to any of the points (n, 2)."""
+        points = points[here.is_near(points, distance)]
+        if not len(points):
+            return False
+        low, high = points.min(axis=0), points.max(axis=0)
+        middle, half = 0.5 * (low + high), float((high - low).max()) / 2.0
+        boxes = here.boxes(here.occupied(here.window(middle, half + distance + here.cell)))
+        near = ((boxes[1] > low - distance) & (boxes[0] < high + distance)).all(axis=1)
+        begin, end = (corners[near] for corners in boxes)
+        x, y = (
+            np.maximum(begin[:, i, None] - points[:, i], points[:, i] - end[:, i, None])
+            for i in (0, 1)
+        )
+        np.maximum(x, 0.0, out=x)
+        np.maximum(y, 0.0, out=y)
+        x *= x
+        y *= y
+        x += y
+        return bool(x.min(initial=np.inf) < distance * distance)
+
+    def _begin(self, scans: Sequence[LaserScan], pose: Array) -> LocalMap:
+        """Begin a map that holds the whole area where that is small, else the neighbourhood."""
+        options, length = self.options, self._scale.length
+        noise = max(scan.noise for scan in scans) / length
+        cell = side_of(options.cell, noise, options.cell_noise)
+        low, high = self._area
+        low, high = low - self._reach - cell, high + self._reach + cell
+        most = options.most_cells * cell
+        if (high - low <= most).all():
+            return LocalMap.around(low, high, cell, True)
+        reach = max(scan.range_max for scan in scans) / length
+        half = min(max(options.map_reach * reach, 2.0 * self._reach), 0.5 * most)
+        return LocalMap.around(pose[:2] - half, pose[:2] + half, cell, False)
+
+    def _pose_of(self, here: LocalMap, scan: LaserScan, pose: Array) -> Array:
+        """Where the robot was when a scan was taken, (3,) or (B, 3)."""
+        if not scan.age and not scan.time_increment:
+            return pose
+        ages = scan.ages if scan.time_increment else np.array(scan.age)
+        return here.poses_at(ages / self._scale.time)
+
+    def _clear(self, here: LocalMap, rays: Rays) -> None:
+        """Take note of what rays passed through."""
+        distance = min(self.options.free_distance, rays.farthest)
+        low = np.maximum(rays.low, rays.origin - distance)
+        window = here.between(low, np.minimum(rays.high, rays.origin + distance))
+        x, y = here.centres(*window)
+        passed = rays.passed(x[None, :], y[:, None])
+        state = here.state[window]
+        # one pass less for what was occupied; what was unknown is free
+        state -= np.sign(state) * passed
+        seen = here.seen[window]
+        np.maximum(seen, passed * np.float32(here.clock), out=seen)
+        if rays.farthest <= distance:
+            return
+        # farther away only what was occupied
+        cells = here.occupied(here.between(rays.low, rays.high), window)
+        if not len(cells):
+            return
+        x, y = np.mean(here.boxes(cells), axis=0).T
+        # beyond what was hit there
+        gone = cells[rays.passed(x, y)]
+        here.state.ravel()[gone] -= 1
+
+    def _stand(self, here: LocalMap, pose: Array, reach: float) -> None:
+        """Where the robot stands, within a reach of its centre, nothing else does."""
+        arms = 0.0 if self._footprint is None else self._footprint.reach
+        window = here.window(pose[:2], reach + arms)
+        distance = self._distance(here, window, pose)
+        state, under = here.state[window], distance <= reach
+        state[under & (state == UNKNOWN)] = 0
+        state[distance <= self._core - here.cell] = 0
+        here.seen[window][under] = here.clock
+
+    def _distance(self, here: LocalMap, window: tuple[slice, slice], pose: Array) -> Array:
+        """Distance of the middles of a window's cells from the middle of the robot's circle."""
+        x, y = here.centres(*window)
+        if self._footprint is not None:
+            places = self._footprint.places(pose)
+            return np.asarray(
+                np.hypot(x[:, None] - places[:, 0], y[:, None, None] - places[:, 1]).min(axis=-1)
+            )
+        away: Array = np.hypot(x[None, :] - pose[0], y[:, None] - pose[1])
+        return away
+
+
+def _boxes(low: Array, high: Array, behind: float) -> list[Boxes]:
+    return [Boxes(low, high, WORLD, behind)] if len(low) else []

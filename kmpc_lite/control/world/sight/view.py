@@ -1,0 +1,122 @@
+"""What a robot sees and remembers, from where it is in one step."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kmpc_lite.control.world.nearby import Nearby
+from kmpc_lite.control.world.sight.local_map import LocalMap
+from kmpc_lite.control.world.sight.outlook import Outlooks
+from kmpc_lite.control.world.solids import Solids
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.world.sight.sight import Sight
+
+NOTHING = Solids([]).whole
+"""No solids."""
+
+
+class View:
+    """The local map as the rooms of a step ask for it.
+
+    Parameters
+    ----------
+    sight : Sight
+        Answers.
+    here : LocalMap
+        What was seen.
+    pose : ndarray
+        (3,) of the robot.
+    speed : float
+        Of the command sent last.
+    """
+
+    def __init__(self, sight: Sight, here: LocalMap, pose: Array, speed: float) -> None:
+        self._sight, self._map, self._pose = sight, here, pose
+        self._outlooks = Outlooks(here.outlooks)
+        self.is_narrow = self._outlooks.is_narrow
+        """Whether there are directions in which no scanner looks."""
+        self._seen = sight.seen(here, pose, speed)
+        self.hits: Nearby | None = None
+        """What was hit near the robot; none where nothing was."""
+        if self._seen.hits:
+            self.hits = NOTHING.with_boxes(self._seen.hits)
+        self._unknown = NOTHING.with_boxes(self._seen.unknown) if self._seen.unknown else None
+        self.coarseness = math.sqrt(2.0) * here.cell
+        """How far cells may stand out of what was hit in them."""
+        self.blocked_interval = sight.options.blocked_interval
+        self.refresh_interval = sight.options.refresh_interval
+        self.gear_time = sight.options.gear_time
+        self.lattice_nodes = sight.options.lattice_nodes
+        self.lattice_step = sight.options.lattice_step
+
+    def around(self, solids: Nearby | None) -> Nearby | None:
+        """Solids that the robot can come to, what was hit, and what was not seen to be free."""
+        more = [*self._seen.hits, *self._seen.unknown]
+        if not more:
+            return solids
+        return (NOTHING if solids is None else solids).with_boxes(more)
+
+    def is_dark(self, points: Array, distance: float) -> Array:
+        """Which of points (n, 2) near the robot lie within a distance of what is unknown, (n,)."""
+        if self._unknown is None:
+            return np.zeros(len(points), dtype=bool)
+        found: Array = self._unknown.least(points) < distance
+        return found
+
+    def leads_into_dark(self, points: Array, place: Array, distance: float) -> Array:
+        """At which of points (n, 2) a robot comes nearer to what is unknown than it is, (n,).
+
+        Parameters
+        ----------
+        points : ndarray
+            Near the robot.
+        place : ndarray
+            (2,) where it is.
+        distance : float
+            What it needs around it: there may be darkness farther away.
+        """
+        if self._unknown is None:
+            return np.zeros(len(points), dtype=bool)
+        # what stands out by less than a quarter of a cell is rounding
+        least = min(distance, float(self._unknown.least(place[None])[0])) - 0.25 * self._map.cell
+        found: Array = self._unknown.least(points) < least
+        return found
+
+    def turns_to_see(self, points: Array, distance: float, slack: float) -> Array:
+        """Turns [rad] to what is unknown near points (n, 2), and is not looked at, (m,)."""
+        if not self._seen.unknown:
+            return np.empty(0)
+        boxes, inside = self._seen.unknown[0], 0.5 * self._map.cell
+        nearest = np.clip(points[:, None], boxes.low, boxes.high)
+        near = np.hypot(*(points[:, None] - nearest).transpose(2, 0, 1)) < distance
+        # a cell has been seen when its middle was
+        middles = np.clip(points[:, None], boxes.low + inside, boxes.high - inside)
+        return self._outlooks.turns(self._pose, middles[near], slack)
+
+    def blind_turn(self, direction: float) -> float:
+        """How far a robot must turn until it sees what lies in a direction in its frame [rad]."""
+        return float(self._outlooks.beyond(np.array([direction]))[0]) if self.is_narrow else 0.0
+
+    def unknown_length(self, points: Array) -> float:
+        """How much of a line through points (n, 2) is unknown."""
+        steps = np.diff(points, axis=0)
+        lengths = np.hypot(steps[:, 0], steps[:, 1])
+        length = float(lengths.sum())
+        count = max(math.ceil(length / self._map.cell), 1)
+        along = np.linspace(0.0, length, count + 1)
+        places = np.concatenate([[0.0], np.cumsum(lengths)])
+        samples = np.stack([np.interp(along, places, points[:, i]) for i in (0, 1)], axis=1)
+        return length * float(self._map.is_unknown(samples).mean())
+
+    def blocks(self, points: Array, distance: float) -> bool:
+        """Whether something that was hit is nearer than a distance to any of points (n, 2)."""
+        return bool(len(points)) and self._sight.blocks(self._map, points, distance)
+
+    def solids(self, given: Solids | None) -> Solids | None:
+        """What was hit, together with solids that are given, for a path search."""
+        return self._sight.solids(self._map, given)

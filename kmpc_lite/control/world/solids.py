@@ -1,0 +1,93 @@
+"""Polygons, walls and grids of a map as arrays, prepared once.
+
+Polygons and walls are rounded convex outlines, the occupied cells of a grid are rectangles along
+its axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from kmpc_lite.control.world.boxes import Boxes
+from kmpc_lite.control.world.corners import Corners
+from kmpc_lite.control.world.nearby import Nearby
+from kmpc_lite.control.world.occupancy import OccupancyGrid
+from kmpc_lite.control.world.outlines import Outlines, corners_of
+from kmpc_lite.control.world.scene import Solid
+from kmpc_lite.types import Array
+
+
+class Solids:
+    """Solids of a map, prepared once.
+
+    Parameters
+    ----------
+    solids : sequence of Polygon, Wall or OccupancyGrid
+        At rest.
+    """
+
+    def __init__(self, solids: Sequence[Solid]) -> None:
+        self.solids = tuple(solids)
+        self.outlines = Outlines.of([s for s in solids if not isinstance(s, OccupancyGrid)])
+        rectangles = [(s, s.rectangles) for s in solids if isinstance(s, OccupancyGrid)]
+        self.boxes = [
+            Boxes(r[:, :2].copy(), r[:, 2:].copy(), grid) for grid, r in rectangles if len(r)
+        ]
+        self.whole = Nearby(self.outlines, self.boxes)
+        """All of them, for a look that is not pressed for time."""
+        edges = self.outlines.begins, self.outlines.begins + self.outlines.steps
+        ends = [
+            *(e.reshape(-1, 2) for e in edges),
+            *(b.grid.to_map(np.concatenate([b.low, b.high])) for b in self.boxes),
+        ]
+        self.extent = float(max((np.abs(e).max(initial=0.0) for e in ends), default=0.0))
+        """Largest coordinate [m]."""
+
+    @property
+    def rectangle_count(self) -> int:
+        """How many rectangles the occupied cells of all grids make."""
+        return sum(len(boxes.low) for boxes in self.boxes)
+
+    @cached_property
+    def outline_corners(self) -> Corners:
+        """Corners of polygons and walls alone."""
+        return Corners(self.outlines, self._outline_points, [])
+
+    @cached_property
+    def outermost(self) -> Array:
+        """Points (K, 2) among which the outermost corners of all solids are [m]."""
+        return np.concatenate(
+            [np.empty((0, 2)), *self._outline_points, *(b.outermost for b in self.boxes)]
+        )
+
+    @property
+    def _outline_points(self) -> list[Array]:
+        return [corners_of(s) for s in self.solids if not isinstance(s, OccupancyGrid)]
+
+    @cached_property
+    def all_corners(self) -> Corners:
+        """Corners of all solids."""
+        corners = self._outline_points
+        for boxes in self.boxes:
+            (x_min, y_min), (x_max, y_max) = boxes.low.T, boxes.high.T
+            around = np.stack(
+                [
+                    np.stack([x_min, x_max, x_max, x_min], 1),
+                    np.stack([y_min, y_min, y_max, y_max], 1),
+                ],
+                axis=-1,
+            )
+            corners += list(boxes.grid.to_map(around))
+        return Corners(self.outlines, corners, self.boxes)
+
+    def within(self, point: Array, distance: float) -> Nearby:
+        """Solids within a distance [m] of a point (2,) that the robot can come to."""
+        here, outlines = point[None], self.outlines
+        close = np.zeros(0, dtype=bool)
+        if len(outlines):
+            close = outlines.distances(here)[0][0] <= distance
+        chosen = [(b, b.distances(here)[0] <= distance) for b in self.boxes]
+        return Nearby(outlines.take(close), [b.take(near) for b, near in chosen if near.any()])

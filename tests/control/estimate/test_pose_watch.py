@@ -1,0 +1,79 @@
+"""Which poses count as jumps for the paper's robot, looked at on both sides of each limit."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.control.estimate.pose_watch import PoseWatch, PoseWatchState
+from kmpc_lite.control.options import PoseOptions
+from kmpc_lite.types import Array
+
+GOAL = (1.8, 0.0, 0.0)
+SLIP_FADED = math.exp(-0.2 / 0.5)
+
+
+def jumps(commands: list[tuple[float, float]], ahead: float = 0.0, turned: float = 0.0) -> bool:
+    """Whether a pose that is off by this, after commands, counts as a jump."""
+    controller, pose = kl.Controller(kl.nominal_unicycle(0.1)), (0.0, 0.0, 0.0)
+    controller.step(pose, GOAL)
+    for v, omega in commands[:-1]:
+        x, y, heading = pose
+        heading += 0.1 * omega
+        pose = x + 0.1 * v * math.cos(heading), y + 0.1 * v * math.sin(heading), heading
+        controller.step(pose, GOAL, sent=(v, omega))
+    v, omega = commands[-1]
+    pose = pose[0] + 0.1 * v + ahead, pose[1], pose[2] + 0.1 * omega + turned
+    return controller.step(pose, GOAL, sent=(v, omega)).reason.startswith("the pose jumped")
+
+
+@pytest.mark.parametrize(
+    ("commands", "limit"),
+    [
+        ([(0.0, 0.0)], 0.05),
+        ([(0.5, 0.0)], 0.05 + 0.1 * 0.5),
+        ([(0.5, 0.0), (0.0, 0.0), (0.0, 0.0)], 0.05 + 0.1 * 0.5 * SLIP_FADED),
+    ],
+    ids=["at rest", "wheels that slide", "wheels that slid, half a second ago at the most"],
+)
+def test_a_third_of_a_radius_and_all_that_was_driven_is_no_jump(
+    commands: list[tuple[float, float]], limit: float
+) -> None:
+    assert not jumps(commands, 0.995 * limit) and jumps(commands, 1.005 * limit)
+
+
+@pytest.mark.parametrize(
+    ("commands", "limit"), [([(0.0, 0.0)], 0.1), ([(0.0, 0.5)], 0.1 + 2.5 * 0.1 * 0.5)]
+)
+def test_a_tenth_of_a_radian_and_two_and_a_half_times_the_turn_is_no_jump(
+    commands: list[tuple[float, float]], limit: float
+) -> None:
+    assert not jumps(commands, turned=0.99 * limit) and jumps(commands, turned=1.01 * limit)
+
+
+def test_a_pose_that_stays_is_believed_after_two_seconds() -> None:
+    controller, waited = kl.Controller(kl.nominal_unicycle(0.1)), 0
+    controller.step((0.0, 0.0, 0.0), GOAL)
+    for _ in range(30):
+        plan = controller.step((0.5, 0.3, 0.0), GOAL, sent=(0.0, 0.0))
+        waited += plan.reason.startswith("the pose jumped")
+    assert waited == pytest.approx(20, abs=1)
+
+
+@pytest.mark.parametrize("pose", [None, np.array([0.0, 9.0, 0.0])], ids=["lost", "doubted"])
+def test_a_model_that_drifts_out_of_all_numbers_is_not_followed(pose: Array | None) -> None:
+    controller = kl.Controller(kl.nominal_unicycle(0.1))
+    problem, history = controller.units, controller.state.history
+    margins = controller.known.margins
+    assert margins is not None
+    watch, state = PoseWatch(problem, PoseOptions()), PoseWatchState(last=np.zeros(3))
+    if pose is not None:
+        state.believed = np.zeros(3)
+    history.remember(np.zeros(2))
+    runaway = SimpleNamespace(predict=lambda *_: np.full(3, np.inf))
+    assert watch.see(state, history, runaway, margins.noise, pose) is None
+    assert state.believed is None and state.last is pose

@@ -1,0 +1,337 @@
+"""What the guide's options mean for the paper's robot, looked at on both sides of each number."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from guided import GuideInUse
+from paths import OPTIONS, quickest_paths
+
+import kmpc_lite as kl
+from kmpc_lite.control.path.body_paths import BodyPaths
+from kmpc_lite.control.path.capabilities import capabilities
+from kmpc_lite.control.path.path_search import PathSearcher
+from kmpc_lite.control.path.search_state import PathSearch, SearchObstacles
+from kmpc_lite.control.path.tangent_graph import GeometricPath
+from kmpc_lite.control.path.timed_path import TimedPath
+from kmpc_lite.types import Array
+
+PROBLEM = kl.NavigationProblem()
+CAPABILITIES = capabilities(kl.nominal_unicycle(0.1), PROBLEM)
+START, GOAL = np.array([-1.5, 0.0, 0.0]), np.array([1.5, 0.0, 0.0])
+NO_CIRCLES = np.empty((0, 5))
+AREA = np.array([-10.0, -10.0, 10.0, 10.0])
+
+
+def straight(
+    length: float, speed: float = 0.5, turn: float = 1.0, deceleration: float = np.inf
+) -> TimedPath:
+    points = np.array([[0.0, 0.0], [length, 0.0]])
+    geometry = GeometricPath(points, np.zeros(2), length / speed, False)
+    ends = np.zeros(3), np.array([length, 0.0, 0.0])
+    speeds = np.array([speed, turn])
+    return TimedPath(geometry, *ends, speeds, OPTIONS, deceleration=deceleration)
+
+
+def gate(half_width: float) -> Array:
+    """Two circles that leave a gate in the way, and no other way within the area."""
+    return np.array([[0.0, side * (2.0 + half_width), 2.0, 0.0, 0.0] for side in (-1.0, 1.0)])
+
+
+@pytest.mark.parametrize(
+    ("room", "kept"),
+    [
+        (0.0585, 0.06),
+        (0.0575, 0.03),
+        (0.0285, 0.03),
+        (0.0275, 0.005),
+        (0.0033, 0.005),
+        (0.0027, None),
+    ],
+)
+def test_paths_keep_six_or_three_centimetres_or_five_millimetres(
+    room: float, kept: float | None
+) -> None:
+    # chords of a path's arcs may cut the inflated circles by two millimetres
+    inflation = PROBLEM.robot_radius + PROBLEM.margin
+    guide = GuideInUse(PROBLEM)
+    found = guide.reference(START, GOAL, gate(inflation + room))
+    assert found.reachable is (kept is not None)
+    if kept is not None:
+        assert guide.state.path_clearance == pytest.approx(kept)
+
+
+def carried(aside: float) -> bool:
+    """Whether a robot on its way gets a new path in the step that sees it beside the old one."""
+    guide = GuideInUse(PROBLEM)
+    for k in range(6):
+        guide.reference(START + (0.05 * k, 0.0, 0.0), GOAL, NO_CIRCLES)
+    return guide.reference(START + (0.25, aside, 0.0), GOAL, NO_CIRCLES).refreshed
+
+
+def test_who_is_carried_by_half_a_metre_gets_another_path_at_once() -> None:
+    assert carried(0.505) and not carried(0.495)
+
+
+@pytest.mark.parametrize(("by", "refreshed"), [(0.0099, False), (0.0101, True)])
+def test_an_obstacle_may_be_a_centimetre_from_where_it_was(by: float, refreshed: bool) -> None:
+    guide, circles = GuideInUse(PROBLEM), np.array([[0.0, 0.3, 0.2, 0.0, 0.0]])
+    guide.reference(START, GOAL, circles)
+    found = guide.reference(START, GOAL, circles + (0.0, by, 0.0, 0.0, 0.0))
+    assert found.refreshed is refreshed
+
+
+@pytest.mark.parametrize(("by", "refreshed"), [(0.0099, False), (0.0101, True)])
+def test_an_obstacle_may_be_a_centimetre_larger_than_it_was(by: float, refreshed: bool) -> None:
+    guide, circles = GuideInUse(PROBLEM), np.array([[0.0, 0.3, 0.2, 0.0, 0.0]])
+    guide.reference(START, GOAL, circles)
+    found = guide.reference(START, GOAL, circles + (0.0, 0.0, by, 0.0, 0.0))
+    assert found.refreshed is refreshed
+
+
+def test_a_velocity_that_is_told_with_noise_is_no_other_map() -> None:
+    guide, circles = GuideInUse(PROBLEM), np.array([[0.0, 0.9, 0.2, 0.0, 0.1]])
+    guide.reference(START, GOAL, circles)
+    for k in range(1, 6):
+        circles = circles + (0.0, 0.01, 0.0, 0.0, 0.0)
+        noisy = circles + (0.0, 0.0, 0.0, 0.01 * (-1) ** k, 0.01)
+        assert not guide.reference(START, GOAL, noisy).refreshed
+
+
+@pytest.mark.parametrize(("distance", "hurried"), [(0.295, True), (0.305, False)])
+def test_repeated_searches_are_hurried_within_two_radii_of_the_goal(
+    distance: float, hurried: bool
+) -> None:
+    guide = GuideInUse(PROBLEM)
+    for _ in range(30):
+        guide.reference(GOAL - (distance, 0.0, 0.0), GOAL, NO_CIRCLES)
+    assert (guide.state.attempts > 0) is hurried
+
+
+def test_three_parts_of_a_hurried_search_are_done_in_a_step(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    guide, parts = GuideInUse(PROBLEM), []
+    guide.reference(START, GOAL, NO_CIRCLES)
+    monkeypatch.setattr(PathSearcher, "advance", lambda *rest: parts.append(rest))
+    guide.state.search, guide.state.hurried = _search(None), True
+    guide.reference(START, GOAL, NO_CIRCLES)
+    assert len(parts) == 3
+
+
+@pytest.mark.parametrize(("attempts", "expected"), [(2, 1), (3, 2), (9, 2)])
+def test_two_parts_of_a_third_search_near_the_goal_are_done_in_a_step(
+    attempts: int, expected: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    guide, parts = GuideInUse(PROBLEM), []
+    guide.reference(START, GOAL, NO_CIRCLES)
+    monkeypatch.setattr(PathSearcher, "advance", lambda *rest: parts.append(rest))
+    guide.state.search, guide.state.attempts = _search(None), attempts
+    guide.reference(START, GOAL, NO_CIRCLES)
+    assert len(parts) == expected
+
+
+@pytest.mark.parametrize(
+    ("ahead", "speed", "looks"), [(0.2, 0.25, False), (0.2, 0.23, True), (0.35, 0.25, True)]
+)
+def test_near_the_goal_who_is_sent_at_four_tenths_of_the_speed_does_not_look_for_a_path(
+    ahead: float, speed: float, looks: bool
+) -> None:
+    guide, beside = GuideInUse(PROBLEM), np.array([GOAL[0] - ahead, 0.06, 0.0])
+    guide.reference(np.array([GOAL[0] - 0.6, 0.0, 0.0]), GOAL, NO_CIRCLES)
+    guide.state.age = 1.0
+    guide.reference(beside, GOAL, NO_CIRCLES, speed=speed)
+    assert (guide.state.age == 0.0) == looks
+
+
+@pytest.mark.parametrize(
+    ("pose", "aside"),
+    [
+        ((-0.2, 0.05, 0.0), 0.006),  # half of 8 % of the radius
+        ((-0.2, -0.05, 0.0), -0.006),
+        ((-0.2, 0.004, 0.0), 0.004),
+        ((-0.2, 0.0, 0.5), 0.0),
+        ((-0.35, 0.05, 0.0), 0.0),  # farther away than two radii
+    ],
+)
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+def test_a_path_from_near_the_goal_ends_beside_it_by_half_of_where_the_last_turn_may_begin(
+    pose: tuple[float, float, float], aside: float, heading: float
+) -> None:
+    turned = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
+    start = np.array([*turned @ pose[:2], pose[2] + heading])
+    guide = GuideInUse(PROBLEM)
+    guide.reference(start, np.array([0.0, 0.0, heading]), NO_CIRCLES)
+    assert guide.state.path is not None
+    end = guide.state.path.poses[-1]
+    np.testing.assert_allclose(end[:2] @ turned, (0.0, aside), atol=1e-12)
+    assert np.cos(end[2] - heading) == pytest.approx(1.0)
+
+
+def test_sixty_parts_of_a_search_that_is_needed_at_once_are_done_in_a_step(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    guide, parts = GuideInUse(PROBLEM), []
+    monkeypatch.setattr(PathSearcher, "advance", lambda *rest: parts.append(rest))
+    guide.reference(START, GOAL, NO_CIRCLES)
+    assert guide.state.urgent and len(parts) == 60
+
+
+def test_a_search_that_is_needed_ends_though_there_is_a_new_reason_in_each_step() -> None:
+    guide = GuideInUse(PROBLEM, options=kl.GuidanceOptions(urgent_parts=2))
+    goals = (GOAL + [0.0, 0.01 * i, 0.0] for i in range(100))
+    paths = [guide.reference(START, goal, NO_CIRCLES).refreshed for goal in goals]
+    assert sum(paths) >= 5
+
+
+def _search(previous: TimedPath | None) -> PathSearch:
+    return PathSearch(START, GOAL, GOAL, NO_CIRCLES, None, previous, True, False)
+
+
+@pytest.mark.parametrize(("time", "kept"), [(11.49, True), (11.51, False)])
+def test_another_side_is_taken_where_it_is_quicker_by_half_a_second_and_a_tenth(
+    time: float, kept: bool
+) -> None:
+    points = np.array([[-1.5, 0.0], [1.5, 0.0]])
+    quickest = GeometricPath(points, np.zeros(2), 10.0, True)
+    as_before = GeometricPath(points, np.zeros(2), time, False)
+    search = _search(straight(3.0))
+    nothing = np.empty((0, 2))
+    search.obstacles = SearchObstacles(
+        nothing, np.empty(0), np.empty((0, 2), dtype=np.intp), nothing, np.empty(0), AREA
+    )
+    searcher = PathSearcher(PROBLEM, OPTIONS)
+    assert not searcher._takes(search, quickest, 0.0)
+    assert searcher._takes(search, as_before, 0.0)
+    assert search.path is (as_before if kept else quickest)
+
+
+def test_a_path_has_twenty_thousand_poses_at_the_most() -> None:
+    path = straight(100.0, speed=0.05)
+    assert path.duration == pytest.approx(2000.0)
+    assert len(path._grid_times) == pytest.approx(20_000, abs=2)
+
+
+def test_the_place_moves_by_half_a_second_back_and_one_and_a_half_ahead() -> None:
+    path = straight(10.0)
+    back, _ = path.locate(np.array([0.0, 0.0, 0.0]), 5.0)
+    ahead, _ = path.locate(np.array([9.0, 0.0, 0.0]), 5.0)
+    assert (back, ahead) == pytest.approx((5.0 - 0.5, 5.0 + 1.5), abs=0.051)
+
+
+def test_the_robot_turns_on_circles_of_three_tenths_of_the_way() -> None:
+    goal = np.array([1.0, 0.0, 0.0])
+    begin = np.array([0.0, 0.0, 0.6])
+    quick = np.array([0.5, 1.0])
+    path = next(quickest_paths(np.empty((0, 2)), np.empty(0), begin, goal, AREA, quick), None)
+    assert path is not None
+    steps = np.hypot(*np.diff(path.points, axis=0).T)
+    turns = np.abs(np.diff(path.headings))
+    radii = steps[turns > 1e-3] / turns[turns > 1e-3]
+    np.testing.assert_allclose(radii, 0.3, rtol=0.01)
+
+
+class Turning:
+    """A model that turns about a point, with noise and with motions that are no turn."""
+
+    dt, history, noise_model = 0.1, 0, None
+    info: dict[str, Any] = {}
+
+    def __init__(self, ahead: float, deviation: float = 0.0, other: float = 0.0) -> None:
+        self._ahead, self._deviation, self._other = ahead, deviation, other
+        self.headings = 0
+
+    def predict(self, x: Array, u: Array, history: Any = None) -> Array:
+        self.headings = x.shape[1]
+        theta, turn = x[..., 2], u[..., 1] * self.dt
+        after, drift = theta + turn, self._other * np.sign(turn) * np.cos(3.0 * theta)
+        moved = [
+            drift - self._ahead * (np.cos(after) - np.cos(theta)),
+            -self._ahead * (np.sin(after) - np.sin(theta)),
+            turn,
+        ]
+        return np.asarray(x + np.stack(moved, axis=-1))
+
+    def noise(self, u: Array) -> Array:
+        """So much that a log of one step knows the turning centre to the deviation."""
+        turned = 0.5 * np.pi / 4 * self.dt
+        return np.diag((1.0, 1.0, 0.0)) * (self._deviation * turned) ** 2
+
+
+def centre(model: Turning) -> bool:
+    return capabilities(model, PROBLEM).turning_centre is not None  # type: ignore[arg-type]
+
+
+def test_a_turning_centre_is_certain_by_three_and_a_half_standard_errors() -> None:
+    assert centre(Turning(0.0352, 0.01)) and not centre(Turning(0.0348, 0.01))
+
+
+def test_a_turning_centre_explains_half_of_the_motion() -> None:
+    # at eight headings, cosines of a turn about the point and of three times the heading weigh the
+    # same where the one is the square root of two times the other
+    equal = np.sqrt(2.0) * np.sin(0.1 * np.pi / 4) * 0.05
+    assert centre(Turning(0.05, other=0.97 * equal))
+    assert not centre(Turning(0.05, other=1.03 * equal))
+
+
+def test_a_model_is_asked_for_turns_at_eight_headings() -> None:
+    model = Turning(0.05)
+    centre(model)
+    assert model.headings == 8
+
+
+def test_a_robot_that_is_not_round_is_looked_at_in_400_places_of_a_path(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    looks: list[int] = []
+
+    def watched(paths: BodyPaths, poses: Array, search: PathSearch) -> Array:
+        looks.append(len(poses))
+        return np.ones(len(poses))
+
+    monkeypatch.setattr(BodyPaths, "_distances", watched)
+    goal = np.array([200.0, 0.0, 0.0])
+    path = GeometricPath(np.array([[0.0, 0.0], [200.0, 0.0]]), np.zeros(2), 400.0, False)
+    search = PathSearch(np.zeros(3), goal, goal, NO_CIRCLES, None, None, True, False)
+    cart = kl.Footprint.rectangle(0.8, 0.3)
+    BodyPaths(kl.NavigationProblem(footprint=cart), cart, OPTIONS).fits(path, search)
+    assert looks == [400]
+
+
+# braking
+
+
+def test_a_robot_that_brakes_slowly_is_led_to_its_goal_as_it_brakes() -> None:
+    path, later = straight(2.0, deceleration=0.25), np.arange(0.0, 8.0, 0.01)
+    for begin in (0.0, 2.0, 3.6):
+        places = path.at(path.times_after(begin, later))[:, 0]
+        speeds = np.diff(places) / 0.01
+        left = 2.0 - places[:-1]
+        assert (speeds <= np.minimum(0.5, np.sqrt(2.0 * 0.25 * left)) + 0.01).all()
+        assert np.diff(speeds).min() >= -0.25 * 0.01 - 1e-9
+        assert places[-1] == pytest.approx(2.0)
+    # a second later than at full speed to the end
+    arrives = later[np.argmax(path.at(path.times_after(0.0, later))[:, 0] >= 2.0 - 1e-9)]
+    assert arrives == pytest.approx(4.0 + 1.0, abs=0.02)
+
+
+def test_a_robot_that_stands_at_once_is_led_at_full_speed_to_the_end() -> None:
+    later = np.arange(0.0, 8.0, 0.1)
+    np.testing.assert_array_equal(straight(2.0).times_after(1.5, later), 1.5 + later)
+
+
+def test_after_its_drive_a_robot_that_brakes_turns_as_ever() -> None:
+    path = straight(2.0, deceleration=0.25)
+    np.testing.assert_array_equal(
+        path.times_after(path.drive_end, np.ones(1)), [path.drive_end + 1]
+    )
+    late = path.times_after(0.0, np.array([5.0, 6.0, 7.0]))
+    np.testing.assert_allclose(np.diff(late), 1.0)
+
+
+def test_paths_end_with_six_tenths_of_what_the_commands_may_change() -> None:
+    slow = kl.NavigationProblem(du_max=(1.5, 5.0))
+    assert capabilities(kl.nominal_unicycle(0.1), slow).deceleration == pytest.approx(0.9)
+    assert CAPABILITIES.deceleration == np.inf

@@ -1,0 +1,155 @@
+"""What the guide remembers is data: a copy of it goes on as the original does, in a search too."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from guided import GuideInUse
+
+import kmpc_lite as kl
+from kmpc_lite.control.path.search_state import Stage
+from kmpc_lite.control.path.tangent_search import Part
+from kmpc_lite.control.world.circles import circles_to_array
+from kmpc_lite.control.world.solids import Solids
+
+PROBLEM = kl.NavigationProblem(margin=0.02)
+START, GOAL = np.array([-1.5, -0.2, 0.3]), np.array([1.5, 0.3, -1.0])
+
+
+def pickled(value: Any) -> Any:
+    return pickle.loads(pickle.dumps(value))
+
+
+def ragged_wall() -> kl.OccupancyGrid:
+    """As a lidar leaves it: with so many rectangles that paths are looked for on a lattice."""
+    random, cells = np.random.default_rng(0), np.zeros((80, 80), dtype=bool)
+    for row in range(80):
+        if not 50 <= row < 66:
+            cells[row, 38 - row // 20 : 42 + random.integers(0, 4)] = True
+    return kl.OccupancyGrid(cells, 0.05, (-2.0, -2.0, 0.0))
+
+
+def scenes() -> dict[str, tuple[np.ndarray, Solids | None]]:
+    some = circles_to_array(
+        [kl.Circle(0, 0, 0.3), kl.Circle(0.4, 0.6, 0.2), kl.Circle(-0.6, 1, 0.3)]
+    )
+    moving = circles_to_array([kl.Circle(0, 0, 0.3), kl.Circle(-0.8, -1.2, 0.2, 0.05, -0.05)])
+    walls = Solids(
+        [kl.Wall(0.0, -0.4, 0.0, 1.0, 0.05), kl.Polygon([(0.5, 0), (0.9, 0), (0.7, 0.4)])]
+    )
+    none = np.empty((0, 5))
+    return {
+        "circles": (some, None),
+        "moving": (moving, None),
+        "solids": (none, walls),
+        "grid": (none, Solids([ragged_wall()])),
+    }
+
+
+def drive(guide: GuideInUse, circles: np.ndarray, solids: Solids | None, steps: range) -> list[Any]:
+    """Follow the reference with a jump off the path now and then, so that paths are looked for."""
+    answers = []
+    for k in steps:
+        seen = circles.copy()
+        seen[:, :2] += 0.1 * k * seen[:, 3:]
+        guidance = guide.reference(guide.robot, GOAL, seen, solids=solids)
+        answers.append(guidance)
+        guide.robot = guidance.states[1].copy()
+        if k % 11 == 4:
+            guide.robot[:2] += 0.2 * np.array([np.sin(k), np.cos(k)])
+    return answers
+
+
+def searching(guide: GuideInUse) -> str:
+    """The part of a search that is under way, or nothing."""
+    search = guide.state.search
+    if search is None:
+        return ""
+    if search.tangents is not None and search.stage is Stage.TANGENTS:
+        return search.tangents.part.name
+    return search.stage.name
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, pickled])
+@pytest.mark.parametrize("name", ["circles", "moving", "solids", "grid"])
+def test_a_copy_goes_on_to_the_last_bit(name: str, duplicate: Callable[[Any], Any]) -> None:
+    circles, solids = scenes()[name]
+    guide, parts = GuideInUse(PROBLEM), set()
+    guide.robot = START.copy()
+    for k in range(40):
+        drive(guide, circles, solids, range(k, k + 1))
+        parts.add(searching(guide))
+        other = GuideInUse(PROBLEM)
+        other.state, other.robot = duplicate(guide.state), guide.robot.copy()
+        original = GuideInUse(PROBLEM)
+        original.state, original.robot = copy.deepcopy(guide.state), guide.robot.copy()
+        ahead = range(k + 1, k + 5)
+        pairs = zip(
+            drive(original, circles, solids, ahead),
+            drive(other, circles, solids, ahead),
+            strict=True,
+        )
+        for one, two in pairs:
+            assert np.array_equal(one.states, two.states) and np.array_equal(one.path, two.path)
+            assert (one.refreshed, one.switched) == (two.refreshed, two.switched)
+    expected = {Part.TANGENTS.name, Part.ARCS.name, Part.LINKS.name, Part.SOLUTION.name}
+    assert expected | {Part.TRACE.name, Stage.CHOSEN.name} <= parts
+    assert name != "grid" or Stage.LATTICE.name in parts
+
+
+def test_a_state_shares_nothing_with_its_copy() -> None:
+    circles, solids = scenes()["grid"]
+    guide = GuideInUse(PROBLEM)
+    guide.robot = START.copy()
+    drive(guide, circles, solids, range(6))
+    kept = pickle.dumps(guide.state)
+    other = GuideInUse(PROBLEM)
+    other.state, other.robot = copy.deepcopy(guide.state), guide.robot.copy()
+    drive(other, circles, solids, range(6, 30))
+    assert pickle.dumps(guide.state) == kept
+
+
+def test_an_equal_map_is_no_new_one() -> None:
+    circles, _ = scenes()["circles"]
+    guide = GuideInUse(PROBLEM)
+    first, same = Solids([ragged_wall()]), Solids([ragged_wall()])
+    assert guide.reference(START, GOAL, circles, solids=first).refreshed
+    assert not guide.reference(START, GOAL, circles, solids=same).refreshed
+    other = Solids([kl.Wall(0.0, -0.4, 0.0, 1.0, 0.05)])
+    assert guide.reference(START, GOAL, circles, solids=other).refreshed
+
+
+@pytest.mark.parametrize("as_wall", [False, True])
+def test_towards_a_goal_that_leaves_little_a_robot_keeps_what_is_left_on_its_way(
+    as_wall: bool,
+) -> None:
+    # along something straight the way to the goal is no wider than the goal's place
+    guide, goal = GuideInUse(kl.NavigationProblem()), np.array([0.5, 0.16, 0.0])
+    wall = Solids([kl.Wall(-9.0, 0.0, 9.0, 0.0)])
+    beside = circles_to_array([kl.Circle(0.5, -1.0, 1.0)])
+    none = np.empty((0, 5))
+    guide.reference(
+        np.array([-0.3, 0.16, 0.0]),
+        goal,
+        none if as_wall else beside,
+        solids=wall if as_wall else None,
+    )
+    assert guide.state.path_clearance > 0.02
+    states = np.array([[x, 0.16, 0.0] for x in (-0.3, 0.2, 0.4, 0.5)])
+    kept = np.ravel(guide.state.kept_on_the_way(states, 0.15))
+    left = np.hypot(states[1:, 0] - 0.5, 1.16) - 1.15
+    np.testing.assert_allclose(kept, [0.01] * 3 if as_wall else left, atol=1e-9)
+
+
+def test_somebody_who_moves_does_not_tell_what_is_left_on_the_way() -> None:
+    guide, goal = GuideInUse(kl.NavigationProblem()), np.array([0.5, 0.0, 0.0])
+    near = circles_to_array([kl.Circle(0.5, 0.36, 0.2), kl.Circle(0.2, 0.36, 0.2, 0.0, 0.5)])
+    guide.reference(np.array([-0.3, 0.0, 0.0]), goal, near)
+    states = np.array([[x, 0.0, 0.0] for x in (-0.3, 0.2, 0.5)])
+    kept = np.ravel(guide.state.kept_on_the_way(states, 0.15))
+    assert kept[1] == pytest.approx(0.01) and kept[0] == guide.state.path_clearance

@@ -1,0 +1,62 @@
+"""Paths through grids with many corners."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import kmpc_lite as kl
+from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
+from kmpc_lite.control.path.path_map import PathMap
+from kmpc_lite.control.world.solids import Solids
+
+AREA = np.array([-3.0, -3.0, 3.0, 3.0])
+NO_CIRCLES = np.empty((0, 5))
+OPTIONS = lengths_from_radii(GuidanceOptions(), 0.15)
+
+
+def slanted(door: int | None = 30) -> kl.OccupancyGrid:
+    """A wall across 6 m x 6 m that is slanted, so that it is made of many rectangles, with a
+    door of 0.6 m, or none.
+    """
+    cells = np.zeros((120, 120), dtype=bool)
+    for column in range(120):
+        if door is None or not door <= column < door + 12:
+            cells[40 + column // 3 : 44 + column // 3, column] = True
+    return kl.OccupancyGrid(cells, 0.05, (-3.0, -3.0, 0.0))
+
+
+def test_paths_keep_their_distance_and_bend_where_they_must() -> None:
+    solids = Solids([slanted()])
+    assert solids.rectangle_count > OPTIONS.lattice_rectangles
+    start, goal = np.array([0.0, -2.5]), np.array([0.0, 2.5])
+    lattice = PathMap(solids, OPTIONS).lattice
+    assert lattice is not None
+    path = lattice.path(start, goal, 0.21, NO_CIRCLES, AREA)
+    assert path is not None and 3 <= len(path.points) <= 8
+    share = np.linspace(0.0, 1.0, 100)[:, None]
+    along = np.concatenate(
+        [
+            (1 - share) * a + share * b
+            for a, b in zip(path.points[:-1], path.points[1:], strict=True)
+        ]
+    )
+    # half a cell of the lattice, and the diagonal of a grid's cell
+    assert solids.whole.least(along).min() >= 0.21 - OPTIONS.lattice_cut - 0.06
+    np.testing.assert_allclose(solids.whole.least(path.corners), 0.0, atol=1e-9)
+    # a door that is too narrow, a circle in the door, or no door at all
+    assert lattice.path(start, goal, 0.36, NO_CIRCLES, AREA) is None
+    assert lattice.path(start, goal, 0.21, np.array([[-1.2, -0.4, 0.1, 0.0, 0.0]]), AREA) is None
+    closed = PathMap(Solids([slanted(None)]), OPTIONS).lattice
+    assert closed is not None and closed.path(start, goal, 0.21, NO_CIRCLES, AREA) is None
+
+
+def test_a_start_near_a_wall_is_left_though_a_search_for_another_start_is_known() -> None:
+    lattice = PathMap(Solids([slanted()]), OPTIONS).lattice
+    assert lattice is not None
+    goal, far = np.array([0.0, 2.5]), np.array([0.0, -2.5])
+    near = np.array([-1.0, -0.46])
+    assert 0.15 < lattice.clearance(near) < 0.21
+    assert lattice.path(far, goal, 0.21, NO_CIRCLES, AREA) is not None
+    assert lattice.path(near, goal, 0.21, NO_CIRCLES, AREA) is not None
+    # and the other way round
+    assert lattice.path(far, goal, 0.21, NO_CIRCLES, AREA) is not None

@@ -1,0 +1,224 @@
+"""What the guidance says of the goal, and what it tries when the robot gets no nearer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from guide_scenes import NO_CIRCLES, OPTIONS, PROBLEM, circles
+from guided import GuideInUse
+
+import kmpc_lite as kl
+from kmpc_lite.control.path.progress_checker import ProgressChecker, ProgressState
+from kmpc_lite.control.path.reference import Guidance
+from kmpc_lite.control.plan import GoalProgress
+from kmpc_lite.control.world.solids import Solids
+from kmpc_lite.geometry import wrap
+
+START = np.array([-1.5, 0.05, 0.0])
+STALL_STEPS = round(OPTIONS.stall_time / PROBLEM.dt)
+
+
+def first_answer(goal: tuple[float, float, float], scene: np.ndarray, **more: object) -> Guidance:
+    return GuideInUse(PROBLEM).reference(START, np.array(goal), scene, **more)
+
+
+# -- goals that cannot be reached are told in the first step
+
+RING = [(1.0 + 0.6 * np.cos(a), 0.6 * np.sin(a), 0.2) for a in np.arange(12) * np.pi / 6]
+
+
+@pytest.mark.parametrize(
+    ("goal", "rows", "words"),
+    [
+        ((2.03, 0.0, 0.0), [], "outside the area"),
+        ((0.0, -3.0, 0.0), [], "outside the area"),
+        ((1.0, 0.0, 0.0), [(1.1, 0.0, 0.2)], "would touch"),
+        ((1.0, 0.0, 0.0), [(1.37, 0.0, 0.2)], "within the margin"),
+        ((1.0, 0.0, 0.0), RING, "no passage"),
+    ],
+)
+def test_a_goal_that_cannot_be_reached_is_told_at_once(
+    goal: tuple[float, float, float], rows: list[tuple[float, ...]], words: str
+) -> None:
+    guidance = first_answer(goal, circles(*rows))
+    assert guidance.progress is GoalProgress.UNREACHABLE and not guidance.reachable
+    assert words in guidance.reason and "\n" not in guidance.reason
+
+
+@pytest.mark.parametrize(
+    ("wall_at", "words"), [(1.1, "would touch"), (1.18, "within the margin"), (1.21, "")]
+)
+def test_solids_have_margins_too(wall_at: float, words: str) -> None:
+    wall = Solids([kl.Wall(wall_at, -1.0, wall_at, 1.0)])
+    guidance = first_answer((1.0, 0.0, 0.0), NO_CIRCLES, solids=wall)
+    assert guidance.reachable == (words == "") and words in guidance.reason
+
+
+def test_what_can_be_reached_within_tolerances_is_reachable() -> None:
+    assert first_answer((2.01, 0.0, 0.0), NO_CIRCLES).progress is GoalProgress.DRIVING
+    near = circles((1.39, 0.0, 0.2))
+    assert first_answer((1.0, 0.0, 0.0), near).progress is GoalProgress.DRIVING
+
+
+def test_a_robot_outside_its_area_may_come_back() -> None:
+    guide = GuideInUse(PROBLEM)
+    outside = np.array([-2.5, 0.0, 0.0])
+    assert guide.reference(outside, np.array([0.0, 0.0, 0.0]), NO_CIRCLES).reachable
+
+
+def test_a_path_that_is_still_looked_for_is_waited_for() -> None:
+    ticks = iter(np.arange(100.0))
+    guide = GuideInUse(PROBLEM, clock=lambda: float(next(ticks)))
+    goal, scene = np.array([1.5, 0.0, 0.0]), circles((0.0, 0.0, 0.3))
+    guidance = guide.reference(START, goal, scene, until=0.0)
+    assert guidance.progress is GoalProgress.WAITING and "looked for" in guidance.reason
+    while not (guidance := guide.reference(START, goal, scene, until=0.0)).refreshed:
+        assert guidance.progress is GoalProgress.WAITING
+    assert guidance.progress is GoalProgress.DRIVING and guidance.reason == ""
+
+
+def test_a_robot_that_has_parked_holds() -> None:
+    guidance = first_answer((-1.5, 0.05, 0.0), NO_CIRCLES)
+    assert guidance.hold and guidance.progress is GoalProgress.HOLDING
+
+
+def test_what_passes_is_told() -> None:
+    crossing = circles((-0.6, 1.0, 0.3, 0.0, -0.3))
+    guide, x, said = GuideInUse(PROBLEM), START.copy(), []
+    for k in range(80):
+        seen = crossing.copy()
+        seen[:, 1] += 0.1 * k * seen[:, 4]
+        guidance = guide.reference(x, np.array([1.5, 0.05, 0.0]), seen)
+        said.append((guidance.progress, guidance.reason))
+        x = guidance.states[1].copy()
+    assert (GoalProgress.WAITING, "something that moves is let pass") in said
+    assert said[-1] == (GoalProgress.DRIVING, "")
+
+
+# -- a robot that gets no nearer
+
+
+def test_a_robot_that_is_held_tries_something_else_in_time_and_then_says_so() -> None:
+    guide, goal = GuideInUse(PROBLEM), np.array([1.5, 0.0, 0.0])
+    scene = circles((0.0, 0.0, 0.3))
+    answers = [guide.reference(START, goal, scene) for _ in range(3 * STALL_STEPS + 20)]
+    sides = [np.sign(a.path[np.abs(a.path[:, 0]).argmin(), 1]) for a in answers]
+    told = [a.progress is GoalProgress.WAITING for a in answers]
+    parts = 12
+    assert set(sides[: STALL_STEPS - parts]) == {sides[0]}
+    assert -sides[0] in sides[STALL_STEPS : STALL_STEPS + parts]
+    # what has led nowhere is not taken again at once
+    assert set(sides[STALL_STEPS + parts : 2 * STALL_STEPS]) == {-sides[0]}
+    assert not any(told[: 2 * STALL_STEPS]) and all(told[2 * STALL_STEPS + parts :])
+    assert "no progress" in answers[-1].reason and answers[-1].reachable
+    # then one with less clearance, from whichever side
+    clearances = {a.path_clearance for a in answers[2 * STALL_STEPS + parts : 3 * STALL_STEPS]}
+    assert clearances == {OPTIONS.narrow_clearance}
+    # it drives on: all is well again
+    x = START.copy()
+    for _ in range(10):
+        guidance = guide.reference(x, goal, scene)
+        x = guidance.states[1].copy()
+    assert guidance.progress is GoalProgress.DRIVING and guidance.reason == ""
+    assert guide.state.avoided is None and not guide.state.narrow
+
+
+def test_where_there_is_one_path_only_it_is_kept() -> None:
+    spots = np.concatenate([np.arange(0.5, 2.3, 0.25), -np.arange(0.5, 2.3, 0.25)])
+    door = circles(*((0.0, y, 0.15) for y in spots))
+    guide, goal = GuideInUse(PROBLEM), np.array([1.5, 0.0, 0.0])
+    answers = [guide.reference(START, goal, door) for _ in range(3 * STALL_STEPS)]
+    assert all(a.reachable for a in answers)
+    assert answers[-1].progress is GoalProgress.WAITING
+
+
+def test_a_new_goal_begins_a_new_count() -> None:
+    guide = GuideInUse(PROBLEM)
+    for _ in range(3 * STALL_STEPS):
+        guidance = guide.reference(START, np.array([1.5, 0.0, 0.0]), NO_CIRCLES)
+    assert guidance.progress is GoalProgress.WAITING
+    guidance = guide.reference(START, np.array([1.5, 0.5, 0.0]), NO_CIRCLES)
+    assert guidance.progress is GoalProgress.DRIVING
+
+
+@pytest.mark.parametrize("beside", [0.0138, 0.0147])
+def test_a_robot_that_cannot_get_nearer_holds_where_it_would_not_leave_again(
+    beside: float,
+) -> None:
+    guide, goal = GuideInUse(PROBLEM), np.array([1.5, 0.0, 0.0])
+    x = goal + (0.0, beside, 0.0)
+    held = [guide.reference(x, goal, NO_CIRCLES).hold for _ in range(STALL_STEPS + 5)]
+    assert not any(held[: STALL_STEPS - 5]) and held[-1]
+    farther = GuideInUse(PROBLEM)
+    x = goal + (0.0, 0.03, 0.0)
+    held = [farther.reference(x, goal, NO_CIRCLES).hold for _ in range(3 * STALL_STEPS)]
+    assert not any(held)
+    assert farther.reference(x, goal, NO_CIRCLES).progress is GoalProgress.WAITING
+
+
+def test_a_stalled_robot_turns_where_it_is() -> None:
+    """Forwards alone, 12 mm beside the goal: too far to turn at once, too near for another path."""
+    guide, goal = GuideInUse(PROBLEM), np.array([1.5, 0.0, 0.0])
+    x = goal + (0.0, 0.012, 0.4)
+    turns = [guide.reference(x, goal, NO_CIRCLES).states[-1, 2] for _ in range(STALL_STEPS + 5)]
+    assert guide.state.turning and turns[-1] < 0.3
+
+
+# -- the counting itself
+
+
+def watched(left: np.ndarray, moving: bool) -> list[int]:
+    """Steps at which a robot has stalled whose paths take so long, step by step."""
+    checker, state, found = ProgressChecker(OPTIONS), ProgressState(), []
+    for k, seconds in enumerate(left):
+        pose = np.array([0.06 * k if moving else 0.0, 0.0, 0.0])
+        if checker.watch(state, pose, float(seconds), PROBLEM.dt):
+            found.append(k)
+    return found
+
+
+def test_a_detour_is_driven_to_its_end_but_not_for_ever() -> None:
+    detour = np.concatenate([[5.0], np.arange(12.0, 0.0, -0.1)])
+    assert watched(detour, moving=True) == []
+    assert watched(detour, moving=False)[0] == STALL_STEPS
+    to_and_fro = 8.0 + 3.0 * np.abs(np.arange(600) / 30 % 2 - 1)
+    stalls = watched(to_and_fro, moving=True)
+    assert stalls and stalls[0] <= STALL_STEPS + 2 * 30 + 60
+
+
+def test_slow_progress_is_progress() -> None:
+    assert watched(np.linspace(10.0, 5.0, 600), moving=False) == []
+
+
+def test_time_without_progress_does_not_count_for_another_goal() -> None:
+    checker, state, stands = ProgressChecker(OPTIONS), ProgressState(), np.zeros(3)
+    checker.begin_path(state, 3.0, 0.0, True)
+    for _ in range(STALL_STEPS - 1):
+        assert not checker.watch(state, stands, 3.0, PROBLEM.dt)
+    checker.expect_new_goal(state)
+    checker.begin_path(state, 8.0, 0.0, True)
+    assert not any(checker.watch(state, stands, 8.0, PROBLEM.dt) for _ in range(STALL_STEPS - 1))
+
+
+def test_a_side_that_led_nowhere_is_not_avoided_on_the_way_to_another_goal() -> None:
+    # a robot that stands tries the other side of the circle, which is longer to both goals
+    held, scene = GuideInUse(PROBLEM), circles((0.0, 0.0, 0.5))
+    for _ in range(STALL_STEPS + 12):
+        held.reference(np.array([-1.5, 0.1, 0.0]), np.array([1.5, 0.1, 0.0]), scene)
+    assert held.state.avoided is not None
+    start, goal = np.array([-1.5, 0.1, 0.0]), np.array([1.5, 0.6, 0.0])
+    held.reference(start, goal, scene)
+    fresh = GuideInUse(PROBLEM)
+    fresh.reference(start, goal, scene)
+    assert held.state.path is not None and fresh.state.path is not None
+    assert held.state.path.duration == pytest.approx(fresh.state.path.duration, abs=0.01)
+
+
+@pytest.mark.parametrize("heading", [1.0, np.pi, -np.pi])
+def test_a_robot_that_stands_has_stalled_whichever_way_it_looks(heading: float) -> None:
+    checker, state, random = ProgressChecker(OPTIONS), ProgressState(), np.random.default_rng(0)
+    checker.begin_path(state, 10.0, 0.0, True)
+    checker.watch(state, np.array([0.0, 0.0, heading]), 10.0, PROBLEM.dt)
+    # a detour was found: a robot that drives it has more time, one that stands has not
+    headings = wrap(heading + random.normal(0.0, 0.01, STALL_STEPS + 3))
+    assert any(checker.watch(state, np.array([0.0, 0.0, h]), 16.0, PROBLEM.dt) for h in headings)

@@ -1,0 +1,185 @@
+"""Circles without velocity get the one that they were seen to have."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.control.options import TrackerOptions
+from kmpc_lite.control.world.tracker import ObstacleTracker
+from kmpc_lite.geometry import rotate
+from kmpc_lite.types import Array
+
+DT = 0.1
+
+
+def walk(start: Array, velocity: Array, steps: int, turn_rate: float = 0.0) -> Array:
+    """Places (steps, 2) of somebody who walks."""
+    places, heading = [np.array(start, dtype=float)], 0.0
+    for _ in range(steps - 1):
+        step = np.array(rotate(velocity[0], velocity[1], heading))
+        places.append(places[-1] + DT * step)
+        heading += DT * turn_rate
+    return np.array(places)
+
+
+def rows(*places: Array) -> Array:
+    return np.array([[*place, 0.2, 0.0, 0.0] for place in places])
+
+
+@pytest.mark.parametrize("speed", [0.3, 0.6, 1.0, 1.5])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_walk_is_noticed_within_half_a_second(speed: float, seed: int) -> None:
+    random, tracker = np.random.default_rng(seed), ObstacleTracker(DT)
+    heading = random.uniform(-np.pi, np.pi)
+    velocity = speed * np.array([np.cos(heading), np.sin(heading)])
+    for place in walk(random.uniform(-3.0, 3.0, 2), velocity, 6):
+        tracker.follow(rows(place + 0.005 * random.normal(size=2)))
+    assert tracker.tracks.moving[0]
+    error = np.hypot(*(tracker.tracks.velocities[0] - velocity))
+    assert error <= 3.0 * tracker.tracks.velocity_deviations[0] <= 0.5
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.02])
+def test_who_stands_is_left_standing_whatever_the_sensor_shakes(noise: float) -> None:
+    random, tracker = np.random.default_rng(3), ObstacleTracker(DT)
+    moved = 0
+    for _ in range(300):
+        (circle,) = tracker.update([kl.Circle(*(noise * random.normal(size=2)), 0.2)])
+        moved += bool(circle.vx or circle.vy)
+    assert moved <= 2
+
+
+def test_a_velocity_that_is_true_is_kept_to_the_last_bit() -> None:
+    tracker = ObstacleTracker(DT)
+    for k in range(40):
+        given = kl.Circle(1.0 + DT * k * 0.7, 2.0, 0.2, 0.7, 0.0)
+        assert tracker.update([given]) == [given]
+
+
+def test_a_velocity_that_is_wrong_is_replaced() -> None:
+    tracker = ObstacleTracker(DT)
+    for k in range(8):
+        (circle,) = tracker.update([kl.Circle(1.0 - DT * k * 0.7, 2.0, 0.2, 0.7, 0.0)])
+    assert circle.vx == pytest.approx(-0.7, abs=0.05)
+
+
+def test_tracks_that_cross_keep_their_names_whatever_their_order() -> None:
+    random, tracker = np.random.default_rng(0), ObstacleTracker(DT)
+    first = walk(np.array([-1.0, -0.05]), np.array([0.8, 0.0]), 30)
+    second = walk(np.array([0.05, -1.0]), np.array([0.0, 0.8]), 30)
+    names: list[list[int]] = []
+    for a, b in zip(first, second, strict=True):
+        order = random.permutation(2)
+        seen = rows(a, b)[order] + 0.005 * random.normal(size=(2, 5)) * (1, 1, 0, 0, 0)
+        pairs = tracker.follow(seen)
+        names.append(tracker.tracks.numbers[pairs][np.argsort(order)].tolist())
+    assert all(pair == names[0] for pair in names)
+
+
+def test_who_is_hidden_for_a_second_is_expected_where_he_comes_out() -> None:
+    tracker, places = ObstacleTracker(DT), walk(np.zeros(2), np.array([0.8, 0.2]), 40)
+    for place in places[:15]:
+        tracker.update(rows(place)[:, :3])
+    name = tracker.tracks.numbers[0]
+    for place in places[15:25]:
+        (hidden,) = tracker.update(np.empty((0, 5)))
+        assert np.hypot(hidden.x - place[0], hidden.y - place[1]) < 0.1
+    tracker.update(rows(places[25])[:, :3])
+    assert tracker.tracks.numbers.tolist() == [name]
+    assert tracker.tracks.moving[0]
+
+
+def test_uncertainty_grows_while_hidden_and_the_track_ends() -> None:
+    tracker = ObstacleTracker(DT, TrackerOptions(coast=0.5))
+    for place in walk(np.zeros(2), np.array([0.8, 0.2]), 15):
+        tracker.follow(rows(place))
+    before = tracker.tracks.position_deviations[0]
+    for _ in range(4):
+        tracker.follow(np.empty((0, 5)))
+        after = tracker.tracks.position_deviations[0]
+        assert after > before
+        before = after
+    for _ in range(3):
+        tracker.follow(np.empty((0, 5)))
+    assert len(tracker.tracks) == 0
+
+
+def test_what_was_seen_once_is_not_remembered() -> None:
+    tracker = ObstacleTracker(DT)
+    tracker.update([kl.Circle(0.0, 0.0, 0.2)])
+    assert tracker.update([]) == []
+
+
+def test_a_turn_is_followed() -> None:
+    tracker, rate = ObstacleTracker(DT), 0.5
+    places = walk(np.zeros(2), np.array([1.0, 0.0]), 60, rate)
+    for place in places:
+        tracker.follow(rows(place))
+    heading = DT * rate * 59
+    error = tracker.tracks.velocities[0] - (np.cos(heading), np.sin(heading))
+    assert np.hypot(*error) < 0.12
+    assert tracker.tracks.states[0, 4] == pytest.approx(rate, abs=0.2)
+
+
+def test_the_same_walk_elsewhere_turned_and_scaled_is_the_same_track() -> None:
+    random = np.random.default_rng(1)
+    seen = walk(np.array([0.3, -0.2]), np.array([0.7, 0.1]), 30, 0.3)
+    seen = seen + 0.01 * random.normal(size=seen.shape)
+    turn, length, time = 2.0, 4.0, 2.0
+    tracker = ObstacleTracker(DT)
+    # what is told in seconds is told in its own
+    slower = TrackerOptions(turn_memory=4.0, turn_rate=0.25, acceleration=1 / 3)
+    other = ObstacleTracker(DT * time, slower, 0.6, 1.2)
+    for place in seen:
+        tracker.follow(rows(place))
+        turned = length * np.array(rotate(place[0], place[1], turn)) + (10.0, -20.0)
+        other.follow(rows(turned))
+        assert tracker.tracks.moving.tolist() == other.tracks.moving.tolist()
+    vx, vy = tracker.tracks.states[0, 2:4]
+    expected = length / time * np.array(rotate(vx, vy, turn))
+    np.testing.assert_allclose(other.tracks.states[0, 2:4], expected, rtol=1e-6)
+
+
+def test_a_tracker_goes_on_after_a_copy_and_a_pickle() -> None:
+    tracker, places = ObstacleTracker(DT), walk(np.zeros(2), np.array([0.5, 0.5]), 20)
+    for place in places[:10]:
+        tracker.update(rows(place))
+    before = copy.deepcopy(tracker.tracks)
+    others = [copy.deepcopy(tracker), pickle.loads(pickle.dumps(tracker))]
+    expected = [tracker.update(rows(place)) for place in places[10:]]
+    tracker.tracks = before
+    for other in (*others, tracker):
+        assert [other.update(rows(place)) for place in places[10:]] == expected
+
+
+def test_more_circles_than_are_followed_are_given_back_as_they_are() -> None:
+    tracker = ObstacleTracker(DT, TrackerOptions(most=3))
+    given = [kl.Circle(float(i), 0.0, 0.2, 0.1, 0.0) for i in range(5)]
+    assert tracker.update(given) == given
+    assert len(tracker.tracks) == 3
+
+
+def test_wrong_values_are_told() -> None:
+    with pytest.raises(kl.ProblemError, match="dt: expected a number > 0"):
+        ObstacleTracker(0.0)
+    with pytest.raises(ValueError, match="expected finite numbers"):
+        ObstacleTracker(DT).update(np.array([[np.nan, 0.0, 0.1]]))
+    with pytest.raises(ValueError, match="got shape"):
+        ObstacleTracker(DT).update(np.zeros((2, 4)))
+
+
+@pytest.mark.parametrize("speed", [0.5, 1.0])
+def test_who_turns_round_on_the_spot_is_followed_from_the_next_sight_on(speed: float) -> None:
+    tracker = ObstacleTracker(DT)
+    for k in range(15):
+        tracker.follow(rows((speed * DT * k, 0.0)))
+    there = speed * DT * 14
+    for k in range(1, 4):
+        tracker.follow(rows((there - speed * DT * k, 0.0)))
+    assert tracker.tracks.numbers.tolist() == [0]
+    assert tracker.tracks.velocities[0, 0] == pytest.approx(-speed, abs=0.6 * speed)
