@@ -2,7 +2,8 @@
 
 mkdocs calls `on_page_markdown` for every page. A page asks with a comment of its own line:
 ``<!-- help: kmpc -->`` or ``<!-- files: kmpc_lite -->``. Mermaid blocks become SVG, so that
-the site needs no network; GitHub draws them by itself.
+the site needs no network; GitHub draws them by itself. Sections between ``<!-- tabs -->`` and
+``<!-- /tabs -->`` become tabs; GitHub shows them one below the other.
 """
 
 from __future__ import annotations
@@ -24,12 +25,15 @@ PROGRAMS = {"kmpc": "firmware_bridge.cli.main"}
 """The bridge's entry knows all commands, however the package was installed."""
 MARK = re.compile(r"^<!-- (help|files): ([\w-]+) -->$", re.MULTILINE)
 MERMAID = re.compile(r"^```mermaid\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+TABS = re.compile(r"^<!-- tabs -->$(.*?)^<!-- /tabs -->$", re.MULTILINE | re.DOTALL)
+SECTION = re.compile(r"^## (.+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 log = logging.getLogger("mkdocs.hooks.site")
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Replace the marks and diagrams of a page."""
     markdown = MERMAID.sub(lambda block: draw(block[1]), markdown)
+    markdown = TABS.sub(lambda tabs: SECTION.sub(r"/// tab | \1\n\2///\n\n", tabs[1]), markdown)
     return MARK.sub(
         lambda mark: {"help": help_texts, "files": file_table}[mark[1]](mark[2]), markdown
     )

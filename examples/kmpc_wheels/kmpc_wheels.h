@@ -1,4 +1,4 @@
-/* The line protocol of docs/howto/setup_arduino.md: bytes in, answers out, and the watchdog.
+/* The line protocol of docs/howto/boards.md: bytes in, answers out, and the watchdog.
  *
  * Plain C99 without the Arduino library, so that it compiles with gcc and is tested there. Whoever includes it gives
  * it bytes and the time, and finds in `struct kmpc_wheels` what the motors are to do.

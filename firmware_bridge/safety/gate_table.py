@@ -17,8 +17,8 @@ class GateState(Enum):
     ACTIVE = "commands pass, within limits"
     STOPPING = "a ramp to zero"
     HOLDING = "zeros"
-    RELEASED = "given back: the board is told to hold until it obeys; nothing else is sent"
-    YIELDED = "somebody else has taken the robot: nothing is sent"
+    RELEASED = "given back: the board is commanded to hold until it does; nothing else is sent"
+    YIELDED = "a pilot or another program has taken the robot: nothing is sent"
     ESTOP = "latched emergency stop: zero at once, then released"
 
 
@@ -28,20 +28,20 @@ class Event(Enum):
     ESTOP = "emergency stop pressed"
     RESET = "reset by the operator"
     ENABLE = "enabled by the operator"
-    STOP = "stop asked for (Ctrl-C, goal held)"
-    TAKEN = "the autopilot is heard but no longer obeys us: disarmed, or in another mode"
+    STOP = "stop requested (Ctrl-C, goal held)"
+    TAKEN = "the autopilot is heard but does not obey any more: disarmed, or in another mode"
     FAULT = "something is missing, stale or wrong"
     STILL = "the command has come to zero"
     HELD = "zeros for as long as `hold`"
-    CLEAR = "nothing wrong for as long as `settle`, and no stop asked for"
+    CLEAR = "no fault for as long as `settle`, and no stop requested"
 
 
 REQUESTS = frozenset({Event.ESTOP, Event.RESET, Event.ENABLE, Event.STOP})
-"""What people and programs ask for; each is used up by the transition it causes."""
+"""Requests by people and programs; the transition that a request causes consumes it."""
 
 
 class Action(Enum):
-    """What is to be done with a gate's output."""
+    """What to do with the gate's output."""
 
     NOTHING = "send nothing"
     SEND = "send v and omega"
@@ -53,17 +53,17 @@ class Reason(Enum):
 
     LINK = "link down"
     HEARTBEAT = "board not heard"
-    NOT_READY = "board not ready: not armed, not in the mode that obeys us, or not set up"
+    NOT_READY = "board not ready: not armed, not in the required mode, or not set up"
     BOARD = "board reports a fault"
     ESTIMATE = "board distrusts its own pose estimate"
     POSE = "no pose, or too old"
     POSE_INVALID = "pose not finite"
-    FRAME = "the board's frame may lie elsewhere than it did: look, then confirm it"
+    FRAME = "the board's frame may have moved: look, then confirm it"
     RESTARTED = (
         "the board was restarted, and how far the robot rolled is not known: look, then enable"
     )
-    UNMOVED = "told to drive, and the pose stays: frozen, an encoder dead, or motors off"
-    STALLED = "the bridge itself stood still, or the computer slept"
+    UNMOVED = "commanded to drive, but the pose stays: frozen, an encoder dead, or motors off"
+    STALLED = "the bridge itself was suspended, or the computer slept"
     SCAN = "no scan of the lidar, or too old"
     GEOFENCE = "outside the geofence"
     COMMAND = "no controller output, or too old"
@@ -73,7 +73,7 @@ class Reason(Enum):
 FINAL = frozenset({Reason.GEOFENCE, Reason.FRAME, Reason.RESTARTED, Reason.UNMOVED, Reason.STALLED})
 """Reasons that do not go away by themselves: such a stop ends in a release."""
 UNHEARD = frozenset({Reason.LINK, Reason.HEARTBEAT})
-"""Reasons for which it is not known what the board is doing."""
+"""Reasons that leave the state of the board unknown."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ TRANSITIONS: tuple[Transition, ...] = (
 BY_STATE = {state: tuple(t for t in TRANSITIONS if t.state is state) for state in GateState}
 """Transitions out of each state, in order."""
 DRIVING = frozenset({GateState.ACTIVE, GateState.STOPPING, GateState.HOLDING})
-"""Where the robot is ours and obeys us."""
+"""States in which the bridge controls the robot."""
 
 
 def diagram() -> str:
