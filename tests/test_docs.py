@@ -143,6 +143,17 @@ def test_every_page_is_in_the_sites_navigation() -> None:
     assert not missing, f"add a line under `nav` in mkdocs.yml for each of {missing}"
 
 
+def test_sections_between_marks_become_tabs_of_the_site(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(DOCS / "_site"))
+    site = importlib.import_module("hooks").on_page_markdown
+    page = "# P\n\n<!-- tabs -->\n\n## A\n\none\n\n## B 2\n\ntwo\n\n<!-- /tabs -->\n\n## C\n"
+    assert re.findall(r"^/// tab \| (.*)\n\n(\w+)\n\n///$", site(page), re.M) == [
+        ("A", "one"),
+        ("B 2", "two"),
+    ]
+    assert re.findall(r"^## (\w+)$", site(page), re.M) == ["C"]
+
+
 def test_the_api_reference_documents_the_public_names_and_no_others() -> None:
     documented = re.findall(r"^::: kmpc_lite\.(\w+)$", read(DOCS / "reference" / "api.md"), re.M)
     assert sorted(documented) == sorted(kl.__all__)
