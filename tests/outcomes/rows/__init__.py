@@ -1,0 +1,38 @@
+"""All rows by their names, in the order of their families."""
+
+from __future__ import annotations
+
+from outcomes.rows import goals, maps, mishaps, moving, robots, sight
+from outcomes.setup import Row
+
+TABLES = (
+    maps.TABLE,
+    maps.SCENES,
+    robots.SCALES,
+    robots.KNOWN,
+    robots.ANY,
+    robots.RATES,
+    robots.BOUNDS,
+    robots.SHAPES,
+    sight.RAMPS,
+    sight.REVEALED,
+    sight.LIDAR,
+    sight.VIEW,
+    sight.BARN,
+    moving.MOVING,
+    moving.PEOPLE,
+    goals.PARK,
+    goals.GOALS,
+    goals.FAR,
+    mishaps.LAG,
+    mishaps.FLOOR,
+    mishaps.POSE,
+    mishaps.SOLVER,
+    mishaps.STATE,
+    mishaps.PAPER,
+    mishaps.REAL,
+)
+ROWS: dict[str, Row] = {row.name: row for table in TABLES for row in table.rows}
+if len(ROWS) != sum(len(table.rows) for table in TABLES):
+    names = [row.name for table in TABLES for row in table.rows]
+    raise ValueError(f"rows with one name: {sorted({n for n in names if names.count(n) > 1})}")
