@@ -49,7 +49,7 @@ class WheelGeometry:
     """The right wheel is on the board's first channel."""
 
     def __post_init__(self) -> None:
-        """Check the ranges, and that no wheel is as large as if it was told in centimetres."""
+        """Check the ranges, and that no wheel seems to be given in centimetres."""
         check(self)
         if self.wheel_radius > self.track:
             raise ConfigError(

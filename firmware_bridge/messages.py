@@ -76,11 +76,11 @@ class LinkStatus:
     counters: Mapping[str, int] = field(default_factory=dict)
     """bytes, frames, bad CRCs, resynchronisations, refused messages, reconnects, ..."""
     frame_doubt: str = ""
-    """Why the board's frame may lie elsewhere than it did, in words; else empty."""
+    """Why the board's frame may have moved, in words; else empty."""
     restarted: bool = False
     """Whether the board was switched off and on lately: how far the robot rolled is not known."""
     unmoved: str = ""
-    """What the robot was told and did not do, in words; else empty."""
+    """The commanded motion that did not happen, in words; else empty."""
     scan_stamp: float | None = None
     """When the newest scan of the robot's lidar was measured; None for a robot without one."""
     scan_faults: tuple[str, ...] = ()

@@ -24,7 +24,7 @@ def check_period(period: float, gate: GateSettings) -> None:
 def check_wheels(limits: Mapping[str, Any], geometry: Mapping[str, Any]) -> None:
     """Refuse speeds that were asked for and that the wheels cannot have.
 
-    The board would be told less than the controller plans with, and than a log for `kmpc fit` says.
+    The board would receive less than the controller plans with, and than a log for `kmpc fit` says.
     Both sections are as read.
     """
     top = geometry.get("max_wheel_speed")

@@ -27,7 +27,7 @@ TOPICS = "ros2"
 """In place of a driver where ROS 2 topics are the robot's link: see `kmpc ros2`."""
 SECTIONS = ("link", "board", "geometry", "limits", "safety", "frame", "control", "lidar", "robot")
 NOMINAL_LATENCY = {**{name: board.latency for name, board in BOARDS.items()}, TOPICS: 0.1}
-"""Taken for a model without input history where nobody says better [s], by driver."""
+"""Default for a model without input history [s], by driver."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class ControlOptions:
     """Whether a learned model is corrected while driving where the floor contradicts it; the
     nominal one, which knows no lag, never is."""
     map: bool = True
-    """Whether the controller is told the scenario's obstacles; without, it drives by its lidar
+    """Whether the controller knows the scenario's obstacles; without, it drives by its lidar
     alone."""
     trust_model: bool = False
     """Whether a model is driven although it is another vehicle's, of another period, or learned

@@ -1,4 +1,4 @@
-"""`kmpc check`: who answers, and what is missing before it can drive, in words to act on."""
+"""`kmpc check`: what answers, and what is missing before it can drive, in words to act on."""
 
 from __future__ import annotations
 
@@ -241,7 +241,7 @@ def _prearm(driver: Driver) -> tuple[str, ...]:
 
 
 COMMAND = Command(
-    text="Say who answers, and what is missing before it can drive. Nothing moves.",
+    text="Say what answers, and what is missing before it can drive. Nothing moves.",
     examples=(
         "kmpc check robot.toml",
         "kmpc check robot.toml --model robot.npz",

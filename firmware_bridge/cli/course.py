@@ -12,7 +12,7 @@ from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import Robot
 
 UNKNOWN = (math.nan, math.nan)
-"""The command of a period in which nobody knows what was on the wire."""
+"""The command of a period whose command on the wire is unknown."""
 FENCE_ROOM = 0.25
 """Without a geofence of its own a robot may leave the scenario's area by so much [m]."""
 WITHIN = 0.7
@@ -35,7 +35,7 @@ class Course(NamedTuple):
     controller: Any
     """kmpc_lite's."""
     watchers: list[Callable[[Any, Any], None]]
-    """Are told each pose and plan, in the thread that plans."""
+    """Receive each pose and plan, in the thread that plans."""
 
 
 def course(
@@ -57,7 +57,7 @@ def course(
     seconds : float
         Give up after so long [s].
     watch : callable, optional
-        Is told each pose and plan.
+        Receives each pose and plan.
     wait : float, optional
         How long the vehicle may take until it drives [s]; `seconds` where not given.
     rehearse : bool
@@ -202,7 +202,7 @@ def goal_tolerance(scenario: Any) -> tuple[float, float]:
     """How near to its goal the robot stays [m, rad]: within what counts as arrived, noise and all.
 
     No nearer than the controller's own default asks for, where that is within, too: a robot that
-    lags, or whose poses are noisy, swings about its goal for what nobody asked for.
+    lags, or whose poses are noisy, swings about its goal for a precision that was not requested.
     """
     own = scenario.options.goal
     usual = own.leave_distance * scenario.radius, own.leave_angle

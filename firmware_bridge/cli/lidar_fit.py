@@ -22,7 +22,7 @@ DIRECTIONS = 720
 NEAR, SHARE = 0.1, 0.05
 """A hit fits the map within so much [m], and so much of its distance."""
 BETTER = 0.25
-"""Share of hits that another mount must fit more, to be told."""
+"""Share of hits that another mount must fit more, to be proposed."""
 FEW = 20
 """Fewer hits tell nothing."""
 

@@ -133,7 +133,7 @@ class Showing:
         )
 
     def packet(self, session: Session, goal: Any) -> Packet:
-        """Give what is true now; reads references that others replace, and waits for nobody."""
+        """Give what is true now; reads references that others replace, and never waits."""
         from kmpc_lite.live.moment import plan_packet
 
         shot, step, estop = session.loop.snapshot, self._last, session.estop
@@ -147,7 +147,7 @@ class Showing:
         wrong = [reason.value for reason in output.reasons if reason is not Reason.BOARD]
         wrong += [*status.faults, *filter(None, (status.frame_doubt,)), *session.problems()]
         if estop.latched:
-            wrong.insert(0, "emergency stop: it holds until somebody lets the robot drive")
+            wrong.insert(0, "emergency stop: it holds until the robot is allowed to drive")
         packet.update(
             gate=gate.name,
             gate_text=gate.value,

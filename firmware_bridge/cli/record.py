@@ -37,7 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     how = parser.add_mutually_exclusive_group(required=True)
     how.add_argument(
-        "--by-hand", action="store_true", help="somebody else drives; nothing is sent to the robot"
+        "--by-hand", action="store_true", help="a pilot drives; nothing is sent to the robot"
     )
     how.add_argument(
         "--excite",

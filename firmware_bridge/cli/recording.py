@@ -69,7 +69,7 @@ def recorder_of(job: Course, command: str) -> Callable[[Session, Path], DriveRec
 
 
 class DriveRecorder:
-    """Records a drive; an `Observer` of the loop, and told of each plan.
+    """Records a drive; an `Observer` of the loop, and receives each plan.
 
     Both threads only put plain data into a queue: the file's own thread encodes and writes.
 
@@ -172,7 +172,7 @@ class DriveRecorder:
 
 
 def about_drive(robot: Robot, plant: str, controller: Any, command: str) -> dict[str, Any]:
-    """What to keep with a drive of a plant that is told in words."""
+    """What to keep with a drive of a plant described in words."""
     limits = robot.gate.limits
     return {
         "kind": "driven",

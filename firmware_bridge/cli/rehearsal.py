@@ -179,7 +179,7 @@ class Rehearsal:
         self._rows += self._sampler.take(Tick(now, state, command, driven, fresh))
 
     def saw(self, *_: object) -> None:
-        """Compare once a second; told of each plan."""
+        """Compare once a second; receives each plan."""
         if self.trouble or (len(self._rows) - self._compared) * self._model.dt < EVERY:
             return
         self.compare()

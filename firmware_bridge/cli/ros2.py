@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 RESUME = 30.0
 """A robot whose odometry or scan is lost stands for so long, and goes on by itself when they come
-back [s]; later somebody must send a goal again. safety.resume of a robot file says otherwise."""
+back [s]; later a new goal is needed. safety.resume of a robot file says otherwise."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -36,7 +36,7 @@ class Driven(NamedTuple):
     controller: Controller
     navigator: GoalNavigator
     watchers: list[Callable[[Any, Any], None]]
-    """Are told each pose and plan, in the thread that plans."""
+    """Receive each pose and plan, in the thread that plans."""
 
 
 class LateEncoder:
@@ -129,7 +129,7 @@ def scenario_of(job: Driven, first: Stepped) -> Scenario:
 
     try:
         return made(grid)
-    except ScenarioError:  # somebody wants it where the map has something
+    except ScenarioError:  # the goal lies where the map has something
         return made(None)
 
 

@@ -27,7 +27,7 @@ from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import command_line
 
 DRIVE_TIME = 120.0
-"""How long a run may take unless told [s]: low speeds take longer than a scenario's own limit."""
+"""How long a run may take by default [s]: low speeds take longer than a scenario's own limit."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +44,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--by-sight",
         action="store_true",
-        help="control.map = false: the controller is not told the scenario's obstacles, and drives "
+        help="control.map = false: the controller ignores the scenario's obstacles, and drives "
         "by the lidar alone",
     )
     add(

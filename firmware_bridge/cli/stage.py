@@ -25,7 +25,7 @@ class Stage:
     say: Callable[[str], None]
     quiet: bool
     lidar: str | None
-    """Of the drive: it is then the only one who tells of obstacles."""
+    """Of the drive: then the only source of obstacles."""
 
     @property
     def eyes(self) -> dict[str, str | None]:

@@ -63,7 +63,7 @@ class Autopilot(Driver, Protocol):
         ...
 
     def confirm_frame(self) -> None:
-        """Trust the vehicle's frame again, after somebody has checked it on the map."""
+        """Trust the vehicle's frame again, after it was checked on the map."""
         ...
 
     def feed_pose(self, x: float, y: float, theta: float, stamp: float) -> None:

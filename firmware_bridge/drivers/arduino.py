@@ -47,7 +47,7 @@ class ArduinoOptions(PolledOptions):
     counts_per_turn: float = bounded(1.0, 1e7)
     """Encoder counts per motor turn, as the sketch counts them."""
     watchdog: float = bounded(0.1, 10.0, "s", 0.3)
-    """The board stops the motors when it hears no command for so long [s]; told with each command.
+    """The board stops the motors when it hears no command for this time [s]; part of each command.
     """
 
     def __post_init__(self) -> None:
@@ -59,7 +59,7 @@ class ArduinoOptions(PolledOptions):
 class ArduinoDriver(LineDriver):
     """Two motors on a microcontroller.
 
-    `V` commands speeds, `P` asks for the state, `R` lets go, `H` asks who is there. `V`, `P` and
+    `V` commands speeds, `P` asks for the state, `R` lets go, `H` asks for identity. `V`, `P` and
     `R` are all answered by a state with the number of the request, so that a late answer is never
     taken for another. The watchdog's time is part of every command: a board that was reset has
     nothing to lose.
@@ -120,7 +120,7 @@ class ArduinoDriver(LineDriver):
         self._moved((first, second), (speed1 / scale, speed2 / scale), stamp)
 
     def _request(self, kind: str, arguments: str, count: int) -> tuple[list[int], float]:
-        """Ask, and give the numbers of the answer, of which there must be so many."""
+        """Ask, and return the numbers of the answer, whose count is checked."""
         self._sequence = (self._sequence + 1) % SEQUENCES
         key = ("H" if kind == "H" else "S", self._sequence)
         reply, stamp = self._exchange.ask(line(f"{kind} {self._sequence}{arguments}"), key)

@@ -24,7 +24,7 @@ class BoardEntry:
     emulator: str
     """MODULE:CLASS of the far end, for `kmpc emulate`."""
     latency: float = 0.0
-    """From a command to the wheels, for a model without input history where nobody says better
+    """From a command to the wheels, for a model without input history, by default
     [s]. With a motor controller's 0.05 s the clearance is the same for 0, 0.05 and 0.1 s."""
     encoders: bool = True
     """Whether it tells how the robot moves; if not, poses must come from outside."""

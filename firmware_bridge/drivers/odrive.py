@@ -137,7 +137,7 @@ class ODriveDriver(LineDriver):
         raise NoReply
 
     def _clear(self) -> None:
-        """Clear the expired watchdog that a dead process leaves; other errors only if told to."""
+        """Clear the expired watchdog that a dead process leaves; others only if configured."""
         self._read_errors()
         others = [errors & ~self._register.watchdog for errors in self._axis_errors]
         if any(others) and not self._options.clear_errors:
@@ -190,7 +190,7 @@ class ODriveDriver(LineDriver):
         self._number(f"axis{self._axes[0]}.current_state")
 
     def _feed_idle(self) -> None:
-        """Feed the watchdogs with zeros, and with nothing else, while nobody commands."""
+        """Feed the watchdogs with zeros, and with nothing else, without commands."""
         with self._changed:
             idle = self._held.value == STANDSTILL and not self._released
         if idle and time.monotonic() - self._fed > self._options.watchdog / 4.0:

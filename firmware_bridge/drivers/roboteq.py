@@ -42,7 +42,7 @@ REPLY = re.compile(rb"([A-Z]{1,5})=(-?\d{1,10}(?::-?\d{1,10})*)")
 ACCEPTED, REFUSED = b"+", b"-"
 BOTH = "both accepted"
 REFUSALS = 5
-"""So many refused commands, with none accepted between them, are told."""
+"""Number of consecutive refused commands that is reported."""
 RPM = 60.0
 
 
@@ -165,7 +165,9 @@ class RoboteqDriver(LineDriver):
         if self._exchange.expected != BOTH:
             return
         self._accepted += accepted
-        if not accepted:  # a damaged line is refused too, and repeated: only many in a row are told
+        if (
+            not accepted
+        ):  # a damaged line is refused too, and repeated: only many in a row are reported
             self._refusals += 1
             if self._refusals >= REFUSALS:
                 self._trouble = ("the board refuses commands",)

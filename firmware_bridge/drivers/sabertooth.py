@@ -2,7 +2,7 @@
 
 Nothing is heard of such a board: neither whether it is there, nor how the wheels turn. The pose
 must come from
-outside (`link.pose`), which also tells whether the robot does what it is told.
+outside (`link.pose`), which also shows whether the robot follows its commands.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ class SabertoothDriver:
         return cls(transport, geometry, options)
 
     def connect(self, timeout: float) -> None:
-        """Open the link and stop the motors; whether a board is there nobody can tell."""
+        """Open the link and stop the motors; whether a board is there is unknown."""
         self._transport.start(lambda data, stamp: None)
         self._started = True
         self._thread = threading.Thread(target=self._run, name="bridge-sabertooth", daemon=True)

@@ -40,7 +40,7 @@ class LoopbackEnd:
 
     @property
     def used(self) -> bool:
-        """Whether somebody has started this end and not closed it."""
+        """Whether this end is started and not closed."""
         return self._on_bytes is not None and not self._closed
 
     @property
@@ -121,7 +121,7 @@ class LoopbackEnd:
             assert self._on_bytes is not None
             try:
                 self._on_bytes(data, now)
-            # as in the threaded transport: counted, told, and the link goes down for a moment
+            # as in the threaded transport: counted, reported, and the link goes down for a moment
             except Exception as error:
                 self._counters["errors"] += 1
                 self._last_error = f"{type(error).__name__}: {error}"
@@ -199,7 +199,7 @@ class LoopbackWire:
         return self.board if end is self.bridge else self.bridge
 
     def take(self, board: bool) -> LoopbackEnd:
-        """Give an end that nobody uses: a new one where the last user has closed it."""
+        """Return an unused end: a new one if the last user has closed it."""
         with self.condition:
             end = self.board if board else self.bridge
             if end.used:

@@ -58,7 +58,7 @@ class PtyPort:
             return b""
 
     def write(self, data: memoryview) -> int:
-        """Bytes that the terminal took; all of them where nobody reads."""
+        """Bytes that the terminal took; all of them without a reader."""
         try:
             return os.write(self._master, data)
         except BlockingIOError:
@@ -152,7 +152,7 @@ def serve(url: str) -> Transport:
     Raises
     ------
     ConfigError
-        For a URL that nobody can serve: a serial port is served by the board itself.
+        For a URL that cannot be served: a serial port is served by the board itself.
     """
     link = LinkUrl.parse(url)
     if link.kind == "pty":

@@ -21,7 +21,7 @@ RATE, BURST = 2500.0, 320.0
 WAITING = 64
 """Frames of stations that wait for their turn at most; one more is dropped."""
 TOLD_AGAIN, TOLD_ELSE = 5.0, 0.5
-"""A station is told at most this often that it was refused: the same, and something else [s]."""
+"""Shortest time between two reports of a refusal to a station: same, and another one [s]."""
 
 
 class Rules(Protocol):
@@ -109,7 +109,7 @@ class SharedTransport:
         self._clock = clock
         self._portions = Portions(transport.write, clock)
         self._told = [("", -TOLD_AGAIN)] * len(stations)
-        """What each station was told last, and when [s]."""
+        """The last report to each station, and when [s]."""
         self._open = False
         self.refused = 0
         self.refusal, self.refused_at = "", -float("inf")

@@ -42,7 +42,7 @@ class Endpoint:
     """Where a port comes from, time and again."""
 
     def open(self) -> Port | None:
-        """Open it; None where nobody is there yet. Raises LinkError in words a user can act on."""
+        """Open it; None without a peer yet. Raises LinkError in words a user can act on."""
         raise NotImplementedError
 
     def fileno(self) -> int | None:
@@ -50,7 +50,7 @@ class Endpoint:
         return None
 
     def turn_away(self) -> None:
-        """Deal with somebody who comes while a port is open."""
+        """Handle a peer that connects while a port is open."""
 
     def close(self) -> None:
         """Give back what outlives a port."""

@@ -84,7 +84,7 @@ class TtyPort:
                 raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY))
             fcntl.flock(
                 self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB
-            )  # first: a port that somebody else uses stays as it is set
+            )  # first: a port in use by another program keeps its settings
             if exclusive:
                 fcntl.ioctl(self._fd, termios.TIOCEXCL)
             make_raw(self._fd, baud)

@@ -1,4 +1,4 @@
-"""How late, and how far, a robot answers what it is told: from its poses while it drives."""
+"""How late, and how far, a robot follows its commands: from its poses while it drives."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ class AnswerOptions:
     """What is looked at, and what is believed."""
 
     window: float = 1.0
-    """Motions over so long are compared with what was told [s]: the pose's noise weighs little."""
+    """Time over which motion and commands are compared [s]: the pose's noise weighs little."""
     longest: float = 2.0
     """Latest answer that is looked for [s]."""
     recent: float = 6.0
     """Motion that lies longer ago is forgotten [s]."""
     least: float = 1.0
-    """Motion at the largest speed that must have been told before anything is said [s]."""
+    """Commanded motion at the largest speed before anything is reported [s]."""
 
 
 class Answer(NamedTuple):
     """One speed's answer."""
 
     told: float
-    """How far the robot was told to go, lately [m or rad]."""
+    """Recently commanded motion [m or rad]."""
     gain: float
     """Share of it that the robot went; negative: the other way."""
     likeness: float
-    """Correlation of what was told and what was done, -1 to 1."""
+    """Correlation of commanded and measured motion, -1 to 1."""
     delay: float
     """How late it answers [s]."""
 
@@ -46,7 +46,7 @@ class AnswerMeter:
     period : float
         Between two samples [s].
     largest : tuple
-        Largest speed [m/s] and turn rate [rad/s] that are told.
+        Largest commanded speed [m/s] and turn rate [rad/s].
     options : AnswerOptions, optional
         What is believed.
     """
@@ -91,11 +91,11 @@ class AnswerMeter:
         return len(self._told) == self._told.maxlen
 
     def speed(self) -> Answer | None:
-        """Answer to v; None while too little was told."""
+        """Answer to v; None while too little was commanded."""
         return self._answer(0)
 
     def turn(self) -> Answer | None:
-        """Answer to omega; None while too little was told."""
+        """Answer to omega; None while too little was commanded."""
         return self._answer(1)
 
     def _answer(self, which: int) -> Answer | None:

@@ -78,7 +78,7 @@ class DurableFile(Generic[T]):
 
     @property
     def problem(self) -> str:
-        """What is wrong with the log; how much of it is lost is told once it is closed."""
+        """What is wrong with the log; closing it reports how much is lost."""
         lost = f"{self.dropped} records are lost" if self._quit.is_set() and self.dropped else ""
         if self._ended:
             return ": ".join(filter(None, (self._ended, lost)))

@@ -104,7 +104,7 @@ class Excitation:
         self.returning = False
         """Whether it is on its way back to the middle."""
         self.trouble = ""
-        """Why the robot must be stopped, in words; empty while it turns back as it is told."""
+        """Why the robot must be stopped, in words; empty while it turns back as commanded."""
         self._refuse_small()
 
     @property
@@ -226,7 +226,7 @@ class Excitation:
         return forward if sign > 0 else back
 
     def _look_for_escape(self, now: float, beyond: float) -> None:
-        """Find a robot that goes on towards the fence although it is told to turn back."""
+        """Find a robot that goes on towards the fence although commanded to turn back."""
         if not self.returning or beyond <= 0.0:
             self._left = None
             return
@@ -236,7 +236,7 @@ class Excitation:
             self._left = since, beyond if self._left is None else max(least, beyond)
         elif beyond > least + 0.15 * self._margin():
             self.trouble = (
-                f"it goes on towards the fence although it was told to turn back "
+                f"it goes on towards the fence although commanded to turn back "
                 f"{now - since:.1f} s ago"
             )
 

@@ -136,14 +136,14 @@ def write_csv(path: Path, states: list[State], period: float) -> int:
 
 
 def serve_log(chunks: list[Chunk], url: str, speed: float) -> int:
-    """Serve on a link what came from the board; gives the bytes that somebody took."""
+    """Serve on a link what came from the board; returns the bytes that were taken."""
     transport, written = serve(url), 0
     transport.start(lambda data, stamp: None)
     try:
         until = time.monotonic() + LISTENER_WAIT
         while not transport.connected:
             if time.monotonic() > until:
-                raise LinkError(f"{url}: nobody came to listen within {LISTENER_WAIT:g} s")
+                raise LinkError(f"{url}: no listener within {LISTENER_WAIT:g} s")
             time.sleep(0.02)
         for chunk in play(
             [c for c in chunks if c.incoming is not False], speed, time.monotonic, time.sleep

@@ -1,4 +1,4 @@
-"""Watches a robot that is recorded: what it is told, whether it does that, and how late."""
+"""Watches a recorded robot: its commands, whether it follows them, and how late."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ CAR = ", or a car-like robot, which cannot turn on the spot and is not supported
 
 @dataclass(frozen=True)
 class WatchOptions:
-    """When a robot counts as one that does not do what it is told."""
+    """When a robot counts as not following its commands."""
 
     every: float = 1.0
     """How often it is judged [s]."""
     likeness: float = 0.7
     """Correlation of motion and commands from which on the motion counts as an answer."""
     moves: float = 0.05
-    """Share of what it is told that a robot must move, at least."""
+    """Smallest share of the commanded motion."""
     frozen: float = 1.5
     """How long poses may repeat each other to the last digit [s]."""
     remembered: int = 15
@@ -41,11 +41,11 @@ class DriveWatch:
     period : float
         Of the rows [s].
     limits : Limits
-        Largest speeds that are told.
+        Largest commanded speeds.
     by_hand : bool
         Somebody else drives: the measured speeds stand in for the commands, and nothing is judged.
     options : WatchOptions, optional
-        When a robot does not do what it is told.
+        When a robot does not follow its commands.
     """
 
     def __init__(
@@ -140,13 +140,13 @@ class DriveWatch:
         if answer.likeness < -self._options.likeness and answer.gain < -self._options.moves:
             ways = "forward it goes back" if verb == "drive" else "left it turns right"
             return (
-                f"told to {verb} {ways}, and the other way round, {-answer.gain:.2f} of what it is "
-                "told: motors exchanged or inverted, or a pose of another frame"
+                f"commanded to {verb} {ways}, and vice versa, {-answer.gain:.2f} of the command: "
+                "motors exchanged or inverted, or a pose of another frame"
             )
         moved = abs(answer.gain) * abs(answer.likeness) > self._options.moves
         if self._meter.is_long and not moved:
             return (
-                f"told to {verb} {answer.told:.2g} {unit} within the last seconds, it hardly moved "
+                f"commanded to {verb} {answer.told:.2g} {unit} recently, it hardly moved "
                 f"({100 * abs(answer.gain):.0f} % of it): motors off, stuck, poses of something "
                 f"else{CAR if verb == 'turn' else ''}"
             )

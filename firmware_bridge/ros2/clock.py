@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 SILENT = 0.5
-"""A simulator's clock that is not told for so long has stopped, as far as anybody knows [s]."""
+"""Age from which a simulator's clock counts as stopped [s]."""
 RATES = (0.8, 1.25)
 """How much slower or faster than real time simulated time may run: the controller's period and the
 gate's patience are of real time."""
@@ -27,7 +27,7 @@ class RosClock:
     Parameters
     ----------
     simulated : bool
-        Whether time is told on /clock (``use_sim_time``).
+        Whether time comes from /clock (``use_sim_time``).
     system : callable
         The system's clock, of which stamps are otherwise [s].
     """

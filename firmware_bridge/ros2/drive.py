@@ -32,7 +32,7 @@ class Errand:
     radius: float
     """Of the robot [m]."""
     goal: Goal | None = None
-    """Drive there, and end; None: serve the goals of the topic until somebody ends it."""
+    """Drive there, and end; None: serve the goals of the topic until it is ended."""
     seconds: float | None = None
     """Give up after so long [s]."""
     record: str | None = None
@@ -44,7 +44,7 @@ class Errand:
 
 
 class Enabler:
-    """Enables the robot again when somebody sends a goal after it was given back.
+    """Enables the robot again when a goal arrives after it was given back.
 
     A goal is as deliberate as the word of an operator; it never resets an emergency stop.
 

@@ -53,7 +53,7 @@ class Ros2Driver:
         self._is_wanted = is_wanted
         self._commands: Publisher | None = None
         self.subscriptions: list[tuple[Subscription, Source]] = []
-        """With who takes their messages."""
+        """With the receivers of their messages."""
         self.readers: list[Reader] = []
         """Of all but maps, and of maps."""
         self._idle_since = -math.inf

@@ -33,7 +33,7 @@ UPDATES = Qos(depth=50)
 
 
 class Source(NamedTuple):
-    """A topic that is subscribed to, and who takes its messages."""
+    """A topic that is subscribed to, and the receiver of its messages."""
 
     name: str
     kind: str

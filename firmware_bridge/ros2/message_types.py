@@ -7,7 +7,7 @@ from typing import Any
 
 DISTRIBUTIONS = ("jazzy", "kilted", "humble")
 NO_HASH = "TypeHashNotSupported"
-"""Stands for a hash in Humble, which has none: types that differ are not told apart there."""
+"""Stands for a hash in Humble, which has none: types that differ are not distinguished there."""
 ODOMETRY = "nav_msgs/msg/Odometry"
 TF = "tf2_msgs/msg/TFMessage"
 SCAN = "sensor_msgs/msg/LaserScan"

@@ -34,7 +34,7 @@ class Qos:
 
     reliable: bool = True
     transient_local: bool = False
-    """Whether one who comes late gets the last `depth` messages."""
+    """Whether a late subscriber gets the last `depth` messages."""
     depth: int = 10
 
     def encode(self) -> str:
@@ -104,7 +104,7 @@ class NodeKey:
 
 @dataclass(frozen=True)
 class Seen:
-    """What a token of somebody says."""
+    """What a token says."""
 
     entity: str
     """NN, MP, MS, SS or SC."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from kmpc_lite.control.plan import Plan
 
 UNKNOWN = (math.nan, math.nan)
-"""The command of a period in which nobody knows what was on the wire."""
+"""The command of a period whose command on the wire is unknown."""
 WAITS = "waits for a goal"
 
 
@@ -56,7 +56,7 @@ class GoalNavigator:
         self.obstacles: list[Any] = []
         """Those of the newest plan."""
         self.watchers: list[Callable[[Any, Any], None]] = []
-        """Are told each pose and plan, in the thread that plans."""
+        """Receive each pose and plan, in the thread that plans."""
         self.reached = 0
         """Number of goals that were reached."""
         self.started = 0
@@ -77,7 +77,7 @@ class GoalNavigator:
             return VelocityCommand(0.0, 0.0, now)
         obstacles = self._inputs.obstacles(state.stamp, now)
         if obstacles is None:
-            # the gate has been told why, and stops the robot
+            # the gate knows why, and stops the robot
             self.plan, self.said = None, "waits for obstacles"
             return VelocityCommand(0.0, 0.0, now)
         place = (state.x, state.y, state.theta)

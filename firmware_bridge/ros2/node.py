@@ -1,7 +1,7 @@
 """A node of rmw_zenoh: a session, its tokens, publishers and subscriptions.
 
 Nothing runs in the session's own threads: each subscription keeps its newest messages outside of
-Python until somebody takes them, so that a flood costs no more than what is taken.
+Python until they are taken, so that a flood costs no more than what is taken.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ ROUTER = "tcp/localhost:7447"
 ENDPOINT = re.compile(r"[a-z]+(-[a-z]+)?/[^\s\"\\]{1,200}")
 MOST_DOMAINS = 232
 HEARTBEAT = 0.5
-"""After a message that is kept for late subscriptions its number is told again [s]."""
+"""Period in which the number of a message kept for late subscribers is repeated [s]."""
 ASKING = 0.5
 """Longest wait for the tokens of others [s]."""
 MOST_TOKENS = 5000
@@ -100,7 +100,7 @@ class Publisher:
         """Messages so far."""
 
     def publish(self, message: Any) -> None:
-        """Send a message, with its number, the time and who sends it, as rmw_zenoh wants it."""
+        """Send a message, with its number, time and sender, as rmw_zenoh requires."""
         self.count += 1
         about = struct.pack("<qqB16s", self.count, time.time_ns(), 16, self._gid)
         self._put.put(self._types.encode(message), attachment=about)
@@ -157,7 +157,7 @@ class Node:
         self._session: Any = None
         self._key: NodeKey | None = None
         self._kept: list[Any] = []
-        """Tokens, publishers and subscriptions, which end when nobody holds them."""
+        """Tokens, publishers and subscriptions, which end when they are released."""
         self._number = 0
 
     def open(self) -> None:
@@ -175,7 +175,7 @@ class Node:
             "listen/endpoints": list(options.listen),
             "scouting/multicast/enabled": False,
             "scouting/delay": 1,
-            # kept messages are told apart by their time
+            # kept messages are distinguished by their time
             "timestamping/enabled": True,
         }.items():
             config.insert_json5(key, json.dumps(value))

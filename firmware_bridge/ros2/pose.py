@@ -19,7 +19,7 @@ from firmware_bridge.ros2.transforms import (
 from firmware_bridge.sensors.pose import PoseFilter, SourcePose
 
 SHORTEST = 0.02
-"""Speeds are told by poses at least so far apart [s], where TF alone tells the pose."""
+"""Smallest time between two poses for a speed [s], if TF alone gives the pose."""
 LONGEST = 0.5
 """Poses farther apart tell no speed [s]."""
 

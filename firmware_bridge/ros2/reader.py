@@ -22,7 +22,7 @@ class Reader:
     Parameters
     ----------
     sources : sequence
-        Subscriptions with who takes their messages.
+        Subscriptions with the receivers of their messages.
     pause : float
         Between looks where there was nothing [s].
     then : callable, optional

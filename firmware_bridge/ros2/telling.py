@@ -20,9 +20,9 @@ from firmware_bridge.safety.gate_table import GateState
 PERIOD = 0.2
 """Between two plans [s]."""
 SLOWER = 5
-"""Every so many plans, diagnostics."""
+"""Number of plans between two diagnostics."""
 OFFSET = 0.1
-"""Clocks that differ by more are told of [s]."""
+"""Smallest difference of clocks that is reported [s]."""
 
 
 class Telling:
@@ -35,7 +35,7 @@ class Telling:
     navigator : GoalNavigator
         Whose plan is shown.
     loop : ControlLoop
-        Whose gate is told of.
+        Whose gate is reported.
     radius : float
         Of the robot [m].
     clock : callable
@@ -139,7 +139,7 @@ class Telling:
         self._others = tuple(sorted({self._differs(s, wanted) for s in seen} - {""}))[:4]
 
     def _differs(self, seen: Seen, wanted: dict[str, str]) -> str:
-        """What is wrong with how somebody publishes one of our topics."""
+        """What is wrong with how another node publishes one of our topics."""
         kind = wanted.get(seen.topic)
         if kind is None:
             return ""

@@ -24,7 +24,7 @@ class CommandSender:
     driver : Driver
         Connected.
     planner : Planner
-        Whose plans are sent; it is told what went out.
+        The source of plans; it receives the commands sent.
     command_period : float
         While driving, commands go out this far apart [s]; whatever stops the robot goes out at
         every tick.

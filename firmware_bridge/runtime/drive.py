@@ -22,7 +22,7 @@ DONE, NOT_DONE, INTERRUPTED = 0, 1, 130
 SIGNALS = frozenset(s.name for s in STOPS)
 Pose = tuple[float, float, float]
 Watched = Callable[[Session], AbstractContextManager[object]]
-"""Shows a session to somebody while the context lasts."""
+"""Displays a session while the context lasts."""
 
 
 class Examiner(Observer, Protocol):

@@ -1,4 +1,4 @@
-"""What the control loop tells those who look on, and the requests that it takes from people."""
+"""What the control loop reports to observers, and the requests that it takes from people."""
 
 from __future__ import annotations
 

@@ -19,5 +19,5 @@ def told_once(reasons: Iterable[str], words: Iterable[str]) -> list[str]:
 
 
 def _gist(text: str) -> str:
-    """What is told behind "Arm:" or "PreArm:"; the autopilot says the same behind either."""
+    """The text behind "Arm:" or "PreArm:"; the autopilot says the same behind either."""
     return text.rpartition("Arm:")[2].strip()

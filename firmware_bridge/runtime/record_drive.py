@@ -17,7 +17,7 @@ from firmware_bridge.runtime.session import Session
 from firmware_bridge.safety.gate_table import GateState
 
 METER_PERIOD = 1.0
-"""How often it is told what the log shows so far [s]."""
+"""Period of the reports on what the log shows so far [s]."""
 BAR = 10
 """Length of a part's bar, in characters."""
 
@@ -79,7 +79,7 @@ def record(
     period : float
         Of the rows, and of the random driving [s].
     excitation : RandomDriving, optional
-        How it is driven at random; None: somebody drives by hand.
+        How it is driven at random; None: a pilot drives by hand.
     out : text stream, optional
         For people.
     meter : callable, optional
@@ -115,7 +115,7 @@ def record(
 
 
 class Recording:
-    """One recording: who drives, when it ends, what it has shown.
+    """One recording: driver, end, coverage.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ class Recording:
         return "" if self._excitation is None else self._excitation.note
 
     def control(self, state: State) -> VelocityCommand:
-        """Give the command for now; where somebody drives by hand the gate passes none."""
+        """Give the command for now; if a pilot drives by hand the gate passes none."""
         if state.stamp - self._measured >= METER_PERIOD:
             self._measured = state.stamp
             self._look()
@@ -178,7 +178,7 @@ class Recording:
             self._coverage = self._meter(stretches, largest)
 
     def finished(self, session: Session) -> bool:
-        """Whether it is over; a robot that does not do what it is told is stopped."""
+        """Whether it is over; a robot that does not follow its commands is stopped."""
         state = session.gate.state
         if self._began is None:
             if self._driving is not None and state is not GateState.ACTIVE:
@@ -260,7 +260,7 @@ class Recording:
 def _last_fault(session: Session) -> str:
     """Why the robot was braked last, in words."""
     why = [change.why for change in session.loop.changes if change.why]
-    return ", ".join(why[-1]) if why else "nobody knows why"
+    return ", ".join(why[-1]) if why else "reason unknown"
 
 
 def _fence(robot: Robot) -> tuple[float, float, float, float]:

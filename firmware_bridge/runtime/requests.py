@@ -20,7 +20,7 @@ class Requests:
     Parameters
     ----------
     operator : Operator, optional
-        Who asks; nobody where not given.
+        Sender of requests; none by default.
     gate : SafetyGate
         Stops, resets and enables.
     take : callable, optional

@@ -48,7 +48,7 @@ SWITCH = 0.0005
 
 
 class EstopLatched(BridgeError):
-    """The robot must not drive before somebody resets the emergency stop."""
+    """The robot must not drive before the emergency stop is reset."""
 
 
 def open_driver(robot: Robot, transport: Transport) -> Driver:
@@ -93,7 +93,7 @@ class Session:
     output : Path, optional
         Record to this name with .csv and .tlog or .raw put behind.
     by_hand : bool
-        Nothing is sent, the gate stays idle: somebody else drives.
+        Nothing is sent, the gate stays idle: a pilot drives.
     out : text stream, optional
         Where to show what happens.
     observers : tuple of Observer
@@ -103,7 +103,7 @@ class Session:
     record : callable, optional
         Makes another recorder of this session, to a path without an ending.
     warnings : callable
-        Gives what a user should be told once, beside what an autopilot has to say.
+        Returns notes to show once, beside the autopilot's own.
     driver : Driver, optional
         Not yet connected, for a robot without a link of bytes; the robot file's where not given.
 
@@ -153,7 +153,7 @@ class Session:
             )
         transport: Transport | None = None
         if self._given is None:
-            # what is wrong in the robot file is told before a log is begun
+            # errors in the robot file are reported before a log is begun
             open_driver(self.robot, open_transport(self.robot.link.url)).close()
             transport = open_transport(self.robot.link.url)
         try:

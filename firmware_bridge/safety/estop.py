@@ -1,6 +1,6 @@
 """The latched emergency stop: requested over a local socket or by a signal, kept in a file.
 
-The file outlives the process, so that a stop holds until somebody resets it.
+The file outlives the process, so that a stop holds until it is reset.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ WORDS = ("stop", "reset", "enable", "confirm", "status")
 POLL = 0.02
 """How often the latch file is looked at [s]; a request on the socket is served at once."""
 CLIENT_PATIENCE = 1.0
-"""How long a client may take to say its word [s]; it holds up nobody else."""
+"""How long a client may take for its request [s]; it delays no other client."""
 CONFIRM_PATIENCE = 0.4
 """How long the answer to a request waits for the gate to obey [s]."""
 LOOKS = 3
@@ -42,7 +42,7 @@ ACCEPTED_AT_ONCE = 16
 
 @dataclass
 class Client:
-    """Somebody who is connected."""
+    """A connected client."""
 
     peer: socket.socket
     until: float
@@ -63,7 +63,7 @@ class EmergencyStop:
     ----------
     path : Path
         Of the socket, made with mode 0600; the latch lies beside it as PATH.latched. A latch that
-        somebody else writes is a stop like any other.
+        another program writes is a stop like any other.
     """
 
     def __init__(self, path: Path) -> None:
@@ -271,7 +271,7 @@ class EmergencyStop:
             client.peer.close()
 
     def _mind_latch(self) -> None:
-        """Take a latch that somebody else wrote as a stop; write ours again if it was removed."""
+        """Treat a latch of another program as a stop; write ours again if it was removed."""
         there = is_latched(self.path)
         if there and not self._latched:
             self.press()

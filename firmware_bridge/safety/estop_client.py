@@ -29,7 +29,7 @@ def press(path: Path, timeout: float = PATIENCE) -> dict[str, Any]:
     Raises
     ------
     LinkError
-        Where nobody has confirmed it; the latch holds all the same if it could be written.
+        If no bridge confirms it; the latch holds all the same if it could be written.
     """
     problem = ""
     try:

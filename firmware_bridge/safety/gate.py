@@ -230,8 +230,7 @@ class SafetyGate:
             self.settings.pilot,
         )
         if self._released_at is not None and heard and status.heartbeat_stamp > self._released_at:
-            # a robot that somebody drives on after a plain release is theirs; after an emergency
-            # stop it is nobody's
+            # after a plain release a pilot may drive the robot; after an emergency stop nobody may
             self._acknowledged = (
                 not pilot or not status.ready or (self._acknowledged and not latched)
             )

@@ -42,7 +42,7 @@ class GateSettings:
     """Share of `watchdog`, `pose_age` and `scan_age` from which on the robot is slowed, down to
     zero at the whole; 1 slows nothing."""
     unmoved: float = bounded(0.0, 60.0, "s", 1.0)
-    """How long after the robot was told to drive its pose may stay where it is [s]; 0: for ever,
+    """How long after a command to drive the pose may stay the same [s]; 0: for ever,
     for a robot on blocks whose pose does not come from its wheels."""
     resume: float = bounded(0.0, 60.0, "s", 0.0)
     """How long a robot that stands may wait for a lost pose, and then drive on by itself [s]; 0:
@@ -52,7 +52,7 @@ class GateSettings:
     geofence: tuple[float, float, float, float] | None = None
     """xmin, ymin, xmax, ymax [m]: outside the robot stops, and is given back."""
     pilot: bool = True
-    """Whether somebody else can take the robot, as a pilot does by an autopilot's mode. If not, a
+    """Whether a pilot can take the robot, as by an autopilot's mode. If not, a
     board that is not ready is a fault."""
 
     def __post_init__(self) -> None:

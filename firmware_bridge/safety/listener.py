@@ -48,7 +48,7 @@ class Listener:
         self._made = _inode(path)
 
     def close(self) -> None:
-        """Stop listening; a socket that somebody else has put at the path stays. Idempotent."""
+        """Stop listening; a socket that another program has put at the path stays. Idempotent."""
         if self._lock < 0:
             return
         self.socket.close()
@@ -80,11 +80,11 @@ class Listener:
         os.close(lock)
 
     def _make_room(self) -> None:
-        """Remove a socket that nobody listens at: its bridge was killed."""
+        """Remove a socket without a listener: its bridge was killed."""
         try:
             mode = self._path.lstat().st_mode
         except OSError:
-            return  # nothing is there; if it cannot be told, binding will tell
+            return  # nothing is there, or binding will show it
         if not stat.S_ISSOCK(mode):
             raise ConfigError(
                 f"{self._path}: expected a socket or nothing, got another file, which is left "
@@ -97,7 +97,7 @@ class Listener:
             except ConnectionRefusedError:
                 self._path.unlink(missing_ok=True)
                 return
-            except OSError as error:  # busy, or not ours to ask: somebody is there
+            except OSError as error:  # busy, or not accessible: a bridge is there
                 raise self._taken() from error
         raise self._taken()
 

@@ -15,7 +15,7 @@ from firmware_bridge.messages import ConfigError
 
 NAME, NAMES = "kmpc-bridge.sock", "kmpc-bridge*.sock"
 SERVICES, USERS = Path("/run/kmpc-bridge"), Path("/run/user")
-"""Runtime folders of the service (RuntimeDirectory=kmpc-bridge), and of those who are logged in."""
+"""Runtime folders of the service (RuntimeDirectory=kmpc-bridge), and of the sessions."""
 
 
 def default_socket() -> Path:
@@ -51,7 +51,7 @@ def likely_sockets() -> list[Path]:
     there = [folder / NAME for folder in folders if folder.is_dir()]
     try:
         there.insert(0, default_socket())
-    except ConfigError:  # a folder that somebody planted must not hide the bridges elsewhere
+    except ConfigError:  # a planted folder must not hide the bridges elsewhere
         if not there:
             raise
     return list(dict.fromkeys(there))
@@ -64,7 +64,7 @@ def found_sockets() -> list[Path]:
         for path in sorted(likely.parent.glob(NAMES)):
             try:
                 status = path.stat()
-            except OSError:  # a link to a bridge that is gone, or a folder of somebody else
+            except OSError:  # a link to a bridge that is gone, or a folder of another user
                 continue
             if stat.S_ISSOCK(status.st_mode):
                 found.setdefault((status.st_dev, status.st_ino), path.resolve())

@@ -1,4 +1,4 @@
-"""A robot that is told to drive and does not: frozen poses, dead encoders, motors that are off."""
+"""A robot that does not move when commanded to: frozen poses, dead encoders, motors off."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from firmware_bridge.safety.gate_table import GateState
 
 Pose = tuple[float, float, float]
 TOLD_OF = GateState.STOPPING, GateState.HOLDING, GateState.RELEASED
-"""States in which a robot that did not move is still told of: until somebody enables it again."""
+"""States in which a robot that did not move is still reported: until it is enabled again."""
 
 
 @dataclass(frozen=True)
@@ -23,21 +23,21 @@ class UnmovedOptions:
     patience: float = 1.0
     """How long it may take to answer [s]: longer than any robot's lag; 0: for ever."""
     travel: float = 0.15
-    """It was told to drive at least so far before that [m]; noise of a pose is far less."""
+    """Smallest commanded distance before that [m]; noise of a pose is far less."""
     turn: float = 1.0
     """Or to turn so far [rad]: a skid-steer robot may stick at a slow turn."""
     share: float = 0.1
-    """A robot that moves less than this share of what it is told does not move."""
+    """Share of the commanded motion below which a robot does not move."""
     every: float = 0.1
     """Between two poses that are remembered [s]."""
     remembered: int = 200
     """How many of them: they reach back far enough for a robot that creeps."""
     stall: float = 0.3
-    """After a longer time between two looks nobody knows what the board did meanwhile [s]."""
+    """Longest time between two looks; after a longer one the motion is unknown [s]."""
 
 
 class Moment(NamedTuple):
-    """What was told and what was measured up to a time."""
+    """Commanded and measured motion up to a time."""
 
     now: float
     """[s]"""
@@ -48,7 +48,7 @@ class Moment(NamedTuple):
 
 
 class Unmoved:
-    """Compares, while the robot drives, what it is told with how its pose changes.
+    """Compares, while the robot drives, the commanded motion with the change of its pose.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class Unmoved:
     >>> watch, here = Unmoved(UnmovedOptions()), State(0.0, 0.0, 0.0, 0.3, 0.0, 0.0)
     >>> words = [watch.look(GateState.ACTIVE, 0.02 * k, (0.3, 0.0), here) for k in range(81)]
     >>> words[70], words[75]
-    ('', 'told to drive 0.15 m, it came 0.00 m in 1.5 s, by its pose')
+    ('', 'commanded to drive 0.15 m, it moved 0.00 m in 1.5 s, by its pose')
     """
 
     def __init__(self, options: UnmovedOptions) -> None:
@@ -112,12 +112,17 @@ class Unmoved:
         return self._judge()
 
     def _judge(self) -> str:
-        """Look whether what was told long enough ago was ever answered."""
+        """Look whether commands old enough were ever answered."""
         o, moments = self._options, list(self._moments)
         until = moments[-1].now - o.patience + 1e-6
         told = [moment for moment in moments if moment.now <= until]
         return _unanswered(
-            moments, told, _distance, o.travel, o.share, "told to drive {:.2f} m, it came {:.2f} m"
+            moments,
+            told,
+            _distance,
+            o.travel,
+            o.share,
+            "commanded to drive {:.2f} m, it moved {:.2f} m",
         ) or (
             _unanswered(
                 moments,
@@ -125,7 +130,7 @@ class Unmoved:
                 _turn,
                 o.turn,
                 o.share,
-                "told to turn {:.2f} rad, it turned {:.2f} rad",
+                "commanded to turn {:.2f} rad, it turned {:.2f} rad",
             )
         )
 
@@ -146,7 +151,7 @@ def _unanswered(
     share: float,
     words: str,
 ) -> str:
-    """Compare the newest change that was told and is large enough with what was seen since then."""
+    """Compare the newest commanded change that is large enough with the measured one."""
     for k in range(len(told) - 2, -1, -1):
         begin, wanted = told[k], change(told[k].told, told[-1].told)
         if wanted < least:

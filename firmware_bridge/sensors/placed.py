@@ -1,4 +1,4 @@
-"""A driver whose poses are told in another frame: the scenario's."""
+"""A driver whose poses are given in another frame: the scenario's."""
 
 from __future__ import annotations
 

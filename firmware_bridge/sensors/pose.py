@@ -40,7 +40,7 @@ the gate has stopped the robot."""
 SILENCE = 0.25
 """A longer gap between poses is counted [s]."""
 TOLD = 1.0
-"""How long it is told that a source sends what is no number [s]."""
+"""How long non-finite numbers of a source are reported [s]."""
 KEYS = ("stamp", "x", "y", "theta")
 COUNTERS = (
     "poses",

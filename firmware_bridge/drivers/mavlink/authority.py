@@ -75,7 +75,7 @@ class Authority:
         """Why the vehicle refuses to be controlled, in words; empty if it does not, or was not
         asked."""
         self.yielded = 0
-        """How often somebody else changed mode or arming while we had the robot."""
+        """How often a pilot or station changed mode or arming while we had the robot."""
         self.overruled = 0
         """How often the autopilot's own failsafe chose HOLD before anything was driven."""
         self._asked = self._guided_seen = self._untouched = False
@@ -104,7 +104,7 @@ class Authority:
         self._desk.cancel(ARM)
 
     def drove(self) -> None:
-        """Note that the robot was told to move: any HOLD from now on is meant to stop it."""
+        """Note that the robot was commanded to move: any HOLD from now on is meant to stop it."""
         self._untouched = False
 
     def on_failsafe(self, now: float) -> None:
@@ -147,7 +147,7 @@ class Authority:
                 self._take(now)
         elif self.aim is Aim.RELEASE:
             agreed = self._desk.result(SET_MODE) == ACCEPTED and self.mode == HOLD
-            # a pilot who leaves GUIDED while we ask for HOLD keeps the mode of his choice
+            # a pilot who leaves GUIDED while we request HOLD keeps the chosen mode
             if agreed or (self._guided_seen and self.mode not in (GUIDED, HOLD)):
                 self._finish()
 

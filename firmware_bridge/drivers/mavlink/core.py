@@ -220,7 +220,7 @@ class MavlinkCore:
         self.authority.take(now)
 
     def confirm_frame(self) -> None:
-        """Trust the vehicle's frame again, after somebody has checked it on the map."""
+        """Trust the vehicle's frame again, after it was checked on the map."""
         self.frame.confirm()
 
     def ask_prearm(self, now: float) -> None:

@@ -103,7 +103,7 @@ class MavlinkDriver:
         Raises
         ------
         LinkError
-            Where the link cannot be opened, or nobody, or no ArduPilot rover, answers within
+            If the link cannot be opened, or no ArduPilot rover answers within
             `timeout` [s].
         """
         if not self._started:
@@ -196,7 +196,7 @@ class MavlinkDriver:
             self._core.ask_prearm(self._clock())
 
     def confirm_frame(self) -> None:
-        """Trust the vehicle's frame again, after somebody has checked it on the map."""
+        """Trust the vehicle's frame again, after it was checked on the map."""
         with self._changed:
             self._core.confirm_frame()
 
@@ -260,7 +260,7 @@ class MavlinkDriver:
         return start + f"{timeout:g} s: one-way link, or signing"
 
     def _on_bytes(self, data: bytes, stamp: float) -> None:
-        """Take what arrived (I/O thread); errors are counted and told, and the thread goes on."""
+        """Take what arrived (I/O thread); errors are counted and reported; it goes on."""
         try:
             changed = self._core.receive(data, stamp, self._changed)
         except Exception as error:

@@ -38,7 +38,7 @@ class FrameWatch:
             self._doubt("the autopilot's origin has moved")
 
     def confirm(self) -> None:
-        """Trust the frame again, after somebody has checked it on the map."""
+        """Trust the frame again, after it was checked on the map."""
         self.doubt = ""
 
     def _doubt(self, why: str) -> None:

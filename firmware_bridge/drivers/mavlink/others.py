@@ -32,7 +32,7 @@ def worth_decoding(
 
 
 class OtherStations:
-    """Remembers who else was heard.
+    """Remembers other stations that were heard.
 
     It sees only those that the vehicle forwards to our port, or that share it: a master on another
     port of the autopilot stays unseen.
@@ -50,7 +50,7 @@ class OtherStations:
         self.counters = {"others": 0, "other_masters": 0}
 
     def saw(self, message: Any, now: float) -> None:
-        """Take a message of somebody who is not our vehicle."""
+        """Take a message of a station that is not our vehicle."""
         self.counters["others"] += 1
         kind, system = message.get_type(), message.get_srcSystem()
         if kind in SET_POINT_MESSAGES and message.target_system in (0, self._vehicle):

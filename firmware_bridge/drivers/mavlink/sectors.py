@@ -29,7 +29,7 @@ NARROW = math.radians(10.0)
 INVALID = 1
 """DISTANCE_SENSOR.signal_quality of a reading that is none."""
 KEPT = 1.0
-"""A sector that was not told for so long is unknown [s]."""
+"""Age from which a sector is unknown [s]."""
 FINE = math.radians(1.0)
 """Sectors are divided into beams no wider than this [rad]."""
 

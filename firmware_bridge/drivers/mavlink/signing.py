@@ -1,4 +1,4 @@
-"""Signing keys: made, read, and given to a vehicle over a link that nobody listens to."""
+"""Signing keys: made, read, and given to a vehicle over a private link."""
 
 from __future__ import annotations
 

@@ -79,6 +79,6 @@ class SigningStamp:
         except ValueError:
             raise ConfigError(
                 f"key_file: {self._path}: expected one number, the newest signing time in 10 us: "
-                "remove the file if nobody else can send to the vehicle"
+                "remove the file if no other program can send to the vehicle"
             ) from None
         return stamp

@@ -23,7 +23,7 @@ STEERING = {
     dialect.MAVLINK_MSG_ID_MANUAL_CONTROL,
     dialect.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE,
 }
-"""A pilot's, once he has chosen a mode of his."""
+"""A pilot's, after a mode change."""
 PLACES = {
     dialect.MAVLINK_MSG_ID_SET_GPS_GLOBAL_ORIGIN,
     dialect.MAVLINK_MSG_ID_SET_HOME_POSITION,
@@ -83,7 +83,7 @@ class StationRules:
 
     def __init__(self, vehicle: tuple[int, int], holds: Callable[[], bool]) -> None:
         self._vehicle, self._holds = vehicle, holds
-        # as the vehicle itself: MAVProxy shows nobody else's texts
+        # as the vehicle itself: MAVProxy shows no other texts
         self._says = MavlinkCodec(*vehicle)
 
     def cut(self) -> Callable[[bytes, float], Iterator[bytes]]:

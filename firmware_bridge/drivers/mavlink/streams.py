@@ -1,4 +1,4 @@
-"""Requests telemetry, measures how often it comes, and asks again where somebody lowers its rate.
+"""Requests telemetry, measures its rates, and repeats requests if a station lowers a rate.
 
 A ground station that asks for its own stream rates (MAVProxy does so every 15 s) lowers ours, where
 both talk over one port.
@@ -23,13 +23,13 @@ LATE_PERIODS, LATE = 3.0, 0.03
 ENOUGH = 0.75
 """Less than this share of the rate that was asked for is too little."""
 WINDOW, PERIODS = 1.0, 8
-"""Rates are counted over this time [s], and over so many of a stream's periods at least: one that
+"""Rates are counted over this time [s], and over at least this many of a stream's periods: one that
 comes once a second, and now and then a little later, would count as none at all."""
 AGAIN, RAREST = 0.3, 5.0
 """First and longest time after which a stream that is too slow is asked for again [s]; it doubles
 each time that asking does not help."""
 OFTEN, MINUTE = 3, 60.0
-"""A stream that pauses so many times in this time [s] is lowered again and again; one pause may be
+"""A stream that pauses this many times in this time [s] is lowered repeatedly; one pause may be
 a stall of anything."""
 TOLD = 10.0
 """How long a lowered stream is reported [s]."""
@@ -192,7 +192,7 @@ class StreamRequests:
             )
 
     def _restore(self, now: float) -> None:
-        """Ask for all again at once where one comes too slowly: who lowers one lowers all.
+        """Request all again at once if one comes too slowly: a station that lowers one lowers all.
 
         Nobody waits for the answers, which were given before; whether it helps is counted.
         """

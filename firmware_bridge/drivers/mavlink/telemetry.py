@@ -16,7 +16,7 @@ EKF_AGE = 0.25
 PAIR = 0.2
 """How far apart a position and the attitude used with it may be [s]."""
 MISSING, TOLD = 0.25, 1.0
-"""Poses that are refused are told for some time [s], where none has been good for so long [s]."""
+"""How long refused poses are reported [s], after this time without a good one [s]."""
 FARTHEST, FASTEST = 1e5, 100.0
 """Positions [m] and speeds [m/s, rad/s] beyond these are no rover's."""
 

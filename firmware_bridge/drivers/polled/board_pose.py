@@ -10,7 +10,7 @@ from firmware_bridge.messages import State
 JUMP_SHOWN = 1.0
 """How long a jump of the counters makes the pose count as untrue [s]."""
 ABSURD = 5.0
-"""Speeds past so many times the limit are refused."""
+"""Speeds beyond this multiple of the limit are refused."""
 
 
 class BoardPose:
@@ -49,7 +49,7 @@ class BoardPose:
         return self._odometry.beginnings
 
     def rebase(self, now: float) -> None:
-        """Go on from new counters: nobody knows how far the robot rolled meanwhile."""
+        """Go on from new counters: the distance rolled meanwhile is unknown."""
         self._odometry.rebase()
         self._jumped = now
 

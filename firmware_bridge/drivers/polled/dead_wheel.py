@@ -9,15 +9,15 @@ SIDES = "left", "right"
 PATIENCE = 1.0
 """How long a driven wheel's counter may stand [s]: longer than any motor's lag."""
 TRAVEL, COUNTS = 0.15, 3.0
-"""Or as long as it was told to drive no farther than this [m], or counts: a slow wheel may stick,
+"""Smallest commanded distance before that [m], or counts: a slow wheel may stick,
 and a coarse encoder says little."""
 SHARE = 0.02
-"""A counter that goes on by less than this share of what the wheel was told stands."""
+"""Share of the commanded turn below which a counter stands."""
 
 
 @dataclass
 class Stretch:
-    """What a wheel was told, and did, since its counter went on last."""
+    """Commanded and measured turn of a wheel since its counter moved last."""
 
     since: float = math.nan
     """[s]"""
@@ -28,7 +28,7 @@ class Stretch:
 
 
 class DeadWheels:
-    """Compares what both wheels are told with what their counters say.
+    """Compares the commands of both wheels with their counters.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class DeadWheels:
         self._stretches, self._last = (Stretch(), Stretch()), None
 
     def take(self, told: tuple[float, float], turned: tuple[float, float], now: float) -> None:
-        """Take the speeds that both wheels are told [rad/s], and how far they turned [rad].
+        """Take the commanded speeds of both wheels [rad/s], and how far they turned [rad].
 
         Left and right, since the last call; `now` is when the counters were read [s].
         """

@@ -88,9 +88,7 @@ class PolledDriver(PollingThread):
                     "the wheel counters jumped: the board was restarted, or a reply was damaged",
                 )
             if self._exchange.strangers(now):
-                faults += (
-                    "replies that nobody asked for: does another program talk to the board?",
-                )
+                faults += ("unsolicited replies: does another program talk to the board?",)
             fresh = now - self._exchange.heard < SILENCE
             connected = self._transport.connected
             if not connected and self._transport.last_error:

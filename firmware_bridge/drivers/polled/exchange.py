@@ -11,7 +11,7 @@ from collections.abc import Callable, Hashable
 from firmware_bridge.link import Transport
 
 STRANGERS, STRANGERS_WITHIN = 5, 1.0
-"""So many replies that nobody asked for within so many seconds: somebody else talks to the
+"""This many unsolicited replies within this many seconds: another program talks to the
 board. A reply that comes after its time-out is none of them, if it comes within this time."""
 
 MOST_LATE = 100
@@ -40,7 +40,7 @@ class Exchange:
     ) -> None:
         self._transport, self._reply_timeout, self._begin = transport, reply_timeout, begin
         self.changed = threading.Condition()
-        """Held by whoever reads or writes what both threads know; told of replies."""
+        """Held while reading or writing shared data; notified of replies."""
         self.closing = False
         self.expected: Hashable = None
         """Key of the reply that is waited for."""
@@ -99,7 +99,7 @@ class Exchange:
         return NoReply(why)
 
     def strangers(self, now: float) -> bool:
-        """Whether another program must be asking: many replies come that nobody here asked for."""
+        """Whether another program must be asking: many replies are unsolicited."""
         return len(self._strangers) == STRANGERS and now - self._strangers[0] < STRANGERS_WITHIN
 
     def wait(self, done: Callable[[], bool], seconds: float) -> None:

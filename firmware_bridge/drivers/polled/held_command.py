@@ -44,6 +44,6 @@ class HeldCommand:
         return True
 
     def stands(self, now: float) -> bool:
-        """Whether somebody asks for a standstill now, or nobody has asked for anything yet."""
+        """Whether a standstill is requested now, or nothing yet."""
         never = self.stamp == -math.inf
         return self.value == STANDSTILL and (never or now - self.stamp < self.timeout)

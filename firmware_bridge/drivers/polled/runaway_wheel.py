@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from firmware_bridge.drivers.polled.dead_wheel import SIDES
 
 PATIENCE = 1.0
-"""What was told within this time may still act [s]: longer than any motor's lag."""
+"""Commands within this time may still act [s]: longer than any motor's lag."""
 OVERSHOOT, MARGIN = 1.5, 0.25
-"""A wheel may be so many times as fast as it is told, and by this share of its top speed faster."""
+"""Largest wheel speed relative to the command, plus this share of its top speed."""
 LASTS = 0.2
 """It runs away once it does so for this long [s]."""
 HINT = "are the lines of its encoder or its motor exchanged?"
@@ -22,7 +22,7 @@ HINT = "are the lines of its encoder or its motor exchanged?"
 
 @dataclass
 class Wheel:
-    """What a wheel was told of late."""
+    """Recent commands of a wheel."""
 
     told: deque[tuple[float, float]] = field(default_factory=deque)
     """When [s], and what [rad/s]."""
@@ -38,18 +38,18 @@ class Wheel:
             max(told for _, told in self.told),
         )
         largest = max(fastest, -slowest)
-        if largest == 0.0:  # nobody drives it: it is pushed, or rolls
+        if largest == 0.0:  # not driven: it is pushed, or rolls
             return ""
         if abs(speed) > OVERSHOOT * largest + margin:
-            return "runs faster than it is told"
+            return "runs faster than commanded"
         whole = now - self.told[0][0] >= 0.9 * PATIENCE
         if whole and slowest * fastest > 0.0 and speed * fastest < 0.0 and abs(speed) > margin:
-            return "turns the other way than it is told"
+            return "turns against its command"
         return ""
 
 
 class RunawayWheels:
-    """Compares the speeds of both wheels with what they are told; a fault stays until `forget`.
+    """Compares the speeds of both wheels with their commands; a fault stays until `forget`.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class RunawayWheels:
     >>> for k in range(12):
     ...     wheels.take((6.0, 6.0), (6.1, 19.0), 0.02 * k)
     >>> wheels.faults()[0][:43]
-    'the right wheel runs faster than it is told'
+    'the right wheel runs faster than commanded'
     """
 
     def __init__(self, top: float) -> None:
@@ -79,7 +79,7 @@ class RunawayWheels:
         return self._faults
 
     def take(self, told: tuple[float, float], speeds: tuple[float, float], now: float) -> None:
-        """Take what both wheels are told, and how fast they turn [rad/s], left and right."""
+        """Take the commands and the speeds of both wheels [rad/s], left and right."""
         for side, wheel, wanted, speed in zip(SIDES, self._wheels, told, speeds, strict=True):
             wheel.told.append((now, wanted))
             words = wheel.excess(speed, now, self._margin)

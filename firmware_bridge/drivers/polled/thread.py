@@ -100,7 +100,7 @@ class PollingThread(Board):
                 self._exchange.wait(lambda: False, 0.05)
             except (
                 Exception
-            ) as error:  # nothing that a board says may end this thread: it is counted and told
+            ) as error:  # nothing that a board says may end this thread: it is counted and reported
                 self._counters["driver_errors"] += 1
                 self._trouble = (f"{type(error).__name__}: {error}",)
                 self._configured = False
@@ -109,7 +109,7 @@ class PollingThread(Board):
             try:
                 last_word()
             except NoReply:
-                pass  # it is written; nobody waits for the reply
+                pass  # it is written; the reply is not awaited
 
     def _halt(self) -> None:
         self._drive(0.0, 0.0)
@@ -125,7 +125,7 @@ class PollingThread(Board):
         self._poll(cycle)
         still = self._held.stands(time.monotonic())
         if not self._armed and not self._released and still and cycle % 5 == 0:
-            self._arm()  # only while somebody asks it to stand still
+            self._arm()  # only while a standstill is requested
             self._trouble = ()
 
     def _notice_loss(self) -> None:
@@ -186,7 +186,7 @@ class PollingThread(Board):
     def _restarted(self) -> None:
         """Note that the board was switched off and on.
 
-        Its counters begin anew, and nobody knows how far the robot rolled.
+        Its counters begin anew, and the distance rolled is unknown.
         """
         with self._changed:
             self._pose.rebase(time.monotonic())
@@ -215,7 +215,7 @@ class PollingThread(Board):
             self._changed.notify_all()
 
     def _watch_wheels(self, speeds: tuple[float, float], stamp: float) -> None:
-        """See whether both wheels answer what they are told; motors that are off need not."""
+        """See whether both wheels follow their commands; motors that are off need not."""
         if self._released or self._errors or not (self._armed and self._configured):
             self._dead.forget()
             self._runaway.forget()

@@ -160,7 +160,7 @@ class SerialLidar:
         )
 
     def _on_bytes(self, data: bytes, stamp: float) -> None:
-        """Take what arrived (I/O thread); errors are counted and told, and the thread goes on."""
+        """Take what arrived (I/O thread); errors are counted and reported; it goes on."""
         try:
             with self._lock:
                 if self._take(data, stamp):

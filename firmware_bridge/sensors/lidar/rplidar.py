@@ -32,7 +32,7 @@ PATIENCE = 0.4
 QUIET = 0.02
 """Silence after STOP, of which the protocol wants 1 ms [s]."""
 SPIN_UP = 3.0
-"""A sensor that was told to scan and sends no node for so long is started anew [s]."""
+"""Longest silence of a sensor that should scan, before it is restarted [s]."""
 BOOT = 1.0
 """How long RESET takes [s]."""
 PWM = 660
@@ -44,7 +44,7 @@ GOOD, WARNING, ERROR = 0, 1, 2
 
 
 class Rplidar(SerialLidar):
-    """Asks who and how it is, turns its motor, and takes nodes; starts it anew where it stops.
+    """Asks for identity and health, turns the motor, and takes nodes; restarts a stopped sensor.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class Rplidar(SerialLidar):
         return bool(answers or nodes)
 
     def _tend(self, now: float) -> None:
-        """Start the sensor where it does not scan: ask who and how it is, and let it scan."""
+        """Start a sensor that does not scan: ask for identity and health, and let it scan."""
         links = self._transport.counters["reconnects"]
         if links != self._links:
             self._links, self._started = links, -math.inf

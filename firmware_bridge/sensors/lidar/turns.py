@@ -31,7 +31,7 @@ class Turns:
 
     A beam is stamped by its angle: the turn lasts from the arrival of its first beam to that of
     the next turn's first one, so that neither the size of packets nor that of reads matters. The
-    first turn, of which nobody knows where it began, does not count.
+    first turn, whose beginning is unknown, does not count.
 
     Parameters
     ----------

@@ -163,7 +163,7 @@ function stopLook(now, gone) {
   const held = holds || (confirmed && !trying);
   colour("stop", held ? "held" : late ? "failed" : trying ? "asked" : "");
   say("word", held ? "STOPPED" : trying ? (late ? "NOT CONFIRMED" : "STOP …") : "STOP");
-  say("holds", held ? "confirmed: it holds until somebody lets it drive"
+  say("holds", held ? "confirmed: it holds until it is allowed to drive"
     : late ? "use the switch on the robot; still trying" + (refused ? `: ${refused}` : "")
     : trying ? "asked for, not yet confirmed"
     : state.over ? "the drive is over" : "stops the robot and holds it");

@@ -1,4 +1,4 @@
-"""A wheel that runs faster than it is told, or the other way, stops the robot."""
+"""A wheel that runs faster than commanded, or the other way, stops the robot."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_a_wheel_that_turns_the_other_way_is_told_once_its_lag_is_over():
     speeds = told * (1.0, -1.0)
     found = watched(told, speeds)
     first = next(k for k, faults in enumerate(found) if faults)
-    assert 0.9 <= first * TICK <= 1.3 and "right wheel turns the other way" in found[first][0]
+    assert 0.9 <= first * TICK <= 1.3 and "right wheel turns against its command" in found[first][0]
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -147,5 +147,5 @@ def test_a_robot_that_goes_on_towards_the_fence_is_trouble():
         excitation(State(0.02 * k, 0.0, 0.0, 0.2, 0.0, 0.1 * k))
         if excitation.trouble:
             break
-    assert "towards the fence although it was told to turn back" in excitation.trouble
+    assert "towards the fence although commanded to turn back" in excitation.trouble
     assert 0.02 * k < 2.0

@@ -27,11 +27,11 @@ def drive(seconds=60.0, seed=0, **robot):
 @pytest.mark.parametrize(
     ("robot", "words", "seconds", "metres"),
     [
-        ({"gains": (-1.0, 1.0)}, "told to drive forward it goes back", 4.1, 0.9),
-        ({"gains": (1.0, -1.0)}, "told to turn left it turns right", 4.1, 1.0),
-        ({"gains": (0.0, 0.0)}, "told to .* it hardly moved", 8.0, 0.0),
-        ({"gains": (0.0, 0.0), "noise": (0.02, 0.03)}, "told to .* it hardly moved", 8.0, 0.0),
-        ({"gains": (1.0, 0.0)}, "told to turn .* it hardly moved", 10.0, 2.0),
+        ({"gains": (-1.0, 1.0)}, "commanded to drive forward it goes back", 4.1, 0.9),
+        ({"gains": (1.0, -1.0)}, "commanded to turn left it turns right", 4.1, 1.0),
+        ({"gains": (0.0, 0.0)}, "commanded to .* it hardly moved", 8.0, 0.0),
+        ({"gains": (0.0, 0.0), "noise": (0.02, 0.03)}, "commanded to .* it hardly moved", 8.0, 0.0),
+        ({"gains": (1.0, 0.0)}, "commanded to turn .* it hardly moved", 10.0, 2.0),
         ({"gains": (0.0, 0.0), "noise": (0.0, 0.0)}, "has not changed in any digit", 4.0, 0.0),
         ({"frozen_after": 20.0}, "has not changed in any digit", 23.0, 2.8),
     ],

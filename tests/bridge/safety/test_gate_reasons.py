@@ -17,7 +17,7 @@ SPOIL = {
     Reason.POSE_INVALID: lambda w: setattr(w, "x", math.nan),
     Reason.FRAME: lambda w: setattr(w, "frame_doubt", "restarted"),
     Reason.RESTARTED: lambda w: setattr(w, "restarted", True),
-    Reason.UNMOVED: lambda w: setattr(w, "unmoved", "told to drive 0.15 m"),
+    Reason.UNMOVED: lambda w: setattr(w, "unmoved", "commanded to drive 0.15 m"),
     Reason.STALLED: lambda w: w.gate.slept(),
     Reason.GEOFENCE: lambda w: setattr(w, "x", 5.01),
     Reason.COMMAND: lambda w: w.silent.add("command"),

@@ -39,11 +39,13 @@ def test_a_pose_that_stays_is_told_once_enough_was_told(command):
     first = next(k for k, words in enumerate(said) if words)
     needed = 1.0 + 0.15 / abs(command[0])
     assert needed - TICK <= first * TICK <= 1.1 * needed + 0.25
-    assert "it came 0.00 m" in said[first]
+    assert "it moved 0.00 m" in said[first]
 
 
 def test_a_heading_that_stays_is_told_too():
-    assert "told to turn 1.00 rad, it turned 0.00 rad" in "".join(looks([(0.0, 0.5)] * 160, stays))
+    assert "commanded to turn 1.00 rad, it turned 0.00 rad" in "".join(
+        looks([(0.0, 0.5)] * 160, stays)
+    )
 
 
 def test_noise_does_not_hide_a_frozen_pose():
@@ -93,7 +95,7 @@ def test_the_loop_brakes_gives_back_and_drives_on_only_when_enabled():
     assert bench.run(0.8) in (GateState.STOPPING, GateState.HOLDING)
     assert bench.run(3.0) is GateState.RELEASED
     assert Reason.UNMOVED in bench.loop.snapshot.output.reasons
-    assert any("told to drive" in why for why in desk.why)
+    assert any("commanded to drive" in why for why in desk.why)
     driver.state = bench.planner._poses = real
     assert bench.run(3.0) is GateState.RELEASED, "nobody has said that it may drive"
     desk.requests = {"enable"}
