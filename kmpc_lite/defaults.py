@@ -1,4 +1,4 @@
-"""What is chosen where nobody says otherwise; imported before NumPy is."""
+"""Defaults; imported before NumPy is."""
 
 SHORTEST_PERIOD = 0.1
 """Period of models [s] where neither the user nor a slower log says otherwise: the paper's."""

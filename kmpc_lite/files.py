@@ -96,7 +96,7 @@ class _SmallReads(io.BufferedIOBase):
         self._file = file
 
     def read(self, size: int | None = -1) -> bytes:
-        """Read so many bytes, or a portion of them."""
+        """Read up to `size` bytes."""
         return self._file.read(min(self.PORTION if size is None else size, self.PORTION))
 
     def seek(self, place: int, whence: int = os.SEEK_SET) -> int:
@@ -113,7 +113,7 @@ class _SmallReads(io.BufferedIOBase):
 
 
 def _read_array(archive: zipfile.ZipFile, name: str, most: int) -> NDArray[Any]:
-    """Read an array of an archive that takes at most so many bytes; ValueError for any other."""
+    """Read an array of bounded size from an archive; ValueError for any other."""
     try:
         entry = archive.getinfo(f"{name}.npy")
     except KeyError:
@@ -146,7 +146,7 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """Open a file for writing that takes its name only when the block has ended well.
 
     Symbolic links to it are followed. What is written lies beside it until then, under a name that
-    nobody can foresee: a link that was put in its place would lead to another's file.
+    cannot be predicted: a link planted there would lead to another's file.
 
     Raises
     ------

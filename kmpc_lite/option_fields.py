@@ -13,7 +13,7 @@ Options = TypeVar("Options")
 
 
 def radii(default: float, *, zero: bool = True) -> Any:
-    """Length in robot radii; may be zero where not told otherwise."""
+    """Length in robot radii; may be zero unless excluded."""
     return _number(default, "radii", zero)
 
 
@@ -130,7 +130,7 @@ def _expected(value: Any, limits: Mapping[str, Any]) -> str:
 
 
 def lengths_from_radii(options: Options, radius: float) -> Options:
-    """Return the same options with lengths for a radius, in whatever unit that is told.
+    """Return the same options with lengths for a radius, in the unit of that radius.
 
     Examples
     --------

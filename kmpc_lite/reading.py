@@ -54,7 +54,7 @@ def open_regular(path: str | os.PathLike[str], most: int | None = None) -> Binar
     try:
         # looked at before it is opened, too: opening a serial port resets some boards
         _check_kind(os.stat(path).st_mode)
-        # without O_NONBLOCK a pipe that nobody writes to would hold the program here
+        # without O_NONBLOCK a pipe without a writer would block the program here
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
     except ValueError as error:  # a zero byte, or half a surrogate pair
         raise OSError(errno.EINVAL, str(error)) from error
@@ -81,7 +81,7 @@ def _too_large(most: int) -> OSError:
 
 
 def read_bytes(path: str | os.PathLike[str], most: int) -> bytes:
-    """Read a whole regular file of at most so many bytes; raises OSError for any other."""
+    """Read a whole regular file of bounded size; raises OSError for any other."""
     with open_regular(path, most) as file:
         content = file.read(most + 1)
     if len(content) > most:  # some files tell no size, as those of /proc

@@ -22,7 +22,7 @@ def prepare_process(cpu: int | None = None, priority: int | None = 50) -> list[s
     """Make this process fit for a control loop; say what was done and what was not permitted.
 
     Freezes the garbage collector's view of what exists, pins to a core, asks for SCHED_FIFO. BLAS
-    threads cannot be changed once NumPy is loaded: it is told where the environment had not limited
+    threads cannot be changed once NumPy is loaded: a note says if the environment had not limited
     them.
 
     Parameters

@@ -1,6 +1,6 @@
 """Four gains on a learned model: their estimate, its certainty, and the noise that remains.
 
-What is kept of a step, and which sums over steps, is told in `columns`.
+`columns` says what is kept of a step, and which sums over steps.
 """
 
 from __future__ import annotations

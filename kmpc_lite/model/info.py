@@ -42,7 +42,7 @@ def _is_delay(value: Any) -> bool:
 
 
 def _is_gains(value: Any) -> bool:
-    """Gains that were learned while driving, beside which other things may be told."""
+    """Gains that were learned while driving; other entries may stand beside them."""
     names = ("ahead", "left", "turn")
     return isinstance(value, Mapping) and all(_is_number(value.get(n, 0.0)) for n in names)
 
@@ -92,7 +92,7 @@ def _is_speeds(value: Any) -> bool:
 
 
 def _is_stopping(value: Any) -> bool:
-    """Delay and deceleration of a robot that is told to stop."""
+    """Delay and deceleration of a stopping robot."""
     if not isinstance(value, Mapping) or not _is_number(value.get("delay")):
         return False
     deceleration = value.get("deceleration")

@@ -71,7 +71,7 @@ class NoiseSources:
         dt : float
             Period [s].
         measured : bool
-            Whether the end is told by a measured pose, whose noise counts too.
+            Whether the end is a measured pose, whose noise counts too.
         """
         terms, variances = design(inputs, dt), self.as_array()
         out: Array = terms @ variances

@@ -1,4 +1,4 @@
-"""How fast a robot changes its speeds, where that is slower than it is told."""
+"""How fast a robot changes its speeds, if that is slower than commanded."""
 
 from __future__ import annotations
 
