@@ -13,7 +13,9 @@ from outcomes.plant import Array, Body, Vehicle
 
 NOISE = (0.005, 0.02)
 """Standard deviation of a good pose [m, rad]."""
-DATA = Path(__file__).parents[3] / "shared" / "data"
+PLACES = [Path(__file__).parents[up] / "shared" / "data" for up in (3, 4)]
+"""Where logs may lie: beside the repository, or beside the folder of its work trees."""
+DATA = next((place for place in PLACES if place.is_dir()), PLACES[0])
 LOGS = {
     "husky": ("norlab_drive/husky.csv", 0.5, 1.0, 1.0),
     "warthog": ("norlab_drive/warthog.csv", 0.9, 4.0, 2.0),

@@ -26,9 +26,7 @@ def complaints(name: str) -> list[str]:
     return [c + plot for c in judge.complaints(EXPECTATIONS[name, 0], line_of([result]))]
 
 
-@pytest.mark.parametrize(
-    "name", [row.name for row in chosen(quick=True) if (row.name, 0) in EXPECTATIONS]
-)
+@pytest.mark.parametrize("name", [row.name for row in chosen(quick=True)])
 def test_a_drive_is_as_good_as_recorded(name: str) -> None:
     assert complaints(name) == []
 
@@ -42,7 +40,7 @@ def test_all_drives_are_as_good_as_recorded(capsys: pytest.CaptureFixture[str]) 
 
 
 def test_every_row_is_recorded_and_nothing_else() -> None:
-    assert {name for name, _ in EXPECTATIONS} <= set(ROWS)
+    assert {name for name, _ in EXPECTATIONS} == set(ROWS)
 
 
 def test_expectations_are_read_as_they_were_written(tmp_path: Path) -> None:
