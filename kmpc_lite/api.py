@@ -16,6 +16,7 @@ from kmpc_lite.control import (
     Polygon,
     Wall,
 )
+from kmpc_lite.control.path.planner import Path, PathRequest, Planner
 from kmpc_lite.errors import DataError, KmpcError, ModelError, ProblemError, ScenarioError
 from kmpc_lite.learn import Accumulator, Dataset, Episode, FitReport, evaluate, fit, with_quantiles
 from kmpc_lite.model.dictionary import (
@@ -51,8 +52,11 @@ __all__ = [
     "NavigationProblem",
     "ObstacleTracker",
     "OccupancyGrid",
+    "Path",
+    "PathRequest",
     "Plan",
     "PlanStatus",
+    "Planner",
     "Polygon",
     "ProblemError",
     "ScenarioError",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import perf_counter
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
@@ -38,6 +38,9 @@ from kmpc_lite.control.step_clock import StepClock
 from kmpc_lite.control.world.scene import Obstacles
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import Ramps
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.path.planner import Planner
 
 
 class Controller:
@@ -80,6 +83,8 @@ class Controller:
         makes a `QPSolver` from a `NavigationQP` and `OSQPOptions`.
     options : ControllerOptions, optional
         Everything else that can be tuned.
+    planner : Planner, optional
+        Finds the paths of the guidance, in metres and seconds; one of ours where not given.
     clock : callable
         Gives the time for budget and timing [s].
     obstacle_slots : int
@@ -125,6 +130,7 @@ class Controller:
         time_budget: float | None = None,
         solver: str | MakeSolver = DEFAULT_SOLVER,
         options: ControllerOptions | None = None,
+        planner: Planner | None = None,
         clock: Callable[[], float] = perf_counter,
     ) -> None:
         problem = NavigationProblem() if problem is None else problem
@@ -139,6 +145,7 @@ class Controller:
             time_budget=time_budget,
             solver=solver,
             options=options,
+            planner=planner,
             clock=clock,
         )
         check_settings(model, problem, settings)
@@ -164,7 +171,7 @@ class Controller:
             ways=keeps_ways(units, settings),
         )
         check_budget(time_budget, solver, self._sqp.workspace.can_be_stopped)
-        guide = make_guide(units, options, clock) if guidance else None
+        guide = make_guide(units, options, clock, planner, scale) if guidance else None
         self._pipeline = Pipeline(problem, units, scale, options, self._sqp, guide, self._pose_age)
         self._admission = Admission(scale, self._pipeline.scene, options.obstacles)
         self._learned = model

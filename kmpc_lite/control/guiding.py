@@ -26,7 +26,9 @@ from kmpc_lite.types import INPUTS
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.guide import Guide
+    from kmpc_lite.control.path.planner import Planner
     from kmpc_lite.control.path.reference import Guidance
+    from kmpc_lite.scale import Scale
 
 
 class Guiding:
@@ -97,10 +99,17 @@ class Guiding:
 
 
 def make_guide(
-    units: NavigationProblem, options: ControllerOptions, clock: Callable[[], float]
+    units: NavigationProblem,
+    options: ControllerOptions,
+    clock: Callable[[], float],
+    planner: Planner | None,
+    scale: Scale,
 ) -> Guide:
-    """Make the guide of a robot; arguments in its units, but for the clock [s]."""
+    """Make the guide of a robot; arguments in its units, but for the clock [s] and the planner."""
     # here, for its graph search costs as much to import as all the rest
     from kmpc_lite.control.path.guide import Guide
+    from kmpc_lite.control.path.planner import InMetres
 
-    return Guide(units, options.guidance, options.goal, options.moving_obstacles, clock)
+    own = None if planner is None else InMetres(planner, scale)
+    moving = options.moving_obstacles
+    return Guide(units, options.guidance, options.goal, moving, clock, own, options.sight)

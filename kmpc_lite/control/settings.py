@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import unmodelled_delay
 from kmpc_lite.scale import Scale
 
+if TYPE_CHECKING:
+    from kmpc_lite.control.path.planner import Planner
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -41,6 +44,7 @@ class Settings:
     """[s]"""
     solver: str | MakeSolver
     options: ControllerOptions
+    planner: Planner | None
     clock: Callable[[], float]
 
 

@@ -18,6 +18,7 @@ from kmpc_lite.control.options import (
     GoalOptions,
     GuidanceOptions,
     MovingObstacleOptions,
+    SightOptions,
     lengths_from_radii,
     unit_length,
 )
@@ -25,6 +26,7 @@ from kmpc_lite.control.path.capabilities import Capabilities
 from kmpc_lite.control.path.goal_checker import GoalChecker, GoalTolerances
 from kmpc_lite.control.path.guide_task import GuideTask
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles
+from kmpc_lite.control.path.planner import Planner
 from kmpc_lite.control.path.progress_checker import gets_on
 from kmpc_lite.control.path.reference import (
     NO_PROGRESS,
@@ -36,6 +38,7 @@ from kmpc_lite.control.path.reference import (
 from kmpc_lite.control.path.replan import Replanner
 from kmpc_lite.control.path.situation import Situation, Surveyor
 from kmpc_lite.control.path.state import BLOCKED, GuideState
+from kmpc_lite.control.path.tangent_planner import TangentPlanner
 from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.control.path.turning_centre import seen_from
 from kmpc_lite.control.plan import GoalProgress
@@ -61,6 +64,10 @@ class Guide:
         What it does about moving obstacles.
     clock : callable
         Gives the time [s] that `until` is on.
+    planner : Planner, optional
+        Finds paths, in the robot's units; the one of tangents and lattices where not given.
+    sight : SightOptions, optional
+        Of what scans show, for that one.
     """
 
     def __init__(
@@ -70,6 +77,8 @@ class Guide:
         goal_options: GoalOptions | None = None,
         moving: MovingObstacleOptions | None = None,
         clock: Callable[[], float] = perf_counter,
+        planner: Planner | None = None,
+        sight: SightOptions | None = None,
     ) -> None:
         unit = unit_length(problem)
         self._options = lengths_from_radii(options or GuidanceOptions(), unit)
@@ -82,7 +91,9 @@ class Guide:
         self._body = problem.inflation
         arms = 0.0 if problem.footprint is None else problem.footprint.reach
         self._swept = problem.body_radius + arms
-        self._replanner = Replanner(problem, self._options, clock)
+        if planner is None:
+            planner = TangentPlanner(problem, options or GuidanceOptions(), sight or SightOptions())
+        self._replanner = Replanner(problem, self._options, clock, planner)
 
     def reference(self, state: GuideState, capabilities: Capabilities, task: GuideTask) -> Guidance:
         """Give the reference of the coming stages.
@@ -102,8 +113,9 @@ class Guide:
         self._begin_last_turn(state, now)
         off = 0.0
         if state.path is not None:
-            least = state.path.drive_end if state.turning else 0.0
+            least = state.path.drive_end if state.turning else state.leg
             state.place, off = state.path.locate(now.pose, state.place, least)
+            self._change_gear(state, now, state.path)
         refreshed, switched = self._replanner.update(state, now, off)
         if state.path is None:
             guidance = self._wait(state, now, refreshed, switched)
@@ -120,6 +132,14 @@ class Guide:
         before, now = (ORIGIN if c is None else c for c in (state.turning_centre, centre))
         if math.hypot(*(now - before)) >= self._options.centre_change:
             state.turning_centre, state.centre_moved = centre, True
+
+    def _change_gear(self, state: GuideState, now: Situation, path: TimedPath) -> None:
+        """Go on to the next leg of a path where the robot has come to a change of its gear."""
+        end = path.leg_end(state.leg)
+        if end < math.inf:
+            cusp = path.at(np.array([end]))[0]
+            if math.dist(cusp[:2], now.pose[:2]) <= self._options.shuttle_reach:
+                state.leg = state.place = end
 
     def _begin_last_turn(self, state: GuideState, now: Situation) -> None:
         """Begin the last turn where the robot comes to a stop; give it up where it has left."""
@@ -182,7 +202,7 @@ class Guide:
             states = self._evade(state, now, moving)
         else:
             state.evasive_arc = -1
-            states = self._along(path, place, scale or 0.0, state.turning, float(now.pose[2]))
+            states = self._along(path, state, scale or 0.0, float(now.pose[2]))
             turn = float(now.capabilities.forward[1]) * self._dt
             wait_in_sight(states, state, now, self._range, self._body, turn)
         state.yielding = scale != 1.0
@@ -211,14 +231,13 @@ class Guide:
             path_clearance=state.path_clearance,
         )
 
-    def _along(
-        self, path: TimedPath, place: float, scale: float, turning: bool, heading: float
-    ) -> Array:
+    def _along(self, path: TimedPath, state: GuideState, scale: float, heading: float) -> Array:
         """States (N + 1, 3) along the path at a share of its speed, their headings near one."""
-        later = self._ahead * scale
+        later, place, turning, leg = self._ahead * scale, state.place, state.turning, state.leg
         times = place + later if turning else path.times_after(place, later)
         if not turning and place > path.drive_end - self._options.goal_stretch:
             np.minimum(times, path.drive_end, out=times)
+        np.minimum(times, path.leg_end(leg), out=times)
         states = path.at(times)
         turns = nearest_turn(heading - path.heading_at(place))
         if turns:

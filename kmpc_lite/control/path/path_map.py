@@ -75,13 +75,6 @@ class PathMap:
         self.landmarks = np.concatenate([self.corners.middles, self.lattice.landmarks])
         self.is_ready = True
 
-    def distances(self, points: Array) -> Array:
-        """Distances (n,) of points (n, 2) from the nearest solid [m].
-
-        Of what that was made of at most.
-        """
-        return self.solids.whole.least(points) + self.coarseness
-
 
 @lru_cache(maxsize=16)
 def coarser(options: GuidanceOptions, nodes: int, step: float) -> GuidanceOptions:
@@ -89,15 +82,8 @@ def coarser(options: GuidanceOptions, nodes: int, step: float) -> GuidanceOption
     return replace(options, lattice_nodes=nodes, lattice_step=step)
 
 
-def distance_around(point: Array, circles: Array, path_map: PathMap | None) -> float:
-    """Distance of a point (2,) from the edge of the nearest circle (M, 5) or solid [m]."""
-    return float(distances_around(point[None], circles, path_map)[0])
-
-
-def distances_around(points: Array, circles: Array, path_map: PathMap | None) -> Array:
-    """The same of points (n, 2), (n,) [m]."""
-    x, y = points.T[..., None] - circles[:, :2].T[:, None]
-    distances: Array = (np.hypot(x, y) - circles[:, 2]).min(axis=1, initial=np.inf)
-    if path_map is not None:
-        np.minimum(distances, path_map.distances(points), out=distances)
-    return distances
+def same_solids(first: Solids | None, second: Solids | None) -> bool:
+    """Whether two maps are one."""
+    if first is second:
+        return True
+    return first is not None and second is not None and first.solids == second.solids

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.control.path.path_map import same_solids
 from kmpc_lite.control.path.situation import Situation
 from kmpc_lite.control.path.state import GuideState
 from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
-
-if TYPE_CHECKING:
-    from kmpc_lite.control.world.solids import Solids
 
 
 class PathWatch:
@@ -96,10 +92,3 @@ class PathWatch:
         ends = [np.hypot(*(points - pose[:2]).T) for pose in (now.pose, now.goal)]
         ahead: Array = points[np.minimum(*ends) > self._inflation]
         return ahead
-
-
-def same_solids(first: Solids | None, second: Solids | None) -> bool:
-    """Whether two maps are one."""
-    if first is second:
-        return True
-    return first is not None and second is not None and first.solids == second.solids

@@ -8,7 +8,9 @@ from collections.abc import Callable
 import numpy as np
 
 from kmpc_lite.control.options import GuidanceOptions
-from kmpc_lite.control.path.path_watch import PathWatch, same_solids
+from kmpc_lite.control.path.path_map import same_solids
+from kmpc_lite.control.path.path_watch import PathWatch
+from kmpc_lite.control.path.planner import Planner
 from kmpc_lite.control.path.progress_checker import ProgressChecker
 from kmpc_lite.control.path.search_driver import SearchDriver
 from kmpc_lite.control.path.situation import Situation
@@ -30,10 +32,16 @@ class Replanner:
         Lengths as the problem's.
     clock : callable
         Gives the time [s] that a situation's `until` is on.
+    planner : Planner
+        Finds paths, in the robot's units.
     """
 
     def __init__(
-        self, problem: NavigationProblem, options: GuidanceOptions, clock: Callable[[], float]
+        self,
+        problem: NavigationProblem,
+        options: GuidanceOptions,
+        clock: Callable[[], float],
+        planner: Planner,
     ) -> None:
         self._options, self._dt = options, problem.dt
         self._watch = PathWatch(problem, options)
@@ -41,7 +49,7 @@ class Replanner:
         # a velocity that is told otherwise matters once it has led elsewhere: trackers are noisy
         self._moved = np.array([moved, moved, moved, np.inf, np.inf])
         self._progress = ProgressChecker(options)
-        self._searches = SearchDriver(problem, options, self._progress, clock)
+        self._searches = SearchDriver(problem, options, self._progress, clock, planner)
 
     def update(self, state: GuideState, now: Situation, off: float) -> tuple[bool, bool]:
         """Look for another path where there is a reason.

@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kmpc_lite.control.options import GuidanceOptions
-from kmpc_lite.control.path.path_map import PathMap, coarser, distance_around, distances_around
-from kmpc_lite.control.path.path_search import PathSearcher
-from kmpc_lite.control.path.path_watch import same_solids
+from kmpc_lite.control.path.planner import Known, Path, PathRequest, Planner
 from kmpc_lite.control.path.progress_checker import ProgressChecker
-from kmpc_lite.control.path.search_state import PathSearch, Stage
 from kmpc_lite.control.path.shuttle import ShuttleFinder
 from kmpc_lite.control.path.situation import Situation
-from kmpc_lite.control.path.state import BLOCKED, GuideState
-from kmpc_lite.control.path.tangent_graph import GeometricPath
+from kmpc_lite.control.path.state import BLOCKED, GuideState, Search
 from kmpc_lite.control.path.timed_path import TimedPath
-from kmpc_lite.control.path.turning_centre import swing
+from kmpc_lite.control.path.turning_centre import seen_from, swing
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.recent_times import longest_lately
 from kmpc_lite.geometry import nearest_turn, rotate
 from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.world.sight.view import View
 
 
 class SearchDriver:
@@ -38,6 +39,8 @@ class SearchDriver:
         Is told of new paths.
     clock : callable
         Gives the time [s] that a situation's `until` is on.
+    planner : Planner
+        Finds paths, in the robot's units.
     """
 
     def __init__(
@@ -46,13 +49,18 @@ class SearchDriver:
         options: GuidanceOptions,
         progress: ProgressChecker,
         clock: Callable[[], float],
+        planner: Planner,
     ) -> None:
         self._options, self._progress, self._clock = options, progress, clock
         self._dt = problem.dt
         self._turning = problem.robot_radius + problem.margin
-        self._limits = problem.x_min[:2], problem.x_max[:2]
+        self._area = np.stack([problem.x_min[:2], problem.x_max[:2]])
         self._inflation, self._is_round = problem.inflation, problem.footprint is None
-        self._searcher = PathSearcher(problem, options)
+        self._radius, self._margin = problem.body_radius, problem.margin
+        middles = np.zeros((1, 2)) if problem.footprint is None else problem.footprint.circles
+        self._outline = np.column_stack([middles, np.full(len(middles), self._radius)])
+        self._planner, self._parts = planner, 0
+        self._asked: PathRequest | None = None
         self._shuttles = ShuttleFinder(problem, options)
 
     def begin(self, state: GuideState, now: Situation, lead: float = 0.0) -> None:
@@ -60,54 +68,84 @@ class SearchDriver:
 
         One that is under way is given up.
         """
-        pose = now.pose.copy()
+        start = now.pose.copy()
         if lead > 0.0 and state.path is not None:
-            pose = state.path.at(np.array([state.place + lead]))[0]
-            pose[2] -= nearest_turn(float(pose[2] - now.pose[2]))
+            start = state.path.at(np.array([state.place + lead]))[0]
+            start[2] -= nearest_turn(float(start[2] - now.pose[2]))
         same_goal = bool((now.target == state.goal).all())
-        if now.view is not None:
-            known, coarse = now.view.solids(now.solids), now.view.coarseness
-            options = coarser(self._options, now.view.lattice_nodes, now.view.lattice_step)
-            state.path_map = (
-                None if known is None else PathMap(known, options, coarse, True, self._limits)
-            )
-        elif not same_solids(now.solids, state.solids):
-            state.path_map = None
-        if state.path_map is None and now.solids is not None:
-            state.path_map = PathMap(now.solids, self._options, later=state.only_renews)
+        known = None if now.view is None else _known(now.view)
+        if now.view is None:
+            state.known_solids, state.coarseness = now.solids, 0.0
+        else:
+            state.known_solids = now.view.solids(now.solids)
+            state.coarseness = now.view.coarseness
         state.goal, state.circles = now.target.copy(), now.told.copy()
         state.solids, state.age, state.centre_moved = now.solids, 0.0, False
         state.circles_at_rest = b"" if now.moving is not None else now.circles.tobytes()
         shuttle = self._new_shuttle(state, now)
         if shuttle is not None:
             state.shuttle, state.shuttles = shuttle, state.shuttles + 1
-        state.search = self._search(state, now, pose, lead, same_goal, now.met(state.yielded))
-
-    def _search(
-        self,
-        state: GuideState,
-        now: Situation,
-        pose: Array,
-        lead: float,
-        same_goal: bool,
-        circles: Array,
-    ) -> PathSearch:
-        """A search among circles (M, 5), and what the state says of it."""
-        return PathSearch(
-            pose=pose,
-            lead=lead,
-            goal=(self._aim(now, pose) if state.shuttle is None else state.shuttle).copy(),
+        can, progress = now.capabilities, state.progress
+        driven = avoid = None
+        if state.path is not None and same_goal and not progress.stuck:
+            driven = state.path.route(start, state.place)
+        if state.avoided is not None:
+            avoid = state.avoided.route(start, state.avoided_place)
+        request = PathRequest(
+            start=start,
+            goal=(self._aim(now, start) if state.shuttle is None else state.shuttle).copy(),
             target=state.goal,
-            circles=circles,
-            path_map=state.path_map,
-            previous=state.path if same_goal and not state.progress.stuck else None,
-            same_goal=same_goal,
-            stuck=state.progress.stuck,
-            avoid=state.avoided,
-            avoid_place=state.avoided_place,
-            narrow=state.narrow,
+            centre=state.turning_centre,
+            circles=now.met(state.yielded),
+            solids=state.known_solids,
+            outline=self._outline,
+            inflation=self._inflation,
+            area=self._area,
+            forward=can.forward,
+            backward=can.backward,
+            backward_share=can.backward_share,
+            clearance=can.clearance,
+            known=known,
+            driven=driven,
+            avoid=avoid,
+            is_wide=not state.narrow,
             gear_time=0.0 if now.view is None else now.view.gear_time,
+            in_time=not state.only_renews,
         )
+        self._search(state, now, Search(request, same_goal, progress.stuck, lead))
+
+    def _search(self, state: GuideState, now: Situation, search: Search) -> None:
+        """Begin a search; it has ended already where the robot cannot stand at its goal."""
+        state.search, request = search, search.request
+        distance = float(request.distances(self._places_at(request.target)).min())
+        if self._is_round:
+            search.goal_clearance = distance - self._inflation
+        if distance < self._radius:
+            search.refusal = "the goal lies so near to an obstacle that the robot would touch it"
+        elif distance < self._radius + self._margin - now.capabilities.tolerances.enter_distance:
+            search.refusal = "the goal lies within the margin of an obstacle"
+        self._begin_planner(search)
+
+    def _places_at(self, pose: Array) -> Array:
+        """Middles (C, 2) of the robot's circles at a pose (3,)."""
+        poses = np.repeat(pose[None], len(self._outline), axis=0)
+        return seen_from(poses, self._outline[:, :2].T)[:, :2]
+
+    def _begin_planner(self, search: Search) -> None:
+        self._asked, self._parts = search.request, 0
+        if not search.refusal:
+            self._planner.begin(search.request)
+
+    def _found(self, search: Search) -> Path | str | None:
+        """What a search has found; a planner that was asked something else since does it again."""
+        if search.refusal:
+            return search.refusal if search.parts else None
+        if self._asked is not search.request or self._parts > search.parts:
+            self._begin_planner(search)
+        while self._parts < search.parts:
+            self._planner.advance(1)
+            self._parts += 1
+        return self._planner.path()
 
     def _aim(self, now: Situation, pose: Array) -> Array:
         """Pose (3,) at which a path from a pose ends: near the goal, a little beside it.
@@ -123,13 +161,15 @@ class SearchDriver:
         dx, dy = rotate(0.0, min(max(beside, -most), most), heading)
         return np.array((x + dx, y + dy, heading))
 
-    def _look_behind(self, state: GuideState, now: Situation, search: PathSearch) -> bool:
+    def _look_behind(self, state: GuideState, now: Situation, search: Search, why: str) -> bool:
         """Begin to look whether there is a path but for what moves, where that was in the way."""
-        if now.moving is None or search.only_tells or len(search.circles) != len(now.circles):
+        request = search.request
+        if now.moving is None or search.only_tells or len(request.circles) != len(now.circles):
             return False
-        still = search.circles[~now.circles[:, 3:].any(axis=1)]
-        state.search = self._search(state, now, search.pose, search.lead, search.same_goal, still)
-        state.search.only_tells = search.reason
+        still = request.circles[~now.circles[:, 3:].any(axis=1)]
+        asked = replace(request, circles=still)
+        again = Search(asked, search.same_goal, search.stuck, search.lead, only_tells=why)
+        self._search(state, now, again)
         return True
 
     def _new_shuttle(self, state: GuideState, now: Situation) -> Array | None:
@@ -138,7 +178,7 @@ class SearchDriver:
         beside = now.capabilities.tolerances.turn_distance < now.distance < o.near_goal
         if state.shuttle is not None or not beside or state.shuttles >= o.shuttles:
             return None
-        return self._shuttles.find(now, state.path_map)
+        return self._shuttles.find(now, state.known_solids, state.coarseness)
 
     def advance(self, state: GuideState, now: Situation) -> tuple[bool, bool]:
         """Bring the search forward: nearly always to its end if urgent, else by a few parts."""
@@ -151,95 +191,108 @@ class SearchDriver:
         elif state.attempts > 2:
             parts = o.near_goal_parts
         while (search := state.search) is not None:
-            none = search.stage is Stage.CHOSEN and search.path is None
-            if none and state.shuttle is not None:
+            found = self._found(search)
+            if isinstance(found, str) and state.shuttle is not None:
                 state.shuttle, state.shuttles = None, self._options.shuttles
                 self.begin(state, now)
-            elif none and now.moving is not None and now.moving.stays(state.yielded):
+            elif (
+                isinstance(found, str)
+                and now.moving is not None
+                and now.moving.stays(state.yielded)
+            ):
                 state.yielded = 0.0
                 self.begin(state, now)
-            elif none and self._look_behind(state, now, search):
+            elif isinstance(found, str) and self._look_behind(state, now, search, found):
                 pass
-            elif search.stage is Stage.CHOSEN and state.age < search.lead - 0.5 * self._dt:
+            elif found is not None and state.age < search.lead - 0.5 * self._dt:
                 break  # the robot is on its way to where the path begins
-            elif search.stage is Stage.CHOSEN:
-                refreshed, switched = True, self._take_over(state, now, search)
+            elif found is not None:
+                refreshed, switched = True, self._take_over(state, now, search, found)
                 state.search, state.urgent = None, False
             else:
-                parts -= self._do_part(state, now, search) - 1
+                parts -= self._do_part(state, search) - 1
             parts -= 1
             if parts <= 0 or (now.until < math.inf and self._clock() > now.until):
                 break
         return refreshed, switched
 
-    def _do_part(self, state: GuideState, now: Situation, search: PathSearch) -> int:
-        """Do a part of a search; return how many parts it counts as."""
-        most = self._options.hurried_parts
-        work = search.weight(most)
-        search.work += work
-        can, centre = now.capabilities, state.turning_centre
-        self._searcher.advance(search, state.place, can, centre, now.view)
-        if search.stage is Stage.CHOSEN:
+    def _do_part(self, state: GuideState, search: Search) -> int:
+        """Do a part of a search; return how many quanta it took."""
+        quanta = 1 if search.refusal else self._planner.advance(1)
+        self._parts = search.parts = search.parts + 1
+        search.quanta += quanta
+        if self._found(search) is not None:
             # one more, in which it began
-            steps = 1 + math.ceil(search.work / most)
+            steps = 1 + math.ceil(search.quanta / self._options.hurried_parts)
             state.search_time = longest_lately(state.search_time, steps * self._dt)
-        return work
+        return quanta
 
-    def _take_over(self, state: GuideState, now: Situation, search: PathSearch) -> bool:
-        """Follow the path that was chosen, and tell whether it leads another way around."""
-        previous, path, reason = state.path, search.path, search.reason
+    def _take_over(
+        self, state: GuideState, now: Situation, search: Search, found: Path | str
+    ) -> bool:
+        """Follow the path that was found, and tell whether it leads another way around."""
+        previous, request, o, can = state.path, search.request, self._options, now.capabilities
         if search.only_tells:
-            path, reason = None, search.only_tells if path is None else BLOCKED
-        if state.only_renews and previous is not None:
-            left = previous.duration - state.place - self._options.switch_time
-            if path is None or path.time > left - search.gear_time:
+            found = search.only_tells if isinstance(found, str) else BLOCKED
+        if isinstance(found, str):
+            if state.only_renews and previous is not None:
                 return False
-        if path is None:
-            state.waiting = search.pose if state.waiting is None else state.waiting
-            state.path, state.why_none = None, reason
+            state.waiting = request.start if state.waiting is None else state.waiting
+            state.path, state.why_none = None, found
             return previous is not None
         state.waiting = None
-        free_turn, o, can = self._free_turn(search), self._options, now.capabilities
-        path = self._from_rest(now, search, path)
-        speed = can.backward if path.reverse else can.forward
+        path = self._from_rest(now, request, found)
+        speed = can.backward if (path.gears < 0).any() else can.forward
         if state.shuttles:
             speed = speed * (o.shuttle_speed, 1.0)
-        state.path = TimedPath(
-            path, search.pose, search.goal, speed, o, free_turn, can.wheels, can.deceleration
-        )
-        state.path_clearance = max(search.clearance - swing(state.turning_centre), 0.0)
+        free_turn = self._free_turn(search, path)
+        timed = TimedPath(path, speed, o, free_turn, can.wheels, can.deceleration)
+        if state.only_renews and previous is not None:
+            left = previous.duration - state.place - o.switch_time
+            if timed.duration > left - request.gear_time:
+                return False
+        state.path, state.leg = timed, 0.0
+        state.path_clearance = max(path.clearance - swing(state.turning_centre), 0.0)
         state.goal_clearance = search.goal_clearance
-        other = search.switched or previous is None or not search.same_goal
-        begin, _ = state.path.locate(search.pose, 0.0)
+        other = path.switched or previous is None or not search.same_goal
+        begin, _ = state.path.locate(request.start, 0.0)
         left, turn_time = state.path.duration - begin, free_turn / float(speed[1])
         self._progress.begin_path(state.progress, left, turn_time, other or search.stuck)
         state.place, _ = state.path.locate(now.pose, 0.0)
         return other
 
-    def _from_rest(self, now: Situation, search: PathSearch, path: GeometricPath) -> GeometricPath:
+    def _from_rest(self, now: Situation, request: PathRequest, path: Path) -> Path:
         """Give the path from where the robot stands if it brakes now, if its first line is clear.
 
         A robot that has come past the beginning would drive back to turn there.
         """
+        path = path.between_turns
         rest = (now.goal + now.rest_error)[:2]
         begun = path.begun_at(rest)
         if begun is path or now.distance <= self._options.near_goal:
             return path
-        line = begun.points[1] - rest
+        line = begun.poses[2, :2] - rest
         samples = 2 + int(math.hypot(*line.tolist()) / self._options.lattice_sample)
         points = rest + np.linspace(0.0, 1.0, samples)[:, None] * line
-        distances = distances_around(points, search.circles, search.path_map)
+        distances = request.distances(points)
         around = float(distances[0])
         may_turn = self._is_round or around >= self._turning
         return begun if may_turn and distances.min() >= min(self._inflation, around) else path
 
-    def _free_turn(self, search: PathSearch) -> float:
+    def _free_turn(self, search: Search, path: Path) -> float:
         """Part of the first turn that is made while driving [rad]; none if the robot is stuck."""
-        if search.stuck or search.path is None:
+        if search.stuck:
             return 0.0
-        o = self._options
-        length = float(np.hypot(*np.diff(search.path.points, axis=0).T).sum())
-        nearest = distance_around(search.pose[:2], search.circles, search.path_map)
+        o, request = self._options, search.request
+        length = float(np.hypot(*np.diff(path.poses[1:-1, :2], axis=0).T).sum())
+        nearest = float(request.distances(request.start[None, :2])[0])
         around = max(nearest - self._turning, 0.0)
         shares = length / o.free_turn_length, around / o.free_turn_clearance
         return o.free_turn * min(1.0, *shares)
+
+
+def _known(view: View) -> Known:
+    """What scans have shown, as a planner needs it."""
+    cells, corner, side = view.unknown_cells()
+    blind = view.blind_turn(0.0), view.blind_turn(math.pi)
+    return Known(cells, corner, side, blind, view.coarseness)

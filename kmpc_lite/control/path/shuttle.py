@@ -9,15 +9,19 @@ to come back in the other gear.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kmpc_lite.control.options import GuidanceOptions
-from kmpc_lite.control.path.path_map import PathMap, distance_around
+from kmpc_lite.control.path.planner import distances_around
 from kmpc_lite.control.path.situation import Situation
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.world.solids import Solids
 
 
 class ShuttleFinder:
@@ -37,15 +41,17 @@ class ShuttleFinder:
         self._inflation = problem.robot_radius + problem.margin
         self._low, self._high = problem.x_min[:2], problem.x_max[:2]
 
-    def find(self, now: Situation, path_map: PathMap | None) -> Array | None:
+    def find(self, now: Situation, solids: Solids | None, coarse: float) -> Array | None:
         """Pose (3,) at which a shuttle turns back; None where turning on the spot is quicker.
 
         Parameters
         ----------
         now : Situation
             Of this step.
-        path_map : PathMap, optional
-            Of the solids.
+        solids : Solids, optional
+            All that are known.
+        coarse : float
+            How far these may stand out of what was hit [m].
         """
         forward, backward = now.capabilities.forward, now.capabilities.backward
         if backward[0] <= 0.0:
@@ -63,15 +69,16 @@ class ShuttleFinder:
             pose = np.array([x + side * ahead[0], y + side * ahead[1], heading])
             time = _time_of_leg(now.pose, pose, out, math.pi if side < 0.0 else 0.0)
             time += self._length / float(back[0])
-            if time < best_time and self._is_free(pose, now.circles, path_map):
+            if time < best_time and self._is_free(pose, now.circles, solids, coarse):
                 best, best_time = pose, time
         return best
 
-    def _is_free(self, pose: Array, circles: Array, path_map: PathMap | None) -> bool:
+    def _is_free(self, pose: Array, circles: Array, solids: Solids | None, coarse: float) -> bool:
         """Whether the robot can stand at a pose (3,): in the area, and off all obstacles."""
         if not ((pose[:2] >= self._low).all() and (pose[:2] <= self._high).all()):
             return False
-        return distance_around(pose[:2], circles, path_map) >= self._inflation
+        around = distances_around(pose[None, :2], circles, solids, coarse)
+        return float(around[0]) >= self._inflation
 
 
 def _time_of_leg(begin: Array, end: Array, speed: Array, turned: float) -> float:

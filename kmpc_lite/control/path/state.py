@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.control.path.goal_checker import GoalCheckerState
-from kmpc_lite.control.path.path_map import PathMap, distances_around
+from kmpc_lite.control.path.planner import PathRequest, distances_around
 from kmpc_lite.control.path.progress_checker import ProgressState
-from kmpc_lite.control.path.search_state import PathSearch
 from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.types import Array
 
@@ -24,6 +23,31 @@ BLOCKED = "something that moves stands in the only way"
 
 
 @dataclass(slots=True)
+class Search:
+    """A search for a path that is under way: what was asked, and how far it has come."""
+
+    request: PathRequest
+    """What the planner was asked."""
+    same_goal: bool
+    """Whether the path before led to this goal."""
+    stuck: bool
+    """Whether the robot has stood for too long."""
+    lead: float
+    """How long after the search began the robot is to be where the path begins [s]."""
+    refusal: str = ""
+    """Why the robot cannot stand at its goal; empty where it can, as nearly always."""
+    goal_clearance: float = math.inf
+    """What the goal leaves beyond the problem's margin [m]."""
+    only_tells: str = ""
+    """Why there is no path among what moves, where the search was made without that: only to tell
+    whether it is what stands in the way; its path is not driven."""
+    parts: int = 0
+    """How often the planner has worked on it: a copy has it do so again."""
+    quanta: int = 0
+    """How much work that was."""
+
+
+@dataclass(slots=True)
 class GuideState:
     """The path, the search for another one, and what they were made for."""
 
@@ -32,6 +56,8 @@ class GuideState:
     """What is followed."""
     place: float = 0.0
     """Where on it the robot is [s]."""
+    leg: float = 0.0
+    """When its gear has changed last [s]."""
     path_clearance: float = math.inf
     """Clearance beyond the problem's margin that it keeps [m]."""
     goal_clearance: float = math.inf
@@ -73,8 +99,10 @@ class GuideState:
     circles_at_rest: bytes = b""
     """The same as bytes where none moves: equal ones are known again in a moment."""
     solids: Solids | None = None
-    path_map: PathMap | None = None
-    """Made of the solids when a search first needs it."""
+    known_solids: Solids | None = None
+    """The same, and what scans had shown when the search was begun."""
+    coarseness: float = 0.0
+    """How far these may stand out of what was hit [m]."""
     age: float = 0.0
     """Time since then [s]."""
 
@@ -82,7 +110,7 @@ class GuideState:
     """Time since what scans show was last looked at for what stands on the path [s]."""
 
     # the search that is under way
-    search: PathSearch | None = None
+    search: Search | None = None
     urgent: bool = False
     """Whether its path is needed in this step: the old one is not for this map or goal."""
     hurried: bool = False
@@ -118,6 +146,7 @@ class GuideState:
         if left >= kept:
             return kept
         at_rest = self.circles[~self.circles[:, 3:].any(axis=1)]
-        around = distances_around(states[1:, :2], at_rest, self.path_map) - inflation
+        points = states[1:, :2]
+        around = distances_around(points, at_rest, self.known_solids, self.coarseness) - inflation
         out: Array = np.minimum(np.maximum(around, left), kept)[:, None]
         return out

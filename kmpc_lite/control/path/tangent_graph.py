@@ -61,17 +61,6 @@ class GeometricPath:
     reverse: bool
     """Whether it is driven backwards."""
 
-    def begun_at(self, point: Array) -> GeometricPath:
-        """Give the path from another point (2,); this one where the first line is short for it."""
-        missed, line = math.dist(point, self.points[0]), self.points[1] - point
-        is_arc = abs(self.headings[1] - self.headings[0]) > ROUNDING
-        if is_arc or missed <= ROUNDING or math.hypot(*line.tolist()) < 2.0 * missed:
-            return self
-        points, headings = self.points.copy(), self.headings.copy()
-        points[0] = point
-        headings[:2] += wrap(math.atan2(line[1], line[0]) - headings[0])
-        return GeometricPath(points, headings, self.time, self.reverse)
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PathQuery:

@@ -8,8 +8,9 @@ from bisect import bisect_right
 import numpy as np
 
 from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.control.path.planner import Path, Route
 from kmpc_lite.control.path.tangent_graph import GeometricPath
-from kmpc_lite.geometry import angle_swept, wrap
+from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
 
 INSTANT = 1e-9
@@ -23,10 +24,8 @@ class TimedPath:
 
     Parameters
     ----------
-    geometry : GeometricPath
-        Points and directions.
-    start, goal : ndarray
-        Poses (3,).
+    path : Path
+        Poses, and times where the planner has timed them.
     speed : ndarray
         Speed [m/s] and rate of turn [rad/s] to drive at, (2,).
     options : GuidanceOptions
@@ -42,24 +41,36 @@ class TimedPath:
 
     def __init__(
         self,
-        geometry: GeometricPath,
-        start: Array,
-        goal: Array,
+        path: Path,
         speed: Array,
         options: GuidanceOptions,
         free_turn: float = 0.0,
         wheels: tuple[float, float] = (0.0, math.inf),
         deceleration: float = math.inf,
     ) -> None:
-        self.geometry, self._braking = geometry, float(speed[0]) / deceleration
-        self.poses = poses_along(geometry, start, goal, free_turn)
+        self._braking = float(speed[0]) / deceleration
+        path = path.between_turns
+        self.poses = path.poses.copy()
+        first = float(wrap(self.poses[1, 2] - self.poses[0, 2]))
+        skipped = min(free_turn, abs(first))
+        self.poses[0, 2] = self.poses[1, 2] - math.copysign(abs(first) - skipped, first)
         steps = np.diff(self.poses, axis=0)
         lengths = np.hypot(steps[:, 0], steps[:, 1])
         turns = np.abs(steps[:, 2])
         needed = np.maximum(lengths / speed[0], turns / speed[1])
         # the outer wheel drives both
         needed = np.maximum(needed, (lengths + wheels[0] * turns) / wheels[1])
+        if path.times is not None:
+            needed = np.diff(path.times)
+            needed[0] -= skipped / speed[1]  # left to the controller
         self.times = np.concatenate([[0.0], np.cumsum(np.maximum(needed, INSTANT))])
+        gears = path.gears
+        self.reverse = bool((gears < 0).sum() > (gears > 0).sum())
+        """Whether most of it is driven backwards."""
+        moved = np.flatnonzero(gears)
+        changed = moved[1:][gears[moved[1:]] != gears[moved[:-1]]]
+        self.cusps = self.times[changed]
+        """When the robot stops and drives on in the other gear, (n,) [s]."""
         # as complex numbers, for both coordinates are interpolated in the time of one
         self._places = self.poses[:, 0] + 1j * self.poses[:, 1]
         self._headings, self._time_list = self.poses[:, 2].copy(), self.times.tolist()
@@ -75,7 +86,7 @@ class TimedPath:
     @property
     def points(self) -> Array:
         """The path's points (K, 2) [m]."""
-        return self.geometry.points
+        return self.poses[1:-1, :2]
 
     def at(self, times: Array) -> Array:
         """Poses (n, 3) at times (n,) [s]; the ends are held."""
@@ -110,6 +121,11 @@ class TimedPath:
         )
         return times + np.maximum(slowed - root / rate, 0.0)
 
+    def leg_end(self, begin: float) -> float:
+        """When the gear changes next after a time [s]; infinite if it does not."""
+        later = self.cusps[self.cusps > begin]
+        return float(later[0]) if len(later) else math.inf
+
     def share_at_goal(self, states: Array) -> float:
         """Share of the stages 1 to N of a reference (N + 1, 3) that have come to its goal."""
         away = np.abs(states[1:, :2] - self.poses[-1, :2])
@@ -134,7 +150,8 @@ class TimedPath:
         """
         last = max(place, least)
         begin = int(max(place - self._back, least) / self._grid_step)
-        end = int((last + self._ahead) / self._grid_step) + 2
+        begin += len(self.cusps) > 0  # the pose before a change of gear is not on this leg
+        end = int(min(last + self._ahead, self.leg_end(least)) / self._grid_step) + 2
         x, y, heading = pose.tolist()
         # next to the heading at the last place: the robot has not turned by half a circle since
         before = self._grid.item(int(last / self._grid_step), 2) / self._turn_length
@@ -144,11 +161,11 @@ class TimedPath:
         found = float(self._grid_times[begin + nearest])
         return found, math.hypot(error.item(nearest, 0), error.item(nearest, 1))
 
-    def points_left(self, pose: Array, place: float) -> Array:
-        """Points (K, 2) from a robot's pose (3,) along the rest of the path after its place [s]."""
+    def route(self, pose: Array, place: float) -> Route:
+        """What is left of it for a robot at a pose (3,), after its place [s]."""
         left = self.times[1:-1] > place
         left[-1] = True
-        return np.concatenate([pose[None, :2], self.points[left]])
+        return Route(np.concatenate([pose[None, :2], self.points[left]]), self.reverse)
 
     def heading_at(self, time: float) -> float:
         """Heading [rad] at a time [s]."""
@@ -160,42 +177,14 @@ class TimedPath:
         return float(before + share * (turned - before))
 
 
-def poses_along(
-    geometry: GeometricPath, start: Array, goal: Array, free_turn: float = 0.0
-) -> Array:
+def poses_along(geometry: GeometricPath, start: Array, goal: Array) -> Array:
     """Poses (K + 2, 3): the path's points between a turn at the start and one at the goal."""
     headings = geometry.headings + (math.pi if geometry.reverse else 0.0)
     first = float(wrap(headings[0] - start[2]))
     last = float(wrap(goal[2] - headings[-1]))
-    on_the_spot = np.sign(first) * max(abs(first) - free_turn, 0.0)
     headings = headings + (start[2] + first - headings[0])
     poses = np.empty((len(headings) + 2, 3))
     poses[1:-1, :2], poses[1:-1, 2] = geometry.points, headings
-    poses[0] = (*geometry.points[0], headings[0] - on_the_spot)
+    poses[0] = (*geometry.points[0], start[2])
     poses[-1] = (goal[0], goal[1], headings[-1] + last)
     return poses
-
-
-def same_side(
-    previous: TimedPath, place: float, path: GeometricPath, pose: Array, centres: Array
-) -> bool:
-    """Tell whether two paths to one goal pass every obstacle on the same side, in the same gear.
-
-    Parameters
-    ----------
-    previous : TimedPath
-        The path that is driven.
-    place : float
-        Where on it the robot is [s].
-    path : GeometricPath
-        The other path.
-    pose : ndarray
-        Where that begins (3,).
-    centres : ndarray
-        A point in each obstacle, (M, 2) [m].
-    """
-    if previous.geometry.reverse != path.reverse:
-        return False
-    swept = angle_swept(previous.points_left(pose, place), centres)
-    turned = swept - angle_swept(path.points, centres)
-    return bool((np.abs(turned) < np.pi).all())

@@ -56,11 +56,11 @@ CORRIDOR = [kl.Wall(-2.8, 0.3, 0.2, 0.3, 0.1), kl.Wall(-2.8, -0.3, 0.2, -0.3, 0.
 def test_where_it_cannot_turn_it_backs_out() -> None:
     start, goal = (-1.0, 0.0, np.pi), (1.5, 0.5, np.pi)
     path, _ = path_of(start, goal, CORRIDOR)
-    assert path is not None and path.geometry.reverse
+    assert path is not None and path.reverse
     assert least_gap(path, CORRIDOR) > 0.0
     # the same for the way in
     path, _ = path_of(goal, start, CORRIDOR)
-    assert path is not None and not path.geometry.reverse
+    assert path is not None and not path.reverse
     assert least_gap(path, CORRIDOR) > 0.0
 
 

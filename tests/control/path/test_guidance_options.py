@@ -10,11 +10,12 @@ from guided import GuideInUse
 from paths import OPTIONS, quickest_paths
 
 import kmpc_lite as kl
+from kmpc_lite.control.options import SightOptions
 from kmpc_lite.control.path.body_paths import BodyPaths
 from kmpc_lite.control.path.capabilities import capabilities
-from kmpc_lite.control.path.path_search import PathSearcher
-from kmpc_lite.control.path.search_state import PathSearch, SearchObstacles
+from kmpc_lite.control.path.planner import Path, PathRequest, Route
 from kmpc_lite.control.path.tangent_graph import GeometricPath
+from kmpc_lite.control.path.tangent_planner import Obstacles, TangentPlanner
 from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.types import Array
 
@@ -28,11 +29,23 @@ AREA = np.array([-10.0, -10.0, 10.0, 10.0])
 def straight(
     length: float, speed: float = 0.5, turn: float = 1.0, deceleration: float = np.inf
 ) -> TimedPath:
-    points = np.array([[0.0, 0.0], [length, 0.0]])
-    geometry = GeometricPath(points, np.zeros(2), length / speed, False)
-    ends = np.zeros(3), np.array([length, 0.0, 0.0])
-    speeds = np.array([speed, turn])
-    return TimedPath(geometry, *ends, speeds, OPTIONS, deceleration=deceleration)
+    poses = np.array([[0.0, 0.0, 0.0], [length, 0.0, 0.0]])
+    return TimedPath(Path(poses), np.array([speed, turn]), OPTIONS, deceleration=deceleration)
+
+
+def asked(goal: Array = GOAL, **more: Any) -> PathRequest:
+    return PathRequest(
+        start=START,
+        goal=goal,
+        target=goal,
+        circles=NO_CIRCLES,
+        outline=np.array([[0.0, 0.0, 0.15]]),
+        inflation=0.15,
+        area=AREA.reshape(2, 2),
+        forward=CAPABILITIES.forward,
+        backward=CAPABILITIES.backward,
+        **more,
+    )
 
 
 def gate(half_width: float) -> Array:
@@ -110,29 +123,6 @@ def test_repeated_searches_are_hurried_within_two_radii_of_the_goal(
     assert (guide.state.attempts > 0) is hurried
 
 
-def test_three_parts_of_a_hurried_search_are_done_in_a_step(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    guide, parts = GuideInUse(PROBLEM), []
-    guide.reference(START, GOAL, NO_CIRCLES)
-    monkeypatch.setattr(PathSearcher, "advance", lambda *rest: parts.append(rest))
-    guide.state.search, guide.state.hurried = _search(None), True
-    guide.reference(START, GOAL, NO_CIRCLES)
-    assert len(parts) == 3
-
-
-@pytest.mark.parametrize(("attempts", "expected"), [(2, 1), (3, 2), (9, 2)])
-def test_two_parts_of_a_third_search_near_the_goal_are_done_in_a_step(
-    attempts: int, expected: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    guide, parts = GuideInUse(PROBLEM), []
-    guide.reference(START, GOAL, NO_CIRCLES)
-    monkeypatch.setattr(PathSearcher, "advance", lambda *rest: parts.append(rest))
-    guide.state.search, guide.state.attempts = _search(None), attempts
-    guide.reference(START, GOAL, NO_CIRCLES)
-    assert len(parts) == expected
-
-
 @pytest.mark.parametrize(
     ("ahead", "speed", "looks"), [(0.2, 0.25, False), (0.2, 0.23, True), (0.35, 0.25, True)]
 )
@@ -174,7 +164,7 @@ def test_sixty_parts_of_a_search_that_is_needed_at_once_are_done_in_a_step(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     guide, parts = GuideInUse(PROBLEM), []
-    monkeypatch.setattr(PathSearcher, "advance", lambda *rest: parts.append(rest))
+    monkeypatch.setattr(TangentPlanner, "advance", lambda *rest: parts.append(rest) or 1)
     guide.reference(START, GOAL, NO_CIRCLES)
     assert guide.state.urgent and len(parts) == 60
 
@@ -186,10 +176,6 @@ def test_a_search_that_is_needed_ends_though_there_is_a_new_reason_in_each_step(
     assert sum(paths) >= 5
 
 
-def _search(previous: TimedPath | None) -> PathSearch:
-    return PathSearch(START, GOAL, GOAL, NO_CIRCLES, None, previous, True, False)
-
-
 @pytest.mark.parametrize(("time", "kept"), [(11.49, True), (11.51, False)])
 def test_another_side_is_taken_where_it_is_quicker_by_half_a_second_and_a_tenth(
     time: float, kept: bool
@@ -197,15 +183,14 @@ def test_another_side_is_taken_where_it_is_quicker_by_half_a_second_and_a_tenth(
     points = np.array([[-1.5, 0.0], [1.5, 0.0]])
     quickest = GeometricPath(points, np.zeros(2), 10.0, True)
     as_before = GeometricPath(points, np.zeros(2), time, False)
-    search = _search(straight(3.0))
-    nothing = np.empty((0, 2))
-    search.obstacles = SearchObstacles(
-        nothing, np.empty(0), np.empty((0, 2), dtype=np.intp), nothing, np.empty(0), AREA
-    )
-    searcher = PathSearcher(PROBLEM, OPTIONS)
-    assert not searcher._takes(search, quickest, 0.0)
-    assert searcher._takes(search, as_before, 0.0)
-    assert search.path is (as_before if kept else quickest)
+    planner = TangentPlanner(PROBLEM, kl.GuidanceOptions(), SightOptions())
+    planner.begin(asked(driven=Route(points, False)))
+    none = np.empty((0, 2))
+    planner._obstacles = Obstacles(none, none[:, 0], none.astype(int), none, none[:, 0], AREA)
+    assert not planner._takes(quickest)
+    assert planner._takes(as_before)
+    found = planner.path()
+    assert isinstance(found, Path) and bool(found.gears.sum() > 0) is kept
 
 
 def test_a_path_has_twenty_thousand_poses_at_the_most() -> None:
@@ -287,17 +272,17 @@ def test_a_robot_that_is_not_round_is_looked_at_in_400_places_of_a_path(
 ) -> None:
     looks: list[int] = []
 
-    def watched(paths: BodyPaths, poses: Array, search: PathSearch) -> Array:
-        looks.append(len(poses))
-        return np.ones(len(poses))
+    def watched(request: PathRequest, points: Array) -> Array:
+        looks.append(len(points))
+        return np.ones(len(points))
 
-    monkeypatch.setattr(BodyPaths, "_distances", watched)
+    monkeypatch.setattr(PathRequest, "distances", watched)
     goal = np.array([200.0, 0.0, 0.0])
-    path = GeometricPath(np.array([[0.0, 0.0], [200.0, 0.0]]), np.zeros(2), 400.0, False)
-    search = PathSearch(np.zeros(3), goal, goal, NO_CIRCLES, None, None, True, False)
+    path = GeometricPath(np.array([[-1.5, 0.0], [200.0, 0.0]]), np.zeros(2), 400.0, False)
     cart = kl.Footprint.rectangle(0.8, 0.3)
-    BodyPaths(kl.NavigationProblem(footprint=cart), cart, OPTIONS).fits(path, search)
-    assert looks == [400]
+    problem = kl.NavigationProblem(footprint=cart)
+    BodyPaths(problem, cart, OPTIONS).fits(path, asked(goal))
+    assert looks == [400 * len(cart.circles)]
 
 
 # braking

@@ -9,8 +9,8 @@ from guided import GuideInUse
 
 from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
+from kmpc_lite.control.path.planner import Path
 from kmpc_lite.control.path.state import GuideState
-from kmpc_lite.control.path.tangent_graph import GeometricPath
 from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.sim.maps.families import random_map
 
@@ -137,8 +137,9 @@ def test_start_at_the_goal_and_on_a_centre() -> None:
 def test_a_last_turn_is_not_mistaken_for_the_first_one() -> None:
     # over 1 cm, with a first turn from 2.3 to 1.7 and a last one from 1.7 to 3.4: the heading 2.0
     # is on both
-    way = GeometricPath(np.array([[0.0, 0.01], [0.0, 0.0]]), np.full(2, 1.7), 1.0, False)
-    path = TimedPath(way, pose(0.0, 0.01, 2.3), pose(0.0, 0.0, 3.4), np.array([0.6, 0.7]), OPTIONS)
+    turn = pose(0.0, 0.01, 2.3), pose(0.0, 0.01, 1.7)
+    way = Path(np.array([*turn, pose(0.0, 0.0, 1.7), pose(0.0, 0.0, 3.4)]))
+    path = TimedPath(way, np.array([0.6, 0.7]), OPTIONS)
     here = pose(0.0, 0.009, 2.0)
     first, _ = path.locate(here, 0.0)
     assert first < path.drive_end

@@ -12,7 +12,8 @@ import pytest
 from guided import GuideInUse
 
 import kmpc_lite as kl
-from kmpc_lite.control.path.search_state import Stage
+from kmpc_lite.control.options import GuidanceOptions, SightOptions
+from kmpc_lite.control.path.tangent_planner import Stage, TangentPlanner
 from kmpc_lite.control.path.tangent_search import Part
 from kmpc_lite.control.world.circles import circles_to_array
 from kmpc_lite.control.world.solids import Solids
@@ -65,25 +66,25 @@ def drive(guide: GuideInUse, circles: np.ndarray, solids: Solids | None, steps: 
     return answers
 
 
-def searching(guide: GuideInUse) -> str:
+def searching(guide: GuideInUse, planner: TangentPlanner) -> str:
     """The part of a search that is under way, or nothing."""
-    search = guide.state.search
-    if search is None:
+    if guide.state.search is None:
         return ""
-    if search.tangents is not None and search.stage is Stage.TANGENTS:
-        return search.tangents.part.name
-    return search.stage.name
+    if planner._tangents is not None and planner._stage is Stage.TANGENTS:
+        return planner._tangents.part.name
+    return planner._stage.name
 
 
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, pickled])
 @pytest.mark.parametrize("name", ["circles", "moving", "solids", "grid"])
 def test_a_copy_goes_on_to_the_last_bit(name: str, duplicate: Callable[[Any], Any]) -> None:
     circles, solids = scenes()[name]
-    guide, parts = GuideInUse(PROBLEM), set()
+    planner = TangentPlanner(PROBLEM, GuidanceOptions(), SightOptions())
+    guide, parts = GuideInUse(PROBLEM, planner=planner), set()
     guide.robot = START.copy()
     for k in range(40):
         drive(guide, circles, solids, range(k, k + 1))
-        parts.add(searching(guide))
+        parts.add(searching(guide, planner))
         other = GuideInUse(PROBLEM)
         other.state, other.robot = duplicate(guide.state), guide.robot.copy()
         original = GuideInUse(PROBLEM)
@@ -110,7 +111,7 @@ def test_a_state_shares_nothing_with_its_copy() -> None:
     kept = pickle.dumps(guide.state)
     other = GuideInUse(PROBLEM)
     other.state, other.robot = copy.deepcopy(guide.state), guide.robot.copy()
-    drive(other, circles, solids, range(6, 30))
+    drive(other, *scenes()["grid"], range(6, 30))
     assert pickle.dumps(guide.state) == kept
 
 

@@ -217,16 +217,3 @@ def test_a_path_around_a_large_circle_is_found_at_once(radius: float) -> None:
 def test_small_circles_keep_their_arcs() -> None:
     assert arc_step(0.7, OPTIONS) == OPTIONS.arc_step
     assert arc_step(0.72, OPTIONS) < OPTIONS.arc_step
-
-
-def test_a_path_begins_elsewhere_where_its_first_line_is_long_enough() -> None:
-    points = np.array([[0.0, 0.0], [1.0, 0.0], [1.1, 0.05]])
-    path = GeometricPath(points, np.array([6.0, 6.0, 6.5]) - 6.0, 2.0, False)
-    begun = path.begun_at(np.array([0.2, 0.3]))
-    assert begun.points.tolist() == [[0.2, 0.3], [1.0, 0.0], [1.1, 0.05]]
-    line = np.arctan2(-0.3, 0.8)
-    assert begun.headings == pytest.approx([line, line, 0.5])
-    assert path.begun_at(points[0]) is path
-    assert path.begun_at(np.array([-0.8, 1.0])) is path, "the first line is not twice as long"
-    arc = GeometricPath(points, np.array([0.0, 0.1, 0.2]), 2.0, False)
-    assert arc.begun_at(np.array([0.2, 0.3])) is arc

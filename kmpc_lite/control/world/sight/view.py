@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.control.world.nearby import Nearby
-from kmpc_lite.control.world.sight.local_map import LocalMap
+from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap
 from kmpc_lite.control.world.sight.outlook import Outlooks
 from kmpc_lite.control.world.solids import Solids
 from kmpc_lite.types import Array
@@ -102,16 +102,9 @@ class View:
         """How far a robot must turn until it sees what lies in a direction in its frame [rad]."""
         return float(self._outlooks.beyond(np.array([direction]))[0]) if self.is_narrow else 0.0
 
-    def unknown_length(self, points: Array) -> float:
-        """How much of a line through points (n, 2) is unknown."""
-        steps = np.diff(points, axis=0)
-        lengths = np.hypot(steps[:, 0], steps[:, 1])
-        length = float(lengths.sum())
-        count = max(math.ceil(length / self._map.cell), 1)
-        along = np.linspace(0.0, length, count + 1)
-        places = np.concatenate([[0.0], np.cumsum(lengths)])
-        samples = np.stack([np.interp(along, places, points[:, i]) for i in (0, 1)], axis=1)
-        return length * float(self._map.is_unknown(samples).mean())
+    def unknown_cells(self) -> tuple[Array, Array, float]:
+        """Cells (H, W) of which nothing is known, where the first begins (2,), and their side."""
+        return self._map.state == UNKNOWN, self._map.corner, self._map.cell
 
     def blocks(self, points: Array, distance: float) -> bool:
         """Whether something that was hit is nearer than a distance to any of points (n, 2)."""

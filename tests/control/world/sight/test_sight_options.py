@@ -7,10 +7,10 @@ import pytest
 from guided import GuideInUse
 
 import kmpc_lite as kl
-from kmpc_lite.control.options import SightOptions, lengths_from_radii
-from kmpc_lite.control.path.path_search import _preferred
-from kmpc_lite.control.path.search_state import PathSearch
+from kmpc_lite.control.options import GuidanceOptions, SightOptions, lengths_from_radii
+from kmpc_lite.control.path.planner import PathRequest
 from kmpc_lite.control.path.tangent_graph import GeometricPath
+from kmpc_lite.control.path.tangent_planner import TangentPlanner
 from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap
 from kmpc_lite.control.world.sight.sight import Sight
 from kmpc_lite.control.world.solids import Solids
@@ -158,6 +158,12 @@ class OneView:
     def is_dark(self, points: Array, distance: float) -> Array:
         return np.zeros(len(points), dtype=bool)
 
+    def unknown_cells(self) -> tuple[Array, Array, float]:
+        return np.ones((1, 1), dtype=bool), np.zeros(2), 0.1
+
+    def blind_turn(self, direction: float) -> float:
+        return 0.0
+
     def blocks(self, points: Array, distance: float) -> bool:
         self.looks += 1
         return False
@@ -189,7 +195,7 @@ def test_a_path_is_looked_for_from_where_the_robot_will_be() -> None:
     # one is under way until the robot has come there
     assert len({id(search) for search in begun}) == 1
     assert begun[0].lead == pytest.approx(0.1 * len(begun))
-    np.testing.assert_allclose(begun[0].pose, (0.06 * taken_over, 0.0, 0.0), atol=1e-6)
+    np.testing.assert_allclose(begun[0].request.start, (0.06 * taken_over, 0.0, 0.0), atol=1e-6)
 
 
 def test_five_times_a_second_is_looked_for_what_stands_on_the_path() -> None:
@@ -201,10 +207,11 @@ def test_five_times_a_second_is_looked_for_what_stands_on_the_path() -> None:
 def test_a_lattice_of_what_was_seen_has_twelve_thousand_nodes() -> None:
     cells = np.zeros((200, 200), dtype=bool)
     cells[::10, ::10] = True
-    guide = GuideInUse(LARGE)
+    planner = TangentPlanner(LARGE, GuidanceOptions(), SightOptions())
+    guide = GuideInUse(LARGE, planner=planner)
     view = OneView(Solids([kl.OccupancyGrid(cells, 0.05, (1.0, 1.0))]))
     guide.reference(HERE, np.array([10.0, 0.0, 0.0]), np.empty((0, 5)), view=view)
-    path_map = guide.state.path_map
+    path_map = planner._map
     assert path_map is not None and path_map.lattice is not None
     assert len(path_map.lattice._places) == pytest.approx(12_000, rel=0.04)
 
@@ -212,10 +219,11 @@ def test_a_lattice_of_what_was_seen_has_twelve_thousand_nodes() -> None:
 def test_nodes_of_a_lattice_of_what_was_seen_lie_seven_and_a_half_centimetres_apart() -> None:
     cells = np.zeros((20, 20), dtype=bool)
     cells[::2, ::2] = True
-    guide = GuideInUse(LARGE)
+    planner = TangentPlanner(LARGE, GuidanceOptions(), SightOptions())
+    guide = GuideInUse(LARGE, planner=planner)
     view = OneView(Solids([kl.OccupancyGrid(cells, 0.05, (1.0, 1.0))]))
     guide.reference(HERE, np.array([0.0, 1.0, 0.0]), np.empty((0, 5)), view=view)
-    path_map = guide.state.path_map
+    path_map = planner._map
     assert path_map is not None and path_map.lattice is not None
     assert path_map.lattice.step == pytest.approx(0.075)
 
@@ -227,8 +235,22 @@ def test_a_path_without_a_change_of_gear_may_take_two_seconds_longer(
     points = np.array([[0.0, 0.0], [1.0, 0.0]])
     quickest = GeometricPath(points, np.zeros(2), 10.0, True)
     same = GeometricPath(points, np.zeros(2), time, False)
-    search = PathSearch(
-        HERE, HERE, HERE, np.empty((0, 5)), None, None, True, False, gear_time=OneView().gear_time
+    planner, gear_time = (
+        TangentPlanner(LARGE, GuidanceOptions(), SightOptions()),
+        OneView().gear_time,
     )
-    search.best, search.same_gear = quickest, same
-    assert _preferred(search) is (same if kept else quickest)
+    request = PathRequest(
+        start=HERE,
+        goal=HERE,
+        target=HERE,
+        circles=np.empty((0, 5)),
+        outline=np.array([[0.0, 0.0, 0.15]]),
+        inflation=0.15,
+        area=np.array([[-9.0, -9.0], [9.0, 9.0]]),
+        forward=np.ones(2),
+        backward=np.ones(2),
+        gear_time=gear_time,
+    )
+    planner.begin(request)
+    planner._best, planner._same_gear = quickest, same
+    assert planner._preferred() is (same if kept else quickest)

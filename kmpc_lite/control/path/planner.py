@@ -1,0 +1,272 @@
+"""What the guide asks of a planner: a path from a pose to a pose, looked for bit by bit.
+
+The guide knows nothing else of it, so that a user can hand in one of their own:
+`Controller(model, problem, planner=...)`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+import numpy as np
+
+from kmpc_lite.geometry import nearest_turn, wrap
+from kmpc_lite.scale import Scale
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.world.solids import Solids
+
+ROUNDING = 1e-9
+"""Length [m] or angle [rad] that is none."""
+
+
+class Route(NamedTuple):
+    """A path that is driven, or was: what another one is compared with."""
+
+    points: Array
+    """(K, 2) from the robot's place on it to the goal [m]."""
+    reverse: bool
+    """Whether it is driven backwards."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Known:
+    """What scans have shown, as a planner needs it."""
+
+    unknown: Array
+    """(H, W) bool, whether nothing is known of a cell; beyond the cells nothing is."""
+    corner: Array
+    """(2,) where the first cell begins [m]."""
+    cell: float
+    """Side of a cell [m]."""
+    blind_turns: tuple[float, float]
+    """How far the robot must turn until it sees what lies ahead, and behind [rad]."""
+    coarseness: float
+    """How far solids may stand out of what was hit: they are cells [m]."""
+
+    def unknown_length(self, points: Array) -> float:
+        """How much of a line through points (n, 2) is unknown [m]."""
+        steps = np.diff(points, axis=0)
+        lengths = np.hypot(steps[:, 0], steps[:, 1])
+        length = float(lengths.sum())
+        count = max(int(np.ceil(length / self.cell)), 1)
+        along = np.linspace(0.0, length, count + 1)
+        places = np.concatenate([[0.0], np.cumsum(lengths)])
+        samples = np.stack([np.interp(along, places, points[:, i]) for i in (0, 1)], axis=1)
+        column, row = np.floor((samples - self.corner) / self.cell).astype(np.intp).T
+        height, width = self.unknown.shape
+        inside = (column >= 0) & (row >= 0) & (column < width) & (row < height)
+        unknown = ~inside
+        unknown[inside] = self.unknown[row[inside], column[inside]]
+        return length * float(unknown.mean())
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PathRequest:
+    """Between which poses, and around what, a path is looked for: data, in metres and seconds.
+
+    Poses are those of the point about which the robot turns on the spot: nearly always its own.
+    """
+
+    start: Array
+    """Pose (3,) where the path begins [m, m, rad]."""
+    goal: Array
+    """Pose (3,) where it ends."""
+    target: Array
+    """Goal (3,) of the tracked pose."""
+    centre: Array | None = None
+    """(2,) where the robot turns on the spot, ahead and to the left of its tracked pose [m]; None:
+    there."""
+    circles: Array
+    """(M, 5) rows x, y, radius, vx, vy, where the robot meets them [m, m/s]."""
+    solids: Solids | None = None
+    """Polygons, walls and grids, what scans have shown among them; see `distances`."""
+    outline: Array
+    """(C, 3) circles of the robot: x ahead, y to the left, radius [m]."""
+    inflation: float
+    """Half the robot's width and its margin: how near its middle may come to obstacles [m]."""
+    area: Array
+    """(2, 2) least and largest x, y of the robot; infinite where it is open [m]."""
+    forward: Array
+    """(2,) speed [m/s] and rate of turn [rad/s] ahead."""
+    backward: Array
+    """(2,) the same backwards; no speed where the robot may not."""
+    backward_share: float = 1.0
+    """Speed backwards as a share of the speed ahead."""
+    clearance: float = 0.0
+    """Clearance beyond `inflation` that full speed needs [m]."""
+    known: Known | None = None
+    """What scans have shown; None without scans: then everything is known."""
+    driven: Route | None = None
+    """The path that is driven now, and kept to where another one is hardly better."""
+    avoid: Route | None = None
+    """A path that has led nowhere: one on another side of some obstacle is preferred."""
+    is_wide: bool = True
+    """Whether the widest clearance is tried: paths that keep it have not led nowhere."""
+    gear_time: float = 0.0
+    """How much slower a path in the gear of the one driven may be to be taken [s]."""
+    in_time: bool = True
+    """Whether the path is needed at once, whatever a step takes."""
+    unit: float = 1.0
+    """One unit of the solids' lengths [m]."""
+
+    def distances(self, points: Array) -> Array:
+        """Distances (n,) of points (n, 2) from the nearest circle or solid [m]; inside below 0."""
+        coarse = 0.0 if self.known is None else self.known.coarseness
+        return distances_around(points, self.circles, self.solids, coarse, self.unit)
+
+    def in_metres(self, scale: Scale) -> PathRequest:
+        """Give the same of a request in the robot's units."""
+        length, speed = scale.length, np.array((scale.speed, 1.0 / scale.time))
+        known = self.known
+        if known is not None:
+            known = replace(
+                known,
+                corner=length * known.corner,
+                cell=length * known.cell,
+                coarseness=length * known.coarseness,
+            )
+        routes = (
+            None if r is None else Route(length * r.points, r.reverse)
+            for r in (self.driven, self.avoid)
+        )
+        driven, avoid = routes
+        return replace(
+            self,
+            start=self.start * scale.state,
+            goal=self.goal * scale.state,
+            target=self.target * scale.state,
+            centre=None if self.centre is None else length * self.centre,
+            circles=self.circles * scale.circle,
+            outline=length * self.outline,
+            inflation=length * self.inflation,
+            area=length * self.area,
+            forward=self.forward * speed,
+            backward=self.backward * speed,
+            clearance=length * self.clearance,
+            known=known,
+            driven=driven,
+            avoid=avoid,
+            gear_time=self.gear_time * scale.time,
+            unit=length * self.unit,
+        )
+
+
+def distances_around(
+    points: Array, circles: Array, solids: Solids | None, coarse: float = 0.0, unit: float = 1.0
+) -> Array:
+    """Distances (n,) of points (n, 2) from the edge of the nearest circle (M, 5) or solid [m].
+
+    Solids stand out of what was hit by as much as they are coarse [m]; their unit is so long [m].
+    """
+    x, y = points.T[..., None] - circles[:, :2].T[:, None]
+    distances: Array = (np.hypot(x, y) - circles[:, 2]).min(axis=1, initial=np.inf)
+    if solids is not None:
+        np.minimum(distances, solids.whole.least(points / unit) * unit + coarse, out=distances)
+    return distances
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """Poses from the start of a request to its goal."""
+
+    poses: Array
+    """(K, 3) [m, m, rad], K >= 2: between neighbours the robot drives straight, along an arc, or
+    turns on the spot; headings never jump by 2 pi. A piece whose points lie behind one another is
+    driven backwards."""
+    times: Array | None = None
+    """(K,) when they are reached, from 0 on [s]; None: as soon as the robot can."""
+    clearance: float = 0.0
+    """What it keeps beyond the request's inflation, start and goal aside [m]."""
+    switched: bool = True
+    """Whether it leads around some obstacle on another side than the path driven."""
+
+    @property
+    def gears(self) -> Array:
+        """(K - 1,) gear of each piece: 1 ahead, -1 backwards, 0 turning on the spot."""
+        steps, headings = np.diff(self.poses[:, :2], axis=0), self.poses[:-1, 2]
+        ahead = steps[:, 0] * np.cos(headings) + steps[:, 1] * np.sin(headings)
+        gears: Array = np.where(np.abs(ahead) > ROUNDING, np.sign(ahead), 0.0).astype(int)
+        return gears
+
+    @property
+    def between_turns(self) -> Path:
+        """The same with a turn on the spot at either end, be it none."""
+        poses, times = self.poses, self.times
+        begins, ends = (
+            math.dist(poses[i, :2], poses[j, :2]) > ROUNDING for i, j in ((0, 1), (-1, -2))
+        )
+        if len(poses) > 2 and not begins and not ends:
+            return self
+        last = len(poses) - 1
+        chosen = [0] * begins + list(range(last + 1)) + [last] * ends
+        return replace(self, poses=poses[chosen], times=None if times is None else times[chosen])
+
+    def begun_at(self, point: Array) -> Path:
+        """The path from another point (2,); this one where its first line is short for that."""
+        poses = self.poses
+        missed, line = math.dist(point, poses[1, :2]), poses[2, :2] - point
+        is_arc = abs(poses[2, 2] - poses[1, 2]) > ROUNDING
+        if is_arc or missed <= ROUNDING or math.hypot(*line.tolist()) < 2.0 * missed:
+            return self
+        poses = poses.copy()
+        poses[:2, :2] = point
+        course = poses[1, 2] + (math.pi if self.gears[1] < 0 else 0.0)
+        poses[1:3, 2] += wrap(math.atan2(line[1], line[0]) - course)
+        poses[1:, 2] -= nearest_turn(float(poses[1, 2] - poses[0, 2]))
+        return replace(self, poses=poses)
+
+
+class Planner(Protocol):
+    """Finds paths; what it finds depends on the request alone.
+
+    A search that was begun can be begun again from its request, by a copy of a controller or of its
+    state, and must come to the same path.
+    """
+
+    def begin(self, request: PathRequest) -> None:
+        """Begin a search; one that is under way is given up."""
+
+    def advance(self, quanta: int) -> int:
+        """Search on for so many quanta of 0.2 ms, or a little longer; return how many it took.
+
+        A search that takes no time may do everything in `begin`.
+        """
+
+    def path(self) -> Path | str | None:
+        """What was found: a path, or why there is none; None while the search is under way."""
+
+
+class InMetres:
+    """A user's planner, asked in metres and seconds by a guide that counts in the robot's units.
+
+    Parameters
+    ----------
+    planner : Planner
+        Asked.
+    scale : Scale
+        The robot's units.
+    """
+
+    def __init__(self, planner: Planner, scale: Scale) -> None:
+        self._planner, self._scale = planner, scale
+
+    def begin(self, request: PathRequest) -> None:
+        """Begin a search."""
+        self._planner.begin(request.in_metres(self._scale))
+
+    def advance(self, quanta: int) -> int:
+        """Search on."""
+        return self._planner.advance(quanta)
+
+    def path(self) -> Path | str | None:
+        """What was found."""
+        found, scale = self._planner.path(), self._scale
+        if not isinstance(found, Path):
+            return found
+        times = None if found.times is None else found.times / scale.time
+        clearance = found.clearance / scale.length
+        return Path(found.poses / scale.state, times, clearance, found.switched)
