@@ -18,19 +18,19 @@ $(VENV)/python:
 	@$(PYTHON) -m venv $(VENV)
 	@touch $@
 
-$(VENV)/demo: $(VENV)/python pyproject.toml
+$(VENV)/demo: $(VENV)/python pyproject.toml lab/pyproject.toml
 	@echo "installing kmpc_lite with its pictures ..."
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot,bridge]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[bridge]' -e './lab[plot]'
 	@touch $@
 
-$(VENV)/dev: $(VENV)/python pyproject.toml
+$(VENV)/dev: $(VENV)/python pyproject.toml lab/pyproject.toml
 	@echo "installing kmpc_lite with all that its tests need ..."
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[plot,bridge,logs,live,ros2,peers,twin,clients,cluster,docs,dev]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[bridge,logs,live,ros2,completion,docs,dev]' -e './lab[plot,twin,peers,cluster,clients]'
 	@touch $@ $(VENV)/demo $(VENV)/docs
 
-$(VENV)/docs: $(VENV)/python pyproject.toml
+$(VENV)/docs: $(VENV)/python pyproject.toml lab/pyproject.toml
 	@echo "installing kmpc_lite with what builds its documentation ..."
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs,bridge]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs,bridge]' -e ./lab
 	@touch $@
 
 demo: $(VENV)/demo  ## learn from a drive of the emulated rover, drive it past four obstacles, end in a report: out/report.html; LOG=run.csv learns from your robot's log instead
@@ -69,5 +69,5 @@ study: $(VENV)/dev  ## the paper's table 1 beside ours
 	@$(BIN)/kmpc study table1
 
 clean:  ## remove what was installed and made here
-	rm -rf $(VENV) out build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage
-	find kmpc_lite firmware_bridge tests examples -name __pycache__ -prune -exec rm -rf {} +
+	rm -rf $(VENV) out build *.egg-info lab/build lab/*.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage
+	find kmpc_lite firmware_bridge lab tests examples -name __pycache__ -prune -exec rm -rf {} +

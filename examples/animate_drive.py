@@ -4,7 +4,7 @@ The robot slips by 5 % on average; the controller knows its floor from a log of 
 minutes. Blue is what was driven, orange the trajectory that the controller plans in each period.
 Ends in `out/drive.gif`.
 
-    python examples/animate_drive.py       # needs: pip install 'kmpc-lite[plot]'
+    python examples/animate_drive.py       # needs: pip install 'kmpc-lab[plot]'
 """
 
 from pathlib import Path
@@ -19,8 +19,10 @@ import numpy as np
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.patches import Circle, Polygon
 
+import kmpc_lab
 import kmpc_lite as kl
-from kmpc_lite.sim import Run, Scenario, drive
+from kmpc_lab import Run, drive
+from kmpc_lite.scenario.files import Scenario
 
 OUTPUT = Path("out") / "drive.gif"
 FRAMES_PER_SECOND = 15
@@ -29,8 +31,8 @@ BLUE, ORANGE, GREEN, GREY = "#0072b2", "#e69f00", "#009e73", "#8a8a8a"
 
 
 def drive_slalom() -> Run:
-    floor = kl.DifferentialDrive(slip=0.05, seed=1)
-    model = kl.fit(kl.generate_dataset(floor, episodes=100, steps=100, dt=0.1, seed=1))
+    floor = kmpc_lab.DifferentialDrive(slip=0.05, seed=1)
+    model = kl.fit(kmpc_lab.generate_dataset(floor, episodes=100, steps=100, dt=0.1, seed=1))
     scenario = Scenario.load("polygons")
     return drive(kl.Controller(model, scenario.problem()), scenario, dt=model.dt)
 

@@ -5,7 +5,7 @@ The cost is that of the first plan, solved to convergence by both; the times are
 drive. Ours is switched to the paper's formulation, without guidance and learned margins, since
 IPOPT knows neither.
 
-    python examples/compare_with_ipopt.py       # needs: pip install 'kmpc-lite[peers]'
+    python examples/compare_with_ipopt.py       # needs: pip install 'kmpc-lab[peers]'
 """
 
 from statistics import median
@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 import kmpc_lite as kl
-from kmpc_lite.peers.ipopt import IpoptController
-from kmpc_lite.sim import Scenario
+from kmpc_lab.peers.ipopt import IpoptController
+from kmpc_lite.scenario.files import Scenario
 
 PAPER: dict[str, Any] = {"guidance": False, "tightening": None}
 

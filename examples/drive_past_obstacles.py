@@ -9,16 +9,18 @@ Ends in PNG pictures in the folder ``out/figures``.
 from dataclasses import replace
 from pathlib import Path
 
+import kmpc_lab
 import kmpc_lite as kl
-from kmpc_lite.report import write_pictures
-from kmpc_lite.sim import Scenario, drive
+from kmpc_lab import drive
+from kmpc_lab.report import write_pictures
+from kmpc_lite.scenario.files import Scenario
 
 OUTPUT = Path("out") / "figures"
 
 
 def main() -> None:
-    floor = kl.DifferentialDrive(slip=0.05, seed=1)
-    model = kl.fit(kl.generate_dataset(floor, episodes=40, steps=100, dt=0.1, seed=1))
+    floor = kmpc_lab.DifferentialDrive(slip=0.05, seed=1)
+    model = kl.fit(kmpc_lab.generate_dataset(floor, episodes=40, steps=100, dt=0.1, seed=1))
 
     scenario = replace(
         Scenario.load("four_circles_1"), seed=7

@@ -9,6 +9,7 @@ Records a few minutes of random driving on a floor that slips (use
 
 from pathlib import Path
 
+import kmpc_lab
 import kmpc_lite as kl
 
 SECONDS_AHEAD = 2.0
@@ -16,8 +17,8 @@ OUTPUT = Path("out")
 
 
 def main() -> None:
-    floor = kl.DifferentialDrive(slip=0.05, seed=1)
-    log = kl.generate_dataset(floor, episodes=40, steps=100, dt=0.1, seed=1, u_max=(0.6, 0.8))
+    floor = kmpc_lab.DifferentialDrive(slip=0.05, seed=1)
+    log = kmpc_lab.generate_dataset(floor, episodes=40, steps=100, dt=0.1, seed=1, u_max=(0.6, 0.8))
     OUTPUT.mkdir(exist_ok=True)
     log.save(OUTPUT / "drive.csv")
     data = kl.Dataset.load(OUTPUT / "drive.csv")

@@ -9,6 +9,10 @@ import typing
 
 __version__ = "0.2.0"
 
+_IN_THE_LAB = {"DifferentialDrive", "generate_dataset"}
+_IN_THE_LAB |= {"bench", "peers", "report", "sim", "studies"}
+"""Names and packages that moved to the distribution kmpc-lab."""
+
 if typing.TYPE_CHECKING:
     from kmpc_lite.api import *  # noqa: F403
     from kmpc_lite.api import __all__ as __all__
@@ -16,6 +20,8 @@ else:
 
     def __getattr__(name: str) -> typing.Any:
         """Import a public name."""
+        if name in _IN_THE_LAB:
+            raise AttributeError(f"kmpc_lite.{name} is kmpc_lab.{name} now: pip install kmpc-lab")
         private = name.startswith("_") and name != "__all__"
         api = None if private else importlib.import_module("kmpc_lite.api")
         if api is None or name not in ("__all__", *api.__all__):

@@ -27,7 +27,6 @@ from kmpc_lite.model.dictionary import (
 )
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle
-from kmpc_lite.sim.plants.robots import DifferentialDrive, generate_dataset
 
 __all__ = [
     "Accumulator",
@@ -37,7 +36,6 @@ __all__ = [
     "DataError",
     "Dataset",
     "Dictionary",
-    "DifferentialDrive",
     "Episode",
     "FitReport",
     "Footprint",
@@ -64,7 +62,6 @@ __all__ = [
     "Wall",
     "evaluate",
     "fit",
-    "generate_dataset",
     "nominal_unicycle",
     "with_quantiles",
 ]

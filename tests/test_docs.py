@@ -28,25 +28,26 @@ from pages import (
     table_rows,
 )
 
+import kmpc_lab as lab
 import kmpc_lite as kl
-from firmware_bridge.cli import COMMANDS
 from kmpc_lite.cli.command import build_parser, known_commands
-from kmpc_lite.sim import Scenario
+from kmpc_lite.cli.main import main as kmpc
+from kmpc_lite.scenario.files import Scenario
 
 README = ROOT / "README.md"
 RESULTS = [page for page in sorted((DOCS / "results").glob("*.md")) if page.name != "index.md"]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 SLOW = ("animate_drive",)
 """Examples that draw for long."""
-PROGRAMS = {"kmpc": "kmpc_lite.cli.main", "kmpc-bridge": "firmware_bridge.cli.main"}
-PATH = re.compile(r"`((?:kmpc_lite|firmware_bridge|tests|examples|docs)/[\w/.-]*)`")
+PROGRAMS = ("kmpc", "kmpc-bridge")
+PATH = re.compile(r"`((?:kmpc_lite|firmware_bridge|lab|tests|examples|docs)/[\w/.-]*)`")
 """Files and folders that a page names; those with NAME in capitals are to be made by the reader."""
 WITH_PROGRAMS = [page for page in PAGES if blocks(read(page), "python", "sh")]
 
 
 def parse(words: list[str]) -> Any:
     """Parse a command line; the parser raises, and the test fails, where it is none."""
-    return build_parser(known_commands(COMMANDS), words[1:]).parse_args(words[1:])
+    return build_parser(known_commands(), words[1:]).parse_args(words[1:])
 
 
 def test_blocks_are_found_with_their_marks() -> None:
@@ -89,7 +90,8 @@ def test_the_programs_and_commands_of_a_page_run_in_order(
         for words in command_lines(block.text):
             if not block.long:
                 monkeypatch.setattr(sys, "argv", words)
-                status = importlib.import_module(PROGRAMS[words[0]]).main(words[1:])
+                assert words[0] in PROGRAMS
+                status = kmpc(words[1:])
                 assert status == 0, capsys.readouterr().err
 
 
@@ -155,8 +157,9 @@ def test_sections_between_marks_become_tabs_of_the_site(monkeypatch: pytest.Monk
 
 
 def test_the_api_reference_documents_the_public_names_and_no_others() -> None:
-    documented = re.findall(r"^::: kmpc_lite\.(\w+)$", read(DOCS / "reference" / "api.md"), re.M)
-    assert sorted(documented) == sorted(kl.__all__)
+    documented = re.findall(r"^::: (\w+\.\w+)$", read(DOCS / "reference" / "api.md"), re.M)
+    public = [f"{package.__name__}.{name}" for package in (kl, lab) for name in package.__all__]
+    assert sorted(documented) == sorted(public)
 
 
 @pytest.mark.parametrize("page", RESULTS, ids=name_of)

@@ -21,8 +21,7 @@ from typing import Any
 from state_diagram import draw
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAMS = {"kmpc": "firmware_bridge.cli.main"}
-"""The bridge's entry knows all commands, however the package was installed."""
+PROGRAMS = {"kmpc": "kmpc_lite.cli.main"}
 MARK = re.compile(r"^<!-- (help|files): ([\w-]+) -->$", re.MULTILINE)
 MERMAID = re.compile(r"^```mermaid\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 TABS = re.compile(r"^<!-- tabs -->$(.*?)^<!-- /tabs -->$", re.MULTILINE | re.DOTALL)
@@ -76,7 +75,8 @@ def help_texts(program: str) -> str:
 def file_table(package: str) -> str:
     """Give a table for each folder of a package: its files and the first line of each docstring."""
     parts = []
-    for folder in sorted({file.parent for file in (ROOT / package).rglob("*.py")}):
+    root = ROOT / "lab" if package == "kmpc_lab" else ROOT
+    for folder in sorted({file.parent for file in (root / package).rglob("*.py")}):
         name = folder.relative_to(ROOT)
         rows = [
             f"## `{name}/`\n",

@@ -73,7 +73,7 @@ def course(
     import kmpc_lite as kl
     from firmware_bridge.cli.standing import misplaced, own_frame
     from firmware_bridge.runtime.navigator import Moment, Navigator, Planned, Pose, Task
-    from kmpc_lite.sim.gaps import obstacle_gaps
+    from kmpc_lite.scenario.gaps import obstacle_gaps
 
     scenario = scenario_of(robot)
     try:
@@ -129,7 +129,7 @@ def scenario_of(robot: Robot) -> Any:
     """
     from kmpc_lite.control import Footprint
     from kmpc_lite.errors import KmpcError
-    from kmpc_lite.sim import Scenario
+    from kmpc_lite.scenario.files import Scenario
 
     if robot.control.scenario is None:
         raise ConfigError(f"{robot.where}: control.scenario: missing: give --scenario NAME")

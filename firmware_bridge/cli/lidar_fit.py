@@ -15,7 +15,7 @@ from firmware_bridge.sensors.placed import placed
 
 if TYPE_CHECKING:
     from firmware_bridge.sensors.scan import Scan
-    from kmpc_lite.sim.lidar import World
+    from kmpc_lite.scenario.world import World
 
 DIRECTIONS = 720
 """Into which the map is looked at from the sensor."""
@@ -35,7 +35,7 @@ def against_map(scan: Scan, state: State, robot: Robot) -> list[str]:
     ConfigError
         For a scenario that cannot be read.
     """
-    from kmpc_lite.sim.lidar import world_of
+    from kmpc_lite.scenario.world import world_of
 
     assert robot.lidar is not None
     scenario = scenario_of(robot)

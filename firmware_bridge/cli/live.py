@@ -15,15 +15,15 @@ from firmware_bridge.safety.gate_table import DRIVING, Reason
 
 if TYPE_CHECKING:
     from firmware_bridge.cli.course import Course
+    from firmware_bridge.cli.live_options import Views
+    from firmware_bridge.live.channel import Packet
+    from firmware_bridge.live.feed import Feed
+    from firmware_bridge.live.moment import LastStep
+    from firmware_bridge.live.viewer import Shown
     from firmware_bridge.messages import LinkStatus
+    from firmware_bridge.recording.drive.records import Record
     from firmware_bridge.runtime.session import Session
     from firmware_bridge.runtime.timing import Histogram
-    from kmpc_lite.cli.live_options import Views
-    from kmpc_lite.live.channel import Packet
-    from kmpc_lite.live.feed import Feed
-    from kmpc_lite.live.moment import LastStep
-    from kmpc_lite.live.viewer import Shown
-    from kmpc_lite.recording.records import Record
 
 MODULE = "firmware_bridge.live.page"
 TOLD = 10.0
@@ -46,7 +46,7 @@ class Showing:
     def __init__(self, views: Views, socket: Any) -> None:
         self._feed: Feed | None = None
         if views.page is not None:
-            from kmpc_lite.live.feed import Feed
+            from firmware_bridge.live.feed import Feed
 
             self._feed = Feed(views.page, MODULE, {"socket": str(socket)})
         self._viewer = views.viewer
@@ -57,7 +57,7 @@ class Showing:
 
     def __enter__(self) -> Self:
         """Begin to serve, and print the links."""
-        from kmpc_lite.live.feed import tell_links
+        from firmware_bridge.live.feed import tell_links
 
         self._stack = ExitStack()
         for view in (self._feed, self._viewer):
@@ -89,7 +89,7 @@ class Showing:
 
     def saw(self, pose: tuple[float, float, float], plan: Any) -> None:
         """Take a plan, in the thread that has just made it."""
-        from kmpc_lite.live.moment import last_step
+        from firmware_bridge.live.moment import last_step
 
         assert self.job is not None
         seen = self.job.navigator.scan
@@ -99,7 +99,7 @@ class Showing:
     @contextmanager
     def watch(self, session: Session, job: Course) -> Iterator[None]:
         """Show a session while it drives."""
-        from kmpc_lite.live.moment import map_packet
+        from firmware_bridge.live.moment import map_packet
 
         link, scenario = session.robot.link, job.scenario
         if self._feed is not None:
@@ -107,7 +107,7 @@ class Showing:
             shown = map_packet(scenario, title)
             self._feed.start(lambda: self.packet(session, scenario.goal), shown)
         if self._viewer is not None:
-            from kmpc_lite.live.viewer import Shown
+            from firmware_bridge.live.viewer import Shown
 
             last = Shown()
             self._viewer.start(scenario, job.period, lambda: self.records(session, last))
@@ -134,7 +134,7 @@ class Showing:
 
     def packet(self, session: Session, goal: Any) -> Packet:
         """Give what is true now; reads references that others replace, and never waits."""
-        from kmpc_lite.live.moment import plan_packet
+        from firmware_bridge.live.moment import plan_packet
 
         shot, step, estop = session.loop.snapshot, self._last, session.estop
         packet: Packet = {"latched": estop.latched, "gate": "WAITING", "wrong": []}

@@ -55,8 +55,8 @@ def recorder_of(job: Course, command: str) -> Callable[[Session, Path], DriveRec
     """Give what records a course, once there is a session."""
 
     def make(session: Session, name: Path) -> DriveRecorder:
+        from firmware_bridge.recording.drive.encoder import DriveEncoder
         from firmware_bridge.recording.durable import DurableFile
-        from kmpc_lite.recording.encoder import DriveEncoder
 
         now, path = time.monotonic(), name.with_name(f"{name.name}.mcap")
         link = job.robot.link
@@ -104,7 +104,7 @@ class DriveRecorder:
         self, now: float, state: State | None, output: GateOutput, sent: bool, fresh: bool
     ) -> None:
         """Take in one tick of the loop."""
-        from kmpc_lite.recording.records import Gate, Health, PoseSeen, Sent
+        from firmware_bridge.recording.drive.records import Gate, Health, PoseSeen, Sent
 
         if state is not None and state.stamp > self._stamps[-1]:
             self._stamps.append(state.stamp)
@@ -137,8 +137,8 @@ class DriveRecorder:
 
     def planned(self) -> None:
         """Look behind the plan, in the same thread, once its command is on its way."""
-        from kmpc_lite.recording.records import Stepped
-        from kmpc_lite.recording.seen import counted
+        from firmware_bridge.recording.drive.records import Stepped
+        from firmware_bridge.recording.drive.seen import counted
 
         if self._plan is None:
             return
@@ -152,7 +152,7 @@ class DriveRecorder:
 
     def finish(self, report: dict[str, Any]) -> None:
         """Note how the drive ended."""
-        from kmpc_lite.recording.records import Ended
+        from firmware_bridge.recording.drive.records import Ended
 
         now, arrived = time.monotonic(), report["arrived_after_s"]
         clearance, outcome = report["clearance_m"], "timeout"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import socket
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -15,12 +14,11 @@ from firmware_bridge.cli.topics import add_network_options, is_stamped, node_opt
 from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import TOPICS, Robot, load_robot
 from kmpc_lite.cli.command import Command
-from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.extras import need, part
 from kmpc_lite.cli.numbers import number, positive
 from kmpc_lite.cli.output import command_line
 
 if TYPE_CHECKING:
-    from firmware_bridge.emulator.ros2.robot import Ros2Emulator
     from firmware_bridge.ros2.options import Ros2Options
 
 RESUME = 30.0
@@ -144,7 +142,9 @@ def run(options: argparse.Namespace) -> int:
     from firmware_bridge.ros2.navigator import GoalNavigator
     from firmware_bridge.ros2.node import ROUTER
 
-    emulated = _emulated(options)
+    emulated = None
+    if options.emulate is not None:
+        emulated = part("--emulate", "emulated_topics")(options)
     node, robot = node_options(options, options.name, ROUTER), _robot(options)
     listened = _ros2_options(options, node.root)
     try:
@@ -176,30 +176,6 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(report))
     return status
-
-
-def _emulated(options: argparse.Namespace) -> Ros2Emulator | None:
-    """Build an emulated robot, where asked, and make its network and goal the command's."""
-    if options.emulate is None:
-        return None
-    from firmware_bridge.emulator.ros2.robot import EmulatedRobot, Ros2Emulator
-    from kmpc_lite.sim import Scenario
-
-    if options.connect:
-        raise ConfigError("--emulate: the emulated robot has a network of its own; no --connect")
-    scenario = Scenario.load(options.emulate)
-    left_out = {word.partition("=")[0] for word in options.topic if word.endswith("=")}
-    robot = EmulatedRobot(
-        sees=tuple(name for name in ("map", "scan") if name not in left_out),
-        stamped=is_stamped(options),
-        simulated_time=options.use_sim_time,
-    )
-    emulated = Ros2Emulator(node_options(options, "emulated_robot"), scenario, robot)
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        port = probe.getsockname()[1]
-    options.connect, options.radius = [f"tcp/127.0.0.1:{port}"], scenario.radius
-    options.goal = options.goal or scenario.goal
-    return emulated
 
 
 def _robot(options: argparse.Namespace) -> Robot:

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from firmware_bridge.cli.recording import DriveRecorder, about_drive
+from firmware_bridge.recording.drive.encoder import DriveEncoder
+from firmware_bridge.recording.drive.records import Ended, Record, Stepped
+from firmware_bridge.recording.drive.seen import scan_among
 from firmware_bridge.recording.durable import DurableFile
 from firmware_bridge.ros2.navigator import GoalNavigator
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.errors import ScenarioError
-from kmpc_lite.recording.encoder import DriveEncoder
-from kmpc_lite.recording.records import Ended, Record, Stepped
-from kmpc_lite.recording.seen import scan_among
-from kmpc_lite.sim.scenario.files import Scenario
+from kmpc_lite.scenario.files import Scenario
 
 if TYPE_CHECKING:
     from firmware_bridge.runtime.session import Session

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from firmware_bridge.cli.course import Course, course
 from firmware_bridge.cli.live import Showing
+from firmware_bridge.cli.live_options import add_live_options, asked_views
 from firmware_bridge.cli.options import (
     add_drive_options,
     add_robot_options,
@@ -22,7 +23,6 @@ from firmware_bridge.cli.rehearsal import Rehearsal, advice
 from firmware_bridge.messages import BridgeError
 from firmware_bridge.safety.places import default_socket
 from kmpc_lite.cli.command import Command
-from kmpc_lite.cli.live_options import add_live_options, asked_views
 from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import command_line
 

@@ -17,7 +17,7 @@ def misplaced(scenario: Any, pose: Pose) -> str:
     """Say that a robot at a pose [m, m, rad] stands inside an obstacle; empty where it does not."""
     import numpy as np
 
-    from kmpc_lite.sim.gaps import obstacle_gaps
+    from kmpc_lite.scenario.gaps import obstacle_gaps
 
     if not all(map(math.isfinite, pose)):
         return ""

@@ -21,8 +21,6 @@ class BoardEntry:
     """As its maker writes it."""
     driver: str
     """MODULE:CLASS of the near end of its link; imported only where it is needed."""
-    emulator: str
-    """MODULE:CLASS of the far end, for `kmpc emulate`."""
     latency: float = 0.0
     """From a command to the wheels, for a model without input history, by default
     [s]. With a motor controller's 0.05 s the clearance is the same for 0, 0.05 and 0.1 s."""
@@ -41,7 +39,6 @@ BOARDS = {
             "mavlink",
             "MAVLink",
             "firmware_bridge.drivers.mavlink.driver:MavlinkDriver",
-            "firmware_bridge.emulator.rover.rover:RoverEmulator",
             # an autopilot's own speed loop lags: on the emulated rover the nominal unicycle grazes
             # obstacles with 0.1 s or less, not with 0.2 or 0.3 s
             latency=0.2,
@@ -52,34 +49,29 @@ BOARDS = {
             "roboclaw",
             "RoboClaw",
             "firmware_bridge.drivers.roboclaw:RoboClawDriver",
-            "firmware_bridge.emulator.roboclaw:RoboClawEmulator",
             options={"counts_per_turn": 1440.0},
         ),
         BoardEntry(
             "odrive",
             "ODrive",
             "firmware_bridge.drivers.odrive:ODriveDriver",
-            "firmware_bridge.emulator.odrive:ODriveEmulator",
         ),
         BoardEntry(
             "vesc",
             "VESC",
             "firmware_bridge.drivers.vesc:VescDriver",
-            "firmware_bridge.emulator.vesc:VescEmulator",
             options={"can_id": 1, "pole_pairs": 7},
         ),
         BoardEntry(
             "roboteq",
             "Roboteq",
             "firmware_bridge.drivers.roboteq:RoboteqDriver",
-            "firmware_bridge.emulator.roboteq:RoboteqEmulator",
             options={"counts_per_turn": 1440.0},
         ),
         BoardEntry(
             "sabertooth",
             "Sabertooth",
             "firmware_bridge.drivers.sabertooth:SabertoothDriver",
-            "firmware_bridge.emulator.sabertooth:SabertoothEmulator",
             encoders=False,
             options={"full_speed": 0.9},
         ),
@@ -87,7 +79,6 @@ BOARDS = {
             "arduino",
             "Arduino",
             "firmware_bridge.drivers.arduino:ArduinoDriver",
-            "firmware_bridge.emulator.arduino:ArduinoEmulator",
             options={"counts_per_turn": 1440.0},
         ),
     )

@@ -75,7 +75,8 @@ class OnlineAdaptation:
 
     Examples
     --------
-    >>> from kmpc_lite import DifferentialDrive, nominal_unicycle
+    >>> from kmpc_lab import DifferentialDrive
+    >>> from kmpc_lite import nominal_unicycle
     >>> robot, x, random = DifferentialDrive(turn_gain=0.6), np.zeros(3), np.random.default_rng(0)
     >>> adaptation = OnlineAdaptation(nominal_unicycle(0.1))
     >>> for _ in range(50):

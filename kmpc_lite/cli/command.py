@@ -1,8 +1,8 @@
 """What a command of `kmpc` is: its help, its options, what it does; or a group of commands.
 
 A file of this folder holds one `COMMAND`, its options and its body together, and imports NumPy and
-everything else that is heavy only in the body. Other packages add commands through the entry points
-`kmpc.commands`, each ``name = "module:COMMAND"``; one of them may replace a command of ours.
+everything else that is heavy only in the body. Every installed distribution adds its commands
+through the entry points `kmpc.commands`, each ``name = "module:COMMAND"``.
 """
 
 from __future__ import annotations
@@ -14,21 +14,16 @@ from importlib import import_module, metadata
 from typing import Any, NoReturn
 
 from kmpc_lite import __version__
+from kmpc_lite.cli.extras import LAB_LINE, MissingExtra
 from kmpc_lite.errors import KmpcError, did_you_mean
 
 ENTRY_POINTS = "kmpc.commands"
-OWN = {
-    "demo": "kmpc_lite.cli.demo:COMMAND",
-    "inspect": "kmpc_lite.cli.inspect:COMMAND",
-    "fit": "kmpc_lite.cli.fit:COMMAND",
-    "simulate": "kmpc_lite.cli.simulate:COMMAND",
-    "report": "kmpc_lite.cli.report:COMMAND",
-    "study": "kmpc_lite.cli.study:COMMAND",
-    "bench": "kmpc_lite.cli.bench:COMMAND",
-}
-"""Commands of this package, in the order in which the help shows them."""
-LAST = {"completion": "kmpc_lite.cli.completion:COMMAND"}
-"""Shown after those of other packages."""
+ROBOT = ("inspect", "fit", "init", "check", "run", "record", "replay", "estop", "signing", "ros2")
+"""Commands of a robot, in the order in which the help shows them."""
+LAB = ("demo", "simulate", "report", "study", "bench", "emulate", "latency", "experiments")
+"""Commands of a desk, which the distribution kmpc-lab brings."""
+LAST = "completion"
+"""Shown after all others."""
 
 
 def no_options(parser: argparse.ArgumentParser) -> None:
@@ -148,20 +143,19 @@ class Parser(argparse.ArgumentParser):
         names = [str(choice) for choice in action.choices]
         hint = did_you_mean(str(value), names) or f"; choose from {', '.join(names)}"
         if isinstance(action, argparse._SubParsersAction):
+            if action.metavar == "command" and not action.choices.keys() & LAB:
+                of_lab = did_you_mean(str(value), LAB)
+                hint = f"{of_lab} It comes with kmpc-lab: {LAB_LINE}" if of_lab else hint
             self.error(f"no {action.metavar} named {str(value)!r}{hint}")
         raise argparse.ArgumentError(action, f"invalid choice: {value!r}{hint}")
 
 
-def known_commands(more: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Names of all commands that are installed, and where they stand as ``module:name``.
-
-    Parameters
-    ----------
-    more : mapping, optional
-        Commands of a package whose entry points need not be installed.
-    """
+def known_commands() -> dict[str, str]:
+    """Names of all commands that are installed, and where they stand as ``module:name``."""
     found = {point.name: point.value for point in metadata.entry_points(group=ENTRY_POINTS)}
-    return {**OWN, **found, **(more or {}), **LAST}
+    order = (*LAB[:1], *ROBOT, *LAB[1:], *found, LAST)
+    names = dict.fromkeys(name for name in order if name != LAST)
+    return {name: found[name] for name in (*names, LAST) if name in found}
 
 
 def load(where: str) -> Command:
@@ -182,15 +176,18 @@ def build_parser(commands: Mapping[str, str], words: Iterable[str] | None = None
         Command line that is going to be parsed: only the command it names is imported. All of them
         are where it names none, or where no command line is given.
     """
+    start = "demo" if "demo" in commands else "inspect"
     parser = Parser(
         prog="kmpc",
         description="Learn a robot from its log and drive it past obstacles to a pose.",
-        epilog="Start with `kmpc demo`. Each command has a --help with examples of its own.",
+        epilog=f"Start with `kmpc {start}`. Each command has a --help with examples of its own.",
         formatter_class=HelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"kmpc_lite {__version__}")
     typed = list(words or ())
     named = next((word for word in typed if not word.startswith("-")), "")
+    if named in LAB and named not in commands:
+        raise MissingExtra(f"kmpc {named} comes with kmpc-lab: {LAB_LINE}")
     if named in commands:
         chosen = [named]
     else:

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+from importlib import metadata
 from importlib.util import find_spec
+from typing import Any
 
 from kmpc_lite.errors import KmpcError
 
+BRIDGE, LOGS, PLOT = "kmpc-lite[bridge]", "kmpc-lite[logs]", "kmpc-lab[plot]"
 EXTRAS = {
-    "PIL": "plot",
-    "casadi": "peers",
-    "jinja2": "plot",
-    "foxglove": "live",
-    "matplotlib": "plot",
-    "mujoco": "twin",
-    "pymavlink": "bridge",
-    "pyulog": "logs",
-    "rosbags": "logs",
-    "shtab": "completion",
-    "zenoh": "ros2",
+    "PIL": PLOT,
+    "casadi": "kmpc-lab[peers]",
+    "jinja2": PLOT,
+    "foxglove": "kmpc-lite[live]",
+    "matplotlib": PLOT,
+    "mujoco": "kmpc-lab[twin]",
+    "pymavlink": BRIDGE,
+    "pyulog": LOGS,
+    "rosbags": LOGS,
+    "shtab": "kmpc-lite[completion]",
+    "zenoh": "kmpc-lite[ros2]",
 }
-"""Extra of pyproject.toml that brings a module."""
+"""Distribution and extra of it that bring a module."""
+LAB_LINE = "pip install kmpc-lab"
+PARTS = "kmpc.parts"
+"""Entry points of what kmpc-lab adds to a command of the robot."""
 
 
 class MissingExtra(KmpcError):
@@ -62,4 +68,24 @@ def missing_extra(error: ModuleNotFoundError) -> str | None:
 
 def pip_line(module: str) -> str:
     """Command that installs the extra of a module."""
-    return f"pip install 'kmpc-lite[{EXTRAS[module]}]'"
+    return f"pip install '{EXTRAS[module]}'"
+
+
+def part(what: str, name: str) -> Any:
+    """Load what kmpc-lab adds to a command.
+
+    Parameters
+    ----------
+    what : str
+        Which needs it: "--plot".
+    name : str
+        Of its entry point among `PARTS`.
+
+    Raises
+    ------
+    MissingExtra
+        Where kmpc-lab is not installed, with the line that installs it.
+    """
+    for point in metadata.entry_points(group=PARTS, name=name):
+        return point.load()
+    raise MissingExtra(f"{what} comes with kmpc-lab: {LAB_LINE}")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from kmpc_lite.cli.command import Command
-from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.extras import need, part
 from kmpc_lite.cli.files import keep_inputs
 from kmpc_lite.cli.log_options import add_log_options, read_options
 from kmpc_lite.cli.output import paint
@@ -43,8 +43,7 @@ def run(options: argparse.Namespace) -> int:
     how = read_options(options)
     found = [inspect(file, how) for file in find_logs(options.log)]
     if options.plot is not None:
-        from kmpc_lite.report.log_picture import draw_log
-
+        draw_log = part("--plot", "log_picture")
         draw_log(found[0].log, options.plot)
     if options.json:
         print(json.dumps({"logs": [f.as_dict() for f in found]}))

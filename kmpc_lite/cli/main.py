@@ -1,4 +1,4 @@
-"""kmpc: learn, drive, study, show; and run robots, where firmware_bridge is installed.
+"""kmpc: learn a robot and drive it; with kmpc-lab, simulate, study and show it, too.
 
 Bad input ends in one line on standard error and exit status 2, or in ``{"error": ...}`` on standard
 output with ``--json``; Ctrl-C ends in status 130.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 # one BLAS thread each: more only get in each other's way; NumPy, and worker processes, read this
 # when they start
@@ -26,22 +26,20 @@ LONGEST_LINE = 1000
 BAD_INPUT, INTERRUPTED, NOBODY_READS = 2, 130, 141
 
 
-def main(arguments: Sequence[str] | None = None, more: Mapping[str, str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit status.
 
     Parameters
     ----------
     arguments : sequence of str, optional
         Command line without the program's name; the process's own where not given.
-    more : mapping, optional
-        Commands beside those of this package and of the entry points, as ``module:name``.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
     told = _Complaint("--json" in words)
     errors: tuple[type[Exception], ...] = (KmpcError,)
     try:
         try:
-            options = build_parser(known_commands(more), words).parse_args(words)
+            options = build_parser(known_commands(), words).parse_args(words)
             errors = (*errors, *options.errors)
             status: int = options.run(options)
         except SystemExit:  # help was asked for

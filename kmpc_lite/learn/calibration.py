@@ -139,7 +139,8 @@ def calibrate(model: KoopmanModel, held_out: Dataset, risk: float) -> float:
 
     Examples
     --------
-    >>> from kmpc_lite import DifferentialDrive, fit, generate_dataset
+    >>> from kmpc_lab import DifferentialDrive, generate_dataset
+    >>> from kmpc_lite import fit
     >>> data = generate_dataset(DifferentialDrive(slip=0.1), episodes=40, steps=100, dt=0.1, seed=0)
     >>> train, held_out = data.split(0.5)
     >>> 3.0 < calibrate(fit(train), held_out, risk=0.05) < 5.0

@@ -75,7 +75,7 @@ def fit(
 
     Examples
     --------
-    >>> from kmpc_lite import DifferentialDrive, generate_dataset
+    >>> from kmpc_lab import DifferentialDrive, generate_dataset
     >>> data = generate_dataset(DifferentialDrive(), episodes=10, steps=100, dt=0.1, seed=0)
     >>> fit(data).H.reshape(3, 2, 6).round(3)[2] + 0.0
     array([[0., 0., 0., 0., 0., 0.],

@@ -70,7 +70,7 @@ def find_ramps(dataset: Dataset, options: RampOptions | None = None) -> Ramps:
 
     Examples
     --------
-    >>> from kmpc_lite import DifferentialDrive, generate_dataset
+    >>> from kmpc_lab import DifferentialDrive, generate_dataset
     >>> find_ramps(generate_dataset(DifferentialDrive(), 10, 100, dt=0.1, seed=0)).limit
     False
     """

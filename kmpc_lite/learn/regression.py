@@ -53,7 +53,8 @@ class Accumulator:
 
     Examples
     --------
-    >>> from kmpc_lite import DifferentialDrive, UnicycleDictionary, generate_dataset
+    >>> from kmpc_lab import DifferentialDrive, generate_dataset
+    >>> from kmpc_lite import UnicycleDictionary
     >>> data = generate_dataset(DifferentialDrive(), episodes=4, steps=50, dt=0.1, seed=0)
     >>> halves = [Accumulator(UnicycleDictionary(), 0.1), Accumulator(UnicycleDictionary(), 0.1)]
     >>> for half, part in zip(halves, data.split(0.5)):

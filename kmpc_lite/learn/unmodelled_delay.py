@@ -49,7 +49,7 @@ def unmodelled_delay(dataset: Dataset, options: DelayOptions | None = None) -> f
 
     Examples
     --------
-    >>> from kmpc_lite import DifferentialDrive, generate_dataset
+    >>> from kmpc_lab import DifferentialDrive, generate_dataset
     >>> unmodelled_delay(generate_dataset(DifferentialDrive(), 10, 100, dt=0.1, seed=0))
     0.0
     """

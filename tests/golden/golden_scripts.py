@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+import kmpc_lab
 import kmpc_lite as kl
 
 Random = np.random.Generator
@@ -23,7 +24,7 @@ Hook = Callable[[np.ndarray], dict[str, Any]]
 @cache
 def in_sim(name: str) -> Any:
     """A class or function of the package's simulations and studies, in whatever module it lives."""
-    for package in ("kmpc_lite.sim", "kmpc_lite.studies"):
+    for package in ("kmpc_lab.sim", "kmpc_lab.studies"):
         try:
             folder = importlib.import_module(package)
         except ModuleNotFoundError:
@@ -146,8 +147,8 @@ def learn_models() -> dict[str, kl.KoopmanModel]:
     }
     models["nominal"], models["fast"] = kl.nominal_unicycle(0.1), kl.nominal_unicycle(0.05)
     models["skid"] = kl.fit(
-        kl.generate_dataset(
-            kl.DifferentialDrive(0.02, 1, 0.5), episodes=60, steps=200, dt=0.1, seed=2
+        kmpc_lab.generate_dataset(
+            kmpc_lab.DifferentialDrive(0.02, 1, 0.5), episodes=60, steps=200, dt=0.1, seed=2
         )
     )
     return models

@@ -7,6 +7,7 @@ from waiting import until
 
 from firmware_bridge.drivers.boards import BOARDS, load
 from firmware_bridge.link import open_transport
+from kmpc_lab.emulator.build import EMULATORS as FAR_ENDS
 
 GEOMETRY = {
     "wheel_radius": 0.0425,
@@ -23,7 +24,7 @@ TABLES = {
     "vesc": {"geometry": GEOMETRY, "board": {"can_id": 5, "pole_pairs": 7, "brake_current": 8.0}},
 }
 DRIVERS = {name: load(BOARDS[name].driver) for name in TABLES}
-EMULATORS = {name: load(BOARDS[name].emulator) for name in TABLES}
+EMULATORS = {name: load(FAR_ENDS[name]) for name in TABLES}
 WATCHDOG = {"roboclaw": 0.3, "roboteq": 0.3, "arduino": 0.3, "odrive": 0.3, "vesc": 1.0}
 """How long each board drives on alone [s]."""
 

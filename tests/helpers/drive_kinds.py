@@ -5,9 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 import kmpc_lite as kl
-from kmpc_lite.recording.encoder import DriveEncoder
-from kmpc_lite.recording.records import Ended, Gate, Health, Note, PoseSeen, Sent, Stepped
-from kmpc_lite.sim import Scenario
+from firmware_bridge.recording.drive.encoder import DriveEncoder
+from firmware_bridge.recording.drive.records import (
+    Ended,
+    Gate,
+    Health,
+    Note,
+    PoseSeen,
+    Sent,
+    Stepped,
+)
+from kmpc_lite.scenario.files import Scenario
 
 SCENARIO = """\
 [map]

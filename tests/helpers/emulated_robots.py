@@ -8,8 +8,8 @@ from pathlib import Path
 
 from courses import PATIENT
 
-from firmware_bridge.emulator.build import build_emulator
 from firmware_bridge.robot_file import load_robot
+from kmpc_lab.emulator.build import build_emulator
 
 ROBOTS = Path(__file__).parents[2] / "docs" / "robots"
 FAST = ["--v-max", "0.5", "--omega-max", "1.5", "--settle", "0.3", "--seconds", "60"]
@@ -59,7 +59,7 @@ def meanwhile(action):
 
 def start_command(*arguments: str) -> subprocess.Popen:
     return subprocess.Popen(
-        [sys.executable, "-m", "firmware_bridge.cli.main", *arguments],
+        [sys.executable, "-m", "kmpc_lite.cli.main", *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

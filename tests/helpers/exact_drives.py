@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+import kmpc_lab
 import kmpc_lite as kl
 
 DT = 0.1
@@ -27,7 +28,7 @@ class Drive:
         circles: Sequence[kl.Circle] = (),
         periods: int = 100,
     ) -> None:
-        plant = kl.DifferentialDrive()
+        plant = kmpc_lab.DifferentialDrive()
         x = np.array(start, dtype=float)
         self.states, self.plans, self.clearances = [x], [], []
         for k in range(periods):

@@ -16,7 +16,7 @@ import time
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
-from firmware_bridge.emulator.rover.rover import RoverEmulator
+from kmpc_lab.emulator.rover.rover import RoverEmulator
 
 FAULTS = {
     "none": "nothing is wrong",

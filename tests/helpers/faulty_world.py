@@ -13,7 +13,6 @@ from wire_decoders import MavlinkEar, armed_in_guided, mavlink_frame, position, 
 
 from firmware_bridge.drivers.mavlink.core import MavlinkCore
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from firmware_bridge.emulator.rover.rover import RoverEmulator
 from firmware_bridge.link import LoopbackWire
 from firmware_bridge.messages import VelocityCommand
 from firmware_bridge.runtime.controller_thread import Planner
@@ -22,6 +21,7 @@ from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import GateState
 from firmware_bridge.safety.limits import Limits
+from kmpc_lab.emulator.rover.rover import RoverEmulator
 
 TICK = 0.02
 LATEST = 0.3

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from mavlink_rig import dialect
 
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
-from firmware_bridge.emulator.rover.autopilot import GUIDED
-from firmware_bridge.emulator.rover.rover import RoverEmulator
+from kmpc_lab.emulator.rover.autopilot import GUIDED
+from kmpc_lab.emulator.rover.rover import RoverEmulator
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 Message = dialect.MAVLink_message

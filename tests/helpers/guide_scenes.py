@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from guided import GuidedController
 
+import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
 from kmpc_lite.control.world.circles import circles_to_array
@@ -41,7 +42,7 @@ def drive(
     opens: int = 10**9,
 ) -> tuple[np.ndarray, np.ndarray]:
     """States (T + 1, 3), and gaps between robot and obstacles at ten moments a period (10 T,)."""
-    plant, x, states, gaps = kl.DifferentialDrive(slip, seed=1), start, [start], []
+    plant, x, states, gaps = kmpc_lab.DifferentialDrive(slip, seed=1), start, [start], []
     for k in range(periods):
         now = scene if k < opens else scene[3:]
         seen = now.copy()

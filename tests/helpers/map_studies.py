@@ -12,10 +12,10 @@ from guided import GuideInUse
 from scripted import Scripted
 
 import kmpc_lite as kl
+from kmpc_lab.sim.closed_loop import Steps
+from kmpc_lab.studies.random_maps import maps_study
 from kmpc_lite.learn.regression import Method
-from kmpc_lite.sim import Scenario
-from kmpc_lite.sim.closed_loop import Steps
-from kmpc_lite.studies.random_maps import maps_study
+from kmpc_lite.scenario.files import Scenario
 
 SMALL = {"episodes": 6, "steps": 30}
 

@@ -14,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
 from firmware_bridge.drivers.mavlink.core import MavlinkCore
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from firmware_bridge.emulator.rover.rover import RoverEmulator
+from kmpc_lab.emulator.rover.rover import RoverEmulator
 
 Filter = Callable[[bytes], list[bytes]]
 SLICE = 0.005

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-PAGES = [*sorted(ROOT.glob("*.md")), *sorted(DOCS.rglob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), ROOT / "lab" / "README.md", *sorted(DOCS.rglob("*.md"))]
 LONG = "<!-- long -->"
 """Stands before a block that is not run: only its commands are parsed, its Python compiled."""
 COMMANDS = ("kmpc", "kmpc-bridge")

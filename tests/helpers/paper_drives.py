@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import kmpc_lab
 import kmpc_lite as kl
 
 UNICYCLE = kl.UnicycleDictionary()
@@ -12,6 +13,6 @@ def drives(
     episodes: int = 20, steps: int = 60, dt: float = 0.1, slip: float = 0.0, seed: int = 0
 ) -> kl.Dataset:
     """Random driving, as the paper trains."""
-    return kl.generate_dataset(
-        kl.DifferentialDrive(slip, seed), episodes=episodes, steps=steps, dt=dt, seed=seed
+    return kmpc_lab.generate_dataset(
+        kmpc_lab.DifferentialDrive(slip, seed), episodes=episodes, steps=steps, dt=dt, seed=seed
     )

@@ -27,6 +27,7 @@ import foreign_logs
 import numpy as np
 from mutants import Mutator
 
+import kmpc_lab
 import kmpc_lite as kl
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
 from firmware_bridge.messages import BridgeError
@@ -34,15 +35,16 @@ from firmware_bridge.recording.link_log import RAW_MAGIC, RAW_RECORD, TLOG_STAMP
 from firmware_bridge.recording.recorder import HEADER
 from firmware_bridge.recording.replay import decode_tlog, inspect_csv
 from firmware_bridge.robot_file import load_robot
+from kmpc_lab import Run, drive
+from kmpc_lab.recording.drive_file import load_drive
+from kmpc_lab.recording.simulated import SimulationRecorder
+from kmpc_lab.studies.records import RecordFile
 from kmpc_lite.errors import KmpcError
+from kmpc_lite.learn.formats.mcap_layout import MAGIC, RECORD, Op
 from kmpc_lite.learn.formats.readers import read_log
 from kmpc_lite.learn.logs import ReadOptions
-from kmpc_lite.mcap.layout import MAGIC, RECORD, Op
 from kmpc_lite.reading import parse_toml
-from kmpc_lite.recording.drive_file import load_drive
-from kmpc_lite.recording.simulated import SimulationRecorder
-from kmpc_lite.sim import Run, Scenario, drive
-from kmpc_lite.studies.records import RecordFile
+from kmpc_lite.scenario.files import Scenario
 
 MEMORY = 500 * 2**20
 """What reading a file may take [bytes]."""
@@ -224,8 +226,8 @@ class _Still:
 def make_readers(folder: Path) -> dict[str, Reader]:
     """All readers; files that are not text are made in a folder."""
     (folder / "scenario.toml").write_text(SCENARIO + "timeout = 0.3\n")
-    data = kl.generate_dataset(
-        kl.DifferentialDrive(0.05, seed=1), episodes=4, steps=60, dt=0.1, seed=1
+    data = kmpc_lab.generate_dataset(
+        kmpc_lab.DifferentialDrive(0.05, seed=1), episodes=4, steps=60, dt=0.1, seed=1
     )
     kl.Dataset(data.episodes[:1]).save(folder / "log.npz")
     model = kl.fit(data, kl.InputHistoryDictionary(kl.UnicycleDictionary(), (0, 1)))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.report.player import script
-from kmpc_lite.sim import drive
+from kmpc_lab import drive
+from kmpc_lab.report.player import script
 
 MODEL = kl.nominal_unicycle(0.1)
 LIMITS = {"u_min": (-0.6, -np.pi / 4), "u_max": (0.6, np.pi / 4)}

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from firmware_bridge.emulator.ros2.messages import RobotMessages
 from firmware_bridge.ros2.inputs import Inputs
 from firmware_bridge.ros2.message_types import MessageTypes
 from firmware_bridge.ros2.options import Ros2Options, read_topics
+from kmpc_lab.emulator.ros2.messages import RobotMessages
 
 TYPES = MessageTypes()
 MAKE = RobotMessages(TYPES)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import kmpc_lite as kl
-from kmpc_lite.sim import Scenario
+from kmpc_lite.scenario.files import Scenario
 
 
 class Scripted:

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from kmpc_lite import DifferentialDrive, KoopmanModel, fit, generate_dataset
+from kmpc_lab import DifferentialDrive, generate_dataset
+from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
+from kmpc_lite import KoopmanModel, fit
 from kmpc_lite.learn.evaluation import evaluate
 from kmpc_lite.model.dictionary import HermiteTrigDictionary
-from kmpc_lite.sim.plants.lag import LaggingDrive, drive_log
 
 DT, U_MAX = 0.1, (0.6, 0.785)
 

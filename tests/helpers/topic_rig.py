@@ -10,7 +10,6 @@ from free_port import free_port
 from waiting import until
 
 import kmpc_lite as kl
-from firmware_bridge.emulator.ros2.robot import STEP, EmulatedRobot, Ros2Emulator
 from firmware_bridge.ros2.drive import Enabler
 from firmware_bridge.ros2.driver import Ros2Driver
 from firmware_bridge.ros2.inputs import Goal
@@ -22,7 +21,8 @@ from firmware_bridge.runtime.loop import ControlLoop
 from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.limits import Limits
-from kmpc_lite.sim import Scenario
+from kmpc_lab.emulator.ros2.robot import STEP, EmulatedRobot, Ros2Emulator
+from kmpc_lite.scenario.files import Scenario
 
 PERIOD = 0.1
 PATIENCE = 20.0

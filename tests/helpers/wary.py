@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_margins import Margins
@@ -65,8 +66,8 @@ class Wary:
 
 def slipping(slip: float, seed: int = 0) -> kl.KoopmanModel:
     """A model learned on a floor that slips, with calibrated quantiles."""
-    plant = kl.DifferentialDrive(slip, seed=seed)
-    data = kl.generate_dataset(plant, episodes=60, steps=400, dt=0.1, seed=seed + 1)
+    plant = kmpc_lab.DifferentialDrive(slip, seed=seed)
+    data = kmpc_lab.generate_dataset(plant, episodes=60, steps=400, dt=0.1, seed=seed + 1)
     train, held_out = data.split(0.5)
     return kl.with_quantiles(kl.fit(train), held_out)
 
@@ -92,7 +93,7 @@ def directions(n: int, slots: int, seed: int = 0) -> np.ndarray:
 
 
 def drive_and_observe(
-    wary: Wary, model: kl.KoopmanModel, plant: kl.DifferentialDrive, steps: int, seed: int = 0
+    wary: Wary, model: kl.KoopmanModel, plant: kmpc_lab.DifferentialDrive, steps: int, seed: int = 0
 ) -> np.ndarray:
     """Inflations while a plant drives at random and a model predicts it."""
     random, x, found = np.random.default_rng(seed), np.zeros(3), []

@@ -1,18 +1,19 @@
 """What the drives take from the simulations and studies: imported here alone."""
 
+from kmpc_lab.sim.lidar import box_edges
+from kmpc_lab.sim.maps.families import has_passage, random_map
+from kmpc_lab.sim.pedestrians import Pedestrians, Walks
+from kmpc_lab.studies.any_robot import Robot, random_robot
+from kmpc_lab.studies.any_robot import learn as learn_robot
+from kmpc_lab.studies.broken_solver import BrokenWorkspace, Switch
+from kmpc_lab.studies.conditions import Condition
+from kmpc_lab.studies.jumps import Jumps
+from kmpc_lab.studies.real_robots import RealPlant, real_robot
+from kmpc_lab.studies.sight.worlds import course_of as sight_course
 from kmpc_lite.control.options import MovingObstacleOptions, SightOptions
-from kmpc_lite.sim.lidar import World, box_edges, world_of
-from kmpc_lite.sim.maps.families import has_passage, random_map
-from kmpc_lite.sim.pedestrians import Pedestrians, Walks
-from kmpc_lite.sim.scenario.files import Scenario
-from kmpc_lite.sim.touch import footprint_gaps
-from kmpc_lite.studies.any_robot import Robot, random_robot
-from kmpc_lite.studies.any_robot import learn as learn_robot
-from kmpc_lite.studies.broken_solver import BrokenWorkspace, Switch
-from kmpc_lite.studies.conditions import Condition
-from kmpc_lite.studies.jumps import Jumps
-from kmpc_lite.studies.real_robots import RealPlant, real_robot
-from kmpc_lite.studies.sight.worlds import course_of as sight_course
+from kmpc_lite.scenario.files import Scenario
+from kmpc_lite.scenario.touch import footprint_gaps
+from kmpc_lite.scenario.world import World, world_of
 
 __all__ = [
     "BrokenWorkspace",

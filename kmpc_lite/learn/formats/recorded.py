@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from kmpc_lite.errors import DataError
+from kmpc_lite.learn.formats.mcap_layout import LARGEST_MESSAGE
+from kmpc_lite.learn.formats.mcap_records import Found, read_mcap
 from kmpc_lite.learn.formats.thinned import Thinned
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
-from kmpc_lite.mcap.layout import LARGEST_MESSAGE
-from kmpc_lite.mcap.read import Found, read_mcap
 
 POSES, COMMANDS, GATE = "/pose", "/command", "/gate"
 DRIVING = ("ACTIVE", "STOPPING", "HOLDING")

@@ -1,0 +1,117 @@
+"""Who may see the page and press its buttons.
+
+A browser shows pages of strangers beside ours. They can send requests here (cross-site), also under
+a name of their own that suddenly leads to this computer (DNS rebinding). The names by which the
+page is called, the origin of what is sent, and a token in the link keep them out.
+"""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import secrets
+import time
+from collections.abc import Callable, Sequence
+from http import HTTPStatus
+
+from firmware_bridge.live.http import BadRequest, Request
+
+FIRST, LAST = 0.2, 5.0
+"""A second action counts from so long after the first one on, and until so long after it [s]."""
+OWN_HEADER = "x-kmpc"
+"""No page of another site can send it without asking first, and nobody answers who asks."""
+
+
+class Guard:
+    """Lets through what a person at our own page asks for.
+
+    Parameters
+    ----------
+    token : str
+        First part of the path of a link.
+    is_open : bool
+        Whether one may watch and stop without it.
+    names : sequence of str
+        Hosts by which the page is called, besides addresses of numbers.
+    """
+
+    def __init__(self, token: str, is_open: bool, names: Sequence[str]) -> None:
+        self._token, self._is_open, self._names = token.encode(), is_open, frozenset(names)
+
+    def enter(self, request: Request) -> tuple[str, bool]:
+        """Give the path behind the token, and whether the token was there.
+
+        Raises
+        ------
+        BadRequest
+            For a foreign host or origin, and without a token where one is needed.
+        """
+        host = request.headers.get("host", "")
+        if not self._is_ours(host):
+            raise BadRequest(HTTPStatus.FORBIDDEN, "this page is not called by that name")
+        first, _, rest = request.path[1:].partition("/")
+        known = hmac.compare_digest(first.encode("utf-8", "replace"), self._token)
+        if not (known or self._is_open):
+            raise BadRequest(HTTPStatus.FORBIDDEN, "open the link with the token that was printed")
+        if request.method != "GET" or "origin" in request.headers:
+            self._check_origin(request, host)
+        return f"/{rest}" if known else request.path, known
+
+    def check_deliberate(self, request: Request, with_token: bool) -> None:
+        """Refuse what may let the robot move, but for our own script in the link with the token."""
+        if not with_token:
+            raise BadRequest(
+                HTTPStatus.FORBIDDEN, "open the link with the token to let the robot drive"
+            )
+        if OWN_HEADER not in request.headers:
+            raise BadRequest(HTTPStatus.FORBIDDEN, "only the page itself may ask for that")
+
+    def _check_origin(self, request: Request, host: str) -> None:
+        """Refuse what another site's page sends; a program that is no browser tells no origin."""
+        origin = request.headers.get("origin")
+        site = request.headers.get("sec-fetch-site", "same-origin")
+        if origin not in (None, f"http://{host}") or site not in ("same-origin", "none"):
+            raise BadRequest(HTTPStatus.FORBIDDEN, "another site's page may not ask for that")
+
+    def _is_ours(self, host: str) -> bool:
+        """Whether a Host header names this computer.
+
+        A name of a stranger's could lead here; an address of numbers is what it is.
+        """
+        name = host.lower()
+        if name.startswith("["):
+            name = name[1:].partition("]")[0]
+        else:
+            name = name.rpartition(":")[0] if ":" in name else name
+        try:
+            ipaddress.ip_address(name)
+        except ValueError:
+            return name in self._names
+        return True
+
+
+class TwoActions:
+    """A second, deliberate action within a few seconds of the first.
+
+    Parameters
+    ----------
+    clock : callable
+        Monotonic time [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._code, self._since = "", 0.0
+
+    def first(self) -> str:
+        """Take the first action; gives a code that the second one must show."""
+        self._code, self._since = secrets.token_hex(8), self._clock()
+        return self._code
+
+    def second(self, code: object) -> bool:
+        """Take the second action; a code counts once."""
+        wanted, self._code = self._code, ""
+        if not wanted or not isinstance(code, str):
+            return False
+        in_time = FIRST <= self._clock() - self._since <= LAST
+        return in_time and hmac.compare_digest(code.encode("utf-8", "replace"), wanted.encode())

@@ -1,0 +1,155 @@
+"""What a map shows in Foxglove: area, obstacles, goal and robot; and the margins of a plan."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from firmware_bridge.recording.drive.foxglove import (
+    LOOP,
+    ROBOT,
+    Content,
+    arrow,
+    box,
+    colour,
+    disc,
+    entity,
+    line,
+    scene,
+)
+from firmware_bridge.recording.drive.records import Stepped
+from kmpc_lite.control.world.occupancy import OccupancyGrid
+from kmpc_lite.control.world.outlines import corners_of
+from kmpc_lite.control.world.scene import Solid
+from kmpc_lite.control.world.shapes import Wall
+from kmpc_lite.scenario.files import Scenario
+from kmpc_lite.types import Array
+
+INK, GREY, BLUE, ORANGE, GREEN = "#222222", "#8a8a8a", "#0072b2", "#e69f00", "#009e73"
+FLAT = 0.01
+"""Height of what lies on the floor [m]."""
+HEIGHT = 0.3
+"""Of obstacles, as a multiple of the robot's diameter plus this [m]."""
+LOW = 0.2
+"""Height of the robot, as a multiple of its radius plus this [m]."""
+NEAREST = 8
+"""So many obstacles are shown with a margin: the nearest to the plan."""
+DISCS = 5
+"""So many places of a plan are shown with what the robot keeps around them."""
+MOST_BOXES = 5000
+"""Rectangles of a grid that are shown."""
+
+
+def map_scene(time: int, scenario: Scenario) -> Content:
+    """Show what stays: area, goal, polygons, walls and grid, and the robot's body."""
+    x_min, y_min, x_max, y_max = scenario.bounds
+    corners = ((x_min, y_min), (x_max, y_min), (x_max, y_max), (x_min, y_max))
+    radius, thin = scenario.radius, 0.1 * scenario.radius
+    x, y, heading = scenario.goal
+    green, blue = colour(GREEN, 0.6), colour(BLUE, 0.9)
+    found = [
+        entity(time, "area", lines=[line(corners, thin, colour(INK), LOOP)]),
+        entity(
+            time,
+            "goal",
+            cylinders=[disc(x, y, radius, FLAT, green)],
+            arrows=[arrow(x, y, heading, 2.0 * radius, green)],
+        ),
+        entity(
+            time,
+            "robot",
+            frame=ROBOT,
+            cylinders=[disc(0.0, 0.0, radius, LOW * radius + FLAT, blue)],
+            arrows=[arrow(0.0, 0.0, 0.0, 1.4 * radius, blue)],
+        ),
+    ]
+    if scenario.solids is not None:
+        height = HEIGHT * 2 * radius
+        for k, solid in enumerate(scenario.solids.solids):
+            found.append(_solid(time, f"obstacle {k}", solid, height, thin))
+    return scene(found)
+
+
+def _solid(time: int, name: str, solid: Solid, height: float, thin: float) -> Content:
+    """Show a polygon, a wall or a grid."""
+    grey = colour(GREY)
+    if isinstance(solid, Wall):
+        (x1, y1), (x2, y2) = corners_of(solid)[:2]
+        centre = ((x1 + x2) / 2, (y1 + y2) / 2, float(np.arctan2(y2 - y1, x2 - x1)))
+        size = (solid.length + solid.thickness, max(solid.thickness, thin))
+        return entity(time, name, cubes=[box(centre, size, height, grey)])
+    if isinstance(solid, OccupancyGrid):
+        rectangles = solid.rectangles[:MOST_BOXES]
+        centres = solid.to_map(0.5 * (rectangles[:, :2] + rectangles[:, 2:]))
+        heading = float(solid.origin[2])
+        sizes = rectangles[:, 2:] - rectangles[:, :2]
+        cubes = [
+            box((*centre, heading), size, height, grey)
+            for centre, size in zip(centres.tolist(), sizes.tolist(), strict=True)
+        ]
+        return entity(time, name, cubes=cubes)
+    outline = corners_of(solid)
+    lines = [line(outline, thin, grey, LOOP, z) for z in (0.0, height)]
+    return entity(time, name, lines=lines)
+
+
+def step_scene(time: int, radius: float, step: Stepped) -> Content:
+    """Show what a step saw and keeps: circles, their margins, and the room that the plan takes.
+
+    Parameters
+    ----------
+    time : int
+        Of the message [ns].
+    radius : float
+        Of the robot [m].
+    step : Stepped
+        What was seen and planned.
+    """
+    grey, orange = colour(GREY), colour(ORANGE, 0.25)
+    height = HEIGHT * 2 * radius
+    circles = [disc(x, y, r, height, grey) for x, y, r, *_ in step.circles.tolist()]
+    near, kept = margins_of(step.circles, step.plan.states, step.margins)
+    rings = [
+        disc(x, y, r + margin, FLAT, orange)
+        for (x, y, r, *_), margin in zip(step.circles[near].tolist(), kept.tolist(), strict=True)
+    ]
+    states = step.plan.states[1:]
+    chosen = np.unique(np.linspace(0, len(states) - 1, DISCS).astype(int))
+    room = [
+        disc(x, y, radius + margin, FLAT, orange)
+        for (x, y, _), margin in zip(
+            states[chosen].tolist(), step.margins[chosen].tolist(), strict=True
+        )
+    ]
+    path = [line(step.path, 0.1 * radius, colour(GREEN))] if len(step.path) > 1 else []
+    return scene(
+        [
+            entity(time, "circles", cylinders=circles),
+            entity(time, "margins", cylinders=rings),
+            entity(time, "room of the plan", cylinders=room),
+            entity(time, "path", lines=path),
+        ]
+    )
+
+
+def margins_of(circles: Array, states: Array, margins: Array) -> tuple[Array, Array]:
+    """Margins that a plan keeps from the circles that are nearest to it.
+
+    Parameters
+    ----------
+    circles : ndarray
+        (M, 5) [m, m/s].
+    states : ndarray
+        (N + 1, 3) of the plan.
+    margins : ndarray
+        (N,) of its stages 1 to N [m].
+
+    Returns
+    -------
+    near, kept : ndarray
+        Numbers (K,) of the circles, and the margin of the stage that is nearest to each (K,) [m].
+    """
+    if not len(circles):
+        return np.empty(0, dtype=int), np.empty(0)
+    away = np.hypot(*(states[1:, None, :2] - circles[:, :2]).transpose(2, 0, 1)) - circles[:, 2]
+    near = np.argsort(away.min(axis=0), kind="stable")[:NEAREST]
+    return near, margins[away[:, near].argmin(axis=0)]

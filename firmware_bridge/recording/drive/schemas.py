@@ -1,0 +1,155 @@
+"""JSON schemas of what is recorded: Foxglove's own kinds by its names, and this project's.
+
+Foxglove's are described at https://docs.foxglove.dev/docs/sdk/schemas; here stands the part of each
+that is written.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from firmware_bridge.recording.drive.mcap_writer import Topic
+
+Schema = dict[str, Any]
+NUMBER: Schema = {"type": "number"}
+INTEGER: Schema = {"type": "integer"}
+TEXT: Schema = {"type": "string"}
+TRUTH: Schema = {"type": "boolean"}
+NUMBERS: Schema = {"type": "array", "items": NUMBER}
+
+
+def table(title: str = "", /, **parts: Schema) -> Schema:
+    """Describe an object, all of whose parts are there."""
+    named = {"title": title} if title else {}
+    return {**named, "type": "object", "properties": parts, "required": list(parts)}
+
+
+def many(items: Schema) -> Schema:
+    """Describe a list."""
+    return {"type": "array", "items": items}
+
+
+def either(schema: Schema) -> Schema:
+    """Describe what may also be null: it is not known."""
+    return {"anyOf": [schema, {"type": "null"}]}
+
+
+TIME = table(sec=INTEGER, nsec=INTEGER)
+VECTOR = table(x=NUMBER, y=NUMBER, z=NUMBER)
+QUATERNION = table(x=NUMBER, y=NUMBER, z=NUMBER, w=NUMBER)
+POSE = table(position=VECTOR, orientation=QUATERNION)
+COLOUR = table(r=NUMBER, g=NUMBER, b=NUMBER, a=NUMBER)
+CYLINDER = table(pose=POSE, size=VECTOR, bottom_scale=NUMBER, top_scale=NUMBER, color=COLOUR)
+CUBE = table(pose=POSE, size=VECTOR, color=COLOUR)
+ARROW = table(
+    pose=POSE,
+    shaft_length=NUMBER,
+    shaft_diameter=NUMBER,
+    head_length=NUMBER,
+    head_diameter=NUMBER,
+    color=COLOUR,
+)
+LINE = table(
+    type=INTEGER,
+    pose=POSE,
+    thickness=NUMBER,
+    scale_invariant=TRUTH,
+    points=many(VECTOR),
+    color=COLOUR,
+    colors=many(COLOUR),
+    indices=many(INTEGER),
+)
+ANY = many({"type": "object"})
+ENTITY = table(
+    timestamp=TIME,
+    frame_id=TEXT,
+    id=TEXT,
+    lifetime=TIME,
+    frame_locked=TRUTH,
+    metadata=many(table(key=TEXT, value=TEXT)),
+    arrows=many(ARROW),
+    cubes=many(CUBE),
+    spheres=ANY,
+    cylinders=many(CYLINDER),
+    lines=many(LINE),
+    triangles=ANY,
+    texts=ANY,
+    models=ANY,
+)
+SCENE = table("foxglove.SceneUpdate", deletions=ANY, entities=many(ENTITY))
+POSE_IN_FRAME = table("foxglove.PoseInFrame", timestamp=TIME, frame_id=TEXT, pose=POSE)
+POSES_IN_FRAME = table("foxglove.PosesInFrame", timestamp=TIME, frame_id=TEXT, poses=many(POSE))
+TRANSFORM = table(
+    "foxglove.FrameTransform",
+    timestamp=TIME,
+    parent_frame_id=TEXT,
+    child_frame_id=TEXT,
+    translation=VECTOR,
+    rotation=QUATERNION,
+)
+SCAN = table(
+    "foxglove.LaserScan",
+    timestamp=TIME,
+    frame_id=TEXT,
+    pose=POSE,
+    start_angle=NUMBER,
+    end_angle=NUMBER,
+    ranges=NUMBERS,
+    intensities=NUMBERS,
+)
+LOG = table(
+    "foxglove.Log",
+    timestamp=TIME,
+    level=INTEGER,
+    message=TEXT,
+    name=TEXT,
+    file=TEXT,
+    line=INTEGER,
+)
+COMMAND = table("kmpc.Command", timestamp=TIME, v=NUMBER, omega=NUMBER)
+STEP = table(
+    "kmpc.Step",
+    timestamp=TIME,
+    pose=NUMBERS,
+    status=TEXT,
+    progress=TEXT,
+    reason=TEXT,
+    reachable=TRUTH,
+    command=NUMBERS,
+    clearance=either(NUMBER),
+    iterations=INTEGER,
+    step_time=NUMBER,
+    phases={"type": "object", "additionalProperties": NUMBER},
+    pose_age=either(NUMBER),
+    sight=either(NUMBER),
+    stage_time=NUMBER,
+    margins=NUMBERS,
+)
+OBSTACLES = table("kmpc.Obstacles", timestamp=TIME, circles=many(NUMBERS))
+GATE = table("kmpc.Gate", timestamp=TIME, state=TEXT, reasons=many(TEXT))
+HEALTH: Schema = {
+    "title": "kmpc.Health",
+    "type": "object",
+    "properties": {"timestamp": TIME},
+    "required": ["timestamp"],
+}
+TOPICS = tuple(
+    Topic(name, description["title"], description)
+    for name, description in (
+        ("/pose", POSE_IN_FRAME),
+        ("/truth", POSE_IN_FRAME),
+        ("/tf", TRANSFORM),
+        ("/command", COMMAND),
+        ("/step", STEP),
+        ("/plan", POSES_IN_FRAME),
+        ("/path", POSES_IN_FRAME),
+        ("/map", SCENE),
+        ("/scene", SCENE),
+        ("/obstacles", OBSTACLES),
+        ("/scan", SCAN),
+        ("/gate", GATE),
+        ("/health", HEALTH),
+        ("/log", LOG),
+    )
+)
+"""All that a recorded drive may hold."""

@@ -1,1 +1,0 @@
-"""MCAP, the container of Foxglove and ROS 2, with the standard library alone (https://mcap.dev)."""

@@ -1,0 +1,289 @@
+"""Scenario files: a map, a robot, a plant and how long to try.
+
+A scenario is TOML; the ones that come with the package are named by their stem (``mehrez``,
+``four_circles_1``, ...).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kmpc_lite.control.footprint import Footprint
+from kmpc_lite.control.options import ControllerOptions
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.world.circles import Circle
+from kmpc_lite.control.world.occupancy import OccupancyGrid
+from kmpc_lite.control.world.scene import Solid
+from kmpc_lite.control.world.shapes import Polygon, Wall
+from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
+from kmpc_lite.reading import read_toml
+from kmpc_lite.scenario.arrival import ARRIVED, Tolerance
+from kmpc_lite.scenario.bundled import bundled, bundled_file
+from kmpc_lite.scenario.lidar import LIDAR, LidarSpec, lidar_to_toml, read_lidar
+from kmpc_lite.scenario.places import check_place
+from kmpc_lite.scenario.shapes import grid_to_toml, to_toml
+from kmpc_lite.scenario.values import (
+    CONTROLLER,
+    KEYS,
+    Floor,
+    options_to_toml,
+    read_options,
+    read_value,
+)
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.world.solids import Solids
+
+
+@dataclass(frozen=True, eq=False)
+class Scenario:
+    """One drive: where, past what, on which floor.
+
+    Lengths in m, angles in rad, times in s; frame ENU, heading counter-clockwise from east.
+    """
+
+    name: str
+    bounds: tuple[float, float, float, float]
+    """xmin, ymin, xmax, ymax of the robot's centre."""
+    circles: tuple[Circle, ...]
+    radius: float
+    start: tuple[float, float, float]
+    goal: tuple[float, float, float]
+    slip: float = 0.0
+    """Mean slip ratio of the plant."""
+    turn_gain: float = 1.0
+    """Share of a commanded turn that the plant makes."""
+    lag: float = 0.0
+    """Time constant of the plant's motors [s]."""
+    dead_time: float = 0.0
+    """Between a command and the motors' first reaction [s]."""
+    floors: tuple[Floor, ...] = ()
+    """Changes of slip and turn gain while driving, in order of time; in a file rows time, slip,
+    turn gain."""
+    ground: str = "tile"
+    """Floor under the digital twin, by its name: `kmpc_lab.sim.twin.FLOORS`."""
+    ground_changes: tuple[tuple[float, str], ...] = ()
+    """Times [s] from which on the twin's whole floor is another one; in a file rows time, name."""
+    ground_patches: tuple[tuple[str, float, float, float], ...] = ()
+    """Round pieces of another floor under the twin: name, x, y, radius [m]."""
+    pose_noise: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Standard deviation of the measured pose [m, m, rad]."""
+    pose_age: float = 0.0
+    """How old a measured pose is when it arrives [s]."""
+    seed: int = 0
+    timeout: float = 20.0
+    tolerance: float = ARRIVED.distance
+    """Distance to the goal [m] that counts as arrived."""
+    heading_tolerance: float = ARRIVED.heading
+    """Heading error [rad] that counts as arrived."""
+    margin: float = 0.0
+    """Distance [m] that the controller is asked to keep beyond the radii."""
+    du_max: tuple[float, float] | None = None
+    """How fast commands may change [m/s^2, rad/s^2]; as the problem has it where not given. In a
+    file [] is the same."""
+    wheels: tuple[float, float] | None = None
+    """Distance between the wheels [m] and how fast one turns at its rim [m/s], where they limit
+    speed and turn rate together; as the problem has it where not given. In a file [] is the
+    same."""
+    turning_point: tuple[float, float] = (0.0, 0.0)
+    """Where the point lies about which the plant turns on the spot, as seen from its pose: ahead,
+    left [m]."""
+    polygons: tuple[Polygon, ...] = ()
+    walls: tuple[Wall, ...] = ()
+    grid: OccupancyGrid | None = None
+    """In a file the path of a map.yaml, from the file's own folder, or a table with rows that draw
+    it."""
+    options: ControllerOptions = ControllerOptions()
+    """What the controller is tuned with; in a file tables [controller.ROOM]."""
+    lidar: LidarSpec | None = None
+    """By what a simulated robot sees; without one, all obstacles are known."""
+    footprint: Footprint | None = None
+    """What the robot covers, where that is no circle about its pose; `radius` then follows from it.
+    In a file a table of length, width and ahead, or a list of corners."""
+
+    def __post_init__(self) -> None:
+        if self.footprint is not None:
+            object.__setattr__(self, "radius", self.footprint.radius)
+        x_min, y_min, x_max, y_max = self.bounds
+        if x_min >= x_max or y_min >= y_max:
+            raise ScenarioError(
+                f"{self.name}: [map] bounds: expected xmin < xmax and ymin < ymax, "
+                f"got {list(self.bounds)}"
+            )
+        for key in ("start", "goal"):
+            check_place(self, key)
+        if any(b.time <= a.time for a, b in zip(self.floors, self.floors[1:], strict=False)):
+            raise ScenarioError(
+                f"{self.name}: [plant] floors: expected rising times, "
+                f"got {[f.time for f in self.floors]}"
+            )
+
+    @classmethod
+    def load(cls, source: str | os.PathLike[str]) -> Scenario:
+        """Read a scenario file, or one of the package's own by its name.
+
+        Raises
+        ------
+        ScenarioError
+            Names the file, the section and the key.
+        """
+        path = Path(source)
+        if not path.suffix and not path.exists():
+            if path.name not in bundled():
+                names = ", ".join(bundled())
+                expected = f"; expected a .toml file or one of {names}"
+                hint = did_you_mean(path.name, bundled()) or expected
+                raise ScenarioError(f"no scenario named {str(source)!r}{hint}")
+            path = bundled_file(path.name)
+        try:
+            table = read_toml(path)
+        except OSError as error:
+            raise ScenarioError(
+                f"{path}: cannot read the scenario: {error.strerror or error}"
+            ) from error
+        except ValueError as error:
+            raise ScenarioError(f"{path}: not TOML: {error}") from error
+        area = table.get("map")
+        if isinstance(area, dict) and isinstance(grid := area.get("grid"), str) and grid:
+            area["grid"] = str(path.parent / grid)
+        return cls.from_table(table, path.stem, str(path))
+
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any], name: str, where: str) -> Scenario:
+        """Check a parsed scenario, section by section."""
+        sections = (*KEYS, LIDAR, CONTROLLER)
+        for section, content in table.items():
+            if section in (LIDAR, CONTROLLER):
+                continue
+            if section not in KEYS:
+                raise ScenarioError(
+                    f"{where}: unknown section [{section}]{did_you_mean(section, sections)}; "
+                    f"expected {', '.join(f'[{s}]' for s in sections)}"
+                )
+            if not isinstance(content, Mapping):
+                raise ScenarioError(f"{where}: [{section}] must be a section, got {content!r}")
+            for key in content:
+                if key not in KEYS[section]:
+                    hint = did_you_mean(key, KEYS[section])
+                    raise ScenarioError(
+                        f"{where}: [{section}] {key}: unknown key{hint}; "
+                        f"expected {', '.join(KEYS[section])}"
+                    )
+        values: dict[str, Any] = {}
+        for section, defaults in KEYS.items():
+            given = table.get(section, {})
+            for key, default in defaults.items():
+                if key not in given and default is None:
+                    raise ScenarioError(f"{where}: [{section}] {key}: missing")
+                values[key] = read_value(
+                    f"{where}: [{section}] {key}", key, given.get(key, default)
+                )
+        options = read_options(f"{where}: [{CONTROLLER}]", table.get(CONTROLLER, {}))
+        lidar = read_lidar(f"{where}: [{LIDAR}]", table.get(LIDAR))
+        return cls(name=name, options=options, lidar=lidar, **values)
+
+    def to_toml(self) -> str:
+        """Render as a scenario file that `load` reads back."""
+        rows = [list(c) if c.vx or c.vy else list(c[:3]) for c in self.circles]
+        values = {
+            **self.__dict__,
+            "bounds": list(self.bounds),
+            "circles": rows,
+            "start": list(self.start),
+            "goal": list(self.goal),
+        }
+        for key in ("pose_noise", "turning_point"):
+            values[key] = list(getattr(self, key))
+        for key in ("floors", "ground_changes", "ground_patches"):
+            values[key] = [list(row) for row in getattr(self, key)]
+        pairs = {"du_max": self.du_max, "wheels": self.wheels}
+        values.update({key: list(pair or ()) for key, pair in pairs.items()})
+        values["footprint"] = () if self.footprint is None else self.footprint.corners
+        left_out = {"grid", "radius" if self.footprint else "footprint"}
+        left_out |= {key for key, pair in pairs.items() if not pair}
+        values["polygons"] = [[list(corner) for corner in p.vertices] for p in self.polygons]
+        values["walls"] = [[w.x1, w.y1, w.x2, w.y2, w.thickness] for w in self.walls]
+        lines: list[str] = []
+        for section, keys in KEYS.items():
+            lines += [
+                f"[{section}]",
+                *(f"{key} = {to_toml(values[key])}" for key in keys if key not in left_out),
+            ]
+            lines += (
+                [f"grid = {grid_to_toml(self.grid)}", ""]
+                if section == "map" and self.grid is not None
+                else [""]
+            )
+        more = (*lidar_to_toml(self.lidar), *options_to_toml(self.options.changed()))
+        return "\n".join([*lines, *more])
+
+    def problem(self, base: NavigationProblem | None = None) -> NavigationProblem:
+        """Navigation problem of this map and robot, the rest as in `base` or the paper."""
+        x_min, y_min, x_max, y_max = self.bounds
+        base = base or NavigationProblem()
+        track, max_wheel_speed = self.wheels or (base.track, base.max_wheel_speed)
+        try:
+            return replace(
+                base,
+                x_min=(x_min, y_min, -np.inf),
+                x_max=(x_max, y_max, np.inf),
+                robot_radius=self.radius,
+                footprint=self.footprint,
+                margin=self.margin,
+                du_max=base.du_max if self.du_max is None else self.du_max,
+                track=track,
+                max_wheel_speed=max_wheel_speed,
+            )
+        except ProblemError as error:
+            raise ScenarioError(f"{self.name}: {error}") from error
+
+    @property
+    def arrival(self) -> Tolerance:
+        """What counts as arrived."""
+        return Tolerance(self.tolerance, self.heading_tolerance)
+
+    @property
+    def solids(self) -> Solids | None:
+        """Polygons, walls and the grid, prepared for distances."""
+        return _prepared(self.polygons, self.walls, self.grid)
+
+    @property
+    def obstacle_count(self) -> int:
+        """Circles, polygons, walls, and the grid as one."""
+        return len(self.circles) + (0 if self.solids is None else len(self.solids.solids))
+
+    def obstacles_at(self, time: float) -> Any:
+        """Obstacles as `Controller.step` takes them at a time [s].
+
+        Circles alone are an array; with solids they are a list.
+        """
+        circles = self.circles_at(time)
+        return circles if self.solids is None else [*circles, *self.solids.solids]
+
+    def circles_at(self, time: float) -> Array:
+        """Rows x, y, radius, vx, vy of the obstacles at a time [s], (M, 5)."""
+        rows = np.array(self.circles, dtype=float).reshape(-1, 5)
+        rows[:, :2] += time * rows[:, 3:]
+        return rows
+
+
+@lru_cache(maxsize=8)
+def _prepared(
+    polygons: tuple[Polygon, ...], walls: tuple[Wall, ...], grid: OccupancyGrid | None
+) -> Solids | None:
+    found: list[Solid] = [*polygons, *walls]
+    if grid is not None:
+        found.append(grid)
+    if not found:
+        return None
+    from kmpc_lite.control.world.solids import Solids
+
+    return Solids(found)

@@ -1,0 +1,81 @@
+"""Recorded drives that all contenders plan from, and the model that they share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from kmpc_lab.sim.plants.robots import DifferentialDrive, generate_dataset
+from kmpc_lab.studies.contenders import PAPER_FORM, Contender
+from kmpc_lab.studies.training import DT
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.geometry import clearances
+from kmpc_lite.learn.fitting import fit
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.types import Array
+
+SLIP = 0.05
+HALF = 1.8
+"""Starts and goals lie so far from the middle, at the most, along both axes [m]."""
+SPACING = 0.45
+"""Free space between obstacles, beyond their radii [m]: half as much again as the robot is wide."""
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedDrive:
+    """Recorded states (T, 3) of one drive, its goal (3,) and its obstacles (M, 5)."""
+
+    states: Array
+    goal: Array
+    circles: Array
+
+
+def learned_model() -> KoopmanModel:
+    """Model of all contenders: an integral fit on a slipping floor, with midpoint steps."""
+    data = generate_dataset(DifferentialDrive(SLIP, seed=1), episodes=100, steps=500, dt=DT, seed=2)
+    return replace(fit(data), integrator="midpoint")
+
+
+def random_circles(random: np.random.Generator, count: int) -> Array:
+    """Obstacles (count, 5) with room between them, in an area that grows with their number."""
+    half = 1.6 * max(1.0, np.sqrt(count / 6))
+    placed: list[Array] = []
+    while len(placed) < count:
+        row = np.array([*random.uniform(-half, half, 2), random.uniform(0.10, 0.28), 0.0, 0.0])
+        if (clearances(row, np.array(placed).reshape(-1, 5)) > row[2] + SPACING).all():
+            placed.append(row)
+    return np.array(placed)
+
+
+def free_pose(random: np.random.Generator, circles: Array) -> Array:
+    """Pose (3,) at least 0.1 m clear of the obstacles."""
+    while True:
+        pose = np.array([*random.uniform(-HALF, HALF, 2), random.uniform(-np.pi, np.pi)])
+        if (clearances(pose, circles) > 0.25).all():
+            return pose
+
+
+def record(
+    model: KoopmanModel,
+    problem: NavigationProblem,
+    drives: int,
+    steps: int,
+    obstacles: int,
+    seed: int,
+    driver: Contender = PAPER_FORM,
+) -> list[RecordedDrive]:
+    """Drive random maps with one of our controllers, for states that all plan from."""
+    recorded = []
+    for i in range(drives):
+        random = np.random.default_rng(seed + i)
+        circles = random_circles(random, obstacles)
+        x, goal = free_pose(random, circles), free_pose(random, circles)
+        controller = driver.make(model, problem, obstacles)
+        plant = DifferentialDrive(SLIP, seed=seed + i)
+        states = [x]
+        for _ in range(steps - 1):
+            x = plant.step(x, controller.step(x, goal, circles).command, problem.dt)
+            states.append(x)
+        recorded.append(RecordedDrive(np.array(states), goal, circles))
+    return recorded

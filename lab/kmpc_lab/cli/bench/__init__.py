@@ -1,0 +1,81 @@
+"""`kmpc bench`: step times on this machine, beside whichever peers are installed."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from kmpc_lab.cli.bench.jobs import COMPARISON, DRIVES, JOBS, LOOP, SECONDS, STEPS
+from kmpc_lite.cli.command import Command, refuse_unread
+from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.numbers import count, positive
+
+SHARED = ("--drives", "--tuning", "--only", "--picture", "--seconds", "--no-load", "--budget")
+"""Options that not every job reads."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    add = parser.add_argument
+    add(
+        "--drives",
+        type=count,
+        metavar="N",
+        help=f"recorded drives of {STEPS} states (default: {DRIVES})",
+    )
+    add("--tuning", action="store_true", help="use the tuning seeds instead of the reporting ones")
+    add(
+        "--only",
+        nargs="+",
+        metavar="WORD",
+        help="time only contenders whose names contain one of these words",
+    )
+    add("--picture", type=Path, metavar="FILE", help="picture of the distributions to write (.png)")
+    what = parser.add_mutually_exclusive_group()
+    for option, job in JOBS.items():
+        what.add_argument(option, dest="job", action="store_const", const=option, help=job.text)
+    what.add_argument("--loop", type=positive, metavar="HZ", help=LOOP.text)
+    add(
+        "--seconds",
+        type=positive,
+        metavar="S",
+        help=f"with --loop: for how long [s] (default: {SECONDS:g})",
+    )
+    add("--no-load", action="store_true", help="with --loop: leave the other cores alone")
+    add(
+        "--budget",
+        type=positive,
+        metavar="S",
+        help="with --loop: the controller's time_budget [s]",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Measure what was asked for."""
+    name = "--loop" if options.loop else options.job
+    job = LOOP if options.loop else JOBS.get(options.job, COMPARISON)
+    who = " ".join(filter(None, ("kmpc bench", name)))
+    refuse_unread("kmpc bench", who, options, SHARED, job.reads)
+    if options.picture:
+        need("--picture", "matplotlib")
+    told, text = job.measure(options)
+    print(json.dumps(told) if options.json else text)
+    return 0
+
+
+COMMAND = Command(
+    text="Time a step on this machine, beside whichever peers are installed, on the same states.",
+    examples=(
+        "kmpc bench",
+        "kmpc bench --drives 40 --picture bench.png",
+        "kmpc bench --scaling",
+        "kmpc bench --lidar --drives 12",
+        "kmpc bench --solvers",
+        "kmpc bench --loop 100 --seconds 600",
+        "kmpc bench --quality",
+        "kmpc bench --fit",
+    ),
+    add_options=add_options,
+    run=run,
+)

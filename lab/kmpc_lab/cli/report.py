@@ -1,0 +1,98 @@
+"""`kmpc report`: show a drive, simulated or real, as one HTML page, or as pictures."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import kmpc_lite as kl
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.files import keep_inputs
+from kmpc_lite.cli.output import command_line
+
+if TYPE_CHECKING:
+    from kmpc_lab.sim.closed_loop import Run
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    add = parser.add_argument
+    add(
+        "file",
+        type=Path,
+        metavar="run",
+        help="recorded drive: a folder or .mcap of --record; or a run that kmpc simulate -o wrote "
+        "(.npz)",
+    )
+    add(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help="page to write (default: the run's name with .html; report.html in a folder)",
+    )
+    add("--model", type=Path, metavar="FILE", help="model of the run, to show how it was fitted")
+    add(
+        "--from",
+        dest="begin",
+        type=float,
+        metavar="S",
+        help="play from this time on [s]; of a long drive every step is then there",
+    )
+    add("--to", dest="end", type=float, metavar="S", help="play to this time [s]")
+    add("--pictures", type=Path, metavar="DIR", help="folder to write PNG pictures to")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Make the page or the pictures of a run."""
+    need("a report", "matplotlib")
+    from kmpc_lab.recording.drive_file import load_drive
+    from kmpc_lab.report import write_pictures, write_report
+
+    keep_inputs(options.output, options.file, options.model)
+    drive = load_drive(options.file)
+    if options.begin is not None or options.end is not None:
+        drive = _between(drive, options.begin, options.end)
+    model = kl.KoopmanModel.load(options.model) if options.model else None
+    written: list[str] = []
+    if options.pictures:
+        written += [str(f) for f in write_pictures(options.pictures, drive)]
+    if options.output or not options.pictures:
+        page = options.output or _beside(options.file)
+        write_report(page, drive, model=model, command=command_line())
+        written.append(str(page))
+    lines = "\n".join(f"wrote  {name}" for name in written)
+    print(json.dumps({"written": written}) if options.json else lines)
+    return 0
+
+
+def _between(drive: Run, begin: float | None, end: float | None) -> Run:
+    """Give the drive with the steps of a part of it."""
+    if drive.details is None:
+        raise kl.ScenarioError("--from, --to: a run that was not recorded (--record) plays whole")
+    part = drive.details.between(
+        -math.inf if begin is None else begin, math.inf if end is None else end
+    )
+    return replace(drive, details=part)
+
+
+def _beside(run: Path) -> Path:
+    """Where the page of a run goes: into its folder, or beside its file."""
+    return run / "report.html" if run.is_dir() else run.with_suffix(".html")
+
+
+COMMAND = Command(
+    text="Show a drive as one HTML page, or as PNG pictures.",
+    examples=(
+        "kmpc report drives/monday     # a folder of kmpc run --record, or kmpc simulate --record",
+        "kmpc report run.npz -o run.html",
+        "kmpc report run.npz --pictures figures",
+    ),
+    add_options=add_options,
+    run=run,
+)

@@ -1,0 +1,119 @@
+"""The scenario of a command line: a file, one by its name, or a goal and obstacles alone."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import TYPE_CHECKING, Any
+
+from kmpc_lite.errors import ScenarioError
+from kmpc_lite.reading import parse_toml
+from kmpc_lite.scenario.bundled import bundled
+
+if TYPE_CHECKING:
+    from kmpc_lite.scenario.files import Scenario
+
+DEFAULT = "four_circles_1"
+ROOM = 1.0
+"""Between the edge of a map that nobody drew and what is on it [m]."""
+LEAST_HALF = 2.0
+"""A map that nobody drew reaches at least so far from its origin [m]."""
+LEAST_TIMEOUT, SECONDS_A_METRE = 20.0, 5.0
+"""A drive on such a map may take so long [s], and so long for each metre of its length [s/m]."""
+
+
+def add_scenario_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `read_scenario` reads."""
+    add = parser.add_argument_group("scenario").add_argument
+    add(
+        "map",
+        nargs="?",
+        metavar="scenario",
+        help=f"scenario file (.toml), or the name of one that comes along: {_names()} "
+        f"(default: {DEFAULT})",
+    )
+    add("--scenario", metavar="NAME", help="the same, as an option")
+    add(
+        "--goal",
+        nargs=3,
+        type=float,
+        metavar=("X", "Y", "THETA"),
+        help="goal [m, m, rad] instead of the scenario's; without a scenario, on an empty map",
+    )
+    add("--start", nargs=3, type=float, metavar=("X", "Y", "THETA"), help="start [m, m, rad]")
+    add(
+        "--obstacle",
+        nargs="+",
+        type=float,
+        action="append",
+        default=[],
+        metavar=("X Y R", "VX VY"),
+        help="one more circle [m], which moves where a velocity is given [m/s]; repeatable",
+    )
+    add("--slip", type=float, help="mean slip ratio")
+    add("--margin", type=float, metavar="M", help="distance to keep beyond the radii [m]")
+    add("--seed", type=int, help="seed of the slip and of the noise of poses")
+    add(
+        "--timeout",
+        type=float,
+        metavar="S",
+        help="longest drive [s]: robots that turn slowly need more",
+    )
+
+
+def _names() -> str:
+    """Names of the scenarios that come along, in short."""
+    own = [name for name in bundled() if not name.startswith("twin_")]
+    return f"{', '.join(own)}, and the maps of the digital twin, twin_a1 to twin_wet_patch"
+
+
+def read_scenario(options: argparse.Namespace) -> Scenario:
+    """Read the scenario, put the command line's values into it, and check it as a file would be.
+
+    Raises
+    ------
+    ScenarioError
+        Names the option, or file, section and key.
+    """
+    from kmpc_lite.scenario.files import Scenario
+
+    named = options.map or options.scenario
+    if options.map and options.scenario:
+        raise ScenarioError(
+            f"--scenario {options.scenario}: the scenario is given already: {options.map}"
+        )
+    for row in options.obstacle:
+        if len(row) not in (3, 5):
+            told = " ".join(f"{value:g}" for value in row)
+            raise ScenarioError(f"--obstacle {told}: expected X Y R or X Y R VX VY")
+    if named is None and options.goal is None and (options.start or options.obstacle):
+        raise ScenarioError("--start and --obstacle: give a --goal X Y THETA, or a scenario, too")
+    if named is None and options.goal is not None:
+        name, table = "command line", _drawn(options)
+    else:
+        scenario = Scenario.load(named or DEFAULT)
+        name, table = scenario.name, parse_toml(scenario.to_toml())
+        table["map"]["circles"] += options.obstacle
+        for key in ("start", "goal"):
+            if getattr(options, key) is not None:
+                table["robot"][key] = getattr(options, key)
+    for section, key in (("plant", "slip"), ("run", "margin"), ("run", "seed"), ("run", "timeout")):
+        if (value := getattr(options, key)) is not None:
+            table.setdefault(section, {})[key] = value
+    if (reach := getattr(options, "lidar", None)) is not None:
+        table.setdefault("lidar", {})["reach"] = reach
+    return Scenario.from_table(table, name, "command line")
+
+
+def _drawn(options: argparse.Namespace) -> dict[str, Any]:
+    """Table of a map that has room round start, goal and obstacles."""
+    start = options.start or [0.0, 0.0, 0.0]
+    places = [start[:2], options.goal[:2], *(row[:2] for row in options.obstacle)]
+    low = [min(-LEAST_HALF, min(place[axis] for place in places) - ROOM) for axis in (0, 1)]
+    high = [max(LEAST_HALF, max(place[axis] for place in places) + ROOM) for axis in (0, 1)]
+    distance = math.dist(start[:2], options.goal[:2])
+    return {
+        "map": {"bounds": [*low, *high], "circles": options.obstacle},
+        "robot": {"start": start, "goal": options.goal},
+        "run": {"timeout": max(LEAST_TIMEOUT, SECONDS_A_METRE * distance)},
+    }

@@ -1,0 +1,227 @@
+"""`kmpc simulate`: drive a model through a scenario in simulation."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import kmpc_lite as kl
+from firmware_bridge.cli.live_options import Views, add_live_options, asked_views
+from kmpc_lab.cli.scenario import DEFAULT, add_scenario_options, read_scenario
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.files import keep_inputs
+from kmpc_lite.cli.numbers import positive
+from kmpc_lite.cli.output import command_line
+from kmpc_lite.defaults import SHORTEST_PERIOD
+
+if TYPE_CHECKING:
+    from kmpc_lab.recording.simulated import SimulationRecorder
+    from kmpc_lab.sim.closed_loop import Run
+    from kmpc_lite.scenario.files import Scenario
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run` reads."""
+    add_scenario_options(parser)
+    add = parser.add_argument_group("model, robot and controller").add_argument
+    add(
+        "--model",
+        type=Path,
+        metavar="FILE",
+        help="model that kmpc fit wrote (default: the nominal unicycle)",
+    )
+    add(
+        "--plant",
+        choices=("slip", "learned"),
+        default="slip",
+        help="slip: the scenario's slipping robot (default)\n"
+        "learned: one that behaves as the model does, noise and lag included",
+    )
+    add(
+        "--horizon",
+        type=int,
+        default=20,
+        metavar="N",
+        help="stages that the controller looks ahead (default: 20)",
+    )
+    add(
+        "--no-adaptation",
+        action="store_true",
+        help="do not correct the model while driving",
+    )
+    add(
+        "--iterations",
+        type=int,
+        metavar="N",
+        help="SQP passes per step: 1 is real time, more converge (default: 1, or more where the "
+        "robot turns far in a period)",
+    )
+    add(
+        "--lidar",
+        type=positive,
+        metavar="M",
+        help="tell the controller no obstacles: it sees with a lidar of this reach [m]; a [lidar]\n"
+        "of the scenario is that, too, and says what else it is like",
+    )
+    add = parser.add_argument_group("what to write").add_argument
+    add("-o", "--output", type=Path, metavar="FILE", help="run file to write (.npz)")
+    add("--report", type=Path, metavar="FILE", help="report to write (.html)")
+    add(
+        "--record",
+        type=Path,
+        metavar="DIR",
+        help="folder for the drive as MCAP, for Foxglove, kmpc report and kmpc fit",
+    )
+    add_live_options(parser)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Drive one scenario; status 1 where the robot does not arrive."""
+    if options.report:
+        need("--report", "matplotlib")
+    from kmpc_lab.sim.closed_loop import Outcome
+
+    named = options.map or options.scenario or DEFAULT
+    for output in (options.output, options.report):
+        keep_inputs(output, options.model, Path(named))
+    if options.plant == "learned" and options.slip is not None:
+        raise kl.ProblemError("--slip goes with --plant slip: a learned robot slips as its log did")
+    scenario = read_scenario(options)
+    model = (
+        kl.KoopmanModel.load(options.model)
+        if options.model
+        else kl.nominal_unicycle(SHORTEST_PERIOD)
+    )
+    adaptation = False if options.no_adaptation else None
+    views = asked_views(options)
+    drive, recorder = simulate(
+        model,
+        scenario,
+        options.plant,
+        options.horizon,
+        options.iterations,
+        adaptation,
+        views,
+    )
+    drive.info["command"] = command_line()
+    recorded = recorder.write(options.record, drive) if options.record else None
+    if options.output:
+        drive.save(options.output)
+    if options.report:
+        from kmpc_lab.report import write_report
+
+        drive = recorder.with_details(drive)
+        write_report(options.report, drive, model=model, command=command_line())
+    if options.json:
+        print(json.dumps(drive.summary()))
+    else:
+        print(describe(drive) + hint(drive, model))
+        for name in filter(None, (options.output, options.report, recorded)):
+            print(f"wrote  {name}")
+    return 0 if drive.outcome is Outcome.REACHED else 1
+
+
+def simulate(
+    model: kl.KoopmanModel,
+    scenario: Scenario,
+    plant: str,
+    horizon: int,
+    iterations: int | None,
+    adaptation: bool | None = None,
+    views: Views | None = None,
+) -> tuple[Run, SimulationRecorder]:
+    """Drive one scenario with our controller at the model's period; watched by a recorder.
+
+    With `views` it drives in real time, for those who watch.
+    """
+    from kmpc_lab.recording.simulated import SimulationRecorder
+    from kmpc_lab.sim.closed_loop import drive
+    from kmpc_lab.sim.plants.learned import LearnedPlant
+
+    problem = scenario.problem(kl.NavigationProblem(horizon=horizon, dt=model.dt))
+    controller = kl.Controller(
+        model,
+        problem,
+        sqp_iterations=iterations,
+        adaptation=adaptation,
+        pose_age=scenario.pose_age,
+        options=scenario.options,
+    )
+    robot = LearnedPlant(model, scenario.seed) if plant == "learned" else None
+    u_min, u_max, _, _ = problem.bounds
+    info: dict[str, Any] = {
+        "plant": plant,
+        "model": model.info.get("method", ""),
+        "u_min": u_min.tolist(),
+        "u_max": u_max.tolist(),
+    }
+    recorder = SimulationRecorder(controller)
+    lidar = None
+    if scenario.lidar is not None:
+        from kmpc_lab.sim.lidar import Lidar
+
+        lidar = Lidar(scenario, scenario.lidar)
+    if views is None or views == (None, None):
+        run = drive(controller, scenario, robot, model.dt, info=info, watch=recorder, lidar=lidar)
+        return run, recorder
+    from kmpc_lab.recording.watched import WatchedController, shown
+
+    watched = WatchedController(controller)
+    with shown(watched, scenario, views.page, views.viewer) as tell:
+        run = drive(watched, scenario, robot, model.dt, info=info, watch=recorder, lidar=lidar)
+        tell(f"{run.outcome.value} after {run.duration:.2f} s")
+    return run, recorder
+
+
+def describe(run: Run) -> str:
+    """Put a run into a few lines."""
+    told = run.summary()
+    clearance = (
+        "no obstacles"
+        if told["clearance_m"] is None
+        else f"smallest clearance {100 * told['clearance_m']:.1f} cm"
+    )
+    times = told["step_ms"]
+    statuses = ", ".join(f"{count} {name}" for name, count in told["statuses"].items())
+    return (
+        f"{run.outcome.value} after {run.duration:.2f} s, {clearance}, "
+        f"{100 * run.position_error:.1f} cm and {run.heading_error:.2f} rad from the goal\n"
+        f"   step p50 {times['p50']:.2f} ms, p99 {times['p99']:.2f} ms, max {times['max']:.2f} ms; "
+        f"{statuses}"
+    )
+
+
+def hint(run: Run, model: kl.KoopmanModel) -> str:
+    """Tell why a drive may have failed where model and robot disagree on lag; or nothing."""
+    from kmpc_lab.sim.closed_loop import Outcome
+
+    lags = bool(run.scenario.lag or run.scenario.dead_time)
+    if run.outcome is Outcome.REACHED or run.info["plant"] != "slip" or lags == bool(model.history):
+        return ""
+    if lags:
+        return (
+            "\nhint   this robot obeys late, its model knows no lag: "
+            "learn it from a log of the robot with kmpc fit"
+        )
+    return (
+        f"\nhint   the model looks back on {model.history} past commands, this robot obeys at "
+        "once: --plant learned drives one that lags as the log did; or give [plant] of the "
+        "scenario its lag and dead_time"
+    )
+
+
+COMMAND = Command(
+    text="Drive a model through a scenario in simulation.",
+    examples=(
+        "kmpc simulate map.toml --model robot.npz --report drive.html",
+        "kmpc simulate mehrez                   # the exact unicycle as the model",
+        "kmpc simulate --goal 1.5 1 0 --obstacle 0.7 0.5 0.2 --obstacle 1 -1 0.2 0 0.2",
+        "kmpc simulate room_grid --lidar 2 --report drive.html  # by what a lidar of 2 m sees",
+        "kmpc simulate walls_door --live        # in real time, in a browser",
+    ),
+    add_options=add_options,
+    run=run,
+)

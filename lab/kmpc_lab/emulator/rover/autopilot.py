@@ -1,0 +1,265 @@
+"""What the emulated autopilot decides: modes, arming, set-points, fail-safes. Knows no bytes."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import deque
+
+from kmpc_lab.emulator.rover.estimator import Estimator
+from kmpc_lab.emulator.rover.parameters import Parameters
+from kmpc_lab.emulator.rover.physics import Demand, DriveLimits, RoverPhysics
+from kmpc_lab.emulator.rover.set_point import FRAMES, SetPoint, Target
+
+MANUAL, ACRO, STEERING, HOLD, LOITER, GUIDED = 0, 1, 3, 4, 5, 15
+MODES = {
+    MANUAL: "MANUAL",
+    ACRO: "ACRO",
+    STEERING: "STEERING",
+    HOLD: "HOLD",
+    LOITER: "LOITER",
+    GUIDED: "GUIDED",
+}
+"""Modes that can be entered here; missions and returns are not emulated."""
+NEED_POSITION = (LOITER, GUIDED)
+SET_POINT_TIMEOUT = 3.0
+"""After the last set-point the rover drives on for this long, then brakes, as measured [s]."""
+EMERGENCY, CRITICAL, WARNING, INFO = 0, 2, 4, 6
+"""MAV_SEVERITY"""
+PREARM_PERIOD = 30.0
+FAILSAFE_PERIOD = 0.1
+"""Between looks at the failsafes [s]."""
+EKF_BAD = 1.0
+"""The EKF fail-safe acts when the position has been bad for this long [s]."""
+
+log = logging.getLogger(__name__)
+
+
+class Autopilot:
+    """State of the emulated autopilot.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        ArduPilot's parameters.
+    physics : RoverPhysics
+        The rover.
+    estimator : Estimator
+        Its pose estimate.
+    arm_after : float
+        Arming is refused before this [s after boot].
+    """
+
+    def __init__(
+        self, parameters: Parameters, physics: RoverPhysics, estimator: Estimator, arm_after: float
+    ) -> None:
+        self.parameters, self.physics, self.estimator = parameters, physics, estimator
+        self._arm_after = arm_after
+        self.uptime = 0.0
+        self.mode, self.armed = int(parameters["INITIAL_MODE"]), False
+        self.mode_changed = False
+        """Set with every change; whoever tells the ground clears it."""
+        self.texts: deque[tuple[int, str]] = deque(maxlen=32)
+        """What is to be said: severity, text."""
+        self.counters = dict.fromkeys(
+            (
+                "set_points",
+                "ignored_set_points",
+                "aborts",
+                "timeouts",
+                "failsafes",
+                "arming_refusals",
+            ),
+            0,
+        )
+        self.failsafe = ""
+        self._target: Target | None = None
+        self._pilot: tuple[float, float, float] | None = None
+        self._gcs_heard: float | None = None
+        self._gcs_silent_since: float | None = None
+        self._position_seen = 0.0
+        self._prearm_said = self._failsafes_checked = -math.inf
+        self.arming_failure = ""
+        """Set by a test: something that keeps it from arming."""
+
+    def say(self, severity: int, text: str) -> None:
+        """Queue a STATUSTEXT."""
+        self.texts.append((severity, text))
+
+    def set_mode(self, mode: int) -> bool:
+        """Change the mode; False where it cannot be entered now."""
+        if mode == self.mode:
+            return True
+        if mode not in MODES:
+            self.say(WARNING, f"Mode change to {mode} failed: not emulated")
+            return False
+        if mode in NEED_POSITION and not self.estimator.position_ok:
+            self.say(WARNING, f"Mode change to {MODES[mode]} failed: requires position")
+            return False
+        self.mode, self.mode_changed, self._target = mode, True, None
+        return True
+
+    @property
+    def prearm_failure(self) -> str:
+        """Why arming is refused, empty if it is not."""
+        if self.parameters["ARMING_CHECK"] == 0.0:
+            return ""
+        if self.uptime < self._arm_after:
+            return (
+                "Gyros not calibrated"
+                if self.uptime < 0.5 * self._arm_after
+                else "AHRS: EKF3 still initialising"
+            )
+        if self.mode in NEED_POSITION and not self.estimator.position_ok:
+            return "Need Position Estimate"
+        return self.arming_failure
+
+    def tell_prearm(self) -> bool:
+        """Say why arming would be refused; False while armed, when nobody looks."""
+        if self.armed:
+            return False
+        if why := self.prearm_failure:
+            self._prearm_said = self.uptime
+            self.say(CRITICAL, f"PreArm: {why}")
+        return True
+
+    def arm(self, force: bool) -> bool:
+        """Arm; False where that is refused."""
+        if not self.armed and not force and (why := self.prearm_failure):
+            self.counters["arming_refusals"] += 1
+            self.say(CRITICAL, f"Arm: {why}")
+            return False
+        if not self.armed:
+            self.armed, self._target = True, None
+            self.say(INFO, "Throttle armed")
+        return True
+
+    def disarm(self) -> None:
+        """Disarm."""
+        if self.armed:
+            self.armed = False
+            self.say(INFO, "Throttle disarmed")
+
+    def heard_gcs(self, system: int) -> None:
+        """Take a heartbeat of a ground station; the fail-safe counts one system id only."""
+        if system == round(self.parameters["SYSID_MYGCS"]):
+            self._gcs_heard = self.uptime
+
+    def pilot(self, throttle: float, steering: float) -> None:
+        """Take a pilot's sticks, both from -1 to 1; steering is positive to the right."""
+        self._pilot = (min(max(throttle, -1.0), 1.0), min(max(steering, -1.0), 1.0), self.uptime)
+
+    def set_point(
+        self, frame: int, mask: int, velocity: tuple[float, float], yaw: float, yaw_rate: float
+    ) -> None:
+        """Take SET_POSITION_TARGET_LOCAL_NED: m/s, rad, and rad/s clockwise (all NED)."""
+        guided = self.mode == GUIDED and self.estimator.origin is not None
+        if not guided or frame not in FRAMES:
+            self.counters["ignored_set_points"] += 1
+            return
+        asked = SetPoint(frame, mask, velocity, yaw, yaw_rate)
+        if not asked.finite:
+            self.counters["aborts"] += 1
+            self._target = None
+            self.say(EMERGENCY, "set-point not finite: ArduPilot aborts here")
+            log.error("%s: the real ArduPilot aborts on it", asked)
+            return
+        if not asked.understood:
+            self.counters["ignored_set_points"] += 1
+            self.say(
+                INFO,
+                "Ignoring SET_POSITION_TARGET_LOCAL_NED; set ACC_IGNORE in mask, "
+                "positions are not emulated",
+            )
+            return
+        self.counters["set_points"] += 1
+        self._target = asked.target(
+            self.estimator.pose[2], self.parameters["WP_SPEED"], self.uptime
+        )
+
+    def step(self, uptime: float, dt: float) -> None:
+        """One turn of the main loop."""
+        self.uptime = uptime
+        if uptime - self._failsafes_checked >= FAILSAFE_PERIOD - 1e-6:
+            self._failsafes_checked = uptime
+            self._check_failsafes()
+        if (
+            not self.armed
+            and (why := self.prearm_failure)
+            and uptime - self._prearm_said > PREARM_PERIOD
+        ):
+            self._prearm_said = uptime
+            self.say(CRITICAL, f"PreArm: {why}")
+        p = self.parameters
+        limits = DriveLimits(
+            p["ATC_ACCEL_MAX"],
+            p["ATC_DECEL_MAX"] or p["ATC_ACCEL_MAX"],
+            math.radians(p["ATC_STR_ACC_MAX"]),
+            math.radians(p["ATC_STR_RAT_MAX"]),
+        )
+        self.physics.step(self._demand(), limits, dt)
+        self.estimator.step(self.physics, uptime, dt)
+
+    def _demand(self) -> Demand:
+        """What the mode asks of the speed and yaw-rate loops."""
+        if not self.armed:
+            return Demand()
+        if self.mode in (MANUAL, ACRO, STEERING):
+            return self._pilot_demand()
+        target = self._target
+        if self.mode != GUIDED or target is None:
+            return Demand()
+        if self.uptime - target.uptime > SET_POINT_TIMEOUT:
+            self.counters["timeouts"] += 1
+            self.say(WARNING, "target not received last 3.0 secs, stopping")
+            self._target = None
+            return Demand()
+        turn = target.turn
+        if turn is None:
+            turn = self.parameters["ATC_STR_ANG_P"] * math.remainder(
+                target.heading - self.estimator.pose[2], 2.0 * math.pi
+            )
+        return Demand(target.speed or None, turn)
+
+    def _pilot_demand(self) -> Demand:
+        if (
+            self._pilot is None
+            or self.uptime - self._pilot[2] > self.parameters["RC_OVERRIDE_TIME"]
+        ):
+            return Demand()
+        throttle, steering, _ = self._pilot
+        return Demand(
+            throttle * self.parameters["CRUISE_SPEED"] or None,
+            -steering * math.radians(self.parameters["ATC_STR_RAT_MAX"]),
+        )
+
+    def _check_failsafes(self) -> None:
+        """GCS fail-safe (off as delivered) and EKF fail-safe: both put the rover into HOLD."""
+        silent = (
+            self._gcs_heard is not None
+            and self.uptime - self._gcs_heard >= self.parameters["FS_GCS_TIMEOUT"]
+        )
+        if not (self.parameters["FS_GCS_ENABLE"] and silent):
+            self._gcs_silent_since = None
+        elif self._gcs_silent_since is None:
+            self._gcs_silent_since = self.uptime
+        gcs = (
+            self._gcs_silent_since is not None
+            and self.uptime - self._gcs_silent_since > self.parameters["FS_TIMEOUT"]
+        )
+        if self.estimator.position_ok or not self.armed or self.mode not in NEED_POSITION:
+            self._position_seen = self.uptime
+        ekf = (
+            self.uptime - self._position_seen >= EKF_BAD and self.parameters["FS_EKF_ACTION"] != 0.0
+        )
+        failsafe = "GCS Failsafe" if gcs else "EKF failsafe" if ekf else ""
+        # one that has acted does not act again before it has cleared
+        if failsafe and self.mode != HOLD and not self.failsafe:
+            self.counters["failsafes"] += 1
+            self.failsafe = failsafe
+            self.say(WARNING, failsafe)
+            if ekf or self.parameters["FS_ACTION"] != 0.0:
+                self.set_mode(HOLD)
+        elif self.failsafe and not failsafe and self.estimator.position_ok:
+            self.say(INFO, f"{self.failsafe} cleared")
+            self.failsafe = ""

@@ -1,0 +1,43 @@
+"""Which part of a map a picture shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from kmpc_lab.report.map_parts import goal_front
+from kmpc_lab.report.solid_parts import solid_points
+from kmpc_lab.sim.closed_loop import Run
+from kmpc_lite.scenario.files import Scenario
+from kmpc_lite.types import Array
+
+
+def view_of(scenario: Scenario, runs: Sequence[Run]) -> Array:
+    """Rectangle of the map to show, [[xmin, ymin], [xmax, ymax]] [m].
+
+    It holds all that was driven, and obstacles and area where they are near.
+    """
+    ends = np.array([scenario.start[:2], scenario.goal[:2], goal_front(scenario)])
+    points = np.concatenate([*(run.path[:, :2] for run in runs), ends])
+    low, high = points.min(axis=0) - scenario.radius, points.max(axis=0) + scenario.radius
+    span = float((high - low).max())
+    near_low, near_high = low - 0.35 * span, high + 0.35 * span
+    for circle in scenario.circles:
+        centre = np.array(circle[:2])
+        if ((centre > near_low) & (centre < near_high)).all():
+            low, high = (
+                np.minimum(low, centre - circle.radius),
+                np.maximum(high, centre + circle.radius),
+            )
+    if scenario.solids is not None:
+        corners = solid_points(scenario.solids.solids)
+        near = corners[((corners > near_low) & (corners < near_high)).all(axis=1)]
+        if len(near):
+            low, high = np.minimum(low, near.min(axis=0)), np.maximum(high, near.max(axis=0))
+    area_low, area_high = np.array(scenario.bounds[:2]), np.array(scenario.bounds[2:])
+    low = np.where(low - area_low <= 0.6 * span, np.minimum(area_low, low), low - 0.15 * span)
+    high = np.where(area_high - high <= 0.6 * span, np.maximum(area_high, high), high + 0.15 * span)
+    # a corridor gets some room above and below, or nothing could be written beside the robot
+    pad = np.maximum(0.04 * (high - low).max(), 0.5 * (0.35 * (high - low).max() - (high - low)))
+    return np.array([low - pad, high + pad])

@@ -1,0 +1,104 @@
+"""The section of the report on the model: how it was made, and how well it predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from html import escape
+
+import numpy as np
+
+from kmpc_lab.report.elements import table
+from kmpc_lab.report.words import milliseconds
+from kmpc_lite.learn.evaluation import FitReport
+from kmpc_lite.model.koopman import KoopmanModel
+
+NOISE_COMMANDS = {"at rest": (0.0, 0.0), "at 0.5 m/s": (0.5, 0.0), "at 0.5 rad/s": (0.0, 0.5)}
+"""Commands (v [m/s], omega [rad/s]) for which the model's noise is told."""
+
+
+def held_out(model: KoopmanModel | None) -> FitReport | None:
+    """Held-out errors that `kmpc fit` keeps with the model, where it has all of them."""
+    kept = None if model is None else model.info.get("held_out")
+    names = {field.name for field in fields(FitReport)}
+    if not isinstance(kept, Mapping) or set(kept) != names:
+        return None
+    return FitReport(**kept)
+
+
+def fit_section(model: KoopmanModel | None, report: FitReport | None, picture: str) -> str:
+    """How the model was made and how well it predicts, or nothing."""
+    if model is None and report is None:
+        return ""
+    parts = ["<section>", "<h2>The model</h2>"]
+    if model is not None:
+        parts.append(table(_model_rows(model)))
+    if report is not None:
+        parts += [_errors_table(report)]
+    if picture:
+        parts = [*parts[:2], '<div class="beside"><div>', *parts[2:], "</div>", picture, "</div>"]
+    return "\n".join([*parts, "</section>"])
+
+
+def _model_rows(model: KoopmanModel) -> Iterable[tuple[str, str]]:
+    info = model.info
+    form = (
+        "derivative of the pose, integrated over the period"
+        if model.continuous
+        else "next pose, one period on"
+    )
+    yield "Method", f"{info.get('method', 'not told')} ({form})"
+    yield (
+        "Dictionary",
+        f"{type(model.dictionary).__name__}, {model.dictionary.size} lifted coordinates, "
+        f"{model.history} past commands",
+    )
+    yield "Period", milliseconds(model.dt)
+    if "samples" in info:
+        yield "Samples", str(info["samples"])
+    if "rank" in info:
+        yield "Rank", f"{info['rank']} of {info.get('features', '?')} features"
+    if isinstance(info.get("condition"), int | float):
+        yield "Condition", f"{info['condition']:.4g}"
+    if "log" in info:
+        yield (
+            "Log",
+            ", ".join(map(str, info["log"])) if isinstance(info["log"], list) else str(info["log"]),
+        )
+    if model.noise_model is not None:
+        for name, command in NOISE_COMMANDS.items():
+            forward, left, heading = 1e3 * np.sqrt(np.diag(model.noise(command)))
+            yield (
+                f"Noise {name}",
+                f"{forward:.3g} mm forward, {left:.3g} mm sideways, "
+                f"{heading:.3g} mrad per step (standard deviation)",
+            )
+
+
+def _errors_table(report: FitReport) -> str:
+    """Held-out errors as a table of four rows."""
+    ahead = f"{report.horizon:g} s"
+    rows = (
+        ("one step", "model", report.one_step),
+        ("one step", "nominal unicycle", report.nominal_one_step),
+        (ahead, "model", report.multi_step),
+        (ahead, "nominal unicycle", report.nominal_multi_step),
+    )
+    cells = "\n".join(
+        f'<tr><th scope="row">{escape(when)}</th><td>{who}</td>'
+        + "".join(f"<td>{1e3 * value:.3g}</td>" for value in errors)
+        + "</tr>"
+        for when, who, errors in rows
+    )
+    head = (
+        "<tr><th>ahead</th><th></th><th>along [mm]</th><th>across [mm]</th><th>heading "
+        "[mrad]</th></tr>"
+    )
+    note = (
+        f"Root mean square over {report.starts} starts in driving that the fit has not seen. "
+        f"The paper's RMSE of one step: {report.rmse_percent:.2f} %."
+    )
+    return (
+        f'<div class="scroll"><table class="numbers">\n{head}\n{cells}\n</table></div>\n<p '
+        f'class="small">{escape(note)}</p>'
+    )

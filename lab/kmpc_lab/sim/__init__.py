@@ -1,0 +1,1 @@
+"""Plants, maps, closed loops and the digital twin."""

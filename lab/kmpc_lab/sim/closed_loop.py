@@ -1,0 +1,262 @@
+"""Drive a controller on a plant, and look at every quarter of a period for a collision."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kmpc_lab.sim.details import Details
+from kmpc_lab.sim.periods import periods
+from kmpc_lab.sim.plants.plant import Plant, scenario_plant
+from kmpc_lite.control.options import ControllerOptions
+from kmpc_lite.control.plan import Plan, PlanStatus
+from kmpc_lite.geometry import distances, wrap
+from kmpc_lite.scenario.files import Scenario
+from kmpc_lite.scenario.gaps import obstacle_gaps
+from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lab.sim.lidar import Lidar
+    from kmpc_lite.control.world.scan import LaserScan
+
+SUBSAMPLES = 4
+Watch = Callable[[float, Array, Any, Plan], None]
+"""Is told of each step: its time [s], the measured pose, the obstacles, and the plan."""
+
+
+class Steps(Protocol):
+    """Whatever plans one period: our controller, and its peers."""
+
+    def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Any = ()) -> Plan:
+        """Plan from a pose."""
+        ...
+
+
+class Outcome(Enum):
+    """How a drive ended."""
+
+    REACHED = "reached"
+    COLLISION = "collision"
+    TIMEOUT = "timeout"
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A drive, period by period; T periods of S sub-samples."""
+
+    scenario: Scenario
+    dt: float
+    outcome: Outcome
+    duration: float
+    """Until the end of the drive [s]; of a collision, to the sub-sample."""
+    states: Array
+    """(T + 1, 3) true poses at the period's beginning, and the last one."""
+    path: Array
+    """(T S + 1, 3) true poses at every sub-sample."""
+    inputs: Array
+    """(T, 2) commands."""
+    plans: Array
+    """(T, N + 1, 3) what was planned."""
+    statuses: tuple[str, ...]
+    """(T,) names of `PlanStatus`."""
+    step_times: Array
+    """(T,) time of each `Controller.step` [s]."""
+    clearance: float
+    """Smallest distance between the edges of robot and obstacles [m]; negative in a collision."""
+    info: dict[str, Any] = field(default_factory=dict)
+    """What the caller wants to keep with the run; values that JSON can hold."""
+    details: Details | None = None
+    """What lay behind each step, where it was recorded."""
+    scans: tuple[tuple[float, LaserScan], ...] = ()
+    """What a simulated lidar saw: the ends of its turns [s], and their scans."""
+
+    @property
+    def position_error(self) -> float:
+        """Distance to the goal at the end [m]."""
+        return float(distances(self.states[-1], np.array(self.scenario.goal)))
+
+    @property
+    def heading_error(self) -> float:
+        """Heading error at the end [rad]."""
+        return abs(wrap(float(self.states[-1, 2]) - self.scenario.goal[2]))
+
+    @property
+    def arrival(self) -> float | None:
+        """First time at which the robot is within both tolerances of the goal [s]."""
+        there = self.scenario.arrival.met(self.states, np.array(self.scenario.goal))
+        return float(np.argmax(there) * self.dt) if there.any() else None
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        times = 1e3 * self.step_times
+        return {
+            "scenario": self.scenario.name,
+            "outcome": self.outcome.value,
+            "duration_s": round(self.duration, 6),
+            "position_error_m": self.position_error,
+            "heading_error_rad": self.heading_error,
+            "clearance_m": self.clearance if np.isfinite(self.clearance) else None,
+            "step_ms": {
+                "p50": float(np.median(times)),
+                "p99": float(np.quantile(times, 0.99)),
+                "max": float(times.max()),
+            },
+            "statuses": {
+                s.name: self.statuses.count(s.name) for s in PlanStatus if s.name in self.statuses
+            },
+            **self.info,
+        }
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the run to an npz file that `Run.load` and ``kmpc report`` read."""
+        from kmpc_lab.sim.run_file import save_run
+
+        save_run(self, Path(path))
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Run:
+        """Read a run that `save` wrote.
+
+        Raises
+        ------
+        ScenarioError
+            For a file that is missing, damaged, or no run.
+        """
+        from kmpc_lab.sim.run_file import load_run
+
+        return load_run(Path(path))
+
+
+def drive(
+    controller: Steps,
+    scenario: Scenario,
+    plant: Plant | None = None,
+    dt: float = 0.1,
+    settle: float = 0.0,
+    stop_norm: float | None = None,
+    info: dict[str, Any] | None = None,
+    watch: Watch | None = None,
+    lidar: Lidar | None = None,
+) -> Run:
+    """Drive a scenario to its end: arrived, collided, or out of time.
+
+    Parameters
+    ----------
+    controller : Steps
+        Ours or a peer's.
+    scenario : Scenario
+        Map, robot, plant.
+    plant : Plant, optional
+        The scenario's where not given: `scenario_plant`.
+    dt : float
+        Period [s].
+    settle : float
+        How long the robot must stay within the tolerances to have arrived [s].
+    stop_norm : float, optional
+        Where given, arrival is ``|x - goal| <= stop_norm`` over the whole state, as in the paper's
+        study.
+    info : dict, optional
+        Kept with the run.
+    watch : callable, optional
+        Is told of each step: see `Watch`.
+    lidar : Lidar, optional
+        What the controller gets to see instead of the scenario's obstacles.
+    """
+    robot = scenario_plant(scenario) if plant is None else plant
+    x = np.array(scenario.start)
+    states, path, inputs, plans = [x], [x], [], []
+    statuses, times = list[str](), list[float]()
+    steps = int(np.ceil(scenario.timeout / dt - 1e-9))
+    clearance, outcome, inside, duration = np.inf, Outcome.TIMEOUT, 0.0, steps * dt
+    moments = dt * np.arange(1, SUBSAMPLES + 1) / SUBSAMPLES
+    step = _planning(controller, scenario, dt, path, watch, lidar)
+    for k, plan, trace in periods(step, lambda x, u: robot.trace(x, u, dt, SUBSAMPLES), x, steps):
+        inputs.append(plan.command)
+        plans.append(plan.states)
+        statuses.append(plan.status.name)
+        times.append(plan.timing["total"])
+        gaps = obstacle_gaps(scenario, trace, k * dt + moments)
+        path.extend(trace)
+        x = trace[-1]
+        states.append(x)
+        clearance = min(clearance, float(gaps.min(initial=np.inf)))
+        if (gaps < 0.0).any():
+            outcome = Outcome.COLLISION
+            duration = k * dt + float(moments[np.argmax(gaps < 0.0)])
+            break
+        here = _is_there(x, scenario, stop_norm)
+        inside = inside + dt if here else 0.0
+        if here and inside >= settle:
+            outcome, duration = Outcome.REACHED, (k + 1) * dt
+            break
+    return Run(
+        scenario,
+        dt,
+        outcome,
+        duration,
+        np.array(states),
+        np.array(path),
+        np.array(inputs),
+        np.array(plans),
+        tuple(statuses),
+        np.array(times),
+        clearance,
+        {**_tuned(controller), **(info or {})},
+        scans=() if lidar is None else tuple(lidar.seen),
+    )
+
+
+def _planning(
+    controller: Steps,
+    scenario: Scenario,
+    dt: float,
+    path: Sequence[Array],
+    watch: Watch | None,
+    lidar: Lidar | None,
+) -> Callable[[Array, int], Plan]:
+    """Give what plans in a period from what is measured and seen then; `path` grows meanwhile."""
+    noise, goal = np.random.default_rng([scenario.seed, 1]), np.array(scenario.goal)
+    age = scenario.pose_age / dt
+
+    def step(pose: Array, k: int) -> Plan:
+        seen = _at(path, SUBSAMPLES * (k - age)) if age else pose
+        measured = seen + noise.normal(size=3) * scenario.pose_noise
+        obstacles = scenario.obstacles_at(k * dt) if lidar is None else [lidar.scan(seen, k * dt)]
+        plan = controller.step(measured, goal, obstacles)
+        if watch is not None:
+            watch(k * dt, measured, obstacles, plan)
+        return plan
+
+    return step
+
+
+def _tuned(controller: Steps) -> dict[str, Any]:
+    """Options of a controller of ours that are not the usual ones, to be kept with a run."""
+    options = getattr(controller, "options", None)
+    changed = options.changed() if isinstance(options, ControllerOptions) else {}
+    return {"options": changed} if changed else {}
+
+
+def _is_there(x: Array, scenario: Scenario, stop_norm: float | None) -> bool:
+    """Whether a robot at a state (3,) has arrived: within the tolerances, or the norm if given."""
+    goal = np.array(scenario.goal)
+    if stop_norm is None:
+        return bool(scenario.arrival.met(x, goal))
+    error = x - goal
+    error[2] = wrap(float(error[2]))
+    return bool(np.linalg.norm(error) <= stop_norm)
+
+
+def _at(path: Sequence[Array], place: float) -> Array:
+    """Pose (3,) between two sub-samples; before the first the robot stood there."""
+    whole, share = divmod(max(place, 0.0), 1.0)
+    before, after = path[int(whole)], path[min(int(whole) + 1, len(path) - 1)]
+    pose: Array = before + share * (after - before)
+    return pose

@@ -1,0 +1,141 @@
+"""Runs as npz files: numbers and JSON, no pickle."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from firmware_bridge.recording.drive.scan_arrays import SCAN_ARRAYS, scans_of, scans_to_arrays
+from kmpc_lab.sim.closed_loop import Outcome, Run
+from kmpc_lite.control.plan import PlanStatus
+from kmpc_lite.errors import ScenarioError
+from kmpc_lite.files import MAX_ARCHIVE_BYTES, read_npz, real_array, write_whole
+from kmpc_lite.reading import parse_toml
+from kmpc_lite.scenario.files import Scenario
+from kmpc_lite.types import Array
+
+LEAST, LARGEST = 1e-6, 1e6
+"""Of a time that is not zero [s], and of all numbers of a drive [m, rad, s]."""
+FORMAT, VERSION = "kmpc_lite.run", 1
+ARRAYS = ("states", "path", "inputs", "plans", "step_times")
+
+
+def save_run(run: Run, path: Path) -> None:
+    """Write a run, whole or not at all."""
+    header = {
+        "format": FORMAT,
+        "version": VERSION,
+        "name": run.scenario.name,
+        "scenario": run.scenario.to_toml(),
+        "dt": run.dt,
+        "outcome": run.outcome.value,
+        "duration": run.duration,
+        "statuses": run.statuses,
+        "clearance": run.clearance if np.isfinite(run.clearance) else None,
+        "info": run.info,
+    }
+    try:
+        with write_whole(path) as file:
+            arrays = {name: getattr(run, name) for name in ARRAYS}
+            arrays |= scans_to_arrays(run.scans)
+            np.savez_compressed(
+                file, allow_pickle=False, header=np.array(json.dumps(header)), **arrays
+            )
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot write the run: {error.strerror or error}") from error
+
+
+def load_run(path: Path) -> Run:
+    """Read a run; ScenarioError for anything else."""
+    try:
+        # a drive of a day takes more, but its plans are no zeros, which pack a thousand times
+        most = max(MAX_ARCHIVE_BYTES, 20 * path.stat().st_size)
+        arrays, _ = read_npz(path, ("header", *ARRAYS, *SCAN_ARRAYS), most)
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot read the run: {error.strerror or error}") from error
+    except ValueError as error:
+        raise ScenarioError(
+            f"{path}: not a run that kmpc simulate wrote, or damaged: {error}"
+        ) from error
+    try:
+        header = json.loads(str(arrays.pop("header")))
+        if header["format"] != FORMAT or header["version"] != VERSION:
+            raise ScenarioError(
+                f"{path}: expected {FORMAT} version {VERSION}, "
+                f"got {header['format']} version {header['version']}"
+            )
+        scenario = Scenario.from_table(
+            parse_toml(str(header["scenario"])), _name(header["name"]), str(path)
+        )
+        statuses = _statuses(header["statuses"])
+        return Run(
+            scenario=scenario,
+            dt=_number("dt", header["dt"], above_zero=True),
+            outcome=Outcome(header["outcome"]),
+            duration=_number("duration", header["duration"], above_zero=True),
+            statuses=statuses,
+            clearance=np.inf
+            if header["clearance"] is None
+            else _number("clearance", header["clearance"]),
+            info=_table(header["info"]),
+            scans=scans_of(arrays),
+            **_checked(arrays, len(statuses)),
+        )
+    except ScenarioError:
+        raise
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise ScenarioError(
+            f"{path}: not a run that kmpc simulate wrote: {type(error).__name__} {error}"
+        ) from error
+
+
+def _number(name: str, value: Any, above_zero: bool = False) -> float:
+    """Read a number in SI units that a drive can have."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not is_number or not abs(value) <= LARGEST or (above_zero and not value >= LEAST):
+        raise ValueError(f"{name}: expected a number{' > 0' * above_zero}, got {value!r:.40}")
+    return float(value)
+
+
+def _statuses(names: Any) -> tuple[str, ...]:
+    known = {status.name for status in PlanStatus}
+    if not isinstance(names, list) or not all(isinstance(n, str) and n in known for n in names):
+        raise ValueError(f"statuses: expected a list of {', '.join(sorted(known))}")
+    return tuple(names)
+
+
+def _name(name: Any) -> str:
+    if not isinstance(name, str):
+        raise ValueError(f"name: expected a text, got {name!r:.40}")
+    return name
+
+
+def _table(info: Any) -> dict[str, Any]:
+    if not isinstance(info, dict):
+        raise ValueError("info: expected a table")
+    return info
+
+
+def _checked(arrays: dict[str, Array], steps: int) -> dict[str, Any]:
+    """Arrays of a run of so many steps, real numbers in the shapes that `Run` tells."""
+    checked = {name: real_array(arrays[name], name, ScenarioError) for name in ARRAYS}
+    substeps = (len(checked["path"]) - 1) // max(steps, 1)
+    stages = checked["plans"].shape[1] if checked["plans"].ndim == 3 else 0
+    expected = {
+        "states": (steps + 1, 3),
+        "path": (substeps * steps + 1, 3),
+        "inputs": (steps, 2),
+        "plans": (steps, stages, 3),
+        "step_times": (steps,),
+    }
+    for name, shape in expected.items():
+        if checked[name].shape != shape or not steps:
+            raise ValueError(
+                f"{name}: expected shape {shape} for {steps} steps, got {checked[name].shape}"
+            )
+        if not (np.abs(checked[name]) <= LARGEST).all():
+            raise ValueError(f"{name}: expected finite numbers of at most {LARGEST:g}")
+    return checked

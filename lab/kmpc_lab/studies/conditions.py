@@ -1,0 +1,140 @@
+"""Conditions of a study beside slip: lag of the motors, noise and age of poses, changing floors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
+from kmpc_lab.studies.training import DT, TRAINING_SEED, train
+from kmpc_lite.learn.calibration import with_quantiles
+from kmpc_lite.learn.fitting import fit
+from kmpc_lite.learn.regression import Method
+from kmpc_lite.model.dictionary import Dictionary, HermiteTrigDictionary, InputHistoryDictionary
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.scenario.files import Scenario
+from kmpc_lite.scenario.values import Floor
+
+POSE_NOISE = (0.005, 0.005, 0.02)
+"""Of a good motion capture or lidar [m, m, rad]."""
+HISTORY = 2.0
+"""How far back a model of a robot that lags looks, in time constants beyond the dead time: older
+commands weigh less than the noise."""
+LOG_EPISODES, LOG_STEPS = 100, 400
+"""Drives of a log and periods of each, at the most: an hour of driving."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A kind of robot, pose and floor; its model is learned from a log of the same robot."""
+
+    name: str = ""
+    """In tables and files; empty for the paper's robot, which only slips."""
+    lag: float = 0.0
+    """Time constant of the motors [s]."""
+    dead_time: float = 0.0
+    """[s]"""
+    pose_noise: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Of driving, and of the log [m, m, rad]."""
+    pose_age: float = 0.0
+    """While driving; poses of a log have stamps [s]."""
+    turning_point: tuple[float, float] = (0.0, 0.0)
+    """Where the robot turns on the spot, as seen from its pose: ahead, left [m]."""
+    floors: tuple[Floor, ...] = ()
+    """What the floor becomes while driving; the log knows nothing of it."""
+
+    def apply(self, scenario: Scenario) -> Scenario:
+        """Return the scenario under this condition."""
+        if not self.name:
+            return scenario
+        return replace(
+            scenario,
+            name="-".join(
+                [
+                    scenario.name,
+                    *"".join(c if c.isalnum() or c == "." else " " for c in self.name).split(),
+                ]
+            ),
+            lag=self.lag,
+            dead_time=self.dead_time,
+            pose_noise=self.pose_noise,
+            pose_age=self.pose_age,
+            turning_point=self.turning_point,
+            floors=self.floors,
+        )
+
+    @property
+    def log(self) -> Condition:
+        """What of it a log shows: conditions with the same log share a model."""
+        return replace(self, name="", pose_age=0.0, floors=())
+
+    def learn(self, slip: float, method: Method, episodes: int, steps: int) -> KoopmanModel:
+        """Learn as the paper does where the robot only slips, else from a log of the robot.
+
+        Noisy or old poses call for a log, too.
+
+        Half of such a log is for the fit, half for the margins' quantiles, as ``kmpc fit`` does
+        with a real one.
+        """
+        if not (self.lag or self.dead_time or any(self.pose_noise) or any(self.turning_point)):
+            return train(slip, method, episodes, steps)
+        plant = LaggingDrive(
+            self.lag, self.dead_time, slip, seed=TRAINING_SEED, turning_point=self.turning_point
+        )
+        log = drive_log(
+            plant,
+            min(episodes, LOG_EPISODES),
+            min(steps, LOG_STEPS),
+            DT,
+            TRAINING_SEED + 1,
+            pose_noise=self.pose_noise,
+        )
+        half, held = log.split(0.5, seed=0)
+        model = fit(half, self.dictionary(), method)
+        return with_quantiles(model, held) if method == "integral" else model
+
+    def dictionary(self) -> Dictionary:
+        """Dictionary that a user would choose: no place is special, past commands are known.
+
+        Commands are looked back on as long as they act.
+        """
+        trig = HermiteTrigDictionary(order=0)
+        if not (self.lag or self.dead_time):
+            return trig
+        longest = round((self.dead_time + HISTORY * self.lag) / DT)
+        return InputHistoryDictionary(trig, lags=tuple(range(longest + 1)))
+
+
+@dataclass(frozen=True)
+class MapLesson:
+    """What a model of a study is learned from: equal lessons give the same model."""
+
+    condition: Condition
+    """As a log shows it: `Condition.log`."""
+    slip: float
+    method: Method
+
+    def learn(self, episodes: int, steps: int) -> KoopmanModel:
+        """Make the data, and fit."""
+        return self.condition.learn(self.slip, self.method, episodes, steps)
+
+
+PLAIN = Condition()
+LAGGING = Condition("lag 0.3 s, dead time 0.15 s", 0.3, 0.15)
+NOISY_LAGGING = replace(LAGGING, name="lag, noisy poses", pose_noise=POSE_NOISE)
+OLD_LAGGING = replace(NOISY_LAGGING, name="lag, noisy poses 0.1 s old", pose_age=0.1)
+NOISY = Condition("noisy poses", pose_noise=POSE_NOISE)
+OLD = replace(NOISY, name="noisy poses 0.1 s old", pose_age=0.1)
+CHANGE = 1.0
+"""When the floor changes [s]."""
+SLIPPERY = Condition("slip to 0.2", floors=(Floor(CHANGE, 0.2),))
+TURNS_LESS = Condition("turn gain to 0.6", floors=(Floor(CHANGE, 0.0, 0.6),))
+BOTH_CHANGE = Condition("slip to 0.2, turn gain to 0.6", floors=(Floor(CHANGE, 0.2, 0.6),))
+NOISY_CHANGE = replace(BOTH_CHANGE, name="the same, noisy poses", pose_noise=POSE_NOISE)
+TURNING = tuple(
+    Condition(
+        f"turns about a point {1e3 * ahead:g} mm ahead, {1e3 * left:g} mm to the left",
+        turning_point=(ahead, left),
+    )
+    for ahead, left in ((0.02, 0.0), (0.05, 0.02), (-0.04, 0.0), (0.0, 0.03))
+)
+"""Markers, antennas and weights off the middle."""

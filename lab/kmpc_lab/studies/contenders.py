@@ -1,0 +1,158 @@
+"""Controllers that studies and benchmarks compare: one way to say which one to build."""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from kmpc_lite.control.controller import Controller
+from kmpc_lite.control.options import ControllerOptions
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.learn.regression import Method
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.scenario.files import Scenario
+
+Form = Literal["full", "paper", "converged", "ipopt", "fatrop", "acados"]
+"""Ours with everything on; ours in the paper's formulation (the goal as reference, no learned
+margins), with one pass a step or passes to convergence; CasADi with IPOPT or fatrop; acados."""
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A controller by its label, and what a worker needs to build it: it pickles."""
+
+    label: str
+    """Name in tables and files."""
+    form: Form = "full"
+    fit: Method | None = "integral"
+    """How studies learn its model; None is the nominal unicycle."""
+    margin: float = 0.0
+    """Distance to keep beyond the radii in a study, instead of the map's own [m]."""
+    adaptation: bool | None = None
+    """Whether ours adapts its model while driving; its own choice where not given."""
+    solver: str = "osqp"
+    """QP solver of ours, by the name that qpsolvers has for it."""
+    timed: str = "total"
+    """Entry of a plan's timing that benchmarks compare."""
+
+    @property
+    def missing(self) -> str:
+        """Why it cannot take part on this machine; empty if it can."""
+        if self.form in ("ipopt", "fatrop"):
+            found = importlib.util.find_spec("casadi")
+            return "" if found else "CasADi is not installed: pip install 'kmpc-lab[peers]'"
+        if self.form == "acados":
+            from kmpc_lab.peers.acados_wheel import why_not
+
+            return why_not()
+        return ""
+
+    @property
+    def simulate_words(self) -> tuple[str, ...] | None:
+        """What makes ``kmpc simulate`` drive this controller; None where no option does."""
+        if self.form != "full" or self.solver != "osqp" or self.adaptation is True:
+            return None
+        words: tuple[str, ...] = ("--margin", repr(self.margin)) if self.margin else ()
+        return words if self.adaptation is None else (*words, "--no-adaptation")
+
+    def build(self, model: KoopmanModel, scenario: Scenario) -> Any:
+        """Make the controller for a scenario: its problem, with the contender's margin."""
+        problem = replace(scenario.problem(), margin=self.margin)
+        obstacles, age = scenario.obstacle_count, scenario.pose_age
+        return self.make(model, problem, obstacles, age, scenario.options)
+
+    def make(
+        self,
+        model: KoopmanModel,
+        problem: NavigationProblem,
+        obstacles: int = 0,
+        pose_age: float = 0.0,
+        options: ControllerOptions | None = None,
+    ) -> Any:
+        """Make the controller for a problem.
+
+        Parameters
+        ----------
+        model : KoopmanModel
+            Predicts the robot.
+        problem : NavigationProblem
+            What is asked of the controller.
+        obstacles : int
+            Most obstacles that it will meet; only acados must know.
+        pose_age : float
+            Age of the poses it will get [s]; only ours makes use of it.
+        options : ControllerOptions, optional
+            What ours is tuned with.
+
+        Returns
+        -------
+        Any
+            What has `step` and `reset` as `Controller` has them.
+        """
+        if self.form == "ipopt" or self.form == "fatrop":
+            from kmpc_lab.peers.ipopt import IpoptController
+
+            return IpoptController(model, problem, self.form)
+        if self.form == "acados":
+            from kmpc_lab.peers.acados import AcadosController
+
+            return AcadosController(model, problem, obstacles)
+        if self.form == "full":
+            return Controller(
+                model,
+                problem,
+                adaptation=self.adaptation,
+                pose_age=pose_age,
+                solver=self.solver,
+                options=options,
+            )
+        passes: dict[str, Any] = (
+            {"sqp_iterations": 200, "tolerance": 1e-6} if self.form == "converged" else {}
+        )
+        return Controller(
+            model,
+            problem,
+            guidance=False,
+            tightening=None,
+            pose_age=pose_age,
+            solver=self.solver,
+            options=options,
+            **passes,
+        )
+
+
+EVERYTHING = Contender("ours, everything on")
+UNADAPTED = Contender("ours, no adaptation", adaptation=False)
+TABLE_1_CONTENDERS = (
+    Contender("NMPC, IPOPT", "ipopt", None),
+    Contender("K-NMPC, IPOPT", "ipopt", "edmdc"),
+    Contender("ours, paper's formulation", "paper", "edmdc"),
+    Contender("ours, paper's, integral fit", "paper"),
+    EVERYTHING,
+)
+"""Rows of table 1."""
+STUDY_CONTENDERS = (*TABLE_1_CONTENDERS, UNADAPTED)
+"""All that studies choose from."""
+
+PAPER_FORM = Contender("ours, RTI", "paper")
+BENCH_CONTENDERS = (
+    PAPER_FORM,
+    Contender("ours, converged", "converged"),
+    Contender("CasADi + IPOPT", "ipopt"),
+    Contender("CasADi + fatrop", "fatrop"),
+    Contender("acados RTI, in C", "acados", timed="solve"),
+    Contender("acados RTI, Python", "acados"),
+)
+"""Benchmarked on the paper's problem."""
+FULL_STEP = Contender("ours, full step")
+BENCH_FULL_CONTENDERS = (FULL_STEP, Contender("CasADi + IPOPT", "ipopt"))
+"""Benchmarked on the states of drives with everything on."""
+
+
+def solver_contenders() -> list[Contender]:
+    """Ours in the paper's formulation with each QP solver that is installed; OSQP comes first."""
+    import qpsolvers
+
+    names = ["osqp", *sorted(set(qpsolvers.available_solvers) - {"osqp"})]
+    return [Contender(name, "paper", solver=name) for name in names]

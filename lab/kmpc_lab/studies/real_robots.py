@@ -1,0 +1,282 @@
+"""``kmpc study real``: the nearest that a simulation comes to a real robot.
+
+The plant is made from one half of a real log, the model of the controller from the other half. The
+plant moves as its own model says, and errs as the log did: whole windows of the model's residuals
+are drawn from the log, those of about the same speed. What the poses' own noise has put into
+residuals is taken out, and is in the measured poses instead. Where the log's inputs are measured
+speeds the motors' lag is not in it, and is added. Judged by the true pose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from kmpc_lab.studies.any_robot import Robot
+from kmpc_lab.studies.log_drives import load_drives
+from kmpc_lab.studies.records import drive_rows
+from kmpc_lab.studies.robot_drives import RobotDrive, course_of, judge
+from kmpc_lite.control import Controller
+from kmpc_lite.control.margins.model_margins import Margins
+from kmpc_lite.errors import DataError
+from kmpc_lite.geometry import rotate
+from kmpc_lite.learn.calibration import scores, with_quantiles
+from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.fitting import fit
+from kmpc_lite.learn.noise_sources import prediction_errors
+from kmpc_lite.learn.windows import largest_speeds
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.tube import tube_noise
+from kmpc_lite.scenario.touch import LOOKS
+from kmpc_lite.types import Array
+
+Lags = Literal["auto"] | tuple[int, ...] | None
+"""As `fit` takes them."""
+SPLIT_SEED = 7200
+"""Of the halves of a log."""
+WINDOW = 1.0
+"""How long residuals are taken from one place of the log [s]."""
+MOTOR_LAG = 0.1
+"""Time constant of motors that a log of measured speeds does not show [s]."""
+AHEAD = 0.5
+"""How far ahead the error is that margins are held against [s]."""
+SPEED_BINS = 4
+"""Groups of windows, by how fast they were driven."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a model is learned and driven."""
+
+    name: str
+    lags: Lags
+    adapts: bool = False
+
+
+RECIPES = (
+    Recipe("auto", "auto"),
+    Recipe("auto, adapted", "auto", adapts=True),
+    Recipe("no lags", None),
+    Recipe("no lags, adapted", None, adapts=True),
+    Recipe("lags 0 1 2 3", (0, 1, 2, 3)),
+    Recipe("lags 0 1 2 3, adapted", (0, 1, 2, 3), adapts=True),
+)
+
+
+class RealPlant:
+    """Moves as a model of a log says, and errs as the log did.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        With noise sources.
+    log : Dataset
+        Where its errors come from.
+    seed : int
+        Of the windows that are drawn.
+    motor_lag : float
+        Time constant between commands and the log's inputs [s].
+    """
+
+    def __init__(self, model: KoopmanModel, log: Dataset, seed: int, motor_lag: float) -> None:
+        self._model, self._random = model, np.random.default_rng([seed, 13])
+        self._share = 1.0 - np.exp(-model.dt / motor_lag) if motor_lag else 1.0
+        self._input, self._past = np.zeros(2), np.zeros((model.history, 2))
+        windows = list(_residual_windows(model, log))
+        if len(windows) < SPEED_BINS:
+            raise DataError("the log is too short to draw errors from it")
+        speeds = np.array([np.abs(w[0]).mean(axis=0)[0] for w in windows])
+        order = np.argsort(speeds, kind="stable")
+        self._bins = [[windows[i] for i in part] for part in np.array_split(order, SPEED_BINS)]
+        self._edges = [float(np.abs(b[0][0]).mean(axis=0)[0]) for b in self._bins[1:]]
+        self._window, self._place = self._bins[0][0], len(self._bins[0][0][0])
+
+    def drive(self, pose: Array, command: Array) -> Array:
+        """Poses (LOOKS, 3) during one period from a pose (3,), evenly spaced between its ends."""
+        self._input = self._input + self._share * (command - self._input)
+        end = self._model.predict(pose, self._input, self._past)
+        error = self._error(self._input)
+        end = end + (*rotate(error[0], error[1], pose[2]), error[2])
+        self._past = np.concatenate([self._past, self._input[None]])[1:]
+        share = np.arange(1, LOOKS + 1)[:, None] / LOOKS
+        path: Array = pose + share * (end - pose)
+        return path
+
+    def _error(self, command: Array) -> Array:
+        """Error of this period in the robot's frame (3,), as large as the command allows."""
+        inputs, errors = self._window
+        if self._place >= len(inputs):
+            group = self._bins[int(np.searchsorted(self._edges, abs(float(command[0]))))]
+            inputs, errors = self._window = group[self._random.integers(len(group))]
+            self._place = 0
+        told, error = inputs[self._place], errors[self._place]
+        self._place += 1
+        # a robot that is slower than the log's errs by less, and one that stands does not move
+        size, was = (float(np.abs(u) @ (1.0, 0.3)) for u in (command, told))
+        out: Array = error * min(1.0, size / max(was, 1e-9))
+        return out
+
+
+def _residual_windows(model: KoopmanModel, log: Dataset) -> Iterator[tuple[Array, Array]]:
+    """Inputs (n, 2) and errors in the robot's frame (n, 3) of whole windows of a log."""
+    steps, past = max(1, round(WINDOW / model.dt)), model.history
+    noise = tube_noise(model.noise_model, model.dt)
+    for episode in log.episodes:
+        for first in range(past, len(episode) - steps + 1, steps):
+            rows = np.arange(first, first + steps)
+            history = episode.inputs[rows[:, None] + np.arange(-past, 0)] if past else None
+            x, u = episode.states[rows], episode.inputs[rows]
+            error = episode.states[rows + 1] - model.predict(x, u, history)
+            ahead, left = rotate(error[:, 0], error[:, 1], -x[:, 2])
+            # what measured poses put into a residual is no motion
+            squares = u**2
+            moved = np.tensordot(squares, noise.white + noise.lasting, axes=(-1, 0))
+            pose = noise.pose + squares[:, :1, None] * noise.pose_by_speed
+            motion, measured = (np.einsum("nii->ni", m) for m in (moved, noise.poses * pose))
+            kept = np.sqrt(motion / np.maximum(motion + measured, 1e-18))
+            yield u, kept * np.stack([ahead, left, error[:, 2]], axis=1)
+
+
+@dataclass(frozen=True)
+class RealRobot:
+    """A real robot as far as its log tells of it."""
+
+    robot: Robot
+    log: Path
+
+    def halves(self) -> tuple[Dataset, Dataset]:
+        """What the model is learned from, and what the plant is made of."""
+        return load_drives(self.log, self.robot.dt).split(0.5, seed=SPLIT_SEED)
+
+
+def real_robot(log: Path, radius: float, speed: float, turn_rate: float) -> RealRobot:
+    """Give a real robot from its log, which is driven at 10 Hz within these bounds.
+
+    Parameters
+    ----------
+    log : Path
+        Whatever `Dataset.load` reads.
+    radius, speed, turn_rate : float
+        [m], [m/s], [rad/s].
+    """
+    return RealRobot(Robot(log.stem, radius, speed, turn_rate), log)
+
+
+@dataclass(frozen=True)
+class Width:
+    """How wide the margins of a recipe's model are, and what they hold."""
+
+    recipe: str
+    ahead: float
+    """Margin ahead at 1 m/s, headway aside [m]."""
+    aside: float
+    """The same to the side [m]."""
+    error: float
+    """Root mean square of the position's error 0.5 s ahead, on driving that nothing saw [m]."""
+    coverage: float
+    """Share of that driving which stays within the tube of 95 %."""
+
+    def __str__(self) -> str:
+        """In one line."""
+        return (
+            f"{self.recipe:22} {100 * self.ahead:6.1f} {100 * self.aside:6.1f} "
+            f"{100 * self.error:8.1f} {100 * self.coverage:9.1f} %"
+        )
+
+
+WIDTHS = f"{'at 1 m/s, 95 %':22} {'ahead':>6} {'aside':>6} {'0.5 s':>8} {'within':>11}   [cm]"
+
+
+def widths(real: RealRobot) -> list[Width]:
+    """Margins of every recipe, and whether they hold on the half that nothing was fitted to."""
+    found = []
+    for recipe in RECIPES:
+        if recipe.adapts:
+            continue
+        model, its = _learn(real, recipe.lags)
+        problem = real.robot.problem(20.0 * real.robot.radius)
+        margins = Margins(model, problem)
+        ahead, aside = margins.straight(1.0)
+        errors, _ = prediction_errors(model, its, AHEAD)
+        error = float(np.sqrt((errors[:, -1, :2] ** 2).sum(axis=1).mean()))
+        within = float((scores(model, its) <= margins.noise.quantile).mean())
+        found.append(Width(recipe.name, ahead, aside, error, within))
+    return found
+
+
+@lru_cache(maxsize=len(RECIPES))
+def _learn(real: RealRobot, lags: Lags) -> tuple[KoopmanModel, Dataset]:
+    """Model of one half, with margins, and the other half."""
+    mine, its = real.halves()
+    train, held = mine.split(0.5, seed=SPLIT_SEED + 1)
+    return with_quantiles(fit(train, lags=lags), held), its
+
+
+@lru_cache(maxsize=1)
+def _plant_model(real: RealRobot) -> tuple[KoopmanModel, Robot]:
+    """Model that the plant moves as, and the robot as it is by that model."""
+    _, its = real.halves()
+    truth = fit(its, lags="auto")
+    limits = largest_speeds(its)
+    spread = tube_noise(truth.noise_model, truth.dt).pose_deviation
+    turned = truth.predict(
+        np.zeros(3), (0.0, limits[1]), np.tile((0.0, limits[1]), (truth.history, 1))
+    )
+    gain = float(turned[2]) / (limits[1] * truth.dt)
+    return truth, replace(real.robot, noise=spread, turn_gain=gain)
+
+
+def drive_real(real: RealRobot, recipe: Recipe, seed: int) -> RobotDrive:
+    """Learn from one half, and drive over the map of a seed on a plant of the other half."""
+    model, its = _learn(real, recipe.lags)
+    truth, robot = _plant_model(real)
+    course = course_of(robot, seed)
+    problem = robot.problem(course.side)
+    controller = Controller(model, problem, adaptation=recipe.adapts)
+    plant = RealPlant(truth, its, seed, MOTOR_LAG)
+    return judge(f"{robot.name}, {recipe.name}", seed, controller, plant, course)
+
+
+def study(
+    real: RealRobot,
+    recipes: Sequence[Recipe],
+    seeds: Sequence[int],
+    executor: Executor,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    records: Any = None,
+) -> list[RobotDrive]:
+    """Drive the models of all recipes over the same maps; rows in this order.
+
+    Parameters
+    ----------
+    real : RealRobot
+        Whose log it is.
+    recipes : sequence of Recipe
+        Of `RECIPES`.
+    seeds : sequence of int
+        Of maps and errors.
+    executor : Executor
+        Does the work.
+    progress : callable
+        Called with drives done and drives in all.
+    records : path, optional
+        JSON-lines file to which every drive is added, and from which those already driven are
+        taken.
+    """
+    robot = real.robot
+    numbers = str(real.log), robot.radius, robot.speed, robot.turn_rate
+    wanted = [(*numbers, recipe.name, seed) for recipe in recipes for seed in seeds]
+    return drive_rows(executor, records, "real", _drive_asked, wanted, RobotDrive, progress)
+
+
+def _drive_asked(
+    log: str, radius: float, speed: float, turn_rate: float, name: str, seed: int
+) -> RobotDrive:
+    real = real_robot(Path(log), radius, speed, turn_rate)
+    return drive_real(real, next(r for r in RECIPES if r.name == name), seed)

@@ -1,0 +1,248 @@
+"""Drives of robots that nobody has tuned it for: judged by the truth, counted, and told.
+
+In pose means within `in_pose` by the true pose, held for a second. A collision is an overlap of
+outlines at any of ten looks a period; the account of it shares no code with the controller.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any, Protocol
+
+import numpy as np
+
+from kmpc_lab.sim.maps.families import random_map
+from kmpc_lab.sim.periods import periods
+from kmpc_lab.studies.any_robot import Robot, RobotPlant, learn, random_robot
+from kmpc_lab.studies.records import drive_rows
+from kmpc_lite.control import Circle, Controller, NavigationProblem
+from kmpc_lite.control.plan import Plan, PlanStatus
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.scale import UNIT_RADIUS
+from kmpc_lite.scenario.arrival import in_pose
+from kmpc_lite.scenario.touch import footprint_gaps
+from kmpc_lite.types import Array
+
+HELD = 1.0
+"""How long the robot must hold its goal [s]."""
+
+
+@dataclass(frozen=True)
+class RobotDrive:
+    """What became of one drive."""
+
+    robot: str
+    seed: int
+    in_pose: bool
+    held_elsewhere: bool
+    collided: bool
+    seconds: float
+    ideal_seconds: float
+    clearance: float
+    stopped: float
+    """Share of steps without a plan."""
+    ended: str
+    """Progress that was told at the end, and its reason."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return asdict(self)
+
+
+class Moves(Protocol):
+    """The true robot, as a drive needs it."""
+
+    def drive(self, pose: Array, command: Array) -> Array:
+        """Poses (n, 3) during one period from a pose (3,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Course:
+    """A map of a robot's size, with what is measured of the robot."""
+
+    start: Array
+    """(3,)."""
+    goal: Array
+    """(3,)."""
+    circles: list[Circle]
+    side: float
+    """Side of the area [m]."""
+    spread: Array
+    """Standard deviations of a measured pose, (3,) [m, m, rad]."""
+    ideal: float
+    """Straight line at full speed, and the turns at both ends [s]."""
+
+
+def course_of(robot: Robot, seed: int, family: str = "open") -> Course:
+    """Give a random map the size of a robot."""
+    scenario, by = random_map(family, seed), robot.radius / UNIT_RADIUS
+    unit = np.array((by, by, 1.0))
+    start, goal = np.array(scenario.start) * unit, np.array(scenario.goal) * unit
+    return Course(
+        start,
+        goal,
+        [Circle(by * c.x, by * c.y, by * c.radius, 0.0, 0.0) for c in scenario.circles],
+        by * (scenario.bounds[2] - scenario.bounds[0]),
+        np.array((robot.noise[0], robot.noise[0], robot.noise[1])),
+        _ideal_seconds(robot, start, goal),
+    )
+
+
+def drive(
+    robot: Robot, seed: int, family: str = "open", model: KoopmanModel | None = None
+) -> RobotDrive:
+    """Learn a robot and drive it over one random map of its size."""
+    model = learn(robot, seed) if model is None else model
+    course = course_of(robot, seed, family)
+    controller = Controller(model, robot.problem(course.side))
+    return judge(robot.name, seed, controller, RobotPlant(robot, seed), course)
+
+
+def judge(name: str, seed: int, controller: Controller, plant: Moves, course: Course) -> RobotDrive:
+    """Drive over a course, and judge by the true poses."""
+    radius, dt = controller.problem.body_radius, controller.problem.dt
+    random, goal = np.random.default_rng([seed, 7]), course.goal
+    tolerance = in_pose(radius, course.spread)
+    inside, stopped, clearance = 0.0, 0, np.inf
+
+    def step(pose: Array, k: int) -> Plan:
+        measured = pose + course.spread * random.normal(size=3)
+        return controller.step(measured, goal, course.circles)
+
+    most = math.ceil((8.0 * course.ideal + 20.0) / dt)
+    for period in periods(step, plant.drive, course.start, most):
+        plan, poses = period.plan, period.poses
+        stopped += plan.status is PlanStatus.STOPPED
+        clearance = min(clearance, _least_gap(controller.problem, poses, course.circles))
+        if clearance < 0.0:
+            break
+        inside = inside + dt if tolerance.met(poses[-1], goal) else 0.0
+        if inside >= HELD:
+            break
+    driven = period.number + 1
+    return RobotDrive(
+        name,
+        seed,
+        inside >= HELD,
+        plan.holding and inside < HELD,
+        clearance < 0.0,
+        driven * dt - HELD,
+        course.ideal,
+        clearance,
+        stopped / driven,
+        f"{plan.progress.value}: {plan.reason}" if plan.reason else plan.progress.value,
+    )
+
+
+def _least_gap(problem: NavigationProblem, poses: Array, circles: Sequence[Circle]) -> float:
+    """Least distance between a robot at poses (n, 3) and circles at rest [m]; of the outline."""
+    if problem.footprint is not None:
+        rows = np.tile(np.array(circles).reshape(1, -1, 5), (len(poses), 1, 1))
+        return float(footprint_gaps(problem.footprint, poses, rows, ()).min())
+    least = np.inf
+    for circle in circles:
+        away = np.hypot(poses[:, 0] - circle.x, poses[:, 1] - circle.y)
+        least = min(least, float(away.min()) - circle.radius - problem.robot_radius)
+    return least
+
+
+def drive_random(seed: int, shapes: bool = True) -> RobotDrive:
+    """Draw a robot, learn it and drive it; `shapes`: whether it may be one that is not round."""
+    robot = random_robot(seed, shapes)
+    name = "any robot" if robot.footprint is None else "not round"
+    return replace(drive(robot, seed), robot=name)
+
+
+def _ideal_seconds(robot: Robot, start: Array, goal: Array) -> float:
+    """Straight line at full speed, and the turns at both ends."""
+    away = goal[:2] - start[:2]
+    along = math.atan2(away[1], away[0])
+    turns = min(
+        abs(math.remainder(along + back - start[2], math.tau))
+        + abs(math.remainder(goal[2] - along - back, math.tau))
+        for back in ((0.0, math.pi) if robot.reverse else (0.0,))
+    )
+    return math.hypot(*away) / robot.speed + turns / (robot.turn_rate * robot.turn_gain)
+
+
+def summary(rows: Sequence[RobotDrive]) -> dict[str, Any]:
+    """Counts of one robot's, or one study's, drives."""
+    times = [r.seconds / r.ideal_seconds for r in rows if r.in_pose]
+    return {
+        "drives": len(rows),
+        "in_pose": sum(r.in_pose for r in rows),
+        "collisions": sum(r.collided for r in rows),
+        "held_elsewhere": sum(r.held_elsewhere for r in rows),
+        "time_to_ideal": float(np.median(times)) if times else math.nan,
+        "stopped": float(np.mean([r.stopped for r in rows])),
+    }
+
+
+def study(
+    name: str,
+    robots: Sequence[Robot],
+    seeds: Sequence[int],
+    executor: Executor,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    records: Any = None,
+) -> list[RobotDrive]:
+    """Drive every robot over the maps of all seeds; rows in this order.
+
+    Parameters
+    ----------
+    name : str
+        Of the study.
+    robots : sequence of Robot
+        Whose model is learned anew for each seed, where it is learned.
+    seeds : sequence of int
+        Of maps, slip and noise.
+    executor : Executor
+        What runs it.
+    progress : callable
+        Called with drives done and drives in all.
+    records : path, optional
+        JSON-lines file to which every drive is added, and from which those already driven are
+        taken.
+    """
+    one = partial(_drive_named, {robot.name: robot for robot in robots})
+    wanted = [(robot.name, seed) for robot in robots for seed in seeds]
+    return drive_rows(executor, records, name, one, wanted, RobotDrive, progress)
+
+
+def _drive_named(robots: dict[str, Robot], name: str, seed: int) -> RobotDrive:
+    return drive(robots[name], seed)
+
+
+def study_random(
+    seeds: Sequence[int],
+    shapes: bool,
+    executor: Executor,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    records: Any = None,
+) -> list[RobotDrive]:
+    """Drive a robot drawn at random for each seed; arguments as of `study` and `drive_random`."""
+    wanted = [(seed, shapes) for seed in seeds]
+    return drive_rows(executor, records, "anyrobot", drive_random, wanted, RobotDrive, progress)
+
+
+def format_rows(rows: Sequence[RobotDrive]) -> str:
+    """Table with a row a robot, then every drive that did not end in pose."""
+    names = list(dict.fromkeys(row.robot for row in rows))
+    lines = [f"{'':16} drives  in pose  collisions  held elsewhere  time to ideal  stopped"]
+    for name in names:
+        s = summary([row for row in rows if row.robot == name])
+        lines.append(
+            f"{name:16} {s['drives']:6d} {s['in_pose']:8d} {s['collisions']:11d} "
+            f"{s['held_elsewhere']:15d} {s['time_to_ideal']:14.2f} {100 * s['stopped']:7.1f} %"
+        )
+    lines += [
+        f"{row.robot}, map {row.seed}: {'touched' if row.collided else row.ended}"
+        for row in rows
+        if row.collided or not row.in_pose
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,117 @@
+"""Command lines of the bridge: help with an example, and one line for what is wrong."""
+
+import pytest
+
+from kmpc_lite.cli.main import main
+
+
+@pytest.mark.parametrize("command", ["check", "run", "record", "replay", "emulate", "estop"])
+def test_every_command_has_help_with_an_example_and_json(command, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main([command, "--help"])
+    out = capsys.readouterr().out
+    assert caught.value.code == 0 and f"example:\n  kmpc {command}" in out and "--json" in out
+
+
+MAVLINK = ["--driver", "mavlink", "--link", "pty:link"]
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (["run"], "link.url: missing"),
+        (["run", "none.toml"], "none.toml: cannot read the robot file"),
+        (["run", *MAVLINK], "control.scenario: missing: give --scenario NAME"),
+        (["run", *MAVLINK, "--scenario", "nowhere"], "no scenario named 'nowhere'"),
+        (["run", *MAVLINK, "--scenario", "course.toml", "--model", "none.npz"], "none.npz"),
+        (
+            ["run", *MAVLINK, "--scenario", "course.toml", "--period", "0.2"],
+            "control.period: 0.2 s is too long",
+        ),
+        (["run", *MAVLINK, "--scenario", "course.toml", "--timeout", "0.2"], "link: no such port"),
+        (
+            ["run", "--driver", "vesc", "--link", "pty:link", "--scenario", "course.toml", "--arm"],
+            "--arm: only an autopilot is armed",
+        ),
+        (
+            ["run", "--driver", "vesc", "--link", "pty:link", "--scenario", "course.toml"],
+            "geometry.wheel_radius: missing",
+        ),
+        (
+            ["run", *MAVLINK, "--scenario", "course.toml", "--set", "board.system"],
+            "--set board.system: expected SECTION.KEY=VALUE",
+        ),
+        (
+            ["run", *MAVLINK, "--scenario", "course.toml", "--set", "board.system=one"],
+            "--set board.system=one: expected",
+        ),
+        (
+            ["run", *MAVLINK, "--scenario", "course.toml", "--set", "board.system=300"],
+            "board.system: expected a MAVLink id",
+        ),
+        (
+            ["run", *MAVLINK, "--scenario", "course.toml", "--v-max", "-1"],
+            "limits.v_max: expected 0.0001 to 100 m/s",
+        ),
+        (
+            ["run", "--driver", "mavlink", "--link", "smoke:signals", "--scenario", "course.toml"],
+            "link: expected serial:",
+        ),
+        (
+            ["run", *MAVLINK, "--scenario", "course.toml", "--socket", "no/such/dir/s"],
+            "cannot listen",
+        ),
+        (
+            ["run", *MAVLINK, "--scenario", "course.toml", "--rehearse"],
+            "--rehearse: goes with a learned model",
+        ),
+        (
+            ["record", *MAVLINK, "--excite", "--output", "a"],
+            "safety.geofence: missing: random driving needs",
+        ),
+        (
+            ["record", *MAVLINK, "--excite", "--output", "a", "--geofence", "0", "0", ".1", "1"],
+            "too small to drive in at random",
+        ),
+        (
+            ["record", *MAVLINK, "--by-hand", "--until-covered", "--output", "a"],
+            "--until-covered: goes with --excite",
+        ),
+        (["record", *MAVLINK, "--by-hand", "--arm", "--output", "a"], "--by-hand: the pilot arms"),
+        (
+            ["record", *MAVLINK, "--by-hand", "--output", "course.toml/a"],
+            "cannot write: Not a directory",
+        ),
+        (["replay", "none.tlog"], "none.tlog: cannot read"),
+        (["replay", "course.toml"], "neither a tlog nor a raw log"),
+        (["emulate", "none.toml"], "none.toml: cannot read"),
+        (["emulate", "mavlink", "--link", "serial:/dev/null"], "an emulator serves pty:"),
+        (["emulate", "mavlink", "--link", "pty:x", "--scenario", "nowhere"], "no scenario named"),
+        (["emulate", "mavlink", "--link", "pty:x", "--slip", "-1"], "slip"),
+        (["emulate", "mavlink"], "link.url: missing"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_status_2(desk, capsys, command, words):
+    assert main(command) == 2
+    captured = capsys.readouterr()
+    assert (
+        words in captured.err
+        and captured.err.startswith("kmpc: ")
+        and captured.err.count("\n") == 1
+    )
+    assert captured.out == "" and not list(desk.glob("a.*"))
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        [],
+        ["fly"],
+        ["run", "--seconds", "0"],
+        ["run", "--seconds", "soon"],
+        ["record", "--output", "a"],
+    ],
+)
+def test_a_command_line_that_cannot_be_understood_is_exit_status_2_too(command, capsys):
+    assert main(command) == 2
+    assert capsys.readouterr().err.count("\n") == 1

@@ -1,0 +1,125 @@
+"""`kmpc run` on emulated robots over real links: past an obstacle to the goal, and recorded."""
+
+import json
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from emulated_robots import FAST, emulated, meanwhile, robot_options
+from waiting import until
+
+import kmpc_lab
+import kmpc_lite as kl
+from firmware_bridge.safety.estop_client import ask
+from kmpc_lab.recording.drive_file import load_drive
+from kmpc_lite.cli.main import main
+
+
+def look_at_the_states(states):
+    """It drove and held its goal; where the machine is busy it may have braked and gone on."""
+    assert states[:2] == ["WAITING", "ACTIVE"] and states[-2:] == ["HOLDING", "RELEASED"]
+    assert set(states[2:-2]) <= {"WAITING", "ACTIVE", "HOLDING"}
+
+
+def look_at_the_recording(run, report):
+    """What a drive recorded of itself is what was driven."""
+    details, outcome = run.details, report["arrived_after_s"]
+    assert run.outcome.value == "reached" and run.duration == outcome
+    assert run.info["kind"] == "driven" and run.info["ended"] == "arrived"
+    states = [state for _, state, _ in details.gates if state not in ("IDLE", "STOPPING")]
+    changes = [b for a, b in zip(["", *states], states, strict=False) if a != b]
+    look_at_the_states(changes)
+    assert abs(next(t for t, state, _ in details.gates if state == "ACTIVE")) < 1e-9
+    assert details.times[-1] > outcome and (np.diff(details.times) > 0.0).all()
+    assert np.nanmax(details.pose_ages) < 5.0 and (details.step_times > 0.0).all()
+    assert len(details.sent) == report["loop"]["commands_sent"]
+    assert len(details.measured) > 20 and details.health[-1][1]["connected"]
+    assert np.hypot(*(run.states[-1, :2] - (0.7, 0.15))) < 0.08
+    assert details.margins.min() >= 0.05, "the scenario asks for so much"
+
+
+SLOW = [pytest.param(name, marks=pytest.mark.long) for name in ("odrive", "vesc")]
+
+
+@pytest.mark.parametrize("name", ["rover", "roboclaw", *SLOW])
+def test_run_drives_past_the_obstacle_to_the_goal_and_records_it(desk, capsys, name):
+    options = [
+        *robot_options(name),
+        "--scenario",
+        "course.toml",
+        "--record",
+        "drive",
+        "--json",
+        *FAST,
+    ]
+    # where the machine is busy for a moment, the robot brakes and goes on: it is not given up
+    options += ["--set", "safety.hold=3"]
+    if name == "roboclaw":  # with a learned model, twenty times a second
+        kl.fit(
+            kmpc_lab.generate_dataset(
+                kmpc_lab.DifferentialDrive(), episodes=10, steps=60, dt=0.1, seed=0
+            )
+        ).save("robot.npz")
+        options += ["--model", "robot.npz", "--period", "0.05", "--trust-model"]
+        options += ["--command-period", "0.1"]
+    with emulated(name) as robot:
+        assert main(["run", *options]) == 0
+        assert until(lambda: robot.stopped)
+        x, y, theta = robot.pose
+    report = json.loads(capsys.readouterr().out)
+    assert report["outcome"] == "arrived" and report["arrived"] and report["scenario"] == "course"
+    assert math.hypot(x - 0.7, y - 0.15) < 0.08 and abs(math.remainder(theta, math.tau)) < 0.3
+    # the goal was held within 5 cm; the last pose may be one of parking, or of a braking rover
+    assert report["clearance_m"] > 0.0 and report["position_error_m"] <= 0.08
+    states = [
+        c["to"] for c in report["loop"]["changes"] if c["to"] != "STOPPING"
+    ]  # a robot that stands at its goal needs no ramp
+    look_at_the_states(states)
+    assert set(report["loop"]["times_ms"]["controller"]) == {
+        "count",
+        "mean",
+        "p50",
+        "p99",
+        "p99.9",
+        "max",
+    }
+    data = kl.Dataset.load("drive/drive.csv")
+    assert data.dt == pytest.approx(0.05 if name == "roboclaw" else 0.1) and data.steps > 10
+    log = "drive/drive.tlog" if name == "rover" else "drive/drive.raw"
+    assert report["files"] == ["drive/drive.csv", log, "drive/drive.mcap"]
+    look_at_the_recording(load_drive(Path("drive")), report)
+    assert kl.Dataset.load("drive", dt=0.1).steps > 10
+    assert main(["replay", log, "--json"]) == 0
+    replayed = json.loads(capsys.readouterr().out)
+    assert replayed["seconds"] > 2.0
+    if name == "rover":
+        assert (
+            replayed["messages"]["SET_POSITION_TARGET_LOCAL_NED"] > 50 and replayed["poses"] > 100
+        )
+        assert 0.7 < replayed["distance"] < 1.5
+    else:
+        assert replayed["bytes_in"] > 1000 and replayed["bytes_out"] > 1000
+
+
+def test_a_pilot_who_takes_over_keeps_the_rover_until_it_is_enabled_again(desk, capsys):
+    seen = {}
+    with emulated("rover") as rover:
+
+        def pilot():
+            assert until(lambda: rover.pose[0] > 0.1)
+            rover.pilot_mode(0)  # MANUAL
+            assert until(lambda: ask(Path("kmpc-bridge.sock"), "status")["gate"] == "YIELDED")
+            time.sleep(0.5)
+            seen["mode"] = rover.mode
+            ask(Path("kmpc-bridge.sock"), "enable")
+
+        with meanwhile(pilot):
+            assert (
+                main(["run", *robot_options("rover"), "--scenario", "course.toml", "--json", *FAST])
+                == 0
+            )
+    report = json.loads(capsys.readouterr().out)
+    assert seen["mode"] == "MANUAL"
+    assert [c["to"] for c in report["loop"]["changes"]][2:5] == ["YIELDED", "WAITING", "ACTIVE"]

@@ -1,0 +1,44 @@
+"""A robot whose pose lies inside an obstacle of its scenario is not driven, and told why."""
+
+import json
+import math
+
+import pytest
+from courses import PATIENT
+from emulated_robots import emulated, robot_options
+
+from firmware_bridge.cli.standing import misplaced
+from kmpc_lite.cli.main import main
+from kmpc_lite.scenario.files import Scenario
+
+WORDS = "m from the scenario's start: is frame.origin right?"
+
+
+@pytest.mark.parametrize(("depth", "refused"), [(-0.1, False), (0.07, False), (0.08, True)])
+def test_half_its_radius_inside_cannot_be_true(depth, refused, desk):
+    scenario = Scenario.load("course.toml")
+    x, y, radius = 0.4, 0.45, 0.1 + scenario.radius
+    told = misplaced(scenario, (x - radius + depth, y, 0.0))
+    assert bool(told) == refused
+    assert misplaced(scenario, (math.nan, 0.0, 0.0)) == ""
+    if refused:
+        assert told.startswith("stands inside an obstacle by 0.08 m") and told.endswith(WORDS)
+        assert "\n" not in told
+
+
+def test_run_and_check_refuse_a_robot_in_a_wall(desk, capsys):
+    with emulated("rover") as rover:
+        command = [*robot_options("rover"), "--scenario", "walls_door", "--json"]
+        assert main(["run", *command, "--seconds", "20"]) == 1
+        report = json.loads(capsys.readouterr().out)
+        assert report["outcome"].startswith("not driven: stands inside an obstacle by 0.19 m")
+        assert report["outcome"].endswith(f"1.80 {WORDS}")
+        assert report["arrived_after_s"] is None and report["loop"]["stop_reason"]
+        assert rover.pose == (0.0, 0.0, 0.0)
+        options = [*command[:3], *PATIENT, *command[-3:]]
+        assert main(["check", *options, "--seconds", "0.5"]) == 1
+        found = json.loads(capsys.readouterr().out)["findings"]
+        assert [f for f in found if f["text"].endswith(f"1.80 {WORDS}") and not f["ok"]]
+        options += ["--set", "frame.origin=[-1.5, -1.0, 0.0]"]
+        main(["check", *options, "--seconds", "0.5"])
+        assert WORDS not in capsys.readouterr().out

@@ -1,0 +1,170 @@
+"""The line protocol: its words, and the sketch's own parser against the emulator, byte for byte."""
+
+import random
+import struct
+import subprocess
+from pathlib import Path
+
+import fastcrc
+import pytest
+from boards import Rig
+from compiled_sketch import SKETCH, compiled
+from waiting import until
+
+from firmware_bridge.drivers.arduino import ENCODER, FAULT, STOPPED, ArduinoOptions
+from firmware_bridge.kinematics import WheelGeometry
+from kmpc_lab.emulator.arduino import ArduinoEmulator
+
+HARNESS = Path(__file__).with_name("kmpc_wheels_harness.c")
+ROBOT = WheelGeometry(wheel_radius=0.05, track=0.3, max_wheel_speed=2.0)
+OPTIONS = ArduinoOptions(counts_per_turn=2000)
+
+
+class Clock:
+    def __init__(self):
+        self.now = 50.0
+
+    def __call__(self):
+        return self.now
+
+
+def line(text):
+    return f"{text}*{fastcrc.crc16.xmodem(text.encode()):04X}\n".encode()
+
+
+@pytest.fixture
+def clock():
+    return Clock()
+
+
+@pytest.fixture
+def board(clock):
+    return ArduinoEmulator(ROBOT, OPTIONS, clock=clock)
+
+
+def test_words_of_the_protocol(board, clock):
+    assert board.handle(line("H 1")) == line("H 1 1")
+    assert board.handle(line("V 2 2000 -1000 300")) == line("S 2 0 0 0 0 0 1")
+    clock.now += 0.25
+    (_, sequence, uptime, first, second, speed1, speed2, flags) = (
+        board.handle(line("P 3")).split(b"*")[0].split()
+    )
+    assert (sequence, uptime, flags) == (b"3", b"250", b"1")
+    assert int(first) == pytest.approx(400, abs=40)
+    assert (int(speed1), int(speed2)) == (pytest.approx(2000, abs=30), pytest.approx(-1000, abs=15))
+    assert int(second) < 0
+    clock.now += 0.06
+    assert board.handle(line("P 4")).split(b"*")[0].endswith(b" 2"), "the watchdog has let go"
+    assert board.stopped
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        b"V 2 100 100 300\n",
+        b"V 2 100 100 300*0000\n",
+        line("V 2 100 100"),
+        line("V 2 100 100 0"),
+        line("V 2 100 100 70000"),
+        line("V 256 100 100 300"),
+        line("V -1 100 100 300"),
+        line("V 2 2147483648 0 300"),
+        line("V 2  100 100 300"),
+        line("V 2 1e3 100 300"),
+        line("Q 2"),
+        line("V 2 100 100 300 " + "1" * 40),
+    ],
+)
+def test_what_is_no_request_gets_no_answer(board, bad):
+    assert board.handle(bad) == b""
+    assert board.stopped
+
+
+def test_faults_and_restarts_are_told(tmp_path):
+    rig = Rig("arduino", f"pty:{tmp_path}/port").connect()
+    for fault, word in (
+        (STOPPED, "stop input pressed"),
+        (FAULT, "the sketch reports a fault"),
+        (ENCODER, "encoder fault"),
+    ):
+        rig.drive(0.3, 0.0, 0.1)
+        rig.emulator.faults = fault
+        assert until(lambda word=word: word in rig.driver.health().faults)
+        assert rig.emulator.stopped
+        assert not rig.driver.health().ready
+        assert rig.driver.health().pose_ok == (fault != ENCODER)
+        rig.emulator.faults = 0
+        assert until(lambda: rig.driver.send(0.0, 0.0) or rig.driver.health().ready)
+    rig.emulator.reboot()
+    assert until(lambda: rig.counters["board_restarts"] == 1)
+    rig.close()
+
+
+@pytest.fixture(scope="module")
+def sketch(tmp_path_factory):
+    """The sketch's parser, compiled with every warning an error, and with sanitizers."""
+    program = tmp_path_factory.mktemp("sketch") / "kmpc_wheels"
+    return compiled(program, "gcc", "-std=c99", "-Wconversion", str(HARNESS))
+
+
+class AtOnce:
+    """The emulator's motors do at once what they are told, as those of the harness."""
+
+    def __init__(self, clock):
+        self.board = ArduinoEmulator(ROBOT, OPTIONS, clock=clock)
+        self.board._booted = 0.0
+        self.board._turns = lambda channel: 0.0
+
+    def take(self, data, now):
+        self.board._watchdog(now)
+        body = self.board._body
+        reply = self.board._answer(data, now)
+        for i in (0, 1):
+            body.speeds[i] = body.command[i] if body.driven[i] else 0.0
+        return reply
+
+
+def requests(draw):
+    """Bytes as a spoilt wire brings them: good lines, nearly good ones, halves, noise."""
+    kind = draw.choice(("V", "V", "P", "R", "H", "X"))
+    numbers = [draw.choice((0, 1, 255, 256, draw.randint(-1, 300)))]
+    if kind == "V":
+        numbers += [
+            draw.choice((0, draw.randint(-9000, 9000), 2**31 - 1, -(2**31), 2**31))
+            for _ in range(2)
+        ]
+        numbers += [draw.choice((100, 300, 60000, 60001, 0, -5))]
+    if draw.random() < 0.05:
+        numbers.append(7)
+    text = " ".join((kind, *map(str, numbers)))
+    data = bytearray(line(text if draw.random() > 0.05 else text + " " * draw.randint(1, 60)))
+    fate = draw.random()
+    if fate < 0.15:
+        data[draw.randrange(len(data))] ^= 1 << draw.randrange(8)
+    elif fate < 0.25:
+        del data[draw.randrange(len(data)) :]
+    elif fate < 0.35:
+        data = bytearray(draw.randbytes(draw.randint(0, 80)))
+    elif fate < 0.4:
+        data = data.replace(b"\n", b"\r\n")
+    return bytes(data)
+
+
+def test_the_sketch_and_the_emulator_answer_every_byte_alike(sketch):
+    draw, clock = random.Random(4), Clock()
+    twin, now, records, expected = AtOnce(clock), 0, b"", b""
+    for _ in range(20_000):
+        now += draw.choice((1, 5, 20, 299, 301))
+        data = requests(draw)
+        records += struct.pack("<IH", now, len(data)) + data
+        expected += twin.take(data, now / 1000.0)
+    answer = subprocess.run([sketch], input=records, capture_output=True, check=True).stdout
+    assert expected.count(b"\n") > 4000
+    assert answer == expected
+
+
+def test_the_lines_in_the_docs_are_whole():
+    page = (SKETCH.parents[1] / "docs" / "howto" / "boards.md").read_text()
+    shown = [words for words in page.splitlines() if words.startswith("    ") and "*" in words]
+    assert len(shown) == 2
+    assert all(line(text.strip().split("*")[0]).decode().strip() == text.strip() for text in shown)

@@ -1,0 +1,234 @@
+"""The page's process: what it serves, to whom, and who is dropped."""
+
+import contextlib
+import http.client
+import socket
+import time
+from urllib.parse import urlsplit
+
+import pytest
+from browsing import Stream, ask, press, state, wait_for
+
+from firmware_bridge.live.address import LiveAddress, LiveError, is_loopback
+from firmware_bridge.live.feed import Feed
+from firmware_bridge.live.server import LINES
+from firmware_bridge.live.watchers import MOST
+
+
+class Robot:
+    """What a simulated drive leaves for the page."""
+
+    def __init__(self) -> None:
+        self.words: list[str] = []
+        self.more: dict = {}
+
+    def hear(self, word: str) -> None:
+        self.words.append(word)
+
+    def packet(self) -> dict:
+        last = self.words[-1] if self.words else "enable"
+        gate = {"stop": "ESTOP", "reset": "IDLE", "enable": "ACTIVE"}[last]
+        return {"latched": last == "stop", "gate": gate, **self.more}
+
+
+@contextlib.contextmanager
+def served(host: str = "127.0.0.1"):
+    robot = Robot()
+    with Feed(LiveAddress(host, 0), "firmware_bridge.live", on_word=robot.hear) as feed:
+        feed.start(robot.packet, {"title": "a"})
+        link = feed.links[0]
+        if host == "0.0.0.0":
+            url = urlsplit(link)
+            link = f"http://127.0.0.1:{url.port}{url.path}"
+        wait_for(link, lambda shown: "gate" in shown)
+        yield link, robot, feed
+
+
+def test_stop_is_confirmed_and_driving_again_takes_two_actions():
+    with served() as (link, robot, _):
+        assert press(link, "stop")["confirmed"]
+        code = press(link, "first")["code"]
+        time.sleep(0.3)
+        assert press(link, "second", {"code": code})["ok"]
+        wait_for(link, lambda shown: shown["gate"] == "ACTIVE")
+        assert robot.words == ["stop", "reset", "enable"]
+        url = urlsplit(link)
+        own = {"X-Kmpc": "1", "Origin": f"http://{url.netloc}"}
+        for path, body, status in (("second", {"code": code}, 409), ("second", {}, 409)):
+            assert ask(link, path, "POST", body, **own)[0] == status
+        bare = f"http://{url.netloc}/"
+        assert ask(bare, "first", "POST", {}, **own)[0] == 403  # without the token
+        assert ask(link, "first", "POST", {})[0] == 403  # by another program's page
+        assert ask(bare, "stop", "POST")[0] == 200  # anybody on this computer may stop it
+        assert robot.words == ["stop", "reset", "enable", "stop"]
+
+
+def test_the_page_runs_no_script_but_its_own_and_says_so_to_the_browser():
+    with served() as (link, _, _):
+        for path in ("", "page.js", "map.js", "page.css"):
+            status, text, headers = ask(link, path)
+            assert status == 200 and text
+            assert "script-src 'self'" in headers["Content-Security-Policy"]
+            assert headers["X-Content-Type-Options"] == "nosniff"
+            assert "Access-Control-Allow-Origin" not in headers
+        html = ask(link)[1]
+        assert "<script>" not in html and "onclick" not in html and "style=" not in html
+        script = ask(link, "page.js")[1] + ask(link, "map.js")[1]
+        assert "innerHTML" not in script and "eval(" not in script
+        for path, method in (
+            ("../server.py", "GET"),
+            ("etc", "GET"),
+            ("stop", "GET"),
+            ("etc", "POST"),
+        ):
+            assert ask(link, path, method)[0] in (403, 404, 405)
+
+
+def test_on_other_interfaces_nothing_is_told_without_the_token():
+    with served("0.0.0.0") as (link, robot, _):
+        url = urlsplit(link)
+        for path in ("", "state", "events", "page.js"):
+            assert ask(f"http://{url.netloc}/", path)[0] == 403
+        assert ask(f"http://{url.netloc}/", "stop", "POST")[0] == 403 and not robot.words
+        assert state(link)["title"] == "a"
+
+
+def test_watchers_are_told_when_the_drive_falls_silent_and_when_it_ends():
+    with served() as (link, robot, feed):
+        stream = Stream(link)
+        assert "title" in stream.next()
+        feed._quit.set()
+        while "silence" not in (told := stream.next()):
+            pass
+        assert told["silence"] >= 0.5
+        feed.say({"over": "reached"})
+        while "over" not in stream.next():
+            pass
+        stream.close()
+
+
+def test_a_program_that_dies_is_told_as_lost():
+    with served() as (link, _, feed):
+        stream = Stream(link)
+        feed._quit.set()
+        feed._thread.join()
+        feed._channel.close()
+        told = []
+        while (event := stream.next()) is not None:
+            told.append(event)
+        assert told[-1] == {"lost": True}
+        stream.close()
+
+
+def test_a_stuck_watcher_holds_up_nobody_and_too_many_are_turned_away():
+    with served() as (link, robot, _):
+        stuck = Stream(link)
+        stuck.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        many = [Stream(link) for _ in range(MOST - 1)]
+        late = Stream(link)
+        assert late.next() == {"full": True} and late.next() is None
+        robot.more = {"filling": "x" * 400, "numbers": [float(k) for k in range(2000)]}
+        wait_for(link, lambda shown: "filling" in shown)
+        for k in range(5):
+            robot.more = {"k": k, "numbers": [float(k + j) for j in range(2000)]}
+            wait_for(link, lambda shown, k=k: shown.get("k") == k)
+        while (told := many[0].next()).get("k") != 4:
+            assert told is not None
+        assert press(link, "stop")["confirmed"]
+        for stream in (stuck, late, *many):
+            stream.close()
+
+
+def test_what_is_no_request_is_closed_without_an_answer():
+    with served() as (link, _, _):
+        url = urlsplit(link)
+        for rubbish in (bytes(100), b"PUT /stop HTTP/1.1\r\n\r\n", b"GET /" + b"x" * 20_000):
+            with socket.create_connection((url.hostname, url.port), timeout=20) as sock:
+                sock.sendall(rubbish)
+                with contextlib.suppress(ConnectionResetError):
+                    assert sock.recv(100) == b""
+        with socket.create_connection((url.hostname, url.port), timeout=20) as sock:
+            for part in (b"POST /st", b"op HTTP/1.1\r\nHost: 127.0.0.1", b"\r\n\r\n"):
+                sock.sendall(part)
+                time.sleep(0.05)
+            assert sock.recv(100).startswith(b"HTTP/1.1 200")
+
+
+def test_connections_that_say_nothing_do_not_keep_a_stop_out():
+    with served() as (link, robot, _):
+        url = urlsplit(link)
+        held = [socket.create_connection((url.hostname, url.port)) for _ in range(300)]
+        for sock in held:
+            with contextlib.suppress(OSError):
+                sock.sendall(b"POST /stop HTTP/1.1\r\nHost: ")
+        assert press(link, "stop")["confirmed"] and robot.words == ["stop"]
+        for sock in held:
+            sock.close()
+
+
+def line(link: str):
+    """A connection that is kept, and what it is asked."""
+    url = urlsplit(link)
+    connection = http.client.HTTPConnection(url.hostname, url.port, timeout=20)
+
+    def post(path: str) -> str | None:
+        connection.request("POST", url.path + path)
+        answer = connection.getresponse()
+        answer.read()
+        return answer.headers["Connection"]
+
+    return connection, post
+
+
+def test_a_page_keeps_a_line_for_its_stop_whoever_crowds_the_door():
+    with served() as (link, robot, _), contextlib.ExitStack() as crowd:
+        url = urlsplit(link)
+        connection, post = line(link)
+        assert post("line") == "keep-alive"
+        kept = connection.sock
+        for _ in range(600):  # more than are served, and no more than the kernel keeps waiting
+            sock = crowd.enter_context(socket.socket())
+            sock.setblocking(False)
+            sock.connect_ex((url.hostname, url.port))
+        assert post("stop") == post("stop") == "keep-alive" and connection.sock is kept
+        assert set(robot.words) == {"stop"}
+        time.sleep(0.6)
+        assert post("line") == "keep-alive" and connection.sock is kept
+        connection.close()
+
+
+def test_a_line_is_for_a_stop_alone_and_not_for_a_flood():
+    with served() as (link, _, _):
+        url = urlsplit(link)
+        for others in ("line", "first"):
+            connection, post = line(link)
+            assert post("line") == "keep-alive" and post(others) == "close"
+            assert connection.sock is None
+        # a browser that opens its stream anew may take the line for it
+        with socket.create_connection((url.hostname, url.port), timeout=20) as sock:
+            head = f"HTTP/1.1\r\nHost: {url.netloc}\r\n\r\n".encode()
+            sock.sendall(b"POST " + url.path.encode() + b"line " + head)
+            assert b"keep-alive" in sock.recv(4096)
+            sock.sendall(b"GET " + url.path.encode() + b"events " + head)
+            assert b"text/event-stream" in sock.recv(4096)
+
+
+def test_lines_are_for_those_who_may_come_in_and_not_without_end():
+    with served("0.0.0.0") as (link, _, _), contextlib.ExitStack() as held:
+        stranger, post = line(link.rpartition("/")[0].rpartition("/")[0] + "/")
+        assert post("line") == "close" and stranger.sock is None
+        for _ in range(LINES):
+            connection, post = line(link)
+            held.callback(connection.close)
+            assert post("line") == "keep-alive"
+        last, post = line(link)
+        assert post("line") == post("stop") == "close" and last.sock is None
+
+
+def test_an_address_that_cannot_be_had_is_told_with_its_option():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        with pytest.raises(LiveError, match="--live-port"):
+            LiveAddress("127.0.0.1", taken.getsockname()[1]).bind()
+    with pytest.raises(LiveError, match="--live-host"):
+        LiveAddress("no such host", 0).bind()
+    assert is_loopback("::1") and not is_loopback("192.168.1.4") and not is_loopback("::")

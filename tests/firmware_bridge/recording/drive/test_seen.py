@@ -1,0 +1,93 @@
+"""What counted of a scan, its hits, and the outline of what it saw to be free."""
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from firmware_bridge.live.moment import last_step, numbers, plan_packet
+from firmware_bridge.recording.drive.seen import BEAMS, CORNERS, counted, hits, outline
+from kmpc_lite.control.world.sight.rays import Rays
+
+
+def test_an_outline_ends_at_what_was_hit_and_at_the_reach():
+    ranges = np.full(360, np.inf)
+    ranges[170:191] = 1.0  # a wall ahead
+    ranges[180] = np.nan  # a beam that did not come back
+    scan = kl.LaserScan(ranges, -np.pi, np.pi / 180, 4.0, mount=(0.2, 0.0, 0.0))
+    corners = outline(scan)
+    assert corners.shape == (CORNERS + 1, 2)
+    away = np.hypot(corners[:, 0] - 0.2, corners[:, 1])
+    ahead = np.abs(np.arctan2(corners[:, 1], corners[:, 0] - 0.2)) < np.radians(8.0)
+    np.testing.assert_allclose(away[ahead], 1.0)
+    assert np.isclose(away, 4.0).sum() > 0.9 * CORNERS
+    np.testing.assert_allclose(corners[0], corners[-1])  # all around: there is no seam
+
+
+@pytest.mark.parametrize(("beams", "mirrored"), [(1, False), (37, True), (1440, False)])
+def test_scanners_of_any_sort_have_one(beams, mirrored):
+    scan = kl.LaserScan(np.full(beams, 2.0), -1.0, 2.0 / beams, 4.0, mirrored=mirrored)
+    corners = outline(scan)
+    assert np.isfinite(corners).all() and not corners[0].any()
+    np.testing.assert_allclose(np.hypot(*corners[1:].T), 2.0)
+    assert (np.diff(np.arctan2(*corners[1:].T[::-1])) * (-1 if mirrored else 1) > -1e-9).all()
+    assert len(hits(scan)) <= BEAMS
+
+
+def test_what_tells_nothing_is_not_free():
+    corners = outline(kl.LaserScan(np.full(40, np.nan), 0.0, 0.1, 4.0))
+    assert not corners.any()
+
+
+def looked(scan: kl.LaserScan, footprint: kl.Footprint | None = None):
+    """A controller that has driven an arc and then got a scan; its pose, and its plan."""
+    problem = kl.NavigationProblem(footprint=footprint)
+    controller = kl.Controller(kl.nominal_unicycle(0.1), problem)
+    pose, empty = np.zeros(3), np.full(36, np.inf)
+    for _ in range(5):
+        free = kl.LaserScan(empty, -np.pi, np.pi / 18, 4.0)
+        plan = controller.step(pose, (1.5, 1.0, 2.0), [free])
+        pose = plan.states[1]
+    return controller, pose, controller.step(pose, (1.5, 1.0, 2.0), [scan])
+
+
+@pytest.mark.parametrize("age", [0.0, 0.13])
+def test_a_picture_shows_the_hits_that_the_controller_used(age: float) -> None:
+    ranges = np.random.default_rng(0).uniform(0.05, 4.4, 360)
+    scan = kl.LaserScan(
+        ranges,
+        -np.pi,
+        np.pi / 180,
+        4.0,
+        range_min=0.1,
+        mount=(0.05, -0.02, 0.4),
+        mirrored=True,
+        age=age,
+        ignore=((1.0, 2.0),),
+    )
+    controller, pose, plan = looked(scan)
+    here, scale = controller.state.seen, controller.scale
+    used = Rays(
+        scan.with_self_radius(0.15), here.poses_at(np.array(age / scale.time)), scale.length, 0.1
+    )
+    packet = plan_packet(last_step(controller, pose, plan, scan), (1.5, 1.0, 2.0))
+    shown = np.frombuffer(packet["scan"]).reshape(-1, 2)
+    assert 200 < len(shown) < 300 and len(shown) == len(used.hits)
+    order = [np.lexsort(points.round(6).T) for points in (shown, used.hits)]
+    np.testing.assert_allclose(shown[order[0]], used.hits[order[1]] * scale.length, atol=1e-9)
+    assert packet["seen"] != numbers(outline(scan))
+
+
+def test_a_scan_that_turned_while_the_robot_drove_is_placed_by_its_middle_beam() -> None:
+    scan = kl.LaserScan(np.full(101, 2.0), -1.0, 0.02, 4.0, time_increment=0.002)
+    controller, _, _ = looked(scan)
+    ahead, _, heading = counted(controller, scan).mount
+    now, then = controller.state.seen.poses_at(np.array([0.0, 0.1 / controller.scale.time]))
+    assert ahead < -0.01 and heading == pytest.approx(then[2] - now[2])
+
+
+def test_hits_within_a_footprint_are_the_robot_itself() -> None:
+    ranges = np.full(360, 2.0)
+    ranges[:90] = 0.12
+    scan = kl.LaserScan(ranges, -np.pi, np.pi / 180, 4.0)
+    controller, _, _ = looked(scan, kl.Footprint.rectangle(0.8, 0.3))
+    assert len(counted(controller, scan).points) == 270 and len(scan.points) == 360

@@ -1,0 +1,215 @@
+"""Lidar drivers against their emulators over pseudo-terminals: what they see, and every fault."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+from lidars import lidar_pair
+from waiting import until
+
+from firmware_bridge.link.tty import TtyEndpoint
+from firmware_bridge.messages import ConfigError, LinkError, State
+from firmware_bridge.sensors.lidar.kinds import lidar_transport, open_lidar
+from firmware_bridge.sensors.lidar.options import LidarOptions
+from firmware_bridge.sensors.sight import make_scan
+from kmpc_lite.scenario.world import world_of
+
+KINDS = ("rplidar", "ld06")
+
+
+@pytest.fixture(params=KINDS)
+def pair(request, tmp_path, monkeypatch):
+    monkeypatch.setattr("firmware_bridge.sensors.lidar.lidar.SILENCE", 0.4)
+    monkeypatch.setattr("firmware_bridge.sensors.lidar.turns.RATE_AGE", 0.6)
+    with lidar_pair(request.param, tmp_path / "lidar") as both:
+        both[0].connect(10.0)
+        yield both
+
+
+def newer(lidar):
+    """Wait for a turn that began after now."""
+    now = time.monotonic()
+    return until(lambda: lidar.sweep() is not None and lidar.sweep().stamps.min() > now)
+
+
+def silent(lidar):
+    """Whether no new turn comes."""
+    last = lidar.sweep()
+    time.sleep(0.5)
+    return lidar.sweep() is last
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("driver", KINDS)
+def test_it_sees_what_is_there(driver, mirrored, tmp_path):
+    mount = (0.1, -0.05, 2.0)
+    with lidar_pair(driver, tmp_path / "l", mount=mount, mirrored=mirrored) as (lidar, _):
+        lidar.connect(10.0)
+        sweep = lidar.sweep()
+        poses = np.zeros((len(sweep.angles) + 1, 3))
+        options = LidarOptions(driver, "pty:x", mount=mount, mirrored=mirrored, no_return="free")
+        scan = make_scan(options, sweep, poses, State(0.0, 0.0, 0.0, 0.0, 0.0, sweep.stamp))
+        hit = np.isfinite(scan.ranges)
+        x = scan.mount[0] + scan.ranges[hit] * np.cos(scan.angles[hit] + scan.mount[2])
+        y = scan.mount[1] + scan.ranges[hit] * np.sin(scan.angles[hit] + scan.mount[2])
+        off = [
+            np.abs(np.hypot(x - cx, y - cy) - r)
+            for cx, cy, r in ((2.0, 0.0, 0.5), (0.0, -1.5, 0.3), (-1.0, 1.0, 0.2))
+        ]
+        off = np.min(off, axis=0)
+        assert hit.sum() > 60 and np.median(off) < 0.02 and np.quantile(off, 0.95) < 0.12
+        health = lidar.health()
+        assert health.connected and not health.faults and 3.0 < health.rate < 14.0
+        assert health.counters["bad_bytes"] == 0
+
+
+def test_beams_are_stamped_over_a_turn(pair):
+    lidar, emulator = pair
+    assert newer(lidar)
+    sweep = lidar.sweep()
+    assert np.ptp(sweep.stamps) > 0.3 / emulator.model.rate
+    assert np.ptp(sweep.stamps) < 3.0 / emulator.model.rate
+    assert sweep.stamp <= time.monotonic()
+
+
+@pytest.mark.parametrize("fault", [{"lost": 0.002}, {"wrong": 0.002}, {"garbage": 0.003}])
+def test_bytes_that_are_lost_wrong_or_too_many_cost_few_beams(pair, fault):
+    lidar, emulator = pair
+    for name, value in fault.items():
+        setattr(emulator.faults, name, value)
+    assert newer(lidar) and newer(lidar)
+    counters = lidar.health().counters
+    assert counters["bad_bytes"] > 0 and counters["internal_errors"] == 0
+    sweep = lidar.sweep()
+    hit = sweep.ranges[np.isfinite(sweep.ranges)]
+    # nothing in this world is nearer than that, nor farther
+    strange = (hit < 0.9) | (hit > 2.4)
+    assert len(hit) > 30 and strange.mean() < 0.1
+
+
+def test_noise_on_the_line_gives_no_turn_and_is_told(pair):
+    lidar, emulator = pair
+    emulator.faults.lost = emulator.faults.wrong = 0.5
+    time.sleep(0.3)
+    assert silent(lidar)
+    assert until(lambda: "no packet" in "".join(lidar.health().faults))
+    emulator.faults.lost = emulator.faults.wrong = 0.0
+    assert newer(lidar) and until(lambda: not lidar.health().faults)
+
+
+def test_a_stuck_motor_gives_no_turn_and_is_told(pair):
+    lidar, emulator = pair
+    emulator.faults.stuck = True
+    time.sleep(0.3)
+    assert silent(lidar)
+    assert until(lambda: "motor" in "".join(lidar.health().faults))
+    emulator.faults.stuck = False
+    assert newer(lidar)
+
+
+def test_silence_is_told(pair):
+    lidar, emulator = pair
+    emulator.faults.mute = True
+    assert until(lambda: lidar.health().faults != ())
+    emulator.faults.mute = False
+    assert newer(lidar)
+
+
+def test_it_comes_back_after_the_plug_was_pulled(pair, tmp_path):
+    lidar, emulator = pair
+    emulator.close()
+    assert until(lambda: not lidar.health().connected)
+    assert "lost" in "".join(lidar.health().faults)
+    emulator.start(f"pty:{tmp_path / 'lidar'}")
+    assert newer(lidar) and lidar.health().counters["reconnects"] == 1
+
+
+@pytest.mark.parametrize(("driver", "words"), [("rplidar", "115200"), ("ld06", "230400")])
+def test_a_wrong_baud_rate_is_told(driver, words, tmp_path):
+    with lidar_pair(driver, tmp_path / "l") as (lidar, emulator):
+        # no byte as it was: half of them right would pass a checksum now and then
+        emulator.faults.wrong, emulator.faults.garbage = 1.0, 0.5
+        if driver == "rplidar":
+            emulator.scanning = True
+        with pytest.raises(LinkError, match=f"no turn within 1.5 s: .*baud.*{words}"):
+            lidar.connect(1.5)
+
+
+def test_nobody_there_is_told(tmp_path):
+    with lidar_pair("ld06", tmp_path / "l") as (lidar, emulator):
+        emulator.faults.mute = True
+        with pytest.raises(LinkError, match="no byte: is it powered"):
+            lidar.connect(0.3)
+    options = LidarOptions("ld06", f"pty:{tmp_path / 'nothing'}")
+    with pytest.raises(LinkError, match="no such port"):
+        open_lidar(options).connect(0.3)
+
+
+def test_an_rplidar_that_reports_an_error_is_told_and_restarted_once_it_is_well(tmp_path):
+    with lidar_pair("rplidar", tmp_path / "l") as (lidar, emulator):
+        emulator.health = (2, 0x8001)
+        with pytest.raises(LinkError, match=r"reports an error \(code 32769\)"):
+            lidar.connect(0.7)
+    with lidar_pair("rplidar", tmp_path / "m") as (lidar, emulator):
+        emulator.health = (1, 7)
+        lidar.connect(10.0)
+        assert "warning (code 7)" in lidar.notes()[0]
+        assert lidar.health().name == "RPLIDAR A1M8, firmware 1.29" and emulator.pwm == 0
+
+
+def test_an_a2_has_its_motor_turned_and_stopped_by_pwm(tmp_path):
+    with lidar_pair("rplidar", tmp_path / "l") as (lidar, emulator):
+        emulator.kind = 0x28
+        lidar.connect(10.0)
+        assert emulator.pwm == 660 and "A2M8" in lidar.health().name
+        lidar.close()
+        assert until(lambda: emulator.pwm == 0 and not emulator.scanning)
+
+
+def test_an_rplidar_that_forgot_to_scan_is_started_again(tmp_path, monkeypatch):
+    monkeypatch.setattr("firmware_bridge.sensors.lidar.rplidar.SPIN_UP", 0.5)
+    with lidar_pair("rplidar", tmp_path / "l") as (lidar, emulator):
+        lidar.connect(10.0)
+        emulator.scanning = False
+        assert newer(lidar) and lidar.health().counters["starts"] == 2
+
+
+def test_a_serial_line_is_set_to_the_lidar_unless_told(monkeypatch):
+    made = []
+    monkeypatch.setattr(
+        "firmware_bridge.link.TtyEndpoint", lambda *how: made.append(how) or TtyEndpoint(*how)
+    )
+    for driver, link in (
+        ("rplidar", "serial:/dev/ttyUSB0"),
+        ("rplidar", "serial:/dev/ttyUSB0?dtr=1"),
+        ("ld06", "/dev/ttyUSB1"),
+        ("ld06", "serial:/dev/ttyUSB1?baud=115200"),
+    ):
+        lidar_transport(LidarOptions(driver, link))
+    assert [how[1:] for how in made] == [
+        (115200, True, False),
+        (115200, True, True),
+        (230400, True, None),
+        (115200, True, None),
+    ]
+    with pytest.raises(ConfigError, match="dtr"):
+        lidar_transport(LidarOptions("rplidar", "serial:/dev/ttyUSB0?dtr=2"))
+
+
+def test_a_world_is_seen_from_its_scenario():
+    from kmpc_lite.scenario.files import Scenario
+
+    table = {
+        "map": {
+            "bounds": [-5, -5, 5, 5],
+            "circles": [[3.0, 0.0, 0.5]],
+            "polygons": [[[-1.0, -4.0], [1.0, -4.0], [0.0, -3.0]]],
+            "walls": [[-2.0, -1.0, -2.0, 1.0, 0.2]],
+        },
+        "robot": {"radius": 0.15, "start": [0, 0, 0], "goal": [1, 1, 0]},
+    }
+    world = world_of(Scenario.from_table(table, "seen", "seen"))
+    directions = np.array([0.0, math.pi, -math.pi / 2, math.pi / 2])
+    seen = world.ranges(np.zeros((4, 2)), directions)
+    assert seen == pytest.approx([2.5, 1.9, 3.0, math.inf])

@@ -1,0 +1,141 @@
+"""Modes, arming and failsafes of the emulated rover."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from ground_station import ACCEPTED, DENIED, FAILED, UNSUPPORTED, Ground
+from mavlink_rig import dialect
+
+from kmpc_lab.emulator.rover.autopilot import GUIDED, HOLD
+
+
+class TestArming:
+    """Refusals after boot."""
+
+    def test_refused_for_a_while_after_boot(self) -> None:
+        ground = Ground(arm_after=30.0)
+        ground.run(0.5)
+        assert "PreArm: Gyros not calibrated" in ground.texts()
+        assert ground.command(400, 1.0) == FAILED
+        assert ground.texts() == ["Arm: Gyros not calibrated"]
+        assert not ground.rover.armed
+        ground.run(30.0)
+        assert ground.command(400, 1.0) == ACCEPTED
+        assert ground.rover.armed
+        assert ground.command(400, 0.0) == ACCEPTED
+        assert not ground.rover.armed
+
+    def test_forced(self) -> None:
+        ground = Ground(arm_after=30.0)
+        assert ground.command(400, 1.0, 21196.0) == ACCEPTED
+
+    def test_guided_needs_a_position(self) -> None:
+        ground = Ground()
+        assert ground.command(176, 1.0, GUIDED) == FAILED
+        ground.run(3.0)
+        assert ground.command(176, 1.0, GUIDED) == ACCEPTED
+        assert ground.rover.mode == "GUIDED"
+
+    @pytest.mark.parametrize("odd", [2.0, -1.0, math.nan])
+    def test_neither_arm_nor_disarm(self, odd: float) -> None:
+        ground = Ground()
+        ground.run(3.0)
+        assert ground.command(400, odd) in (UNSUPPORTED, DENIED)
+        assert not ground.rover.armed
+
+
+class TestModes:
+    """Mode changes and what the heartbeat shows of them."""
+
+    def test_a_change_is_shown_at_once(self) -> None:
+        ground = Ground()
+        ground.run(3.0)
+        answers = ground.ask(
+            dialect.MAVLink_command_long_message(1, 1, 176, 0, 1, HOLD, 0, 0, 0, 0, 0)
+        )
+        beats = [m for m in answers if m.get_type() == "HEARTBEAT"]
+        assert (
+            beats[0].custom_mode,
+            beats[0].base_mode & 1,
+            beats[0].system_status,
+            beats[0].type,
+            beats[0].autopilot,
+        ) == (4, 1, 3, 10, 3)
+
+    def test_once_a_second_otherwise(self) -> None:
+        ground = Ground()
+        ground.run(10.5)
+        assert len(ground.of("HEARTBEAT")) == 11, "at 0, 1, ... 10 s"
+
+    def test_what_is_not_emulated_is_refused(self) -> None:
+        ground = Ground()
+        ground.run(3.0)
+        for mode in (10, 11, 99):
+            assert ground.command(176, 1.0, mode) == FAILED
+        assert ground.command(176, 0.0, HOLD) == UNSUPPORTED
+        assert ground.rover.mode == "MANUAL"
+
+    def test_the_old_set_mode_message(self) -> None:
+        ground = Ground()
+        answers = ground.ask(dialect.MAVLink_set_mode_message(1, 1, HOLD))
+        assert [(m.command, m.result) for m in answers if m.get_type() == "COMMAND_ACK"] == [
+            (11, ACCEPTED)
+        ]
+        assert ground.rover.mode == "HOLD"
+
+    @pytest.mark.parametrize("how", ["manual_control", "override"])
+    def test_a_pilot_drives_by_hand(self, how: str) -> None:
+        ground = Ground()
+        ground.run(3.0)
+        ground.rover.pilot_arm()
+        stick = (
+            dialect.MAVLink_manual_control_message(1, 0, 200, 250, 0, 0)
+            if how == "manual_control"
+            else dialect.MAVLink_rc_channels_override_message(1, 1, 1600, 65535, 1625, *[65535] * 5)
+        )
+        ground.run(5.0, lambda: ground.say(stick))
+        east, north, turn = ground.rover.velocity
+        assert math.hypot(east, north) == pytest.approx(0.5, abs=0.01)
+        assert turn == pytest.approx(-0.2 * math.radians(120.0), abs=0.01), "stick to the right"
+        ground.run(5.0)
+        assert ground.rover.stopped, "sticks that fall silent are let go"
+
+
+class TestFailsafes:
+    """GCS and EKF."""
+
+    def drive(self, system: int, kind: int = 6, **parameters: float) -> Ground:
+        ground = Ground(system=system, parameters=parameters)
+        ground.guided()
+        beat = dialect.MAVLink_heartbeat_message(kind, 8, 0, 0, 4, 3)
+        ground.run(2.0, lambda: ground.say(beat))
+        ground.drive(0.3, 0.0, 10.0)
+        return ground
+
+    def test_off_as_delivered(self) -> None:
+        assert self.drive(255).rover.mode == "GUIDED"
+
+    def test_on_it_holds_when_its_ground_station_falls_silent(self) -> None:
+        ground = self.drive(255, FS_GCS_ENABLE=1.0)
+        assert ground.rover.mode == "HOLD"
+        assert "GCS Failsafe" in ground.texts()
+        assert ground.rover.stopped
+
+    def test_it_counts_one_system_id_only(self) -> None:
+        assert self.drive(254, FS_GCS_ENABLE=1.0).rover.mode == "GUIDED"
+        assert self.drive(254, FS_GCS_ENABLE=1.0, SYSID_MYGCS=254.0).rover.mode == "HOLD"
+
+    def test_the_ekf_failsafe_holds_after_a_second(self) -> None:
+        ground = Ground()
+        ground.guided()
+        ground.drive(0.3, 0.0, 1.0)
+        ground.rover.lose_position()
+        ground.drive(0.3, 0.0, 0.9)
+        assert ground.rover.mode == "GUIDED"
+        ground.drive(0.3, 0.0, 0.2)
+        assert ground.rover.mode == "HOLD"
+        ground.rover.lose_position(False)
+        ground.run(0.5)
+        assert "EKF failsafe cleared" in ground.texts()

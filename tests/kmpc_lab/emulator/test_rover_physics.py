@@ -1,0 +1,158 @@
+"""The emulated rover moves as the real one was measured to."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kmpc_lab.emulator.rover.estimator import Estimator
+from kmpc_lab.emulator.rover.parameters import Parameters
+from kmpc_lab.emulator.rover.physics import Demand, DriveLimits, RoverPhysics
+
+LIMITS = DriveLimits(1.0, 1.0, math.radians(120.0), math.radians(120.0))
+DT = 0.02
+
+
+def run(physics: RoverPhysics, demand: Demand, seconds: float) -> np.ndarray:
+    """Forward speed and turn rate after each period."""
+    rows = []
+    for _ in range(round(seconds / DT)):
+        heading = physics.pose[2]
+        physics.step(demand, LIMITS, DT)
+        east, north, turn = physics.velocity
+        middle = heading + 0.5 * DT * turn
+        rows.append((east * math.cos(middle) + north * math.sin(middle), turn))
+    return np.array(rows)
+
+
+TIMES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.2, 1.5)
+"""After a step [s]; what follows was recorded from ArduPilot Rover 4.6.3, skid-steered, with
+ATC_ACCEL_MAX and ATC_DECEL_MAX 1: eight steps each, their spread 0.04 at the most."""
+SPEED_UP = (0.05, 0.15, 0.30, 0.47, 0.67, 0.84, 1.01, 1.07, 1.09, 1.08)
+SPEED_DOWN = (1.00, 0.89, 0.74, 0.56, 0.36, 0.20, 0.09, 0.04, 0.01, 0.00)
+TURN_UP = (0.26, 0.66, 0.98, 1.02, 0.99, 1.01, 1.00, 1.00, 1.00, 1.00)
+TURN_DOWN = (0.73, 0.33, 0.02, -0.02, 0.01, 0.00, 0.00, 0.00, 0.00, 0.00)
+ENVELOPE = 0.06
+
+
+def at_times(values: np.ndarray, scale: float) -> list[float]:
+    """Shares of a step at `TIMES`, from means over periods."""
+    ends = np.arange(1, len(values) + 1) * DT - 0.5 * DT
+    return list(np.interp(TIMES, ends, values / scale))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_speed_steps_lie_in_the_envelope_recorded_from_the_firmware(sign: float) -> None:
+    physics = RoverPhysics()
+    up = run(physics, Demand(sign * 0.5), 2.5)[:, 0]
+    assert at_times(up, sign * 0.5) == pytest.approx(SPEED_UP, abs=ENVELOPE)
+    assert up[-1] / (sign * 0.5) == pytest.approx(1.04, abs=0.02)
+    down = run(physics, Demand(), 2.0)[:, 0]
+    assert at_times(down, sign * 0.5) == pytest.approx(SPEED_DOWN, abs=ENVELOPE)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_turn_steps_lie_in_the_envelope_recorded_from_the_firmware(sign: float) -> None:
+    physics = RoverPhysics()
+    up = run(physics, Demand(None, sign * 0.6), 2.0)[:, 1]
+    assert at_times(up, sign * 0.6) == pytest.approx(TURN_UP, abs=ENVELOPE)
+    down = run(physics, Demand(), 2.0)[:, 1]
+    assert at_times(down, sign * 0.6) == pytest.approx(TURN_DOWN, abs=ENVELOPE)
+
+
+def test_speeds_settle_at_what_was_asked() -> None:
+    speeds = run(RoverPhysics(), Demand(0.5, 0.3), 12.0)
+    assert speeds[-50:, 0] == pytest.approx(0.5, abs=0.002)
+    assert speeds[-50:, 1] == pytest.approx(0.3, abs=0.001)
+
+
+def test_acceleration_is_limited_by_the_parameters() -> None:
+    slow = DriveLimits(0.25, 0.5, math.radians(120.0), math.radians(120.0))
+    physics = RoverPhysics()
+    speeds = []
+    for _ in range(200):
+        physics.step(Demand(0.5), slow, DT)
+        speeds.append(physics.velocity[0])
+    assert max(np.diff(speeds)) <= 0.25 * 1.15 * DT
+    assert speeds[-1] > 0.5
+
+
+def test_reverse_mirrors_forward_and_left_mirrors_right() -> None:
+    forward, mirrored = (
+        run(RoverPhysics(), Demand(0.5, 0.4), 2.0),
+        run(RoverPhysics(), Demand(-0.5, -0.4), 2.0),
+    )
+    assert mirrored == pytest.approx(-forward, abs=1e-12)
+
+
+def test_braking_takes_the_measured_distance() -> None:
+    physics = RoverPhysics()
+    run(physics, Demand(0.5), 6.0)
+    start = physics.pose[0]
+    speeds = run(physics, Demand(), 2.0)[:, 0]
+    assert physics.pose[0] - start == pytest.approx(0.225, abs=0.02)
+    assert physics.stopped
+    assert speeds.min() >= 0.0, "a brake does not reverse"
+
+
+def test_turns_no_faster_than_allowed() -> None:
+    turns = run(RoverPhysics(), Demand(0.0, 10.0), 3.0)[:, 1]
+    assert turns.max() <= 1.06 * math.radians(120.0)
+    assert turns[-1] == pytest.approx(math.radians(120.0), rel=1e-3)
+
+
+def test_the_floor_slips_as_asked_and_the_same_for_the_same_seed() -> None:
+    def far(slip: float, seed: int, gain: float = 1.0) -> tuple[float, float, float]:
+        physics = RoverPhysics(slip, gain, seed)
+        run(physics, Demand(0.5, 0.2), 10.0)
+        return physics.pose
+
+    assert far(0.0, 1) == far(0.0, 2)
+    assert far(0.1, 1) == far(0.1, 1)
+    assert far(0.1, 1) != far(0.1, 2)
+    assert far(0.0, 0, 0.5)[2] == pytest.approx(0.5 * far(0.0, 0)[2])
+    assert far(0.1, 1)[2] == pytest.approx(1.1 * far(0.0, 1)[2], rel=0.03), (
+        "the slip's mean is in the heading"
+    )
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(
+        st.tuples(
+            st.one_of(st.none(), st.floats(-3.0, 3.0)), st.floats(-5.0, 5.0), st.integers(1, 50)
+        ),
+        max_size=8,
+    )
+)
+def test_stays_finite_and_within_reach_whatever_is_asked(
+    demands: list[tuple[float | None, float, int]],
+) -> None:
+    physics = RoverPhysics()
+    for speed, turn, periods in demands:
+        for _ in range(periods):
+            physics.step(Demand(speed, turn), LIMITS, DT)
+            assert all(map(math.isfinite, (*physics.pose, *physics.velocity)))
+            assert math.hypot(*physics.velocity[:2]) < 1.25 * 3.0
+
+
+def test_the_position_wanders_as_far_as_asked_and_the_same_for_the_same_seed() -> None:
+    def errors(noise: float, seed: int) -> np.ndarray:
+        estimator, physics, found = Estimator(Parameters(), 0.0, noise, seed), RoverPhysics(), []
+        for turn in range(20_000):
+            estimator.step(physics, turn * DT, DT)
+            found.append(estimator.pose[:2])
+        return np.array(found)
+
+    wandering = errors(0.01, 1)
+    assert wandering.std(axis=0) == pytest.approx([0.01, 0.01], rel=0.35)
+    assert np.abs(wandering).max() < 0.06
+    steps = wandering[5::5] - wandering[:-5:5]
+    assert steps.std() == pytest.approx(0.0016, rel=0.2), "in 0.1 s"
+    assert (errors(0.01, 1) == wandering).all()
+    assert (errors(0.01, 2) != wandering).any()
+    assert not errors(0.0, 1).any()

@@ -1,0 +1,195 @@
+"""The CasADi peer solves the same problem.
+
+The same predictions, constraints kept, the same promises of `step`.
+"""
+
+from __future__ import annotations
+
+import builtins
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+import kmpc_lab
+import kmpc_lite as kl
+from kmpc_lab.peers.ipopt import IpoptController, symbolic_step
+
+casadi = pytest.importorskip("casadi", reason="needs the extra peers")
+DT = 0.1
+GOAL = (1.5, 1.5, 0.0)
+CIRCLES = [kl.Circle(0.6, 0.6, 0.15), kl.Circle(1.35, 0.45, 0.12, 0.0, 0.05)]
+DICTIONARIES = {
+    "unicycle": kl.UnicycleDictionary(),
+    "trig": kl.HermiteTrigDictionary(order=0),
+    "two harmonics": kl.HermiteTrigDictionary(order=0, harmonics=2),
+    "hermite 1": kl.HermiteTrigDictionary(order=1),
+    "hermite 2": kl.HermiteTrigDictionary(order=2),
+}
+
+
+def random_model(dictionary: kl.Dictionary, continuous: bool) -> kl.KoopmanModel:
+    """No sensible robot, but every matrix entry counts."""
+    random = np.random.default_rng(3)
+    nz = dictionary.size
+    rows = 3 if continuous else nz
+    shapes = ((rows, nz), (rows, 2), (rows, 2 * nz))
+    a, b, h = (random.normal(size=shape) / nz for shape in shapes)
+    return kl.KoopmanModel(
+        dictionary,
+        DT,
+        a,
+        b,
+        h,
+        np.eye(3) if continuous else random.normal(size=(3, nz)),
+        continuous,
+    )
+
+
+@pytest.mark.parametrize("name", DICTIONARIES)
+@pytest.mark.parametrize("kind", ["continuous", "continuous, midpoint", "discrete"])
+def test_symbolic_step_is_predict(name: str, kind: str) -> None:
+    model = random_model(DICTIONARIES[name], kind != "discrete")
+    if kind.endswith("midpoint"):
+        model = kl.KoopmanModel(
+            model.dictionary, DT, model.A, model.B, model.H, model.C, True, integrator="midpoint"
+        )
+    step, random = symbolic_step(model), np.random.default_rng(0)
+    for _ in range(10):
+        x, u = random.normal(size=3) * (2, 2, 4), random.normal(size=2)
+        np.testing.assert_allclose(
+            np.array(step(x, u)).ravel(), model.predict(x, u), rtol=1e-10, atol=1e-10
+        )
+
+
+def test_symbolic_step_of_a_learned_and_of_the_nominal_model() -> None:
+    data = kmpc_lab.generate_dataset(
+        kmpc_lab.DifferentialDrive(0.05, seed=1), episodes=20, steps=40, dt=DT, seed=2
+    )
+    for model in (kl.nominal_unicycle(DT), kl.fit(data), kl.fit(data, method="edmdc")):
+        step = symbolic_step(model)
+        np.testing.assert_allclose(
+            np.array(step((0.3, -0.2, 0.7), (0.4, -0.5))).ravel(),
+            model.predict((0.3, -0.2, 0.7), (0.4, -0.5)),
+            atol=1e-12,
+        )
+
+
+@pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
+def test_plans_keep_every_constraint(solver: str) -> None:
+    problem = kl.NavigationProblem(margin=0.02)
+    controller = IpoptController(kl.nominal_unicycle(DT), problem, solver=solver)
+    x = np.array([0.0, 0.0, 0.3])
+    for k in range(12):
+        circles = [kl.Circle(c.x + k * DT * c.vx, c.y + k * DT * c.vy, *c[2:]) for c in CIRCLES]
+        plan = controller.step(x, GOAL, circles)
+        assert plan.status is kl.PlanStatus.SOLVED
+        u_min, u_max, x_min, x_max = problem.bounds
+        np.testing.assert_allclose(plan.states[0], x, atol=1e-6)
+        np.testing.assert_allclose(
+            controller.model.predict(plan.states[:-1], plan.inputs), plan.states[1:], atol=1e-5
+        )
+        assert (plan.inputs <= u_max + 1e-6).all() and (plan.inputs >= u_min - 1e-6).all()
+        assert (plan.states[1:] <= x_max + 1e-6).all() and (plan.states[1:] >= x_min - 1e-6).all()
+        times = DT * np.arange(1, 21)
+        for c in circles:
+            gaps = (
+                np.hypot(
+                    plan.states[1:, 0] - c.x - c.vx * times, plan.states[1:, 1] - c.y - c.vy * times
+                )
+                - c.radius
+                - 0.15
+            )
+            assert gaps.min() > 0.02 - 1e-5
+        assert plan.clearance > 0.0
+        assert (plan.command <= u_max).all() and (plan.command >= u_min).all()
+        x = controller.model.predict(x, plan.command)
+    assert x[0] > 0.2
+
+
+def test_changes_of_commands_are_limited_from_the_one_sent_last() -> None:
+    problem = kl.NavigationProblem(du_max=(1.0, 3.0))
+    controller, x, before = (
+        IpoptController(kl.nominal_unicycle(DT), problem),
+        np.array([0.0, 0.0, 0.3]),
+        np.zeros(2),
+    )
+    for _ in range(12):
+        plan = controller.step(x, GOAL, CIRCLES[:1])
+        assert plan.status is kl.PlanStatus.SOLVED
+        assert (
+            np.abs(np.diff(np.vstack([before, plan.inputs]), axis=0)) <= DT * problem.du_max + 1e-6
+        ).all()
+        assert (np.abs(plan.command - before) <= DT * problem.du_max + 1e-12).all()
+        before, x = plan.command, controller.model.predict(x, plan.command)
+    assert before[0] > 0.3
+    with pytest.raises(kl.ProblemError, match="du_max"):
+        IpoptController(kl.nominal_unicycle(DT), problem, solver="fatrop")
+
+
+def test_the_number_of_obstacles_may_change() -> None:
+    controller = IpoptController(kl.nominal_unicycle(DT))
+    for circles in ([], CIRCLES, CIRCLES[:1], []):
+        plan = controller.step((0.0, 0.0, 0.3), GOAL, circles)
+        assert plan.status is kl.PlanStatus.SOLVED
+        assert (plan.clearance == np.inf) == (not circles)
+
+
+def test_an_impossible_problem_is_told_and_the_command_still_bounded() -> None:
+    problem = kl.NavigationProblem()
+    # the robot stands deep in an obstacle that it cannot leave within one period, and nothing is
+    # soft here
+    plan = IpoptController(kl.nominal_unicycle(DT), problem).step(
+        (0.0, 0.0, 0.0), GOAL, [kl.Circle(0.0, 0.0, 5.0)]
+    )
+    assert plan.status is kl.PlanStatus.FALLBACK
+    assert plan.reason
+    assert np.isfinite(plan.command).all()
+    assert (np.abs(plan.command) <= problem.bounds[1]).all()
+
+
+def test_reset_and_the_goals_turns() -> None:
+    controller = IpoptController(kl.nominal_unicycle(DT))
+    first = controller.step((0.0, 0.0, 0.3), GOAL, CIRCLES)
+    controller.step((1.0, -1.0, 2.0), GOAL, CIRCLES)
+    controller.reset()
+    np.testing.assert_allclose(
+        controller.step((0.0, 0.0, 0.3), (1.5, 1.5, 4 * np.pi), CIRCLES).command,
+        first.command,
+        atol=1e-5,
+    )
+
+
+def test_models_with_an_input_history_are_refused() -> None:
+    data = kmpc_lab.generate_dataset(kmpc_lab.DifferentialDrive(), episodes=10, steps=40, dt=DT)
+    model = kl.fit(data, kl.InputHistoryDictionary(kl.UnicycleDictionary(), lags=(0, 1)))
+    with pytest.raises(kl.ProblemError, match="history"):
+        IpoptController(model)
+
+
+def test_without_casadi_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    real_import = builtins.__import__
+
+    def no_casadi(name: str, *rest: Any, **named: Any) -> Any:
+        if name.partition(".")[0] == "casadi":
+            raise ImportError("No module named 'casadi'")
+        return real_import(name, *rest, **named)
+
+    monkeypatch.setattr(builtins, "__import__", no_casadi)
+    with pytest.raises(kl.KmpcError, match=r"pip install 'kmpc-lab\[peers\]'"):
+        IpoptController(kl.nominal_unicycle(DT))
+
+
+def test_the_core_never_imports_a_peer_or_a_picture() -> None:
+    code = (
+        "import sys, kmpc_lite; print([m for m in ('casadi', 'matplotlib', 'qpsolvers', "
+        "'pymavlink', 'mujoco') if m in sys.modules])"
+    )
+    assert (
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout.strip()
+        == "[]"
+    )

@@ -1,0 +1,184 @@
+"""A simulated drive as MCAP: read back as the same run, shown, and learned from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from drive_kinds import SCENARIO, controller_of, every_kind
+
+import kmpc_lite as kl
+from firmware_bridge.recording.drive.encoder import DriveEncoder
+from firmware_bridge.recording.drive.records import Gate, PoseSeen, Sent
+from firmware_bridge.recording.drive.scene import margins_of
+from kmpc_lab import Outcome, Run, drive
+from kmpc_lab.recording.drive_file import load_drive
+from kmpc_lab.recording.simulated import SimulationRecorder, circle_rows
+from kmpc_lite.cli import main as cli
+from kmpc_lite.learn.formats.mcap_layout import DRIVE
+from kmpc_lite.scenario.files import Scenario
+
+
+def test_a_recorded_drive_is_the_same_run(
+    recorded: tuple[Run, SimulationRecorder], tmp_path: Path
+) -> None:
+    run, recorder = recorded
+    file = recorder.write(tmp_path / "new" / "folder", run)
+    assert file == tmp_path / "new" / "folder" / DRIVE
+    read = load_drive(file.parent)
+    assert read.outcome is run.outcome is Outcome.REACHED
+    assert (read.duration, read.dt, read.statuses) == (run.duration, run.dt, run.statuses)
+    assert read.clearance == pytest.approx(run.clearance)
+    for name in ("states", "path", "plans", "inputs", "step_times"):
+        np.testing.assert_allclose(getattr(read, name), getattr(run, name), atol=1e-4)
+    assert read.scenario.to_toml() == run.scenario.to_toml()
+    details = read.details
+    assert details is not None and len(details.times) == len(run.inputs)
+    np.testing.assert_allclose(details.times, 0.1 * np.arange(len(run.inputs)), atol=1e-9)
+    np.testing.assert_allclose(details.poses, run.states[:-1], atol=1e-4)
+    assert (details.margins[:, :-1] > 0.0).all() and details.margins.max() < 0.5
+    assert len(details.circles) == len(run.inputs), "one of them moves"
+    assert details.paths[details.path_of[-1]][-1] == pytest.approx(run.scenario.goal[:2], abs=0.1)
+
+
+def test_recording_does_not_change_the_drive(
+    scenario: Scenario, recorded: tuple[Run, SimulationRecorder]
+) -> None:
+    alone = drive(controller_of(scenario), scenario)
+    for name in ("states", "inputs", "plans"):
+        np.testing.assert_array_equal(getattr(alone, name), getattr(recorded[0], name))
+
+
+def test_a_drive_that_was_cut_off_is_read_up_to_there(content: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "torn.mcap"
+    path.write_bytes(content[: 4 * len(content) // 5])
+    run = load_drive(path)
+    assert run.info["ended"] == "the recording breaks off" and run.outcome is Outcome.TIMEOUT
+    assert run.details is not None and 5 < len(run.details.times) < 30
+    assert run.clearance > 0.0
+
+
+def test_what_else_a_drive_holds_is_read(scenario: Scenario, tmp_path: Path) -> None:
+    path = tmp_path / "all.mcap"
+    path.write_bytes(every_kind(scenario))
+    run = load_drive(path)
+    details = run.details
+    assert details is not None and run.info == {"kind": "driven", "ended": "so"}
+    assert [(round(t, 3), s, r) for t, s, r in details.gates] == [
+        (0.0, "ACTIVE", ()),
+        (0.1, "STOPPING", ("link down",)),
+    ]
+    assert details.health[0][1]["counters"] == {"frames": 3} and details.health[0][1]["age"] is None
+    assert details.notes[-1][1:] == ("<b>a note</b>", True)
+    assert details.pose_ages.tolist() == [0.02]
+    assert details.measured.shape == (1, 4) and details.sent.round(3).tolist() == [
+        [-0.1, 0.3, -0.2]
+    ]
+    ((_, scan),) = details.scans
+    first, second = scan.points
+    np.testing.assert_allclose(first, [np.cos(0.5), np.sin(0.5)], atol=1e-6)
+    np.testing.assert_allclose(second, [2 * np.cos(0.8), 2 * np.sin(0.8)], atol=1e-6)
+    assert scan.unknown.any() or scan.clear.any()
+
+
+def test_margins_are_those_of_the_nearest_stage() -> None:
+    circles = np.array([[1.0, 0.0, 0.1, 0, 0], [9.0, 0.0, 0.1, 0, 0]])
+    states = np.array([[0.0, 1, 0], [0.5, 1, 0], [1.0, 1, 0], [2.0, 1, 0]])
+    near, kept = margins_of(circles, states, np.array([0.1, 0.2, 0.3]))
+    assert near.tolist() == [0, 1] and kept.tolist() == [0.2, 0.3]
+    assert [part.shape for part in margins_of(circles[:0], states, kept)] == [(0,), (0,)]
+
+
+def test_circles_are_found_among_obstacles() -> None:
+    some = [kl.Circle(1.0, 2.0, 0.1, 0.3, 0.0), kl.Wall(0, 0, 1, 1, 0.1), np.array([3.0, 4.0, 0.2])]
+    assert circle_rows(some).tolist() == [[1, 2, 0.1, 0.3, 0], [3, 4, 0.2, 0, 0]]
+    assert circle_rows(np.array([[1.0, 2.0, 0.1]])).tolist() == [[1, 2, 0.1, 0, 0]]
+    assert circle_rows(()).shape == (0, 5)
+
+
+def test_the_commands_record_show_and_learn_from_a_drive(
+    scenario: Scenario, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "field.toml").write_text(SCENARIO)
+    words = ["simulate", str(tmp_path / "field.toml"), "--record", str(tmp_path / "drive")]
+    assert cli.main(words) == 0
+    assert f"wrote  {tmp_path / 'drive' / DRIVE}" in capsys.readouterr().out
+    assert cli.main(["inspect", str(tmp_path / "drive" / DRIVE)]) == 0
+    assert "poses: /pose (kmpc); commands: /command (kmpc)" in capsys.readouterr().out
+    data = kl.Dataset.load(tmp_path / "drive")
+    assert len(data.episodes) == 1 and data.dt == pytest.approx(0.1)
+
+
+def test_a_part_of_a_drive_is_shown(
+    scenario: Scenario, content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra plot")
+    path = tmp_path / "drive.mcap"
+    path.write_bytes(content)
+    run = load_drive(path)
+    assert run.details is not None
+    part = run.details.between(0.45, 0.8)
+    assert part.times.round(6).tolist() == [0.5, 0.6, 0.7, 0.8]
+    assert len(part.statuses) == len(part.plans) == len(part.path_of) == 4
+    words = ["report", str(path), "-o", str(tmp_path / "part.html")]
+    assert cli.main([*words, "--from", "0.5", "--to", "0.8"]) == 0
+    assert (tmp_path / "part.html").exists()
+    capsys.readouterr()
+    assert cli.main([*words, "--from", "90"]) == 2
+    assert "no step from 90 s to inf s: the drive lasts from 0.00 s to" in capsys.readouterr().err
+    run.save(tmp_path / "run.npz")
+    assert cli.main(["report", str(tmp_path / "run.npz"), "--to", "1"]) == 2
+    assert "was not recorded" in capsys.readouterr().err
+
+
+def test_only_what_the_robot_obeyed_is_learned_from(scenario: Scenario, tmp_path: Path) -> None:
+    encoder = DriveEncoder(scenario, 0.1, {})
+    records: list[Any] = []
+    for k in range(100):
+        time = 0.1 * k
+        records.append(PoseSeen(time, (0.05 * k, 0.0, 0.0)))
+        if k < 50:
+            records.append(Sent(time, (0.5, 0.0)))
+    records += [Gate(0.0, "ACTIVE"), Gate(4.95, "YIELDED")]
+    path = tmp_path / "drive.mcap"
+    records.sort(key=lambda record: record.time)
+    path.write_bytes(encoder.begin(0.0) + b"".join(encoder.encode(records)))
+    from kmpc_lite.learn.formats.readers import read_log
+
+    log = read_log(path)
+    assert log.poses.time[-1] == pytest.approx(4.9) and "50 poses" in log.notes[-1]
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b'"SOLVED"', b'"SOLVEX"'),
+        (b'"progress":"DRIVING"', b'"progress":"DRIVINX"'),
+        (b'"dt": 0.1', b'"dt": 0.0'),
+        (b'"margins":[', b'"margins":{'),
+        (b'{"x":1.0', b'{"x":1e9'),
+        (b"kmpc.drive", b"kmpc.drivX"),
+    ],
+)
+def test_what_is_no_drive_is_refused(
+    content: bytes, old: bytes, new: bytes, tmp_path: Path
+) -> None:
+    path, run = tmp_path / "drive.mcap", content.replace(old, new)
+    # without checksums, so that what they hold is read
+    from kmpc_lite.learn.formats import mcap_records as read
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(read, "crc32", lambda data: 0)
+        path.write_bytes(run)
+        assert run != content
+        with pytest.raises(kl.ScenarioError, match="drive.mcap: .*(damaged|checksum)"):
+            load_drive(path)
+
+
+def test_a_folder_without_a_drive_says_so(tmp_path: Path) -> None:
+    with pytest.raises(kl.ScenarioError, match="a folder without a recorded drive: drive.mcap"):
+        load_drive(tmp_path)
+    with pytest.raises(kl.ScenarioError, match="No such file"):
+        load_drive(tmp_path / "nowhere.mcap")

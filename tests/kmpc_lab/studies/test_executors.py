@@ -1,0 +1,257 @@
+"""What runs a study: rows are the same whatever does, and a killed worker loses nothing."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+from executors import Inline
+
+import kmpc_lite as kl
+from kmpc_lab.studies.contenders import Contender
+from kmpc_lab.studies.executors import Processes, WorkerLost, executor, gather
+from kmpc_lab.studies.random_maps import maps_study
+from kmpc_lab.studies.table1 import table1
+from kmpc_lite.scenario.files import Scenario
+
+SMALL = {"episodes": 6, "steps": 30}
+LEARNED = Contender("learned", margin=0.02)
+
+
+def double(value: int) -> int:
+    return 2 * value
+
+
+def fail(value: int) -> int:
+    raise ValueError(f"no {value}")
+
+
+def threads_of_algebra() -> str:
+    return os.environ["OMP_NUM_THREADS"]
+
+
+def die_once(flag: Path, value: int) -> int:
+    """Kill the process that this runs in, the first time that it is called."""
+    if not flag.exists():
+        flag.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return 2 * value
+
+
+def die(_: int) -> int:
+    os.kill(os.getpid(), signal.SIGKILL)
+    return 0
+
+
+def slow(folder: Path, value: int) -> int:
+    """Say who works on a task, and take a moment."""
+    (folder / f"{value}-{os.getpid()}").touch()
+    time.sleep(0.1)
+    return 2 * value
+
+
+def study(runner: Executor, **options: Any) -> list[dict[str, Any]]:
+    rows = maps_study([LEARNED], runner, slips=(0.1,), maps=2, training=SMALL, **options)
+    return [{key: row[key] for key in row if "step" not in key} for row in rows]
+
+
+def in_all(runner: Executor, fn: Any, values: range) -> list[int]:
+    found: dict[int, int] = {}
+
+    def keep(value: int, result: int) -> None:
+        found[value] = result
+
+    gather({runner.submit(fn, value): partial(keep, value) for value in values})
+    return [found[value] for value in values]
+
+
+# -- processes of this machine
+
+
+def test_processes_do_the_work_with_one_thread_each() -> None:
+    with executor(2) as runner:
+        assert in_all(runner, double, range(5)) == [0, 2, 4, 6, 8]
+        assert runner.submit(threads_of_algebra).result() == "1"
+
+
+def test_an_error_comes_out_and_the_rest_is_kept() -> None:
+    kept: list[int] = []
+    with pytest.raises(ValueError, match="no 1"), executor(1) as runner:
+        jobs = {runner.submit(fail, 1): kept.append}
+        jobs |= {runner.submit(double, value): kept.append for value in range(3)}
+        gather(jobs)
+    assert sorted(kept) == [0, 2, 4]
+
+
+def test_tasks_of_a_killed_process_run_again(tmp_path: Path) -> None:
+    with executor(1) as runner:
+        assert in_all(runner, partial(die_once, tmp_path / "flag"), range(6)) == [
+            2 * value for value in range(6)
+        ]
+
+
+def test_a_task_that_always_kills_its_process_is_told_and_the_others_are_done() -> None:
+    with Processes(1) as runner:
+        jobs = [runner.submit(double, 1), runner.submit(die, 0), runner.submit(double, 2)]
+        with pytest.raises(WorkerLost, match="3 times at the same task"):
+            jobs[1].result()
+        assert (jobs[0].result(), jobs[2].result()) == (2, 4)
+
+
+def test_an_interrupt_ends_the_work_at_once() -> None:
+    with pytest.raises(KeyboardInterrupt), executor(1) as runner:
+        runner.submit(double, 1).result()
+        workers = multiprocessing.active_children()
+        sleeping, waiting = runner.submit(time.sleep, 600.0), runner.submit(double, 1)
+        raise KeyboardInterrupt
+    assert workers and waiting.cancelled()
+    deadline = time.monotonic() + 60.0  # not the ten minutes that it would have slept
+    while any(worker.is_alive() for worker in workers):
+        assert time.monotonic() < deadline, "a worker sleeps on"
+        time.sleep(0.01)
+    assert isinstance(sleeping.exception(timeout=60.0), kl.KmpcError)
+
+
+def test_what_was_shut_down_takes_nothing_more() -> None:
+    with Processes(1) as runner:
+        assert runner.submit(double, 1).result() == 2
+    with pytest.raises(RuntimeError, match="after shutdown"):
+        runner.submit(double, 1)
+
+
+# -- a Dask cluster
+
+
+@contextmanager
+def running(*command: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Start a command of Dask's; it is ended with the block."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "distributed.cli." + command[0], *command[1:]],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def worker_command(address: str, folder: Path) -> tuple[str, ...]:
+    options = ("--nworkers", "1", "--nthreads", "1", "--no-dashboard", "--no-nanny")
+    return ("dask_worker", address, *options, "--local-directory", str(folder))
+
+
+@pytest.fixture(scope="module")
+def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Address of a Dask scheduler with one worker, in processes of their own."""
+    folder = tmp_path_factory.mktemp("dask")
+    file = folder / "scheduler.json"
+    with ExitStack() as stack:
+        scheduling = ("dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+        stack.enter_context(running(*scheduling, "--scheduler-file", str(file)))
+        deadline = time.monotonic() + 120.0
+        address = ""
+        while not address:
+            assert time.monotonic() < deadline, "no scheduler"
+            time.sleep(0.1)
+            if file.exists() and (text := file.read_text()):
+                address = text.partition('"address": "')[2].partition('"')[0]
+        stack.enter_context(running(*worker_command(address, folder)))
+        yield address
+
+
+def test_rows_are_the_same_whatever_runs_them(scheduler: str) -> None:
+    here = study(Inline())
+    with executor(2) as processes:
+        assert study(processes) == here
+    with executor(cluster=scheduler) as cluster:
+        assert study(cluster) == here
+
+
+def test_a_killed_worker_of_a_cluster_loses_nothing(scheduler: str, tmp_path: Path) -> None:
+    import distributed
+
+    with ExitStack() as stack:
+        runner = stack.enter_context(executor(cluster=scheduler))
+        second = stack.enter_context(running(*worker_command(scheduler, tmp_path)))
+        with distributed.Client(scheduler, set_as_default=False) as client:
+            client.wait_for_workers(2, timeout=120)
+        folder = tmp_path / "tasks"
+        folder.mkdir()
+        found: list[int] = []
+        jobs = {runner.submit(slow, folder, value): found.append for value in range(40)}
+        deadline = time.monotonic() + 120.0
+        while not list(folder.glob(f"*-{second.pid}")):  # it has begun
+            assert time.monotonic() < deadline, "the second worker does nothing"
+            time.sleep(0.05)
+        second.kill()
+        gather(jobs)
+        assert sorted(found) == [2 * value for value in range(40)]
+
+
+def test_a_cluster_that_does_not_answer_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("kmpc_lab.studies.executors.ANSWER", 0.3)
+    with (
+        pytest.raises(kl.KmpcError, match="--cluster tcp://127.0.0.1:9: no Dask scheduler"),
+        executor(cluster="tcp://127.0.0.1:9"),
+    ):
+        pass
+
+
+def test_a_worker_with_another_version_is_refused(
+    scheduler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kl, "__version__", "9.9.9")
+    with (
+        pytest.raises(kl.KmpcError, match=r"has kmpc_lite \S+, expected 9\.9\.9"),
+        executor(cluster=scheduler),
+    ):
+        pass
+
+
+def test_a_missing_dask_is_told_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with (
+        pytest.raises(kl.KmpcError, match=r"pip install 'kmpc-lab\[cluster\]'"),
+        executor(cluster="tcp://127.0.0.1:8786"),
+    ):
+        pass
+
+
+# -- going on
+
+
+def test_table_1_goes_on_from_its_records(tmp_path: Path) -> None:
+    scenario = replace(Scenario.load("mehrez"), goal=(0.6, 0.0, 0.0), timeout=3.0)
+    arguments: dict[str, Any] = {
+        "trials": 1,
+        "controllers": (LEARNED,),
+        "lambdas": (0.1,),
+        "training": SMALL,
+        "records": tmp_path / "table.jsonl",
+    }
+    with pytest.raises(RuntimeError, match="worker died"):
+        table1(scenario, Inline(1, counted="run_trials"), **arguments)
+    rest = Inline()
+    cells = table1(scenario, rest, **arguments)
+    assert rest.names == ["learn"] + ["run_trials"] * 2  # one of three cells was there
+    idle = Inline()
+    assert table1(scenario, idle, **arguments) == cells and not idle.asked
+    other = Inline()
+    table1(replace(scenario, goal=(0.5, 0.0, 0.0)), other, **arguments)
+    assert other.names.count("run_trials") == 3  # another map, whatever its name

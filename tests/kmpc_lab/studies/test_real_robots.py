@@ -1,0 +1,49 @@
+"""A plant made from a log errs as the log did, and the study drives it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lab.studies.any_robot import Robot, record
+from kmpc_lab.studies.real_robots import RECIPES, RealPlant, drive_real, real_robot
+
+SKIDDING = Robot("skidding", 0.3, 0.8, 1.0, slip=0.05, turn_gain=0.6, noise=(0.01, 0.01))
+
+
+@pytest.fixture(scope="module")
+def log() -> kl.Dataset:
+    return record(SKIDDING, 4).windows(5.0)
+
+
+def test_a_plant_stands_at_zero_command_and_errs_when_it_drives(log: kl.Dataset) -> None:
+    plant = RealPlant(kl.fit(log, lags="auto"), log, 1, motor_lag=0.0)
+    pose = np.array([1.0, 2.0, 0.5])
+    for _ in range(30):
+        np.testing.assert_allclose(plant.drive(pose, np.zeros(2))[-1], pose, atol=1e-9)
+    model = kl.fit(log, lags="auto")
+    errors = []
+    for _ in range(300):
+        end = plant.drive(pose, np.array([0.6, 0.3]))[-1]
+        errors.append(end - model.predict(pose, (0.6, 0.3)))
+    spread = np.std(errors, axis=0)
+    assert 1e-3 < spread[0] < 0.05
+
+
+def test_motors_that_lag_reach_a_command_late(log: kl.Dataset) -> None:
+    model = kl.fit(log, lags="auto")
+    moved = {}
+    for lag in (0.0, 0.3):
+        plant, pose = RealPlant(model, log, 1, lag), np.zeros(3)
+        moved[lag] = plant.drive(pose, np.array([0.6, 0.0]))[-1, 0]
+    assert moved[0.3] < 0.5 * moved[0.0]
+
+
+def test_it_drives_the_other_half_of_a_log_to_its_pose(tmp_path: Path, log: kl.Dataset) -> None:
+    log.save(tmp_path / "skidding.csv")
+    real = real_robot(tmp_path / "skidding.csv", 0.3, 0.8, 1.0)
+    row = drive_real(real, RECIPES[0], 300)
+    assert row.in_pose and not row.collided and row.robot == "skidding, auto"

@@ -1,0 +1,101 @@
+"""Records of a study: kept line by line, read back, and never added to by mistake."""
+
+from __future__ import annotations
+
+import json
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lab.studies.records import RecordFile, check_resume, drive_rows
+from kmpc_lite.errors import DataError
+
+
+def file(path: Path | None) -> RecordFile:
+    return RecordFile(path, lambda record: record["name"], "a thing")
+
+
+def test_what_was_added_is_read_back(tmp_path: Path) -> None:
+    path = tmp_path / "some.jsonl"
+    assert file(path).read() == {} and path.exists()
+    file(path).add([{"name": "a", "value": 0.1}, {"name": "b", "value": None}])
+    file(path).add([{"name": "a", "value": 0.2}])
+    assert file(path).read() == {
+        "a": {"name": "a", "value": 0.2},
+        "b": {"name": "b", "value": None},
+    }
+
+
+def test_a_line_that_was_cut_off_is_removed(tmp_path: Path) -> None:
+    path = tmp_path / "some.jsonl"
+    path.write_text('{"name": "a"}\n{"na')
+    assert list(file(path).read()) == ["a"]
+    file(path).add([{"name": "b"}])
+    assert [json.loads(line)["name"] for line in path.read_text().splitlines()] == ["a", "b"]
+
+
+def test_a_foreign_line_is_refused_with_its_number(tmp_path: Path) -> None:
+    path = tmp_path / "some.jsonl"
+    path.write_text('{"name": "a"}\n{"other": 1}\n')
+    with pytest.raises(kl.DataError, match="some.jsonl: line 2: expected a thing, got"):
+        file(path).read()
+
+
+def test_without_a_file_nothing_is_kept() -> None:
+    file(None).add([{"name": "a"}])
+    assert file(None).read() == {}
+
+
+def test_an_earlier_runs_records_are_gone_on_from_only_when_asked(tmp_path: Path) -> None:
+    path = tmp_path / "some.jsonl"
+    check_resume(path, False)
+    check_resume(path, True)  # nothing there yet: a study that restarts itself may say so at once
+    check_resume(None, False)
+    path.write_text('{"name": "a"}\n')
+    check_resume(path, True)
+    with pytest.raises(kl.DataError, match="holds records of an earlier run: --resume goes on"):
+        check_resume(path, False)
+    with pytest.raises(kl.DataError, match="--resume: expected --records FILE"):
+        check_resume(None, True)
+
+
+@dataclass(frozen=True)
+class Thrown:
+    """A row of a study that throws dice."""
+
+    die: str
+    seed: int
+    clearance: float
+
+    def as_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def throw(die: str, seed: int) -> Thrown:
+    return Thrown(die, seed, math.inf)
+
+
+def test_rows_are_kept_and_only_what_is_missing_is_driven(tmp_path: Path) -> None:
+    file, told = tmp_path / "dice.jsonl", list[tuple[int, int]]()
+
+    def throws(study: str, *asked: tuple[str, int]) -> list[Thrown]:
+        with ThreadPoolExecutor(1) as executor:
+            note = lambda *progress: told.append(progress)  # noqa: E731
+            return drive_rows(executor, file, study, throw, asked, Thrown, note)
+
+    first = throws("dice", ("red", 1), ("blue", 1))
+    assert first == [throw("red", 1), throw("blue", 1)] and told[-1] == (2, 2)
+    told.clear()
+    assert throws("dice", ("blue", 1), ("red", 2)) == [throw("blue", 1), throw("red", 2)]
+    assert told == [(1, 2), (2, 2)]
+    assert len(file.read_text().splitlines()) == 3
+    with pytest.raises(DataError, match="line 1: expected a drive of kmpc study coins, got"):
+        throws("coins", ("red", 1))
+    file.write_text('{"study": "dice", "asked": ["red", 1], "row": {"die": "red"}}\n')
+    with pytest.raises(DataError, match="line 1: expected a drive of kmpc study dice"):
+        throws("dice", ("red", 1))

@@ -1,0 +1,125 @@
+"""A changed floor is learned within seconds, and what a drive does not show is not unlearned."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from slipping_floors import DT, U_MAX, errors, go, learned, model_of
+
+from kmpc_lab import DifferentialDrive, generate_dataset
+from kmpc_lite import InputHistoryDictionary, UnicycleDictionary, fit, nominal_unicycle
+from kmpc_lite.adaptation.online import Gains, OnlineAdaptation
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ((0.0, 1.0), (0.2, 1.0)),
+        ((0.05, 1.0), (0.2, 1.0)),
+        ((0.05, 1.0), (0.05, 0.6)),
+        ((0.2, 1.0), (0.2, 0.6)),
+    ],
+)
+def test_a_changed_floor_is_learned_in_five_seconds(before, after):
+    fresh = errors(learned(*after, seed=9), *after)
+    ratios = []
+    for seed in range(6):
+        adaptation = OnlineAdaptation(model_of(*before))
+        assert not go(
+            adaptation, DifferentialDrive(before[0], seed=seed, turn_gain=before[1]), 300, seed
+        )
+        given = go(
+            adaptation,
+            DifferentialDrive(after[0], seed=seed + 50, turn_gain=after[1]),
+            50,
+            seed + 100,
+        )
+        assert len(given) <= 8
+        ratios.append(errors(adaptation.model, *after) / fresh)
+    assert np.median(ratios, axis=0).max() <= 1.15
+    assert np.max(ratios) <= 1.5
+    stale = errors(model_of(*before), *after) / fresh
+    assert stale.max() > 1.2
+    assert np.median(ratios, axis=0).max() < 0.9 * stale.max()
+
+
+def test_without_noise_the_new_turn_gain_is_exact():
+    adaptation = OnlineAdaptation(model_of(0.0))
+    go(adaptation, DifferentialDrive(), 100, 0)
+    go(adaptation, DifferentialDrive(turn_gain=0.6), 50, 1)
+    assert errors(adaptation.model, 0.0, 0.6).max() < 1e-5
+    assert adaptation.gains.turn == pytest.approx(0.6, abs=1e-5)
+
+
+def test_margins_learn_with_the_floor():
+    adaptation = OnlineAdaptation(model_of(0.02))
+    go(adaptation, DifferentialDrive(0.2, seed=3), 400, 4)
+    deviation = np.sqrt(np.diag(adaptation.model.noise((0.5, 0.0))))
+    truth = np.sqrt(np.diag(model_of(0.2).noise((0.5, 0.0))))
+    assert (deviation[:2] > 0.8 * truth[:2]).all() and (deviation[:2] < 2.0 * truth[:2]).all()
+
+
+def test_a_straight_line_does_not_unlearn_turning():
+    adaptation = OnlineAdaptation(model_of(0.05))
+    straight = np.tile([0.5, 0.0], (3000, 1))
+    go(
+        adaptation,
+        DifferentialDrive(0.2, seed=2),
+        3000,
+        1,
+        commands=straight,
+        noise=(0.002, 0.002, 0.01),
+    )
+    # the slip ahead and sideways is learned; of the turns nothing was seen
+    assert adaptation.gains.ahead == pytest.approx(1.2 / 1.05, abs=0.05)
+    assert adaptation.gains.turn == pytest.approx(1.0, abs=0.02)
+    go(adaptation, DifferentialDrive(0.2, seed=3), 150, 2)
+    assert adaptation.gains.turn == pytest.approx(1.2 / 1.05, abs=0.1)
+
+
+def test_turning_on_the_spot_does_not_unlearn_driving():
+    adaptation = OnlineAdaptation(model_of(0.05))
+    go(
+        adaptation,
+        DifferentialDrive(0.05, seed=2, turn_gain=0.6),
+        1000,
+        1,
+        commands=np.tile([0.0, 0.6], (1000, 1)),
+    )
+    assert adaptation.gains.turn == pytest.approx(0.6, abs=0.03)
+    assert adaptation.gains.ahead == pytest.approx(
+        1.0, abs=0.02
+    ) and adaptation.gains.left == pytest.approx(0.0, abs=0.02)
+
+
+def test_a_robot_that_pulls_to_one_side():
+    random, adaptation = np.random.default_rng(0), OnlineAdaptation(nominal_unicycle(DT))
+    x = np.zeros(3)
+    for _ in range(100):
+        u = random.uniform(-1, 1, 2) * U_MAX
+        after = nominal_unicycle(DT).predict(x, u + (0.0, 0.2 * u[0]))
+        adaptation.update(x, u, after)
+        x = after
+    np.testing.assert_allclose(adaptation.gains, Gains(pull=0.2), atol=1e-3)
+
+
+def test_with_input_history():
+    """A robot that obeys one period late, and whose turns then shrink."""
+    late = InputHistoryDictionary(UnicycleDictionary(), lags=(0, 1))
+    random, plant = np.random.default_rng(0), DifferentialDrive(0.02, seed=1)
+    data = generate_dataset(plant, episodes=100, steps=200, dt=DT, seed=2)
+    delayed = type(data)(
+        [replace(e, inputs=np.vstack([e.inputs[1:], e.inputs[:1]])) for e in data.episodes]
+    )
+    adaptation = OnlineAdaptation(fit(delayed, late))
+    x, past = np.zeros(3), np.zeros((1, 2))
+    for k in range(400):
+        if k % 60 == 0:
+            x = random.uniform(-1, 1, 3)
+        u = random.uniform(-1, 1, 2) * U_MAX
+        plant.turn_gain = 0.6 if k >= 200 else 1.0
+        after = plant.step(x, past[0], DT)
+        given = adaptation.update(x, u, after, past)
+        assert given is None or k >= 200
+        x, past = after, u[None]
+    assert adaptation.gains.turn == pytest.approx(0.6, abs=0.02)

@@ -1,0 +1,43 @@
+"""A model of another robot is told, and one that predicts worse than the learned gives way."""
+
+from dataclasses import replace
+
+import pytest
+from slipping_floors import go, model_of
+
+from kmpc_lab import DifferentialDrive
+from kmpc_lite.adaptation.online import Gains, OnlineAdaptation
+
+
+class Mirrored(DifferentialDrive):
+    """A robot that turns the other way round: the log of another robot, or a sign in its wiring."""
+
+    def step(self, x, u, dt):
+        return super().step(x, (u[0], -u[1]), dt)
+
+
+def test_a_mirrored_robot_is_told_within_seconds():
+    adaptation = OnlineAdaptation(model_of(0.05))
+    go(adaptation, Mirrored(0.05, seed=3), 80, 1)
+    assert "turns -" in adaptation.wrong_model
+    assert adaptation.model is adaptation.base
+    adaptation.reset()
+    assert not adaptation.wrong_model
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.05, 0.2])
+def test_no_floor_is_taken_for_another_robot(slip):
+    for seed in range(2):
+        adaptation = OnlineAdaptation(model_of(0.05))
+        plant = DifferentialDrive(slip, seed=seed, turn_gain=0.5)
+        go(adaptation, plant, 600, seed, noise=(0.005, 0.005, 0.02))
+        assert not adaptation.wrong_model and adaptation.counts.models
+
+
+def test_an_adapted_model_that_predicts_worse_gives_way_to_the_learned_one():
+    adaptation = OnlineAdaptation(model_of(0.05))
+    state = adaptation.state
+    state.gains = Gains(turn=0.6)  # of a floor that is gone, and too little to raise an alarm
+    adaptation.options = replace(adaptation.options, window_alarm=1e9, memory_alarm=1e9)
+    go(adaptation, DifferentialDrive(0.05, seed=3), 200, 1)
+    assert adaptation.gains == Gains() and adaptation.model is adaptation.base

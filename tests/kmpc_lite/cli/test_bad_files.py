@@ -1,0 +1,306 @@
+"""Whatever is wrong inside a log, a scenario or a model file.
+
+Kmpc says it in one line, ends with status 2, and writes nothing.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kmpc_lab
+import kmpc_lite as kl
+from kmpc_lite.cli import main as cli
+
+HEADER = ["t", "x", "y", "theta", "v", "omega"]
+Rows = list[list[str]]
+
+
+@pytest.fixture(scope="module")
+def log() -> Rows:
+    """A good log as text, header first."""
+    data = kmpc_lab.generate_dataset(
+        kmpc_lab.DifferentialDrive(0.05, seed=1), episodes=1, steps=300, dt=0.1, seed=1
+    )
+    (drive,) = data.episodes
+    numbers = np.column_stack(
+        [0.1 * np.arange(301), drive.states, np.vstack([drive.inputs, drive.inputs[-1:]])]
+    )
+    return [HEADER, *([f"{v:.6f}" for v in row] for row in numbers)]
+
+
+def put(row: int, column: str, value: str) -> Callable[[Rows], Rows]:
+    """Change one value, counted as lines of the file are, from 1."""
+    return lambda rows: [
+        [value if (k, name) == (row, column) else v for name, v in zip(HEADER, line, strict=True)]
+        for k, line in enumerate(rows, 1)
+    ]
+
+
+def constant(column: str, value: str) -> Callable[[Rows], Rows]:
+    return lambda rows: (
+        [rows[0]]
+        + [
+            [value if name == column else v for name, v in zip(HEADER, line, strict=True)]
+            for line in rows[1:]
+        ]
+    )
+
+
+BAD_LOGS: dict[str, tuple[Callable[[Rows], Rows], str]] = {
+    "missing column": (lambda rows: [line[:-1] for line in rows], "line 1: header: omega missing"),
+    "doubled column": (
+        lambda rows: [[*line, line[1]] for line in rows],
+        "line 1: header: x doubled",
+    ),
+    "NaN": (put(7, "y", "nan"), "line 7, column y: expected a finite number in m, got nan"),
+    "no number": (put(7, "v", "fast"), "line 7, column v: expected a number, got 'fast'"),
+    "time runs back": (
+        put(9, "t", "0.2"),
+        "line 9, column t: time must grow, got 0.2 s after 0.6 s",
+    ),
+    "a value too few": (
+        lambda rows: [*rows[:4], rows[4][:-1], *rows[5:]],
+        "line 5: expected 6 values as in the header, got 5",
+    ),
+    "empty": (lambda rows: [], "empty file; expected the header"),
+    "header only": (lambda rows: rows[:1], "0 row(s); expected at least 2"),
+    "one row": (lambda rows: rows[:2], "1 row(s); expected at least 2"),
+    "few rows": (lambda rows: rows[:9], "0.7 s of driving are too few"),
+    "constant speed": (constant("v", "0.5"), "column v is constant (0.5)"),
+    "never turns": (constant("omega", "0"), "column omega is constant (0)"),
+    "frozen pose": (
+        lambda rows: constant("theta", "1")(constant("x", "1")(constant("y", "1")(rows))),
+        "does not excite the model",
+    ),
+    "too large": (
+        put(20, "x", "-1e300"),
+        "line 20, column x: expected at most 1e+09 m, got -1e+300",
+    ),
+}
+
+GOOD_SCENARIO = """\
+[map]
+bounds = [-2.0, -2.0, 2.0, 2.0]
+circles = [[0.6, 0.6, 0.15]]
+[robot]
+radius = 0.15
+start = [0.0, 0.0, 0.0]
+goal = [1.5, 1.5, 0.0]
+"""
+BAD_SCENARIOS = {
+    "negative radius": (
+        "0.6, 0.15]",
+        "0.6, -0.15]",
+        "circle at (0.6, 0.6): expected a radius >= 0 m, got -0.15",
+    ),
+    "robot's radius": ("radius = 0.15", "radius = -0.15", "[robot] radius: expected a number > 0"),
+    "crossing bounds": (
+        "[-2.0, -2.0, 2.0, 2.0]",
+        "[2.0, -2.0, -2.0, 2.0]",
+        "[map] bounds: expected xmin < xmax and ymin < ymax",
+    ),
+    "goal outside": (
+        "goal = [1.5",
+        "goal = [2.5",
+        "[robot] goal: (2.5, 1.5) lies outside the bounds",
+    ),
+    "goal in an obstacle": (
+        "goal = [1.5, 1.5",
+        "goal = [0.7, 0.7",
+        "[robot] goal: (0.7, 0.7) is 0.141421 m from the centre of circle 0",
+    ),
+    "start outside": (
+        "start = [0.0, 0.0",
+        "start = [0.0, -2.5",
+        "[robot] start: (0, -2.5) lies outside the bounds",
+    ),
+    "start in an obstacle": (
+        "start = [0.0, 0.0",
+        "start = [0.6, 0.5",
+        "[robot] start: (0.6, 0.5) is 0.1 m from the centre of circle 0",
+    ),
+    "wrong shape": (
+        "start = [0.0, 0.0, 0.0]",
+        "start = [0.0, 0.0]",
+        "[robot] start: expected 3 numbers, got [0.0, 0.0]",
+    ),
+    "NaN": ("start = [0.0", "start = [nan", "[robot] start: expected a finite number, got nan"),
+    "missing key": ("goal = [1.5, 1.5, 0.0]", "", "[robot] goal: missing"),
+    "unknown key": ("radius = 0.15", "weight = 3.0", "[robot] weight: unknown key"),
+    "no TOML": ("[map]", "[map", "not TOML"),
+}
+
+BAD_MODELS: dict[str, tuple[Callable[[bytes], bytes], str]] = {
+    "empty": (lambda raw: b"", "not a kmpc_lite model, or damaged"),
+    "cut off": (lambda raw: raw[: len(raw) // 2], "not a kmpc_lite model, or damaged"),
+    "a bit turned": (
+        lambda raw: (
+            raw[: len(raw) // 2] + bytes([raw[len(raw) // 2] ^ 0xFF]) + raw[len(raw) // 2 + 1 :]
+        ),
+        "damaged",
+    ),
+    "a picture": (lambda raw: b"\x89PNG\r\n\x1a\n" + raw, "not a kmpc_lite model"),
+}
+
+
+def refused(
+    words: list[str], told: str, here: Path, capsys: pytest.CaptureFixture[str], begun: str = ""
+) -> None:
+    """Status 2, one line on standard error with these words, and no file that was not there."""
+    before = sorted(here.iterdir())
+    assert cli.main(words) == 2
+    out, err = capsys.readouterr()
+    assert out == begun and err.startswith("kmpc: ") and err.count("\n") == 1
+    assert told in err
+    assert sorted(here.iterdir()) == before
+
+
+SHOWS_LITTLE = ("constant speed", "never turns")
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", BAD_LOGS)
+def test_a_bad_log_is_refused(
+    name: str, log: Rows, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change, told = BAD_LOGS[name]
+    (here / "run.csv").write_text("".join(",".join(line) + "\n" for line in change(log)))
+    # where a free fit cannot be had, the default leaves the nominal robot, and warns
+    free = ["--lags", "none"] if name in SHOWS_LITTLE else []
+    refused(["fit", "run.csv", "-o", "robot.npz", *free], told, here, capsys)
+    if name not in SHOWS_LITTLE:
+        demo = ["demo", "--log", "run.csv", "-o", "out"]
+        refused(demo, told, here, capsys, begun="1  reading run.csv\n")
+
+
+@pytest.mark.parametrize("name", SHOWS_LITTLE)
+def test_a_log_that_shows_little_leaves_the_nominal_robot_and_warns(
+    name: str, log: Rows, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change, _ = BAD_LOGS[name]
+    (here / "run.csv").write_text("".join(",".join(line) + "\n" for line in change(log)))
+    assert cli.main(["fit", "run.csv", "-o", "robot.npz"]) == 0
+    told = capsys.readouterr().out
+    assert "as commanded" in told and "warn " in told
+
+
+def test_a_demo_on_a_log_that_shows_little_warns_as_fit_does(
+    log: Rows, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change, _ = BAD_LOGS["never turns"]
+    (here / "run.csv").write_text("".join(",".join(line) + "\n" for line in change(log)))
+    assert cli.main(["fit", "run.csv", "-o", "robot.npz"]) == 0
+    warned = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warn ")]
+    monkeypatch.setattr("kmpc_lab.report.write_report", lambda page, run, **more: None)
+    assert cli.main(["demo", "--log", "run.csv"]) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert warned and all(f"   {line}" in told for line in warned)
+
+
+def test_the_good_log_is_taken(log: Rows, here: Path) -> None:
+    (here / "run.csv").write_text("".join(",".join(line) + "\n" for line in log))
+    assert cli.main(["fit", "run.csv", "-o", "robot.npz"]) == 0
+    assert kl.KoopmanModel.load("robot.npz").dt == 0.1
+
+
+def test_an_uneven_log_is_resampled_by_the_command_and_refused_by_the_api(
+    log: Rows, here: Path
+) -> None:
+    (here / "run.csv").write_text(
+        "".join(",".join(line) + "\n" for line in put(9, "t", "0.74")(log))
+    )
+    with pytest.raises(
+        kl.DataError,
+        match=r"line 9, column t: uneven sampling, a step of 0.14 s where the median is 0.1 s; "
+        r"give dt=",
+    ):
+        kl.Dataset.load("run.csv")
+    assert cli.main(["fit", "run.csv", "-o", "robot.npz"]) == 0
+    assert kl.KoopmanModel.load("robot.npz").dt == 0.1
+
+
+@pytest.mark.parametrize("name", BAD_SCENARIOS)
+def test_a_bad_scenario_is_refused(
+    name: str, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    old, new, told = BAD_SCENARIOS[name]
+    assert GOOD_SCENARIO.count(old) == 1
+    (here / "map.toml").write_text(GOOD_SCENARIO.replace(old, new))
+    refused(
+        ["simulate", "--scenario", "map.toml", "-o", "run.npz", "--report", "run.html"],
+        told,
+        here,
+        capsys,
+    )
+
+
+@pytest.fixture(scope="module")
+def model_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("model") / "robot.npz"
+    kl.fit(
+        kmpc_lab.generate_dataset(
+            kmpc_lab.DifferentialDrive(0.05, seed=1), episodes=5, steps=60, dt=0.1, seed=1
+        )
+    ).save(file)
+    return file
+
+
+@pytest.mark.parametrize("name", BAD_MODELS)
+def test_a_damaged_model_is_refused(
+    name: str, model_file: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change, told = BAD_MODELS[name]
+    (here / "robot.npz").write_bytes(change(model_file.read_bytes()))
+    refused(
+        ["simulate", "--model", "robot.npz", "-o", "run.npz", "--report", "run.html"],
+        told,
+        here,
+        capsys,
+    )
+
+
+@pytest.mark.parametrize("name", ["newer", "foreign", "of another dimension", "NaN"])
+def test_a_model_of_another_kind_is_refused(
+    name: str, model_file: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with np.load(model_file, allow_pickle=False) as file:
+        arrays = dict(file)
+    match name:
+        case "newer":
+            header = {**json.loads(str(arrays["header"])), "version": 2}
+            arrays["header"], told = (
+                np.array(json.dumps(header)),
+                "model format version 2, this kmpc_lite reads version 1: update",
+            )
+        case "foreign":
+            arrays, told = (
+                {"weights": np.zeros(3)},
+                "an npz file, but not a kmpc_lite model (it has weights)",
+            )
+        case "of another dimension":
+            arrays["A"], told = (
+                np.zeros((4, 6)),
+                "expected shape (4, 2) for 6 lifted coordinates, got (3, 2)",
+            )
+        case _:
+            arrays["A"], told = (
+                np.full_like(arrays["A"], np.nan),
+                "model matrix A holds NaN or infinity",
+            )
+    np.savez(here / "robot.npz", allow_pickle=False, **arrays)
+    refused(
+        ["simulate", "--model", "robot.npz", "-o", "run.npz", "--report", "run.html"],
+        told,
+        here,
+        capsys,
+    )

@@ -1,0 +1,248 @@
+"""Commands are found, loaded only when asked for, and what is nearly right is suggested."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import kmpc_lab
+import kmpc_lite
+from kmpc_lab.cli.study import maps
+from kmpc_lite.cli.command import ENTRY_POINTS, LAB, LAST, ROBOT, Command, known_commands, load
+from kmpc_lite.cli.extras import EXTRAS
+from kmpc_lite.cli.main import main
+
+ROOT = Path(__file__).parents[3]
+ROBOTS, LABS = (
+    tomllib.loads((folder / "pyproject.toml").read_text())["project"]
+    for folder in (ROOT, ROOT / "lab")
+)
+COMMANDS = {**ROBOTS["entry-points"][ENTRY_POINTS], **LABS["entry-points"][ENTRY_POINTS]}
+EVERY = sorted(COMMANDS)
+STUDIES = ("table1", *maps.STUDIES, "faults")
+
+
+def install(monkeypatch: pytest.MonkeyPatch, commands: dict[str, str]) -> None:
+    """Let these commands be installed, and no others."""
+    points = [metadata.EntryPoint(*command, ENTRY_POINTS) for command in commands.items()]
+    monkeypatch.setattr(metadata, "entry_points", lambda group: points)
+
+
+def run(*words: str, prelude: str = "") -> subprocess.CompletedProcess[str]:
+    """Run a command line in a fresh interpreter, after a line of Python."""
+    code = f"import sys\n{prelude}\nfrom kmpc_lite.cli.main import main\nsys.exit(main())"
+    return subprocess.run(
+        [sys.executable, "-c", code, *words], capture_output=True, text=True, check=False
+    )
+
+
+HELP = """
+import contextlib, io, json, sys
+sys.modules.update(dict.fromkeys({blocked!r}))
+from kmpc_lite.cli.main import main
+told = {{}}
+for words in {lines!r}:
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
+        try:
+            status = main(words)
+        except SystemExit as end:
+            status = end.code
+    told[" ".join(words)] = [status or 0, out.getvalue()]
+json.dump(told, sys.stdout)
+"""
+
+
+def test_help_and_version_import_nothing_heavy() -> None:
+    blocked = ("numpy", "scipy", "osqp", "matplotlib", "pymavlink", "mujoco", "casadi", "shtab")
+    lines = [["--help"], ["--version"], *([name, "--help"] for name in EVERY)]
+    done = subprocess.run(
+        [sys.executable, "-c", HELP.format(blocked=blocked, lines=lines)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    for line, (status, out) in json.loads(done.stdout).items():
+        assert status == 0, line
+        assert out.startswith("kmpc_lite" if line == "--version" else "usage: kmpc"), line
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_each_study_has_a_help_of_its_own(study: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["study", study, "--help"])
+    out = capsys.readouterr().out
+    assert ended.value.code == 0 and f"example:\n  kmpc study {study}" in out and "--json" in out
+
+
+def test_a_command_line_imports_its_own_command_only() -> None:
+    done = run(
+        "estop",
+        "--help",
+        prelude="import atexit; atexit.register(lambda: print([m for m in sys.modules "
+        "if '.cli.' in m and m.endswith(('fit', 'bench', 'check'))]))",
+    )
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_python_dash_m_is_the_same_command() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "kmpc_lite", "--version"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "") and done.stdout.startswith("kmpc_lite ")
+
+
+def test_the_entry_points_of_both_projects_are_those_of_this_installation() -> None:
+    assert set(ROBOTS["entry-points"][ENTRY_POINTS]) == {*ROBOT, LAST}
+    assert set(LABS["entry-points"][ENTRY_POINTS]) == set(LAB)
+    assert known_commands().items() >= COMMANDS.items()
+
+
+def test_both_projects_have_one_version() -> None:
+    assert LABS["version"] == ROBOTS["version"] == kmpc_lab.__version__ == kmpc_lite.__version__
+    assert LABS["dependencies"] == [f"kmpc-lite=={ROBOTS['version']}"]
+
+
+def test_another_package_can_add_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    install(monkeypatch, {**COMMANDS, "fly": "mine:FLY"})
+    known = known_commands()
+    assert known["fly"] == "mine:FLY" and known.items() >= COMMANDS.items()
+    assert list(known)[0] == "demo" and list(known)[-2:] == ["fly", LAST]
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        *((name, f"kmpc {name} comes with kmpc-lab: pip install kmpc-lab") for name in LAB),
+        ("simulat", "did you mean 'simulate'? It comes with kmpc-lab: pip install kmpc-lab"),
+        ("chekc", "did you mean 'check'?"),
+        ("xyz", "choose from inspect, fit, init"),
+    ],
+)
+def test_where_the_lab_is_not_installed_its_commands_say_so(
+    line: str,
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    install(monkeypatch, ROBOTS["entry-points"][ENTRY_POINTS])
+    assert main(line.split()) == 2
+    out, err = capsys.readouterr()
+    assert words in err and err.count("\n") == 1 and out == ""
+    assert words.startswith("kmpc ") or ("kmpc-lab" in err) == ("kmpc-lab" in words)
+
+
+@pytest.mark.parametrize("where", COMMANDS.values())
+def test_every_command_can_be_loaded(where: str) -> None:
+    command = load(where)
+    assert isinstance(command, Command)
+    assert len(command.text) > 20 and command.examples
+
+
+def test_the_tables_of_names_are_those_of_the_sources() -> None:
+    from kmpc_lab.cli import experiments
+    from kmpc_lab.experiments import study
+    from kmpc_lab.sim.maps.families import FAMILIES
+    from kmpc_lab.studies.catalogue import STUDIES as CATALOGUE
+
+    assert list(maps.FAMILIES) == list(FAMILIES)
+    assert set(maps.STUDIES) == set(CATALOGUE)
+    assert list(experiments.EXPERIMENTS) == list(study.EXPERIMENTS)
+
+
+def test_every_extra_that_is_told_is_one_of_its_project() -> None:
+    projects = {project["name"]: project["optional-dependencies"] for project in (ROBOTS, LABS)}
+    for module, wanted in EXTRAS.items():
+        name, _, extra = wanted.rstrip("]").partition("[")
+        if module != "PIL":  # comes with matplotlib
+            lines = [line.removeprefix("eclipse-") for line in projects[name][extra]]
+            assert any(line.startswith(module) for line in lines), module
+
+
+@pytest.mark.parametrize(
+    ("project", "packages"),
+    [(ROBOTS, ("kmpc_lite", "firmware_bridge")), (LABS, ("lab/kmpc_lab",))],
+    ids=("kmpc-lite", "kmpc-lab"),
+)
+def test_an_extra_exists_only_where_code_uses_it(
+    project: dict[str, Any], packages: tuple[str, ...]
+) -> None:
+    files = [file for name in packages for file in (ROOT / name).rglob("*.py")]
+    code = "\n".join(file.read_text() for file in files)
+    for extra, lines in project["optional-dependencies"].items():
+        for line in lines if extra not in ("clients", "docs", "dev") else ():
+            module = re.split(r"[^\w]", line.replace("dask[", "").replace("eclipse-", ""))[0]
+            assert re.search(rf"^\s*(import|from) {module}\b", code, re.MULTILINE), (extra, module)
+
+
+def test_options_are_not_abbreviated(capsys: pytest.CaptureFixture[str]) -> None:
+    for line in ("run robot.toml --ar", "bench --install-acado"):
+        assert main(line.split()) == 2
+        assert "unrecognized arguments" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("simulat", "no command named 'simulat'; did you mean 'simulate'?"),
+        ("chekc", "did you mean 'check'?"),
+        ("xyz", "choose from demo, inspect, fit, init"),
+        ("study mapps", "no study named 'mapps'; did you mean 'maps'?"),
+        ("study maps --families opn", "did you mean 'open'?"),
+        ("study maps --familis open", "--familis open; did you mean '--families'?"),
+        ("simulate four_circle_1", "no scenario named 'four_circle_1'; did you mean 'four_circl"),
+        ("simulate --plant slipp", "did you mean 'slip'?"),
+        ("run --driver mavlik", "did you mean 'mavlink'?"),
+        ("init rovr", "did you mean 'rover'?"),
+        ("experiments modell", "did you mean 'model'?"),
+    ],
+)
+def test_a_near_miss_is_suggested(
+    line: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(line.split()) == 2
+    out, err = capsys.readouterr()
+    assert words in err and err.count("\n") == 1 and out == ""
+
+
+@pytest.mark.parametrize("line", ["fly --json", "fit --json", "simulate nowhere --json"])
+def test_machines_are_told_errors_as_json(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(line.split()) == 2
+    out, err = capsys.readouterr()
+    assert set(json.loads(out)) == {"error"} and err == ""
+
+
+def test_colours_are_for_terminals_that_want_them(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    for terminal, no_color, coloured in (
+        (False, "", False),
+        (True, "", True),
+        (True, "1", False),
+    ):
+        monkeypatch.setattr(sys.stderr, "isatty", lambda terminal=terminal: terminal)
+        monkeypatch.setenv("NO_COLOR", no_color)
+        assert main(["fly"]) == 2
+        assert ("\x1b[31mkmpc:" in capsys.readouterr().err) == coloured
+
+
+def test_completion_knows_commands_options_and_choices(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("shtab")
+    for shell in ("bash", "zsh"):
+        assert main(["completion", shell]) == 0
+        script = capsys.readouterr().out
+        for word in ("simulate", "estop", "--families", "narrow", "roboclaw", "turning"):
+            assert word in script, (shell, word)

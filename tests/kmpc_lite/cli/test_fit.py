@@ -1,0 +1,253 @@
+"""`kmpc fit`: what it chooses where nothing is said, what it tells, what it refuses."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_folder import files
+from foreign_logs import drive, write_csv, write_dataflash, write_tum
+
+import kmpc_lite as kl
+from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
+from kmpc_lite.cli import main as cli
+from kmpc_lite.cli.fit import read_lags
+
+HEADER = "t,x,y,theta,v,omega"
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log of two minutes of a robot that answers late."""
+    file = tmp_path_factory.mktemp("late") / "late.csv"
+    robot = LaggingDrive(0.25, 0.1, 0.05, seed=1)
+    drive_log(robot, 12, 100, 0.1, 1, hold=10, pose_noise=(0.002, 0.002, 0.004)).save(file)
+    return file
+
+
+def test_by_default_a_late_robot_is_known_as_one(
+    late: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "late.npz"
+    assert cli.main(["fit", str(late), "-o", str(model)]) == 0
+    told = capsys.readouterr().out
+    assert "lag    speed 0.0" in told and "inputs commands (" in told
+    assert kl.KoopmanModel.load(model).history > 4
+    assert cli.main(["fit", str(late), "-o", str(model), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    ours, nominal = (facts["held_out"][k] for k in ("multi_step", "nominal_multi_step"))
+    assert all(mine < 0.25 * theirs for mine, theirs in zip(ours, nominal, strict=True))
+    assert facts["learned"]["lag"]["speed"]["time_constant"] == pytest.approx(0.25, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("options", "history", "symmetric"),
+    [
+        (["--lags", "none"], 0, True),
+        (["--lags", "0", "2"], 2, True),
+        (["--lags", "0", "1", "--product"], 1, True),
+        (["--no-symmetry"], 0, False),
+        (["--dictionary", "unicycle", "--method", "edmdc"], 0, False),
+    ],
+)
+def test_what_is_asked_for_is_fitted(
+    late: Path, tmp_path: Path, options: list[str], history: int, symmetric: bool
+) -> None:
+    file = tmp_path / "model.npz"
+    assert cli.main(["fit", str(late), "-o", str(file), *options]) == 0
+    model = kl.KoopmanModel.load(file)
+    assert model.history == history and model.info.get("symmetric", False) is symmetric
+    assert ("selection" in model.info) is (options == ["--lags", "0", "2"])
+
+
+def test_what_lags_may_be() -> None:
+    assert read_lags(None, False, False) == "auto"
+    assert read_lags(None, True, False) is None and read_lags(None, False, True) is None
+    assert read_lags(["auto"], False, False) == "auto" and read_lags(["none"], False, False) is None
+    assert read_lags(["0", "3"], True, False) == [0, 3]
+    for product, free in ((True, False), (False, True)):
+        with pytest.raises(kl.DataError, match="--lags auto goes with the symmetric"):
+            read_lags(["auto"], product, free)
+    with pytest.raises(kl.DataError, match="--lags some: expected auto, none, or ages"):
+        read_lags(["some"], False, False)
+
+
+# logs of every kind
+
+
+def test_a_suspect_log_is_refused_with_the_option_that_mends_it(
+    late: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = np.genfromtxt(late, delimiter=",", skip_header=1)
+    made, model = tmp_path / "run.csv", tmp_path / "model.npz"
+    np.savetxt(made, table * [1e3, 1, 1, 1, 1, 1], delimiter=",", header=HEADER, comments="")
+    assert cli.main(["fit", str(made), "-o", str(model)]) == 2
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and "t is in ms; --units t=ms; --force learns" in told
+    assert not model.exists()
+    assert cli.main(["fit", str(made), "-o", str(model), "--units", "t=ms"]) == 0
+    mended = kl.KoopmanModel.load(model)
+    assert cli.main(["fit", str(late), "-o", str(model)]) == 0
+    assert kl.KoopmanModel.load(model).info["response"] == mended.info["response"]
+
+
+def test_what_is_forced_is_learned_and_told(
+    late: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = np.genfromtxt(late, delimiter=",", skip_header=1)
+    made, model = tmp_path / "run.csv", tmp_path / "model.npz"
+    np.savetxt(made, table * [1, 1, 1, 1, 1, -1], delimiter=",", header=HEADER, comments="")
+    assert cli.main(["fit", str(made), "-o", str(model), "--force"]) == 0
+    assert "suspect, and forced: omega > 0 lowers theta" in capsys.readouterr().out
+
+
+def test_a_clock_that_runs_back_is_cut_if_forced(
+    late: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = np.genfromtxt(late, delimiter=",", skip_header=1)
+    table[500:, 0] -= 7.0
+    made, model = tmp_path / "run.csv", tmp_path / "model.npz"
+    np.savetxt(made, table, delimiter=",", header=HEADER, comments="")
+    assert cli.main(["fit", str(made), "-o", str(model)]) == 2
+    assert "line 502, column t: time must grow" in capsys.readouterr().err
+    assert cli.main(["fit", str(made), "-o", str(model), "--force"]) == 0
+
+
+def test_logs_of_several_kinds_are_learned_from_together(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    d = drive(60.0, rate=20.0, delay=0.2)
+    logs = [write_csv(tmp_path / "a.csv", d), write_dataflash(tmp_path / "b.bin", d)]
+    logs.append(write_tum(tmp_path / "c.tum", d))
+    model = tmp_path / "model.npz"
+    words = ["fit", *map(str, logs[:2]), "-o", str(model), "--json"]
+    assert cli.main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert any("XKF1 (north, east, yaw)" in line for line in told["logs"])
+    assert told["learned"]["lag"]["speed"]["dead_time"] == pytest.approx(0.2, abs=0.06)
+    assert cli.main(["fit", str(logs[2]), "-o", str(model)]) == 2
+    assert "--commands FILE" in capsys.readouterr().err
+    beside = str(tmp_path / "c.commands.csv")
+    assert cli.main(["fit", str(logs[2]), "-o", str(model), "--commands", beside]) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--columns", "theta"], "--columns: expected words such as theta=yaw, got 'theta'"),
+        (["--units", "t=parsec"], "units: t=parsec"),
+        (["--units", "t=s", "t=ms"], "--units: t is given twice"),
+        (["--frame", "utm"], "frame: expected enu, ned, swapped"),
+        (["--topics", "laser=/scan"], "topics: expected odom=... or cmd=..."),
+        (["--topics", "odom=/odom"], "--topics: all of the logs are tables"),
+        (["--shift", "nan"], "shift: expected a time in s"),
+    ],
+)
+def test_options_that_cannot_be_understood(
+    late: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], told: str
+) -> None:
+    model = tmp_path / "model.npz"
+    assert cli.main(["fit", str(late), "-o", str(model), *words]) == 2
+    assert told in capsys.readouterr().err and not model.exists()
+
+
+def test_fit_writes_a_model_and_tells_how_good_it_is(
+    made: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["fit", str(made / "drive.csv"), "-o", "robot.npz", "--horizon", "1.5"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "nominal unicycle" in out and "1.5 s" in out and "robot.npz" in out
+    model = kl.KoopmanModel.load("robot.npz")
+    assert model.dt == 0.1
+    assert model.info["held_out"]["horizon"] == pytest.approx(1.5)
+    assert model.info["log"] == [str(made / "drive.csv")]
+    assert files(here) == ["robot.npz"]
+
+
+def test_fit_tells_how_much_room_the_margins_take(
+    made: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data, random = kl.Dataset.load(made / "drive.csv"), np.random.default_rng(0)
+    noisy = [
+        kl.Episode(
+            e.states + random.normal(size=e.states.shape) * (0.02, 0.02, 0.02), e.inputs, e.dt
+        )
+        for e in data.episodes
+    ]
+    kl.Dataset(noisy).save("noisy.csv")
+    rooms = []
+    for log in (made / "drive.csv", here / "noisy.csv"):
+        assert cli.main(["fit", str(log), "-o", "robot.npz"]) == 0
+        told = re.search(
+            r"^margins: calibrated on \d+ held-out windows; "
+            r"at 0\.\d+ m/s a robot of 15 cm radius keeps "
+            r"(\d+) cm from what it passes, \d+ cm from what lies ahead$",
+            capsys.readouterr().out,
+            re.M,
+        )
+        assert told is not None
+        rooms.append(int(told[1]))
+    # three standard deviations of a pose that errs by 2 cm
+    assert 1 <= rooms[0] <= 5 < rooms[1]
+
+
+def test_fit_takes_every_dictionary_and_method(
+    made: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = str(made / "drive.csv")
+    for options, history, continuous in (
+        (["--dictionary", "unicycle", "--method", "edmdc"], 0, False),
+        (["--dictionary", "hermite1"], 0, True),
+        (["--lags", "0", "1", "2", "--product"], 2, True),
+    ):
+        assert cli.main(["fit", log, "-o", "robot.npz", "--json", *options]) == 0
+        told = json.loads(capsys.readouterr().out)
+        model = kl.KoopmanModel.load("robot.npz")
+        assert (model.history, model.continuous) == (history, continuous)
+        assert told["model"] == "robot.npz"
+        assert told["samples"] == model.info["samples"] > 0
+        assert told["margins"].startswith(("calibrated on", "not calibrated"))
+        assert all(
+            np.isfinite(told["held_out"][key]).all()
+            for key in ("one_step", "multi_step", "nominal_one_step")
+        )
+
+
+def test_fit_takes_several_logs_and_another_period(
+    made: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert (
+        cli.main(
+            [
+                "fit",
+                str(made / "drive.csv"),
+                str(made / "brief.csv"),
+                "-o",
+                "robot.npz",
+                "--dt",
+                "0.2",
+            ]
+        )
+        == 0
+    )
+    assert kl.KoopmanModel.load("robot.npz").dt == 0.2
+    assert "0.2 s" in (told := capsys.readouterr().out)
+    counts = [int(n) for n in re.findall(r"Dataset\((\d+) episodes", told)]
+    assert sum(counts) == 17  # those of both
+
+
+def test_fit_is_the_same_for_the_same_seed(
+    made: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = []
+    for seed in ("1", "1", "2"):
+        assert (
+            cli.main(["fit", str(made / "drive.csv"), "-o", "robot.npz", "--json", "--seed", seed])
+            == 0
+        )
+        told.append(json.loads(capsys.readouterr().out)["held_out"])
+    assert told[0] == told[1] != told[2]

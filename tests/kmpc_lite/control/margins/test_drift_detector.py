@@ -1,0 +1,152 @@
+"""Errors that a model did not expect widen the margins at once; those it expected do not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from wary import CIRCLES, PROBLEM, Wary, directions, drive_and_observe, of_noise, plan, slipping
+
+from kmpc_lab import DifferentialDrive
+from kmpc_lite import nominal_unicycle
+from kmpc_lite.control.options import MarginOptions
+from kmpc_lite.model.noise_model import NoiseModel
+
+STRANGE = MarginOptions().unknown_floor_inflation, MarginOptions().unknown_floor_slip
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_floor_that_pushes_to_one_side_is_noticed_among_noisy_poses(way):
+    """Pushes of 10 mm to one side among poses that are 5 mm wrong: only their sum is large."""
+    noise = NoiseModel(np.array([np.diag([5e-5, 5e-5, 8e-4]), np.zeros((3, 3)), np.zeros((3, 3))]))
+    model, random, u = (
+        replace(nominal_unicycle(0.1), noise_model=noise),
+        np.random.default_rng(0),
+        np.array([0.5 * way, 0.0]),
+    )
+    calm, pushed = Wary(model, PROBLEM), Wary(model, PROBLEM)
+    sure, wary = calm.step_margin(0.5, 0.0), 0
+    for errors in np.diff(random.normal(size=(1001, 2)) * 0.005, axis=0):
+        calm.observe(np.append(errors, 0.0), 0.0, u)
+        wary += calm.step_margin(0.5, 0.0) > 5.0 * sure
+    assert wary < 60
+    for errors in np.diff(random.normal(size=(9, 2)) * 0.005, axis=0):
+        pushed.observe(np.append(errors + (0.0, -0.010 * way), 0.0), 0.0, u)
+    assert pushed.inflation < STRANGE[0] and pushed.step_margin(0.5, 0.0) > 5.0 * sure
+    pushed.reset()
+    assert pushed.step_margin(0.5, 0.0) == sure
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.05, 0.2])
+def test_what_was_expected_widens_nothing(slip):
+    model = slipping(slip)
+    found = drive_and_observe(Wary(model, PROBLEM), model, DifferentialDrive(slip, seed=3), 4000)
+    assert (found == 1.0).mean() > 0.85
+    assert np.quantile(found, 0.99) < 2.5
+
+
+def test_a_floor_that_slips_more_widens_the_margins_at_once():
+    model = slipping(0.02)
+    wary = of_noise(model)
+    lin, states, inputs = plan(model)
+    calm = wary.margins(lin, states, inputs, directions(20, 3))
+    found = drive_and_observe(wary, model, DifferentialDrive(0.2, seed=3), 200)
+    assert found[5] > 2.5
+    # mean and scatter of the slip are ten times the learned ones
+    assert 6.0 < np.median(found[20:]) < 16.0
+    assert (wary.margins(lin, states, inputs, directions(20, 3)) > 2.0 * calm).all()
+    x, u = np.array([0.58, 0.0, 0.0]), np.array([0.6, 0.0])
+    alarmed = wary.speed_share(x, u, CIRCLES)
+    found = drive_and_observe(wary, model, DifferentialDrive(0.02, seed=4), 100)
+    assert found[60:].max() < 3.0
+    wary.reset()
+    assert wary.inflation == 1.0
+    assert wary.speed_share(x, u, CIRCLES) > alarmed
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_even_a_model_without_noise_gets_room_on_a_slipping_floor(known):
+    model = slipping(0.0) if known else nominal_unicycle(0.1)
+    wary = Wary(model, PROBLEM)
+    drive_and_observe(wary, model, DifferentialDrive(0.2, seed=3), 50)
+    truth = slipping(0.2)
+    lin, states, inputs = plan(model)
+    felt = np.sqrt(np.linalg.eigvalsh(wary.covariances(lin, states, inputs)).mean())
+    expected = np.sqrt(np.linalg.eigvalsh(Wary(truth, PROBLEM).covariances(*plan(truth))).mean())
+    assert 0.7 * expected < felt < 3.0 * expected
+    # a model that expects this slip is not surprised by it
+    wary.update(truth)
+    assert wary.inflation < 2.0
+
+
+def test_a_robot_that_turns_less_than_it_is_told_widens_the_margins_at_once(model):
+    wary = of_noise(model)
+    lin, states, inputs = plan(model)
+    calm = wary.margins(lin, states, inputs, directions(20, 3))
+    for _ in range(4):
+        wary.observe(np.array([0.0, 0.0, -0.03]), 0.0, np.array([0.3, 0.75]))
+    assert wary.inflation > 2.0
+    assert (wary.margins(lin, states, inputs, directions(20, 3))[5:] > 1.5 * calm[5:]).all()
+    # a whole turn is no error
+    fresh = Wary(model, PROBLEM)
+    fresh.observe(np.array([0.0, 0.0, 2 * np.pi]), 0.0, np.array([0.3, 0.75]))
+    assert fresh.inflation == 1.0
+
+
+def test_standing_and_broken_poses_widen_nothing(model):
+    wary = Wary(model, PROBLEM)
+    wary.observe(np.array([0.1, 0.1, 0.0]), 0.0, np.zeros(2))
+    wary.observe(np.array([np.nan, 0.1, 0.0]), 0.0, np.array([0.5, 0.0]))
+    wary.observe(np.array([np.inf, 0.1, 0.0]), 0.0, np.array([0.5, 0.0]))
+    wary.observe(np.array([0.1, 0.1, 0.0]), 0.0, np.array([np.nan, 0.0]))
+    assert wary.inflation == 1.0
+    wary.observe(np.array([1e6, 0.1, 0.0]), 0.0, np.array([0.5, 0.0]))
+    assert wary.inflation < 10.0
+
+
+def test_update_takes_over_another_noise(model):
+    lin, states, inputs = plan(model)
+    wary, normals = of_noise(model), directions(20, 3)
+    before = wary.margins(lin, states, inputs, normals)
+    wary.update(replace(model, noise_model=NoiseModel(4.0 * model.noise_model.coefficients)))
+    after = wary.margins(lin, states, inputs, normals)
+    assert (after > 1.5 * before).all()
+
+
+@pytest.mark.parametrize(("inflation", "unknown"), [(2.99, False), (3.01, True)])
+def test_a_floor_is_unknown_where_its_noise_is_three_times_the_known(inflation, unknown):
+    wary = Wary(slipping(0.02), PROBLEM)
+    wary.drift.level = inflation**2 + 1.5
+    assert wary.inflation == pytest.approx(inflation)
+    assert wary.of.drift_detector.is_unknown_floor(wary.drift) is unknown
+
+
+def test_an_error_counts_as_twenty_times_the_expected_one_at_the_most():
+    wary = Wary(slipping(0.02), PROBLEM)
+    before = wary.drift.level
+    wary.observe(np.array([1e3, 0.0, 0.0]), 0.0, np.array([0.5, 0.0]))
+    assert wary.drift.level == pytest.approx(before + 0.2 * (20.0**2 - before))
+
+
+@pytest.mark.parametrize(
+    ("period", "larger", "smaller"),
+    [(0.02, 0.04, 0.02), (0.1, 0.2, 0.1), (0.2, 0.2, 0.1), (1.0, 0.2, 0.1)],
+)
+def test_errors_count_for_a_time_but_five_of_them_and_ten_at_the_least(
+    period: float, larger: float, smaller: float
+) -> None:
+    wary, u = Wary(nominal_unicycle(period), PROBLEM), np.array([0.5, 0.0])
+    wary.observe(np.array([1e3, 0.0, 0.0]), 0.0, u)
+    level = wary.drift.level
+    assert level == pytest.approx(1.0 + larger * (400.0 - 1.0))
+    wary.observe(np.zeros(3), 0.0, u)
+    assert wary.drift.level == pytest.approx((1.0 - smaller) * level)
+
+
+def test_a_memory_of_less_than_a_period_is_the_newest_error_alone() -> None:
+    short = {"innovation_attack_time": 0.05, "innovation_release_time": 0.05}
+    wary, u = Wary(nominal_unicycle(0.1), PROBLEM, **short), np.array([0.5, 0.0])
+    for error in (1e3, 0.0):
+        wary.observe(np.array([error, 0.0, 0.0]), 0.0, u)
+        assert wary.drift.level == (400.0 if error else 0.0)

@@ -1,0 +1,273 @@
+"""Margins against the same numbers worked out naively, and what they must be for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from wary import PROBLEM, Wary, directions, of_noise, plan, slipping
+
+from kmpc_lab import DifferentialDrive, generate_dataset
+from kmpc_lite import (
+    InputHistoryDictionary,
+    NavigationProblem,
+    UnicycleDictionary,
+    fit,
+    nominal_unicycle,
+)
+from kmpc_lite.control.options import MarginOptions
+from kmpc_lite.model.noise_model import NoiseModel
+from kmpc_lite.model.tube import FLOOR, FORWARD, LATERAL, MEMORY, STILL, TURN
+
+HEADWAY = MarginOptions().headway * PROBLEM.robot_radius
+RESERVE = MarginOptions().solver_margin * PROBLEM.robot_radius
+
+
+def naive_covariance(model, lin, states, inputs, stage):
+    """Position covariance of one stage, step by step, straight from the definitions."""
+    s0, s1, s2 = model.noise_model.coefficients
+    total = np.zeros((3, 3))
+    for k in range(max(0, stage - MEMORY), stage):
+        c, s = np.cos(states[k, 2]), np.sin(states[k, 2])
+        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        drift = np.array([-s, c]) @ lin.A[k][:2, 2]
+        gain = LATERAL * drift / (drift**2 + STILL**2)
+        feedback = turn @ np.array([[-FORWARD, 0, 0], [0, 0, 0], [0, -gain, -TURN]]) @ turn.T
+        step = lin.A[k] + feedback
+        v, omega = inputs[k]
+        total = step @ total @ step.T + turn @ (s1 * v**2 + s2 * omega**2) @ turn.T
+    c, s = np.cos(states[stage - 1, 2]), np.sin(states[stage - 1, 2])
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    return (total + turn @ (s0 + FLOOR**2 * np.eye(3)) @ turn.T)[:2, :2]
+
+
+@pytest.mark.parametrize("n", [1, 3, 20])
+def test_equals_a_naive_loop(model, n):
+    random = np.random.default_rng(3)
+    inputs = random.uniform(-0.6, 0.6, (n, 2))
+    states = model.rollout((0.2, -0.1, 0.4), inputs)
+    lin = model.linearize(states[:-1], inputs)
+    normals = directions(n, 6)
+    wary = Wary(model, replace(PROBLEM, horizon=n), risk=0.02, headway=0.0)
+    margins = wary.margins(lin, states, inputs, normals)
+    assert margins.shape == (n, 6)
+    lengths = np.hypot(*np.diff(states[:, :2], axis=0).T)
+    turns = np.abs(np.diff(states[:, 2]))
+    for k in range(1, n + 1):
+        covariance = naive_covariance(model, lin, states, inputs, k)
+        around = slice(k - 1, k + 1)
+        bulge = (lengths * turns / 8)[around].max()
+        chord = (
+            np.sqrt((PROBLEM.robot_radius + bulge) ** 2 + lengths[around].max() ** 2 / 4)
+            - PROBLEM.robot_radius
+        )
+        for j in range(6):
+            expected = (
+                wary.quantile * np.sqrt(normals[k - 1, j] @ covariance @ normals[k - 1, j])
+                + chord
+                + RESERVE
+            )
+            assert margins[k - 1, j] == pytest.approx(expected, rel=1e-9)
+
+
+def test_grows_with_risk_and_speed(model):
+    normals = directions(20, 6)
+    by_risk = [
+        of_noise(model, risk=r).margins(*plan(model), normals)
+        for r in (0.3, 0.05, 0.01, 0.001, 1e-5)
+    ]
+    assert all((b > a).all() for a, b in zip(by_risk, by_risk[1:], strict=False))
+    by_speed = [
+        of_noise(model, solver_margin=0.0).margins(*plan(model, v, 0.0), normals)
+        for v in (0.0, 0.1, 0.3, 0.6)
+    ]
+    assert all((b > a).all() for a, b in zip(by_speed, by_speed[1:], strict=False))
+    assert by_speed[0].max() < 0.3 * by_speed[-1].min()
+
+
+def test_a_shaky_floor_needs_more_room():
+    margins = [
+        of_noise(m).margins(*plan(m), directions(20, 4)).mean()
+        for m in (slipping(0.02), slipping(0.1), slipping(0.2))
+    ]
+    assert margins[0] < 0.5 * margins[1] < margins[2]
+
+
+def test_every_plan_keeps_headway_whatever_its_model_promises():
+    exact, normals = nominal_unicycle(0.1), directions(20, 3)
+    fast = NavigationProblem(u_min=(-1.0, -1.0), u_max=(2.0, 1.0))
+    radii = np.array([0.3, 0.4, np.inf])
+    for problem, v, share in (
+        (PROBLEM, 0.0, 0.0),
+        (PROBLEM, 0.15, 0.25),
+        (PROBLEM, -0.6, 1.0),
+        (fast, 0.5, 0.25),
+        (fast, 2.0, 1.0),
+    ):
+        wary, expected = Wary(exact, problem), share * HEADWAY
+        own = of_noise(exact).margins(*plan(exact, v), normals)
+        np.testing.assert_allclose(wary.margins(*plan(exact, v), normals), own + expected)
+        per_circle = of_noise(exact).margins(*plan(exact, v), normals, radii=radii)
+        np.testing.assert_allclose(
+            wary.margins(*plan(exact, v), normals, radii=radii), per_circle + expected
+        )
+
+
+def test_noise_that_needs_more_than_the_headway_is_not_given_more():
+    shaky = slipping(0.2)
+    own = of_noise(shaky).margins(*plan(shaky), directions(20, 6))
+    exact = nominal_unicycle(0.1)
+    least = Wary(exact, PROBLEM).margins(*plan(exact), directions(20, 6)).max()
+    wide = own > 1.1 * least
+    assert wide.any()
+    np.testing.assert_array_equal(
+        Wary(shaky, PROBLEM).margins(*plan(shaky), directions(20, 6))[wide], own[wide]
+    )
+
+
+def test_mirror_symmetric():
+    noise = np.zeros((3, 3, 3))
+    noise[1], noise[2] = np.diag([1e-4, 2e-4, 1e-5]), np.diag([0.0, 0.0, 1e-4])
+    model = replace(nominal_unicycle(0.1), noise_model=NoiseModel(noise))
+    wary, normals = Wary(model, PROBLEM), directions(20, 5)
+    left = wary.margins(*plan(model, 0.5, 0.4, heading=0.3), normals)
+    right = wary.margins(*plan(model, 0.5, -0.4, heading=-0.3), normals * (1.0, -1.0))
+    np.testing.assert_allclose(left, right, rtol=1e-12)
+    np.testing.assert_allclose(
+        wary.margins(*plan(model), -normals),
+        wary.margins(*plan(model), normals),
+        rtol=1e-12,
+    )
+
+
+def test_turns_with_the_map(model):
+    noise = replace(nominal_unicycle(0.1), noise_model=model.noise_model)
+    turn, normals = 0.9, directions(20, 5)
+    rotation = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    straight = Wary(noise, PROBLEM).margins(*plan(noise, heading=0.0), normals)
+    turned = Wary(noise, PROBLEM).margins(*plan(noise, heading=turn), normals @ rotation)
+    np.testing.assert_allclose(turned, straight, rtol=1e-9)
+
+
+def test_without_noise_only_the_chord_counts():
+    model = nominal_unicycle(0.1)
+    lin, states, inputs = plan(model, 0.6, 0.0)
+    margins = of_noise(model, solver_margin=0.0).margins(
+        lin, states, inputs, directions(20, 3), radii=np.array([0.3, 0.15, np.inf])
+    )
+    assert margins.shape == (20, 3)
+    # a robot whose samples keep this distance touches the circle in the middle between them, and no
+    # more
+    for radius, margin in zip((0.3, 0.15), margins[0], strict=False):
+        assert np.hypot(0.0, np.sqrt((radius + margin) ** 2 - 0.03**2)) == pytest.approx(radius)
+    np.testing.assert_allclose(margins[:, 2], 0.0, atol=1e-6)
+
+
+def test_an_arc_between_samples_stays_outside_the_circle():
+    model = nominal_unicycle(0.1)
+    radius, u = 0.25, np.array([0.6, -0.78])
+    inputs = np.tile(u, (20, 1))
+    states = model.rollout((0.0, 0.0, 0.0), inputs)
+    lin = model.linearize(states[:-1], inputs)
+    margin = of_noise(model, solver_margin=0.0).margins(
+        lin, states, inputs, directions(20, 1), radii=np.array([radius])
+    )[4, 0]
+    fine = model.with_dt(0.001).rollout(states[4], np.tile(u, (100, 1)))
+    # a circle on the outer side, as near as the margin lets both samples be
+    middle, chord = (states[4, :2] + states[5, :2]) / 2, states[5, :2] - states[4, :2]
+    outward = np.array([-chord[1], chord[0]]) / np.hypot(*chord)
+    half = np.hypot(*chord) / 2
+    centre = middle + outward * np.sqrt((radius + margin) ** 2 - half**2)
+    assert np.hypot(*(states[4, :2] - centre)) == pytest.approx(radius + margin)
+    nearest = np.hypot(*(fine[:, :2] - centre).T).min()
+    assert radius - 1e-5 <= nearest <= radius + 1e-3
+
+
+@pytest.mark.parametrize(
+    ("slip", "v", "omega"), [(0.05, 0.6, 0.0), (0.1, 0.6, 0.4), (0.2, 0.3, -0.2), (0.2, 0.6, 0.3)]
+)
+def test_deviations_under_feedback_stay_within_the_margins(slip, v, omega):
+    """Drive the slipping plant many times with the assumed feedback; count who leaves the tube."""
+    model, risk, trials = slipping(slip), 0.05, 4000
+    lin, states, inputs = plan(model, v, omega)
+    wary = Wary(model, PROBLEM, risk=risk, solver_margin=0.0, headway=0.0)
+    covariances = wary.covariances(lin, states, inputs)
+    closed = naive_feedback(lin, states)
+    gains = np.linalg.pinv(lin.B) @ closed
+    plant = DifferentialDrive(slip, seed=99)
+    x = np.tile(states[0], (trials, 1))
+    normals = directions(20, 6, seed=5)
+    margins = wary.margins(lin, states, inputs, normals)
+    worst, outside = np.zeros(trials), np.zeros((20, 6))
+    for k in range(20):
+        u = inputs[k] + (x - states[k]) @ gains[k].T
+        x = plant.step(x, u, 0.1)
+        error = (x - states[k + 1])[:, :2]
+        outside[k] = (error @ normals[k].T > margins[k]).mean(axis=0)
+        if k < MEMORY:
+            score = np.einsum("ni,ni->n", error, np.linalg.solve(covariances[k], error.T).T)
+            worst = np.maximum(worst, np.sqrt(score))
+    assert outside.max() <= risk
+    assert (worst > wary.quantile).mean() <= risk + 3 * np.sqrt(risk / trials)
+
+
+def naive_feedback(lin, states):
+    out = []
+    for k in range(len(lin.A)):
+        c, s = np.cos(states[k, 2]), np.sin(states[k, 2])
+        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        drift = np.array([-s, c]) @ lin.A[k][:2, 2]
+        out.append(
+            turn
+            @ np.array(
+                [[-FORWARD, 0, 0], [0, 0, 0], [0, -LATERAL * drift / (drift**2 + STILL**2), -TURN]]
+            )
+            @ turn.T
+        )
+    return np.array(out)
+
+
+@pytest.mark.parametrize("history", [0, 3])
+@pytest.mark.parametrize("inflation", [1.0, 3.0])
+def test_no_plan_within_the_bounds_asks_for_more_than_the_widest_margin(history, inflation):
+    problem = NavigationProblem()
+    noise = NoiseModel(
+        np.array(
+            [np.diag([1e-5, 1e-5, 1e-4]), np.diag([2e-4, 5e-5, 4e-4]), np.diag([1e-5, 4e-5, 2e-4])]
+        )
+    )
+    base = nominal_unicycle(0.1)
+    if history:
+        data = generate_dataset(
+            DifferentialDrive(0.1, seed=1), episodes=20, steps=100, dt=0.1, seed=3
+        )
+        base = fit(data, InputHistoryDictionary(UnicycleDictionary(), tuple(range(history + 1))))
+    model = replace(base, noise_model=noise)
+    wary = Wary(model, problem)
+    wary.drift.level = inflation**2 + wary.options.innovation_calm - 1.0
+    assert wary.inflation == pytest.approx(inflation)
+    random, most = np.random.default_rng(4), 0.0
+    for _ in range(40):
+        inputs = (
+            random.uniform(problem.u_min, problem.u_max, (20, 2))
+            if random.random() < 0.5
+            else np.tile((0.6, 0.0), (20, 1))
+        )
+        states = model.rollout(random.uniform(-1, 1, 3), inputs)
+        past = np.zeros((20, history, 2)) if history else None
+        margins = wary.margins(
+            model.linearize(states[:-1], inputs, past), states, inputs, directions(20, 8)
+        )
+        most = max(most, float(margins.max()))
+    # it is no wild guess either: what is far is often enough farther
+    assert 0.3 * wary.widest < most <= wary.widest
+
+
+def test_headway_gives_way_to_a_narrow_path():
+    model = nominal_unicycle(0.1)
+    wary, fast, normals = Wary(model), plan(model), directions(20, 4)
+    roomy = wary.margins(*fast, normals)
+    narrow = wary.margins(*fast, normals, path_clearance=0.03)
+    np.testing.assert_allclose(roomy - narrow, HEADWAY - 0.03, atol=1e-12)
+    np.testing.assert_array_equal(wary.margins(*fast, normals, path_clearance=1.0), roomy)

@@ -1,0 +1,212 @@
+"""To convergence: Karush-Kuhn-Tucker points of the nonlinear problem, as good as IPOPT's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from kkt import Certificate, certify, goal_reference
+
+import kmpc_lite as kl
+from kmpc_lite.control.nmpc.line_search import LineSearch
+
+GOAL = (1.5, 1.5, 0.0)
+MAP = (
+    kl.Circle(0.6, 0.6, 0.15),
+    kl.Circle(1.35, 0.45, 0.12),
+    kl.Circle(0.4, 1.4, 0.15),
+    kl.Circle(-0.2, 0.7, 0.12),
+)
+WIDE = kl.NavigationProblem(x_min=(-9.0, -9.0, -np.inf), x_max=(9.0, 9.0, np.inf))
+TERMINAL = kl.NavigationProblem(Q_terminal=(20.0, 20.0, 2.0), margin=0.03)
+
+CASES = {
+    "free": (kl.NavigationProblem(), (-1.45, 0.94, 2.48), GOAL, ()),
+    "free, turning round": (kl.NavigationProblem(), (1.31, 0.95, -2.98), GOAL, ()),
+    "past obstacles": (kl.NavigationProblem(), (0.35, -0.35, 2.98), GOAL, MAP),
+    "held by an obstacle": (kl.NavigationProblem(), (0.32, 0.69, 0.26), GOAL, MAP),
+    "terminal weight and margin": (TERMINAL, (0.0, 0.0, 0.3), GOAL, MAP),
+    "moving obstacle": (
+        kl.NavigationProblem(),
+        (0.0, 0.0, 0.5),
+        GOAL,
+        (kl.Circle(0.9, 0.3, 0.25, -0.2, 0.1),),
+    ),
+    "goal outside the area": (kl.NavigationProblem(), (1.2, 0.0, 0.4), (2.6, 0.5, 0.0), ()),
+    "inside an obstacle": (kl.NavigationProblem(), (0.45, 0.5, 0.2), GOAL, MAP),
+    "short horizon": (replace(WIDE, horizon=3), (-2.5, 0.94, 2.48), GOAL, ()),
+    "full weights": (
+        kl.NavigationProblem(
+            Q=[[2, 0.5, 0], [0.5, 4, 0.1], [0, 0.1, 0.2]], R=[[0.5, 0.1], [0.1, 0.2]]
+        ),
+        (0.0, 0.0, 1.0),
+        GOAL,
+        MAP,
+    ),
+}
+
+PAPER: dict[str, Any] = {"guidance": False, "tightening": None}
+"""Straight for the goal, no margin but the problem's: what the certificate and IPOPT know."""
+
+
+def driven(controller: kl.Controller) -> kl.KoopmanModel:
+    """The model as the controller integrates it."""
+    return replace(controller.model, integrator="midpoint")
+
+
+def converge(model: kl.KoopmanModel, case: str) -> tuple[kl.Plan, Certificate]:
+    problem, x, goal, circles = CASES[case]
+    controller = kl.Controller(model, problem, **PAPER, sqp_iterations=300, tolerance=1e-7)
+    plan = controller.step(x, goal, circles)
+    return plan, certify(driven(controller), problem, plan, goal_reference(x, goal), circles)
+
+
+@pytest.mark.parametrize(
+    ("name", "case"),
+    [("nominal", case) for case in CASES]
+    + [
+        (name, case)
+        for name in ("learned", "lagging")
+        for case in ("free", "past obstacles", "held by an obstacle")
+    ],
+)
+def test_converged_plan_is_a_kkt_point(
+    case: str, name: str, models: dict[str, kl.KoopmanModel]
+) -> None:
+    plan, found = converge(models[name], case)
+    # 1e-7 m a pass is asked for; where that takes more passes than allowed, what there is must be a
+    # KKT point all the same
+    assert plan.status is kl.PlanStatus.SOLVED or plan.reason.startswith("not converged")
+    assert found.stationarity < 1e-4
+    assert found.defect < 1e-4
+    assert found.bounds <= 0.0
+    if case in ("held by an obstacle", "goal outside the area", "moving obstacle"):
+        assert found.active_gaps > 0
+    if case == "inside an obstacle":
+        assert found.violation > 0.01  # the slacks have work to do
+    else:
+        assert found.violation < 1e-5
+
+
+def test_the_papers_discrete_fit_converges_too(learned_edmdc: kl.KoopmanModel) -> None:
+    _, found = converge(learned_edmdc, "past obstacles")
+    assert found.stationarity < 1e-4 and found.defect < 1e-4
+
+
+def test_one_real_time_pass_is_no_kkt_point(nominal: kl.KoopmanModel) -> None:
+    # the certificate can fail: a plan of the first, rough kind does not pass it
+    problem, x, goal, circles = CASES["held by an obstacle"]
+    controller = kl.Controller(nominal, problem, **PAPER)
+    plan = controller.step(x, goal, circles)
+    assert (
+        certify(driven(controller), problem, plan, goal_reference(x, goal), circles).stationarity
+        > 1e-3
+    )
+
+
+STARTS = (
+    (-1.45, 0.94, 2.48),
+    (1.31, 0.95, -2.98),
+    (-0.97, 1.09, 0.25),
+    (-0.6, -0.23, -2.83),
+    (0.35, -0.35, 2.98),
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "x"),
+    [
+        *(("nominal", x) for x in STARTS),
+        *((name, x) for name in ("learned", "learned_edmdc") for x in STARTS[3:]),
+    ],
+)
+def test_cost_is_ipopts_or_less(
+    x: tuple[float, float, float], name: str, models: dict[str, kl.KoopmanModel]
+) -> None:
+    pytest.importorskip("casadi", reason="needs the extra peers")
+    from kmpc_lab.peers.ipopt import IpoptController
+
+    problem = kl.NavigationProblem()
+    controller = kl.Controller(models[name], problem, **PAPER, sqp_iterations=200, tolerance=1e-7)
+    ours = controller.step(x, GOAL, MAP)
+    theirs = IpoptController(driven(controller), problem, options={"ipopt.tol": 1e-9}).step(
+        x, GOAL, MAP
+    )
+    assert theirs.status is kl.PlanStatus.SOLVED
+    reference = goal_reference(x, GOAL)
+    assert ours.clearance > -1e-6  # nothing was bought from the soft penalty
+    assert problem.cost(ours.states, ours.inputs, reference) <= 1.001 * problem.cost(
+        theirs.states, theirs.inputs, reference
+    )
+
+
+@pytest.mark.parametrize("passes", [1, 2, 3, 7, 50])
+def test_never_more_passes_than_allowed(passes: int, nominal: kl.KoopmanModel) -> None:
+    controller = kl.Controller(nominal, **PAPER, sqp_iterations=passes, tolerance=1e-300)
+    x = np.array([0.0, 0.0, 0.0])
+    first = controller.step(x, GOAL, MAP)
+    # the real-time iteration may take a few passes where it has no plan to start from
+    assert first.iterations <= max(passes, 10)
+    for _ in range(3):
+        x = nominal.predict(x, first.command)
+        plan = controller.step(x, GOAL, MAP)
+        assert 1 <= plan.iterations <= passes
+
+
+def test_passes_end_at_the_tolerance(nominal: kl.KoopmanModel) -> None:
+    x = CASES["free"][1]
+    few = (
+        kl.Controller(nominal, **PAPER, sqp_iterations=200, tolerance=1e-2).step(x, GOAL).iterations
+    )
+    many = (
+        kl.Controller(nominal, **PAPER, sqp_iterations=200, tolerance=1e-6).step(x, GOAL).iterations
+    )
+    assert few < many < 200
+
+
+@pytest.mark.parametrize(
+    "case", ["past obstacles", "held by an obstacle", "inside an obstacle", "goal outside the area"]
+)
+def test_every_accepted_pass_lowers_the_merit(
+    case: str, nominal: kl.KoopmanModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, x, goal, circles = CASES[case]
+    merits: list[tuple[float, float]] = []
+    search, merit = LineSearch.search, LineSearch.merit
+
+    def watched_search(self, *arguments):  # type: ignore[no-untyped-def]
+        seen: list[float] = []
+        monkeypatch.setattr(
+            LineSearch, "merit", lambda self, *rest: seen.append(merit(self, *rest)) or seen[-1]
+        )
+        length = search(self, *arguments)
+        merits.append((seen[0], seen[-1]))
+        return length
+
+    monkeypatch.setattr(LineSearch, "search", watched_search)
+    kl.Controller(nominal, problem, **PAPER, sqp_iterations=60, tolerance=1e-7).step(
+        x, goal, circles
+    )
+    assert len(merits) > 3
+    for before, after in merits:
+        assert after <= before * (1 + 1e-6)  # what the QP's tolerance leaves
+    assert merits[0][1] < merits[0][0]
+
+
+def test_warm_passes_are_no_more_than_cold_ones(nominal: kl.KoopmanModel) -> None:
+    controller = kl.Controller(nominal, **PAPER, sqp_iterations=100, tolerance=1e-4)
+    x = np.array([0.0, 0.0, 0.3])
+    warm, cold = 0, 0
+    controller.step(x, GOAL, MAP)
+    for _ in range(6):
+        x = nominal.predict(x, controller.step(x, GOAL, MAP).command)
+        fresh = kl.Controller(nominal, **PAPER, sqp_iterations=100, tolerance=1e-4).step(
+            x, GOAL, MAP
+        )
+        again = kl.Controller(nominal, **PAPER, sqp_iterations=100, tolerance=1e-4)
+        again.step(x, GOAL, MAP)
+        warm += again.step(x, GOAL, MAP).iterations
+        cold += fresh.iterations
+    assert warm < cold

@@ -1,0 +1,247 @@
+"""The controller among polygons, walls and grids: drives, and what must never be raised."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import kmpc_lab
+import kmpc_lite as kl
+from kmpc_lab.sim.closed_loop import Outcome, drive
+from kmpc_lite.control.options import GuidanceOptions, MovingObstacleOptions, lengths_from_radii
+from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
+from kmpc_lite.control.world.solids import Solids
+from kmpc_lite.scenario.files import Scenario
+
+SOLIDS = [kl.Polygon([(0.5, -0.2), (0.9, -0.2), (0.8, 0.3)]), kl.Wall(-0.5, 0.6, 0.8, 0.7, 0.05)]
+
+
+def cells(*occupied: tuple[int, int, int, int], size: int = 80) -> kl.OccupancyGrid:
+    """Grid of the area of 4 m x 4 m with boxes of cells x0, y0, x1, y1 occupied."""
+    grid = np.zeros((size, size), dtype=bool)
+    for x0, y0, x1, y1 in occupied:
+        grid[y0:y1, x0:x1] = True
+    return kl.OccupancyGrid(grid, 4.0 / size, (-2.0, -2.0, 0.0))
+
+
+@pytest.mark.parametrize("name", ["walls_door", "u_walls", "polygons", "room_grid"])
+def test_bundled_scenarios_with_solids_are_driven(learned: kl.KoopmanModel, name: str) -> None:
+    scenario = Scenario.load(name)
+    run = drive(kl.Controller(learned, scenario.problem()), scenario)
+    assert run.outcome is Outcome.REACHED
+    assert run.clearance > 0.0
+    assert set(run.statuses) <= {"SOLVED", "FEASIBLE"}
+
+
+def test_a_wall_of_circles_and_the_wall_itself_are_driven_around_alike(
+    learned: kl.KoopmanModel,
+) -> None:
+    wall = Scenario(
+        "wall",
+        (-2, -2, 2, 2),
+        (),
+        0.15,
+        (-1.5, 0.0, 0.0),
+        (1.5, 0.0, 0.0),
+        walls=(kl.Wall(0.0, -1.0, 0.0, 0.8, 0.2),),
+    )
+    circles = replace(
+        wall, walls=(), circles=tuple(kl.Circle(0.0, y, 0.1) for y in np.arange(-1.0, 0.81, 0.05))
+    )
+    runs = [drive(kl.Controller(learned, s.problem()), s) for s in (wall, circles)]
+    assert [r.outcome for r in runs] == [Outcome.REACHED] * 2
+    assert abs(runs[0].duration - runs[1].duration) <= 0.5
+    for run in runs:
+        assert run.path[:, 1].max() > 0.9
+
+
+def test_a_map_with_ragged_walls_is_driven(
+    learned: kl.KoopmanModel,
+) -> None:
+    """As a lidar leaves them: hundreds of rectangles.
+
+    Also where the corners that matter are never all found.
+    """
+    random, grid = np.random.default_rng(0), np.zeros((120, 120), dtype=bool)
+    for column in range(120):
+        if not 80 <= column < 94:
+            grid[40 + column // 3 : 44 + column // 3 + random.integers(0, 3), column] = True
+    walls = kl.OccupancyGrid(grid, 0.05, (-3.0, -3.0, 0.0))
+    assert len(walls.rectangles) > 60
+    scenario = Scenario(
+        "ragged",
+        (-3, -3, 3, 3),
+        (),
+        0.15,
+        (-1.0, -2.0, 0.0),
+        (-1.0, 1.5, 0.0),
+        timeout=30.0,
+        grid=walls,
+    )
+    for rounds in (12, 0):
+        options = GuidanceOptions(corner_rounds=rounds)
+        run = drive(kl.Controller(learned, scenario.problem(), guidance=options), scenario)
+        assert run.outcome is Outcome.REACHED and run.clearance > 0.0
+
+
+def test_room_is_made_where_there_is_no_wall(nominal: kl.KoopmanModel) -> None:
+    """A circle comes from behind: a free robot goes on ahead, one that faces a wall turns aside."""
+    circles, speed = np.array([[-0.9, 0.0, 0.2, 0.3, 0.0]]), np.array([0.6, 0.7])
+    times, pose = np.arange(0.0, 2.1, 0.1), np.zeros(3)
+    table = MovingObstacleTable(lengths_from_radii(MovingObstacleOptions(), 0.15))
+    wall = Solids([kl.Wall(0.4, -2.0, 0.4, 2.0), kl.Wall(-2.0, -0.3, 0.4, -0.3)])
+    _, free = MovingObstacles(circles, 0.15, speed, table).evasive_arc(pose, -1, times)
+    _, held = MovingObstacles(circles, 0.15, speed, table, wall).evasive_arc(pose, -1, times)
+    assert wall.whole.least(free[:, :2]).min() < 0.15
+    assert wall.whole.least(held[:, :2]).min() >= 0.15
+
+
+def test_solids_turn_with_the_map(nominal: kl.KoopmanModel) -> None:
+    """The same plan in a map that is turned by a quarter."""
+    problem = kl.NavigationProblem()
+    turned = [
+        kl.Polygon([(-y, x) for x, y in SOLIDS[0].vertices]),
+        kl.Wall(-0.6, -0.5, -0.7, 0.8, 0.05),
+    ]
+    plan = kl.Controller(nominal, problem).step((0.0, 0.0, 0.3), (1.5, 0.5, 0.0), SOLIDS)
+    other = kl.Controller(nominal, problem).step(
+        (0.0, 0.0, 0.3 + np.pi / 2), (-0.5, 1.5, np.pi / 2), turned
+    )
+    np.testing.assert_allclose(other.command, plan.command, atol=2e-3)
+    np.testing.assert_allclose(other.states[:, 0], -plan.states[:, 1], atol=5e-3)
+    assert other.clearance == pytest.approx(plan.clearance, abs=1e-3)
+
+
+def test_mixed_obstacles_are_all_kept_clear_of(learned: kl.KoopmanModel) -> None:
+    obstacles = [kl.Circle(0.2, -0.6, 0.2), *SOLIDS, cells((70, 10, 72, 30))]
+    controller, robot, x = (
+        kl.Controller(learned),
+        kmpc_lab.DifferentialDrive(slip=0.05, seed=3),
+        np.array([-1.0, 0.0, 0.0]),
+    )
+    for _ in range(150):
+        plan = controller.step(x, (1.2, 0.9, 0.0), obstacles)
+        # from the clearance of its own plan, over all obstacles
+        assert plan.clearance > 0.0
+        x = robot.step(x, plan.command, 0.1)
+        if plan.holding:
+            break
+    assert plan.holding
+
+
+def test_a_clearance_that_is_asked_for_later_is_that_of_its_own_step(
+    nominal: kl.KoopmanModel,
+) -> None:
+    controller = kl.Controller(nominal)
+    first = controller.step((0.0, 0.0, 0.0), (-1.5, 0.0, np.pi), [kl.Wall(0.5, -1.0, 0.5, 1.0)])
+    controller.step((0.0, 0.0, 0.0), (-1.5, 0.0, np.pi), [kl.Wall(0.3, -1.0, 0.3, 1.0)])
+    assert first.clearance == pytest.approx(0.5 - 0.15, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        kl.Wall(0.12, -1.0, 0.12, 1.0),
+        kl.Polygon([(0.12, -1.0), (1.0, -1.0), (1.0, 1.0), (0.12, 1.0)]),
+        cells((43, 20, 46, 60)),
+    ],
+    ids=["wall", "polygon", "grid"],
+)
+def test_a_robot_that_touches_a_solid_gets_free_gently(
+    nominal: kl.KoopmanModel, solid: kl.Wall
+) -> None:
+    """The centre is nearer than the radius, and the goal lies on the robot's side."""
+    controller, x = kl.Controller(nominal), np.array([0.0, 0.0, 0.0])
+    gaps = []
+    for _ in range(60):
+        plan = controller.step(x, (-1.2, 0.3, 0.0), [solid])
+        x = nominal.predict(x, plan.command)
+        gaps.append(plan.clearance)
+        # it never goes deeper
+        assert x[0] <= 0.0 + 2e-3
+    assert np.hypot(x[0] + 1.2, x[1] - 0.3) < 0.05
+
+
+def test_a_closed_room_is_told_and_waited_in_until_it_opens(nominal: kl.KoopmanModel) -> None:
+    walls = [
+        kl.Wall(-1, -1, 1, -1, 0.05),
+        kl.Wall(1, -1, 1, 1, 0.05),
+        kl.Wall(1, 1, -1, 1, 0.05),
+        kl.Wall(-1, 1, -1, -1, 0.05),
+    ]
+    grid = [cells((20, 20, 60, 22), (20, 58, 60, 60), (20, 20, 22, 60), (58, 20, 60, 60))]
+    for closed, opened in (
+        (walls, walls[:3]),
+        (grid, [cells((20, 20, 60, 22), (20, 58, 60, 60), (58, 20, 60, 60))]),
+    ):
+        controller, x = kl.Controller(nominal), np.array([0.0, 0.0, 0.0])
+        for _ in range(10):
+            plan = controller.step(x, (-1.6, 0.0, 0.0), closed)
+            assert not plan.reachable
+            x = nominal.predict(x, plan.command)
+        assert np.hypot(x[0], x[1]) < 0.05
+        for _ in range(80):
+            plan = controller.step(x, (-1.6, 0.0, 0.0), opened)
+            assert plan.reachable
+            x = nominal.predict(x, plan.command)
+        assert np.hypot(x[0] + 1.6, x[1]) < 0.05
+
+
+def test_solids_that_cannot_be_meant_give_a_safe_plan_not_an_error(
+    nominal: kl.KoopmanModel,
+) -> None:
+    controller = kl.Controller(nominal)
+    for obstacles in (
+        [kl.Wall(0.0, 1.0, 1e8, 1.0)],
+        [kl.Circle(1, 1, 0.1), kl.Polygon([(1e5, 0), (1e5 + 1, 0), (1e5, 1)])],
+    ):
+        plan = controller.step((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), obstacles)
+        assert plan.status is kl.PlanStatus.STOPPED and "obstacle not usable" in plan.reason
+        assert np.isfinite(plan.command).all()
+    good = controller.step((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), SOLIDS)
+    assert good.status is kl.PlanStatus.SOLVED
+    lost = controller.step((np.nan, 0.0, 0.0), (1.0, 0.0, 0.0), SOLIDS)
+    assert lost.status is kl.PlanStatus.FALLBACK and np.isfinite(lost.command).all()
+    # a robot inside of a solid, at its very middle, and a goal inside of one
+    for solid in (
+        kl.Polygon([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]),
+        kl.Wall(-0.5, 0.0, 0.5, 0.0),
+        cells((30, 30, 50, 50)),
+    ):
+        for pose, goal in (((0.0, 0.0, 0.0), (1.5, 0.0, 0.0)), ((1.5, 0.0, 0.0), (0.0, 0.0, 0.0))):
+            plan = kl.Controller(nominal).step(pose, goal, [solid])
+            assert (
+                np.isfinite(plan.command).all() and (np.abs(plan.command) <= (0.6, np.pi / 4)).all()
+            )
+    for wrong in ([(1.0, 2.0), SOLIDS[0]], [object()], [None], ["wall"], None):
+        with pytest.raises(ValueError):
+            controller.step((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"guidance": False},
+        {"tightening": None},
+        {"sqp_iterations": 20},
+        {"guidance": False, "tightening": None},
+    ],
+)
+def test_solids_count_with_every_option(
+    learned: kl.KoopmanModel, options: dict[str, object]
+) -> None:
+    controller, robot, x = (
+        kl.Controller(learned, **options),
+        kmpc_lab.DifferentialDrive(slip=0.05, seed=3),
+        np.array([-1.0, -0.3, 0.0]),
+    )  # type: ignore[arg-type]
+    whole = [kl.Polygon([(0.0, -0.1), (0.4, -0.1), (0.2, 0.3)]), cells((52, 10, 56, 30))]
+    least = np.inf
+    for _ in range(60):
+        plan = controller.step(x, (1.2, -0.5, 0.0), whole)
+        x = robot.step(x, plan.command, 0.1)
+        least = min(least, plan.clearance)
+    # without margins it cuts in by millimetres, as the paper's controller does
+    assert least > (0.0 if "tightening" not in options else -0.03)

@@ -1,0 +1,246 @@
+"""Who was told to stand and walks is noticed, and driven past as he walks."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import kmpc_lab
+import kmpc_lite as kl
+from kmpc_lab.studies import pedestrians
+from kmpc_lite.control.observation import Observation
+from kmpc_lite.control.options import TrackerOptions
+from kmpc_lite.control.stop.stop_task import CheckedPlan, StopTask
+from kmpc_lite.control.stop.stop_trajectory import StopTrajectories
+from kmpc_lite.control.world.motion_watch import MotionWatch, MotionWatchState
+from kmpc_lite.scenario.world import World
+from kmpc_lite.types import Array
+
+DT = 0.1
+GOAL = (1.8, 0.0, 0.0)
+
+
+def watch() -> MotionWatch:
+    return MotionWatch(DT, TrackerOptions(), 0.15, 0.6)
+
+
+def walker(k: int, vx: float = 0.0, vy: float = 0.7) -> Array:
+    """Somebody who is told to stand, and crosses the way."""
+    return np.array([[0.9 + vx * DT * k, -1.4 + vy * DT * k, 0.2, 0.0, 0.0]])
+
+
+def test_circles_that_do_as_told_are_the_same_array() -> None:
+    state, looking = MotionWatchState(), watch()
+    still = np.array([[0.0, 1.0, 0.2, 0.0, 0.0], [1.0, 1.0, 0.2, 0.3, 0.1]])
+    for k in range(20):
+        circles = still.copy()
+        circles[:, :2] += DT * k * still[:, 3:]
+        given = circles.copy()
+        seen, spread = looking.see(state, circles)
+        assert seen is circles and spread is None and state.tracks is None
+        np.testing.assert_array_equal(circles, given)
+
+
+@pytest.mark.parametrize("speed", [0.3, 0.7, 1.0])
+def test_a_walker_who_is_told_to_stand_is_noticed_in_half_a_second(speed: float) -> None:
+    state, looking = MotionWatchState(), watch()
+    for k in range(6):
+        seen, spread = looking.see(state, walker(k, vy=speed))
+    assert spread is not None and spread[0] > 0.0
+    assert seen[0, 4] == pytest.approx(speed, abs=0.1)
+
+
+def test_the_others_stay_as_they_are_told() -> None:
+    state, looking = MotionWatchState(), watch()
+    for k in range(10):
+        other = [3.0 + 0.02 * k, 0.0, 0.2, 0.2, 0.0]
+        seen, spread = looking.see(state, np.vstack([walker(k), other]))
+    assert spread is not None and spread[1] == 0.0
+    np.testing.assert_array_equal(seen[1], other)
+
+
+def test_a_circle_that_appears_or_is_put_elsewhere_does_not_walk() -> None:
+    state, looking = MotionWatchState(), watch()
+    for k in range(12):
+        rows = [[0.0, 0.0, 0.2, 0.0, 0.0], [1.0 + 0.5 * (k >= 6), 0.0, 0.2, 0.0, 0.0]]
+        rows += [[2.0, 2.0, 0.2, 0.0, 0.0]] * (k >= 3)
+        seen, spread = looking.see(state, np.array(rows))
+        assert spread is None and not seen[:, 3:].any()
+
+
+def test_who_stops_stands_and_the_watch_calms_down() -> None:
+    state, looking = MotionWatchState(), watch()
+    for k in range(80):
+        seen, spread = looking.see(state, walker(min(k, 15)))
+    assert spread is None and not seen[:, 3:].any()
+    assert state.tracks is None
+
+
+def test_a_robot_lets_a_walker_pass_who_was_told_to_stand() -> None:
+    controller = kl.Controller(kl.nominal_unicycle(DT))
+    pose, plant, gap, reasons = np.zeros(3), kmpc_lab.DifferentialDrive(0.05, seed=1), np.inf, set()
+    for k in range(90):
+        there = walker(k)
+        plan = controller.step(pose, GOAL, there)
+        reasons.add(plan.reason)
+        pose = plant.step(pose, plan.command, DT)
+        gap = min(gap, float(np.hypot(*(pose - walker(k + 1)[0, :3])[:2])) - 0.35)
+    assert gap > 0.0
+    assert np.hypot(*(pose - GOAL)[:2]) < 0.05
+
+
+def test_a_drive_with_walkers_goes_on_after_a_copy_and_a_pickle() -> None:
+    controller, pose = kl.Controller(kl.nominal_unicycle(DT)), np.zeros(3)
+    for k in range(12):
+        pose = kmpc_lab.DifferentialDrive().step(
+            pose, controller.step(pose, GOAL, walker(k)).command, DT
+        )
+    assert controller.state.circles.tracks is not None
+    others = [copy.deepcopy(controller), pickle.loads(pickle.dumps(controller))]
+    for k in range(12, 22):
+        plan = controller.step(pose, GOAL, walker(k))
+        for other in others:
+            np.testing.assert_array_equal(other.step(pose, GOAL, walker(k)).inputs, plan.inputs)
+        pose = kmpc_lab.DifferentialDrive().step(pose, plan.command, DT)
+
+
+def test_who_turns_on_the_spot_counts_as_moving_without_a_break() -> None:
+    state, looking, random = MotionWatchState(), watch(), np.random.default_rng(1)
+    for k in range(20):
+        turned = max(k - 12, 0)
+        place = [0.8 * DT * (min(k, 12) - 0.3 * turned), 0.7 * DT * turned]
+        row = [*(place + 0.01 * random.normal(size=2)), 0.25, 0.0, 0.0]
+        _, spread = looking.see(state, np.array([row]))
+        assert k < 6 or (spread is not None and spread[0] > 0.0)
+
+
+@pytest.mark.parametrize("angle", [1.6, 2.2, 2.8])
+def test_nobody_is_taken_to_walk_more_slowly_for_having_turned(
+    angle: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    speeds, plain, find = list[float](), list[float](), StopTrajectories.find
+
+    def note(self: StopTrajectories, states: Array, inputs: Array, task: StopTask) -> CheckedPlan:
+        speeds.append(float(task.walking[1][0]))
+        plain.append(float(np.hypot(*task.circles[0, 3:])))
+        return find(self, states, inputs, task)
+
+    monkeypatch.setattr(StopTrajectories, "find", note)
+    controller, pose = kl.Controller(kl.nominal_unicycle(DT)), np.zeros(3)
+    place, way = np.array([-0.5, 1.5]), np.array([0.9, 0.0])
+    for k in range(25):
+        if k == 15:
+            way = 0.9 * np.array([math.cos(angle), math.sin(angle)])
+        pose = controller.step(pose, GOAL, np.array([[*place, 0.25, 0.0, 0.0]])).states[1]
+        place = place + DT * way
+    assert min(plain[8:]) < 0.8
+    assert min(speeds[8:]) > 0.9
+
+
+def test_what_is_not_known_of_speeds_is_that_of_told_circles() -> None:
+    seen = Observation(np.zeros(3), np.zeros(3), np.zeros((3, 5)), None, None)
+    assert seen.unsure is None
+    seen.spread, seen.walkers = np.array([0.0, 0.3, 0.4]), 1
+    assert seen.unsure is not None and seen.unsure.tolist() == [0.0, 0.3, 0.0]
+
+
+BEAMS = 180
+POST = [0.6, 1.6, 0.1, 0.0, 0.0]
+
+
+def scanned(pose: Array, k: int) -> kl.LaserScan:
+    """What a scanner sees of somebody who crosses the way, and of a post."""
+    directions = math.tau / BEAMS * np.arange(BEAMS)
+    circles = np.vstack([walker(k), POST])
+    ranges = World(circles, np.empty((0, 4))).ranges(pose[:2], pose[2] + directions)
+    return kl.LaserScan(np.where(ranges > 4.0, np.inf, ranges), 0.0, math.tau / BEAMS, 4.0)
+
+
+def test_who_walks_is_found_in_scans_alone_and_let_pass() -> None:
+    controller = kl.Controller(kl.nominal_unicycle(DT))
+    pose, plant, gap, found = np.zeros(3), kmpc_lab.DifferentialDrive(0.05, seed=1), np.inf, 0
+    for k in range(60):
+        plan = controller.step(pose, GOAL, [scanned(pose, k)])
+        tracks = controller.state.walkers
+        assert tracks is not None
+        moving = tracks.states[tracks.moving]
+        found += any(np.hypot(*(row[2:4] - (0.0, 0.7))) < 0.25 for row in moving)
+        if k == 15:
+            other = pickle.loads(pickle.dumps(controller))
+            again = copy.deepcopy(other).step(pose, GOAL, [scanned(pose, k + 1)])
+            after = controller.step(pose, GOAL, [scanned(pose, k + 1)])
+            np.testing.assert_array_equal(after.inputs, again.inputs)
+        pose = plant.step(pose, plan.command, DT)
+        gap = min(gap, float(np.hypot(*(pose - walker(k + 1)[0, :3])[:2])) - 0.35)
+    assert gap > 0.0 and found >= 10
+    assert np.hypot(*(pose - GOAL)[:2]) < 0.1
+
+
+@pytest.mark.parametrize("speed", [0.6, 0.9])
+def test_who_comes_straight_to_the_robot_is_known_within_a_second(speed: float) -> None:
+    controller, pose = kl.Controller(kl.nominal_unicycle(DT)), np.zeros(3)
+    directions = math.tau / BEAMS * np.arange(BEAMS)
+    for k in range(8):
+        person = np.array([[1.8 - speed * DT * k, 0.0, 0.25, 0.0, 0.0]])
+        ranges = World(person, np.empty((0, 4))).ranges(pose[:2], directions)
+        ranges[ranges > 4.0] = np.inf
+        controller.step(pose, pose, [kl.LaserScan(ranges, 0.0, math.tau / BEAMS, 4.0)])
+    tracks = controller.state.walkers
+    assert tracks is not None and tracks.walked.max() >= TrackerOptions().begins
+
+
+def test_masts_on_the_robot_are_nobody_who_walks() -> None:
+    controller, plant = (
+        kl.Controller(kl.nominal_unicycle(DT)),
+        kmpc_lab.DifferentialDrive(0.05, seed=1),
+    )
+    pose, ranges = np.zeros(3), np.full(BEAMS, np.inf)
+    width = BEAMS // 36
+    for beam in (BEAMS // 4, 3 * BEAMS // 4):
+        ranges[beam : beam + width] = 0.1
+    for _ in range(60):
+        scan = kl.LaserScan(ranges, 0.0, math.tau / BEAMS, 4.0)
+        pose = plant.step(pose, controller.step(pose, GOAL, [scan]).command, DT)
+    tracks = controller.state.walkers
+    assert tracks is None or not len(tracks.states)
+    assert np.hypot(*(pose - GOAL)[:2]) < 0.05
+
+
+def test_who_is_told_and_seen_counts_once_and_leaves_no_marks_on_the_map() -> None:
+    controller, pose = kl.Controller(kl.nominal_unicycle(DT)), np.array([-0.5, 0.0, 0.0])
+    for k in range(12):
+        told = kl.Circle(*walker(k)[0, :3], vy=0.7)
+        controller.step(pose, pose, [scanned(pose, k), told])
+    seen = controller.state.seen
+    assert seen is not None and controller.state.guide is not None
+    low, _ = seen.boxes(np.flatnonzero(seen.state > 0))
+    assert len(low) and (low[:, 1] > 1.0).all()
+
+
+def test_circles_that_stand_give_the_drive_of_a_controller_that_watches_nothing() -> None:
+    def commands(options: kl.ControllerOptions | None) -> Array:
+        controller, pose, found = (
+            kl.Controller(kl.nominal_unicycle(DT), options=options),
+            np.zeros(3),
+            [],
+        )
+        for _ in range(25):
+            plan = controller.step(
+                pose, GOAL, [kl.Circle(0.8, 0.1, 0.2), kl.Circle(1.2, -0.6, 0.2)]
+            )
+            found.append(plan.command)
+            pose = kmpc_lab.DifferentialDrive().step(pose, plan.command, DT)
+        return np.array(found)
+
+    blind = kl.ControllerOptions(tracker=TrackerOptions(false_alarm=1e-300))
+    np.testing.assert_array_equal(commands(None), commands(blind))
+
+
+def test_a_drive_among_people_counts_who_touches_whom() -> None:
+    found = pedestrians.drive(4, True, "zero", 5)
+    assert found.counts.driven_into == 0
+    assert found.counts.steps == len(found.statuses) == len(found.poses) - 1

@@ -1,0 +1,130 @@
+"""What becomes of a plan that the model contradicts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lab.studies.any_robot import Robot, RobotPlant
+from kmpc_lab.studies.robot_drives import course_of, judge
+from kmpc_lite.control.nmpc.qp_solvers import QPStatus
+from kmpc_lite.control.nmpc.sqp_state import SQPResult
+from kmpc_lite.control.nmpc.trajectory import Trajectory
+from kmpc_lite.control.observation import Observation
+from kmpc_lite.control.options import ControllerOptions, SolverOptions
+from kmpc_lite.control.stop.stop_task import StopTask
+
+MODEL = kl.nominal_unicycle(0.1)
+
+
+def contradicted(circles: np.ndarray) -> tuple[kl.Controller, SQPResult, Observation, StopTask]:
+    """A plan straight ahead whose states are nonsense, with what it is checked against."""
+    controller = kl.Controller(MODEL)
+    inputs = np.tile([0.5, 0.0], (20, 1))
+    plan = Trajectory(np.zeros((21, 3)), inputs, np.zeros(1))
+    result = SQPResult(plan, QPStatus.SOLVED, 1, np.inf, 0.2, np.zeros(3))
+    seen = Observation(np.zeros(3), np.array([1.0, 0.0, 0.0]), circles, None, None)
+    margins = controller.known.margins
+    assert margins is not None
+    task = StopTask(
+        MODEL,
+        np.empty((0, 2)),
+        np.zeros(2),
+        circles,
+        check=margins.command_check,
+        drift=controller.state.drift,
+    )
+    return controller, result, seen, task
+
+
+def test_its_commands_are_good_for_what_the_model_makes_of_them() -> None:
+    controller, result, seen, task = contradicted(np.empty((0, 5)))
+    verified = controller._pipeline._verification.check(result, seen, task)
+    assert verified.trajectory is not None and verified.stop is not None
+    np.testing.assert_allclose(verified.trajectory.states[-1], (1.0, 0.0, 0.0), atol=1e-9)
+    np.testing.assert_allclose(verified.expected, (0.05, 0.0, 0.0), atol=1e-9)
+    assert "contradicted the plan by 0.2" in verified.reason
+
+
+def test_it_stops_before_what_it_would_cut_into() -> None:
+    # touched from x = 0.45 on
+    circles = np.array([[0.8, 0.0, 0.2, 0.0, 0.0]])
+    controller, result, seen, task = contradicted(circles)
+    verified = controller._pipeline._verification.check(result, seen, task)
+    assert verified.trajectory is not None and verified.stop is not None
+    end = verified.trajectory.states[-1, 0]
+    assert 0.3 < end <= 0.45 + 0.02 + 1e-9
+    assert "shortened to 9 periods" in verified.reason
+    assert not verified.trajectory.inputs[9:].any()
+    np.testing.assert_array_equal(verified.trajectory.inputs[:9, 0], 0.5)
+
+
+@pytest.mark.parametrize(("defect", "anew"), [(0.0499, False), (0.0501, True)])
+def test_the_model_may_contradict_a_plan_by_five_centimetres_a_period(
+    defect: float, anew: bool
+) -> None:
+    controller, result, seen, task = contradicted(np.empty((0, 5)))
+    result = replace(result, defect=defect)
+    verified = controller._pipeline._verification.check(result, seen, task)
+    assert ("rolled out anew" in verified.reason) is anew
+
+
+@pytest.mark.parametrize(("depth", "shortened"), [(0.0199, False), (0.0201, True)])
+def test_a_plan_that_was_rolled_out_may_cut_in_by_two_centimetres(
+    depth: float, shortened: bool
+) -> None:
+    # the plan ends at x = 1
+    circles = np.array([[1.0 + 0.35 - depth, 0.0, 0.2, 0.0, 0.0]])
+    controller, result, seen, task = contradicted(circles)
+    verified = controller._pipeline._verification.check(result, seen, task)
+    assert ("shortened" in verified.reason) is shortened
+
+
+def test_without_margins_such_a_plan_is_not_driven() -> None:
+    circles = np.array([[0.8, 0.0, 0.2, 0.0, 0.0]])
+    controller, result, seen, task = contradicted(circles)
+    task = replace(task, check=None, drift=None)
+    assert controller._pipeline._verification.check(result, seen, task).stop is None
+
+
+def test_nothing_is_driven_where_the_first_period_would_cut_in() -> None:
+    controller, result, seen, task = contradicted(np.array([[0.3, 0.0, 0.2, 0.0, 0.0]]))
+    verified = controller._pipeline._verification.check(result, seen, task)
+    assert verified.stop is None
+
+
+@pytest.mark.parametrize("horizon", [20, 40])
+def test_a_period_of_a_second_is_driven_with_any_horizon(horizon: int) -> None:
+    robot = Robot("slow clock", dt=1.0, slip=0.05, learned=False)
+    rows = []
+    for seed in (600, 603, 604, 606):
+        course = course_of(robot, seed)
+        problem = replace(robot.problem(course.side), horizon=horizon)
+        controller = kl.Controller(kl.nominal_unicycle(1.0), problem)
+        rows.append(judge("slow clock", seed, controller, RobotPlant(robot, seed), course))
+    assert not any(row.collided for row in rows)
+    assert sum(row.in_pose for row in rows) >= 3
+    assert np.mean([row.stopped for row in rows]) <= 0.02
+
+
+def test_what_the_model_contradicts_is_linearised_again() -> None:
+    robot = Robot("slow clock", dt=1.0, slip=0.05, learned=False)
+    course = course_of(robot, 605)
+    passes = []
+    for solver in (SolverOptions(contradicted_passes=1), SolverOptions()):
+        options = ControllerOptions(solver=solver)
+        problem = replace(robot.problem(course.side), horizon=20)
+        controller = kl.Controller(
+            kl.nominal_unicycle(1.0), problem, options=options, sqp_iterations=1
+        )
+        pose, plant, made = course.start, RobotPlant(robot, 605), set()
+        for k in range(12):
+            plan = controller.step(pose, course.goal, course.circles)
+            # the first step has no plan to start from and makes more passes anyway
+            made |= {plan.iterations} if k else set()
+            pose = plant.drive(pose, plan.command)[-1]
+        passes.append(made)
+    assert max(passes[0]) <= 2 and 4 in passes[1]

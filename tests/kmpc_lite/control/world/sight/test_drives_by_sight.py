@@ -1,0 +1,155 @@
+"""Drives by scans alone: what is not seen to be free is not driven into."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from typing import Any
+
+import numpy as np
+
+import kmpc_lite as kl
+from kmpc_lab.sim.lidar import LidarSpec, box_edges, scan_ranges
+from kmpc_lab.sim.plants.robots import DifferentialDrive
+from kmpc_lite.control.options import ControllerOptions, SightOptions
+from kmpc_lite.scenario.world import World
+from kmpc_lite.types import Array
+
+START, GOAL = np.array([-1.5, 0.0, 0.0]), np.array([1.5, 0.0, 0.0])
+CIRCLES = np.array([(0.0, 0.05, 0.2, 0.0, 0.0), (0.6, -0.5, 0.15, 0.0, 0.0)])
+WORLD = World(CIRCLES, box_edges(-2.2, -2.2, 2.2, 2.2))
+
+
+def look(pose: Array, seed: int, world: World = WORLD, **options: Any) -> kl.LaserScan:
+    spec = LidarSpec()
+    ranges, directions = scan_ranges(world, spec, pose, np.random.default_rng(seed))
+    return kl.LaserScan(ranges, directions[0], directions[1] - directions[0], spec.reach, **options)
+
+
+def drive(controller: kl.Controller, pose: Array, steps: int, first: int = 0) -> list[kl.Plan]:
+    plant, plans = DifferentialDrive(), []
+    for k in range(first, first + steps):
+        plan = controller.step(pose, GOAL, [look(pose, k)])
+        plans.append(plan)
+        pose = plant.trace(pose, plan.command, 0.1, 4)[-1]
+    return plans
+
+
+def test_a_robot_drives_by_scans_alone_around_what_it_sees() -> None:
+    plans = drive(kl.Controller(kl.nominal_unicycle(0.1)), START, 100)
+    assert any(plan.holding for plan in plans)
+    places = np.array([plan.states[0, :2] for plan in plans])
+    assert WORLD.clearance(places, np.zeros(len(places))).min() > 0.15
+    assert all(plan.reachable for plan in plans)
+
+
+def test_a_copy_in_the_middle_of_a_drive_goes_on_to_the_last_bit() -> None:
+    controller = kl.Controller(kl.nominal_unicycle(0.1))
+    pose = drive(controller, START, 12)[-1].states[1]
+    for other in (copy.deepcopy(controller), pickle.loads(pickle.dumps(controller))):
+        ours, theirs = (drive(copy.deepcopy(c), pose, 8, 12) for c in (controller, other))
+        for plan, twin in zip(ours, theirs, strict=True):
+            np.testing.assert_array_equal(plan.states, twin.states)
+
+
+def test_a_robot_outside_its_area_sees_what_stands_before_it() -> None:
+    """It drives back, as far as it can: a wall stands in between."""
+    wall = World(np.empty((0, 5)), np.array([[5.0, -4.0, 5.0, 4.0]]))
+    controller, pose = kl.Controller(kl.nominal_unicycle(0.1)), np.array([6.0, 0.0, np.pi])
+    for k in range(60):
+        pose = DifferentialDrive().trace(
+            pose, controller.step(pose, (0.0, 0.0, np.pi), [look(pose, k, wall)]).command, 0.1, 4
+        )[-1]
+        assert pose[0] > 5.15
+    assert pose[0] < 5.6
+
+
+def test_a_robot_that_sees_nothing_stands() -> None:
+    controller = kl.Controller(kl.nominal_unicycle(0.1))
+    nothing, pose = kl.LaserScan(np.full(360, np.nan), 0.0, 0.0175, 4.0), START
+    for _ in range(20):
+        plan = controller.step(pose, GOAL, [nothing])
+        pose = DifferentialDrive().trace(pose, plan.command, 0.1, 4)[-1]
+    # within the cells that it stood on
+    assert np.hypot(*(pose - START)[:2]) < 0.05
+
+
+def test_plans_stay_within_what_was_seen_to_be_free() -> None:
+    """A scanner of 0.6 m: no plan leads beyond."""
+    controller = kl.Controller(kl.nominal_unicycle(0.1))
+    for k in range(3):
+        ranges, directions = scan_ranges(
+            World(np.empty((0, 5)), np.empty((0, 4))),
+            LidarSpec(reach=0.6),
+            START,
+            np.random.default_rng(k),
+        )
+        scan = kl.LaserScan(ranges, directions[0], directions[1] - directions[0], 0.6)
+        plan = controller.step(START, GOAL, [scan])
+    away = np.hypot(*(plan.states[:, :2] - START[:2]).T)
+    assert 0.1 < away.max() <= 0.6 - 0.15 + 0.05
+
+
+def test_a_mount_upside_down_and_turned_gives_the_same_drive() -> None:
+    """Beams in the other order, from a scanner that stands askew: the same points."""
+    plain = kl.Controller(kl.nominal_unicycle(0.1))
+    turned = kl.Controller(kl.nominal_unicycle(0.1))
+    pose = START
+    for k in range(10):
+        scan = look(pose, k)
+        other = kl.LaserScan(
+            scan.ranges[::-1],
+            -scan.angle_min - scan.angle_increment * (len(scan) - 1) - 0.5 + 2.0,
+            scan.angle_increment,
+            scan.range_max,
+            mount=(0.0, 0.0, 1.5),
+            mirrored=True,
+        )
+        np.testing.assert_allclose(np.sort(other.points, axis=0), np.sort(scan.points, axis=0))
+        plan, twin = (c.step(pose, GOAL, [s]) for c, s in ((plain, scan), (turned, other)))
+        np.testing.assert_allclose(plan.command, twin.command, atol=1e-3)
+        pose = plan.states[1]
+
+
+def test_a_robot_twice_as_large_drives_the_same_drive() -> None:
+    """Lengths and speeds doubled: the same numbers, to the last bit."""
+    small = kl.Controller(kl.nominal_unicycle(0.1))
+    large = kl.Controller(
+        kl.nominal_unicycle(0.1),
+        kl.NavigationProblem(
+            robot_radius=0.3,
+            u_min=(-1.2, -np.pi / 4),
+            u_max=(1.2, np.pi / 4),
+            x_min=(-4, -4, -np.inf),
+            x_max=(4, 4, np.inf),
+        ),
+    )
+    pose = START
+    for k in range(10):
+        scan = look(pose, k)
+        wide = kl.LaserScan(
+            2 * scan.ranges, scan.angle_min, scan.angle_increment, 2 * scan.range_max, noise=0.02
+        )
+        by = np.array([2.0, 2.0, 1.0])
+        plan, twin = small.step(pose, GOAL, [scan]), large.step(by * pose, by * GOAL, [wide])
+        np.testing.assert_array_equal(by * plan.states, twin.states)
+        pose = plan.states[1]
+
+
+def test_somebody_may_step_out_of_what_is_not_seen() -> None:
+    """Where that is an option the robot is slower beside what hides things."""
+    still = kl.Controller(kl.nominal_unicycle(0.1))
+    wary = kl.Controller(
+        kl.nominal_unicycle(0.1), options=ControllerOptions(sight=SightOptions(emerging_speed=1.0))
+    )
+    fast, slow = drive(still, START, 20), drive(wary, START, 20)
+    assert slow[-1].states[0, 0] < fast[-1].states[0, 0] - 0.05
+
+
+def test_scans_stand_beside_other_obstacles_and_too_many_stop_the_robot() -> None:
+    controller = kl.Controller(kl.nominal_unicycle(0.1))
+    others = [kl.Circle(0.0, 0.5, 0.1), kl.Wall(-2.0, 2.0, 2.0, 2.0), look(START, 0)]
+    assert controller.step(START, GOAL, others).status is not kl.PlanStatus.STOPPED
+    controller.reset()
+    plan = controller.step(START, GOAL, 11 * [look(START, 0)])
+    assert plan.status is kl.PlanStatus.STOPPED and "11 scans" in plan.reason

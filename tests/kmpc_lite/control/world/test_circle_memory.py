@@ -1,0 +1,216 @@
+"""Circles out of `sensor_range` are remembered by a robot that turns back from them."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lab.sim.maps.families import random_map
+from kmpc_lab.studies.sight import circles as study
+from kmpc_lite.control.options import ControllerOptions
+from kmpc_lite.control.world.circle_memory import CircleMemory, CircleMemoryState
+from kmpc_lite.types import Array
+
+REACH = 0.5
+PROBLEM = kl.NavigationProblem(sensor_range=REACH)
+START, GOAL = (-1.5, 0.0, 0.0), (1.5, 0.0, 0.0)
+NOTHING = np.empty((0, 5))
+
+
+def standing(*places: tuple[float, float]) -> Array:
+    return np.array([[x, y, 0.2, 0.0, 0.0] for x, y in places])
+
+
+def at_distance(gap: float) -> Array:
+    """Pose whose edge is so far from the edge of a circle at the origin."""
+    return np.array((-(gap + 0.2 + PROBLEM.robot_radius), 0.0, 0.0))
+
+
+def recall(
+    memory: CircleMemory,
+    state: CircleMemoryState,
+    circles: Array,
+    pose: Array,
+    spread: Array | None = None,
+    noise: float = 0.0,
+    driven: float = 0.0,
+) -> Array:
+    return memory.recall(state, circles, spread, pose, noise, driven)[0]
+
+
+@pytest.fixture
+def memory() -> CircleMemory:
+    return CircleMemory(PROBLEM, ControllerOptions())
+
+
+@pytest.fixture
+def state(memory: CircleMemory) -> CircleMemoryState:
+    """Of a robot that was told of a circle at the origin."""
+    made = CircleMemoryState()
+    recall(memory, made, standing((0.0, 0.0)), at_distance(0.4))
+    return made
+
+
+@pytest.mark.parametrize(("gap", "remembered"), [(0.51, True), (0.48, False), (0.1, False)])
+def test_what_is_not_told_is_remembered_out_of_reach_and_forgotten_within(
+    memory: CircleMemory, state: CircleMemoryState, gap: float, remembered: bool
+) -> None:
+    assert len(recall(memory, state, NOTHING, at_distance(gap))) == remembered
+    assert len(recall(memory, state, NOTHING, at_distance(2.0))) == remembered
+
+
+@pytest.mark.parametrize("known", [{"noise": 0.03}, {"driven": 0.03}])
+def test_a_list_may_be_as_old_as_a_period_and_as_wrong_as_the_pose(
+    memory: CircleMemory, state: CircleMemoryState, known: dict[str, float]
+) -> None:
+    assert len(recall(memory, state, NOTHING, at_distance(0.47), **known)) == 1
+    assert not len(recall(memory, state, NOTHING, at_distance(0.45), **known))
+
+
+def test_it_is_forgotten_with_time() -> None:
+    options = ControllerOptions.from_dict({"sight": {"memory": 1.0}})
+    memory, state = CircleMemory(PROBLEM, options), CircleMemoryState()
+    recall(memory, state, standing((0.0, 0.0)), at_distance(0.4))
+    found = [len(recall(memory, state, NOTHING, at_distance(2.0))) for _ in range(12)]
+    assert sum(found) in (9, 10) and not found[-1]
+
+
+def test_who_is_told_again_is_not_there_twice_and_keeps_its_row(
+    memory: CircleMemory, state: CircleMemoryState
+) -> None:
+    here, other, far = at_distance(0.4), (0.0, 0.6), at_distance(2.0)
+    for circles in (standing((0.0, 0.0), other), NOTHING, standing(other)):
+        pose = here if len(circles) == 2 else far
+        known = recall(memory, state, circles, pose)
+        np.testing.assert_array_equal(known, standing((0.0, 0.0), other))
+    known = recall(memory, state, standing(other, (0.005, 0.0)), here)
+    np.testing.assert_array_equal(known, standing((0.005, 0.0), other))
+    assert len(recall(memory, state, standing(other, (0.1, 0.0)), here)) == 2
+
+
+def test_two_that_are_told_at_one_place_stay_two(memory: CircleMemory) -> None:
+    state, both = CircleMemoryState(), standing((0.0, 0.0), (0.0, 0.0))
+    for circles in (both, both, NOTHING):
+        assert len(recall(memory, state, circles, at_distance(0.6))) == 2
+
+
+def test_who_moves_is_not_remembered(memory: CircleMemory, state: CircleMemoryState) -> None:
+    walks, far = standing((0.0, 0.0)) + (0.0, 0.0, 0.0, 0.3, 0.0), at_distance(2.0)
+    np.testing.assert_array_equal(recall(memory, state, walks, far), walks)
+    assert not len(recall(memory, state, NOTHING, far))
+    # told to stand, and seen to move
+    recall(memory, state, standing((0.0, 0.0)), far, np.array([0.1]))
+    assert not len(recall(memory, state, NOTHING, far))
+
+
+def test_spreads_stay_with_their_circles(memory: CircleMemory, state: CircleMemoryState) -> None:
+    circles = standing((3.0, 0.0), (2.0, 0.0))
+    known, spread = memory.recall(
+        state, circles, np.array((0.1, 0.0)), at_distance(2.0), noise=0.0, driven=0.0
+    )
+    np.testing.assert_array_equal(known, standing((0.0, 0.0), (2.0, 0.0), (3.0, 0.0)))
+    assert spread is not None
+    np.testing.assert_array_equal(spread, (0.0, 0.0, 0.1))
+
+
+def test_the_latest_are_remembered_where_there_are_too_many() -> None:
+    options = ControllerOptions.from_dict({"obstacles": {"circles": 3}})
+    memory, state, far = CircleMemory(PROBLEM, options), CircleMemoryState(), at_distance(9.0)
+    for x in range(5):
+        known = recall(memory, state, standing((float(x), 0.0)), far)
+    np.testing.assert_array_equal(known[:, 0], (2.0, 3.0, 4.0))
+    assert len(recall(memory, state, standing(*[(0.0, float(y)) for y in (1, 2, 3)]), far)) == 3
+
+
+def test_without_a_range_nothing_is_remembered() -> None:
+    memory, state = CircleMemory(kl.NavigationProblem(), ControllerOptions()), CircleMemoryState()
+    circles = standing((0.0, 0.0))
+    assert recall(memory, state, circles, at_distance(0.4)) is circles
+    assert not len(state.circles)
+
+
+def controller(problem: kl.NavigationProblem = PROBLEM) -> kl.Controller:
+    return kl.Controller(kl.nominal_unicycle(0.1), problem)
+
+
+def test_the_path_leads_around_what_is_out_of_reach() -> None:
+    robot, blocks = controller(), [kl.Circle(0.0, 0.0, 0.4)]
+    robot.step(START, GOAL, blocks)
+    for _ in range(20):
+        robot.step(START, GOAL)
+    guide = robot.state.guide
+    assert guide is not None and guide.path is not None
+    away = np.hypot(*guide.path.at(np.linspace(0.0, guide.path.duration, 500))[:, :2].T)
+    assert away.min() > 0.4 + 0.15
+    robot.reset()
+    robot.step(START, GOAL)
+    assert not len(robot.state.out_of_sight.circles)
+
+
+def test_a_robot_between_two_paths_does_not_go_to_and_fro() -> None:
+    # a circle beside each of them makes the other one quicker
+    drive = study.drive(0.6, 1.0, 907)
+    assert drive.arrived and not drive.collided and drive.seconds < 2.0 * drive.all_told
+
+
+def test_a_list_that_shrinks_is_no_other_map() -> None:
+    robot, blocks = controller(), [kl.Circle(0.0, 0.0, 0.4), kl.Circle(0.2, 1.0, 0.1)]
+    robot.step(START, GOAL, blocks)
+    guide = robot.state.guide
+    assert guide is not None
+    ages = []
+    for told in (blocks, blocks[1:], [], blocks[::-1], []):
+        robot.step(START, GOAL, told)
+        ages.append(guide.age)
+    assert (np.diff(ages) > 0.0).all()
+
+
+def test_after_poses_that_stay_where_they_jumped_to_nothing_is_remembered() -> None:
+    robot, jumped = controller(), (1.0, -1.5, 0.0)
+    robot.step(START, GOAL, [kl.Circle(0.0, 0.0, 0.4)])
+    robot.step(START, GOAL)
+    for k in range(40):
+        robot.step(jumped, jumped)
+        assert k > 10 or len(robot.state.out_of_sight.circles) == 1
+    assert not len(robot.state.out_of_sight.circles)
+
+
+def test_the_memory_copies_and_pickles_with_the_state() -> None:
+    scenario = random_map("open", 907)
+    robot, x = controller(kl.NavigationProblem(sensor_range=0.3)), np.array(scenario.start)
+    circles = np.array([(c.x, c.y, c.radius) for c in scenario.circles])
+    remembered = 0
+    for k in range(40):
+        gaps = np.hypot(*(circles[:, :2] - x[:2]).T) - circles[:, 2] - 0.15
+        if k % 10 == 9:
+            before, state = robot.state, copy.deepcopy(robot.state)
+            twin = pickle.loads(pickle.dumps(robot))
+            plan = twin.step(x, scenario.goal, circles[gaps <= 0.3])
+            robot.state = state
+            first = robot.step(x, scenario.goal, circles[gaps <= 0.3])
+            robot.state = before
+            np.testing.assert_array_equal(plan.inputs, first.inputs)
+        plan = robot.step(x, scenario.goal, circles[gaps <= 0.3])
+        if k % 10 == 9:
+            np.testing.assert_array_equal(plan.inputs, first.inputs)
+        remembered = max(remembered, np.count_nonzero(robot.state.out_of_sight.unseen))
+        x = robot.model.predict(x, plan.command)
+    assert remembered
+
+
+def test_a_robot_twice_as_large_remembers_twice_as_far() -> None:
+    small, large = (
+        CircleMemory(problem, ControllerOptions())
+        for problem in (PROBLEM, kl.NavigationProblem(robot_radius=0.3, sensor_range=2.0 * REACH))
+    )
+    by = np.array((2.0, 2.0, 2.0, 1.0, 1.0))
+    one, two = CircleMemoryState(), CircleMemoryState()
+    for gap in (0.4, 0.49, 0.495, 0.6, 0.48):
+        told = standing((0.0, 0.0)) if gap == 0.4 else NOTHING
+        known = recall(small, one, told, at_distance(gap))
+        twin = recall(large, two, by * told, 2.0 * at_distance(gap))
+        np.testing.assert_array_equal(by * known, twin)

@@ -1,0 +1,230 @@
+"""What `lags="auto"` chooses: the robot that made the log, nothing where it shows nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import kmpc_lab
+import kmpc_lite as kl
+from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
+from kmpc_lab.studies.learning import nominal_log, open_loop_errors
+from kmpc_lite.learn.cross_validation import (
+    Candidate,
+    assign_folds,
+    choose,
+    cross_validate,
+    solve_columns,
+)
+from kmpc_lite.learn.responses import AT_ONCE, Response, first_candidates, neighbours
+from kmpc_lite.learn.selection import cut_for, select
+from kmpc_lite.learn.selection_options import SelectionOptions
+from kmpc_lite.model.dictionary.response import TERMS
+
+TRIG = kl.HermiteTrigDictionary(0)
+
+
+def late_log(lag: float, dead: float, noise: tuple[float, float, float], seed: int) -> kl.Dataset:
+    """Two minutes of a robot that answers late and slips."""
+    robot = LaggingDrive(lag, dead, 0.05, seed=seed)
+    return drive_log(robot, 12, 100, 0.1, seed, hold=10, pose_noise=noise)
+
+
+# responses
+
+
+@pytest.mark.parametrize("dead", [0.0, 0.05, 0.13, 0.3])
+@pytest.mark.parametrize("constant", [0.0, 0.02, 0.2])
+def test_the_weights_are_those_of_a_motor(dead: float, constant: float) -> None:
+    weights = Response(dead, constant).weights(0.1, 40)
+    assert sum(weights) == pytest.approx(1.0) and min(weights) >= -1e-12
+    # a command of one period, answered by the motor in fine steps
+    fine, speed, answered = 2000, 0.0, np.zeros(len(weights))
+    for k in range(len(weights) * fine):
+        time = (k + 0.5) * 0.1 / fine
+        target = 1.0 if dead <= time < dead + 0.1 else 0.0
+        speed = (
+            target if not constant else target + (speed - target) * np.exp(-0.1 / fine / constant)
+        )
+        answered[k // fine] += speed / fine
+    answered[-1] += 1.0 - answered.sum()
+    np.testing.assert_allclose(weights, answered, atol=2e-3)
+
+
+@pytest.mark.parametrize("longest", [0, 1, 4, 10])
+def test_every_response_tried_fits_the_history(longest: int) -> None:
+    tried = first_candidates(0.1, longest)
+    assert tried[0] == AT_ONCE
+    for response in tried:
+        assert len(response.weights(0.1, longest)) <= 1 + longest
+        for near in neighbours(response, 0.05, 0.1, longest):
+            assert min(near) >= 0.0 and np.isfinite(near.weights(0.1, longest)).all()
+
+
+# cross-validation
+
+
+def test_held_weights_stay_and_free_ones_are_least_squares() -> None:
+    random = np.random.default_rng(0)
+    rows, target = random.normal(size=(50, 4)), random.normal(size=50)
+    both = np.column_stack([rows, target])
+    base = np.array([0.5, 0.0, -1.0, 2.0])
+    found = solve_columns(both.T @ both, np.array([1, 3]), base)
+    expected = np.linalg.lstsq(rows[:, [1, 3]], target - rows[:, [0, 2]] @ base[[0, 2]], rcond=None)
+    np.testing.assert_allclose(found, [0.5, expected[0][0], -1.0, expected[0][1]], atol=1e-6)
+
+
+def test_a_worthless_explanation_rarely_beats_nothing_and_a_good_one_always_does() -> None:
+    scores = []
+    for seed in range(200):
+        random = np.random.default_rng(seed)
+        moments = []
+        for _ in range(12):
+            rows = random.normal(size=(30, 3))
+            target = random.normal(size=30) + (0.5 * rows[:, 0] if seed % 2 else 0.0)
+            both = np.column_stack([rows, target])
+            moments.append(both.T @ both)
+        moment = np.array(moments)
+        candidates = [Candidate(moment, moment, np.arange(k), np.zeros(3), k) for k in (1, 2, 3)]
+        verdict = cross_validate(candidates, assign_folds(12), moment[:, -1, -1])
+        scores.append(verdict.score)
+    assert np.mean(np.array(scores[0::2]) > 3.1) <= 0.01
+    assert np.mean(np.array(scores[1::2]) > 3.1) >= 0.95
+
+
+# choosing
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_robot_that_answers_late_is_known_by_its_delay(seed: int) -> None:
+    found = select(late_log(0.25, 0.1, (0.002, 0.002, 0.004), seed))
+    for response in (found.speed, found.turn):
+        assert response.delay == pytest.approx(0.35, abs=0.04)
+        assert response.dead_time == pytest.approx(0.1, abs=0.06)
+    assert found.along.step == found.heading.step == "gain"
+    assert found.rows.along[0] == pytest.approx(1.05, abs=0.02)
+    assert found.rows.across[0] == pytest.approx(-0.05, abs=0.02)
+
+
+def test_a_robot_that_turns_about_its_pose_gets_no_other_turning_centre() -> None:
+    """A lag and its noise are no reason for a term that is not there."""
+    found = [select(late_log(0.25, 0.1, (0.004, 0.004, 0.01), seed)) for seed in range(20, 28)]
+    assert sum(s.rows.along[1] == 0.0 for s in found) >= 7
+
+
+def test_a_turning_centre_beside_the_pose_is_found() -> None:
+    random = np.random.default_rng(4)
+    drives = []
+    for episode in late_log(0.25, 0.1, (0.0, 0.0, 0.0), 4).episodes:
+        poses = episode.states.copy()
+        # the pose is tracked 8 cm to the left of what it turns about
+        poses[:, 0] -= 0.08 * np.sin(poses[:, 2])
+        poses[:, 1] += 0.08 * np.cos(poses[:, 2])
+        poses += random.normal(size=poses.shape) * (0.004, 0.004, 0.01)
+        drives.append(kl.Episode(poses, episode.inputs, episode.dt))
+    found = select(kl.Dataset(drives))
+    assert found.along.step == "gains"
+    assert found.rows.along[1] == pytest.approx(-0.08, abs=0.01)
+
+
+def test_of_explanations_alike_the_simplest_is_taken() -> None:
+    errors = np.array([[1.0, 1.4, 0.9, 1.1, 1.2], [0.9, 1.0, 0.95, 1.0, 1.1]])
+    behind = errors[0] - errors[1]
+    score = behind.mean() / (behind.std(ddof=1) / np.sqrt(5))
+    # one in twenty: Student's quantile of four degrees of freedom
+    assert 1.0 < score < 2.13
+    assert choose(errors, [1, 2]) == 0
+    assert choose(errors - [[0.0], [0.3]], [1, 2]) == 1
+
+
+def test_a_robot_that_answers_at_once_gets_no_history() -> None:
+    for seed in range(3):
+        data = kmpc_lab.generate_dataset(
+            kmpc_lab.DifferentialDrive(0.1, seed), 10, 100, 0.1, seed=seed
+        )
+        model = kl.fit(data, TRIG, lags="auto")
+        assert model.history == 0
+        assert model.info["response"]["speed"] == model.info["response"]["turn"] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_nominal_robot_stays_nominal(seed: int) -> None:
+    train, _ = nominal_log(90_000 + seed).windows(5.0).split(0.5)
+    model = kl.fit(train, TRIG, lags="auto")
+    nominal = kl.nominal_unicycle(0.1)
+    x, u = np.random.default_rng(seed).normal(size=(2, 20, 3))
+    np.testing.assert_allclose(model.predict(x, u[:, :2]), nominal.predict(x, u[:, :2]), atol=1e-9)
+
+
+def test_turns_that_come_out_at_six_tenths_gain_in_heading_and_lose_nothing_along() -> None:
+    random = np.random.default_rng(3)
+    robot = kmpc_lab.DifferentialDrive(0.0, 0, turn_gain=0.6)
+    clean = kmpc_lab.generate_dataset(robot, episodes=20, steps=100, dt=0.1, seed=3)
+    noise = np.array([0.01, 0.01, 0.03])
+    data = kl.Dataset(
+        [
+            kl.Episode(e.states + random.normal(size=e.states.shape) * noise, e.inputs, e.dt)
+            for e in clean.episodes
+        ]
+    )
+    train, held = data.split(0.5)
+    model = kl.fit(train, TRIG, lags="auto")
+    directions = model.info["selection"]["directions"]
+    assert directions["heading"]["step"] == "gain" and directions["along"]["step"] == "nominal"
+    errors = [
+        np.sqrt(np.mean(np.concatenate(open_loop_errors(m, held.episodes)) ** 2, axis=0))
+        for m in (model, kl.nominal_unicycle(0.1))
+    ]
+    assert errors[0][2] < 0.6 * errors[1][2] and (errors[0] <= 1.001 * errors[1]).all()
+
+
+def test_slip_that_grows_with_the_turn_rate_is_found() -> None:
+    random = np.random.default_rng(4)
+    rows = np.zeros((3, len(TERMS)))
+    rows[0, 0], rows[2, 1], rows[0, 4], rows[1, 2] = 1.0, 0.6, -0.15, -0.1
+    from kmpc_lite.learn.symmetry import symmetric_generator
+    from kmpc_lite.model.dictionary.response import ResponseDictionary
+
+    late = ResponseDictionary(TRIG, terms=TERMS, smoothing=(0.05, 0.1), limits=(1.0, 2.0))
+    zeros = np.zeros((3, 3)), np.zeros((3, len(TERMS)))
+    truth = kl.KoopmanModel(late, 0.1, *zeros, symmetric_generator(late, *rows), np.eye(3), True)
+    inputs = np.repeat(random.uniform(-1.0, 1.0, (20, 12, 2)) * [1.0, 2.0], 8, axis=1)
+    states = truth.rollout(np.zeros((20, 3)), inputs)
+    states = states + random.normal(size=states.shape) * [0.01, 0.01, 0.02]
+    data = kl.Dataset([kl.Episode(x, u, 0.1) for x, u in zip(states, inputs, strict=True)])
+    found = select(data)
+    assert found.along.step == "slip" and found.across.step in ("product", "slip")
+    assert found.rows.across[2] == pytest.approx(-0.1, abs=0.03)
+
+
+# what it works on
+
+
+def test_every_candidate_is_judged_on_the_windows_that_the_longest_history_leaves() -> None:
+    short = late_log(0.0, 0.0, (0.0, 0.0, 0.0), 0).windows(2.0)
+    windows = cut_for(short, SelectionOptions())
+    assert windows.length == 10 and windows.longest == 5
+    assert windows.count == sum(len(e) - 5 - 10 + 1 for e in short.episodes)
+    long = cut_for(late_log(0.0, 0.0, (0.0, 0.0, 0.0), 0), SelectionOptions())
+    assert long.longest == 10
+
+
+def test_a_log_too_short_for_a_choice_leaves_the_nominal_robot() -> None:
+    log = late_log(0.25, 0.1, (0.0, 0.0, 0.0), 0)
+    found = select(kl.Dataset(log.windows(2.5).episodes[:2]))
+    assert found.nominal and found.speed == found.turn == AT_ONCE
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"symmetric": False},
+        {"method": "edmdc", "dictionary": None},
+        {"ridge": 0.1},
+        {"dictionary": kl.InputHistoryDictionary(TRIG, (0, 1))},
+    ],
+)
+def test_what_does_not_go_with_it_is_refused(options: dict[str, object]) -> None:
+    data = late_log(0.0, 0.0, (0.0, 0.0, 0.0), 0)
+    with pytest.raises(kl.DataError, match="lags='auto' goes with the symmetric integral fit"):
+        kl.fit(data, **{"dictionary": TRIG, "lags": "auto", **options})  # type: ignore[arg-type]

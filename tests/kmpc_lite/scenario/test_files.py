@@ -1,0 +1,355 @@
+"""Scenario files: what is wrong is told by file, section and key, and what is right survives being
+written.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.scenario.bundled import bundled
+from kmpc_lite.scenario.files import Scenario
+from kmpc_lite.scenario.values import KEYS, Floor
+
+GOOD = """\
+[map]
+bounds = [-2, -2.0, 2.0, 2.0]
+circles = [[0.5, 0.5, 0.15], [1.0, -1.0, 0.2, 0.1, 0.0]]
+
+[robot]
+radius = 0.15
+start = [0.0, 0.0, 0.0]
+goal = [1.5, 1.5, 0.0]
+
+[plant]
+slip = 0.05
+
+[run]
+seed = 3
+timeout = 12.5
+"""
+
+
+def write(folder: Path, text: str | bytes) -> Path:
+    file = folder / "field.toml"
+    file.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return file
+
+
+def table(scenario: Scenario) -> dict[str, object]:
+    return dict(vars(scenario))
+
+
+def test_a_file_is_read_with_its_defaults(tmp_path: Path) -> None:
+    scenario = Scenario.load(write(tmp_path, GOOD))
+    assert scenario.name == "field"
+    assert scenario.bounds == (-2.0, -2.0, 2.0, 2.0)
+    assert scenario.circles == (kl.Circle(0.5, 0.5, 0.15), kl.Circle(1.0, -1.0, 0.2, 0.1, 0.0))
+    assert (scenario.radius, scenario.start, scenario.goal) == (
+        0.15,
+        (0.0, 0.0, 0.0),
+        (1.5, 1.5, 0.0),
+    )
+    assert (scenario.slip, scenario.turn_gain, scenario.pose_noise) == (0.05, 1.0, (0.0, 0.0, 0.0))
+    assert (scenario.seed, scenario.timeout, scenario.margin) == (3, 12.5, 0.0)
+    assert Scenario.load(str(tmp_path / "field.toml")).goal == scenario.goal
+
+
+def test_an_empty_map_needs_no_circles(tmp_path: Path) -> None:
+    scenario = Scenario.load(
+        write(
+            tmp_path, GOOD.replace("circles = [[0.5, 0.5, 0.15], [1.0, -1.0, 0.2, 0.1, 0.0]]\n", "")
+        )
+    )
+    assert scenario.circles == ()
+    assert scenario.circles_at(3.0).shape == (0, 5)
+
+
+@pytest.mark.parametrize("name", bundled())
+def test_bundled_scenarios_load_and_survive_being_written(name: str) -> None:
+    scenario = Scenario.load(name)
+    assert scenario.name == name
+    again = Scenario.from_table(tomllib.loads(scenario.to_toml()), name, "text")
+    assert table(again) == table(scenario)
+    # a controller can be built for each, and the start is a place that a robot may stand at
+    problem = scenario.problem()
+    plan = kl.Controller(kl.nominal_unicycle(problem.dt), problem).step(
+        scenario.start, scenario.goal, scenario.obstacles_at(0.0)
+    )
+    assert np.isfinite(plan.command).all()
+
+
+def test_mehrez_is_the_map_of_the_tutorial() -> None:
+    scenario = Scenario.load("mehrez")
+    assert scenario.circles == (kl.Circle(0.5, 0.5, 0.15),)
+    assert (scenario.radius, scenario.start, scenario.goal) == (
+        0.15,
+        (0.0, 0.0, 0.0),
+        (1.5, 1.5, 0.0),
+    )
+    assert (scenario.timeout, scenario.margin, scenario.slip) == (20.0, 0.0, 0.0)
+
+
+def test_everything_survives_being_written(tmp_path: Path) -> None:
+    scenario = Scenario(
+        name="field",
+        bounds=(-1.25, -2.0, 3.0, 1e3),
+        circles=(kl.Circle(0.1 + 0.2, 1 / 3, 1e-9, -1e-3, 2.5), kl.Circle(1.0, 1.0, 0.0)),
+        radius=0.123456789012345,
+        start=(-1.0, -1.0, 3.1),
+        goal=(2.5, 999.0, -12.7),
+        slip=0.07,
+        turn_gain=0.35,
+        lag=0.3,
+        dead_time=0.15,
+        floors=(Floor(1.0, 0.2), Floor(2.5, 0.0, 0.6)),
+        pose_noise=(0.01, 0.02, 0.003),
+        pose_age=0.08,
+        seed=12345678901234567890,
+        timeout=7.5,
+        tolerance=0.03,
+        heading_tolerance=0.2,
+        margin=0.11,
+        du_max=(1.0, 4.5),
+        turning_point=(-0.04, 1 / 3),
+    )
+    assert table(Scenario.load(write(tmp_path, scenario.to_toml()))) == table(scenario)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("radius = 0.15", "radius = -0.15", "[robot] radius"),
+        ("radius = 0.15", "radius = 0", "[robot] radius"),
+        ("radius = 0.15", "radius = nan", "[robot] radius"),
+        ("radius = 0.15", "radius = 'wide'", "[robot] radius"),
+        ("radius = 0.15", "radius = true", "[robot] radius"),
+        ("radius = 0.15", "radius = [0.15]", "[robot] radius"),
+        ("radius = 0.15", "radius = 0.15\ndu_max = 1.0", "[robot] du_max: expected 2 numbers"),
+        (
+            "radius = 0.15",
+            "radius = 0.15\ndu_max = [1.0, 0.0]",
+            "[robot] du_max: expected numbers > 0",
+        ),
+        (
+            "radius = 0.15",
+            "radius = 0.15\nturning_point = [0.1]",
+            "[robot] turning_point: expected 2 numbers",
+        ),
+        ("radius = 0.15", "radius = 0.15\nweight = 3", "[robot] weight: unknown key"),
+        ("[plant]", "[floor]", "unknown section [floor]"),
+        ("start = [0.0, 0.0, 0.0]", "", "[robot] start: missing"),
+        ("goal = [1.5, 1.5, 0.0]", "", "[robot] goal: missing"),
+        ("bounds = [-2, -2.0, 2.0, 2.0]", "", "[map] bounds: missing"),
+        ("start = [0.0, 0.0, 0.0]", "start = [0.0, 0.0]", "[robot] start: expected 3 numbers"),
+        ("start = [0.0, 0.0, 0.0]", "start = [0.0, 0.0, inf]", "[robot] start"),
+        ("start = [0.0, 0.0, 0.0]", "start = [0.45, 0.5, 0.0]", "[robot] start: (0.45, 0.5)"),
+        ("start = [0.0, 0.0, 0.0]", "start = [-2.1, 0.0, 0.0]", "[robot] start"),
+        (
+            "goal = [1.5, 1.5, 0.0]",
+            "goal = [1.5, 2.5, 0.0]",
+            "[robot] goal: (1.5, 2.5) lies outside",
+        ),
+        ("goal = [1.5, 1.5, 0.0]", "goal = [0.5, 0.7, 0.0]", "[robot] goal: (0.5, 0.7)"),
+        ("bounds = [-2, -2.0, 2.0, 2.0]", "bounds = [2, 2, -2, -2]", "[map] bounds"),
+        (
+            "bounds = [-2, -2.0, 2.0, 2.0]",
+            "bounds = [-2, -2, 2]",
+            "[map] bounds: expected 4 numbers",
+        ),
+        ("bounds = [-2, -2.0, 2.0, 2.0]", "bounds = [-2, -2, inf, 2]", "[map] bounds"),
+        ("[0.5, 0.5, 0.15],", "[0.5, 0.5],", "[map] circles: circle 0"),
+        ("[0.5, 0.5, 0.15],", "[0.5, 0.5, 0.15, 0.1],", "[map] circles: circle 0"),
+        ("0.2, 0.1, 0.0]]", "-0.2, 0.1, 0.0]]", "[map] circles: circle 1"),
+        ("0.2, 0.1, 0.0]]", "0.2, nan, 0.0]]", "[map] circles: circle 1"),
+        ("0.2, 0.1, 0.0]]", f"1{'0' * 400}]]", "more than 300 digits"),
+        ("[0.5, 0.5, 0.15],", "['a', 0.5, 0.15],", "[map] circles: circle 0"),
+        (
+            "circles = [[0.5, 0.5, 0.15], [1.0, -1.0, 0.2, 0.1, 0.0]]",
+            "circles = 4",
+            "[map] circles: expected a list",
+        ),
+        ("slip = 0.05", "slip = -0.05", "[plant] slip"),
+        ("slip = 0.05", "slip = 1e300", "[plant] slip: expected at most 10"),
+        ("slip = 0.05", "turn_gain = 0", "[plant] turn_gain"),
+        ("slip = 0.05", "lag = -0.1", "[plant] lag"),
+        ("slip = 0.05", "dead_time = 1e9", "[plant] dead_time: expected at most 10"),
+        ("slip = 0.05", "pose_age = nan", "[plant] pose_age"),
+        (
+            "slip = 0.05",
+            "floors = [[1.0, 0.2]]",
+            "[plant] floors: expected a list of [time, slip, turn_gain]",
+        ),
+        ("slip = 0.05", "floors = [[1.0, -0.2, 1.0]]", "[plant] floors: floor 0"),
+        (
+            "slip = 0.05",
+            "floors = [[2.0, 0.2, 1.0], [1.0, 0.2, 1.0]]",
+            "[plant] floors: expected rising times",
+        ),
+        ("slip = 0.05", "pose_noise = [0.1, 0.1]", "[plant] pose_noise"),
+        ("slip = 0.05", "pose_noise = [0.1, -0.1, 0]", "[plant] pose_noise"),
+        ("seed = 3", "seed = -3", "[run] seed"),
+        ("seed = 3", "seed = 3.0", "[run] seed"),
+        ("seed = 3", "seed = true", "[run] seed"),
+        ("timeout = 12.5", "timeout = 0", "[run] timeout"),
+        ("timeout = 12.5", "timeout = 1e300", "[run] timeout: expected at most 100000"),
+        ("timeout = 12.5", "tolerance = -1", "[run] tolerance"),
+        ("timeout = 12.5", "heading_tolerance = 0", "[run] heading_tolerance"),
+        ("timeout = 12.5", "margin = -0.1", "[run] margin"),
+        ("[map]", "map = 3\n[chart]", "[map] must be a section"),
+        ("[run]", "[[run]]", "[run] must be a section"),
+        ("[run]", "[run", "not TOML"),
+    ],
+)
+def test_every_wrong_key_is_named(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert old in GOOD
+    with pytest.raises(kl.ScenarioError) as caught:
+        Scenario.load(write(tmp_path, GOOD.replace(old, new)))
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert "field" in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00\x01", b"\x00" * 1000, b"PK\x03\x04"])
+def test_files_that_are_no_scenario(tmp_path: Path, content: bytes) -> None:
+    with pytest.raises(kl.ScenarioError, match="field"):
+        Scenario.load(write(tmp_path, content))
+
+
+def test_a_missing_file_and_an_unknown_name_are_told_apart(tmp_path: Path) -> None:
+    with pytest.raises(kl.ScenarioError, match="No such file"):
+        Scenario.load(tmp_path / "none.toml")
+    with pytest.raises(kl.ScenarioError, match=r"no scenario named 'moon'.*mehrez"):
+        Scenario.load("moon")
+    with pytest.raises(kl.ScenarioError, match="directory"):
+        Scenario.load(tmp_path)
+
+
+def test_a_moving_circle_may_be_at_the_goal_now_but_not_at_the_start(tmp_path: Path) -> None:
+    moving = GOOD.replace("[1.0, -1.0, 0.2, 0.1, 0.0]", "[1.5, 1.5, 0.2, 0.1, 0.0]")
+    assert Scenario.load(write(tmp_path, moving)).circles[1].x == 1.5
+    with pytest.raises(kl.ScenarioError, match="start"):
+        Scenario.load(
+            write(tmp_path, GOOD.replace("[1.0, -1.0, 0.2, 0.1, 0.0]", "[0.1, 0.0, 0.2, 0.1, 0.0]"))
+        )
+
+
+def test_circles_move_with_time() -> None:
+    scenario = Scenario(
+        "x",
+        (-2.0, -2.0, 2.0, 2.0),
+        (kl.Circle(1.0, -1.0, 0.2, 0.1, -0.2),),
+        0.15,
+        (0.0, 0.0, 0.0),
+        (1.5, 1.5, 0.0),
+    )
+    np.testing.assert_allclose(scenario.circles_at(2.0), [[1.2, -1.4, 0.2, 0.1, -0.2]])
+    np.testing.assert_allclose(scenario.circles_at(0.0), [[1.0, -1.0, 0.2, 0.1, -0.2]])
+
+
+def test_the_problem_has_the_maps_bounds_and_keeps_the_rest() -> None:
+    scenario = replace(
+        Scenario.load("four_circles_1"), bounds=(-1.0, -3.0, 2.0, 4.0), radius=0.2, margin=0.07
+    )
+    problem = scenario.problem(kl.NavigationProblem(horizon=7, dt=0.05))
+    np.testing.assert_array_equal(problem.bounds[2], [-1.0, -3.0, -np.inf])
+    np.testing.assert_array_equal(problem.bounds[3], [2.0, 4.0, np.inf])
+    assert (problem.robot_radius, problem.margin, problem.horizon, problem.dt) == (
+        0.2,
+        0.07,
+        7,
+        0.05,
+    )
+
+
+def test_limits_on_the_change_of_commands_reach_the_problem(tmp_path: Path) -> None:
+    limited = Scenario.load(
+        write(tmp_path, GOOD.replace("radius = 0.15", "radius = 0.15\ndu_max = [1.0, 4]"))
+    )
+    np.testing.assert_array_equal(limited.problem().du_max, [1.0, 4.0])
+    free = Scenario.load(write(tmp_path, GOOD))
+    assert not free.problem().limits_changes
+    np.testing.assert_array_equal(
+        free.problem(kl.NavigationProblem(du_max=(0.5, 2.0))).du_max, [0.5, 2.0]
+    )
+
+
+def test_a_scenario_made_in_code_is_checked_as_a_file_is() -> None:
+    good = Scenario.load("mehrez")
+    with pytest.raises(kl.ScenarioError, match="goal"):
+        replace(good, goal=(3.0, 0.0, 0.0))
+    with pytest.raises(kl.ScenarioError, match="start"):
+        replace(good, radius=0.7)
+    with pytest.raises(kl.ScenarioError, match="bounds"):
+        replace(good, bounds=(1.0, 0.0, 0.0, 2.0))
+
+
+def test_every_key_of_a_file_is_a_field() -> None:
+    fields = set(vars(Scenario.load("mehrez")))
+    assert {key for keys in KEYS.values() for key in keys} == fields - {"name", "options", "lidar"}
+
+
+TUNED = """
+[controller.guidance]
+lead_time = 0.3
+
+[controller.solver]
+cold_passes = 5
+
+[controller.solver.real_time]
+max_iter = 80
+adaptive_rho = true
+
+[controller.stop]
+slower_shares = [0.5, 0.0]
+"""
+
+
+def test_the_controllers_options_are_read_and_written(tmp_path: Path) -> None:
+    scenario = Scenario.load(write(tmp_path, GOOD + TUNED))
+    changed = scenario.options.changed()
+    assert changed == {
+        "guidance": {"lead_time": 0.3},
+        "solver": {"cold_passes": 5, "real_time": {"max_iter": 80, "adaptive_rho": True}},
+        "stop": {"slower_shares": (0.5, 0.0)},
+    }
+    again = Scenario.from_table(tomllib.loads(scenario.to_toml()), "field", "text")
+    assert again.options == scenario.options
+    assert "[controller" not in Scenario.load(write(tmp_path, GOOD)).to_toml()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[controller.gidance]", "gidance: unknown; did you mean 'guidance'?"),
+        ("[controller.guidance]\nled_time = 1", "guidance.led_time: unknown; did you mean 'lead_t"),
+        ("[controller]\nguidance = 3", "guidance: expected a table, got 3"),
+        ("[controller.guidance]\nlead_time = -1", "lead_time: expected a number >= 0 [s], got -1"),
+        ("[controler.guidance]", "unknown section [controler]; did you mean 'controller'?"),
+    ],
+)
+def test_a_wrong_option_is_told_with_its_file(tmp_path: Path, text: str, words: str) -> None:
+    file = write(tmp_path, f"{GOOD}\n{text}\n")
+    with pytest.raises(kl.ScenarioError) as refused:
+        Scenario.load(file)
+    told = str(refused.value)
+    assert told.startswith(str(file)) and words in told and "\n" not in told
+
+
+@pytest.mark.parametrize("name", ["both \" and '", "back\\slash", "\x1b\x7f\n", "\U0001f916 é", ""])
+def test_any_name_survives_being_written(name: str, tmp_path: Path) -> None:
+    scenario = replace(
+        Scenario.load("mehrez"),
+        ground=name,
+        ground_changes=((1.0, name),),
+        ground_patches=((name, 0.0, np.float64(0.5), 1.0),),
+    )
+    (tmp_path / "it.toml").write_text(scenario.to_toml(), encoding="utf-8")
+    again = Scenario.load(tmp_path / "it.toml")
+    assert again.ground == name and again.ground_patches == scenario.ground_patches
+    assert again.to_toml() == scenario.to_toml()

@@ -1,0 +1,167 @@
+"""Polygons, walls and grids in scenario files, in drives and on pictures."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lab.sim.closed_loop import Outcome, drive
+from kmpc_lab.sim.maps.families import has_passage, random_map
+from kmpc_lite.scenario.files import Scenario
+from kmpc_lite.scenario.gaps import obstacle_gaps
+
+ROBOT = "[robot]\nradius = 0.15\nstart = [-1.0, -1.0, 0.0]\ngoal = [1.0, 1.0, 0.0]\n"
+
+
+def scenario(content: str, where: str = "text") -> Scenario:
+    """Scenario of a map's further keys."""
+    return Scenario.from_table(
+        tomllib.loads(f"[map]\nbounds = [-2.0, -2.0, 2.0, 2.0]\n{content}\n{ROBOT}"), "field", where
+    )
+
+
+def test_shapes_are_read_and_survive_being_written() -> None:
+    text = """polygons = [[[0, 0], [1, 0], [0, 1]]]
+walls = [[-1, 1, 1, 1.5], [1, -1, 1, 0, 0.1]]
+[map.grid]
+resolution = 0.5
+origin = [-1.5, 0.0, 0.1]
+unknown_is_free = true
+rows = ["#.?", "..."]
+"""
+    first = scenario(text)
+    again = Scenario.from_table(tomllib.loads(first.to_toml()), "field", "text")
+    for read in (first, again):
+        assert read.polygons == (kl.Polygon([(0, 0), (1, 0), (0, 1)]),)
+        assert read.walls == (kl.Wall(-1, 1, 1, 1.5), kl.Wall(1, -1, 1, 0, 0.1))
+        assert read.grid == kl.OccupancyGrid(
+            [[0, 0, 0], [100, 0, -1]], 0.5, (-1.5, 0.0, 0.1), unknown_is_free=True
+        )
+        assert read.obstacle_count == 4
+        assert len(read.obstacles_at(0.0)) == 4
+    assert scenario("").solids is None and isinstance(scenario("").obstacles_at(0.0), np.ndarray)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("polygons = 1", "polygons: expected a list"),
+        ("polygons = [[[0, 0], [1, 0]]]", "polygon 0: .*at least 3"),
+        ("polygons = [[[0, 0], [2, 0], [0.5, 0.5], [0, 2]]]", "polygon 0: .*convex"),
+        ("polygons = [[[0, 0], [nan, 0], [0.5, 0.5]]]", "polygon 0: .*finite"),
+        ("walls = [[0, 0, 1]]", r"wall 0: expected \[x1, y1, x2, y2\]"),
+        ("walls = [[0, 0, 1, 1, -0.1]]", "wall 0: .*thickness"),
+        ("walls = [[0, 0, 1, true]]", "wall 0: expected"),
+        ('grid = "nowhere.yaml"', "nowhere.yaml: cannot read the map"),
+        ("grid = {rows = ['#']}", "grid: expected the path of a map.yaml, or a table"),
+        ("grid = {resolution = 0.1, rows = ['##', '#']}", "rows: expected strings of one length"),
+        ("grid = {resolution = 0.1, rows = ['#x']}", "got 'x'"),
+        ("grid = {resolution = 0.0, rows = ['#.']}", "resolution > 0"),
+        (
+            "walls = [[-1.1, -1.1, 0, 0]]",
+            r"start: \(-1, -1\) is 0 m from a polygon, wall or grid cell",
+        ),
+        (
+            "polygons = [[[0.9, 0.9], [1.5, 0.9], [1.5, 1.5], [0.9, 1.5]]]",
+            r"goal: \(1, 1\) is -0.1 m",
+        ),
+    ],
+)
+def test_what_is_wrong_is_named_in_one_line(content: str, words: str) -> None:
+    with pytest.raises(kl.ScenarioError, match=words) as refused:
+        scenario(content)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_grid_is_looked_for_beside_the_scenario(tmp_path: Path) -> None:
+    (tmp_path / "map.pgm").write_bytes(b"P5 2 1 255\n" + bytes([0, 254]))
+    (tmp_path / "map.yaml").write_text(
+        "image: map.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n", encoding="utf-8"
+    )
+    file = tmp_path / "field.toml"
+    file.write_text(
+        f'[map]\nbounds = [-2.0, -2.0, 2.0, 2.0]\ngrid = "map.yaml"\n{ROBOT}', encoding="utf-8"
+    )
+    assert Scenario.load(file).grid == kl.OccupancyGrid([[100, 0]], 0.1)
+
+
+class Straight:
+    """Drives straight ahead and looks at nothing."""
+
+    def step(self, x: Any, goal: Any, obstacles: Any = ()) -> kl.Plan:
+        return replace(
+            kl.Controller(kl.nominal_unicycle(0.1)).step(x, (1.9, 0.0, 0.0)),
+            command=np.array([0.6, 0.0]),
+        )
+
+
+@pytest.mark.parametrize(
+    "map_",
+    [
+        {"polygons": (kl.Polygon([(0.5, -0.5), (1.0, -0.5), (1.0, 0.5), (0.5, 0.5)]),)},
+        {"walls": (kl.Wall(0.55, -0.5, 0.55, 0.5, 0.1),)},
+        {"grid": kl.OccupancyGrid(np.ones((10, 2)), 0.1, (0.5, -0.5), threshold=1)},
+    ],
+)
+def test_a_collision_is_found_at_the_sub_sample(map_: dict[str, Any]) -> None:
+    field = Scenario("field", (-2, -2, 2, 2), (), 0.15, (-1.005, 0.0, 0.0), (1.9, 0.0, 0.0), **map_)
+    run = drive(Straight(), field)
+    # 1.355 m at 0.6 m/s
+    assert run.outcome is Outcome.COLLISION and run.duration == pytest.approx(2.275)
+    assert -0.03 < run.clearance < 0.0
+    np.testing.assert_allclose(
+        obstacle_gaps(field, run.path[:, :2], np.zeros(len(run.path)))[1:].min(), run.clearance
+    )
+
+
+@pytest.mark.parametrize("family", ["polygons", "walls", "rooms"])
+def test_random_maps_with_solids_have_room_for_a_robot(family: str) -> None:
+    for seed in range(4):
+        drawn = random_map(family, seed)
+        assert drawn.solids is not None
+        ends = np.array([drawn.start[:2], drawn.goal[:2]])
+        assert (obstacle_gaps(drawn, ends, np.zeros(2)) >= 0.1).all()
+        assert (
+            Scenario.from_table(tomllib.loads(drawn.to_toml()), drawn.name, "text").to_toml()
+            == drawn.to_toml()
+        )
+
+
+def test_passages_are_judged_past_solids_too() -> None:
+    ends, bounds = (np.array([-1.5, 0.0]), np.array([1.5, 0.0])), np.array([-2.0, -2.0, 2.0, 2.0])
+    door = [kl.Wall(0.0, -2.5, 0.0, -0.3), kl.Wall(0.0, 0.3, 0.0, 2.5)]
+    assert has_passage(np.empty((0, 3)), *ends, 0.28, bounds, solids=door)
+    assert not has_passage(np.empty((0, 3)), *ends, 0.31, bounds, solids=door)
+    cells = np.ones((100, 2), dtype=bool)
+    cells[40:60] = False
+    turned = kl.OccupancyGrid(cells, 0.05, (0.0, -2.5, 0.0))
+    assert has_passage(np.empty((0, 3)), *ends, 0.47, bounds, solids=[turned])
+    assert not has_passage(np.empty((0, 3)), *ends, 0.51, bounds, solids=[turned])
+
+
+def test_pictures_show_solids(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    from kmpc_lab.report import map_picture, overlay_picture
+
+    field = scenario(
+        "polygons = [[[0, -1], [1, -1], [0, 0]]]\nwalls = [[-1, 1, 0, 1.5, 0.1]]\n"
+        "grid = {resolution = 0.25, origin = [-1.5, 0.0, 0.3], rows = ['#..#', '....']}"
+    )
+    run = drive(
+        kl.Controller(kl.nominal_unicycle(0.1), field.problem()), replace(field, timeout=1.0)
+    )
+    axes = map_picture(run).axes[0]
+    shapes = [path.vertices for collection in axes.collections for path in collection.get_paths()]
+    # a polygon, a wall with round ends, and two rectangles
+    assert sorted(len(v) for v in shapes)[:3] == [4, 5, 5] and len(shapes) == 4
+    corners = np.concatenate([v for v in shapes if len(v) == 5])
+    np.testing.assert_allclose(field.solids.whole.least(corners), 0.0, atol=1e-9)  # type: ignore[union-attr]
+    overlay_picture([run, run], ["a", "a"]).savefig(tmp_path / "overlay.png")
+    with pytest.raises(kl.KmpcError, match="another map"):
+        overlay_picture([run, replace(run, scenario=replace(field, walls=()))], ["a", "b"])

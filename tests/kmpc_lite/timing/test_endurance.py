@@ -1,0 +1,77 @@
+"""What only shows after many steps."""
+
+import resource
+
+import numpy as np
+import pytest
+
+import kmpc_lab
+import kmpc_lite as kl
+
+
+def endure(steps: int) -> float:
+    """Growth of the process [MB] over drives from goal to goal, with dropped poses and changing
+    maps.
+    """
+    random = np.random.default_rng(5)
+    controller, plant = (
+        kl.Controller(kl.nominal_unicycle(0.1)),
+        kmpc_lab.DifferentialDrive(0.05, seed=1),
+    )
+    x, goal, circles = np.zeros(3), np.array([1.5, 1.5, 0.0]), np.array([[0.6, 0.6, 0.15]])
+    before = 0
+    for k in range(steps):
+        measured = np.full(3, np.nan) if random.random() < 0.01 else x
+        plan = controller.step(measured, goal, circles)
+        assert np.isfinite(plan.command).all()
+        x = plant.step(x, plan.command, 0.1)
+        if k % 100 == 0:
+            goal = np.array([*random.uniform(-1.8, 1.8, 2), random.uniform(-3, 3)])
+            circles = np.column_stack([random.uniform(-1.5, 1.5, (4, 2)), np.full(4, 0.15)])
+        if k == steps // 10:
+            before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+
+
+def test_memory_is_flat() -> None:
+    assert endure(1_000) < 5.0
+
+
+@pytest.mark.long
+def test_memory_is_flat_over_100_000_steps() -> None:
+    assert endure(100_000) < 5.0
+
+
+@pytest.mark.parametrize("poison", [np.nan, np.inf, 1e300, 1e9])
+def test_a_poisoned_warm_start_is_dropped(poison: float) -> None:
+    controller, fresh = (
+        kl.Controller(kl.nominal_unicycle(0.1)),
+        kl.Controller(kl.nominal_unicycle(0.1)),
+    )
+    x, goal = np.zeros(3), (1.5, 1.0, 0.0)
+    for _ in range(3):
+        x = controller.step(x, goal).states[1]
+    last = controller.state.trajectory
+    assert last is not None
+    last.states[2:] = poison
+    last.inputs[1:] = poison
+    last.duals[:] = poison
+    plan = controller.step(x, goal)
+    assert (
+        np.isfinite(plan.command).all()
+        and (np.abs(plan.command) <= (0.6 + 1e-12, np.pi / 4 + 1e-12)).all()
+    )
+    for _ in range(10):  # one second
+        plan = controller.step(x, goal)
+        x = plan.states[1]
+    assert plan.status is kl.PlanStatus.SOLVED
+    assert fresh.step(x, goal).status is kl.PlanStatus.SOLVED
+
+
+def test_three_seconds_without_a_pose_end_in_the_zero_command() -> None:
+    controller, x = kl.Controller(kl.nominal_unicycle(0.1)), np.zeros(3)
+    for _ in range(5):
+        x = controller.step(x, (1.5, 1.0, 0.0)).states[1]
+    sent = [controller.step(np.full(3, np.nan), (1.5, 1.0, 0.0)).command for _ in range(30)]
+    assert np.abs(sent[0]).max() > 0.1 and not sent[-1].any()
+    assert np.abs(np.diff([c[0] for c in sent[5:]])).max() <= 0.1 + 1e-9  # the ramp: 1 m/s^2
