@@ -8,7 +8,7 @@ export OPENBLAS_NUM_THREADS := 1
 export NO_MKDOCS_2_WARNING := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long coverage check docs format study clean constraints
+.PHONY: help demo test test-long outcomes coverage check docs format study clean constraints
 
 help:  ## show what can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -55,6 +55,9 @@ coverage: $(VENV)/dev  ## the same tests, and which lines none of them runs
 
 test-long: $(VENV)/dev  ## the tests that take minutes
 	$(BIN)/python -m pytest -m long $(ARGS)
+
+outcomes: $(VENV)/dev  ## every outcome drive with ten seeds: contacts, arrivals, times (half an hour)
+	PYTHONPATH=.:tests $(BIN)/python -m outcomes check --seeds 10 $(ARGS)
 
 constraints: $(VENV)/dev  ## note the versions of all packages that the tests have passed with: constraints.txt
 	@{ echo "# Versions of all packages with which the tests of this version pass (x86-64 Linux, Python 3.11)."; \

@@ -87,3 +87,17 @@ def test_the_first_step_that_differs_by_a_bit() -> None:
     other[3, 1] = -0.0
     assert first_difference(one, other) == 3
     assert first_difference(one, one[:4]) == 4
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "masts on the robot were followed as walkers",
+        "crossing circles, map 0",
+        "'update refused' for a second and a half",
+        "a robot that lags, dense map",
+    ],
+)
+def test_a_drive_driven_again_is_the_same_to_the_last_bit(name: str) -> None:
+    once, again = (drive_key((name, 0, 0)).commands for _ in range(2))
+    assert len(once) and first_difference(once, again) is None
