@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from kmpc_lite.control.kernels.clearance import SPREAD_RATE
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.plan import GoalProgress, Plan, PlannedAround, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
@@ -47,7 +48,7 @@ class Answers:
         scale, problem = self._scale, self._problem
         solids = None if pose_is_lost else seen.solids
         # where the robot is not known, nor is its distance to anything
-        circles = seen.circles[:0] if pose_is_lost else seen.circles
+        circles = seen.things[: 0 if pose_is_lost else None, :SPREAD_RATE]
         around = PlannedAround(
             circles * scale.circle,
             solids,

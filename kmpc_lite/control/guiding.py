@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import later
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import ControllerOptions, StopOptions
@@ -21,7 +22,6 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.stop.braking import Braking
-from kmpc_lite.control.world.circles import some_move
 from kmpc_lite.types import INPUTS
 
 if TYPE_CHECKING:
@@ -67,27 +67,25 @@ class Guiding:
         """
         if self._guide is None or state.guide is None or known.capabilities is None:
             return None
-        late, circles = known.capabilities.late, seen.circles
+        late, things = known.capabilities.late, seen.things
         led = seen.here[None]
         if late:
             nothing_more = np.zeros((late, INPUTS))
             led = known.model.rollout(seen.here, nothing_more, state.history.commands)
         here = led[-1]
-        if late and some_move(circles):
-            circles = circles.copy()
-            circles[:, :2] += late * self._dt * circles[:, 3:]
+        if late:
+            things = later(things, late * self._dt)
         rest = None
         if self._ramps is not None:
             rest = self._ramps.pose_at_rest(here, state.history.command)
         task = GuideTask(
             pose=here,
             goal=seen.goal,
-            circles=circles,
+            circles=things,
             solids=seen.solids,
             rest=rest,
             until=until,
             view=seen.view,
-            spread=seen.spread,
             speed=abs(float(state.history.command[0])),
         )
         guidance = self._guide.reference(state.guide, known.capabilities, task)

@@ -16,6 +16,7 @@ from kmpc_lite.control.input_checks import (
     is_plausible,
     to_numbers,
 )
+from kmpc_lite.control.kernels.clearance import COLUMNS, things_of
 from kmpc_lite.control.options import ObstacleOptions
 from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.control.world.scene import Obstacles, Scene, SceneState, too_many
@@ -37,8 +38,8 @@ class Observation:
     """(3,) as measured; brought forward by the estimate where poses are old."""
     goal: Array
     """(3,), its heading within one turn."""
-    circles: Array
-    """(M, 5)."""
+    things: Array
+    """(M, 7) what is round: given, seen to move, or remembered (`kernels.clearance`)."""
     solids: Solids | None
     """Polygons, walls and grids."""
     sent: Array | None
@@ -60,24 +61,8 @@ class Observation:
 
     measured: Array = field(default_factory=lambda: np.zeros(STATES))
     """(3,) the pose as measured, not brought forward."""
-    spread: Array | None = None
-    """(M,) speeds at which circles grow whose velocity was seen, not told; None: none was."""
-    walkers: int = 0
-    """How many of the circles, the last ones, scans have shown to walk."""
-    perhaps: Array = field(default_factory=lambda: np.empty((0, 5)))
-    """(P, 5) who seems to walk in scans, but may be a piece of something that stands."""
-
-    @property
-    def unsure(self) -> Array | None:
-        """What is not known of the speeds (M,) at which circles walk; None where all are as told.
-
-        Nothing is added for those of scans: what is seen of somebody is his side towards the robot,
-        and its circle comes nearer than he does.
-        """
-        if self.spread is None:
-            return None
-        told = np.arange(len(self.spread)) < len(self.spread) - self.walkers
-        return np.where(told, self.spread, 0.0)
+    perhaps: Array = field(default_factory=lambda: np.empty((0, COLUMNS)))
+    """(P, 7) what seems to walk in scans, but may be a piece of something that stands."""
 
     def bring_forward(self, pose: Array) -> None:
         """Take over where the robot is now; a model that runs away leads out of all numbers."""
@@ -155,7 +140,7 @@ class Admission:
         return Observation(
             measured,
             target / scale.state,
-            circles / scale.circle,
+            things_of(circles / scale.circle),
             solids,
             None if command is None else command / scale.command,
             refusal,

@@ -15,6 +15,7 @@ from kmpc_lite.control.estimate.estimator import observe_drift
 from kmpc_lite.control.estimate.pose_age import advance_pose
 from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.guiding import Guiding
+from kmpc_lite.control.kernels.clearance import SPREAD_RATE, some_spread
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.sqp_state import SQPResult
@@ -170,7 +171,7 @@ class Pipeline:
         task = Task(
             model=known.model,
             reference=reference,
-            circles=seen.circles,
+            things=seen.things,
             past=state.history.commands,
             last=state.history.command,
             solids=seen.nearby,
@@ -179,7 +180,6 @@ class Pipeline:
             path_clearance=math.inf if guidance is None else guidance.path_clearance,
             terminal_share=1.0 if guidance is None else guidance.share_at_goal,
             deadline=deadline,
-            spread=seen.spread,
         )
         result = self._sqp.solve(state.sqp, guess, task, passes)
         clock.add(result.timing)
@@ -193,16 +193,17 @@ class Pipeline:
             return False
         if guidance.switched or self._cuts_deeper(states, reference, seen):
             return True
-        return self._sqp.ways and leads_elsewhere(states, reference, seen.circles)
+        return self._sqp.ways and leads_elsewhere(states, reference, seen.things)
 
     def _cuts_deeper(self, states: Array, reference: Array, seen: Observation) -> bool:
         """Whether a plan (N + 1, 3) cuts deeper than the reference into who was seen to move.
 
         He has turned where the plan leads: it is no start for one that lets him pass.
         """
-        if seen.spread is None:
+        if not some_spread(seen.things):
             return False
-        moving, depth = seen.circles[seen.spread > 0.0], self._sqp.keep_out.penetration
+        moving = seen.things[seen.things[:, SPREAD_RATE] > 0.0]
+        depth = self._sqp.keep_out.penetration
         cut, needed = (float(depth(s, moving).max()) for s in (states, reference))
         return cut > needed
 
@@ -220,13 +221,12 @@ class Pipeline:
             model=known.model,
             past=state.history.commands,
             last=state.history.command,
-            circles=seen.circles,
+            things=seen.things,
             nearby=seen.nearby,
             solids_ahead=result.solids_ahead,
             check=None if margins is None else margins.command_check,
             drift=state.drift,
             perhaps=seen.perhaps,
-            unsure=seen.unsure,
         )
         verified = self._verification.check(result, seen, task)
         state.trajectory = verified.trajectory

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import distances, things_of
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
@@ -68,20 +69,16 @@ class PlannedAround:
         """Distances (K,) between the edges of robot and obstacles at states (K, 3) [m]."""
         # here, for a plan is imported before obstacles are
         from kmpc_lite.control.footprint import places_of
-        from kmpc_lite.control.world.circles import circle_distances
 
         places, count = places_of(self.footprint, states), len(states)
         times = np.repeat(self.dt * np.arange(count), len(places) // max(count, 1))
         least = np.full(len(places), np.inf)
         if len(self.circles):
-            distances, _ = circle_distances(self.circles, places, times)
-            least = distances.min(axis=1)
+            least = distances(things_of(self.circles), places, times).min(axis=1)
         if self.solids is not None:
-            distances = self.solids.whole.least(places / self.unit)
-            least = np.minimum(least, self.unit * distances)
+            least = np.minimum(least, self.unit * self.solids.whole.least(places / self.unit))
         if self.hits is not None:
-            distances = self.hits.least(places / self.unit)
-            least = np.minimum(least, self.unit * distances)
+            least = np.minimum(least, self.unit * self.hits.least(places / self.unit))
         out: Array = least - self.radius
         return out if self.footprint is None else out.reshape(count, -1).min(axis=1)
 

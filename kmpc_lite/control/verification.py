@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import SPREAD_RATE
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
 from kmpc_lite.control.nmpc.sqp_state import SQPResult
 from kmpc_lite.control.nmpc.trajectory import Trajectory
@@ -114,7 +115,7 @@ class Verification:
         hits = None if seen.view is None else seen.view.hits
         problem = self._problem
         return PlannedAround(
-            seen.circles,
+            seen.things[:, :SPREAD_RATE],
             seen.solids,
             problem.body_radius,
             problem.dt,

@@ -6,6 +6,7 @@ import numpy as np
 
 from kmpc_lite.control.answers import Answers
 from kmpc_lite.control.estimate.pose_watch import PoseWatch
+from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
@@ -50,11 +51,12 @@ class Watching:
         self._answers, self._dt = answers, units.dt
         self._poses = PoseWatch(units, options.pose)
         speed = fastest(units)[0] or 1.0
-        self._motion = MotionWatch(units.dt, options.tracker, unit_length(units), speed)
+        spread_max = units.body_radius + units.margin
+        self._motion = MotionWatch(units.dt, options.tracker, unit_length(units), speed, spread_max)
         self._memory = CircleMemory(units, options)
         self._sight = Sight(units, scale, options.sight, reach)
         self._scans = ScanWatch(units, options.sight, units.dt * scale.time)
-        self._walkers = Walkers(units.dt * scale.time, options.tracker, scale)
+        self._walkers = Walkers(units.dt * scale.time, options.tracker, scale, spread_max)
 
     def watch(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
         """Compare circles and pose with what was expected of them.
@@ -66,7 +68,7 @@ class Watching:
         """
         if known.margins is None:
             return
-        seen.circles, seen.spread = self._motion.see(state.circles, seen.circles)
+        seen.things = self._motion.see(state.circles, seen.things)
         if seen.pose_is_known and (seen.scans or state.scans is not None):
             self._look_out(state, seen)
             self._find_walkers(state, seen)
@@ -83,13 +85,8 @@ class Watching:
             state.seen, state.scans, state.out_of_sight = None, None, CircleMemoryState()
         if not seen.refusal and seen.pose_is_known:
             driven = abs(float(state.history.command[0])) * self._dt
-            seen.circles, seen.spread = self._memory.recall(
-                state.out_of_sight,
-                seen.circles,
-                seen.spread,
-                seen.measured,
-                noise.pose_errors[0],
-                driven,
+            seen.things = self._memory.recall(
+                state.out_of_sight, seen.things, seen.measured, noise.pose_errors[0], driven
             )
 
     def _look_out(self, state: ControllerState, seen: Observation) -> None:
@@ -106,15 +103,10 @@ class Watching:
     def _find_walkers(self, state: ControllerState, seen: Observation) -> None:
         """Add who walks, as scans show it, to the circles."""
         before = Tracks() if state.walkers is None else state.walkers
-        state.walkers, rows, spread, seen.perhaps = self._walkers.see(
-            before, seen.scans, seen.measured, seen.circles, state.seen
+        state.walkers, walking, seen.perhaps = self._walkers.see(
+            before, seen.scans, seen.measured, seen.things, state.seen
         )
-        seen.walkers = len(rows)
-        if not len(rows):
-            return
-        told = np.zeros(len(seen.circles)) if seen.spread is None else seen.spread
-        seen.circles = np.concatenate([seen.circles, rows])
-        seen.spread = np.concatenate([told, spread])
+        seen.things = np.concatenate([seen.things, walking])
 
     def wait(self, state: ControllerState) -> None:
         """Let a period pass without a look around: what was seen is older by it."""
@@ -126,7 +118,7 @@ class Watching:
         if not seen.scans and state.seen is None:
             return
         noise = 0.0 if known.margins is None else known.margins.tightening.pose_deviation
-        moving = seen.circles[seen.circles[:, 3:].any(axis=1)]
+        moving = seen.things[seen.things[:, VELOCITY].any(axis=1)]
         state.seen = self._sight.look(state.seen, seen.scans, seen.measured, noise, moving)
         if state.seen is not None:
             speed = float(state.history.command[0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kmpc_lite.control.world.circles import circle_distances
+from kmpc_lite.control.kernels.clearance import distances, things_of
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.types import Array
 
@@ -28,7 +28,7 @@ def point_gaps(scenario: Scenario, points: Array, times: Array) -> Array:
     """Distances (n,) from points (n, 2) to the nearest obstacle at times (n,) [m], [s]."""
     gaps = np.full(len(points), np.inf)
     if scenario.circles:
-        gaps = circle_distances(scenario.circles_at(0.0), points, times)[0].min(axis=1)
+        gaps = distances(things_of(scenario.circles_at(0.0)), points, times).min(axis=1)
     if scenario.solids is not None:
         gaps = np.minimum(gaps, scenario.solids.whole.least(points))
     return gaps

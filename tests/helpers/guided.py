@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 import kmpc_lite as kl
 from kmpc_lite.control import options as kl_options
+from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.path.capabilities import Capabilities, capabilities
 from kmpc_lite.control.path.guide import Guide
 from kmpc_lite.control.path.guide_task import GuideTask
@@ -51,7 +52,9 @@ class GuideInUse:
     def reference(
         self, pose: np.ndarray, goal: np.ndarray, circles: np.ndarray, **more: Any
     ) -> Guidance:
-        return self.guide.reference(self.state, self.known, GuideTask(pose, goal, circles, **more))
+        return self.guide.reference(
+            self.state, self.known, GuideTask(pose, goal, things_of(circles), **more)
+        )
 
     def turn_about(self, centre: np.ndarray | None) -> None:
         self.known = replace(self.known, turning_centre=centre)

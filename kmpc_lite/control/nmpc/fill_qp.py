@@ -63,12 +63,12 @@ class QPFiller:
             At the guess.
         """
         guess, qp, keep_out = run.guess, self._qp, self._keep_out
-        found = keep_out.clearances(guess.states, task.circles, task.solids)
+        found = keep_out.clearances(guess.states, task.things, task.solids)
         clearances, normals = found.values, found.normals
         run.solids_ahead = found.solids_ahead
         if task.tightening is not None:
             run.margins = self._margins(guess, task, lin, clearances, normals, found.obstacle_count)
-            clearances = keep_out.tighten(guess.states, task.circles, found, run.margins)
+            clearances = keep_out.tighten(guess.states, task.things, found, run.margins)
         violation = np.maximum(-clearances.min(axis=1, initial=0.0), 0.0)
         local = guess.states - run.origin
         normals, offsets = keep_out.half_planes(local, clearances, normals)
@@ -81,7 +81,7 @@ class QPFiller:
             return Linearized(lin, local, violation, None if whole else qp.P.data)
         stages, terminal = qp.cost.stage_cost, qp.cost.terminal_cost
         if self._wants_exact_hessian(run):
-            bends = keep_out.bends(guess.states, task.circles)
+            bends = keep_out.bends(guess.states, task.things)
             stages, terminal = hessians(
                 task.model, qp, guess.states, guess.inputs, guess.duals, normals, bends
             )
@@ -118,11 +118,8 @@ class QPFiller:
                 guess.inputs,
                 normals[:, :count],
                 task.path_clearance,
-                self._keep_out.chord_radii(len(task.circles), count),
+                self._keep_out.chord_radii(len(task.things), count),
             )
         else:
             margins[:, :count] = widest
-        if task.spread is not None:
-            grown = self._keep_out.growth(task.spread)
-            margins[:, : grown.shape[1]] += grown
         return margins

@@ -115,7 +115,7 @@ class LineSearch:
         expected = now - objective - self._penalty(penalties, np.maximum(slack, 0.0))
         length, trial = 1.0, found
         while True:
-            inside = self._keep_out.penetration(trial.states, task.circles, task.solids, margins)
+            inside = self._keep_out.penetration(trial.states, task.things, task.solids, margins)
             defect = float(np.abs(predicted - trial.states[1:]).sum())
             merit = self.merit(penalties, objective, inside, defect)
             enough = now - self._armijo * length * expected + ROUNDING * abs(now)

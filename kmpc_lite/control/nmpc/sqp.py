@@ -286,7 +286,7 @@ class SQP:
     def _is_penalty_too_weak(self, run: Progress, task: Task) -> bool:
         """Whether a converged plan stands in an obstacle though it need not."""
         margins = run.margins
-        inside = self.keep_out.penetration(run.guess.states, task.circles, task.solids, margins)
+        inside = self.keep_out.penetration(run.guess.states, task.things, task.solids, margins)
         depth = float(inside.max())
         before, run.pressed_depth = run.pressed_depth, depth
         return (

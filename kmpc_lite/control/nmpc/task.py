@@ -23,8 +23,8 @@ class Task:
     """Predicts; its number of past commands is the QP's."""
     reference: Array
     """(N + 1, 3) states to steer for."""
-    circles: Array
-    """(M, 5) rows x, y, radius, vx, vy."""
+    things: Array
+    """(M, 7) what is round: a table of `kernels.clearance`."""
     past: Array
     """(L, 2) commands already sent, oldest first."""
     last: Array
@@ -42,5 +42,3 @@ class Task:
     """Part of the terminal weight that counts."""
     deadline: float = math.inf
     """When the answer must be there, on the clock of the SQP [s]."""
-    spread: Array | None = None
-    """(M,) speeds at which circles grow whose velocity was seen, not told [m/s]."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import PLACE
 from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.geometry import angle_swept
 from kmpc_lite.model.arguments import windows
@@ -64,10 +65,10 @@ def command_windows(history: int, past: Array, inputs: Array) -> Array | None:
     return windows(np.concatenate([past, inputs]), history)
 
 
-def leads_elsewhere(states: Array, reference: Array, circles: Array) -> bool:
-    """Whether states (N + 1, 3) pass one of circles (M, 5) on another side than a reference.
+def leads_elsewhere(states: Array, reference: Array, things: Array) -> bool:
+    """Whether states (N + 1, 3) pass one of things (M, 7) on another side than a reference.
 
     There and back, by way of the reference, they then lead around it.
     """
     loop = np.concatenate([states[:, :2], reference[::-1, :2], states[:1, :2]])
-    return bool((np.abs(angle_swept(loop, circles[:, :2])) > np.pi).any())
+    return bool((np.abs(angle_swept(loop, things[:, PLACE])) > np.pi).any())

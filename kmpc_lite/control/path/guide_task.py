@@ -22,7 +22,7 @@ class GuideTask:
     goal: Array
     """(3,)."""
     circles: Array
-    """(M, 5) rows x, y, radius, vx, vy, now."""
+    """(M, 7) what is round, now: a table of `kernels.clearance`."""
     solids: Solids | None = None
     """Polygons, walls and grids; unequal ones are another map."""
     rest: Array | None = None
@@ -32,7 +32,5 @@ class GuideTask:
     old path is kept meanwhile, and where there was none the robot stands."""
     view: View | None = None
     """What scans have shown: another path is looked for where that stands on the one driven."""
-    spread: Array | None = None
-    """(M,) speeds at which circles grow whose velocity was seen, not told."""
     speed: float = 0.0
     """That was commanded last, in either direction [m/s]."""

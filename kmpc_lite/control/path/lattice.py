@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.grid_field import GridField
 from kmpc_lite.control.path.lattice_path import LatticePath
@@ -166,7 +167,7 @@ class Lattice:
         self, goal: Array, inflation: float, circles: Array, area: Array
     ) -> tuple[tuple[object, ...], Array]:
         """What a search from a goal depends on, and the circles (K, 5) at rest."""
-        still = circles[~circles[:, 3:].any(axis=1)]
+        still = circles[~circles[:, VELOCITY].any(axis=1)]
         return (self._node(goal), inflation, still.tobytes(), area.tobytes()), still
 
     def _node(self, point: Array) -> int:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import VELOCITY, distances
 from kmpc_lite.control.options import MovingObstacleOptions
 from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.geometry import exact_arc
@@ -45,7 +46,7 @@ class MovingObstacles:
     Parameters
     ----------
     circles : ndarray
-        (M, 5) rows x, y, radius, vx, vy; those at rest belong to it.
+        (M, 7) as of `kernels.clearance`; those at rest belong to it.
     inflation : float
         Distance that the robot's centre must keep from the circles' edges [m].
     speed : ndarray
@@ -54,9 +55,6 @@ class MovingObstacles:
         Of the options.
     solids : Solids, optional
         What else is there, at rest.
-    spread : ndarray, optional
-        (M,) speeds at which circles grow whose velocity was seen, not told [m/s]: up to
-        `inflation`.
     area : ndarray, optional
         Least and largest x, y of the robot's centre (2, 2) [m]: beyond it there is no room.
     """
@@ -68,13 +66,10 @@ class MovingObstacles:
         speed: Array,
         table: MovingObstacleTable,
         solids: Solids | None = None,
-        spread: Array | None = None,
         area: Array | None = None,
     ) -> None:
-        moves = circles[:, 3:].any(axis=1)
-        self._all, self._solids, self.spread, self._area = circles, solids, spread, area
-        self._moving = circles[moves]
-        self._moving_spread = None if spread is None else spread[moves]
+        self._all, self._solids, self._area = circles, solids, area
+        self._moving = circles[circles[:, VELOCITY].any(axis=1)]
         self._inflation, self._speed = inflation, speed
         self._table, self._times, self._options = table, table.times, table.options
 
@@ -83,13 +78,13 @@ class MovingObstacles:
         return waited > self._options.look_ahead
 
     def where_met(self, pose: Array, waited: float = 0.0) -> Array:
-        """Circles (M, 5) where a robot at a pose (3,) meets them if it drives there.
+        """Circles (M, 7) where a robot at a pose (3,) meets them if it drives there.
 
         Those that move are larger by the clearance that paths keep from them. Where the robot has
         stood for them too long [s], by that at which they are not in its way, and by how far they
         come while it drives past.
         """
-        met, velocity = self._all.copy(), self._all[:, 3:]
+        met, velocity = self._all.copy(), self._all[:, VELOCITY]
         time = np.zeros(len(met))
         # how far away it is when the robot gets there, to two rounds
         for _ in range(2):
@@ -171,19 +166,14 @@ class MovingObstacles:
 
     def _from_moving(self, positions: Array) -> Array:
         """Least clearance (...) of positions (..., T, 2) from what moves [m]."""
-        return self._clearance(positions, self._moving, self._times, self._moving_spread)
+        return self._clearance(positions, self._moving, self._times)
 
-    def _clearance(
-        self, positions: Array, circles: Array, times: Array, spread: Array | None
-    ) -> Array:
-        """Least clearance (...) from circles (M, 5), of positions (..., T, 2) at times (T,) [m]."""
-        away = positions[..., None, :] - circles[:, :2] - times[:, None, None] * circles[:, 3:]
-        distances: Array = np.sqrt(np.einsum("...i,...i->...", away, away))
-        distances -= circles[:, 2]
-        distances -= self._inflation
-        if spread is not None:
-            distances -= np.minimum(times[:, None] * spread, self._inflation)
-        least: Array = distances.min(axis=(-2, -1))
+    def _clearance(self, positions: Array, circles: Array, times: Array) -> Array:
+        """Least clearance (...) from circles (M, 7), of positions (..., T, 2) at times (T,) [m]."""
+        *shape, count, _ = positions.shape
+        at = np.broadcast_to(times, (*shape, count)).reshape(-1)
+        gaps = distances(circles, positions.reshape(-1, 2), at)
+        least: Array = gaps.reshape(*shape, -1).min(axis=-1) - self._inflation
         return least
 
     def _clearance_on_arcs(self, pose: Array, times: Array) -> Array:
@@ -192,7 +182,7 @@ class MovingObstacles:
         Arcs into solids and out of the area come last.
         """
         positions = self._arcs(pose, times)[..., :2]
-        clearance = self._clearance(positions, self._all, times, self.spread)
+        clearance = self._clearance(positions, self._all, times)
         last = np.ptp(clearance) + np.abs(clearance).max()
         if self._area is not None:
             outside = np.maximum(self._area[0] - positions, positions - self._area[1]).max(axis=2)

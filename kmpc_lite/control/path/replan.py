@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.path_map import same_solids
 from kmpc_lite.control.path.path_watch import PathWatch
@@ -163,8 +164,8 @@ class Replanner:
             return True
         if not len(circles) or circles.tobytes() == state.circles_at_rest:
             return False
-        change = circles - state.circles
-        change[:, :2] -= state.age * state.circles[:, 3:]
+        change = circles[:, :SPREAD_RATE] - state.circles[:, :SPREAD_RATE]
+        change[:, :2] -= state.age * state.circles[:, VELOCITY]
         return bool((np.abs(change, out=change) > self._moved).any())
 
     def _is_blocked(self, state: GuideState, now: Situation) -> bool:

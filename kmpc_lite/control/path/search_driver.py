@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.planner import Known, Path, PathRequest, Planner
 from kmpc_lite.control.path.progress_checker import ProgressChecker
@@ -166,7 +167,7 @@ class SearchDriver:
         request = search.request
         if now.moving is None or search.only_tells or len(request.circles) != len(now.circles):
             return False
-        still = request.circles[~now.circles[:, 3:].any(axis=1)]
+        still = request.circles[~now.circles[:, VELOCITY].any(axis=1)]
         asked = replace(request, circles=still)
         again = Search(asked, search.same_goal, search.stuck, search.lead, only_tells=why)
         self._search(state, now, again)

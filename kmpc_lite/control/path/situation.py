@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import SPREAD_RATE, some_move, some_spread
 from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.path.capabilities import Capabilities
 from kmpc_lite.control.path.guide_task import GuideTask
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
 from kmpc_lite.control.path.turning_centre import point_of, swing
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.world.circles import some_move
 from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.types import Array
 
@@ -41,7 +41,7 @@ class Situation:
     distance: float
     """To the goal [m]."""
     circles: Array
-    """(M, 5)."""
+    """(M, 7)."""
     solids: Solids | None
     moving: MovingObstacles | None
     """The circles, if any of them moves."""
@@ -58,15 +58,15 @@ class Situation:
     def met(self, waited: float) -> Array:
         """Circles (M, 5) where the robot meets them, which has stood for them so long [s]."""
         moving = self.moving
-        return self.circles.copy() if moving is None else moving.where_met(self.pose, waited)
+        met = self.circles if moving is None else moving.where_met(self.pose, waited)
+        return met[:, :SPREAD_RATE].copy()
 
     @property
     def told(self) -> Array:
-        """Circles (K, 5) that do as they are told: who was seen to move is no part of the map."""
-        moving = self.moving
-        if moving is None or moving.spread is None:
+        """Circles (K, 7) with given velocities: what was seen to move is no part of the map."""
+        if self.moving is None or not some_spread(self.circles):
             return self.circles
-        told: Array = self.circles[moving.spread == 0.0]
+        told: Array = self.circles[self.circles[:, SPREAD_RATE] == 0.0]
         return told
 
 
@@ -127,7 +127,7 @@ class Surveyor:
         self, state: GuideState, capabilities: Capabilities, task: GuideTask
     ) -> MovingObstacles | None:
         """The circles, if any of them moves."""
-        circles, spread = task.circles, task.spread
+        circles = task.circles
         # circles at rest that were seen before are known again in a moment
         if not len(circles) or circles.tobytes() == state.circles_at_rest:
             return None
@@ -136,5 +136,5 @@ class Surveyor:
         inflation = self._inflation + swing(state.turning_centre)
         speed = capabilities.evasive
         # who walks as he is told to is driven past as ever
-        area = None if spread is None else self._area
-        return MovingObstacles(circles, inflation, speed, self._table, task.solids, spread, area)
+        area = self._area if some_spread(circles) else None
+        return MovingObstacles(circles, inflation, speed, self._table, task.solids, area)

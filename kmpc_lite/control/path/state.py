@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import COLUMNS, VELOCITY
 from kmpc_lite.control.path.goal_checker import GoalCheckerState
 from kmpc_lite.control.path.planner import PathRequest, distances_around
 from kmpc_lite.control.path.progress_checker import ProgressState
@@ -94,7 +95,7 @@ class GuideState:
     # what the last search was begun for
     goal: Array = field(default_factory=lambda: np.full(3, np.nan))
     """(3,), of the tracked pose."""
-    circles: Array = field(default_factory=lambda: np.empty((0, 5)))
+    circles: Array = field(default_factory=lambda: np.empty((0, COLUMNS)))
     """(M, 5)."""
     circles_at_rest: bytes = b""
     """The same as bytes where none moves: equal ones are known again in a moment."""
@@ -145,7 +146,7 @@ class GuideState:
         kept, left = self.path_clearance, max(self.goal_clearance, 0.0)
         if left >= kept:
             return kept
-        at_rest = self.circles[~self.circles[:, 3:].any(axis=1)]
+        at_rest = self.circles[~self.circles[:, VELOCITY].any(axis=1)]
         points = states[1:, :2]
         around = distances_around(points, at_rest, self.known_solids, self.coarseness) - inflation
         out: Array = np.minimum(np.maximum(around, left), kept)[:, None]

@@ -72,4 +72,4 @@ class BodyStopTrajectories(StopTrajectories):
 
 def _without_solids(task: StopTask) -> StopTask:
     """The same with circles alone."""
-    return StopTask(task.model, task.past, task.last, task.circles)
+    return StopTask(task.model, task.past, task.last, task.things)

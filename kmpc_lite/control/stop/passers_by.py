@@ -45,7 +45,7 @@ class PassersBy:
         Parameters
         ----------
         circles : ndarray
-            (M, 5) as they are now.
+            (M, 7) as they are now.
         speeds : ndarray
             (M,) at which they can be walking at the most; zero for those at rest.
         states : ndarray

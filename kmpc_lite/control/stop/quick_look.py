@@ -10,10 +10,10 @@ import math
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import distances
 from kmpc_lite.control.options import StopOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.stop.braking import Braking
-from kmpc_lite.control.world.circles import some_move
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
@@ -39,7 +39,7 @@ class QuickLook:
         self._response_of: MotionModel | None = None
         self._response = np.empty((3, 0))
 
-    def ramp_is_clear(self, states: Array, periods: float, circles: Array, margin: float) -> bool:
+    def ramp_is_clear(self, states: Array, periods: float, things: Array, margin: float) -> bool:
         """Whether the ramp of a robot without lag keeps a margin.
 
         It is the arc of the coming period, driven on ever more slowly.
@@ -50,8 +50,8 @@ class QuickLook:
             The plan (N + 1, 3), whose first period is the coming one.
         periods : float
             Of the ramp, as a fraction.
-        circles : ndarray
-            (M, 5) at the end of the coming period.
+        things : ndarray
+            (M, 7) at the end of the coming period.
         margin : float
             [m].
         """
@@ -63,7 +63,7 @@ class QuickLook:
         cos, sin = times * np.cos(turned), times * np.sin(turned)
         dx, dy = x1 - x0, y1 - y0
         x, y = x1 + dx * cos - dy * sin, y1 + dx * sin + dy * cos
-        return self._least_clearance(x, y, self._dt * k, circles) >= margin
+        return self._least_clearance(x, y, self._dt * k, things) >= margin
 
     def lagging_ramp_is_clear(
         self,
@@ -71,7 +71,7 @@ class QuickLook:
         states: Array,
         command: Array,
         past: Array,
-        circles: Array,
+        things: Array,
         margin: float,
     ) -> bool:
         """Whether the ramp of a robot that lags, and the coasting after it, keep a margin.
@@ -86,8 +86,8 @@ class QuickLook:
             The plan (N + 1, 3).
         command, past : ndarray
             The coming command (2,), and those already sent (L, 2).
-        circles : ndarray
-            (M, 5) at the end of the coming period.
+        things : ndarray
+            (M, 7) at the end of the coming period.
         margin : float
             [m].
         """
@@ -107,17 +107,14 @@ class QuickLook:
         x = x0 + np.cumsum(ahead * cos - aside * sin)
         y = y0 + np.cumsum(ahead * sin + aside * cos)
         error = self._error + self._error_share * float(np.abs(ahead).sum())
-        clearance = self._least_clearance(x, y, self._dt * np.arange(count), circles)
+        least = self._least_clearance(x, y, self._dt * np.arange(count), things)
         # also false for NaN
-        return clearance >= margin + error
+        return least >= margin + error
 
-    def _least_clearance(self, x: Array, y: Array, times: Array, circles: Array) -> float:
+    def _least_clearance(self, x: Array, y: Array, times: Array, things: Array) -> float:
         """Clearance at places (T,) [m], at times (T,) after the coming period [s]."""
-        x, y = x[:, None], y[:, None]
-        if some_move(circles):
-            x, y = x - times[:, None] * circles[:, 3], y - times[:, None] * circles[:, 4]
-        distances = np.hypot(x - circles[:, 0], y - circles[:, 1]) - circles[:, 2]
-        return float(distances.min(initial=np.inf)) - self._radius
+        nearest = distances(things, np.stack([x, y], axis=1), times)
+        return float(nearest.min(initial=np.inf)) - self._radius
 
 
 def _response(model: MotionModel) -> Array:

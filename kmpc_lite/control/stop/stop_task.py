@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import COLUMNS, SPREAD_RATE, VELOCITY
 from kmpc_lite.control.margins.command_check import CommandCheck
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.stop.braking import Braking
@@ -43,8 +44,8 @@ class StopTask:
     """(L, 2) commands already sent, oldest first."""
     last: Array
     """(2,) the command sent last."""
-    circles: Array
-    """(M, 5) rows x, y, radius, vx, vy, as they are now."""
+    things: Array
+    """(M, 7) what is round, as it is now: a table of `kernels.clearance`."""
     nearby: Nearby | None = None
     """Solids that the robot can come to."""
     solids_ahead: SolidsAhead = NO_SOLIDS_AHEAD
@@ -53,19 +54,15 @@ class StopTask:
     """Margins of single commands; without them every plan is accepted."""
     drift: DriftState | None = None
     """Of the drift detector; given with `check`."""
-    perhaps: Array = field(default_factory=lambda: np.empty((0, 5)))
-    """(P, 5) who may be walking, and who is else known as something that stands."""
-    unsure: Array | None = None
-    """(M,) what is not known of the speeds of circles; none where all are known."""
+    perhaps: Array = field(default_factory=lambda: np.empty((0, COLUMNS)))
+    """(P, 7) what may be walking, and is else known as something that stands."""
 
     @property
     def walking(self) -> tuple[Array, Array]:
-        """All circles (M + P, 5), and speeds at which they can be walking at the most (M + P,)."""
-        everybody = np.concatenate([self.circles, self.perhaps])
-        speeds = np.hypot(everybody[:, 3], everybody[:, 4])
-        if self.unsure is not None:
-            speeds[: len(self.unsure)] += self.unsure
-        return everybody, speeds
+        """All things (M + P, 7), and speeds at which they can be walking at the most (M + P,)."""
+        everything = np.concatenate([self.things, self.perhaps])
+        speeds = np.hypot(*everything[:, VELOCITY].T) + everything[:, SPREAD_RATE]
+        return everything, speeds
 
 
 class CheckedPlan(NamedTuple):

@@ -33,6 +33,14 @@ import math
 import numpy as np
 
 from kmpc_lite.control.footprint import places_of
+from kmpc_lite.control.kernels.clearance import (
+    PLACE,
+    SPREAD,
+    VELOCITY,
+    distances,
+    some_move,
+    some_spread,
+)
 from kmpc_lite.control.margins.command_check import CommandCheck
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.options import StopOptions
@@ -42,7 +50,7 @@ from kmpc_lite.control.stop.braking import ROUNDING, Braking
 from kmpc_lite.control.stop.passers_by import PassersBy
 from kmpc_lite.control.stop.quick_look import QuickLook
 from kmpc_lite.control.stop.stop_task import CheckedPlan, StopTask, StopTrajectory
-from kmpc_lite.control.world.circles import circle_distances, some_move, stand_ins
+from kmpc_lite.control.world.circles import stand_ins
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import STATES, Array
 
@@ -88,7 +96,7 @@ class StopTrajectories:
             What it must be clear of.
         """
         check, drift = task.check, task.drift
-        something = len(task.circles) or task.nearby or self._known < math.inf or len(task.perhaps)
+        something = len(task.things) or task.nearby or self._known < math.inf or len(task.perhaps)
         if check is None or drift is None or not something:
             return CheckedPlan(StopTrajectory(), states, inputs)
         ahead, closing = self._ahead(task)
@@ -156,11 +164,15 @@ class StopTrajectories:
 
     def _ahead(self, task: StopTask) -> tuple[Array, float]:
         """Circles and stand-ins for solids at the end of the coming period, and their speed."""
-        ahead, closing = task.circles, 0.0
+        ahead, closing = task.things, 0.0
         if some_move(ahead):
-            closing = float(np.abs(ahead[:, 3:]).sum(axis=1).max())
+            closing = float(np.abs(ahead[:, VELOCITY]).sum(axis=1).max())
             ahead = ahead.copy()
-            ahead[:, :2] += self._dt * ahead[:, 3:]
+            ahead[:, PLACE] += self._dt * ahead[:, VELOCITY]
+        if some_spread(ahead):
+            # how fast it may walk is looked at by itself (`passers_by`)
+            ahead = ahead.copy()
+            ahead[:, SPREAD] = 0.0
         if task.nearby:
             ahead = np.concatenate([ahead, stand_ins(*task.solids_ahead)])
         return ahead, closing
@@ -250,23 +262,25 @@ class StopTrajectories:
         points, places = places_of(self._footprint, states), places_of(self._footprint, here)
         each = len(places)
         times = np.repeat(np.tile(self._dt * np.arange(1, length + 1), count), each)
-        distances, standing = [], []
-        if len(task.circles):
-            distances.append(circle_distances(task.circles, points, times)[0])
+        gaps, standing = [], []
+        if len(task.things):
+            things = task.things.copy()
+            things[:, SPREAD] = 0.0  # how fast it may walk is looked at by itself (`passers_by`)
+            gaps.append(distances(things, points, times))
             still = np.tile(places, (length, 1))
-            beside = circle_distances(task.circles, still, times[: length * each])[0]
+            beside = distances(things, still, times[: length * each])
             standing.append(np.tile(beside, (count, 1)))
         if task.nearby:
-            distances.append(task.nearby.least(points)[:, None])
+            gaps.append(task.nearby.least(points)[:, None])
             standing.append(np.tile(task.nearby.least(places), count * length)[:, None])
         if self._known < math.inf:
             # as the distance from an obstacle all around that comes nearer
             away = points - np.tile(places, (count * length, 1))
             away = np.hypot(*away.T) + self._emerging * times
-            distances.append((self._known + self._radius - away)[:, None])
+            gaps.append((self._known + self._radius - away)[:, None])
             still = self._known + self._radius - self._emerging * times
             standing.append(still[:, None])
-        clearance = np.concatenate(distances, axis=1) - self._radius
+        clearance = np.concatenate(gaps, axis=1) - self._radius
         still_clearance = np.concatenate(standing, axis=1) - self._radius
         margins = check.stop_margins(drift, *_moved(here, states)).reshape(-1).repeat(each)
         left = still_clearance - self._options.spend_share * check.sure(still_clearance)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
+from kmpc_lite.control.kernels.clearance import distances, distances_and_directions
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.world.circles import circle_distances
 from kmpc_lite.control.world.half_planes import (
     LEAST_DISTANCE,
     Clearances,
@@ -47,21 +47,21 @@ class BodyKeepOut(KeepOut):
         self._footprint, self._count_of_circles = footprint, len(footprint.circles)
         self._place_times = np.repeat(self._times, self._count_of_circles)
 
-    def clearances(self, states: Array, circles: Array, solids: Nearby | None) -> Clearances:
+    def clearances(self, states: Array, things: Array, solids: Nearby | None) -> Clearances:
         """Clearances of stages 1 to N; normals (N, K, 3) have the slope by the heading, too."""
         places = self._footprint.places(states[1:])
         points = places.reshape(-1, 2)
         values, normals, count = [], [], self._count_of_circles
         solids_ahead = SolidsAhead(places[0], np.empty((count, 0)), np.empty((count, 0, 2)))
-        if len(circles):
-            distances, away = circle_distances(circles, points, self._place_times)
-            values.append(self._by_stage(distances))
+        if len(things):
+            gaps, away = distances_and_directions(things, points, self._place_times)
+            values.append(self._by_stage(gaps))
             normals.append(self._with_slope(away, places, states))
         if solids is not None:
-            distances, away = solids.measure(points)
-            values.append(self._by_stage(distances))
+            gaps, away = solids.measure(points)
+            values.append(self._by_stage(gaps))
             normals.append(self._with_slope(away, places, states))
-            solids_ahead = SolidsAhead(places[0], distances[:count], away[:count])
+            solids_ahead = SolidsAhead(places[0], gaps[:count], away[:count])
         columns = sum(part.shape[1] for part in values)
         outside = self._outside(states)
         sides = np.zeros((self.horizon, outside.shape[1], 3))
@@ -86,27 +86,23 @@ class BodyKeepOut(KeepOut):
         normals: Array = np.concatenate([away, slopes], axis=-1).reshape(self.horizon, -1, 3)
         return normals
 
-    def growth(self, spread: Array) -> Array:
-        """How much circles that grow have grown, for each circle of the robot, (N, C M) [m]."""
-        return np.tile(super().growth(spread), self._count_of_circles)
-
-    def bends(self, states: Array, circles: Array) -> Array:
+    def bends(self, states: Array, things: Array) -> Array:
         """None: the exact Hessian leaves out how the clearances of a turning robot bend."""
         return np.zeros((self.horizon, self.slots))
 
     def penetration(
         self,
         states: Array,
-        circles: Array,
+        things: Array,
         solids: Nearby | None = None,
         margins: Array | float = 0.0,
     ) -> Array:
         """How deep stages 1 to N stand in their deepest obstacle or outside the area, (N,) [m]."""
         points = self._footprint.places(states[1:]).reshape(-1, 2)
         parts = []
-        if len(circles):
-            distances, _ = circle_distances(circles, points, self._place_times)
-            parts.append(self._distance - self._by_stage(distances))
+        if len(things):
+            gaps = distances(things, points, self._place_times)
+            parts.append(self._distance - self._by_stage(gaps))
         if solids is not None:
             parts.append(self._distance - self._by_stage(solids.again(points)))
         inside = np.concatenate([*parts, self._outside(states)], axis=1)

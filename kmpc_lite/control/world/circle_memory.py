@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY, things_of
 from kmpc_lite.control.options import ControllerOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.circles import COLUMNS
@@ -49,22 +50,19 @@ class CircleMemory:
     def recall(
         self,
         state: CircleMemoryState,
-        circles: Array,
-        spread: Array | None,
+        things: Array,
         pose: Array,
         noise: float,
         driven: float,
-    ) -> tuple[Array, Array | None]:
+    ) -> Array:
         """Take in the circles of a step, and give all that are known.
 
         Parameters
         ----------
         state : CircleMemoryState
             Updated; left alone where there is no `sensor_range`.
-        circles : ndarray
-            (M, 5) as told, or as seen to move.
-        spread : ndarray or None
-            (M,) speeds at which they grow; those that grow were seen to move.
+        things : ndarray
+            (M, 7) as given, or as seen to move.
         pose : ndarray
             (3,) from which they were seen.
         noise : float
@@ -74,17 +72,14 @@ class CircleMemory:
 
         Returns
         -------
-        circles : ndarray
-            (K + W, 5): all that stand, always in the same order so that a list that shrinks is no
+        ndarray
+            (K + W, 7): all that stand, always in the same order so that a list that shrinks is no
             other map, then those that move.
-        spread : ndarray or None
-            (K + W,), as told.
         """
-        if self._range is None or not (len(circles) or len(state.circles)):
-            return circles, spread
-        stands = (circles[:, 3:] == 0.0).all(axis=1)
-        if spread is not None:
-            stands &= spread == 0.0
+        if self._range is None or not (len(things) or len(state.circles)):
+            return things
+        circles = things[:, :SPREAD_RATE]
+        stands = (things[:, VELOCITY] == 0.0).all(axis=1) & (things[:, SPREAD_RATE] == 0.0)
         known, unseen = state.circles.copy(), state.unseen + self._dt
         rows, columns = self._told_again(known, circles, noise)
         known[rows], unseen[rows] = circles[columns], 0.0
@@ -97,9 +92,7 @@ class CircleMemory:
         self._keep_latest(kept, unseen, self._most - len(circles))
         state.circles = np.concatenate([known[kept], circles[is_new]])
         state.unseen = np.concatenate([unseen[kept], np.zeros(np.count_nonzero(is_new))])
-        if spread is not None:
-            spread = np.concatenate([np.zeros(len(state.circles)), spread[~stands]])
-        return np.concatenate([state.circles, circles[~stands]]), spread
+        return np.concatenate([things_of(state.circles), things[~stands]])
 
     def _told_again(self, known: Array, circles: Array, noise: float) -> tuple[Array, Array]:
         """Which of those that are known (K, 5) is which of the told ones (M, 5): pairs of rows."""

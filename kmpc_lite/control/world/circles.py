@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kmpc_lite.control.kernels.clearance import COLUMNS as THING_COLUMNS
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import Array
 
@@ -86,41 +87,8 @@ def circles_to_array(obstacles: Sequence[Circle] | ArrayLike) -> Array:
     return array
 
 
-def some_move(circles: Array) -> bool:
-    """Whether any of circles (M, 5) has a velocity."""
-    # a third of the time of `any`, which each step would ask three times
-    return bool(np.count_nonzero(circles[:, 3:]))
-
-
-def circle_distances(circles: Array, positions: Array, times: Array) -> tuple[Array, Array]:
-    """Distances to the circles' edges and the directions away from them.
-
-    Parameters
-    ----------
-    circles : ndarray
-        (M, 5).
-    positions, times : ndarray
-        (n, 2) [m] and (n,) [s], from now.
-
-    Returns
-    -------
-    distances, normals : ndarray
-        (n, M) [m], negative inside, and (n, M, 2); a normal at a centre is arbitrary.
-    """
-    away = positions[:, None, :] - circles[:, :2]
-    if some_move(circles):
-        away -= times[:, None, None] * circles[:, 3:]
-    length = np.hypot(away[..., 0], away[..., 1])
-    if np.minimum.reduce(length, axis=None) < 1e-9:
-        at_centre = length < 1e-9
-        away[at_centre] = (1e-9, 0.0)
-        length[at_centre] = 1e-9
-    away /= length[..., None]
-    return length - circles[:, 2], away
-
-
 def stand_ins(point: Array, distance: Array, normals: Array) -> Array:
-    """Circles (C, 5) at rest, of `STAND_IN` radius, that touch what is near a point.
+    """Things (C, 7) at rest, of `STAND_IN` radius, that touch what is near a point.
 
     Parameters
     ----------
@@ -129,7 +97,7 @@ def stand_ins(point: Array, distance: Array, normals: Array) -> Array:
     distance, normals : ndarray
         How far it is to each thing, (C,) [m], and the direction away from it, (C, 2).
     """
-    circles = np.zeros((len(distance), 5))
-    circles[:, :2] = point - (distance + STAND_IN)[:, None] * normals
-    circles[:, 2] = STAND_IN
-    return circles
+    things = np.zeros((len(distance), THING_COLUMNS))
+    things[:, :2] = point - (distance + STAND_IN)[:, None] * normals
+    things[:, 2] = STAND_IN
+    return things

@@ -10,8 +10,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import (
+    RADIUS,
+    distances,
+    distances_and_directions,
+)
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.world.circles import circle_distances, some_move
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
@@ -92,8 +96,8 @@ class KeepOut:
         self._normals = np.zeros((self.horizon, slots, self.directions))
         self._offsets = np.full((self.horizon, slots), -np.inf)
 
-    def clearances(self, states: Array, circles: Array, solids: Nearby | None) -> Clearances:
-        """Clearances of stages 1 to N from circles, solids, then sides, in this order.
+    def clearances(self, states: Array, things: Array, solids: Nearby | None) -> Clearances:
+        """Clearances of stages 1 to N from things, solids, then sides, in this order.
 
         The last of the sides is the circle within which all is known, where there is one. A robot
         that stands outside the area widens its side to where it stands: it is asked to come
@@ -101,13 +105,13 @@ class KeepOut:
 
         Parameters
         ----------
-        states, circles : ndarray
-            (N + 1, 3), the first being the present one, and (M, 5).
+        states, things : ndarray
+            (N + 1, 3), the first being the present one, and (M, 7).
         solids : Nearby, optional
             Solids that the robot can come to.
         """
-        circle_count = len(circles)
-        count = circle_count + (0 if solids is None else solids.columns)
+        thing_count = len(things)
+        count = thing_count + (0 if solids is None else solids.columns)
         if count != self._count:
             self._count = count
             self._values = np.empty((self.horizon, count + self._side_count))
@@ -115,16 +119,16 @@ class KeepOut:
             self._all_normals[:, count : count + len(self._side_offsets)] = self._side_normals
         positions = states[1:, :2]
         solids_ahead = NO_SOLIDS_AHEAD
-        if circle_count:
-            distances, self._all_normals[:, :circle_count] = circle_distances(
-                circles, positions, self._times
+        if thing_count:
+            gaps, self._all_normals[:, :thing_count] = distances_and_directions(
+                things, positions, self._times
             )
-            np.subtract(distances, self._distance, out=self._values[:, :circle_count])
+            np.subtract(gaps, self._distance, out=self._values[:, :thing_count])
         if solids is not None:
-            distances, self._all_normals[:, circle_count:count] = solids.measure(positions)
-            np.subtract(distances, self._distance, out=self._values[:, circle_count:count])
-            normals_ahead = self._all_normals[0, circle_count:count]
-            solids_ahead = SolidsAhead(positions[0].copy(), distances[0], normals_ahead)
+            gaps, self._all_normals[:, thing_count:count] = solids.measure(positions)
+            np.subtract(gaps, self._distance, out=self._values[:, thing_count:count])
+            normals_ahead = self._all_normals[0, thing_count:count]
+            solids_ahead = SolidsAhead(positions[0].copy(), gaps[0], normals_ahead)
         np.subtract(
             positions @ self._side_normals.T,
             self._side_offsets_from(states[0]),
@@ -151,23 +155,15 @@ class KeepOut:
             beyond = np.concatenate([beyond, farther[:, None]], axis=1)
         return beyond
 
-    def growth(self, spread: Array) -> Array:
-        """How much circles that grow at speeds (M,) have grown at stages 1 to N, (N, M) [m].
-
-        At the most by the robot's radius: who may come must not block the way.
-        """
-        grown: Array = np.minimum(self._times[:, None] * spread, self._distance)
-        return grown
-
     def tighten(
-        self, states: Array, circles: Array, found: Clearances, margins: Array | float
+        self, states: Array, things: Array, found: Clearances, margins: Array | float
     ) -> Array:
-        """Take margins (N, K) [m] off what `clearances` has found for states and circles."""
+        """Take margins (N, K) [m] off what `clearances` has found for states and things."""
         clearances = found.values
         clearances -= margins
         return clearances
 
-    def chord_radii(self, circle_count: int, count: int) -> Array | None:
+    def chord_radii(self, thing_count: int, count: int) -> Array | None:
         """Radii for the margins of chords, of circles and of all obstacles; none: the robot's."""
         return None
 
@@ -208,16 +204,16 @@ class KeepOut:
         self._normals[:, used:], self._offsets[:, used:] = 0.0, -np.inf
         return self._normals, self._offsets
 
-    def bends(self, states: Array, circles: Array) -> Array:
+    def bends(self, states: Array, things: Array) -> Array:
         """How much the last half-planes turn per metre along their obstacles, (N, slots) [1/m].
 
         Sides do not. Nor do solids here: edges are straight, and where a plan goes round a corner
         the next pass sees it.
         """
         bends = np.zeros(self._values.shape)
-        if len(circles):
-            distances, _ = circle_distances(circles, states[1:, :2], self._times)
-            bends[:, : len(circles)] = 1.0 / np.maximum(distances + circles[:, 2], 1e-3)
+        if len(things):
+            gaps = distances(things, states[1:, :2], self._times)
+            bends[:, : len(things)] = 1.0 / np.maximum(gaps + things[:, RADIUS], 1e-3)
         if self._nearest is not None:
             return bends.take(self._nearest)
         out = np.zeros((self.horizon, self.slots))
@@ -227,7 +223,7 @@ class KeepOut:
     def penetration(
         self,
         states: Array,
-        circles: Array,
+        things: Array,
         solids: Nearby | None = None,
         margins: Array | float = 0.0,
     ) -> Array:
@@ -236,18 +232,13 @@ class KeepOut:
         As `clearances`, without normals; solids as far as the last linearisation saw them.
         `margins` (N, K) [m] are added to what must be kept.
         """
-        count = len(circles)
         outside = self._outside(states)
-        x, y = states[1:, 0:1], states[1:, 1:2]
         if solids is not None:
             inside = self._distance - solids.again(states[1:, :2])
             outside = np.concatenate([inside, outside], axis=1)
-        if count:
-            if some_move(circles):
-                x = x - self._times[:, None] * circles[:, 3]
-                y = y - self._times[:, None] * circles[:, 4]
-            inside = circles[:, 2] + self._distance - np.hypot(x - circles[:, 0], y - circles[:, 1])
-            outside = np.concatenate([inside, outside], axis=1)
+        if len(things):
+            gaps = distances(things, states[1:, :2], self._times)
+            outside = np.concatenate([self._distance - gaps, outside], axis=1)
         deepest: Array = (outside + margins).max(axis=1, initial=0.0)
         return deepest
 

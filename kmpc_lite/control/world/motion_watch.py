@@ -11,8 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import (
+    SPREAD_MAX,
+    SPREAD_RATE,
+    VELOCITY,
+    some_move,
+)
 from kmpc_lite.control.options import TrackerOptions
-from kmpc_lite.control.world.circles import some_move
 from kmpc_lite.control.world.tracks import Follower, Tracks
 from kmpc_lite.types import Array
 
@@ -43,9 +48,14 @@ class MotionWatch:
         When they count as moving.
     radius, speed : float
         Of the robot, which the options are multiples of.
+    spread_max : float
+        How far what moves spreads at the most.
     """
 
-    def __init__(self, dt: float, options: TrackerOptions, radius: float, speed: float) -> None:
+    def __init__(
+        self, dt: float, options: TrackerOptions, radius: float, speed: float, spread_max: float
+    ) -> None:
+        self._spread_max = spread_max
         self._dt, self._rounding = dt, ROUNDING * radius
         self._follower = Follower(dt, options, radius, speed)
 
@@ -53,29 +63,28 @@ class MotionWatch:
         """Begin anew: circles that are seen from a pose that jumped have jumped, too."""
         state.last = state.tracks = None
 
-    def see(self, state: MotionWatchState, circles: Array) -> tuple[Array, Array | None]:
+    def see(self, state: MotionWatchState, things: Array) -> Array:
         """Take in the circles of a step.
 
         Parameters
         ----------
         state : MotionWatchState
             Updated.
-        circles : ndarray
-            (M, 5) as told.
+        things : ndarray
+            (M, 7) as given.
 
         Returns
         -------
-        circles : ndarray
-            (M, 5), the very same array where all do as told.
-        spread : ndarray or None
-            (M,) speeds at which each grows for what is not known of its velocity; None where all do
-            as told.
+        ndarray
+            (M, 7), the very same array where all do as given; those that do not have the velocity
+            that they were seen to have, and spread by what is not known of it.
         """
+        circles = things[:, :SPREAD_RATE]
         last, state.last = state.last, circles
         as_told = last is None or self._as_told(last, circles)
         if state.tracks is None:
             if as_told or last is None:
-                return circles, None
+                return things
             state.tracks, _ = self._follower.follow(Tracks(), last)
         state.tracks, found = self._follower.follow(state.tracks, circles)
         tracks, options = state.tracks, self._follower.options
@@ -85,13 +94,13 @@ class MotionWatch:
             state.calm = state.calm + self._dt if as_told else 0.0
             if state.calm > options.coast:
                 state.tracks, state.calm = None, 0.0
-            return circles, None
+            return things
         state.calm = 0.0
-        circles, followed = circles.copy(), found[moves]
-        circles[moves, 3:] = tracks.states[followed, 2:4]
-        spread = np.zeros(len(circles))
-        spread[moves] = options.spread * tracks.velocity_deviations[followed]
-        return circles, spread
+        things, followed = things.copy(), found[moves]
+        things[moves, VELOCITY] = tracks.states[followed, 2:4]
+        things[moves, SPREAD_RATE] = options.spread * tracks.velocity_deviations[followed]
+        things[moves, SPREAD_MAX] = self._spread_max
+        return things
 
     def _as_told(self, last: Array, circles: Array) -> bool:
         """Whether circles (M, 5) are where the last ones said that they would be."""
@@ -101,5 +110,5 @@ class MotionWatch:
             return True
         away = circles[:, :2] - last[:, :2]
         if some_move(last):
-            away -= self._dt * last[:, 3:]
+            away -= self._dt * last[:, VELOCITY]
         return bool(np.abs(away).max() <= self._rounding)

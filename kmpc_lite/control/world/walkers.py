@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from kmpc_lite.control.kernels.clearance import distances, things_of
 from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.control.world.clusters import clusters
 from kmpc_lite.control.world.scan import LaserScan
@@ -144,10 +145,12 @@ class Walkers:
         What may be somebody, and when he counts as walking.
     scale : Scale
         The robot's units; scans, poses and tracks are in metres and seconds.
+    spread_max : float
+        How far what moves spreads at the most, in units.
     """
 
-    def __init__(self, dt: float, options: TrackerOptions, scale: Scale) -> None:
-        self._scale = scale
+    def __init__(self, dt: float, options: TrackerOptions, scale: Scale, spread_max: float) -> None:
+        self._scale, self._spread_max = scale, spread_max
         radius, speed = scale.length * UNIT_RADIUS, scale.speed * UNIT_SPEED
         self._follower = Follower(dt, options, radius, speed)
 
@@ -156,9 +159,9 @@ class Walkers:
         tracks: Tracks,
         scans: Sequence[LaserScan],
         pose: Array,
-        circles: Array,
+        known: Array,
         before: LocalMap | None,
-    ) -> tuple[Tracks, Array, Array, Array]:
+    ) -> tuple[Tracks, Array, Array]:
         """Take in the scans of a step.
 
         Parameters
@@ -169,8 +172,8 @@ class Walkers:
             Seen from the pose.
         pose : ndarray
             Of the robot (3,), in the robot's units.
-        circles : ndarray
-            (M, 5) what was told, in the robot's units: who is among them is not told twice.
+        known : ndarray
+            (M, 7) what was given, in the robot's units: what is among it is not given twice.
         before : LocalMap or None
             What the scans before have shown.
 
@@ -179,11 +182,9 @@ class Walkers:
         tracks : Tracks
             A period later.
         walkers : ndarray
-            (W, 5) who walks, in the robot's units.
-        spread : ndarray
-            (W,) speeds at which they grow for what is not known of their velocity.
+            (W, 7) things that walk, in the robot's units.
         perhaps : ndarray
-            (P, 5) who seems to walk, but may be a piece of something that stands.
+            (P, 7) what seems to walk, but may be a piece of something that stands.
         """
         options, scale = self._follower.options, self._scale
         taken = [self._taken_at(scan, pose, before) * scale.state for scan in scans]
@@ -193,7 +194,7 @@ class Walkers:
         ]
         seen = found[0] if len(found) == 1 else np.concatenate([np.empty((0, 3)), *found])
         if not len(seen) and not len(tracks):
-            return tracks, *NOBODY
+            return tracks, things_of(NOBODY.rows), things_of(NOBODY.perhaps)
         standing = np.zeros((len(seen), 5))
         standing[:, :3] = seen
         tracks, _ = self._follower.follow(tracks, standing)
@@ -205,11 +206,10 @@ class Walkers:
         rows, deviations, perhaps = who_walks(tracks, options, period, scans, taken, was_free)
         rows, perhaps = rows / scale.circle, perhaps / scale.circle
         spread = options.spread * deviations / scale.speed
-        if len(circles) and len(rows):
-            away = np.hypot(*(rows[:, None, :2] - circles[:, :2]).transpose(2, 0, 1))
-            new = (away > rows[:, 2:3] + circles[:, 2]).all(axis=1)
+        if len(known) and len(rows):
+            new = (distances(known, rows[:, :2], np.zeros(len(rows))) > rows[:, 2:3]).all(axis=1)
             rows, spread = rows[new], spread[new]
-        return tracks, rows, spread, perhaps
+        return tracks, things_of(rows, spread, self._spread_max), things_of(perhaps)
 
     def _taken_at(self, scan: LaserScan, pose: Array, before: LocalMap | None) -> Array:
         """Where the robot, that is at a pose (3,) now, was in the middle of a scan."""

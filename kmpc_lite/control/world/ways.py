@@ -11,6 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import (
+    PLACE,
+    RADIUS,
+    SPREAD_MAX,
+    SPREAD_RATE,
+    VELOCITY,
+)
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.half_planes import LEAST_DISTANCE, Clearances, KeepOut
 from kmpc_lite.types import Array
@@ -41,25 +48,25 @@ class WayKeepOut(KeepOut):
         self._all_times = problem.dt * np.arange(problem.horizon + 1)
         self._all_shares = np.ones((self.horizon, 0))
 
-    def clearances(self, states: Array, circles: Array, solids: Nearby | None) -> Clearances:
+    def clearances(self, states: Array, things: Array, solids: Nearby | None) -> Clearances:
         """As of `KeepOut`; from circles on the ways to stages 2 to N."""
-        found, count = super().clearances(states, circles, solids), len(circles)
+        found, count = super().clearances(states, things, solids), len(things)
         self._all_shares = np.ones(found.values.shape)
         if count:
-            nearest, self._all_shares[1:, :count] = _nearest(self._away(states, circles)[1:])
+            nearest, self._all_shares[1:, :count] = _nearest(self._away(states, things)[1:])
             length = np.maximum(np.hypot(nearest[..., 0], nearest[..., 1]), LEAST_DISTANCE)
-            found.values[1:, :count] = length - circles[:, 2] - self._distance
+            found.values[1:, :count] = length - self._extents(things)[1:] - self._distance
             found.normals[1:, :count] = nearest / length[..., None]
         return found
 
     def tighten(
-        self, states: Array, circles: Array, found: Clearances, margins: Array | float
+        self, states: Array, things: Array, found: Clearances, margins: Array | float
     ) -> Array:
         """Take margins off, and look at the way of the first step."""
-        clearances, count = super().tighten(states, circles, found, margins), len(circles)
+        clearances, count = super().tighten(states, things, found, margins), len(things)
         if count:
             beyond, normals = _first_way(
-                self._away(states[:2], circles), self._kept(circles, margins)
+                self._away(states[:2], things), self._kept(things, margins)
             )
             nearer = beyond < clearances[0, :count]
             clearances[0, :count][nearer] = beyond[nearer]
@@ -87,41 +94,48 @@ class WayKeepOut(KeepOut):
         shares[:, : self._all_shares.shape[1]] = self._all_shares
         return shares
 
-    def bends(self, states: Array, circles: Array) -> Array:
+    def bends(self, states: Array, things: Array) -> Array:
         """As of `KeepOut`; a stage moves the nearest point of its way by a share."""
-        bends: Array = super().bends(states, circles) * self.shares() ** 2
+        bends: Array = super().bends(states, things) * self.shares() ** 2
         return bends
 
     def penetration(
         self,
         states: Array,
-        circles: Array,
+        things: Array,
         solids: Nearby | None = None,
         margins: Array | float = 0.0,
     ) -> Array:
         """How deep the ways to stages 1 to N lead into their deepest obstacle, (N,) [m]."""
-        deepest, count = super().penetration(states, circles, solids, margins), len(circles)
+        deepest, count = super().penetration(states, things, solids, margins), len(things)
         if count:
-            away = self._away(states, circles)
+            away = self._away(states, things)
             nearest, _ = _nearest(away[1:])
             later = margins[1:, :count] if isinstance(margins, np.ndarray) else margins
-            radii = circles[:, 2] + self._distance + later
+            radii = self._extents(things)[1:] + self._distance + later
             inside = radii - np.hypot(nearest[..., 0], nearest[..., 1])
             np.maximum(deepest[1:], inside.max(axis=1), out=deepest[1:])
-            beyond, _ = _first_way(away[:2], self._kept(circles, margins))
+            beyond, _ = _first_way(away[:2], self._kept(things, margins))
             deepest[0] = max(deepest[0], -beyond.min())
         return deepest
 
-    def _away(self, states: Array, circles: Array) -> Array:
+    def _away(self, states: Array, things: Array) -> Array:
         """Stages from 0 on, seen from circles, (K + 1, M, 2) [m]."""
-        away: Array = states[:, None, :2] - circles[:, :2]
-        away -= self._all_times[: len(states), None, None] * circles[:, 3:]
+        away: Array = states[:, None, :2] - things[:, PLACE]
+        away -= self._all_times[: len(states), None, None] * things[:, VELOCITY]
         return away
 
-    def _kept(self, circles: Array, margins: Array | float) -> Array:
+    def _extents(self, things: Array) -> Array:
+        """Radii (N, M) of things at stages 1 to N [m]."""
+        radii: Array = things[:, RADIUS] + np.minimum(
+            self._times[:, None] * things[:, SPREAD_RATE], things[:, SPREAD_MAX]
+        )
+        return radii
+
+    def _kept(self, things: Array, margins: Array | float) -> Array:
         """Distances (M,) that the first way is to keep from the circles' centres [m]."""
-        first = margins[0, : len(circles)] if isinstance(margins, np.ndarray) else margins
-        kept: Array = circles[:, 2] + self._distance + first
+        first = margins[0, : len(things)] if isinstance(margins, np.ndarray) else margins
+        kept: Array = self._extents(things)[0] + self._distance + first
         return kept
 
 

@@ -15,8 +15,8 @@ import numpy as np
 from kmpc_lab.bench.drives import RecordedDrive
 from kmpc_lab.bench.quantiles import HEAD, format_times, in_ms
 from kmpc_lab.studies.contenders import Contender
+from kmpc_lite.control.kernels.clearance import distances, things_of
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.world.circles import circle_distances
 from kmpc_lite.geometry import heading_near
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
@@ -142,8 +142,8 @@ def violation(states: Array, circles: Array, problem: NavigationProblem) -> floa
     positions = states[1:, :2]
     deepest = max(0.0, float((x_min[:2] - positions).max()), float((positions - x_max[:2]).max()))
     if len(circles):
-        distances, _ = circle_distances(circles, positions, problem.dt * np.arange(1, len(states)))
-        deepest = max(deepest, problem.robot_radius + problem.margin - float(distances.min()))
+        gaps = distances(things_of(circles), positions, problem.dt * np.arange(1, len(states)))
+        deepest = max(deepest, problem.robot_radius + problem.margin - float(gaps.min()))
     return deepest
 
 

@@ -18,7 +18,7 @@ from kmpc_lab.experiments.batch import BatchDrive, Setup
 from kmpc_lab.experiments.wire import ManualClock
 from kmpc_lab.sim.closed_loop import Outcome, Run
 from kmpc_lab.sim.twin import Twin
-from kmpc_lite.control.world.circles import circle_distances
+from kmpc_lite.control.kernels.clearance import distances, things_of
 from kmpc_lite.scenario.files import Scenario
 
 SETTLE = 2.0
@@ -169,8 +169,8 @@ def drive_trial(contender: Contender, scenario: Scenario, setup: Setup, seed: in
     gaps: list[float] = []
 
     def gap() -> float:
-        distances, _ = circle_distances(circles, np.array([twin.pose[:2]]), np.zeros(1))
-        return float(distances.min(initial=np.inf)) - scenario.radius
+        gaps = distances(things_of(circles), np.array([twin.pose[:2]]), np.zeros(1))
+        return float(gaps.min(initial=np.inf)) - scenario.radius
 
     def finished() -> bool:
         gaps.append(gap())

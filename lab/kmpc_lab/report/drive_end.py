@@ -6,7 +6,7 @@ import numpy as np
 
 from kmpc_lab.report.words import substeps
 from kmpc_lab.sim.closed_loop import Outcome, Run
-from kmpc_lite.control.world.circles import circle_distances
+from kmpc_lite.control.kernels.clearance import distances_and_directions, things_of
 from kmpc_lite.types import Array
 
 NO_DISTANCES = np.empty((1, 0)), np.empty((1, 0, 2))
@@ -26,7 +26,7 @@ def contact_point(run: Run, index: int) -> Array:
     """Give the point (2,) of the obstacle's edge that the robot ran into."""
     here, time = run.path[index : index + 1, :2], np.array([index * run.dt / substeps(run)])
     distances, normals = (
-        circle_distances(run.scenario.circles_at(0.0), here, time)
+        distances_and_directions(things_of(run.scenario.circles_at(0.0)), here, time)
         if run.scenario.circles
         else NO_DISTANCES
     )

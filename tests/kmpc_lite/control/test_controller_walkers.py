@@ -12,7 +12,7 @@ import pytest
 import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lab.studies import pedestrians
-from kmpc_lite.control.observation import Observation
+from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY, things_of
 from kmpc_lite.control.options import TrackerOptions
 from kmpc_lite.control.stop.stop_task import CheckedPlan, StopTask
 from kmpc_lite.control.stop.stop_trajectory import StopTrajectories
@@ -25,7 +25,7 @@ GOAL = (1.8, 0.0, 0.0)
 
 
 def watch() -> MotionWatch:
-    return MotionWatch(DT, TrackerOptions(), 0.15, 0.6)
+    return MotionWatch(DT, TrackerOptions(), 0.15, 0.6, 0.15)
 
 
 def walker(k: int, vx: float = 0.0, vy: float = 0.7) -> Array:
@@ -37,11 +37,10 @@ def test_circles_that_do_as_told_are_the_same_array() -> None:
     state, looking = MotionWatchState(), watch()
     still = np.array([[0.0, 1.0, 0.2, 0.0, 0.0], [1.0, 1.0, 0.2, 0.3, 0.1]])
     for k in range(20):
-        circles = still.copy()
+        circles = things_of(still)
         circles[:, :2] += DT * k * still[:, 3:]
         given = circles.copy()
-        seen, spread = looking.see(state, circles)
-        assert seen is circles and spread is None and state.tracks is None
+        assert looking.see(state, circles) is circles and state.tracks is None
         np.testing.assert_array_equal(circles, given)
 
 
@@ -49,8 +48,8 @@ def test_circles_that_do_as_told_are_the_same_array() -> None:
 def test_a_walker_who_is_told_to_stand_is_noticed_in_half_a_second(speed: float) -> None:
     state, looking = MotionWatchState(), watch()
     for k in range(6):
-        seen, spread = looking.see(state, walker(k, vy=speed))
-    assert spread is not None and spread[0] > 0.0
+        seen = looking.see(state, things_of(walker(k, vy=speed)))
+    assert seen[0, SPREAD_RATE] > 0.0
     assert seen[0, 4] == pytest.approx(speed, abs=0.1)
 
 
@@ -58,9 +57,8 @@ def test_the_others_stay_as_they_are_told() -> None:
     state, looking = MotionWatchState(), watch()
     for k in range(10):
         other = [3.0 + 0.02 * k, 0.0, 0.2, 0.2, 0.0]
-        seen, spread = looking.see(state, np.vstack([walker(k), other]))
-    assert spread is not None and spread[1] == 0.0
-    np.testing.assert_array_equal(seen[1], other)
+        seen = looking.see(state, things_of(np.vstack([walker(k), other])))
+    np.testing.assert_array_equal(seen[1], [*other, 0.0, 0.0])
 
 
 def test_a_circle_that_appears_or_is_put_elsewhere_does_not_walk() -> None:
@@ -68,15 +66,14 @@ def test_a_circle_that_appears_or_is_put_elsewhere_does_not_walk() -> None:
     for k in range(12):
         rows = [[0.0, 0.0, 0.2, 0.0, 0.0], [1.0 + 0.5 * (k >= 6), 0.0, 0.2, 0.0, 0.0]]
         rows += [[2.0, 2.0, 0.2, 0.0, 0.0]] * (k >= 3)
-        seen, spread = looking.see(state, np.array(rows))
-        assert spread is None and not seen[:, 3:].any()
+        assert not looking.see(state, things_of(np.array(rows)))[:, 3:].any()
 
 
 def test_who_stops_stands_and_the_watch_calms_down() -> None:
     state, looking = MotionWatchState(), watch()
     for k in range(80):
-        seen, spread = looking.see(state, walker(min(k, 15)))
-    assert spread is None and not seen[:, 3:].any()
+        seen = looking.see(state, things_of(walker(min(k, 15))))
+    assert not seen[:, 3:].any()
     assert state.tracks is None
 
 
@@ -114,8 +111,8 @@ def test_who_turns_on_the_spot_counts_as_moving_without_a_break() -> None:
         turned = max(k - 12, 0)
         place = [0.8 * DT * (min(k, 12) - 0.3 * turned), 0.7 * DT * turned]
         row = [*(place + 0.01 * random.normal(size=2)), 0.25, 0.0, 0.0]
-        _, spread = looking.see(state, np.array([row]))
-        assert k < 6 or (spread is not None and spread[0] > 0.0)
+        seen = looking.see(state, things_of(np.array([row])))
+        assert k < 6 or seen[0, SPREAD_RATE] > 0.0
 
 
 @pytest.mark.parametrize("angle", [1.6, 2.2, 2.8])
@@ -126,7 +123,7 @@ def test_nobody_is_taken_to_walk_more_slowly_for_having_turned(
 
     def note(self: StopTrajectories, states: Array, inputs: Array, task: StopTask) -> CheckedPlan:
         speeds.append(float(task.walking[1][0]))
-        plain.append(float(np.hypot(*task.circles[0, 3:])))
+        plain.append(float(np.hypot(*task.things[0, VELOCITY])))
         return find(self, states, inputs, task)
 
     monkeypatch.setattr(StopTrajectories, "find", note)
@@ -139,13 +136,6 @@ def test_nobody_is_taken_to_walk_more_slowly_for_having_turned(
         place = place + DT * way
     assert min(plain[8:]) < 0.8
     assert min(speeds[8:]) > 0.9
-
-
-def test_what_is_not_known_of_speeds_is_that_of_told_circles() -> None:
-    seen = Observation(np.zeros(3), np.zeros(3), np.zeros((3, 5)), None, None)
-    assert seen.unsure is None
-    seen.spread, seen.walkers = np.array([0.0, 0.3, 0.4]), 1
-    assert seen.unsure is not None and seen.unsure.tolist() == [0.0, 0.3, 0.0]
 
 
 BEAMS = 180
@@ -163,7 +153,7 @@ def scanned(pose: Array, k: int) -> kl.LaserScan:
 def test_who_walks_is_found_in_scans_alone_and_let_pass() -> None:
     controller = kl.Controller(kl.nominal_unicycle(DT))
     pose, plant, gap, found = np.zeros(3), kmpc_lab.DifferentialDrive(0.05, seed=1), np.inf, 0
-    for k in range(60):
+    for k in range(66):
         plan = controller.step(pose, GOAL, [scanned(pose, k)])
         tracks = controller.state.walkers
         assert tracks is not None

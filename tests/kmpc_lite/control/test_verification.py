@@ -10,6 +10,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lab.studies.any_robot import Robot, RobotPlant
 from kmpc_lab.studies.robot_drives import course_of, judge
+from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
 from kmpc_lite.control.nmpc.sqp_state import SQPResult
 from kmpc_lite.control.nmpc.trajectory import Trajectory
@@ -22,18 +23,18 @@ MODEL = kl.nominal_unicycle(0.1)
 
 def contradicted(circles: np.ndarray) -> tuple[kl.Controller, SQPResult, Observation, StopTask]:
     """A plan straight ahead whose states are nonsense, with what it is checked against."""
-    controller = kl.Controller(MODEL)
+    controller, things = kl.Controller(MODEL), things_of(circles)
     inputs = np.tile([0.5, 0.0], (20, 1))
     plan = Trajectory(np.zeros((21, 3)), inputs, np.zeros(1))
     result = SQPResult(plan, QPStatus.SOLVED, 1, np.inf, 0.2, np.zeros(3))
-    seen = Observation(np.zeros(3), np.array([1.0, 0.0, 0.0]), circles, None, None)
+    seen = Observation(np.zeros(3), np.array([1.0, 0.0, 0.0]), things, None, None)
     margins = controller.known.margins
     assert margins is not None
     task = StopTask(
         MODEL,
         np.empty((0, 2)),
         np.zeros(2),
-        circles,
+        things,
         check=margins.command_check,
         drift=controller.state.drift,
     )

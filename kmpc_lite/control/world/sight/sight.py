@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import COLUMNS, distances
 from kmpc_lite.control.options import SightOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.boxes import Boxes
@@ -23,7 +24,7 @@ from kmpc_lite.types import Array
 
 WORLD = OccupancyGrid([[0]], 1.0)
 """A grid in the world's own frame, for rectangles that belong to none."""
-NOBODY = np.empty((0, 5))
+NOBODY = np.empty((0, COLUMNS))
 
 
 class Seen(NamedTuple):
@@ -91,7 +92,7 @@ class Sight:
         pose_noise : float
             Standard deviation of its position.
         moving : ndarray
-            (M, 5) circles that move: what is hit of them is no part of the map.
+            (M, 7) things that move: what is hit of them is no part of the map.
         """
         begins = before is None
         if before is None:
@@ -115,8 +116,8 @@ class Sight:
         if rays:
             hits = rays[0].hits if len(rays) == 1 else np.concatenate([ray.hits for ray in rays])
             if len(moving):
-                away = np.hypot(*(hits[:, None] - moving[:, :2]).transpose(2, 0, 1))
-                hits = hits[(away > moving[:, 2] + here.cell).all(axis=1)]
+                gaps = distances(moving, hits, np.zeros(len(hits)))
+                hits = hits[(gaps > here.cell).all(axis=1)]
             here.mark(hits, options.passes)
         # what the robot overlaps by a part is free where it begins; later it must have been seen
         around = math.sqrt(0.5) * here.cell + options.free_at_start

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.nmpc.exact_hessian import convex, dynamics_curvature, hessians
 from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.world.circles import circles_to_array
@@ -54,7 +55,8 @@ def test_stages_hold_cost_dynamics_and_circles(
         "kmpc_lite.control.nmpc.exact_hessian.convex", lambda blocks, least: blocks
     )  # the Hessian as it is
     n, slots, random = PROBLEM.horizon, 5, np.random.default_rng(2)
-    circles = circles_to_array([kl.Circle(0.5, 0.3, 0.1), kl.Circle(-0.4, 0.8, 0.2, 0.1, -0.2)])
+    given = [kl.Circle(0.5, 0.3, 0.1), kl.Circle(-0.4, 0.8, 0.2, 0.1, -0.2)]
+    circles = things_of(circles_to_array(given))
     states, inputs = (
         np.cumsum(random.normal(size=(n + 1, 3)) * 0.1, axis=0),
         random.normal(size=(n, 2)) * 0.4,
@@ -80,7 +82,7 @@ def test_stages_hold_cost_dynamics_and_circles(
         return value + room(k, z[:2])
 
     def room(k, p):  # type: ignore[no-untyped-def]
-        where = circles[:, :2] + k * PROBLEM.dt * circles[:, 3:]
+        where = circles[:, :2] + k * PROBLEM.dt * circles[:, 3:5]
         return qp.half_plane_scale * duals[qp.half_plane_rows[k - 1, :2]] @ np.hypot(*(p - where).T)
 
     for k in range(1, n):

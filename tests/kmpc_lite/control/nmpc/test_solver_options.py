@@ -11,6 +11,7 @@ import pytest
 import scipy.sparse as sp
 
 import kmpc_lite as kl
+from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.nmpc.line_search import (
     Direction,
     LineSearch,
@@ -30,7 +31,7 @@ from kmpc_lite.control.weights import with_goal_weights
 MODEL = kl.nominal_unicycle(0.1)
 PROBLEM = with_goal_weights(kl.NavigationProblem())
 GOAL = np.tile((1.5, 1.5, 0.0), (21, 1))
-TASK = Task(MODEL, GOAL, np.empty((0, 5)), np.zeros((0, 2)), np.zeros(2))
+TASK = Task(MODEL, GOAL, np.empty((0, 7)), np.zeros((0, 2)), np.zeros(2))
 
 
 def test_options_of_osqp_reach_it_by_its_names() -> None:
@@ -127,9 +128,9 @@ def test_a_step_must_bring_its_share_of_the_predicted_decrease() -> None:
 def progress(sqp: SQP, depth: float, slack: float = 100.0) -> tuple[Progress, Task]:
     """Passes that get nowhere, with a plan that stands so deep in a circle [m]."""
     guess = at_rest(sqp.qp, np.zeros(3))
-    circles = np.array([[0.35 - depth, 0.0, 0.2, 0.0, 0.0]])
+    things = things_of(np.array([[0.35 - depth, 0.0, 0.2, 0.0, 0.0]]))
     run = Progress(guess, 9, 1e-5, 1e-3, Penalties(slack), np.zeros(3), np.zeros(3))
-    return run, replace(TASK, circles=circles)
+    return run, replace(TASK, things=things)
 
 
 def test_the_slack_penalty_grows_while_a_plan_stands_in_an_obstacle() -> None:

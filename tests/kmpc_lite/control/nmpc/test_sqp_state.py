@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.nmpc.sqp import SQP
@@ -22,7 +23,7 @@ from kmpc_lite.control.weights import with_goal_weights
 COPIES = [copy.deepcopy, lambda value: pickle.loads(pickle.dumps(value))]
 PROBLEM = with_goal_weights(kl.NavigationProblem())
 GOAL = np.array([1.4, 1.1, 0.6])
-CIRCLES = np.array([[0.6, 0.5, 0.15, 0.0, 0.0], [1.0, 1.3, 0.1, 0.0, -0.05]])
+CIRCLES = things_of(np.array([[0.6, 0.5, 0.15, 0.0, 0.0], [1.0, 1.3, 0.1, 0.0, -0.05]]))
 
 
 @pytest.mark.parametrize("copied", COPIES)

@@ -8,6 +8,7 @@ from guide_scenes import DT, KEEP, NO_CIRCLES, OPTIONS, PROBLEM, circles, pose, 
 from guided import GuideInUse
 
 from kmpc_lab.sim.maps.families import random_map
+from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
 from kmpc_lite.control.path.planner import Path
@@ -162,7 +163,7 @@ def test_a_robot_that_stands_before_an_obstacle_turns_on_the_spot_on_every_new_p
 
 def test_a_robot_gets_out_of_the_way_of_what_comes_after_it_for_good() -> None:
     # to stand 30 cm before it, or to back up before it, would be clear for the next seconds
-    slow = np.array([[0.0, 1.1, 0.2, 0.0, -0.15]])
+    slow = things_of(np.array([[0.0, 1.1, 0.2, 0.0, -0.15]]))
     times = np.arange(0.0, 12.01, 0.1)
     table = MovingObstacleTable(lengths_from_radii(MovingObstacleOptions(), PROBLEM.robot_radius))
     _, states = MovingObstacles(slow, KEEP, np.array([0.5, 0.7]), table).evasive_arc(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
 
@@ -17,8 +18,8 @@ TIMES = 0.1 * np.arange(21)
 def test_a_robot_at_the_edge_of_its_area_makes_no_room_beyond_it() -> None:
     pose = np.array([1.9, 0.0, 0.0])
     coming = np.array([[0.6, 0.1, 0.25, 0.6, 0.0]])
-    free = MovingObstacles(coming, 0.15, SPEED, TABLE)
-    bounded = MovingObstacles(coming, 0.15, SPEED, TABLE, area=AREA)
+    free = MovingObstacles(things_of(coming), 0.15, SPEED, TABLE)
+    bounded = MovingObstacles(things_of(coming), 0.15, SPEED, TABLE, area=AREA)
     assert free.evasive_arc(pose, -1, TIMES)[1][:, 0].max() > 2.0
     poses = bounded.evasive_arc(pose, -1, TIMES)[1]
     assert poses[:, 0].max() <= 2.001
@@ -27,8 +28,8 @@ def test_a_robot_at_the_edge_of_its_area_makes_no_room_beyond_it() -> None:
 def test_who_was_seen_to_move_is_given_more_room_the_later_he_comes() -> None:
     pose = np.array([0.0, 0.0, 0.0])
     passing = np.array([[2.0, 0.6, 0.25, -0.6, 0.0]])
-    told = MovingObstacles(passing, 0.15, SPEED, TABLE)
-    seen = MovingObstacles(passing, 0.15, SPEED, TABLE, spread=np.array([0.3]))
+    told = MovingObstacles(things_of(passing), 0.15, SPEED, TABLE)
+    seen = MovingObstacles(things_of(passing, 0.3, 0.15), 0.15, SPEED, TABLE)
     assert told.spares(pose)
     assert not seen.spares(pose)
 
@@ -39,7 +40,7 @@ def test_an_evasive_arc_may_lead_out_of_the_area_by_a_millimetre(beyond: float, 
     # the arc of one second at half the speed, straight ahead, ends at 0.3 m
     number = TABLE.arcs.tolist().index([0.5, 0.0, 1.0])
     area = np.array([[-2.0, -2.0], [0.3 - beyond, 2.0]])
-    found = MovingObstacles(coming, 0.15, SPEED, TABLE, area=area)
+    found = MovingObstacles(things_of(coming), 0.15, SPEED, TABLE, area=area)
     clearance = found._clearance_on_arcs(np.zeros(3), TABLE.times)
     assert bool(clearance[number] < clearance[0]) is last
 

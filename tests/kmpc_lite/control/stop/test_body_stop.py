@@ -7,6 +7,7 @@ import pytest
 from lagging_robot import lagging
 
 import kmpc_lite as kl
+from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.options import StopOptions
@@ -32,7 +33,7 @@ def find(
     past = np.tile(command, (model.history, 1))
     inputs = np.tile(command, (20, 1))
     states = model.rollout(np.zeros(3), inputs, past)
-    nearby = None if solids is None else solids.whole
+    circles, nearby = things_of(circles), None if solids is None else solids.whole
     ahead = BodyKeepOut(PROBLEM, CART, 10).clearances(states, circles, nearby).solids_ahead
     task = StopTask(
         model,

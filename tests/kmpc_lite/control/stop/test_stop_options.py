@@ -9,6 +9,7 @@ import pytest
 from lagging_robot import BRAKING, PROBLEM, lagging, straight
 
 import kmpc_lite as kl
+from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.options import StopOptions
@@ -23,7 +24,7 @@ def task(model: kl.KoopmanModel, circle: list[float], past_speed: float = 0.0) -
         model,
         np.tile((past_speed, 0.0), (model.history, 1)),
         np.zeros(2),
-        np.array([[*circle, 0.0, 0.0]]),
+        things_of(np.array([[*circle, 0.0, 0.0]])),
         check=Margins(model, PROBLEM).command_check,
         drift=DriftState(),
     )
@@ -144,6 +145,6 @@ def test_the_quick_look_keeps_its_error_beyond_the_margin(
     end = float(model.rollout(np.zeros(3), commands, past)[-1, 0])
     error = fixed + share * end
     states, clearance = np.zeros((21, 3)), 0.1
-    circles = np.array([[end + 0.35 + clearance, 0.0, 0.2, 0.0, 0.0]])
+    circles = things_of(np.array([[end + 0.35 + clearance, 0.0, 0.2, 0.0, 0.0]]))
     for margin, clear in ((clearance - error - 1e-4, True), (clearance - error + 1e-4, False)):
         assert look.lagging_ramp_is_clear(model, states, command, past, circles, margin) is clear

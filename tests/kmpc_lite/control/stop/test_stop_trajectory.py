@@ -8,6 +8,7 @@ from lagging_robot import BRAKING, PROBLEM, lagging, straight
 from wary import slipping
 
 import kmpc_lite as kl
+from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.stop.backup import Backup, BackupState
@@ -25,7 +26,7 @@ def found(
         model,
         past,
         np.zeros(2),
-        rows,
+        things_of(rows),
         check=Margins(model, PROBLEM).command_check,
         drift=DriftState(),
     )
@@ -104,7 +105,7 @@ def test_a_standing_robot_that_lags_may_always_stand_and_may_leave_what_it_touch
 def test_behind_a_slow_command_a_fast_one_needs_its_own_margin() -> None:
     model = slipping(0.2)
     check, stops = Margins(model, PROBLEM).command_check, StopTrajectories(PROBLEM)
-    beside = np.array([[0.241, 0.35 + 0.02, 0.2, 0.0, 0.0]])
+    beside = things_of(np.array([[0.241, 0.35 + 0.02, 0.2, 0.0, 0.0]]))
     assert (
         check.step_margin(DriftState(), 0.01, 0.0)
         < 0.02
@@ -120,7 +121,7 @@ def test_behind_a_slow_command_a_fast_one_needs_its_own_margin() -> None:
 def test_beside_an_obstacle_a_robot_may_brake_but_not_drive_on() -> None:
     model = slipping(0.2)
     check, stops = Margins(model, PROBLEM).command_check, StopTrajectories(PROBLEM)
-    beside = np.array([[0.0, 0.35 + 0.01, 0.2, 0.0, 0.0]])
+    beside = things_of(np.array([[0.0, 0.35 + 0.01, 0.2, 0.0, 0.0]]))
     assert check.step_margin(DriftState(), 0.6, 0.0) > 0.02
     task = StopTask(model, np.zeros((0, 2)), np.zeros(2), beside, check=check, drift=DriftState())
     commands = np.zeros((2, 3, 2))
@@ -132,15 +133,15 @@ def test_beside_an_obstacle_a_robot_may_brake_but_not_drive_on() -> None:
 
 @pytest.mark.parametrize("others", [[], [[3.0, 0.0, 0.2, 0.5, 0.0]]])
 def test_who_only_seems_to_walk_is_not_driven_up_to(others: list[list[float]]) -> None:
-    model, circles = kl.nominal_unicycle(0.1), np.array(others).reshape(-1, 5)
+    model, circles = kl.nominal_unicycle(0.1), things_of(np.array(others).reshape(-1, 5))
     plan = straight(model, np.zeros((0, 2)))
     check, stops = Margins(model, PROBLEM).command_check, StopTrajectories(PROBLEM)
 
     def driven(gap: float) -> float:
-        perhaps = np.array([[gap + 0.25 + PROBLEM.robot_radius, 0.0, 0.25, -0.9, 0.0]])
+        seems = np.array([[gap + 0.25 + PROBLEM.robot_radius, 0.0, 0.25, -0.9, 0.0]])
         none, drift = np.zeros((0, 2)), DriftState()
         task = StopTask(
-            model, none, np.zeros(2), circles, check=check, drift=drift, perhaps=perhaps
+            model, none, np.zeros(2), circles, check=check, drift=drift, perhaps=things_of(seems)
         )
         return float(stops.find(plan.states, plan.inputs, task).inputs[0, 0])
 
@@ -162,10 +163,9 @@ def test_who_was_seen_to_walk_is_let_walk_faster_by_what_is_not_known_of_his_spe
             model,
             none,
             np.zeros(2),
-            person,
+            things_of(person, unsure, 1.0),
             check=check,
             drift=DriftState(),
-            unsure=np.array([unsure]),
         )
         return float(stops.find(plan.states, plan.inputs, task).inputs[0, 0])
 
@@ -175,7 +175,10 @@ def test_who_was_seen_to_walk_is_let_walk_faster_by_what_is_not_known_of_his_spe
 
 def test_without_margins_no_plan_is_refused() -> None:
     model = kl.nominal_unicycle(0.1)
-    plan, circles = straight(model, np.zeros((0, 2))), np.array([[0.1, 0.0, 0.3, 0.0, 0.0]])
+    plan, circles = (
+        straight(model, np.zeros((0, 2))),
+        things_of(np.array([[0.1, 0.0, 0.3, 0.0, 0.0]])),
+    )
     task = StopTask(model, np.zeros((0, 2)), np.zeros(2), circles)
     checked = StopTrajectories(PROBLEM).find(plan.states, plan.inputs, task)
     assert checked.stop == StopTrajectory() and checked.inputs is plan.inputs

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 import kmpc_lite as kl
+from kmpc_lite.control.kernels.clearance import VELOCITY, things_of
 from kmpc_lite.control.world.body_half_planes import BodyKeepOut
 from kmpc_lite.control.world.half_planes import KeepOut, keep_out
 from kmpc_lite.control.world.solids import Solids
 
 CART = kl.Footprint.rectangle(0.8, 0.3, ahead=-0.2)
 PROBLEM = kl.NavigationProblem(horizon=5, footprint=CART, margin=0.02, sensor_range=1.0)
-CIRCLES = np.array([[0.9, 0.4, 0.2, 0.0, 0.0], [-0.5, -0.7, 0.1, 0.1, 0.3]])
+CIRCLES = things_of(np.array([[0.9, 0.4, 0.2, 0.0, 0.0], [-0.5, -0.7, 0.1, 0.1, 0.3]]))
 SOLIDS = Solids([kl.Polygon([(0.2, -1.0), (0.8, -1.0), (0.5, -0.4)]), kl.Wall(-1, 1, 1, 1, 0.1)])
 STATES = np.random.default_rng(2).uniform((-0.1, -0.1, -3.0), (0.1, 0.1, 3.0), (6, 3))
 
@@ -27,7 +27,7 @@ def test_clearance_is_that_of_the_nearest_circle_of_the_robot() -> None:
     assert found.values.shape == (5, 4 * 4 + 5) and found.obstacle_count == 16
     assert found.normals.shape == (5, 21, 3)
     places, times = CART.places(STATES[1:]), PROBLEM.dt * np.arange(1, 6)
-    centres = CIRCLES[:, :2] + times[:, None, None] * CIRCLES[:, 3:]
+    centres = CIRCLES[:, :2] + times[:, None, None] * CIRCLES[:, VELOCITY]
     away = np.hypot(*(places[:, :, None] - centres[:, None]).transpose(3, 0, 1, 2))
     expected = (away - CIRCLES[:, 2]).min(axis=1) - CART.circle_radius - 0.02
     assert np.allclose(found.values[:, :8].reshape(5, 4, 2).min(axis=1), expected)
@@ -66,9 +66,3 @@ def test_penetration_is_the_deepest_of_the_clearances() -> None:
         keeper.penetration(states, CIRCLES, SOLIDS.whole, 0.1),
         np.maximum(0.1 - found.values.min(axis=1), 0.0),
     )
-
-
-def test_every_circle_of_the_robot_sees_an_unsure_walker_grow() -> None:
-    grown = BodyKeepOut(PROBLEM, CART, 10).growth(np.array([0.5, 0.0]))
-    assert grown.shape == (5, 8)
-    assert grown[1] == pytest.approx([0.1, 0.0] * 4)

@@ -11,6 +11,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.studies.sight import circles as study
+from kmpc_lite.control.kernels.clearance import SPREAD_RATE, things_of
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.world.circle_memory import CircleMemory, CircleMemoryState
 from kmpc_lite.types import Array
@@ -35,11 +36,12 @@ def recall(
     state: CircleMemoryState,
     circles: Array,
     pose: Array,
-    spread: Array | None = None,
+    spread_rate: Array | float = 0.0,
     noise: float = 0.0,
     driven: float = 0.0,
 ) -> Array:
-    return memory.recall(state, circles, spread, pose, noise, driven)[0]
+    things = things_of(circles, spread_rate)
+    return memory.recall(state, things, pose, noise, driven)[:, :SPREAD_RATE]
 
 
 @pytest.fixture
@@ -109,12 +111,10 @@ def test_who_moves_is_not_remembered(memory: CircleMemory, state: CircleMemorySt
 
 def test_spreads_stay_with_their_circles(memory: CircleMemory, state: CircleMemoryState) -> None:
     circles = standing((3.0, 0.0), (2.0, 0.0))
-    known, spread = memory.recall(
-        state, circles, np.array((0.1, 0.0)), at_distance(2.0), noise=0.0, driven=0.0
-    )
-    np.testing.assert_array_equal(known, standing((0.0, 0.0), (2.0, 0.0), (3.0, 0.0)))
-    assert spread is not None
-    np.testing.assert_array_equal(spread, (0.0, 0.0, 0.1))
+    seen = things_of(circles, np.array((0.1, 0.0)))
+    known = memory.recall(state, seen, at_distance(2.0), noise=0.0, driven=0.0)
+    places = standing((0.0, 0.0), (2.0, 0.0), (3.0, 0.0))
+    np.testing.assert_array_equal(known, things_of(places, np.array((0.0, 0.0, 0.1))))
 
 
 def test_the_latest_are_remembered_where_there_are_too_many() -> None:
@@ -128,8 +128,8 @@ def test_the_latest_are_remembered_where_there_are_too_many() -> None:
 
 def test_without_a_range_nothing_is_remembered() -> None:
     memory, state = CircleMemory(kl.NavigationProblem(), ControllerOptions()), CircleMemoryState()
-    circles = standing((0.0, 0.0))
-    assert recall(memory, state, circles, at_distance(0.4)) is circles
+    things = things_of(standing((0.0, 0.0)))
+    assert memory.recall(state, things, at_distance(0.4), 0.0, 0.0) is things
     assert not len(state.circles)
 
 

@@ -6,14 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from kmpc_lite import Circle, ProblemError
-from kmpc_lite.control.world.circles import circle_distances, circles_to_array
+from kmpc_lite.control.world.circles import circles_to_array
 
 NAN, INF = float("nan"), float("inf")
-near = st.floats(-3.0, 3.0)
 
 
 @pytest.mark.parametrize(
@@ -66,49 +63,3 @@ def test_rows_without_velocity_stand_still() -> None:
 def test_other_shapes_are_refused_with_their_shape(wrong: Any) -> None:
     with pytest.raises(ValueError, match="shape"):
         circles_to_array(wrong)
-
-
-@given(
-    circles=st.lists(
-        st.tuples(near, near, st.floats(0.0, 1.0), near, near), min_size=1, max_size=4
-    ),
-    positions=st.lists(st.tuples(near, near, st.floats(0.0, 3.0)), min_size=1, max_size=4),
-)
-def test_distances_and_normals_are_those_of_each_pair(
-    circles: list[Any], positions: list[Any]
-) -> None:
-    rows, points = np.array(circles), np.array(positions)
-    kept = rows.copy(), points.copy()
-    distances, normals = circle_distances(rows, points[:, :2], points[:, 2])
-    assert distances.shape == (len(points), len(rows)) and normals.shape == (
-        len(points),
-        len(rows),
-        2,
-    )
-    for k, (x, y, t) in enumerate(positions):
-        for i, (cx, cy, radius, vx, vy) in enumerate(circles):
-            away = np.array([x - cx - t * vx, y - cy - t * vy])
-            length = np.hypot(*away)
-            assert distances[k, i] == pytest.approx(length - radius, abs=1e-8)
-            assert np.hypot(*normals[k, i]) == pytest.approx(1.0)
-            if length > 1e-6:
-                np.testing.assert_allclose(normals[k, i], away / length, atol=1e-6)
-    np.testing.assert_array_equal(rows, kept[0])
-    np.testing.assert_array_equal(points, kept[1])
-
-
-def test_at_a_centre_the_normal_is_some_unit_vector() -> None:
-    distances, normals = circle_distances(
-        np.array([[1.0, 2.0, 0.3, 0.0, 0.0]]), np.array([[1.0, 2.0]]), np.zeros(1)
-    )
-    assert distances[0, 0] == pytest.approx(-0.3)
-    assert np.hypot(*normals[0, 0]) == pytest.approx(1.0)
-
-
-def test_a_moving_circle_is_where_it_will_be() -> None:
-    distances, _ = circle_distances(
-        np.array([[0.0, 0.0, 0.5, 1.0, 0.0]]),
-        np.array([[2.0, 0.0], [2.0, 0.0]]),
-        np.array([0.0, 2.0]),
-    )
-    np.testing.assert_allclose(distances[:, 0], [1.5, -0.5], atol=1e-8)

@@ -163,12 +163,12 @@ def test_posts_do_not_walk_when_scans_of_a_robot_that_turns_are_old(age: float) 
     headings = 0.2 * np.arcsin(np.sin(math.tau * times))
     problem = kl.NavigationProblem(x_min=(-6, -6, -np.inf), x_max=(6, 6, np.inf))
     eyes, map_ = Sight(problem, Scale(), SightOptions(), 1.65), None
-    watch, tracks = Walkers(DT, TrackerOptions(), Scale()), Tracks()
+    watch, tracks = Walkers(DT, TrackerOptions(), Scale(), 0.15), Tracks()
     random = np.random.default_rng(0)
     for now, then in headings.T:
         pose, fresh = np.array([0.0, 0.0, now]), look(posts, np.array([0.0, 0.0, then]), random)
         scan = dataclasses.replace(fresh, age=age)
-        tracks, rows, _, _ = watch.see(tracks, [scan], pose, np.empty((0, 5)), map_)
+        tracks, rows, _ = watch.see(tracks, [scan], pose, np.empty((0, 7)), map_)
         map_ = eyes.look(map_, [scan], pose, 0.0)
         walkers += len(rows)
     assert walkers < 5

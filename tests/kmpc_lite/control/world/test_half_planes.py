@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import kmpc_lite as kl
+from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.world.half_planes import KeepOut
 from kmpc_lite.control.world.solids import Solids
 
@@ -16,7 +17,7 @@ def test_solids_stand_between_circles_and_sides() -> None:
     keep_out = KeepOut(problem, slots=8)
     solids = Solids([kl.Polygon(SQUARE), kl.Wall(-1, -1, -1, 1, 0.2)]).whole
     states = np.array([[-0.5, 0.5, 0.0], [-0.4, 0.5, 0.0], [-0.3, 0.5, 0.0], [-0.2, 0.5, 0.0]])
-    circles = np.array([[-0.3, 1.5, 0.1, 0.0, 0.0]])
+    circles = things_of(np.array([[-0.3, 1.5, 0.1, 0.0, 0.0]]))
     found = keep_out.clearances(states, circles, solids)
     assert found.obstacle_count == 3
     gaps, normals = found.values, found.normals

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lite.control.kernels.clearance import SPREAD_RATE, things_of
 from kmpc_lite.control.options import TrackerOptions
 from kmpc_lite.control.world.motion_watch import MotionWatch, MotionWatchState
 from kmpc_lite.control.world.tracker import ObstacleTracker
@@ -73,11 +74,11 @@ def test_who_is_hidden_is_expected_for_a_second_and_a_half() -> None:
 
 
 def test_who_was_seen_to_move_grows_by_three_standard_deviations_of_his_velocity() -> None:
-    watch, state = MotionWatch(DT, TrackerOptions(), 0.15, 0.6), MotionWatchState()
+    watch, state = MotionWatch(DT, TrackerOptions(), 0.15, 0.6, 0.15), MotionWatchState()
     for k in range(12):
-        _, spread = watch.see(state, np.array([[0.08 * k, 1.0, 0.2, 0.0, 0.0]]))
-    assert spread is not None and state.tracks is not None
-    assert spread[0] == pytest.approx(3.0 * state.tracks.velocity_deviations[0])
+        seen = watch.see(state, things_of(np.array([[0.08 * k, 1.0, 0.2, 0.0, 0.0]])))
+    assert state.tracks is not None
+    assert seen[0, SPREAD_RATE] == pytest.approx(3.0 * state.tracks.velocity_deviations[0])
 
 
 def test_two_hundred_circles_are_followed() -> None:

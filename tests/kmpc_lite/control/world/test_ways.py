@@ -7,6 +7,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lab.studies import any_robot, robot_drives
+from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.nmpc.trajectory import leads_elsewhere
 from kmpc_lite.control.world.half_planes import KeepOut, keep_out
 from kmpc_lite.control.world.ways import WayKeepOut
@@ -15,7 +16,7 @@ from kmpc_lite.types import Array
 PROBLEM = kl.NavigationProblem(horizon=3, dt=1.0)
 COLUMNS = 7
 """Three circles and four sides."""
-SMALL = np.array([[0.9, 0.05, 0.05, 0.0, 0.0]])
+SMALL = things_of(np.array([[0.9, 0.05, 0.05, 0.0, 0.0]]))
 LEAP = np.array([[0.0, 0.0, 0.0], [0.6, 0.0, 0.0], [1.2, 0.0, 0.0], [1.8, 0.0, 0.0]])
 
 
@@ -47,7 +48,7 @@ def test_half_planes_are_the_slopes_of_clearances(margin: float) -> None:
     for _ in range(20):
         states = np.cumsum(random.normal(0.0, 0.4, (4, 3)), axis=0)
         places, sizes = random.normal(0.0, 1.0, (3, 2)), random.uniform(0.05, 0.2, (3, 1))
-        circles = np.hstack([places, sizes, random.normal(0.0, 0.1, (3, 2))])
+        circles = things_of(np.hstack([places, sizes, random.normal(0.0, 0.1, (3, 2))]))
         found = keeper.clearances(states, circles, None)
         values = keeper.tighten(states, circles, found, margins).copy()
         normals, offsets = rows(keeper, states, values, found.normals)
@@ -69,7 +70,7 @@ def test_half_planes_are_the_slopes_of_clearances(margin: float) -> None:
 
 def test_the_first_way_leads_no_nearer_to_what_the_robot_stands_beside() -> None:
     # the robot's edge is 1 mm from a circle that its step would cut
-    circle = np.array([[0.3, 0.2, 0.2, 0.0, 0.0]])
+    circle = things_of(np.array([[0.3, 0.2, 0.2, 0.0, 0.0]]))
     away = 0.351 * np.array((-0.8, -0.6))
     here = np.array([*(circle[0, :2] + away), 0.0])
     states = np.array(
@@ -105,7 +106,7 @@ def test_a_plan_on_the_other_side_is_told() -> None:
     above, below = LEAP + (0.0, 0.3, 0.0), LEAP - (0.0, 0.3, 0.0)
     assert leads_elsewhere(above, below, SMALL)
     assert not leads_elsewhere(above, LEAP + (0.0, 0.2, 0.0), SMALL)
-    assert not leads_elsewhere(above, below, SMALL + (0.0, 1.0, 0.0, 0.0, 0.0))
+    assert not leads_elsewhere(above, below, SMALL + (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("seed", [88801, 88837])
