@@ -67,10 +67,10 @@ def look(driver: SightedDriver, robot: Robot, seconds: float) -> list[tuple[bool
 
 
 def seen(scan: Scan) -> str:
-    """Nearest hit and its direction, and how many beams say nothing."""
+    """Nearest hit and its direction, and how many beams are unknown."""
     ranges = scan.ranges
     hits, unknown = np.isfinite(ranges), np.isnan(ranges)
-    share = f"{100.0 * unknown.mean():.0f} % of {len(ranges)} beams say nothing"
+    share = f"{100.0 * unknown.mean():.0f} % of {len(ranges)} beams are unknown"
     if not hits.any():
         return f"lidar: nothing within {scan.range_max:g} m; {share}"
     nearest = int(np.argmin(np.where(hits, ranges, np.inf)))

@@ -24,7 +24,7 @@ STOP_TIME = 1.0
 this time [s]."""
 LONGEST_LATENCY = 0.5
 """Longest latency that a robot file may hold [s]."""
-TRUST = "--trust-model drives with it all the same"
+TRUST = "--trust-model uses it nevertheless"
 
 
 def fit_for(robot: Robot, model: kl.KoopmanModel, name: str) -> tuple[Robot, list[str]]:
@@ -53,12 +53,12 @@ def fit_for(robot: Robot, model: kl.KoopmanModel, name: str) -> tuple[Robot, lis
     wrong = [*_other_vehicle(robot, info), *_other_period(robot, model)]
     if wrong and not trust:
         raise ConfigError(f"{name}: {'; '.join(wrong)}. Record this robot and learn anew; {TRUST}")
-    notes = [f"{name}: {text}; trusted all the same" for text in wrong]
+    notes = [f"{name}: {text}; used nevertheless" for text in wrong]
     if "vehicle" not in info and not trust:
-        notes.append(f"{name}: does not say whose model it is: kmpc fit --vehicle NAME")
+        notes.append(f"{name}: names no vehicle: kmpc fit --vehicle NAME")
     limits, lowered = _within_shown(robot.gate.limits, info.get("driven"))
     if lowered and trust:
-        notes.append(f"{name}: its log does not show {', '.join(lowered)}; trusted all the same")
+        notes.append(f"{name}: its log does not show {', '.join(lowered)}; used nevertheless")
     elif lowered:
         notes.append(f"{name}: its log does not show more: {', '.join(lowered)}; {TRUST}")
         robot = replace(robot, gate=replace(robot.gate, limits=limits))
@@ -173,7 +173,7 @@ def describe_model(robot: Robot) -> list[tuple[bool, str]]:
         way = way * stopping["delay"] + way**2 / (2.0 * limits.deceleration)
         found.append(
             f"reaction: the motion comes {stopping['delay']:.2g} s after its command (log); "
-            f"from full speed it stands after {way:.2g} m"
+            f"stopping distance from full speed: {way:.2g} m"
         )
     found += [line.replace("  ", ": ", 1) for line in format_changes(info)]
     return [(True, text) for text in (*found, *(f"note: {note}" for note in notes))]

@@ -140,10 +140,10 @@ def advice(robot: Robot, rehearse: bool) -> tuple[bool, tuple[str, ...]]:
     if rehearse:
         return True, (f"{model}: rehearsed again, at half speed; before: {known.text}",)
     if robot.control.trust_model:
-        return False, (f"{model}: failed its rehearsal, trusted all the same: {known.text}",)
+        return False, (f"{model}: failed its rehearsal, used nevertheless: {known.text}",)
     raise ConfigError(
         f"{model}: failed its rehearsal: {known.text}. Learn anew, or --rehearse again; "
-        "--trust-model drives with it all the same"
+        "--trust-model uses it nevertheless"
     )
 
 

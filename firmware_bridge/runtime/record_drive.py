@@ -200,7 +200,7 @@ class Recording:
         if self._started is None:
             self._started = now
         if now - self._started > self._wait and not session.loop.stop_reason:
-            why = "; ".join(session.why()) or "it was not given to us"
+            why = "; ".join(session.why()) or "it was not given to the bridge"
             self.trouble = f"never drove within {self._wait:g} s: {why}"
             session.loop.request_stop(self.trouble)
 

@@ -69,6 +69,6 @@ def _barred(status: LinkStatus) -> str:
     if not status.frame_doubt:
         return ""
     return (
-        f"{status.frame_doubt}: its frame may lie elsewhere; look where the robot is shown, then "
+        f"{status.frame_doubt}: its frame may have moved; look where the robot is shown, then "
         "kmpc estop --confirm-frame"
     )

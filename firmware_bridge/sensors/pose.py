@@ -108,7 +108,7 @@ class PoseFilter:
         """Newest that is believed, stamped with our clock."""
         self._heard: float | None = None
         self._nonsense = -math.inf
-        """When it last sent what is no number [s]."""
+        """When it last sent non-finite numbers [s]."""
         self._source_stamp = -math.inf
         self._restarts: deque[float] = deque(maxlen=RESTARTS + 1)
         """When its clock was last set anew [s]."""
@@ -178,14 +178,16 @@ class PoseFilter:
         since = self._nonsense - (-math.inf if self._heard is None else self._heard)
         if now - self._nonsense > TOLD or not since > SILENCE:
             return ""
-        return f"the pose source sends what is no number, or farther than {FARTHEST / 1e3:g} km"
+        return (
+            f"the pose source sends non-finite numbers, or positions beyond {FARTHEST / 1e3:g} km"
+        )
 
     def fault(self, now: float) -> str:
         """Why nothing is believed now, empty where that is not so."""
         recent = sum(now - at < STEADY for at in tuple(self._restarts))
         if recent <= RESTARTS:
             return ""
-        return f"the clock of the pose source jumps: nothing of it is believed for {STEADY:g} s"
+        return f"the clock of the pose source jumps: its poses are rejected for {STEADY:g} s"
 
     def _settled(self, pose: SourcePose) -> bool:
         """Whether poses elsewhere have agreed with one another for long enough."""

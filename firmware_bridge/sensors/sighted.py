@@ -62,7 +62,7 @@ class SightedDriver(SensorDriver):
         return self.inner.state()
 
     def sweep(self) -> Sweep | None:
-        """Newest turn of which enough beams say something, and that is not an old one again."""
+        """Newest turn of which enough beams are known, and that is not an old one again."""
         with self._lock:
             sweep = self.lidar.sweep()
             if sweep is None or sweep is self._looked:
@@ -83,7 +83,7 @@ class SightedDriver(SensorDriver):
         faults = lidar.faults
         if covered is not None:
             share = f"{100.0 * covered.returns:.0f} %"
-            faults += (f"lidar: only {share} of its beams say something: is it covered?",)
+            faults += (f"lidar: only {share} of its beams are known: is it covered?",)
         if self._frozen:
             faults += (
                 "lidar: its turns repeat each other to the last digit while the robot moves: it is "

@@ -104,7 +104,7 @@ def test_hints_follow_from_what_is_seen(tmp_path):
     assert "lidar.ignore = [[2.96, -2.98]]" in told[1] and len(told) == 2
     ranges[:] = np.nan
     assert 'no_return = "free"' in hints(scan_of(ranges), robot)[1]
-    assert seen(scan_of(ranges)) == "lidar: nothing within 8 m; 100 % of 360 beams say nothing"
+    assert seen(scan_of(ranges)) == "lidar: nothing within 8 m; 100 % of 360 beams are unknown"
     ranges[270] = 0.5
     assert "nearest 0.50 m from it, 90 degrees left of ahead" in seen(scan_of(ranges))
     assert "straight ahead" in seen(scan_of(ranges, (0.0, 0.0, -np.pi / 2)))

@@ -106,7 +106,7 @@ def test_a_model_that_predicts_worse_stops_the_robot_and_is_refused_from_then_on
         advice(robot(), False)
     assert advice(robot(), True)[0]
     trusted, notes = advice(robot(trust_model=True), False)
-    assert not trusted and "trusted all the same" in notes[0]
+    assert not trusted and "used nevertheless" in notes[0]
 
 
 def test_another_model_and_another_vehicle_are_not_rehearsed_by_that():

@@ -56,10 +56,10 @@ def test_stop_goes_through_the_latch_of_kmpc_estop(tmp_path):
 
 
 def test_enabling_obeys_the_reason_that_the_gate_has(tmp_path):
-    with bridge(tmp_path, "its frame may lie elsewhere") as (link, stop, seen):
+    with bridge(tmp_path, "its frame may have moved") as (link, stop, seen):
         press(link, "stop")
         answer = again(link)
-        assert not answer["ok"] and answer["why"] == ["its frame may lie elsewhere"]
+        assert not answer["ok"] and answer["why"] == ["its frame may have moved"]
         assert "enable" not in seen and not stop.latched  # cleared, and it stands
 
 

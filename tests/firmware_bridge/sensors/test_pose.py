@@ -186,7 +186,7 @@ def test_a_source_that_sends_no_numbers_is_told_as_such(words):
     for _ in range(40):
         now += PERIOD
         source.take(f"{now + 7000.0} {words}".encode(), now)
-    assert source.nonsense(now).startswith("the pose source sends what is no number")
+    assert source.nonsense(now).startswith("the pose source sends non-finite numbers")
     assert source.nonsense(now + 5.0) == "", "it sends nothing now"
     source.take(line(now + 7000.01), now + 0.01)
     assert source.nonsense(now + 0.01) == ""
