@@ -68,7 +68,7 @@ def test_blocks_are_found_with_their_marks() -> None:
 def test_the_readme_is_short() -> None:
     text = read(README)
     assert len(text.splitlines()) <= 150
-    assert len(text.split()) <= 1200
+    assert len(text.split()) <= 900
     (program,) = blocks(text, "python")
     assert len([line for line in program.text.splitlines() if line.strip()]) <= 15
     assert not program.long
