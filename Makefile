@@ -57,7 +57,7 @@ test-long: $(VENV)/dev  ## the tests that take minutes
 	$(BIN)/python -m pytest -m long $(ARGS)
 
 outcomes: $(VENV)/dev  ## every outcome drive with ten seeds: contacts, arrivals, times (half an hour)
-	PYTHONPATH=.:tests $(BIN)/python -m outcomes check --seeds 10 $(ARGS)
+	PYTHONPATH=.:lab:tests $(BIN)/python -m outcomes check --seeds 10 $(ARGS)
 
 constraints: $(VENV)/dev  ## note the versions of all packages that the tests have passed with: constraints.txt
 	@{ echo "# Versions of all packages with which the tests of this version pass (x86-64 Linux, Python 3.11)."; \

@@ -22,7 +22,7 @@ def complaints(name: str) -> list[str]:
     result = drive_key((name, 0, 0)).result
     if result is None:
         return []
-    plot = f'; see it: PYTHONPATH=.:tests python -m outcomes plot "{name}"'
+    plot = f'; see it: PYTHONPATH=.:lab:tests python -m outcomes plot "{name}"'
     return [c + plot for c in judge.complaints(EXPECTATIONS[name, 0], line_of([result]))]
 
 
@@ -49,6 +49,14 @@ def test_expectations_are_read_as_they_were_written(tmp_path: Path) -> None:
     written.write_text(to_text(EXPECTATIONS.values()), encoding="utf-8")
     lines = [[row for row in t.splitlines() if row[0] != "#"] for t in (text, written.read_text())]
     assert lines[0] == lines[1]
+
+
+def test_the_drives_come_to_every_status_and_every_end() -> None:
+    found = [line.result for line in EXPECTATIONS.values()]
+    for status in ("stopped", "fallback", "feasible"):
+        assert max(getattr(result, status) for result in found) > 0.1
+    ends = set().union(*(line.ends for line in EXPECTATIONS.values()))
+    assert ends == {"arrived", "driving", "holding", "unreachable", "waiting"}
 
 
 GOOD = Result("a", "b", 0, 0.0, "arrived", 10.0, 0.4, 1, 0.0, 0.0, 0.0, 1.0, 0.1, 0.1)
