@@ -8,7 +8,7 @@ export OPENBLAS_NUM_THREADS := 1
 export NO_MKDOCS_2_WARNING := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long outcomes coverage check docs format study clean constraints
+.PHONY: help demo test test-long outcomes budgets coverage check docs format study clean constraints
 
 help:  ## show what can be made
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -58,6 +58,9 @@ test-long: $(VENV)/dev  ## the tests that take minutes
 
 outcomes: $(VENV)/dev  ## every outcome drive with ten seeds: contacts, arrivals, times (half an hour)
 	PYTHONPATH=.:lab:tests $(BIN)/python -m outcomes check --seeds 10 $(ARGS)
+
+budgets: $(VENV)/dev  ## lines, files, options, states and functions reached by a step, beside what they may be
+	@$(BIN)/python .ci/budgets.py
 
 constraints: $(VENV)/dev  ## note the versions of all packages that the tests have passed with: constraints.txt
 	@{ echo "# Versions of all packages with which the tests of this version pass (x86-64 Linux, Python 3.11)."; \
