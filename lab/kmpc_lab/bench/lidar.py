@@ -1,4 +1,4 @@
-"""What a scan costs a step: drives by lidar beside drives past four circles that are told."""
+"""What a scan costs a step: drives by lidar beside drives past four known circles."""
 
 from __future__ import annotations
 
@@ -20,17 +20,21 @@ from kmpc_lite.control.world.scene import Obstacles
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.types import Array
 
-LIDAR = LidarSpec(4.0)
+REACH = 4.0
+"""How far the scanner sees [m]."""
+BEAMS = (360, 720, 1440)
 STEPS = 160
 """Of a drive at most: about half the way through one of the worlds."""
 CIRCLES = 4
 PHASES = ("estimate", "guide", "solve", "verify", "total")
-"""Of a step, as they are told; what a scan shows is looked at in ``estimate``."""
+"""Of a step; what a scan shows is looked at in ``estimate``."""
+Step = tuple[Array, Array, Obstacles]
+"""Pose, goal and obstacles of a recorded step."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Drive:
-    """Where a drive leads, and what the robot is told or sees on it."""
+    """Where a drive leads, and what the robot knows or sees on it."""
 
     start: Array
     goal: Array
@@ -40,7 +44,7 @@ class _Drive:
 def lidar_steps(
     drives: int, seed: int, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> list[dict[str, Any]]:
-    """Time steps of one controller past four circles, and by a lidar of 360 beams, in turns.
+    """Time steps of one controller past four circles, and by lidars of `BEAMS`, in turns.
 
     Drives are recorded first and repeated for the clock: neither the simulated lidar nor the plant
     comes in between.
@@ -48,7 +52,7 @@ def lidar_steps(
     Parameters
     ----------
     drives : int
-        Of either kind; those by lidar lead through the worlds of ``kmpc study sight`` in turns.
+        Of each kind; those by lidar lead through the worlds of ``kmpc study sight`` in turns.
     seed : int
         Of the first; the others follow.
     progress : callable
@@ -57,31 +61,39 @@ def lidar_steps(
     Returns
     -------
     list of dict
-        For both kinds ``name``, ``steps``, ``ms`` (p50, p99, p99.9 and max of a whole step), and
+        For each kind ``name``, ``steps``, ``ms`` (p50, p99, p99.9 and max of a whole step), and
         ``phases_ms`` (the same of each).
     """
-    controller = Controller(nominal_unicycle(STANDARD.dt), STANDARD.problem(SIDE))
-    kinds: dict[str, list[Mapping[str, float]]] = {f"{CIRCLES} circles": [], "scan, 360 beams": []}
+    controller = make_controller()
+    laps: dict[str, list[Mapping[str, float]]] = {}
     for i in range(drives):
-        turns = (_past_circles(seed + i), _by_lidar(i, seed + i))
-        for drive, laps in zip(turns, kinds.values(), strict=True):
-            recorded = _record(controller, drive, seed + i)
+        for name, recorded in record_turn(controller, i, seed + i).items():
             controller.reset()
             gc.collect()
             plans = [controller.step(*step) for step in recorded]
             # the first has no plan to start from
-            laps += [plan.timing for plan in plans[1:]]
+            laps.setdefault(name, []).extend(plan.timing for plan in plans[1:])
         progress(i + 1, drives)
-    return [_told(name, laps) for name, laps in kinds.items()]
+    return [_as_dict(name, found) for name, found in laps.items()]
 
 
-def _record(
-    controller: Controller, drive: _Drive, seed: int
-) -> list[tuple[Array, Array, Obstacles]]:
+def make_controller() -> Controller:
+    """The controller that is timed."""
+    return Controller(nominal_unicycle(STANDARD.dt), STANDARD.problem(SIDE))
+
+
+def record_turn(controller: Controller, which: int, seed: int) -> dict[str, list[Step]]:
+    """Record a drive of each kind, by name: past circles, and by a lidar of each of `BEAMS`."""
+    kinds = {f"{CIRCLES} circles": _past_circles(seed)}
+    kinds |= {f"scan, {beams} beams": _by_lidar(which, seed, beams) for beams in BEAMS}
+    return {name: _record(controller, drive, seed) for name, drive in kinds.items()}
+
+
+def _record(controller: Controller, drive: _Drive, seed: int) -> list[Step]:
     """Pose, goal and obstacles of each step of a drive until the goal is held."""
     plant, pose = RobotPlant(STANDARD, seed), drive.start
     controller.reset()
-    recorded: list[tuple[Array, Array, Obstacles]] = []
+    recorded: list[Step] = []
     while len(recorded) < STEPS:
         step = pose, drive.goal, drive.obstacles(pose)
         plan = controller.step(*step)
@@ -93,26 +105,27 @@ def _record(
 
 
 def _past_circles(seed: int) -> _Drive:
-    """A drive past circles that are told."""
+    """A drive past known circles."""
     random = np.random.default_rng(seed)
     circles = random_circles(random, CIRCLES)
     ends = free_pose(random, circles), free_pose(random, circles)
     return _Drive(*ends, lambda pose: circles)
 
 
-def _by_lidar(which: int, seed: int) -> _Drive:
-    """A drive through a world that nobody has told."""
+def _by_lidar(which: int, seed: int, beams: int) -> _Drive:
+    """A drive through an unknown world."""
+    lidar = LidarSpec(REACH, beams=beams)
     course = course_of(list(KINDS)[which % len(KINDS)], seed, STANDARD.radius)
     random = np.random.default_rng([seed, 9])
 
     def look(pose: Array) -> list[LaserScan]:
-        ranges, _ = scan_ranges(course.world, LIDAR, pose, random)
-        return [scan_of(LIDAR, ranges)]
+        ranges, _ = scan_ranges(course.world, lidar, pose, random)
+        return [scan_of(lidar, ranges)]
 
     return _Drive(course.start, course.goal, look)
 
 
-def _told(name: str, laps: Sequence[Mapping[str, float]]) -> dict[str, Any]:
+def _as_dict(name: str, laps: Sequence[Mapping[str, float]]) -> dict[str, Any]:
     """Plain values, for JSON."""
     phases = {phase: in_ms([lap.get(phase, 0.0) for lap in laps]) for phase in PHASES}
     return {"name": name, "steps": len(laps), "ms": phases["total"], "phases_ms": phases}

@@ -1,18 +1,24 @@
-"""`kmpc bench --lidar`: what is timed, and how it is told; never how long it takes."""
+"""`kmpc bench --lidar` and `--against`: what is timed and printed; never how long it takes."""
 
 from __future__ import annotations
 
 import json
+import shutil
+import subprocess
+from pathlib import Path
 
-from kmpc_lab.bench import lidar
+from kmpc_lab.bench import against, lidar
 from kmpc_lite.cli.main import main
 
+NAMES = ["4 circles", "scan, 360 beams", "scan, 720 beams", "scan, 1440 beams"]
 
-def test_both_kinds_of_steps_are_timed_phase_by_phase(monkeypatch, capsys) -> None:
+
+def test_steps_of_all_kinds_are_timed_phase_by_phase(monkeypatch, capsys) -> None:
     monkeypatch.setattr(lidar, "STEPS", 12)
     assert main(["bench", "--lidar", "--drives", "2", "--tuning", "--json"]) == 0
-    circles, scan = json.loads(capsys.readouterr().out)
-    assert (circles["name"], scan["name"]) == ("4 circles", "scan, 360 beams")
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["name"] for row in rows] == NAMES
+    circles, scan = rows[:2]
     # the first step of a drive is left out
     assert circles["steps"] == scan["steps"] == 2 * 11
     for row in (circles, scan):
@@ -29,3 +35,25 @@ def test_a_drive_is_recorded_until_its_goal_is_held() -> None:
     assert 10 < len(recorded) < lidar.STEPS
     (pose, goal, _), last = recorded[0], recorded[-1][0]
     assert abs(pose[:2] - goal[:2]).max() > 0.3 > abs(last[:2] - goal[:2]).max()
+
+
+def test_another_commit_is_stepped_through_the_same_inputs(monkeypatch, capsys, tmp_path) -> None:
+    root = Path(lidar.__file__).parents[3]
+    exported = tmp_path / "checkout"
+    shutil.copytree(root / "kmpc_lite", exported / "kmpc_lite")
+    git = ["git", "-C", str(exported), "-c", "user.name=a", "-c", "user.email=a@b.c"]
+    for words in (["init", "-q"], ["add", "."], ["commit", "-qm", "all"]):
+        subprocess.run([*git, *words], check=True)
+    monkeypatch.setattr(lidar, "STEPS", 6)
+    monkeypatch.setattr(against.kmpc_lite, "__file__", str(exported / "kmpc_lite/__init__.py"))
+    asked = ["bench", "--against", "HEAD", "--drives", "1", "--tuning"]
+    assert main([*asked, "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["name"] for row in rows] == NAMES
+    for row in rows:
+        assert row["steps"] == 5
+        assert row["ratio"]["p50"] == row["ms"]["p50"] / row["other_ms"]["p50"]
+    assert "this / other" in against.format_against(rows, "HEAD")
+
+    assert main(["bench", "--against", "nosuchcommit", "--drives", "1"]) == 2
+    assert "--against nosuchcommit" in capsys.readouterr().err

@@ -6,7 +6,15 @@ import argparse
 import json
 from pathlib import Path
 
-from kmpc_lab.cli.bench.jobs import COMPARISON, DRIVES, JOBS, LOOP, SECONDS, STEPS
+from kmpc_lab.cli.bench.jobs import (
+    AGAINST,
+    COMPARISON,
+    DRIVES,
+    JOBS,
+    LOOP,
+    SECONDS,
+    STEPS,
+)
 from kmpc_lite.cli.command import Command, refuse_unread
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import count, positive
@@ -35,6 +43,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group()
     for option, job in JOBS.items():
         what.add_argument(option, dest="job", action="store_const", const=option, help=job.text)
+    what.add_argument("--against", metavar="COMMIT", help=AGAINST.text)
     what.add_argument("--loop", type=positive, metavar="HZ", help=LOOP.text)
     add(
         "--seconds",
@@ -53,8 +62,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Measure what was asked for."""
-    name = "--loop" if options.loop else options.job
-    job = LOOP if options.loop else JOBS.get(options.job, COMPARISON)
+    name, job = options.job, JOBS.get(options.job, COMPARISON)
+    if options.loop:
+        name, job = "--loop", LOOP
+    elif options.against:
+        name, job = "--against", AGAINST
     who = " ".join(filter(None, ("kmpc bench", name)))
     refuse_unread("kmpc bench", who, options, SHARED, job.reads)
     if options.picture:
@@ -71,6 +83,7 @@ COMMAND = Command(
         "kmpc bench --drives 40 --picture bench.png",
         "kmpc bench --scaling",
         "kmpc bench --lidar --drives 12",
+        "kmpc bench --against v0.2.0 --drives 6",
         "kmpc bench --solvers",
         "kmpc bench --loop 100 --seconds 600",
         "kmpc bench --quality",
