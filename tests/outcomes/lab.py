@@ -10,7 +10,7 @@ from kmpc_lab.studies.conditions import Condition
 from kmpc_lab.studies.jumps import Jumps
 from kmpc_lab.studies.real_robots import RealPlant, real_robot
 from kmpc_lab.studies.sight.worlds import course_of as sight_course
-from kmpc_lite.control.options import MovingObstacleOptions, SightOptions
+from kmpc_lite.control.options import SightOptions
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.scenario.touch import footprint_gaps
 from kmpc_lite.scenario.world import World, world_of
@@ -19,7 +19,6 @@ __all__ = [
     "BrokenWorkspace",
     "Condition",
     "Jumps",
-    "MovingObstacleOptions",
     "Pedestrians",
     "RealPlant",
     "Robot",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from outcomes.rows import goals, maps, mishaps, moving, robots, sight
+from outcomes.rows import controllers, goals, maps, mishaps, moving, reach, robots, sight
 from outcomes.setup import Row
 
 TABLES = (
@@ -14,8 +14,8 @@ TABLES = (
     robots.RATES,
     robots.BOUNDS,
     robots.SHAPES,
-    sight.RAMPS,
-    sight.REVEALED,
+    reach.RAMPS,
+    reach.REVEALED,
     sight.LIDAR,
     sight.VIEW,
     sight.BARN,
@@ -27,10 +27,10 @@ TABLES = (
     mishaps.LAG,
     mishaps.FLOOR,
     mishaps.POSE,
-    mishaps.SOLVER,
-    mishaps.STATE,
-    mishaps.PAPER,
-    mishaps.REAL,
+    controllers.SOLVER,
+    controllers.STATE,
+    controllers.PAPER,
+    controllers.REAL,
 )
 ROWS: dict[str, Row] = {row.name: row for table in TABLES for row in table.rows}
 if len(ROWS) != sum(len(table.rows) for table in TABLES):
