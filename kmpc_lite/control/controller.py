@@ -14,6 +14,7 @@ from kmpc_lite.control.estimate.estimator import adapt
 from kmpc_lite.control.estimate.pose_age import whole_age
 from kmpc_lite.control.guiding import make_guide
 from kmpc_lite.control.knowledge import Examiner, problem_in_units
+from kmpc_lite.control.mobility import check_motion, movable
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, MakeSolver
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.observation import Admission, Observation
@@ -37,7 +38,6 @@ from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import StepClock
 from kmpc_lite.control.world.scene import Obstacles
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.ramps import Ramps
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.planner import Planner
@@ -149,8 +149,7 @@ class Controller:
             clock=clock,
         )
         check_settings(model, problem, settings)
-        ramps = Ramps.of(model.info).within(Ramps.of(model.info, "changes"))
-        self.problem = problem = problem.within_ramps(ramps)
+        self.problem = problem = movable(model, problem)
         self.scale = scale = problem.scale
         self.adaptation = choose_adaptation(
             model, adaptation, tightening is not None, scale, options.adaptation
@@ -266,6 +265,7 @@ class Controller:
             For another period, or another length of input history.
         """
         check_replacement(model, self.model, self.problem)
+        check_motion(model, self.problem)
         self._learned = self._state.base_model = model
         self.adaptation, self._state.adaptation = adapt_anew(self.adaptation, model)
         self._take_over(model)

@@ -28,6 +28,7 @@ from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.recent_times import longest_lately
+from kmpc_lite.control.standstill import Present, StandstillWatch
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE, StepClock
 from kmpc_lite.control.stop.backup import Backup
@@ -94,6 +95,7 @@ class Pipeline:
         reach += step.reach_beyond_plan * unit
         self.scene = Scene(scale.length, reach, step.lookup_distance * unit)
         self._watching = Watching(units, scale, options, reach, self._answers)
+        self._standstill = StandstillWatch(units, scale, options.guidance)
 
     def estimate(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
         """Find the robot's present pose, and observe drift.
@@ -196,10 +198,7 @@ class Pipeline:
         return self._sqp.ways and leads_elsewhere(states, reference, seen.things)
 
     def _cuts_deeper(self, states: Array, reference: Array, seen: Observation) -> bool:
-        """Whether a plan (N + 1, 3) cuts deeper than the reference into who was seen to move.
-
-        He has turned where the plan leads: it is no start for one that lets him pass.
-        """
+        """Whether a plan (N + 1, 3) cuts deeper than the reference into what moves."""
         if not some_spread(seen.things):
             return False
         moving = seen.things[seen.things[:, SPREAD_RATE] > 0.0]
@@ -255,6 +254,8 @@ class Pipeline:
         if guidance is not None:
             reason = "; ".join(filter(None, (guidance.reason, reason)))
             reachable, progress = guidance.reachable, guidance.progress
+        now = Present(seen.here, seen.goal, trajectory.inputs[0], guidance is not None)
+        reason, progress = self._standstill.tell(state.standstill, now, reason, progress)
         return self._answers.plan(
             seen,
             states,

@@ -12,6 +12,7 @@ from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.nmpc.sqp_state import SQPState
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.path.goal_reference import GoalReferenceState
+from kmpc_lite.control.standstill import StandstillState
 from kmpc_lite.control.stop.backup import BackupState
 from kmpc_lite.control.world.circle_memory import CircleMemoryState
 from kmpc_lite.control.world.motion_watch import MotionWatchState
@@ -59,6 +60,8 @@ class ControllerState:
     """Circles that stand, told now or before; none without `sensor_range`."""
     walkers: Tracks | None = None
     """Who walks, as scans show it, in metres and seconds; None without scans."""
+    standstill: StandstillState = field(default_factory=StandstillState)
+    """Where the robot stands, and what it was commanded there."""
     trajectory: Trajectory | None = None
     """Last plan: the warm start of the next step."""
     adaptation: AdaptationState | None = None

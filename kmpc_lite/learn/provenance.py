@@ -79,9 +79,9 @@ def format_changes(info: Mapping[str, Any]) -> list[str]:
     """Lines that tell which changes of commands the controller asks for, where they are limited."""
     lines = []
     if ramps := _limits(info, "ramps"):
-        lines.append(f"ramps  {ramps}: the controller asks for no faster changes")
+        lines.append(f"ramps  {ramps}: the controller commands no faster changes")
     if changes := _limits(info, "changes"):
-        lines.append(f"asked  {changes}: the log holds nothing faster, nor does the controller ask")
+        lines.append(f"asked  {changes}: fastest starts and stops in the log, not exceeded")
     return lines
 
 

@@ -9,7 +9,6 @@ commands as the ramps let them through, and the controller asks for no faster ch
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil
 from typing import Any
 
 import numpy as np
@@ -26,8 +25,14 @@ from kmpc_lite.types import INPUTS, Array
 
 PARTS = 5
 """Parts of a period in which a ramp is reckoned."""
-SHOWN = 0.5
-"""A change counts as shown where the log holds it, or faster ones, for so long in all [s]."""
+STARTS = 3
+"""Starts from rest, or stops, from which on a log says how fast its commands were changed; so many
+as fast as a ramp, or faster, are needed for the ramp to show."""
+REST, SPEED = 0.1, 0.5
+"""Shares of the fastest command between which a start, or a stop, is timed."""
+EXPLAINED = 0.5
+"""Share of the motion, squared, that the commands must explain before ramps are looked for: of what
+is noise of the poses, any ramp explains a part."""
 AT_ONCE = 0.3
 """Commands that come to the fastest one within this time come there at once [s]: robots whose ramps
 are as short are driven as well by a lag."""
@@ -81,20 +86,45 @@ def find_ramps(dataset: Dataset, options: RampOptions | None = None) -> Ramps:
 
 
 def shown_changes(dataset: Dataset) -> Ramps:
-    """Tell the fastest changes of commands that a log holds: how it follows faster ones is unknown.
+    """Tell how fast a log starts and stops: how the robot follows faster changes is unknown.
 
-    Infinite where commands come to the fastest one of the log at once, or nearly so.
+    Infinite where the commands come to the fastest one of the log at once, or nearly so; where the
+    log starts, or stops, too rarely to tell; and where it does so more slowly than any ramp that is
+    looked for, for a robot that is limited to that hardly moves.
     """
-    rows, found = max(1, ceil(SHOWN / dataset.dt)), np.full((len(Ramps._fields), INPUTS), FREE)
+    found, longest = np.full((len(Ramps._fields), INPUTS), FREE), RampOptions.longest
     for axis in range(INPUTS):
-        sizes = [np.abs(e.inputs[:, axis]) for e in dataset.episodes]
-        changes = np.concatenate([np.diff(size) for size in sizes]) / dataset.dt
-        fastest = max(float(size.max()) for size in sizes)
-        for side, signed in enumerate((changes, -changes)):
-            largest = float(np.sort(signed)[-min(rows, len(signed))]) if len(signed) else 0.0
-            if 0.0 < largest < fastest / AT_ONCE:
-                found[side, axis] = largest
+        commands = [e.inputs[:, axis] for e in dataset.episodes]
+        fastest = max(float(np.abs(u).max()) for u in commands)
+        for side, backwards in enumerate((False, True)):
+            rates = _starts(commands, dataset.dt, backwards)
+            if len(rates) < STARTS:
+                continue
+            shown = float(np.sort(rates)[-STARTS])
+            if fastest / longest <= shown < fastest / AT_ONCE:
+                found[side, axis] = shown
     return Ramps(*found)
+
+
+def _starts(commands: list[Array], dt: float, backwards: bool = False) -> Array:
+    """Fastest changes (n,) of starts from rest to speed; backwards: of stops.
+
+    A command that changes its sign was at rest in between.
+    """
+    fastest, rates = max(float(np.abs(u).max()) for u in commands), []
+    for told in commands:
+        u = told[::-1] if backwards else told
+        size, rest = np.abs(u), -1
+        rises = np.where(u[1:] * u[:-1] < 0.0, size[1:], np.diff(size))
+        for k, now in enumerate(size.tolist()):
+            if now <= REST * fastest:
+                rest = k
+            elif k and u[k] * u[k - 1] < 0.0:
+                rest = k - 1
+            if 0 <= rest < k and now >= SPEED * fastest:
+                rates.append(float(rises[rest:k].max()) / dt)
+                rest = -1
+    return np.array(rates)
 
 
 def describe_changes(dataset: Dataset, ramps: Ramps) -> dict[str, Any]:
@@ -155,17 +185,24 @@ def _find(dataset: Dataset, axis: int, options: RampOptions) -> tuple[float, flo
     faster, slower = (a.ravel() for a in np.meshgrid(tried, tried))
     limited = np.isfinite(faster) | np.isfinite(slower)
     faster, slower = faster[limited], slower[limited]
-    errors = _errors(pieces, faster, slower, dataset.dt, options)
-    none = _errors(pieces, np.array([FREE]), np.array([FREE]), dataset.dt, options, FINE)
-    if errors.shape[2] < options.blocks // 2 or not _is_sure(none, errors, options):
+    errors, motion = _errors(pieces, faster, slower, dataset.dt, options)
+    none, _ = _errors(pieces, np.array([FREE]), np.array([FREE]), dataset.dt, options, FINE)
+    follows = none.sum(axis=2).min(initial=np.inf) < (1.0 - EXPLAINED) * motion
+    if errors.shape[2] < options.blocks // 2 or not follows:
+        return FREE, FREE
+    if not _is_sure(none, errors, options):
         return FREE, FREE
     best = _best(errors)
     pair = faster[best], slower[best]
     around = options.refined ** np.arange(-3, 4)
     nearby = [v * around if np.isfinite(v) else np.array([FREE]) for v in pair]
     faster, slower = (a.ravel() for a in np.meshgrid(*nearby))
-    best = _best(_errors(pieces, faster, slower, dataset.dt, options))
-    return float(faster[best]), float(slower[best])
+    best = _best(_errors(pieces, faster, slower, dataset.dt, options)[0])
+    commands = [u for u, _ in pieces]
+    found = float(faster[best]), float(slower[best])
+    asked = (_starts(commands, dataset.dt, backwards) for backwards in (False, True))
+    shows = [(rates > ramp).sum() >= STARTS for rates, ramp in zip(asked, found, strict=True)]
+    return found if any(shows) else (FREE, FREE)
 
 
 def _best(errors: Array) -> int:
@@ -198,8 +235,10 @@ def _errors(
     dt: float,
     options: RampOptions,
     parts: int = 1,
-) -> Array:
+) -> tuple[Array, float]:
     """Squared errors (C, R, B) of ramps, with each of R responses, in each block of the log.
+
+    Beside them what they are a part of: the squares of all ways.
 
     Responses lie `parts` times as close as those that are tried first when a model is learned.
     """
@@ -229,7 +268,7 @@ def _errors(
         left = (seen[:, None] - gain[:, None] * way) ** 2
         for b, block in enumerate(np.array_split(left, blocks, axis=1)):
             found[some, :, b] = block.sum(axis=1).T
-    return found
+    return found, float(seen @ seen)
 
 
 def _responses(dt: float, longest: int, parts: int) -> Array:

@@ -118,7 +118,7 @@ def test_check_tells_the_model_its_limits_and_where_the_braking_comes_from(tmp_p
     text = "\n".join(text for ok, text in describe_model(robot(model=file)) if ok)
     assert "from drive.csv, period 0.1 s" in text and "0.5 m/s^2 (the model's log)" in text
     assert "0.3 s after its command" in text and "stopping distance from full speed: 0.18 m" in text
-    assert "ramps: speed 0.4 m/s^2 faster, 0.5 m/s^2 slower: the controller asks for no" in text
+    assert "ramps: speed 0.4 m/s^2 faster, 0.5 m/s^2 slower: the controller commands no" in text
     assert "1 m/s^2 (the default)" in describe_model(robot())[0][1]
     assert "(the robot file)" in describe_model(robot(limits={"deceleration": 1.0}))[0][1]
     ok, text = describe_model(robot(name="another", model=file))[0]

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lab import DifferentialDrive
 from kmpc_lite.errors import ModelError
 from kmpc_lite.learn import Dataset, Episode, fit, with_quantiles
+from kmpc_lite.learn.learning import learn
+from kmpc_lite.learn.loading import load_logs
+from kmpc_lite.learn.logs import ReadOptions
 from kmpc_lite.learn.provenance import format_changes
 from kmpc_lite.learn.ramps import find_ramps, let_through, shown_changes
 from kmpc_lite.model.info import check_info
@@ -135,6 +140,38 @@ def test_changes_that_a_log_does_not_hold_are_not_asked_for() -> None:
     check_info(info)
     model = dataclasses.replace(kl.nominal_unicycle(DT), info=info)
     np.testing.assert_allclose(kl.Controller(model).problem.du_max, (1.0, np.inf))
+
+
+def steady_log(path: Path, dither: float = 0.0) -> Path:
+    """It stands for 2 s, then drives at 0.3 m/s; its rows come a few milliseconds late or early."""
+    random = np.random.default_rng(0)
+    times = np.sort(0.1 * np.arange(400) + random.uniform(-0.004, 0.004, 400))
+    speed = np.where(times < 2.0, 0.0, 0.3 + dither * random.normal(size=400))
+    way = np.concatenate([[0.0], np.cumsum(speed[:-1] * np.diff(times))])
+    poses = np.column_stack([way, 0.0 * way, 0.0 * way]) + 0.002 * random.normal(size=(400, 3))
+    rows = np.column_stack([times, poses, speed, 0.001 * random.normal(size=400)])
+    np.savetxt(path, rows, "%.6f", ",", header="t,x,y,theta,v,omega", comments="")
+    return path
+
+
+@pytest.mark.parametrize("dither", [0.0, 0.004])
+def test_a_log_at_one_steady_speed_limits_nothing(tmp_path: Path, dither: float) -> None:
+    file = steady_log(tmp_path / "steady.csv", dither)
+    model = learn(load_logs([file], how=ReadOptions(force=True)), [file]).model
+    assert not Ramps.of(model.info).limit and not Ramps.of(model.info, "changes").limit
+    controller, robot, pose = kl.Controller(model), DifferentialDrive(), np.zeros(3)
+    for _ in range(60):
+        pose = robot.step(pose, controller.step(pose, (1.0, 0.0, 0.0)).command, DT)
+    assert np.hypot(pose[0] - 1.0, pose[1]) < 0.05
+
+
+def test_noise_of_a_robot_that_is_hardly_commanded_shows_no_ramps() -> None:
+    """Turns of a thousandth of a radian a second below 5 mrad of noise."""
+    random = np.random.default_rng(1)
+    told = 0.001 * random.normal(size=(1200, 2)) * (100.0, 1.0)
+    poses = np.cumsum(np.vstack([np.zeros(3), told @ [[DT, 0, 0], [0, 0, DT]]]), axis=0)
+    log = Dataset([Episode(poses + 0.005 * random.normal(size=poses.shape), told, DT)])
+    assert np.isinf(find_ramps(log)).all(axis=0)[1]
 
 
 @pytest.mark.parametrize("rise", [0.29, 0.31])

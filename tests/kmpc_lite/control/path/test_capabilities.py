@@ -94,13 +94,6 @@ def test_a_robot_that_turns_less_parks(seed: int) -> None:
     assert np.hypot(x[0] - 0.8, x[1] - 0.6) < 0.02 and abs(x[2] - 2.5) < 0.05
 
 
-def test_a_model_that_knows_no_turns_makes_no_infinite_way(nominal: kl.KoopmanModel) -> None:
-    h = nominal.H.copy()
-    h[2] = 0.0
-    plan = kl.Controller(replace(nominal, H=h)).step((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
-    assert np.isfinite(plan.command).all()
-
-
 def test_a_way_leaves_room_for_the_margins_of_a_robot_that_lags(
     nominal: kl.KoopmanModel, lagging: kl.KoopmanModel
 ) -> None:

@@ -1,0 +1,103 @@
+"""Whether a robot can move at all, by its limits and its model: asked when a controller is made."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kmpc_lite.control.options import fastest, unit_length
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.errors import ProblemError
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.ramps import Ramps
+from kmpc_lite.types import INPUTS, STATES, Array
+
+SLOWEST = 300.0
+"""A robot needs at most this long for a way of its radius, or for a turn of half a radian [s]."""
+HALF_RADIAN = 0.5
+START_TIME = 60.0
+"""From rest, it comes within this time [s] to ..."""
+STARTED = 0.1
+"""... this share of its fastest speed and turn rate at the least."""
+FOLLOWED = 0.01
+"""Share of its fastest commands that a model must let the robot follow at the least."""
+AXES = (("speed", "m/s"), ("turn rate", "rad/s"))
+
+
+def movable(model: KoopmanModel, problem: NavigationProblem) -> NavigationProblem:
+    """Return the problem within what the model knows of how fast its robot changes its speeds.
+
+    Raises
+    ------
+    ProblemError
+        For limits, or a model, with which the robot would stand for ever: names the limit, and what
+        the robot could do at the most.
+    """
+    ramps = Ramps.of(model.info).within(Ramps.of(model.info, "changes"))
+    problem = problem.within_ramps(ramps)
+    largest = np.array(fastest(problem))
+    least = np.array((unit_length(problem), HALF_RADIAN)) / SLOWEST
+    for (name, unit), value, needed in zip(AXES, largest.tolist(), least.tolist(), strict=True):
+        if value < needed:
+            raise ProblemError(
+                f"u_min, u_max: the {name} is at most {value:.2g} {unit}, and the robot would "
+                f"stand: at least {needed:.2g} {unit} are needed"
+            )
+    _check_wheels(problem, least)
+    changes = problem.du_max
+    for (name, unit), value, change in zip(AXES, largest.tolist(), changes.tolist(), strict=True):
+        needed = STARTED * value / START_TIME
+        if change < needed:
+            raise ProblemError(
+                f"du_max, or ramps of the model: the {name} changes by at most {change:.2g} "
+                f"{unit}^2, and the robot would stand: at least {needed:.2g} {unit}^2 are needed "
+                f"for {value:.2g} {unit}"
+            )
+    _check_sight(problem)
+    check_motion(model, problem)
+    return problem
+
+
+def check_motion(model: KoopmanModel, problem: NavigationProblem) -> None:
+    """Refuse a model by which the robot does not follow its commands."""
+    held = np.diag(reached_speeds(problem))
+    history = np.repeat(held[:, None], model.history, axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        ends = model.predict(np.zeros((INPUTS, STATES)), held, history)
+    followed = np.array((np.hypot(ends[0, 0], ends[0, 1]), abs(ends[1, 2]))) / model.dt
+    for (name, unit), value, command in zip(AXES, followed, np.abs(np.diag(held)), strict=True):
+        if not value >= FOLLOWED * command:  # NaN, too
+            raise ProblemError(
+                f"model: at a {name} of {command:.2g} {unit} it moves by {value:.2g} {unit}, and "
+                "the robot would stand: learn it from a log in which it moves as it is commanded"
+            )
+
+
+def reached_speeds(problem: NavigationProblem) -> Array:
+    """Speed and turn rate (2,), each alone, in the direction in which the bounds allow more."""
+    backwards = -problem.u_min > problem.u_max
+    most = np.where(backwards, problem.u_min, problem.u_max)
+    reached: Array = problem.within_bounds(np.diag(most)).diagonal()
+    return reached
+
+
+def _check_wheels(problem: NavigationProblem, least: Array) -> None:
+    """Refuse wheels that let the robot hardly drive, or hardly turn."""
+    reached = np.abs(reached_speeds(problem))
+    if (reached < least).any():
+        raise ProblemError(
+            f"max_wheel_speed: {problem.max_wheel_speed:.2g} m/s lets the robot drive at "
+            f"{reached[0]:.2g} m/s and turn at {reached[1]:.2g} rad/s only, and it would stand"
+        )
+
+
+def _check_sight(problem: NavigationProblem) -> None:
+    """Refuse a sensor within whose range the robot cannot stop from any speed."""
+    if problem.sensor_range is None:
+        return
+    slow = STARTED * fastest(problem)[0]
+    needed = slow * problem.dt + slow**2 / (2.0 * float(problem.deceleration[0]))
+    if problem.sensor_range < needed:
+        raise ProblemError(
+            f"sensor_range: {problem.sensor_range:.2g} m is less than the {needed:.2g} m in which "
+            f"the robot stops from {slow:.2g} m/s, and it would stand"
+        )
