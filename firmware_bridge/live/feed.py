@@ -24,7 +24,7 @@ Source = Callable[[], Packet]
 class Feed:
     """A page of one drive, as a context.
 
-    The port is taken at once, so that an address that cannot be had is told before anything moves;
+    The port is taken at once, so that an unavailable address is reported before anything moves;
     the page is served from `__enter__` on.
 
     Parameters
@@ -41,7 +41,7 @@ class Feed:
     Raises
     ------
     LiveError
-        Where nobody can listen at the address.
+        If the address cannot be listened at.
     """
 
     def __init__(

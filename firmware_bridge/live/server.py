@@ -174,7 +174,7 @@ class Server:
         loop = asyncio.get_running_loop()
         try:
             return await loop.run_in_executor(self._pool, self._ask, word)
-        except Exception as error:  # whatever goes wrong is told on the page
+        except Exception as error:  # every error is shown on the page
             unknown = {"ok": False, "latched": False, "gate": None, "confirmed": False}
             return {**unknown, "why": [str(error)]}
 
@@ -228,7 +228,7 @@ async def _run(channel: Channel, doors: list[socket.socket], server: Server) -> 
         door.open()
     await server.take(channel, opened)
     await asyncio.sleep(FAREWELL)
-    os._exit(0)  # whoever still watches, or waits for an answer, keeps nobody waiting
+    os._exit(0)  # remaining viewers and requests delay nothing
 
 
 def serve(descriptor: int, make_ask: Callable[[Channel, Picture, dict[str, Any]], Ask]) -> None:

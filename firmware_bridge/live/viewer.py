@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from kmpc_lite.scenario.files import Scenario
 
 PORT = 8765
-"""Where Foxglove looks unless told otherwise."""
+"""Foxglove's default port."""
 PERIOD, HEALTH_PERIOD = 0.1, 1.0
 """Between two packets, and between two looks at link and vehicle [s]."""
 PATIENCE = 10.0

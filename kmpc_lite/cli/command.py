@@ -128,7 +128,7 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(  # type: ignore[override]
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
     ) -> tuple[argparse.Namespace, list[str]]:
-        """Refuse here what nobody knows, so that the command's own options can be suggested."""
+        """Refuse unknown options here, so that the command's own can be suggested."""
         known, rest = super().parse_known_args(args, namespace)
         if rest:
             own = [name for action in self._actions for name in action.option_strings]

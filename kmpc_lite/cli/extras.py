@@ -1,4 +1,4 @@
-"""Optional dependencies: told by name, with the line that installs them, before any work begins."""
+"""Optional dependencies: reported by name, with the line that installs them, before any work."""
 
 from __future__ import annotations
 

@@ -249,7 +249,7 @@ def tell_margins(learned: Learned) -> str:
     else:
         how = f"calibrated on {model.info['noise_quantiles']['windows']} held-out windows"
     speed = largest_speeds(learned.held)[0]
-    # nobody has said how large the robot is: so the line says for which one it holds
+    # the robot's size is unknown here, so the line says for which size it holds
     problem = kl.NavigationProblem(dt=model.dt)
     ahead, aside = Margins(model, problem).straight(speed)
     robot = f"at {speed:.2g} m/s a robot of {100 * problem.robot_radius:.0f} cm radius"

@@ -22,7 +22,7 @@ from kmpc_lite.cli.output import clear_line, paint  # noqa: E402
 from kmpc_lite.errors import KmpcError  # noqa: E402
 
 LONGEST_LINE = 1000
-"""Characters of what is told of an error."""
+"""Longest error message, in characters."""
 BAD_INPUT, INTERRUPTED, NOBODY_READS = 2, 130, 141
 
 
@@ -45,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except SystemExit:  # help was asked for
             print(end="", flush=True)
             raise
-        # here it can still be told that the reader has left; at the end of Python it cannot
+        # here a reader that has left can still be handled; at the end of Python it cannot
         print(end="", flush=True)
         return status
     except UsageError as error:

@@ -15,7 +15,7 @@ MAP, ROBOT = "map", "base_link"
 STRIP, LOOP = 0, 1
 """Kinds of lines: open, and closed."""
 INFO, WARNING = 2, 3
-"""Levels of what is told."""
+"""Levels of log messages."""
 DIGITS = 4
 """Of lengths: a tenth of a millimetre."""
 ORIGIN = (0.0, 0.0, 0.0)
@@ -138,7 +138,7 @@ def line(
     kind: int = STRIP,
     z: float = 0.0,
 ) -> Content:
-    """A line of so many metres' thickness."""
+    """A line of a thickness in metres."""
     return {
         "type": kind,
         "pose": pose(*ORIGIN),

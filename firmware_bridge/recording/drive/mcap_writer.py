@@ -47,7 +47,7 @@ class Message(NamedTuple):
 
 
 class McapWriter:
-    """Makes the bytes of a file; somebody else writes them, in order and each piece whole.
+    """Makes the bytes of a file; the caller writes them, in order and each piece whole.
 
     Parameters
     ----------

@@ -46,9 +46,9 @@ SETTLE = 1.0
 """How long the goal must be held [s]."""
 HOLD, MUCH = 20.0, 0.05
 """How long the emulated rover waits for plans on a busy machine until it is given back [s], and the
-share of the time with late plans that is told."""
+share of the time with late plans that is reported."""
 LIDAR = "ld06"
-"""Which lidar the rover carries where nobody says."""
+"""Default lidar of the rover."""
 PATIENCE = 60.0
 """Give up driving after so long [s]."""
 WAIT = 60.0
@@ -95,7 +95,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         nargs="?",
         const=True,
-        help="drive by sight alone: the rover carries a lidar, the controller is told no obstacle\n"
+        help="drive by sight alone: the rover carries a lidar, and no map is given\n"
         f"({', '.join(LIDARS)}; default: {LIDAR})",
     )
 
@@ -141,7 +141,7 @@ def demo(
     seed : int
         Of the random driving and of the rover's slip.
     say : callable
-        Is told a line per phase.
+        Receives a line per phase.
     quiet : bool
         Show no progress on a terminal.
     lidar : str, optional
@@ -281,7 +281,7 @@ COMMAND = Command(
     text="Learn from a drive, check the model, drive past four obstacles, and show it.",
     examples=(
         "kmpc demo                      # an emulated ArduPilot rover, about two minutes",
-        "kmpc demo --lidar              # by sight: the controller is told no obstacle",
+        "kmpc demo --lidar              # by sight: the controller sees obstacles only by lidar",
         "kmpc demo --robot simulated    # without a link, a few seconds",
         "kmpc demo --log run.csv        # learn from your robot's log instead",
     ),

@@ -1,4 +1,4 @@
-"""`kmpc emulate`: serve an emulated robot on a link until somebody ends it."""
+"""`kmpc emulate`: serve an emulated robot on a link until it is ended."""
 
 from __future__ import annotations
 

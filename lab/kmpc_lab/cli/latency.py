@@ -70,7 +70,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--flood",
         nargs="*",
         metavar="WORD",
-        help="instead: flood each surface of a bridge that drives, and tell what that costs the\n"
+        help="instead: flood each surface of a bridge that drives, and print what that costs the\n"
         "gate, the standstill and the emergency stop; only floods whose name has a WORD",
     )
     add(

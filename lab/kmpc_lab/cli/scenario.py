@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 DEFAULT = "four_circles_1"
 ROOM = 1.0
-"""Between the edge of a map that nobody drew and what is on it [m]."""
+"""Between the edge of an automatic map and its contents [m]."""
 LEAST_HALF = 2.0
-"""A map that nobody drew reaches at least so far from its origin [m]."""
+"""Smallest extent of an automatic map from its origin [m]."""
 LEAST_TIMEOUT, SECONDS_A_METRE = 20.0, 5.0
 """A drive on such a map may take so long [s], and so long for each metre of its length [s/m]."""
 

@@ -135,7 +135,7 @@ def simulate(
 ) -> tuple[Run, SimulationRecorder]:
     """Drive one scenario with our controller at the model's period; watched by a recorder.
 
-    With `views` it drives in real time, for those who watch.
+    With `views` it drives in real time, for viewers.
     """
     from kmpc_lab.recording.simulated import SimulationRecorder
     from kmpc_lab.sim.closed_loop import drive

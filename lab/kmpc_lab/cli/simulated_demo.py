@@ -90,7 +90,7 @@ def learn_log(
     output : Path
         The model's file.
     say : callable
-        Takes what is told.
+        Receives the lines.
     lags : "auto" or sequence of int
         As those of `kmpc fit`.
     """

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from kmpc_lab.emulator.ros2.robot import Ros2Emulator
 
 ROUTER_URL = "tcp:127.0.0.1:7447"
-"""Where an emulated robot is the router, unless told."""
+"""Default address at which an emulated robot is the router."""
 SCENARIO = "four_circles_1"
-"""Among whose obstacles it stands, unless told."""
+"""Default scenario of its obstacles."""
 
 
 def add_topic_options(parser: argparse.ArgumentParser) -> None:

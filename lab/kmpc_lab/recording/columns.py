@@ -25,7 +25,7 @@ MOST_STAGES, MOST_POINTS, MOST_BEAMS = 1000, 10_000, 100_000
 
 
 class Columns:
-    """What came of each kind, in its order; times are nanoseconds until somebody asks.
+    """What came of each kind, in its order; times are nanoseconds until requested.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Columns:
         }
 
     def take(self, found: Found) -> None:
-        """Take in a message; those that nobody asks for are left alone.
+        """Take in a message; unneeded ones are ignored.
 
         Raises
         ------
@@ -87,7 +87,7 @@ class Columns:
 
     def _step(self, time: int, told: dict[str, Any]) -> None:
         if told["status"] not in self._statuses or told["progress"] not in self._progresses:
-            raise ValueError("a step of a status that nobody knows")
+            raise ValueError("a step of unknown status")
         clearance, age = told["clearance"], told["pose_age"]
         sight = told.get("sight")  # drives of older versions do not tell
         self._sight = None if sight is None else number(sight)

@@ -92,7 +92,7 @@ class _Drive:
 
     def __init__(self, name: str, columns: Columns, texts: dict[str, dict[str, str]]) -> None:
         if BEGIN not in texts:
-            raise ValueError("what was driven is not told")
+            raise ValueError("the drive is not described")
         told = texts[BEGIN]
         if (told["format"], told["version"]) != (FORMAT, VERSION):
             raise ValueError(

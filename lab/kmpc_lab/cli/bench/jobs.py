@@ -69,7 +69,7 @@ def _compare(options: argparse.Namespace) -> tuple[Any, str]:
             tables.append((title, bench.measure(taking_part, model, problem, drives, progress=bar)))
     if not tables:
         names = ", ".join(c.label for c in [*BENCH_CONTENDERS, *BENCH_FULL_CONTENDERS])
-        raise kl.ProblemError(f"--only {' '.join(options.only)}: nobody is left; names are {names}")
+        raise kl.ProblemError(f"--only {' '.join(options.only)}: none is left; names are {names}")
     imports = import_times()
     if options.picture:
         from kmpc_lab.bench.picture import write_bench_picture

@@ -90,7 +90,7 @@ def run(options: argparse.Namespace, name: str) -> int:
     study = CATALOGUE[name]
     specs = choose(study, options.controllers)
     for spec in specs:
-        # what is missing is told now, not after minutes of training
+        # what is missing is reported now, not after minutes of training
         spec.build(kl.nominal_unicycle(DT), Scenario.load("mehrez"))
     bar = ProgressBar(name, quiet=options.json)
     with runner(options) as executor:

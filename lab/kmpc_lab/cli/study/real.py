@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
     names = chosen([recipe.name for recipe in RECIPES], options.models, "--models")
     recipes = [recipe for recipe in RECIPES if recipe.name in names]
     real = real_robot(options.log, options.radius, options.speed, options.turn_rate)
-    real.halves()  # a log that cannot be read is told before any work
+    real.halves()  # an unreadable log is reported before any work
     seeds = range(options.seed, options.seed + options.maps)
     bar = ProgressBar("real", quiet=options.json)
     with runner(options) as executor:

@@ -1,4 +1,4 @@
-"""`kmpc study anyrobot`, `scales` and `limits`: robots that nobody has tuned it for."""
+"""`kmpc study anyrobot`, `scales` and `limits`: robots without tuning."""
 
 from __future__ import annotations
 

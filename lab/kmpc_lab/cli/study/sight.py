@@ -34,7 +34,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add(
         "--circles",
         action="store_true",
-        help="instead: circles that are told within 2, 1, 0.5 and 0.3 m",
+        help="instead: circles reported within 2, 1, 0.5 and 0.3 m",
     )
     add_runner(parser)
 

@@ -1,4 +1,4 @@
-"""`kmpc study pedestrians` and `kmpc study jumps`: people who do not look, poses that jump."""
+"""`kmpc study pedestrians` and `kmpc study jumps`: pedestrians, and pose jumps."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from kmpc_lite.cli.numbers import count
 from kmpc_lite.cli.progress import ProgressBar
 
 STUDIES = {
-    "pedestrians": "Drives among 4 and 8 people who walk straight or turn and look at nobody; the "
-    "controller is told their velocity, or zero, or zero with noise. It counts who touches whom.",
+    "pedestrians": "Drives among 4 or 8 pedestrians who ignore the robot, straight or in arcs; the "
+    "controller is given their velocity, or zero, or zero with noise. Contacts are counted.",
     "jumps": "Drives whose pose jumps by 0.05 to 1 m or rad: for one sample, for a second, in "
     "heading, or with its frame for good.",
 }
@@ -28,7 +28,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace, name: str) -> int:
-    """Drive; status 1 where the robot drove into somebody, or collided."""
+    """Drive; status 1 if the robot drove into a pedestrian, or collided."""
     from kmpc_lab.studies import jumps, pedestrians
     from kmpc_lab.studies.training import REPORTING_SEED
 

@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
 
     scenario = Scenario.load(options.scenario)
     for row in TABLE_1_CONTENDERS:
-        # what is missing is told now, not after minutes of training
+        # what is missing is reported now, not after minutes of training
         row.build(kl.nominal_unicycle(DT), scenario)
     bar = ProgressBar("table 1", quiet=options.json)
     with runner(options) as executor:
