@@ -24,6 +24,10 @@ DICTIONARIES = {
 }
 
 
+TO_MEND = ("suspect", "--", "cut ")
+"""What a line on a log holds if it asks the user for something."""
+
+
 def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of options
     """Add what `run` reads."""
     add_log_options(parser)
@@ -95,6 +99,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:  # long: a list of opt
         help="how far ahead the check looks [s] (default: 1)",
     )
     add("--seed", type=int, default=0, help="seed of the split (default: 0)")
+    add("-v", "--verbose", action="store_true", help="tell how the model was learned, line by line")
     add(
         "--vehicle",
         metavar="NAME",
@@ -119,8 +124,9 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(as_dict(learned, options.output, told)))
     else:
-        print("\n".join([*(f"log    {line}" for line in told), describe(learned)]))
-        print(f"wrote  {options.output}")
+        print("\n".join(describe(learned, told) if options.verbose else shortly(learned, told)))
+        more = "" if options.verbose else " (-v tells how it was learned)"
+        print(f"wrote  {options.output}{more}")
     return 0
 
 
@@ -129,6 +135,7 @@ def as_dict(learned: Learned, output: Path, told: list[str]) -> dict[str, Any]:
     info = learned.model.info
     return {
         "model": str(output),
+        "verdict": tell_verdict(learned),
         "logs": told,
         "train": repr(learned.train),
         "held_out": learned.report.as_dict(),
@@ -139,14 +146,34 @@ def as_dict(learned: Learned, output: Path, told: list[str]) -> dict[str, Any]:
     }
 
 
-def describe(learned: Learned) -> str:
-    """What was learned, in lines for a terminal."""
+def tell_verdict(learned: Learned) -> str:
+    """One line on the model, for a user who reads no more than that."""
+    from kmpc_lite.learn.verdict import verdict
+
+    return verdict(learned.report, learned.facts, learned.made["driven"])
+
+
+def shortly(learned: Learned, told: list[str]) -> list[str]:
+    """Verdict and the three lines behind it; and what is to be mended in the logs."""
+    from kmpc_lite.learn.verdict import tell_errors, tell_response
+
+    lines = [tell_verdict(learned), tell_errors(learned.report)]
+    lines += [tell_response(learned.facts)] if learned.facts else []
+    lines += [f"margins: {tell_margins(learned)}"]
+    lines += [f"log    {line}" for line in told if any(word in line for word in TO_MEND)]
+    return lines + [f"note   {line}" for line in learned.facts.get("told", ())]
+
+
+def describe(learned: Learned, told: list[str]) -> list[str]:
+    """What was learned and how, in lines for a terminal."""
     from kmpc_lite.learn.fit_summary import format_summary
     from kmpc_lite.learn.provenance import format_making
 
     info = learned.model.info
     rank = f"rank {info['rank']} of {info['features']}"
     lines = [
+        tell_verdict(learned),
+        *(f"log    {line}" for line in told),
         f"train  {learned.train}",
         f"held   {learned.held}",
         f"fit    {info['method']}, {rank}, condition {info['condition']:.3g}",
@@ -155,7 +182,7 @@ def describe(learned: Learned) -> str:
         lines.append(format_summary(learned.facts))
     if learned.noise is not None:
         lines.append(str(learned.noise))
-    return "\n".join([*lines, describe_errors(learned), format_making(info)])
+    return [*lines, describe_errors(learned), format_making(info)]
 
 
 def describe_errors(learned: Learned) -> str:

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.learn.coverage import find_gaps
+from kmpc_lite.learn.coverage import find_coverage
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.diagnosis import diagnose
 from kmpc_lite.learn.evaluation import FitReport
 from kmpc_lite.learn.input_columns import tell_inputs
 from kmpc_lite.learn.responses import Response
+from kmpc_lite.learn.verdict import tell_response
 from kmpc_lite.learn.windows import largest_speeds
 from kmpc_lite.model.dictionary.response import evaluate_terms
 from kmpc_lite.model.koopman import KoopmanModel
@@ -44,6 +45,8 @@ def summarize_fit(
     """
     speed, turn = (Response(*model.info["response"][name]) for name in ("speed", "turn"))
     rows = np.array(model.info["selection"]["rows"])
+    log = train if whole is None else whole
+    shown = find_coverage([e.inputs for e in log.episodes], log.dt)
     limits = largest_speeds(train)
     smoothing = 0.05 * limits[0], 0.05 * limits[1]
     straight, tight = (
@@ -66,7 +69,8 @@ def summarize_fit(
         "inputs": tell_inputs(train, speed.delay),
         "directions": {k: d["step"] for k, d in model.info["selection"]["directions"].items()},
         "told": diagnose(train, speed, turn),
-        "warnings": find_gaps(train if whole is None else whole),
+        "missing": [part.name for part in shown.missing],
+        "warnings": shown.warnings(),
     }
 
 
@@ -94,20 +98,14 @@ def warn_of_errors(report: FitReport) -> list[str]:
 
 def format_summary(facts: Mapping[str, Any]) -> str:
     """One block for a terminal."""
-    lag, chosen = facts["lag"], facts["directions"]
+    chosen = facts["directions"]
     centre, offset = facts["turning_centre"], np.degrees(facts["heading_offset"])
     kept = 100.0 * (1.0 - facts["speed_kept_in_a_tight_turn"])
-    late = ", ".join(
-        f"{name} {lag[key]['dead_time']:.2f} s dead time + {lag[key]['time_constant']:.2f} s"
-        for key, name in (("speed", "speed"), ("turn", "turn rate"))
-        if any(lag[key].values())
-    )
     v, omega = facts["largest"]["v"], facts["largest"]["omega"]
     lines = [
         f"chosen along: {CHOSEN[chosen['along']]}; across: {CHOSEN[chosen['across']]}; "
         f"heading: {CHOSEN[chosen['heading']]}",
-        f"lag    {late or 'none: it obeys at once'}; from {v:.2g} m/s it stands after "
-        f"{facts['braking_distance']:.2g} m",
+        tell_response(facts),
         f"gains  speed {facts['speed_gain']:.3g}, turns {facts['turn_gain']:.3g} of what is asked",
         f"slip   at {v:.2g} m/s and {omega:.2g} rad/s: {kept:+.0f} % of the speed is lost, "
         f"{facts['side_slip']:+.2g} m sideways a metre",

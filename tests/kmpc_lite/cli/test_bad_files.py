@@ -191,6 +191,9 @@ def test_a_log_that_shows_little_leaves_the_nominal_robot_and_warns(
     (here / "run.csv").write_text("".join(",".join(line) + "\n" for line in change(log)))
     assert cli.main(["fit", "run.csv", "-o", "robot.npz"]) == 0
     told = capsys.readouterr().out
+    assert told.startswith("As nominal: ") and "Missing: " in told.splitlines()[0]
+    assert cli.main(["fit", "run.csv", "-o", "robot.npz", "-v"]) == 0
+    told = capsys.readouterr().out
     assert "as commanded" in told and "warn " in told
 
 
@@ -199,7 +202,7 @@ def test_a_demo_on_a_log_that_shows_little_warns_as_fit_does(
 ) -> None:
     change, _ = BAD_LOGS["never turns"]
     (here / "run.csv").write_text("".join(",".join(line) + "\n" for line in change(log)))
-    assert cli.main(["fit", "run.csv", "-o", "robot.npz"]) == 0
+    assert cli.main(["fit", "run.csv", "-o", "robot.npz", "-v"]) == 0
     warned = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warn ")]
     monkeypatch.setattr("kmpc_lab.report.write_report", lambda page, run, **more: None)
     assert cli.main(["demo", "--log", "run.csv"]) == 0

@@ -33,8 +33,13 @@ def test_by_default_a_late_robot_is_known_as_one(
 ) -> None:
     model = tmp_path / "late.npz"
     assert cli.main(["fit", str(late), "-o", str(model)]) == 0
+    first, *more = capsys.readouterr().out.splitlines()
+    assert first.startswith("Good: predicts ") and "times better than nominal" in first
+    kinds = [line.split()[0] for line in more if not line.startswith("note")]
+    assert kinds == ["errors", "lag", "margins:", "wrote"]
+    assert cli.main(["fit", str(late), "-o", str(model), "-v"]) == 0
     told = capsys.readouterr().out
-    assert "lag    speed 0.0" in told and "inputs commands (" in told
+    assert told.startswith(first) and "inputs commands (" in told
     assert kl.KoopmanModel.load(model).history > 4
     assert cli.main(["fit", str(late), "-o", str(model), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
@@ -157,7 +162,9 @@ def test_options_that_cannot_be_understood(
 def test_fit_writes_a_model_and_tells_how_good_it_is(
     made: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.main(["fit", str(made / "drive.csv"), "-o", "robot.npz", "--horizon", "1.5"]) == 0
+    assert (
+        cli.main(["fit", str(made / "drive.csv"), "-o", "robot.npz", "-v", "--horizon", "1.5"]) == 0
+    )
     out, err = capsys.readouterr()
     assert err == ""
     assert "nominal unicycle" in out and "1.5 s" in out and "robot.npz" in out
@@ -228,6 +235,7 @@ def test_fit_takes_several_logs_and_another_period(
                 str(made / "brief.csv"),
                 "-o",
                 "robot.npz",
+                "-v",
                 "--dt",
                 "0.2",
             ]

@@ -1,0 +1,49 @@
+"""The first line of `kmpc fit`: whether the model is worth driving with, and what is missing."""
+
+from __future__ import annotations
+
+import pytest
+
+from kmpc_lite.learn.coverage import find_coverage
+from kmpc_lite.learn.evaluation import FitReport
+from kmpc_lite.learn.verdict import MISSING, tell_errors, verdict
+
+NOMINAL = (0.05, 0.02, 0.01)
+DRIVEN = {"forward": 1.1, "reverse": 0.4, "turn": 0.8}
+
+
+def report(*ratios: float) -> FitReport:
+    """Errors that are so many times smaller than the nominal robot's."""
+    ours = tuple(n / r for n, r in zip(NOMINAL, ratios, strict=True))
+    return FitReport(1.0, 100, ours, ours, NOMINAL, NOMINAL, 0.1)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("ratios", "told"),
+    [
+        ((1.0, 1.2, 5.0), "Good: predicts 5 times better than nominal in heading;"),
+        ((1.0, 1.0, 1.0), "As nominal: the log supports no better prediction than"),
+        ((0.5, 1.0, 1.0), "Poor: predicts 2 times worse along than nominal;"),
+        ((0.5, 1.0, 3.0), "Mixed: predicts 3 times better than nominal in heading but 2 times"),
+        ((1e5, 1.0, 1.0), "Good: predicts over 1000 times better than nominal along;"),
+    ],
+)
+def test_the_verdict_compares_with_the_nominal_robot(ratios: tuple[float, ...], told: str) -> None:
+    line = verdict(report(*ratios), {}, DRIVEN)
+    assert line.startswith(told) and line.endswith("drive up to 1.1 m/s.")
+
+
+def test_the_verdict_names_what_the_log_lacks() -> None:
+    line = verdict(report(1.0, 1.0, 5.0), {"missing": ["left", "stops"]}, DRIVEN)
+    assert line.endswith(" Missing: left turns, stops: `kmpc record --excite` shows them.")
+
+
+def test_every_part_of_a_log_has_a_name() -> None:
+    assert {part.name for part in find_coverage([], 0.1, (1.0, 1.0, 1.0)).parts} == set(MISSING)
+
+
+def test_errors_are_told_in_one_line() -> None:
+    told = tell_errors(report(5.0, 1.0, 1.0))
+    assert told.startswith(
+        "errors 1 cm along, 2 cm across, 0.57 degrees after 1 s; nominal robot: 5"
+    )
