@@ -11,6 +11,20 @@ from kmpc_lite.errors import ProblemError
 
 Options = TypeVar("Options")
 
+GONE = {
+    "stop.slower_shares": "the largest share whose motion to rest stays clear is driven",
+    "stop.turn_only_share": "turning alone is tried after the shares of a command",
+    "stop.makes_room": "a motion leaves a thing if half of what it drives leads away",
+    "stop.overspeed": "what is far is told by margins",
+    "stop.quick_look_error": "every motion is rolled out with the model",
+    "stop.quick_look_error_share": "every motion is rolled out with the model",
+    "margins.check_margin": "what arcs cut off is computed",
+    "margins.check_corrections": "shares are tried at once",
+    "margins.check_far_periods": "what is far is told by margins",
+    "margins.retreat_share": "a motion that leads away is always allowed",
+}
+"""Options of earlier versions by room and name, and what took their place; files may have them."""
+
 
 def radii(default: float, *, zero: bool = True) -> Any:
     """Length in robot radii; may be zero unless excluded."""

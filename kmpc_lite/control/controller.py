@@ -223,7 +223,7 @@ class Controller:
             return phases.hold(state, seen, guidance, self.known, clock)
         result = phases.solve(state, seen, guidance, self.known, clock)
         verified = phases.verify(state, seen, result, self.known, clock)
-        if verified.trajectory is None or verified.stop is None:
+        if verified.trajectory is None or verified.motion is None:
             reason, passes = verified.reason, result.passes
             return phases.fallback.stop(state, seen, self.known, reason, clock, passes)
         return phases.command(state, seen, guidance, verified, result.passes, clock)

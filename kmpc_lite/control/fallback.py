@@ -1,4 +1,4 @@
-"""What the robot does where there is no plan: it follows its stop trajectory, or brakes."""
+"""What the robot does without a plan: it follows its stop trajectory, or brakes."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import StepClock
-from kmpc_lite.control.stop.backup import Backup
-from kmpc_lite.control.stop.stop_trajectory import StopTrajectories
+from kmpc_lite.control.stop.braking import Braking
+from kmpc_lite.control.stop.safe_motion import SafeMotions
 from kmpc_lite.control.verification import Verification
 from kmpc_lite.types import INPUTS, Array
 
@@ -25,20 +25,20 @@ class Fallback:
     ----------
     problem : NavigationProblem
         In the robot's units.
-    stops, backup, verification, rates, answers
+    motions, braking, verification, rates, answers
         Those of the pipeline.
     """
 
     def __init__(
         self,
         problem: NavigationProblem,
-        stops: StopTrajectories,
-        backup: Backup,
+        motions: SafeMotions,
+        braking: Braking,
         verification: Verification,
         rates: RateLimit,
         answers: Answers,
     ) -> None:
-        self._problem, self._stops, self._backup = problem, stops, backup
+        self._problem, self._motions, self._braking = problem, motions, braking
         self._verification, self._rates, self._answers = verification, rates, answers
 
     def stop(
@@ -50,24 +50,24 @@ class Fallback:
         clock: StepClock,
         passes: int = 0,
     ) -> Plan:
-        """Drive the stop trajectory of the last good plan while it is clear, else brake."""
+        """Drive the last safe motion on while it is clear, else brake."""
         state.history.planned = None
-        rest = self._backup.replay(state.backup)
+        rest = state.backup.rest
         here = seen.pose if seen.pose_is_known else state.backup.expected
         blocked = False
         if rest is not None and here is not None:
             # checked again from where the robot is now, and against the obstacles that are seen now
-            states = self._stops.rollout(known.model, here, rest, state.history.commands)
+            states = self._motions.rollout(known.model, here, rest, state.history.commands)
             blocked = not self._verification.clearance(states, seen) >= 0.0
             if not blocked and np.isfinite(states).all():
                 return self._replay(state, seen, states, rest, reason, clock, passes)
         state.trajectory = None
         # where the stop trajectory would end in an obstacle, zero is commanded at once: a robot
         # without lag stands, and one with lag brakes as hard as it can
-        command = self._backup.brake(state.backup, at_once=blocked)
+        command = np.zeros(INPUTS) if blocked else self._braking.ramp(state.backup.command)[0]
         if self._rates.active:
             command = self._rates.limit(command, state.history.command)
-            self._backup.sent(state.backup, command, None)
+        state.backup.sent(None, command, None)
         state.history.remember(command)
         inputs = np.zeros((self._problem.horizon, INPUTS))
         inputs[0] = command
@@ -97,7 +97,7 @@ class Fallback:
         """Send the next command of the stop trajectory (T, 2), which leads along states (K, 3)."""
         if self._rates.active:
             rest[0] = self._rates.limit(rest[0], state.history.command)
-        self._backup.sent(state.backup, rest[0], states[1])
+        state.backup.sent(rest, rest[0], states[1])
         state.history.remember(rest[0])
         n = self._problem.horizon
         commands = np.zeros((n, INPUTS))

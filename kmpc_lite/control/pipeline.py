@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from kmpc_lite.control.answers import Answers
 from kmpc_lite.control.estimate.estimator import observe_drift
 from kmpc_lite.control.estimate.pose_age import advance_pose
@@ -31,9 +33,9 @@ from kmpc_lite.control.recent_times import longest_lately
 from kmpc_lite.control.standstill import Present, StandstillWatch
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE, StepClock
-from kmpc_lite.control.stop.backup import Backup
-from kmpc_lite.control.stop.stop_task import StopTask, StopTrajectory
-from kmpc_lite.control.stop.stop_trajectory import stop_trajectories
+from kmpc_lite.control.stop.braking import Braking
+from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotions
+from kmpc_lite.control.stop.surroundings import Surroundings
 from kmpc_lite.control.verification import Verification, Verified
 from kmpc_lite.control.watching import Watching
 from kmpc_lite.control.world.scene import Scene
@@ -82,13 +84,12 @@ class Pipeline:
         self._guiding = Guiding(units, options.stop, guide)
         self._goal_reference = GoalReference(units)
         self._rates = RateLimit(units)
-        emerging = options.sight.emerging_speed / scale.speed
-        stops = stop_trajectories(units, options.stop, emerging)
-        self._backup = Backup(units, options.stop)
-        self._verification = Verification(units, step, stops)
+        self._emerging_speed = options.sight.emerging_speed / scale.speed
+        motions, self._braking = SafeMotions(units, options.stop), Braking(units, options.stop)
+        self._verification = Verification(units, step, motions)
         self._answers = Answers(problem, scale)
         self.fallback = Fallback(
-            units, stops, self._backup, self._verification, self._rates, self._answers
+            units, motions, self._braking, self._verification, self._rates, self._answers
         )
         unit = unit_length(units)
         reach = units.horizon * units.dt * fastest(units)[0] + units.robot_radius + units.margin
@@ -215,17 +216,22 @@ class Pipeline:
         clock: StepClock,
     ) -> Verified:
         """Check that the model agrees with the plan, and that the robot can stop after it."""
-        margins = known.margins
-        task = StopTask(
+        margins, known_range = known.margins, self._problem.sensor_range
+        around = Surroundings(
+            things=seen.things,
+            nearby=seen.nearby,
+            perhaps=seen.perhaps,
+            swerve_time=self._options.stop.swerve_time,
+            known=math.inf if known_range is None else known_range + self._problem.body_radius,
+            emerging_speed=self._emerging_speed,
+        )
+        task = MotionTask(
             model=known.model,
             past=state.history.commands,
             last=state.history.command,
-            things=seen.things,
-            nearby=seen.nearby,
-            solids_ahead=result.solids_ahead,
-            check=None if margins is None else margins.command_check,
+            around=around,
+            margins=None if margins is None else margins.stop_margins,
             drift=state.drift,
-            perhaps=seen.perhaps,
         )
         verified = self._verification.check(result, seen, task)
         state.trajectory = verified.trajectory
@@ -243,9 +249,9 @@ class Pipeline:
         clock: StepClock,
     ) -> Plan:
         """Send the first command of a verified plan."""
-        trajectory, stop = verified.trajectory, verified.stop
-        assert trajectory is not None and stop is not None
-        self._backup.accept(state.backup, trajectory.states, trajectory.inputs, stop)
+        trajectory, motion = verified.trajectory, verified.motion
+        assert trajectory is not None and motion is not None
+        state.backup.sent(motion, motion[0], trajectory.states[1])
         state.history.expect(seen.here, trajectory.inputs[0], verified.expected)
         state.history.remember(trajectory.inputs[0])
         states = trajectory.states + (0.0, 0.0, seen.turns) if seen.turns else trajectory.states
@@ -284,7 +290,9 @@ class Pipeline:
                 # it still brakes
                 plan.states[:] = known.model.rollout(seen.here, plan.inputs, history.commands)
         state.trajectory = plan
-        self._backup.accept(state.backup, plan.states, plan.inputs, StopTrajectory())
+        ramp = self._braking.ramp(plan.inputs[0])
+        motion = np.concatenate([plan.inputs[:1], ramp])
+        state.backup.sent(motion, motion[0], plan.states[1])
         state.history.remember(plan.inputs[0])
         state.history.planned = None
         return self._answers.plan(

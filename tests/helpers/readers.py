@@ -71,8 +71,8 @@ ground_changes = [[2.0, "carpet"]]
 lead_time = 0.3
 [controller.solver.real_time]
 max_iter = 80
-[controller.stop]
-slower_shares = [0.5, 0.0]
+[controller.moving_obstacles]
+speed_scales = [0.5, 0.0]
 [run]
 seed = 3
 """

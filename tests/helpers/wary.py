@@ -8,9 +8,12 @@ import numpy as np
 
 import kmpc_lab
 import kmpc_lite as kl
+from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_margins import Margins
-from kmpc_lite.control.options import MarginOptions
+from kmpc_lite.control.options import MarginOptions, StopOptions
+from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotion, SafeMotions
+from kmpc_lite.control.stop.surroundings import Surroundings
 
 PROBLEM = kl.NavigationProblem()
 CIRCLES = np.array([[1.0, 0.0, 0.2, 0.0, 0.0]])
@@ -26,7 +29,7 @@ class Wary:
         adapted: bool = False,
         **options: Any,
     ) -> None:
-        self.problem, self.options = problem, MarginOptions(**options)
+        self.problem, self.options, self.model = problem, MarginOptions(**options), model
         self.drift, self.of = DriftState(), Margins(model, problem, self.options, adapted=adapted)
 
     @property
@@ -45,6 +48,7 @@ class Wary:
         self.drift = DriftState()
 
     def update(self, model: kl.KoopmanModel, adapted: bool = False) -> None:
+        self.model = model
         before, self.of = self.of, Margins(model, self.problem, self.options, adapted=adapted)
         self.of.drift_detector.carry_over(self.drift, before.drift_detector)
 
@@ -57,11 +61,31 @@ class Wary:
     def covariances(self, *plan: Any) -> np.ndarray:
         return self.of.tightening.covariances(self.drift, *plan)
 
-    def step_margin(self, v: float, omega: float) -> float:
-        return self.of.command_check.step_margin(self.drift, v, omega)
+    def margin(self, v: float, omega: float) -> float:
+        """Of a motion that lasts a period."""
+        dt = self.model.dt
+        way = np.array([dt * v]), np.array([dt * omega])
+        return float(self.of.stop_margins.of_motions(self.drift, *way)[0])
+
+    def error(self, v: float, omega: float) -> float:
+        """Of a command, towards whatever lies where it errs most."""
+        command, anywhere = np.array([(v, omega)]), directions_around(16)
+        return float(self.of.stop_margins.of_commands(self.drift, command, anywhere).max())
+
+    def motion(self, here: np.ndarray, command: np.ndarray, circles: np.ndarray) -> SafeMotion:
+        """What is driven of a steady plan."""
+        inputs = np.tile(command, (self.problem.horizon, 1))
+        none = np.zeros((self.model.history, 2))
+        states = self.model.rollout(here, inputs, none)
+        around = Surroundings(things_of(circles))
+        task = MotionTask(self.model, none, np.zeros(2), around, self.of.stop_margins, self.drift)
+        return SafeMotions(self.problem, StopOptions()).find(states, inputs, task)
 
     def speed_share(self, here: np.ndarray, command: np.ndarray, circles: np.ndarray) -> float:
-        return self.of.command_check.speed_share(self.drift, here, command, circles).share
+        """Share of its speed that a command keeps."""
+        motion = self.motion(here, command, circles)
+        assert motion.commands is not None
+        return float(motion.inputs[0, 0] / command[0])
 
 
 def slipping(slip: float, seed: int = 0) -> kl.KoopmanModel:
@@ -79,6 +103,12 @@ def plan(
     inputs = np.tile([v, omega], (n, 1))
     states = model.rollout((0.2, -0.1, heading), inputs)
     return model.linearize(states[:-1], inputs), states, inputs
+
+
+def directions_around(count: int) -> np.ndarray:
+    """Slopes (count, 3) of clearances from things all around."""
+    angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+    return np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=-1)
 
 
 def of_noise(model: kl.KoopmanModel, **options: Any) -> Wary:

@@ -2,57 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from kmpc_lite.types import Array
 
-TINY = 1e-24
-"""Square of a step that leads nowhere [m^2]."""
 WALL_RADIUS = 1e6
 """Radius that a flat wall is reckoned with [m]."""
-
-
-def halves(step: Array) -> tuple[Array, Array, float]:
-    """Cut an arc in two.
-
-    Parameters
-    ----------
-    step : ndarray
-        From its begin to its end (3,) [m, m, rad].
-
-    Returns
-    -------
-    first, second : ndarray
-        Chords of its halves (2,) [m].
-    bulge : float
-        How far either half comes beyond its chord [m].
-    """
-    x, y, turn = step.tolist()
-    # the middle of the arc lies L phi / 8 beside that of its chord
-    first = np.array((0.5 * x + turn / 8.0 * y, 0.5 * y - turn / 8.0 * x))
-    return first, step[:2] - first, math.hypot(x, y) * abs(turn) / 32.0
-
-
-def least_on_way(away: Array, step: Array) -> Array:
-    """Least distance from a point on the straight way of a step, where it began left out [m].
-
-    So one that leads away from the point is as far as its end.
-
-    Parameters
-    ----------
-    away : ndarray
-        (..., 2) from the point to where the step begins [m].
-    step : ndarray
-        (..., 2) [m].
-    """
-    towards = -(away * step).sum(axis=-1)
-    squared = np.maximum((step * step).sum(axis=-1), TINY)
-    share = np.where(towards > 0.0, np.minimum(towards / squared, 1.0), 1.0)
-    nearest = away + share[..., None] * step
-    out: Array = np.hypot(nearest[..., 0], nearest[..., 1])
-    return out
 
 
 def chord_margins(states: Array, radii: Array | float, reach: float = 0.0) -> Array:

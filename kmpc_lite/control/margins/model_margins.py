@@ -1,20 +1,20 @@
-"""All that depends on a model's noise: margins of plans, check of commands, drift detector."""
+"""All that depends on a model's noise: margins of plans and motions, drift detector."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from kmpc_lite.control.margins.command_check import command_check
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_noise import ModelNoise
 from kmpc_lite.control.margins.obstacle_margins import Tightening
+from kmpc_lite.control.margins.stop_margins import StopMargins
 from kmpc_lite.control.options import MarginOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.motion import MotionModel
 
 
 class Margins:
-    """Margins of plans, the check of commands, and the drift detector, for one model.
+    """Margins of plans, those of motions, and the drift detector, for one model.
 
     It remembers nothing of a drive: what the drift detector has seen is a `DriftState`, the first
     argument of all that depends on it. Another model gets other `Margins`.
@@ -39,8 +39,8 @@ class Margins:
         Tells whether the robot does otherwise than its model says.
     tightening : Tightening
         Margins of plans.
-    command_check : CommandCheck
-        Slows commands that could end in an obstacle.
+    stop_margins : StopMargins
+        Margins of motions that are about to be driven.
 
     Raises
     ------
@@ -74,7 +74,7 @@ class Margins:
         self.noise = ModelNoise(model, problem, options, adapted)
         self.drift_detector = self.noise.drift_detector
         self.tightening = Tightening(self.noise, problem, options)
-        self.command_check = command_check(model, self.noise, problem, options)
+        self.stop_margins = StopMargins(self.noise, problem, options)
         self._model, self._horizon = model, problem.horizon
         self._directions = 2 if problem.footprint is None else 3
 

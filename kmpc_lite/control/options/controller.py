@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from typing import Any
@@ -19,7 +20,7 @@ from kmpc_lite.control.options.step import StepOptions
 from kmpc_lite.control.options.stop import StopOptions
 from kmpc_lite.control.options.tracker import TrackerOptions
 from kmpc_lite.errors import ProblemError, did_you_mean
-from kmpc_lite.option_fields import check, group
+from kmpc_lite.option_fields import GONE, check, group
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class ControllerOptions:
     solver: SolverOptions = group(SolverOptions())
     """How the nonlinear program is solved."""
     stop: StopOptions = group(StopOptions())
-    """How a stop trajectory is found."""
+    """Which motions to rest are tried, and what is clear."""
     obstacles: ObstacleOptions = group(ObstacleOptions())
     """How many obstacles it looks at."""
     sight: SightOptions = group(SightOptions())
@@ -84,6 +85,10 @@ def _changed_by(options: Any, table: Mapping[str, Any], where: str) -> Any:
     values: dict[str, Any] = {}
     for name, value in table.items():
         place = f"{where}.{name}"
+        instead = GONE.get(place.removeprefix("options."))
+        if instead is not None:
+            warnings.warn(f"{place}: not an option any more; {instead}", stacklevel=4)
+            continue
         if name not in known:
             hint = did_you_mean(name, known) or f"; expected one of {', '.join(known)}"
             raise ProblemError(f"{place}: unknown{hint}")

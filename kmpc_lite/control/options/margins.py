@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.option_fields import angle, check, count, part, probability, radii, seconds, share
+from kmpc_lite.option_fields import angle, check, part, probability, radii, seconds, share
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class MarginOptions:
     those farther away the widest margin is used."""
 
     step_risk: float = probability(1e-3)
-    """Probability that the error of a single command exceeds what the command check allows for."""
+    """Probability that the error of a single command exceeds what its margin allows for."""
     adapted_step_risk: float = probability(1e-4)
     """The same with a model that was corrected while driving: it knows its floor from a few seconds
     only."""
@@ -47,16 +47,6 @@ class MarginOptions:
     unknown_floor_slip: float = share(0.35)
     """Standard deviation of a command's error on an unknown floor, as a share of what it drives: a
     slip of 0.2 pushes farther than five times that once in ten thousand periods."""
-    check_margin: float = radii(1 / 150)
-    """Clearance that the command check keeps because it reckons along straight lines [radii]."""
-    check_corrections: int = count(3)
-    """How often the command check may shorten a command and look again."""
-    check_far_periods: float = share(3.0, zero=False)
-    """The command check leaves obstacles out that are farther away than a command drives in this
-    many periods: no robot drives three times as fast as it is told."""
-    retreat_share: float = part(0.25)
-    """Share of a command that is always allowed straight away from an obstacle: a robot that
-    touches must get free."""
 
     innovation_attack_time: float = seconds(0.5, zero=False)
     """Memory of the running mean of errors where the newest is larger [s]: ten times the slip

@@ -1,5 +1,5 @@
-"""The stop trajectory that every plan must have, and what is driven when there is no plan.
+"""What a robot may drive of a plan: the largest share from which it comes to rest clear.
 
-`stop_trajectory` checks a plan for a stop; `backup` keeps the last stop trajectory, which
-`control/fallback.py` drives, or brakes, when the QP solver fails or no stop is clear.
+`safe_motion` finds it; `backup` keeps the last one, which `control/fallback.py` drives on, or
+brakes, when the QP solver fails or no motion is clear.
 """

@@ -37,17 +37,8 @@ class Braking:
     def __init__(self, problem: NavigationProblem, options: StopOptions) -> None:
         self._dt = problem.dt
         self.ramp_step: Array = np.asarray(problem.deceleration) * problem.dt
-        self._slow_v, self._slow_omega = (float(step) for step in self.ramp_step)
         self.longest_ramp = max(round(options.longest_ramp / problem.dt), 1)
         self._rate_step = np.minimum(problem.dt * problem.du_max, UNLIMITED)
-
-    def periods(self, v: float, omega: float) -> float:
-        """How many periods a ramp takes from a command [m/s, rad/s], as a fraction."""
-        return max(abs(v) / self._slow_v, abs(omega) / self._slow_omega)
-
-    def distance(self, v: float, periods: float) -> float:
-        """How far a robot drives at a speed for a period, and then down a ramp [m]."""
-        return self._dt * abs(v) * (1.0 + 0.5 * periods)
 
     def ramp(self, command: Array) -> Array:
         """Commands (T, 2) that brake a robot after a command (2,); the last is zero.

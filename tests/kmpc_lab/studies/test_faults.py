@@ -15,9 +15,8 @@ from kmpc_lab.studies.faults import FIXED, drive_faults, faults_study, format_fa
 from kmpc_lab.studies.faulty_loop import KINDS, FaultCounts, FaultyLoop
 from kmpc_lab.studies.training import train
 from kmpc_lite.control.plan import PlanStatus
-from kmpc_lite.control.stop.backup import Backup, BackupState
-from kmpc_lite.control.stop.stop_task import CheckedPlan
-from kmpc_lite.control.stop.stop_trajectory import StopTrajectories
+from kmpc_lite.control.stop.backup import BackupState
+from kmpc_lite.control.stop.safe_motion import SafeMotion, SafeMotions
 from kmpc_lite.control.verification import Verification
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
@@ -84,10 +83,10 @@ def test_the_injected_status_reaches_the_controller(kind: str, slippery: Koopman
 def test_the_study_sees_a_robot_that_does_not_stop(
     monkeypatch: pytest.MonkeyPatch, slippery: KoopmanModel
 ) -> None:
-    def drive_on(self: Backup, state: BackupState) -> Array:
+    def drive_on(state: BackupState) -> Array:
         return np.tile(state.command, (2, 1))
 
-    monkeypatch.setattr(Backup, "replay", drive_on)
+    monkeypatch.setattr(BackupState, "rest", property(drive_on))
     monkeypatch.setattr(Verification, "clearance", lambda *_: np.inf)
     scenarios = [random_map("dense", seed, 0.2) for seed in range(3)]
     blind = drive_faults("pose lost for long", 0.2, slippery, scenarios)
@@ -99,7 +98,7 @@ def test_a_failing_controller_never_recovers_and_is_told_so(
     monkeypatch: pytest.MonkeyPatch, slippery: KoopmanModel
 ) -> None:
     monkeypatch.setattr(
-        StopTrajectories, "find", lambda _, states, inputs, task: CheckedPlan(None, states, inputs)
+        SafeMotions, "find", lambda _, states, inputs, task: SafeMotion(states, inputs, None)
     )
     counts = FaultCounts("pose NaN", 0.2)
     loop = FaultyLoop(slippery, random_map("dense", 1, 0.2), "pose NaN", counts)

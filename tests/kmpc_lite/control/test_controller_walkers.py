@@ -14,8 +14,7 @@ import kmpc_lite as kl
 from kmpc_lab.studies import pedestrians
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY, things_of
 from kmpc_lite.control.options import TrackerOptions
-from kmpc_lite.control.stop.stop_task import CheckedPlan, StopTask
-from kmpc_lite.control.stop.stop_trajectory import StopTrajectories
+from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotion, SafeMotions
 from kmpc_lite.control.world.motion_watch import MotionWatch, MotionWatchState
 from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
@@ -119,14 +118,14 @@ def test_who_turns_on_the_spot_counts_as_moving_without_a_break() -> None:
 def test_nobody_is_taken_to_walk_more_slowly_for_having_turned(
     angle: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    speeds, plain, find = list[float](), list[float](), StopTrajectories.find
+    speeds, plain, find = list[float](), list[float](), SafeMotions.find
 
-    def note(self: StopTrajectories, states: Array, inputs: Array, task: StopTask) -> CheckedPlan:
-        speeds.append(float(task.walking[1][0]))
-        plain.append(float(np.hypot(*task.things[0, VELOCITY])))
+    def note(self: SafeMotions, states: Array, inputs: Array, task: MotionTask) -> SafeMotion:
+        speeds.append(float(task.around.turning[:, SPREAD_RATE].max(initial=0.0)))
+        plain.append(float(np.hypot(*task.around.things[0, VELOCITY])))
         return find(self, states, inputs, task)
 
-    monkeypatch.setattr(StopTrajectories, "find", note)
+    monkeypatch.setattr(SafeMotions, "find", note)
     controller, pose = kl.Controller(kl.nominal_unicycle(DT)), np.zeros(3)
     place, way = np.array([-0.5, 1.5]), np.array([0.9, 0.0])
     for k in range(25):

@@ -16,12 +16,13 @@ from kmpc_lite.control.nmpc.sqp_state import SQPResult
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import ControllerOptions, SolverOptions
-from kmpc_lite.control.stop.stop_task import StopTask
+from kmpc_lite.control.stop.safe_motion import MotionTask
+from kmpc_lite.control.stop.surroundings import Surroundings
 
 MODEL = kl.nominal_unicycle(0.1)
 
 
-def contradicted(circles: np.ndarray) -> tuple[kl.Controller, SQPResult, Observation, StopTask]:
+def contradicted(circles: np.ndarray) -> tuple[kl.Controller, SQPResult, Observation, MotionTask]:
     """A plan straight ahead whose states are nonsense, with what it is checked against."""
     controller, things = kl.Controller(MODEL), things_of(circles)
     inputs = np.tile([0.5, 0.0], (20, 1))
@@ -30,12 +31,12 @@ def contradicted(circles: np.ndarray) -> tuple[kl.Controller, SQPResult, Observa
     seen = Observation(np.zeros(3), np.array([1.0, 0.0, 0.0]), things, None, None)
     margins = controller.known.margins
     assert margins is not None
-    task = StopTask(
+    task = MotionTask(
         MODEL,
         np.empty((0, 2)),
         np.zeros(2),
-        things,
-        check=margins.command_check,
+        Surroundings(things),
+        margins=margins.stop_margins,
         drift=controller.state.drift,
     )
     return controller, result, seen, task
@@ -44,23 +45,10 @@ def contradicted(circles: np.ndarray) -> tuple[kl.Controller, SQPResult, Observa
 def test_its_commands_are_good_for_what_the_model_makes_of_them() -> None:
     controller, result, seen, task = contradicted(np.empty((0, 5)))
     verified = controller._pipeline._verification.check(result, seen, task)
-    assert verified.trajectory is not None and verified.stop is not None
+    assert verified.trajectory is not None and verified.motion is not None
     np.testing.assert_allclose(verified.trajectory.states[-1], (1.0, 0.0, 0.0), atol=1e-9)
     np.testing.assert_allclose(verified.expected, (0.05, 0.0, 0.0), atol=1e-9)
     assert "contradicted the plan by 0.2" in verified.reason
-
-
-def test_it_stops_before_what_it_would_cut_into() -> None:
-    # touched from x = 0.45 on
-    circles = np.array([[0.8, 0.0, 0.2, 0.0, 0.0]])
-    controller, result, seen, task = contradicted(circles)
-    verified = controller._pipeline._verification.check(result, seen, task)
-    assert verified.trajectory is not None and verified.stop is not None
-    end = verified.trajectory.states[-1, 0]
-    assert 0.3 < end <= 0.45 + 0.02 + 1e-9
-    assert "shortened to 9 periods" in verified.reason
-    assert not verified.trajectory.inputs[9:].any()
-    np.testing.assert_array_equal(verified.trajectory.inputs[:9, 0], 0.5)
 
 
 @pytest.mark.parametrize(("defect", "anew"), [(0.0499, False), (0.0501, True)])
@@ -73,28 +61,31 @@ def test_the_model_may_contradict_a_plan_by_five_centimetres_a_period(
     assert ("rolled out anew" in verified.reason) is anew
 
 
-@pytest.mark.parametrize(("depth", "shortened"), [(0.0199, False), (0.0201, True)])
-def test_a_plan_that_was_rolled_out_may_cut_in_by_two_centimetres(
-    depth: float, shortened: bool
+@pytest.mark.parametrize(("depth", "driven"), [(0.0199, True), (0.0201, False)])
+def test_without_margins_a_plan_that_was_rolled_out_may_cut_in_by_two_centimetres(
+    depth: float, driven: bool
 ) -> None:
     # the plan ends at x = 1
     circles = np.array([[1.0 + 0.35 - depth, 0.0, 0.2, 0.0, 0.0]])
     controller, result, seen, task = contradicted(circles)
+    task = replace(task, margins=None, drift=None)
     verified = controller._pipeline._verification.check(result, seen, task)
-    assert ("shortened" in verified.reason) is shortened
+    assert (verified.motion is not None) is driven
 
 
 def test_without_margins_such_a_plan_is_not_driven() -> None:
     circles = np.array([[0.8, 0.0, 0.2, 0.0, 0.0]])
     controller, result, seen, task = contradicted(circles)
-    task = replace(task, check=None, drift=None)
-    assert controller._pipeline._verification.check(result, seen, task).stop is None
+    task = replace(task, margins=None, drift=None)
+    assert controller._pipeline._verification.check(result, seen, task).motion is None
 
 
-def test_nothing_is_driven_where_the_first_period_would_cut_in() -> None:
-    controller, result, seen, task = contradicted(np.array([[0.3, 0.0, 0.2, 0.0, 0.0]]))
+def test_what_would_cut_in_in_the_first_period_is_slowed() -> None:
+    controller, result, seen, task = contradicted(np.array([[0.36, 0.0, 0.2, 0.0, 0.0]]))
     verified = controller._pipeline._verification.check(result, seen, task)
-    assert verified.stop is None
+    assert verified.trajectory is not None and verified.motion is not None
+    assert 0.0 <= verified.motion[0, 0] < 0.11
+    np.testing.assert_array_equal(verified.expected, verified.trajectory.states[1])
 
 
 @pytest.mark.parametrize("horizon", [20, 40])

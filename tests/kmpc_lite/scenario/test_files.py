@@ -305,8 +305,8 @@ cold_passes = 5
 max_iter = 80
 adaptive_rho = true
 
-[controller.stop]
-slower_shares = [0.5, 0.0]
+[controller.moving_obstacles]
+speed_scales = [0.5, 0.0]
 """
 
 
@@ -316,7 +316,7 @@ def test_the_controllers_options_are_read_and_written(tmp_path: Path) -> None:
     assert changed == {
         "guidance": {"lead_time": 0.3},
         "solver": {"cold_passes": 5, "real_time": {"max_iter": 80, "adaptive_rho": True}},
-        "stop": {"slower_shares": (0.5, 0.0)},
+        "moving_obstacles": {"speed_scales": (0.5, 0.0)},
     }
     again = Scenario.from_table(tomllib.loads(scenario.to_toml()), "field", "text")
     assert again.options == scenario.options

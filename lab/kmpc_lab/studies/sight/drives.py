@@ -22,8 +22,6 @@ from kmpc_lab.studies.sight.seen_cells import SeenCells
 from kmpc_lab.studies.sight.worlds import Course, course_of
 from kmpc_lite.control import Controller
 from kmpc_lite.control.plan import GoalProgress, PlanStatus
-from kmpc_lite.control.stop.braking import Braking
-from kmpc_lite.control.units import scaled_problem
 from kmpc_lite.scenario.arrival import Tolerance
 from kmpc_lite.types import Array
 
@@ -145,11 +143,9 @@ class SightLoop:
         assert self.controller is not None
         problem, state = self.controller.problem, self.controller.state
         backup, model = state.backup, state.model
-        if backup.inputs is None:
+        if backup.motion is None:
             return pose[None, :2]
-        units = scaled_problem(problem, problem.scale)
-        braking = Braking(units, self.controller.options.stop)
-        commands = backup.stop.commands(backup.inputs, braking) * problem.scale.command
+        commands = backup.motion * problem.scale.command
         if model.history:
             commands = np.concatenate([commands, np.zeros((model.history, 2))])
         past = state.history.commands * problem.scale.command

@@ -26,16 +26,16 @@ def test_a_floor_that_pushes_to_one_side_is_noticed_among_noisy_poses(way):
         np.array([0.5 * way, 0.0]),
     )
     calm, pushed = Wary(model, PROBLEM), Wary(model, PROBLEM)
-    sure, wary = calm.step_margin(0.5, 0.0), 0
+    sure, wary = calm.error(0.5, 0.0), 0
     for errors in np.diff(random.normal(size=(1001, 2)) * 0.005, axis=0):
         calm.observe(np.append(errors, 0.0), 0.0, u)
-        wary += calm.step_margin(0.5, 0.0) > 5.0 * sure
+        wary += calm.error(0.5, 0.0) > 5.0 * sure
     assert wary < 60
     for errors in np.diff(random.normal(size=(9, 2)) * 0.005, axis=0):
         pushed.observe(np.append(errors + (0.0, -0.010 * way), 0.0), 0.0, u)
-    assert pushed.inflation < STRANGE[0] and pushed.step_margin(0.5, 0.0) > 5.0 * sure
+    assert pushed.inflation < STRANGE[0] and pushed.error(0.5, 0.0) > 5.0 * sure
     pushed.reset()
-    assert pushed.step_margin(0.5, 0.0) == sure
+    assert pushed.error(0.5, 0.0) == sure
 
 
 @pytest.mark.parametrize("slip", [0.0, 0.05, 0.2])

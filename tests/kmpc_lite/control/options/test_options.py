@@ -14,6 +14,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.control import options as rooms
 from kmpc_lite.control.options import fastest, unit_length
+from kmpc_lite.option_fields import GONE
 
 GROUPS = [
     getattr(rooms, name)() for name in rooms.__all__ if isinstance(getattr(rooms, name), type)
@@ -66,11 +67,11 @@ def test_tables_of_a_file_make_options_and_what_was_changed_makes_the_tables() -
     tables = {
         "guidance": {"lead_time": 0.3},
         "solver": {"real_time": {"max_iter": 80}, "cold_passes": 5},
-        "stop": {"slower_shares": [0.5, 0.0]},
+        "moving_obstacles": {"speed_scales": [0.5, 0.0]},
     }
     options = kl.ControllerOptions.from_dict(tables)
     assert options.solver.real_time == replace(rooms.OSQPOptions(), max_iter=80)
-    assert options.stop.slower_shares == (0.5, 0.0)
+    assert options.moving_obstacles.speed_scales == (0.5, 0.0)
     assert kl.ControllerOptions.from_dict(options.changed()) == options
     assert set(options.changed()) == set(tables)
     assert kl.ControllerOptions().changed() == {}
@@ -135,3 +136,12 @@ def test_times_are_the_robots_but_where_sensors_and_computers_set_the_pace() -> 
         "StepOptions.shortest_period",
         "StepOptions.longest_period",
     }
+
+
+def test_an_option_that_is_gone_is_named_with_what_took_its_place() -> None:
+    with pytest.warns(UserWarning, match="options.stop.slower_shares: not an option any more; the"):
+        options = kl.ControllerOptions.from_dict({"stop": {"slower_shares": [0.5]}})
+    assert options == kl.ControllerOptions()
+    for name in GONE:
+        room, option = name.split(".")
+        assert not hasattr(getattr(options, room), option)

@@ -1,0 +1,99 @@
+"""Margins of motions that are about to be driven: how far they may lead beside what is predicted.
+
+Margins of a plan are computed for the trajectory that its QP is linearised at; these take commands
+as they will be sent. Errors grow with the speed, so that a slower robot may come nearer to an
+obstacle.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from kmpc_lite.control.kernels.stop_errors import added_up, led_aside
+from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.margins.model_noise import ModelNoise
+from kmpc_lite.control.options import MarginOptions, unit_length
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.model.tube import FLOOR
+from kmpc_lite.types import STATES, Array
+
+HEADING = 8
+"""Place of the heading's variance in a covariance (9,)."""
+
+
+class StopMargins:
+    """Quantiles of a model's error over what is driven and turned.
+
+    Parameters
+    ----------
+    noise : ModelNoise
+        Of the model.
+    problem : NavigationProblem
+        Robot radius or footprint.
+    options : MarginOptions
+        What is added to every margin.
+
+    Attributes
+    ----------
+    pose_error : float
+        Quantile of how far a measured pose is off [m]: only what a clearance has beyond it is sure.
+        Near an obstacle every step may use up a share of its clearance; with one that is not sure,
+        many steps would end in the obstacle.
+    """
+
+    def __init__(
+        self, noise: ModelNoise, problem: NavigationProblem, options: MarginOptions
+    ) -> None:
+        self._noise, self._solver_margin = noise, options.solver_margin * unit_length(problem)
+        self._reach = 0.0 if problem.footprint is None else problem.footprint.reach
+        variance = noise.tube.pose_deviation[0] ** 2 - FLOOR**2
+        self.pose_error = noise.quantile * math.sqrt(max(variance, 0.0))
+
+    def of_motions(self, drift: DriftState, distances: Array, turns: Array) -> Array:
+        """Margins (..., T) at the end of each period [m].
+
+        Parameters
+        ----------
+        drift : DriftState
+            Of the drift detector.
+        distances, turns : ndarray
+            What is driven [m] and turned [rad] in each period, (..., T).
+        """
+        noise, felt = self._noise, self._noise.felt(drift)
+        if not felt.command_errs:
+            return np.full(distances.shape, self._solver_margin)
+        rates = np.abs(np.stack([distances, turns])) / noise.dt
+        quantiles = noise.step_quantile, noise.quantile
+        whole, lasting = np.array(felt.command_trace), np.array(felt.lasting_trace)
+        own = added_up(rates, whole, lasting, *quantiles)
+        whole, lasting = felt.command[:, HEADING], felt.lasting[:, HEADING]
+        errors = np.hypot(own, led_aside(rates, noise.dt, whole, lasting, *quantiles))
+        if self._reach:
+            errors += self._reach * added_up(rates, whole, lasting, *quantiles)
+        out: Array = self._solver_margin + errors
+        return out
+
+    def of_commands(self, drift: DriftState, commands: Array, slopes: Array) -> Array:
+        """Errors (C, ...) of single commands (C, 2) towards things [m].
+
+        Parameters
+        ----------
+        drift : DriftState
+            Of the drift detector.
+        commands : ndarray
+            (C, 2) [m/s, rad/s].
+        slopes : ndarray
+            (..., 3) by how much clearances grow with the pose, in the robot's frame.
+        """
+        felt = self._noise.felt(drift)
+        noise = ((commands * commands) @ felt.command).reshape(-1, STATES, STATES)
+        variance = np.einsum("...i,cij,...j->c...", slopes, noise, slopes)
+        out: Array = self._noise.step_quantile * np.sqrt(np.maximum(variance, 0.0))
+        return out
+
+    def sure(self, clearances: Array) -> Array:
+        """What is sure of measured clearances, whatever the pose's noise pretends [m]."""
+        out: Array = np.maximum(clearances - self.pose_error, 0.0)
+        return out

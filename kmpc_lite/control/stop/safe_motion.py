@@ -1,0 +1,253 @@
+"""The largest share of a plan that a robot can drive and still come to rest clear.
+
+Candidates are the plan's coming command, its shares down to hard braking, and a few further
+commands of the plan; each is followed by a brake: down the ramp on the curve that the robot is on,
+or along the plan's path. They are rolled out to rest with the model and its past commands, and the
+first one that stays clear is driven (`kernels/safe_motion.py` has the law). None: the plan must not
+be driven.
+
+It holds as far as these are true:
+
+- the model is wrong by less than its margins (`margins/stop_margins.py`);
+- circles keep their velocity, or turn for a while, and solids stay until the robot stands; a
+  standing robot can still be driven into;
+- the pose is right, and every obstacle that the motion comes to is known: all are given, or those
+  within `NavigationProblem.sensor_range`, or a scan has shown the place to be free;
+- a robot whose model has no input history, and whose commands may change as they like (no
+  `du_max`), stops within the period in which it is told to;
+- margins are on: without them (``tightening=None``, the paper) no plan is refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from kmpc_lite.control.footprint import places_of
+from kmpc_lite.control.kernels import safe_motion as kernel
+from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.margins.stop_margins import StopMargins
+from kmpc_lite.control.options import StopOptions
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.rate_limit import RateLimit
+from kmpc_lite.control.stop.braking import Braking
+from kmpc_lite.control.stop.surroundings import Surroundings
+from kmpc_lite.model.motion import MotionModel
+from kmpc_lite.types import Array
+
+OVERSPEED = 1.25
+"""A robot drives at most this many times as far as its commands say, if it is only decided whether
+to look more closely."""
+
+
+TURN_ALLOWANCE = 1 / 150
+"""How much a slow turn on the spot may move a round robot towards a thing [radii]: it must always
+be able to turn free."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MotionTask:
+    """What a motion starts from, and what it must be clear of."""
+
+    model: MotionModel
+    """Predicts."""
+    past: Array
+    """(L, 2) commands already sent, oldest first."""
+    last: Array
+    """(2,) the command sent last."""
+    around: Surroundings
+    """What is around the robot."""
+    margins: StopMargins | None = None
+    """Of motions; without them every plan is accepted."""
+    drift: DriftState | None = None
+    """Of the drift detector; given with `margins`."""
+
+
+class SafeMotion(NamedTuple):
+    """What may be driven."""
+
+    states: Array
+    """(N + 1, 3), rolled out anew where the plan was slowed."""
+    inputs: Array
+    """(N, 2), whose first is the coming command."""
+    commands: Array | None
+    """(T, 2) from the coming command to rest; None where no motion is clear."""
+    slowed: bool = False
+    """Whether the coming command is not the plan's."""
+
+
+class Motions(NamedTuple):
+    """Candidates, the best first."""
+
+    commands: Array
+    """(C, T, 2), to zero."""
+    strict: Array
+    """(C,) whether each must keep its margins, whatever clearance a standing robot has."""
+    free: Array
+    """(C,) whether the coming command's own error does not count."""
+
+    @classmethod
+    def of(cls, commands: Array) -> Motions:
+        """Motions (C, T, 2) without exceptions."""
+        none = np.zeros(len(commands), dtype=bool)
+        return cls(commands, none, none)
+
+
+class SafeMotions:
+    """Finds the safe motion of a plan.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Period, outline, and how fast commands may change.
+    options : StopOptions
+        What is tried, and what may be spent.
+    """
+
+    def __init__(self, problem: NavigationProblem, options: StopOptions) -> None:
+        self._options, self._dt, self._radius = options, problem.dt, problem.body_radius
+        self._footprint = problem.footprint
+        self._reach = 0.0 if problem.footprint is None else problem.footprint.reach
+        self._braking, self._rates = Braking(problem, options), RateLimit(problem)
+        self._faster = problem.dt * problem.du_max
+        self._slower = problem.dt * np.maximum(problem.du_max, problem.deceleration)
+        self._further = min(round(options.further_time / problem.dt), problem.horizon - 1)
+
+    def find(self, states: Array, inputs: Array, task: MotionTask) -> SafeMotion:
+        """Find what may be driven of a plan from the present pose.
+
+        Parameters
+        ----------
+        states, inputs : ndarray
+            The plan (N + 1, 3) and (N, 2); left as they are.
+        task : MotionTask
+            What it must be clear of.
+        """
+        ramp = np.concatenate([inputs[:1], self._braking.ramp(inputs[0])])
+        if task.margins is None or task.around.is_empty or self._is_far(states[0], ramp, task):
+            return SafeMotion(states, inputs, ramp)
+        # of a plan that is clear nothing else is rolled out, which is most of the time
+        for batch in (self._whole, self._others):
+            motions = batch(inputs, ramp, task)
+            clear = self._are_clear(states[0], motions, task)
+            if clear.any():
+                chosen = motions.commands[int(clear.argmax())]
+                break
+        else:
+            return SafeMotion(states, inputs, None)
+        if np.array_equal(chosen[0], inputs[0]):
+            return SafeMotion(states, inputs, chosen)
+        slower = inputs.copy()
+        slower[0] = chosen[0]
+        states = task.model.rollout(states[0], slower, task.past)
+        return SafeMotion(states, slower, chosen, slowed=True)
+
+    def rollout(self, model: MotionModel, here: Array, commands: Array, past: Array) -> Array:
+        """States (..., T + L + 1, 3) of a motion, and of the coasting after it.
+
+        Parameters
+        ----------
+        model : MotionModel
+            Predicts, with L past commands.
+        here : ndarray
+            Pose (3,) at which it begins.
+        commands : ndarray
+            (..., T, 2), to zero.
+        past : ndarray
+            (L, 2) commands already sent.
+        """
+        if model.history:
+            still = np.zeros((*commands.shape[:-2], model.history, 2))
+            commands = np.concatenate([commands, still], axis=-2)
+        return model.rollout(here, commands, past)
+
+    def _is_far(self, here: Array, ramp: Array, task: MotionTask) -> bool:
+        """Whether everything is farther away than the robot can come to until it stands."""
+        given = np.abs(np.concatenate([task.past, ramp]))
+        driven, turned = (self._dt * given.sum(axis=0)).tolist()
+        far = OVERSPEED * (driven + self._reach * turned)
+        time = self._dt * (len(ramp) + task.model.history)
+        assert task.margins is not None and task.drift is not None
+        one = np.array([driven]), np.array([turned])
+        far += float(task.margins.of_motions(task.drift, *one)[0]) + time * task.around.fastest()
+        places = places_of(self._footprint, here)
+        nearest = task.around.clearance(places[None, None], np.zeros(1), places) - self._radius
+        return bool((nearest > far).all())
+
+    def _stands_at_once(self, task: MotionTask) -> bool:
+        """Whether the robot stands in the period in which it is told to."""
+        return not (task.model.history or self._rates.active)
+
+    def _whole(self, inputs: Array, ramp: Array, task: MotionTask) -> Motions:
+        """Motions that begin with the plan's coming command."""
+        if self._stands_at_once(task):
+            at_once = np.zeros_like(ramp)
+            at_once[0] = inputs[0]
+            return Motions.of(np.stack([ramp, at_once]))
+        step, longest = self._braking.ramp_step, self._braking.longest_ramp
+        return Motions.of(self._possible(kernel.both_brakes(inputs[:1], inputs, step, longest)))
+
+    def _others(self, inputs: Array, ramp: Array, task: MotionTask) -> Motions:
+        """Further commands of the plan, slower commands, and what turns or brakes alone."""
+        hardest = np.zeros(2)
+        if self._rates.active:
+            hardest = self._rates.limit(self._braking.ramp(task.last)[0], task.last)
+        first = kernel.slower_commands(inputs[0], hardest)
+        # a round robot that turns slowly stays where it is: it must get free of what it touches
+        free = np.zeros(len(first), dtype=bool)
+        free[-2] = self._footprint is None
+        if self._stands_at_once(task):
+            motions = np.stack([first, np.zeros_like(first)], axis=1)
+            return Motions(motions, np.zeros(len(first), dtype=bool), free)
+        step, longest = self._braking.ramp_step, self._braking.longest_ramp
+        slower = self._possible(kernel.both_brakes(first, inputs, step, longest))
+        further = [
+            np.concatenate([inputs[: j + 1], self._braking.ramp(inputs[j])])
+            for j in range(1, self._further + 1)
+        ]
+        strict = np.arange(len(further) + len(slower)) < len(further)
+        turned = np.concatenate([np.zeros(len(further), dtype=bool), free.repeat(2)])
+        return Motions(kernel.stacked([*further, *slower]), strict, turned)
+
+    def _possible(self, motions: Array) -> Array:
+        """Brake straight instead of along the plan where the commands would change too fast."""
+        allowed = kernel.changes_allowed(motions, self._faster, self._slower)
+        allowed[::2] = True
+        return motions[np.where(allowed, np.arange(len(motions)), np.arange(len(motions)) - 1)]
+
+    def _are_clear(self, here: Array, motions: Motions, task: MotionTask) -> Array:
+        """Which of the motions from a pose (3,) stay clear, (C,)."""
+        margins, drift, around = task.margins, task.drift, task.around
+        assert margins is not None and drift is not None
+        commands, radius = motions.commands, self._radius
+        states = self.rollout(task.model, here, commands, task.past)
+        count = kernel.samples_a_period(states, radius)
+        poses, begin = kernel.samples(states, count), places_of(self._footprint, here)
+        places = places_of(self._footprint, poses).reshape(*poses.shape[:2], *begin.shape)
+        times = self._dt / count * np.arange(1, poses.shape[1] + 1)
+        clearance = around.clearance(places, times, begin) - radius
+        standing = around.clearance(begin[None, None], times, begin) - radius
+        clearance = kernel.between_samples(clearance, standing, places, begin, radius)
+        slopes = around.slopes(begin, here, kernel.TINY_STEP * radius)
+        errors = margins.of_commands(drift, commands[:, 0], slopes)
+        steps = np.diff(states, axis=1)
+        distances = np.hypot(steps[..., 0], steps[..., 1])
+        needed = margins.of_motions(drift, distances, steps[..., 2])
+        if self._stands_at_once(task):
+            # the command's own error, towards each thing, is all that it drives
+            needed[:, 0] = -np.inf
+        return kernel.admissible(
+            clearance,
+            standing,
+            self._options.spend_share * margins.sure(standing),
+            needed.repeat(count, axis=1),
+            np.hypot(*np.moveaxis(places - begin, -1, 0)),
+            np.where(motions.free[:, None, None], -TURN_ALLOWANCE * radius, errors),
+            around.may_turn,
+            motions.strict,
+            count * (kernel.lengths(commands) + task.model.history),
+            count,
+            margins.pose_error,
+        )
