@@ -22,10 +22,8 @@ from firmware_bridge.runtime.timing import Histogram
 from firmware_bridge.safety.estop_client import NoBridge, ask
 from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.gate_table import Reason
-from firmware_bridge.safety.latch import is_latched
-from firmware_bridge.safety.places import default_socket
-from firmware_bridge.sensors.placed import placed
-from firmware_bridge.sensors.sensor_driver import autopilot_of
+from firmware_bridge.safety.places import default_socket, is_latched
+from firmware_bridge.sensors.sensor_driver import autopilot_of, placed
 from kmpc_lite.cli.command import Command
 from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import paint
@@ -198,7 +196,7 @@ def _place(driver: Driver, robot: Robot) -> list[Finding]:
     state = driver.state()
     if robot.control.scenario is None or not robot.control.map or state is None:
         return []
-    from firmware_bridge.cli.standing import misplaced, own_frame
+    from firmware_bridge.cli.course import misplaced, own_frame
 
     scenario = scenario_of(robot)
     here = placed(state, own_frame(robot, scenario))

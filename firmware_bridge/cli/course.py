@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import Robot
+from firmware_bridge.runtime.navigator import Pose
 
 UNKNOWN = (math.nan, math.nan)
 """The command of a period whose command on the wire is unknown."""
@@ -71,8 +72,7 @@ def course(
     import numpy as np
 
     import kmpc_lite as kl
-    from firmware_bridge.cli.standing import misplaced, own_frame
-    from firmware_bridge.runtime.navigator import Moment, Navigator, Planned, Pose, Task
+    from firmware_bridge.runtime.navigator import Moment, Navigator, Planned, Task
     from kmpc_lite.scenario.gaps import obstacle_gaps
 
     scenario = scenario_of(robot)
@@ -233,3 +233,38 @@ def base_problem(robot: Robot, dt: float) -> Any:
 def adaptation(robot: Robot) -> bool | None:
     """The controller's `adaptation`: a learned model's own default, none of the nominal one."""
     return None if robot.control.model is not None and robot.control.adaptation else False
+
+
+DEEP = 0.5
+"""A pose further inside an obstacle than this share of the robot's radius, or of its half width,
+cannot be true; one that only seems to touch, for a pose's noise or a map's, may drive."""
+
+
+def misplaced(scenario: Any, pose: Pose) -> str:
+    """Say that a robot at a pose [m, m, rad] stands inside an obstacle; empty where it does not."""
+    import numpy as np
+
+    from kmpc_lite.scenario.gaps import obstacle_gaps
+
+    if not all(map(math.isfinite, pose)):
+        return ""
+    gap = float(obstacle_gaps(scenario, np.array([pose]), np.zeros(1))[0])
+    body = scenario.footprint
+    if gap >= -DEEP * (scenario.radius if body is None else body.half_width):
+        return ""
+    x, y, theta = pose
+    off = math.dist((x, y), scenario.start[:2])
+    return (
+        f"stands inside an obstacle by {-gap:.2f} m, at x {x:.2f} m, y {y:.2f} m, "
+        f"theta {theta:.2f} rad, {off:.2f} m from the scenario's start: is frame.origin right?"
+    )
+
+
+def own_frame(robot: Robot, scenario: Any) -> Pose:
+    """Pose of the vehicle's own frame: wheels begin at the start, others know where they are."""
+    if robot.origin is not None:
+        return robot.origin
+    if robot.is_autopilot or robot.link.pose is not None:
+        return 0.0, 0.0, 0.0
+    start: Pose = scenario.start
+    return start

@@ -10,8 +10,14 @@ from typing import Any
 from firmware_bridge.messages import BridgeError, ConfigError, LinkError
 from firmware_bridge.safety.estop import WORDS
 from firmware_bridge.safety.estop_client import NoBridge, ask, press
-from firmware_bridge.safety.latch import is_latched, latch_file, set_latch
-from firmware_bridge.safety.places import default_socket, found_sockets, likely_sockets
+from firmware_bridge.safety.places import (
+    default_socket,
+    found_sockets,
+    is_latched,
+    latch_file,
+    likely_sockets,
+    set_latch,
+)
 from kmpc_lite.cli.command import Command
 
 

@@ -8,8 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from firmware_bridge.drivers.polled import LineDriver
-from firmware_bridge.drivers.polled.counts import INT32, counts_per_metre
-from firmware_bridge.drivers.polled.options import PolledOptions, check_watchdog
+from firmware_bridge.drivers.polled.options import (
+    INT32,
+    PolledOptions,
+    check_watchdog,
+    counts_per_metre,
+)
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import crc16

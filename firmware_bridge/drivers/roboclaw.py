@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from firmware_bridge.drivers.polled import NoReply, PolledDriver
-from firmware_bridge.drivers.polled.counts import counts_per_metre
-from firmware_bridge.drivers.polled.options import PolledOptions
+from firmware_bridge.drivers.polled.options import PolledOptions, counts_per_metre
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import RoboClawReplies, roboclaw_packet, roboclaw_request

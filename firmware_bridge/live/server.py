@@ -30,8 +30,7 @@ from firmware_bridge.live.http import (
     read_request,
     stream_head,
 )
-from firmware_bridge.live.picture import Picture
-from firmware_bridge.live.watchers import Watchers
+from firmware_bridge.live.watchers import Picture, Watchers
 
 Ask = Callable[[str], dict[str, Any]]
 """Carries out "stop", "reset" or "enable", however long that takes; gives the answer: ok, latched,

@@ -17,8 +17,7 @@ from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.observer import Change, Observer, Operator, Snapshot
 from firmware_bridge.runtime.requests import Requests
 from firmware_bridge.runtime.statistics import Statistics
-from firmware_bridge.runtime.suspension import Suspension
-from firmware_bridge.runtime.timing import Deadlines, Histogram
+from firmware_bridge.runtime.timing import Deadlines, Histogram, Suspension
 from firmware_bridge.safety.gate import GateOutput, SafetyGate
 from firmware_bridge.safety.gate_settings import TICK
 from firmware_bridge.safety.gate_table import Reason

@@ -29,9 +29,8 @@ from firmware_bridge.runtime.sharing import drives, share
 from firmware_bridge.safety.estop import EmergencyStop
 from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.places import default_socket
-from firmware_bridge.sensors.placed import PlacedDriver
 from firmware_bridge.sensors.pose import PosedDriver
-from firmware_bridge.sensors.sensor_driver import autopilot_of
+from firmware_bridge.sensors.sensor_driver import PlacedDriver, autopilot_of
 
 if TYPE_CHECKING:
     from firmware_bridge.sensors.sight import Sight

@@ -1,9 +1,10 @@
-"""Absolute deadlines, and statistics of times in constant memory."""
+"""Absolute deadlines, statistics of times in constant memory, and the time the computer slept."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 
 FLOOR = 1e-6
 """Shorter times count as this [s]."""
@@ -110,3 +111,40 @@ def table(rows: Mapping[str, Histogram]) -> str:
         )
         lines.append(f"{name:<34}{times.count:>9}{shown}")
     return "\n".join(lines)
+
+
+CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+"""Goes on while the computer sleeps, on Linux; where there is none, nothing tells of sleep."""
+SHORTEST = 0.5
+"""Less sleep than this is none [s]."""
+
+
+def asleep() -> float:
+    """How long the computer has been suspended since it was switched on [s]."""
+    return time.clock_gettime(CLOCK) - time.monotonic()
+
+
+class Suspension:
+    """Tells once of each time in which the computer slept.
+
+    Parameters
+    ----------
+    asleep : callable
+        How long it has slept in all [s].
+
+    Examples
+    --------
+    >>> slept = [0.0]
+    >>> suspension = Suspension(lambda: slept[0])
+    >>> slept[0] = 3600.0
+    >>> suspension.happened(), suspension.happened()
+    (True, False)
+    """
+
+    def __init__(self, asleep: Callable[[], float] = asleep) -> None:
+        self._asleep, self._before = asleep, asleep()
+
+    def happened(self) -> bool:
+        """Whether it slept since the last call."""
+        before, self._before = self._before, self._asleep()
+        return self._before - before > SHORTEST

@@ -19,9 +19,8 @@ from pathlib import Path
 from firmware_bridge.link.ration import Ration
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.safety.gate_table import GateState
-from firmware_bridge.safety.latch import is_latched, latch_file, set_latch
 from firmware_bridge.safety.listener import Listener, check_path
-from firmware_bridge.safety.places import link_here
+from firmware_bridge.safety.places import is_latched, latch_file, link_here, set_latch
 
 PRESSED = "the emergency stop is pressed: kmpc estop --reset first"
 """Why `enable` is refused then."""

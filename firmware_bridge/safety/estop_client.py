@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from firmware_bridge.messages import LinkError
-from firmware_bridge.safety.latch import set_latch
+from firmware_bridge.safety.places import set_latch
 
 PATIENCE = 2.0
 """How long a bridge may take to answer, all attempts together [s]."""

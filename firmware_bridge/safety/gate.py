@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 from firmware_bridge.messages import LinkStatus, State, VelocityCommand
-from firmware_bridge.safety.gate_inputs import judge
+from firmware_bridge.safety.gate_inputs import LostPose, Slowing, judge
 from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import (
     BY_STATE,
@@ -24,8 +24,6 @@ from firmware_bridge.safety.gate_table import (
     GateState,
     Reason,
 )
-from firmware_bridge.safety.lost_pose import LostPose
-from firmware_bridge.safety.slowing import Slowing
 
 LONGEST_RISE = 0.05
 """Longest time for which a command may grow in one step, however long the last step is ago [s]; it

@@ -1,4 +1,7 @@
-"""What is wrong with the inputs of the safety gate: late, missing, not finite, out of bounds."""
+"""Inputs of the safety gate that are late, missing or out of bounds, and what follows from it.
+
+The robot slows before an input is too old, and waits for a lost pose where it stands.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import math
 
 from firmware_bridge.messages import LinkStatus, State, VelocityCommand
 from firmware_bridge.safety.gate_settings import GateSettings
-from firmware_bridge.safety.gate_table import GateState, Reason
+from firmware_bridge.safety.gate_table import DRIVING, GateState, Reason
 
 FUTURE = 0.05
 """How far a stamp may lie ahead of the time of a step [s], since another thread took it. A stamp
@@ -79,3 +82,92 @@ def place(s: GateSettings, state: State) -> Reason | None:
 def fresh(now: float, stamp: float, limit: float) -> bool:
     """Whether a stamp is young enough; one from the future is not to be trusted. False for NaN."""
     return -FUTURE <= now - stamp <= limit
+
+
+class Slowing:
+    """Slows the robot before pose, scan or command is too old, so that a gap is not yet a stop.
+
+    Parameters
+    ----------
+    settings : GateSettings
+        `watchdog`, `pose_age`, `scan_age` and `slow_from` are used.
+    late_after : float, optional
+        Age at which a command is late, if later than the settings say [s].
+    """
+
+    def __init__(self, settings: GateSettings, late_after: float | None) -> None:
+        self._settings = settings
+        own = settings.slow_from * settings.watchdog
+        self._late = min(max(own, late_after or 0.0), settings.watchdog)
+
+    def share(
+        self, now: float, command: VelocityCommand, state: State | None, status: LinkStatus
+    ) -> float:
+        """Share of its speed limits that the robot may drive now."""
+        s = self._settings
+        scan = now if status.scan_stamp is None else status.scan_stamp
+        pose = min(status.pose_stamp, -math.inf if state is None else state.stamp)
+        return min(
+            falling(now - pose, s.slow_from * s.pose_age, s.pose_age),
+            falling(now - scan, s.slow_from * s.scan_age, s.scan_age),
+            falling(now - command.stamp, self._late, s.watchdog),
+        )
+
+
+def falling(age: float, late: float, latest: float) -> float:
+    """Fall from 1 at the age `late` to 0 at `latest`.
+
+    Examples
+    --------
+    >>> [falling(age, 0.25, 0.75) for age in (-0.1, 0.25, 0.5, 0.75, 2.0)]
+    [1.0, 1.0, 0.5, 0.0, 0.0]
+    """
+    if age <= late:
+        return 1.0
+    return 0.0 if age >= latest else (latest - age) / (latest - late)
+
+
+POSE_LOST = frozenset({Reason.POSE, Reason.SCAN, Reason.ESTIMATE, Reason.COMMAND})
+"""What is wrong when only the pose, or the sight, is lost; there is no new command then either."""
+
+
+class LostPose:
+    """Follows the poses of a robot that drives or has just been stopped.
+
+    Parameters
+    ----------
+    settings : GateSettings
+        `resume` and `resume_within` are used.
+    """
+
+    def __init__(self, settings: GateSettings) -> None:
+        self._settings = settings
+        self._pose_only = False
+        self._good: tuple[float, float] | None = None
+
+    def strayed(
+        self,
+        gate: GateState,
+        state: State | None,
+        status: LinkStatus,
+        reasons: tuple[Reason, ...],
+    ) -> bool:
+        """Take a step's inputs; tell whether the pose came back too far from where it was lost."""
+        if gate not in DRIVING:
+            self._pose_only, self._good = False, None
+            return False
+        # a board that distrusts its estimate reports that as a fault, too
+        excused = POSE_LOST if status.pose_ok else POSE_LOST | {Reason.BOARD}
+        before = gate is GateState.ACTIVE or self._pose_only
+        self._pose_only = before and excused.issuperset(reasons)
+        if reasons or state is None:
+            return False
+        last, self._good = self._good, (state.x, state.y)
+        if last is None or not self._settings.resume:
+            return False
+        return math.dist(last, self._good) > self._settings.resume_within
+
+    def patience(self, final: bool) -> float:
+        """How long zeros are sent before the release [s]: longer where only the pose is lost."""
+        s = self._settings
+        return max(s.hold, s.resume) if self._pose_only and not final else s.hold

@@ -1,7 +1,8 @@
-"""Where bridges listen for an emergency stop, and how one finds them all.
+"""Where bridges listen for an emergency stop, how one finds them all, and the latch beside each.
 
 A shell, a service and sudo have different runtime folders; `kmpc estop` looks in all of them.
-A bridge that listens elsewhere leaves a link to its socket in its own folder.
+A bridge that listens elsewhere leaves a link to its socket in its own folder. The latch is a file
+whose presence means "pressed", whoever made it.
 """
 
 from __future__ import annotations
@@ -93,3 +94,27 @@ def _is_private(folder: Path, user: int) -> bool:
     except OSError:
         return False
     return stat.S_ISDIR(status.st_mode) and status.st_uid == user and not status.st_mode & 0o077
+
+
+def latch_file(socket_path: Path) -> Path:
+    """Where the latch of a socket lies."""
+    return socket_path.with_name(socket_path.name + ".latched")
+
+
+def is_latched(socket_path: Path) -> bool:
+    """Whether anything at all lies where the latch does."""
+    return os.path.lexists(latch_file(socket_path))
+
+
+def set_latch(socket_path: Path, latched: bool) -> None:
+    """Write or remove the latch, down to the disk."""
+    path = latch_file(socket_path)
+    if not latched:
+        path.unlink(missing_ok=True)
+    elif not os.path.lexists(path):
+        descriptor = os.open(path, os.O_CREAT | os.O_WRONLY | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+        os.fsync(descriptor)
+        os.close(descriptor)
+    folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    os.fsync(folder)
+    os.close(folder)

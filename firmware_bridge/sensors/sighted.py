@@ -8,11 +8,10 @@ from dataclasses import replace
 
 from firmware_bridge.drivers import Driver
 from firmware_bridge.messages import LidarError, LinkError, LinkStatus, State
-from firmware_bridge.sensors.frozen_scan import FrozenScan
 from firmware_bridge.sensors.lidar.kinds import open_lidar
 from firmware_bridge.sensors.lidar.lidar import Lidar
 from firmware_bridge.sensors.lidar.options import LidarOptions
-from firmware_bridge.sensors.scan import Sweep
+from firmware_bridge.sensors.scan import FrozenScan, Sweep
 from firmware_bridge.sensors.sensor_driver import SensorDriver, autopilot_of
 from firmware_bridge.sensors.sight import Sight
 

@@ -13,7 +13,7 @@ from firmware_bridge.robot_checks import check_period
 from firmware_bridge.robot_file import DRIVERS, load_robot
 from firmware_bridge.runtime.session import open_driver
 from firmware_bridge.safety.gate_settings import GateSettings
-from firmware_bridge.sensors.placed import PlacedDriver
+from firmware_bridge.sensors.sensor_driver import PlacedDriver
 from kmpc_lite import Footprint
 
 ROBOTS = Path(__file__).parents[2] / "docs" / "robots"

@@ -13,15 +13,14 @@ from firmware_bridge.drivers.mavlink.codec import MavlinkCodec
 from firmware_bridge.drivers.mavlink.commands import PREARM_CHECKS, CommandDesk
 from firmware_bridge.drivers.mavlink.due import Due
 from firmware_bridge.drivers.mavlink.failsafe import GcsFailsafe
-from firmware_bridge.drivers.mavlink.frame_watch import FrameWatch
 from firmware_bridge.drivers.mavlink.greeting import Greeting
 from firmware_bridge.drivers.mavlink.messages import MessageBuilder
 from firmware_bridge.drivers.mavlink.mocap_feed import MocapFeed
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from firmware_bridge.drivers.mavlink.others import OtherStations, worth_decoding
+from firmware_bridge.drivers.mavlink.stations import OtherStations, worth_decoding
 from firmware_bridge.drivers.mavlink.status_text import StatusTexts, tells_failsafe
 from firmware_bridge.drivers.mavlink.streams import StreamRequests, wanted_streams
-from firmware_bridge.drivers.mavlink.telemetry import PoseTracker
+from firmware_bridge.drivers.mavlink.telemetry import FrameWatch, PoseTracker
 from firmware_bridge.drivers.mavlink.vehicle_status import vehicle_status
 from firmware_bridge.messages import LinkStatus, State
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from firmware_bridge.drivers.mavlink.core import MavlinkCore
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from firmware_bridge.drivers.mavlink.signing_stamp import SigningStamp
+from firmware_bridge.drivers.mavlink.signing import SigningStamp
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import ConfigError, LinkError, LinkStatus, State
 

@@ -1,21 +1,100 @@
-"""Signing keys: made, read, and given to a vehicle over a private link."""
+"""Signing keys: made, read, given to a vehicle over a private link; the newest time on disk.
+
+The newest signing time that was accepted is kept, so that recordings stay refused after a restart:
+a computer without a battery-backed clock starts in 1970, where every recorded frame looks new.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import ipaddress
+import os
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from firmware_bridge.drivers.mavlink.codec import MavlinkCodec, signing_time
+from firmware_bridge.drivers.mavlink.codec import SIGNING_EPOCH, MavlinkCodec, signing_time
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
 from firmware_bridge.link import Transport
 from firmware_bridge.link.url import LinkUrl
-from firmware_bridge.messages import LinkError
+from firmware_bridge.messages import ConfigError, LinkError
+
+PERIOD = 30.0
+"""Between writes [s]: as seldom as ArduPilot itself writes its own."""
+LONGEST = 32
+
+
+class SigningStamp:
+    """Keeps the newest time stamp of a key beside it, as KEY.stamp.
+
+    Parameters
+    ----------
+    key_file : str or None
+        Of the key; None: nothing is signed, and nothing kept.
+
+    Raises
+    ------
+    ConfigError
+        Where the file is there and cannot be read.
+    """
+
+    def __init__(self, key_file: str | None) -> None:
+        self._path = None if key_file is None else Path(f"{key_file}.stamp")
+        self._kept = self._read()
+        self._due = -float("inf")
+        self.problem = ""
+        """Why it cannot be kept."""
+
+    @property
+    def unix_time(self) -> float:
+        """Unix time of the stamp that is kept [s]; 0 without one."""
+        return SIGNING_EPOCH + self._kept * 1e-5 if self._kept else 0.0
+
+    def keep(self, stamp: int, now: float) -> None:
+        """Write a newer stamp [10 us since 2015], every 30 s at most; `now` is monotonic [s]."""
+        if self._path is None or stamp <= self._kept or now < self._due:
+            return
+        self._due = now + PERIOD
+        part = self._path.with_name(self._path.name + ".part")
+        try:
+            part.unlink(missing_ok=True)
+            with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+                file.write(f"{stamp}\n")
+                file.flush()
+                os.fsync(file.fileno())
+            part.replace(self._path)
+        except OSError as error:
+            self.problem = (
+                f"{self._path}: cannot keep the signing time: {error.strerror or error}: after a "
+                "restart without a clock, recorded frames would be accepted"
+            )
+        else:
+            self._kept, self.problem = stamp, ""
+
+    def _read(self) -> int:
+        if self._path is None:
+            return 0
+        try:
+            with open(self._path, encoding="ascii") as file:
+                text = file.read(LONGEST)
+            stamp = int(text)
+            if not 0 <= stamp < 2**48:
+                raise ValueError
+        except FileNotFoundError:
+            return 0
+        except OSError as error:
+            raise ConfigError(f"key_file: {self._path}: {error.strerror or error}") from None
+        except ValueError:
+            raise ConfigError(
+                f"key_file: {self._path}: expected one number, the newest signing time in 10 us: "
+                "remove the file if no other program can send to the vehicle"
+            ) from None
+        return stamp
+
 
 REPEAT, TIMES = 0.2, 3
 """Time between repeats of the key [s], and their number: the vehicle acknowledges none."""

@@ -1,4 +1,9 @@
-"""Makes a State of LOCAL_POSITION_NED and ATTITUDE; EKF_STATUS_REPORT tells whether to trust it."""
+"""A State from LOCAL_POSITION_NED and ATTITUDE, and whether estimate and origin can be trusted.
+
+EKF_STATUS_REPORT says whether to trust the estimate. After a restart the autopilot sets a new
+origin where it then stands; another station may set one, too. Poses look as good as before, but the
+map is shifted: nothing may move until a person has looked.
+"""
 
 from __future__ import annotations
 
@@ -89,3 +94,41 @@ class PoseTracker:
             self.refused += 1
             self._refused_at = stamp
         return good
+
+
+ORIGIN_MOVES = 10
+"""An origin that moves by more than this is another one [1e-7 degrees]: 0.1 m."""
+
+
+class FrameWatch:
+    """Doubts the frame after a restart or a jump of clock or origin, until it is confirmed."""
+
+    def __init__(self) -> None:
+        self.doubt = ""
+        """Why the frame may have moved, empty where nothing says so."""
+        self.doubts = 0
+        """How often the frame was doubted."""
+        self._resets = 0
+        self._origin: tuple[int, int] | None = None
+
+    def on_clock(self, resets: int) -> None:
+        """Take how often the vehicle's clock has begun anew."""
+        if resets != self._resets:
+            self._resets = resets
+            self._doubt("the autopilot was restarted, or its clock jumped")
+
+    def on_origin(self, latitude: int, longitude: int) -> None:
+        """Take where the vehicle says its origin is [1e-7 degrees]."""
+        before, self._origin = self._origin, (latitude, longitude)
+        if (
+            before is not None
+            and max(abs(a - b) for a, b in zip(before, self._origin, strict=True)) > ORIGIN_MOVES
+        ):
+            self._doubt("the autopilot's origin has moved")
+
+    def confirm(self) -> None:
+        """Trust the frame again, after it was checked on the map."""
+        self.doubt = ""
+
+    def _doubt(self, why: str) -> None:
+        self.doubt, self.doubts = why, self.doubts + 1

@@ -1,14 +1,51 @@
-"""The driver that the serial motor controllers share: odometry, commands, health."""
+"""The drivers that serial motor controllers share: odometry, commands, health; lines of text."""
 
 from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Hashable, Mapping
 
-from firmware_bridge.drivers.polled.held_command import STANDSTILL
-from firmware_bridge.drivers.polled.silence import why_silent
+from firmware_bridge.drivers.polled.exchange import STANDSTILL
+from firmware_bridge.drivers.polled.options import PolledOptions
 from firmware_bridge.drivers.polled.thread import SILENCE, PollingThread
+from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
+from firmware_bridge.link import Transport
+from firmware_bridge.link.framing import Lines
 from firmware_bridge.messages import LinkError, LinkStatus, State
+
+
+def why_silent(
+    down: str, counters: Mapping[str, int], faults: tuple[str, ...], timeout: float, hint: str
+) -> str:
+    """Say what is missing.
+
+    Parameters
+    ----------
+    down : str
+        Why the link is down; empty where it is up.
+    counters : mapping
+        Of the link and of the exchange.
+    faults : tuple of str
+        What the board complains of.
+    timeout : float
+        How long was waited [s].
+    hint : str
+        What a user of this board should look at.
+    """
+    if down:
+        return down
+    if faults and counters["frames"]:
+        return f"answers, but cannot drive: {'; '.join(faults)}"
+    if counters["bytes_in"] == 0:
+        return f"no answer within {timeout:g} s: {hint}"
+    if counters["frames"] == 0:
+        return (
+            f"{counters['bytes_in']} bytes came and none made sense: "
+            f"wrong baud rate or protocol? {hint}"
+        )
+    missing = f"{counters['timeouts']} are missing"
+    return f"answers come, but too few within {timeout:g} s: {missing}: {hint}"
 
 
 class PolledDriver(PollingThread):
@@ -126,3 +163,41 @@ class PolledDriver(PollingThread):
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join()
         self._transport.close()
+
+
+class LineDriver(PolledDriver):
+    """A `PolledDriver` that cuts what comes into lines, and counts those that make no sense.
+
+    A subclass takes each line.
+
+    Parameters
+    ----------
+    transport, geometry, odometry, options
+        As `PolledDriver` takes them.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        geometry: WheelGeometry,
+        odometry: WheelOdometry,
+        options: PolledOptions,
+    ) -> None:
+        super().__init__(transport, geometry, odometry, options)
+        self._lines, self._bad_lines = Lines(), 0
+
+    def _take_line(self, line: bytes, stamp: float) -> bool:
+        """Take a line without its end; False where it makes no sense."""
+        raise NotImplementedError
+
+    def _begin(self, key: Hashable) -> None:
+        self._lines.reset()
+
+    def _feed(self, data: bytes, stamp: float) -> None:
+        with self._changed:
+            lines = self._lines.feed(data)
+        for line in lines:
+            self._bad_lines += not self._take_line(line, stamp)
+
+    def _damaged(self) -> int:
+        return self._lines.bad + self._bad_lines

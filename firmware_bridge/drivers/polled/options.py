@@ -1,9 +1,11 @@
-"""How often a board is asked and how long it is waited for: what every ``[board]`` section has."""
+"""What every ``[board]`` section has: how often the board is asked, time-outs, encoder counts."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
+from firmware_bridge.kinematics import WheelGeometry
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, check
 
@@ -37,3 +39,23 @@ def check_watchdog(command_timeout: float, watchdog: float) -> None:
             f"command_timeout: expected less than the watchdog of {watchdog:g} s, "
             f"got {command_timeout:g}"
         )
+
+
+INT32 = 2**31
+"""Counts, and speeds of boards, are 32-bit numbers."""
+
+
+def counts_per_metre(geometry: WheelGeometry, counts_per_turn: float) -> float:
+    """Encoder counts per metre that a wheel drives.
+
+    Raises
+    ------
+    ConfigError
+        Where the fastest wheel would turn at more counts a second than fit into 32 bits.
+    """
+    per_metre = counts_per_turn * geometry.gear_ratio / (math.tau * geometry.wheel_radius)
+    if geometry.max_wheel_speed * per_metre >= INT32:
+        raise ConfigError(
+            f"board.counts_per_turn: {counts_per_turn:g} makes speeds past the board's 32 bits"
+        )
+    return per_metre

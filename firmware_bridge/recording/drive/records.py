@@ -87,7 +87,7 @@ class Ended(NamedTuple):
 
     time: float
     outcome: Mapping[str, Any]
-    """What JSON can hold: see `kmpc_lab.recording.outcome`."""
+    """What JSON can hold: see `kmpc_lab.recording.simulated`."""
 
 
 Record = PoseSeen | TruePose | Sent | Stepped | Gate | Health | Note | Ended

@@ -1,13 +1,126 @@
-"""LDROBOT LD06 and LD19: they turn and send as soon as they have power."""
+"""LDROBOT LD06 and LD19: they turn and send as soon as they have power.
+
+Bytes and packets as in their development manuals, v2.3 and v1.0. A packet has 47 bytes: 0x54, 0x2C
+(version and 12 points), speed [deg/s], angle of the first point [0.01 deg], 12 times distance [mm]
+and intensity, angle of the last point, time [ms, up to 30000], CRC; little-endian. Angles grow
+clockwise, seen from above.
+"""
 
 from __future__ import annotations
 
 import math
+import struct
+from dataclasses import dataclass
 
 from firmware_bridge.link import Transport
-from firmware_bridge.sensors.lidar.ld06_frames import CIRCLE, Ld06Packets
 from firmware_bridge.sensors.lidar.lidar import SerialLidar
 from firmware_bridge.sensors.lidar.turns import Turns
+
+HEADER = b"\x54\x2c"
+POINTS = 12
+SIZE = 47
+PACKET = struct.Struct("<2sHH36sHHB")
+POINT = struct.Struct("<HB")
+POLYNOMIAL = 0x4D
+CIRCLE = 36000
+"""A turn in hundredths of a degree."""
+
+
+def _table() -> bytes:
+    table = bytearray()
+    for byte in range(256):
+        for _ in range(8):
+            byte = (byte << 1) ^ POLYNOMIAL if byte & 0x80 else byte << 1
+        table.append(byte & 0xFF)
+    return bytes(table)
+
+
+CRC_TABLE = _table()
+
+
+def crc8(data: bytes) -> int:
+    """CRC-8, polynomial 0x4D, start 0.
+
+    Examples
+    --------
+    >>> crc8(bytes([1, 2, 3]))
+    108
+    """
+    crc = 0
+    for byte in data:
+        crc = CRC_TABLE[crc ^ byte]
+    return crc
+
+
+@dataclass(frozen=True)
+class Ld06Packet:
+    """Twelve points."""
+
+    speed: int
+    """[deg/s]"""
+    start: int
+    """Angle of the first point, clockwise [0.01 deg]."""
+    points: tuple[tuple[int, int], ...]
+    """Distance [mm], 0 for none, and intensity of each."""
+    end: int
+    """Angle of the last point [0.01 deg]."""
+    time: int
+    """[ms], which wraps at 30000."""
+
+    @property
+    def angles(self) -> list[float]:
+        """Clockwise angle of each point [0.01 deg], which may pass a whole turn."""
+        step = (self.end - self.start) % CIRCLE / (POINTS - 1)
+        return [self.start + i * step for i in range(POINTS)]
+
+    def to_bytes(self) -> bytes:
+        """Build the packet.
+
+        >>> Ld06Packet(3600, 0, ((1000, 200),) * 12, 960, 5).to_bytes()[:6].hex(" ")
+        '54 2c 10 0e 00 00'
+        """
+        points = b"".join(POINT.pack(*point) for point in self.points)
+        body = PACKET.pack(HEADER, self.speed, self.start, points, self.end, self.time, 0)[:-1]
+        return body + bytes((crc8(body),))
+
+
+class Ld06Packets:
+    """Packets out of bytes: what has a wrong CRC, or stands between packets, is skipped."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self.bad = 0
+        """Bytes skipped."""
+        self.bad_crc = 0
+        """Packets whose CRC is wrong."""
+        self.packets = 0
+
+    def feed(self, data: bytes) -> list[Ld06Packet]:
+        """Take bytes; gives the packets that are now whole."""
+        buffer = self._buffer
+        buffer += data
+        found, at = [], 0
+        while True:
+            start = buffer.find(HEADER, at)
+            if start < 0:
+                start = max(at, len(buffer) - buffer.endswith(HEADER[:1]))
+            self.bad += start - at
+            at = start
+            if len(buffer) - at < SIZE:
+                break
+            frame = bytes(buffer[at : at + SIZE])
+            if crc8(frame[:-1]) != frame[-1]:
+                self.bad_crc += 1
+                self.bad += 1
+                at += 1
+                continue
+            _, speed, first, points, last, time, _ = PACKET.unpack(frame)
+            found.append(Ld06Packet(speed, first, tuple(POINT.iter_unpack(points)), last, time))
+            at += SIZE
+        del buffer[:at]
+        self.packets += len(found)
+        return found
+
 
 BAUD = 230400
 RANGE_MIN, RANGE_MAX = 0.02, 12.0

@@ -237,7 +237,7 @@ def press_page(link: str, rubbish: bytes) -> None:
 
     Says when that began [s].
     """
-    from kmpc_lab.attacks.page_line import PageLine
+    from kmpc_lab.attacks.finger import PageLine
 
     _ready()
     orders, page = Orders(), PageLine(link)

@@ -16,7 +16,6 @@ from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.observer import Snapshot
 from firmware_bridge.runtime.session import Session
 from firmware_bridge.safety.gate_table import GateState
-from kmpc_lab.attacks.robots import SPEED, sections
 from kmpc_lab.attacks.trial import (
     child,
     free_port,
@@ -26,6 +25,7 @@ from kmpc_lab.attacks.trial import (
     standstill,
     tell,
 )
+from kmpc_lab.attacks.vehicle import SPEED, sections
 
 PERIOD = 0.1
 """Of the controller [s]."""

@@ -24,7 +24,7 @@ from firmware_bridge.runtime.session import Session
 from firmware_bridge.safety.gate_settings import TICK
 from firmware_bridge.safety.gate_table import GateState
 from kmpc_lab.attacks.floods import Flood, Surface
-from kmpc_lab.attacks.robots import SPEED, sections
+from kmpc_lab.attacks.vehicle import SPEED, sections
 
 PERIOD = 0.1
 """Of the controller [s]."""

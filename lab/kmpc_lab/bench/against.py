@@ -22,7 +22,7 @@ import numpy as np
 
 import kmpc_lite
 from kmpc_lab.bench.lidar import Step, make_controller, record_turn
-from kmpc_lab.bench.quantiles import HEAD, QUANTILES, format_times, in_ms
+from kmpc_lab.bench.measure import HEAD, QUANTILES, format_times, in_ms
 from kmpc_lab.studies.any_robot import STANDARD
 from kmpc_lab.studies.sight.worlds import SIDE
 from kmpc_lite.control.world.scan import LaserScan

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lab.bench.drives import free_pose, random_circles
-from kmpc_lab.bench.quantiles import HEAD, QUANTILES, format_times, in_ms
+from kmpc_lab.bench.measure import HEAD, QUANTILES, format_times, in_ms
 from kmpc_lab.sim.lidar import LidarSpec, scan_of, scan_ranges
 from kmpc_lab.studies.any_robot import STANDARD, RobotPlant
 from kmpc_lab.studies.sight.worlds import KINDS, SIDE, course_of

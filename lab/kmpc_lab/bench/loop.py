@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lab.bench.drives import SLIP, free_pose, random_circles
-from kmpc_lab.bench.quantiles import HEAD, format_times
+from kmpc_lab.bench.measure import HEAD, format_times
 from kmpc_lab.sim.plants.robots import DifferentialDrive
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.problem import NavigationProblem

@@ -6,20 +6,38 @@ import gc
 import resource
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kmpc_lab.bench.drives import RecordedDrive
-from kmpc_lab.bench.quantiles import HEAD, format_times, in_ms
+from kmpc_lab.report.style import LINES, legend_below, new_figure, render, style, write_picture
 from kmpc_lab.studies.contenders import Contender
 from kmpc_lite.control.kernels.clearance import distances, things_of
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import heading_near
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import Array
+
+QUANTILES = {"p50": 0.5, "p99": 0.99, "p99.9": 0.999}
+"""By their names in tables and in JSON; beside them stands ``max``."""
+HEAD = "".join(f"{name:>9}" for name in (*QUANTILES, "max")) + " [ms]"
+"""Head of `format_times`."""
+
+
+def in_ms(seconds: Sequence[float]) -> dict[str, float]:
+    """Quantiles and maximum of times [s], in ms."""
+    ms = 1e3 * np.asarray(seconds)
+    return {**{p: float(np.quantile(ms, q)) for p, q in QUANTILES.items()}, "max": float(ms.max())}
+
+
+def format_times(ms: Mapping[str, float]) -> str:
+    """Columns below `HEAD`."""
+    return "".join(f"{ms[name]:9.3f}" for name in (*QUANTILES, "max"))
+
 
 IMPORTS = 5
 """How often each import is timed."""
@@ -189,3 +207,36 @@ def format_measurements(results: Sequence[Measurement]) -> str:
             f"cold start {d['cold_ms']['p50']:.2f}; memory +{d['memory_mb']:.0f} MB"
         )
     return "\n".join(lines)
+
+
+def write_bench_picture(path: Path, results: Sequence[Measurement]) -> None:
+    """Draw the tails of the distributions into a PNG: it is the tail that misses deadlines.
+
+    Both axes are logarithmic.
+    """
+    with style():
+        figure = new_figure(3.6)
+        axes = figure.add_subplot()
+        handles = []
+        for result, (colour, line, marker) in zip(results, LINES, strict=False):
+            times = 1e3 * np.sort(result.times)
+            share = 1.0 - np.arange(len(times)) / len(times)
+            every = max(1, len(times) // 8)
+            handles += axes.step(
+                times,
+                share,
+                where="post",
+                color=colour,
+                linestyle=line,
+                marker=marker,
+                markevery=every,
+                markersize=4,
+                label=result.name,
+            )
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_xlabel("time of a step [ms]")
+        axes.set_ylabel("share of steps that took longer")
+        axes.set_title(f"{len(results[0].times)} steps each, the same states, in one run")
+        legend_below(figure, handles)
+        write_picture(path, render(figure, "png"))

@@ -15,8 +15,15 @@ from typing import Any
 from firmware_bridge.cli.course import course
 from firmware_bridge.messages import BridgeError, ConfigError, LinkError
 from firmware_bridge.robot_file import Robot, load_robot
-from kmpc_lab.cli.emulated_board import SCENARIO, emulator, robot_text
-from kmpc_lab.cli.latency_table import MEASURED, measure, progress_line, table
+from kmpc_lab.cli.latency_table import (
+    MEASURED,
+    SCENARIO,
+    emulator,
+    measure,
+    progress_line,
+    robot_text,
+    table,
+)
 from kmpc_lite.cli.command import Command, refuse_unread
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import count, positive

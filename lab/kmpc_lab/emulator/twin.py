@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from firmware_bridge.kinematics import WheelGeometry
-from kmpc_lab.emulator.body import COAST, STEP, STILL, Body
+from kmpc_lab.emulator.board import COAST, STEP, STILL, Body
 from kmpc_lab.emulator.rover.physics import Demand, DriveLimits, RoverPhysics
 from kmpc_lab.sim.twin import Twin
 from kmpc_lab.sim.twin.mjcf import LEFT, TRACK, WHEEL_RADIUS

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,7 +16,6 @@ from firmware_bridge.recording.drive.encoder import DriveEncoder
 from firmware_bridge.recording.drive.records import Ended, PoseSeen, Record, Sent, Stepped, TruePose
 from firmware_bridge.recording.drive.seen import counted, scan_among
 from kmpc_lab.recording.drive_file import drive_of
-from kmpc_lab.recording.outcome import outcome_of
 from kmpc_lab.sim.closed_loop import Run
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.insight import insight
@@ -24,6 +24,16 @@ from kmpc_lite.errors import ScenarioError
 from kmpc_lite.files import write_whole
 from kmpc_lite.learn.formats.mcap_layout import DRIVE
 from kmpc_lite.types import Array
+
+
+def outcome_of(run: Run) -> dict[str, Any]:
+    """Outcome of a run: what JSON can hold."""
+    return {
+        "outcome": run.outcome.value,
+        "duration": run.duration,
+        "clearance": run.clearance if math.isfinite(run.clearance) else None,
+    }
+
 
 CHUNK = 0.5
 """Time that one chunk of the file holds [s]."""

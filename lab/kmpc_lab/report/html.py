@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lab.report.captions import MOVING_CAPTION
-from kmpc_lab.report.elements import image, joined, table
+from kmpc_lab.report.elements import MOVING_CAPTION, image, joined, table
 from kmpc_lab.report.events import MOST, events_of
 from kmpc_lab.report.made_by import made_rows
 from kmpc_lab.report.model_section import fit_section, held_out
-from kmpc_lab.report.option_rows import option_rows
 from kmpc_lab.report.pictures.files import run_pictures
 from kmpc_lab.report.player import FILES, player_data, script
-from kmpc_lab.report.scenario_rows import robot_rows, scenario_rows
+from kmpc_lab.report.scenario_rows import option_rows, robot_rows, scenario_rows
 from kmpc_lab.report.style import render, write_picture
 from kmpc_lab.report.words import (
     STATUS_WORDS,

@@ -6,11 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lab.report.drive_end import contact_point, end_index
-from kmpc_lab.report.map_labels import Labels
-from kmpc_lab.report.map_legends import PLAN, robot_handles
+from kmpc_lab.report.map_labels import PLAN, Labels, robot_handles
 from kmpc_lab.report.map_parts import cross, draw_scenario, footprint, map_axes
-from kmpc_lab.report.map_view import view_of
+from kmpc_lab.report.map_view import contact_point, end_index, view_of
 from kmpc_lab.report.style import BLUE, INK, ORANGE, legend_below, style
 from kmpc_lab.report.words import clearance_words, outcome_title, substeps
 from kmpc_lab.sim.closed_loop import Outcome, Run

@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kmpc_lab.report.drive_end import contact_point, end_index
-from kmpc_lab.report.map_labels import Labels
-from kmpc_lab.report.map_legends import series_handles
+from kmpc_lab.report.map_labels import Labels, series_handles
 from kmpc_lab.report.map_parts import cross, draw_scenario, footprint, map_axes
-from kmpc_lab.report.map_view import view_of
+from kmpc_lab.report.map_view import contact_point, end_index, view_of
 from kmpc_lab.report.style import LINES, legend_below, style
 from kmpc_lab.report.words import substeps
 from kmpc_lab.sim.closed_loop import Outcome, Run

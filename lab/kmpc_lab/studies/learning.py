@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
-from kmpc_lab.studies.log_drives import load_drives
 from kmpc_lab.studies.training import DT
 from kmpc_lite.errors import DataError
 from kmpc_lite.geometry import seen_along
@@ -26,6 +25,18 @@ from kmpc_lite.model.dictionary import HermiteTrigDictionary
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.types import Array
+
+FEWEST = 20
+"""A log of fewer drives is cut into pieces: halves of a few drives say little."""
+PIECE = 5.0
+"""Length of such a piece [s]."""
+
+
+def load_drives(log: Path, dt: float) -> Dataset:
+    """Read a log at a period [s]; one that holds few long drives is cut into pieces of 5 s."""
+    data = Dataset.load(log, dt=dt)
+    return data if len(data) >= FEWEST else data.windows(PIECE)
+
 
 SPLIT_SEEDS = tuple(range(7100, 7110))
 """Seeds of the ten splits of a log."""

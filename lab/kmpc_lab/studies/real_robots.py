@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 
 from kmpc_lab.studies.any_robot import Robot
-from kmpc_lab.studies.log_drives import load_drives
+from kmpc_lab.studies.learning import load_drives
 from kmpc_lab.studies.records import drive_rows
 from kmpc_lab.studies.robot_drives import RobotDrive, course_of, judge
 from kmpc_lite.control import Controller

@@ -10,8 +10,8 @@ import pytest
 
 from firmware_bridge.safety.estop import EmergencyStop
 from firmware_bridge.safety.gate_table import GateState
-from firmware_bridge.safety.latch import is_latched
 from firmware_bridge.safety.listener import Listener
+from firmware_bridge.safety.places import is_latched
 from kmpc_lite.cli.main import main
 
 

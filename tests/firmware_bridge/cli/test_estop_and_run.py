@@ -10,7 +10,7 @@ from emulated_robots import FAST, emulated, robot_options, start_command
 from waiting import until
 
 from firmware_bridge.safety.estop_client import ask
-from firmware_bridge.safety.latch import latch_file
+from firmware_bridge.safety.places import latch_file
 from kmpc_lite.cli.main import main
 
 

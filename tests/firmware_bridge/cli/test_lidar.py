@@ -6,8 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from firmware_bridge.cli.lidar_check import hints, seen
-from firmware_bridge.cli.lidar_fit import fit
+from firmware_bridge.cli.lidar_check import fit, hints, seen
 from firmware_bridge.cli.options import add_robot_options, read_robot
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.sensors.scan import Scan

@@ -7,7 +7,7 @@ import pytest
 from courses import PATIENT
 from emulated_robots import emulated, robot_options
 
-from firmware_bridge.cli.standing import misplaced
+from firmware_bridge.cli.course import misplaced
 from kmpc_lite.cli.main import main
 from kmpc_lite.scenario.files import Scenario
 

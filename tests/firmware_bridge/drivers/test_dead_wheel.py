@@ -7,7 +7,7 @@ import pytest
 from boards import DRIVERS, Rig
 from waiting import until
 
-from firmware_bridge.drivers.polled.dead_wheel import DeadWheels
+from firmware_bridge.drivers.polled.wheel_checks import DeadWheels
 
 TICK = 0.02
 

@@ -12,8 +12,8 @@ from firmware_bridge.robot_file import DRIVERS, NOMINAL_LATENCY, TOPICS, load_ro
 from firmware_bridge.runtime.session import open_driver
 from firmware_bridge.sensors.sensor_driver import autopilot_of
 from kmpc_lab.attacks.floods import MOTOR_BOARDS
-from kmpc_lab.attacks.robots import sections
-from kmpc_lab.emulator.build import Emulator, build_emulator
+from kmpc_lab.attacks.vehicle import sections
+from kmpc_lab.emulator.build import EMULATORS, Emulator, build_emulator
 
 
 def methods(protocol):
@@ -27,7 +27,7 @@ def methods(protocol):
 def test_a_board_has_a_driver_and_an_emulator_of_the_same_robot_file(name):
     board = BOARDS[name]
     assert board.name == name == board.label.lower()
-    driver, emulator = load(board.driver), load(board.emulator)
+    driver, emulator = load(board.driver), load(EMULATORS[name])
     assert methods(Driver) <= set(dir(driver)) and methods(Emulator) <= set(dir(emulator))
     pose = None if board.encoders else "udp:127.0.0.1:5"
     robot = load_robot(None, sections(name, "tcp:127.0.0.1:5", pose))

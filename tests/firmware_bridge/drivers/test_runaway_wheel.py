@@ -5,7 +5,7 @@ import pytest
 from boards import DRIVERS, Rig
 from waiting import until
 
-from firmware_bridge.drivers.polled.runaway_wheel import RunawayWheels
+from firmware_bridge.drivers.polled.wheel_checks import RunawayWheels
 
 TICK, TOP = 0.02, 20.0
 

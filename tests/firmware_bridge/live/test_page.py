@@ -9,7 +9,7 @@ from firmware_bridge.live.address import LiveAddress
 from firmware_bridge.live.feed import Feed
 from firmware_bridge.safety.estop import EmergencyStop
 from firmware_bridge.safety.gate_table import GateState
-from firmware_bridge.safety.latch import is_latched
+from firmware_bridge.safety.places import is_latched
 
 
 @contextlib.contextmanager

@@ -5,7 +5,7 @@ import math
 from array import array
 
 from firmware_bridge.live.channel import LONGEST, Channel
-from firmware_bridge.live.picture import LONGEST_TEXT, TRAIL, Picture
+from firmware_bridge.live.watchers import LONGEST_TEXT, TRAIL, Picture
 
 
 def test_only_what_has_changed_is_told_and_newcomers_get_everything():

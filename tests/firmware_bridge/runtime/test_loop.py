@@ -13,7 +13,7 @@ from waiting import until
 from firmware_bridge.messages import VelocityCommand
 from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.loop import ControlLoop
-from firmware_bridge.runtime.suspension import Suspension
+from firmware_bridge.runtime.timing import Suspension
 from firmware_bridge.safety.gate import SafetyGate
 from firmware_bridge.safety.gate_settings import GateSettings
 from firmware_bridge.safety.gate_table import GateState, Reason

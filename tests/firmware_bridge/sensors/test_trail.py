@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from firmware_bridge.messages import State
-from firmware_bridge.sensors.trail import AHEAD, Trail
+from firmware_bridge.sensors.sight import AHEAD, Trail
 
 
 def test_no_pose_no_trail():

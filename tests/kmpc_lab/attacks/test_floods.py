@@ -9,9 +9,9 @@ import pytest
 from firmware_bridge.robot_file import DRIVERS, load_robot
 from kmpc_lab.attacks.attacker import KINDS
 from kmpc_lab.attacks.floods import EVERYTHING, FLOODS, SIZE
-from kmpc_lab.attacks.robots import sections
 from kmpc_lab.attacks.table import Row, chosen, table
 from kmpc_lab.attacks.trial import Trial, standstill
+from kmpc_lab.attacks.vehicle import sections
 from kmpc_lab.attacks.watching import Turns, told
 from kmpc_lite.cli.main import main
 

@@ -9,7 +9,7 @@ import pytest
 
 from firmware_bridge.safety.gate_table import GateState
 from kmpc_lab.attacks.presses import CRUISE, REST, Press, Script, _press, summary, told
-from kmpc_lab.attacks.robots import SPEED
+from kmpc_lab.attacks.vehicle import SPEED
 from kmpc_lite.cli.main import main
 
 

@@ -8,8 +8,7 @@ import pytest
 from firmware_bridge.link import open_transport
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.session import open_driver
-from kmpc_lab.cli.emulated_board import robot_text
-from kmpc_lab.cli.latency_table import MEASURED, table
+from kmpc_lab.cli.latency_table import MEASURED, robot_text, table
 from kmpc_lite.cli.main import main
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lab.studies.catalogue import STUDIES, choose
+from kmpc_lab.studies.conditions import STUDIES, choose
 from kmpc_lab.studies.contenders import STUDY_CONTENDERS
 
 

@@ -10,9 +10,8 @@ from executors import Inline
 
 from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.studies import faults
-from kmpc_lab.studies.broken_solver import STATUSES
 from kmpc_lab.studies.faults import FIXED, drive_faults, faults_study, format_faults
-from kmpc_lab.studies.faulty_loop import KINDS, FaultCounts, FaultyLoop
+from kmpc_lab.studies.faulty_loop import KINDS, STATUSES, FaultCounts, FaultyLoop
 from kmpc_lab.studies.training import train
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.control.stop.backup import BackupState

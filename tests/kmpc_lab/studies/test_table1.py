@@ -16,8 +16,7 @@ from scripted import Scripted, field
 import kmpc_lite as kl
 from kmpc_lab import Outcome, drive
 from kmpc_lab.studies.contenders import TABLE_1_CONTENDERS, Contender
-from kmpc_lab.studies.paper_table import PAPER_TABLE_1, Cell, format_table1
-from kmpc_lab.studies.table1 import run_trials, table1
+from kmpc_lab.studies.table1 import PAPER_TABLE_1, Cell, format_table1, run_trials, table1
 from kmpc_lab.studies.training import DT, LAMBDAS, train
 from kmpc_lite.scenario.files import Scenario
 

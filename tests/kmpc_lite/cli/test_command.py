@@ -155,7 +155,7 @@ def test_the_tables_of_names_are_those_of_the_sources() -> None:
     from kmpc_lab.cli import experiments
     from kmpc_lab.experiments import study
     from kmpc_lab.sim.maps.families import FAMILIES
-    from kmpc_lab.studies.catalogue import STUDIES as CATALOGUE
+    from kmpc_lab.studies.conditions import STUDIES as CATALOGUE
 
     assert list(maps.FAMILIES) == list(FAMILIES)
     assert set(maps.STUDIES) == set(CATALOGUE)

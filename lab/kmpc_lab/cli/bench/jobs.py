@@ -72,7 +72,7 @@ def _compare(options: argparse.Namespace) -> tuple[Any, str]:
         raise kl.ProblemError(f"--only {' '.join(options.only)}: none is left; names are {names}")
     imports = import_times()
     if options.picture:
-        from kmpc_lab.bench.picture import write_bench_picture
+        from kmpc_lab.bench.measure import write_bench_picture
 
         own = [row for _, table in tables[1:] for row in table[:1]]
         write_bench_picture(options.picture, [*tables[0][1], *own])

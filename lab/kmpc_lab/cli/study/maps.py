@@ -38,7 +38,7 @@ STUDIES = {
     "adaptation": "A floor that changes after a second, with and without adaptation.",
     "mismatch": "Models learned at another slip than the one that is driven at.",
 }
-"""Studies over random maps; `kmpc_lab.studies.catalogue` says what each drives."""
+"""Studies over random maps; `kmpc_lab.studies.conditions` says what each drives."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -80,8 +80,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, name: str) -> int:
     """Drive random maps under the conditions of a study."""
-    from kmpc_lab.studies.catalogue import STUDIES as CATALOGUE
-    from kmpc_lab.studies.catalogue import choose
+    from kmpc_lab.studies.conditions import STUDIES as CATALOGUE
+    from kmpc_lab.studies.conditions import choose
     from kmpc_lab.studies.random_maps import maps_study
     from kmpc_lab.studies.tables import format_maps, summarise
     from kmpc_lab.studies.training import DT, REPORTING_SEED

@@ -34,8 +34,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Drive all cells and print the table."""
     from kmpc_lab.studies.contenders import TABLE_1_CONTENDERS
-    from kmpc_lab.studies.paper_table import format_table1
-    from kmpc_lab.studies.table1 import table1
+    from kmpc_lab.studies.table1 import format_table1, table1
     from kmpc_lab.studies.training import DT
     from kmpc_lite.scenario.files import Scenario
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from firmware_bridge.sensors.lidar.ld06_frames import CIRCLE, POINTS, Ld06Packet
+from firmware_bridge.sensors.lidar.ld06 import CIRCLE, POINTS, Ld06Packet
 from kmpc_lab.emulator.lidar.lidar import LidarEmulator, LidarModel
 from kmpc_lite.types import Array
 

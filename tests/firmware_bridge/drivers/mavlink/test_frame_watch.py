@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from mavlink_rig import Rig
 
-from firmware_bridge.drivers.mavlink.frame_watch import FrameWatch
+from firmware_bridge.drivers.mavlink.telemetry import FrameWatch
 
 
 def reboot(rig: Rig, east: float) -> None:

@@ -12,7 +12,7 @@ from firmware_bridge.drivers.mavlink.codec import MavlinkCodec, signing_time
 from firmware_bridge.drivers.mavlink.core import MavlinkCore
 from firmware_bridge.drivers.mavlink.driver import MavlinkDriver
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from firmware_bridge.drivers.mavlink.signing_stamp import PERIOD, SigningStamp
+from firmware_bridge.drivers.mavlink.signing import PERIOD, SigningStamp
 from firmware_bridge.link import LoopbackWire
 from firmware_bridge.messages import ConfigError, LinkError
 from kmpc_lab.emulator.rover.autopilot import HOLD

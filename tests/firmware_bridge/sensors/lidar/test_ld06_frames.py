@@ -5,7 +5,7 @@ import random
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from firmware_bridge.sensors.lidar.ld06_frames import SIZE, Ld06Packet, Ld06Packets, crc8
+from firmware_bridge.sensors.lidar.ld06 import SIZE, Ld06Packet, Ld06Packets, crc8
 
 MANUAL = bytes.fromhex(
     "54 2C 68 08 AB 7E E0 00 E4 DC 00 E2 D9 00 E5 D5 00 E3 D3 00 E4 D0 00 E9 CD 00 E4 CA 00 E2 "
