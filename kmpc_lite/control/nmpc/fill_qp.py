@@ -56,7 +56,7 @@ class QPFiller:
         Parameters
         ----------
         run : Progress
-            Its guess is where the model was linearised; margins and `solids_ahead` are written.
+            Its guess is where the model was linearised; margins are written.
         task : Task
             Reference, obstacles and margins.
         lin : Linearization
@@ -65,7 +65,6 @@ class QPFiller:
         guess, qp, keep_out = run.guess, self._qp, self._keep_out
         found = keep_out.clearances(guess.states, task.things, task.solids)
         clearances, normals = found.values, found.normals
-        run.solids_ahead = found.solids_ahead
         if task.tightening is not None:
             run.margins = self._margins(guess, task, lin, clearances, normals, found.obstacle_count)
             clearances = keep_out.tighten(guess.states, task.things, found, run.margins)

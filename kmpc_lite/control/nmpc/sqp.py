@@ -151,7 +151,6 @@ class SQP:
             run.step,
             run.defect,
             run.next_state,
-            run.solids_ahead,
             run.timing,
             run.reason,
         )

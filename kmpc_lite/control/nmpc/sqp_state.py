@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from kmpc_lite.control.nmpc.line_search import Penalties
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
 from kmpc_lite.control.nmpc.trajectory import Trajectory
-from kmpc_lite.control.world.half_planes import NO_SOLIDS_AHEAD, SolidsAhead
 from kmpc_lite.types import Array
 
 
@@ -35,8 +34,6 @@ class SQPResult:
     """How far the model contradicts the trajectory over one period [m, rad]."""
     next_state: Array
     """(3,) what the model expects after the first command."""
-    solids_ahead: SolidsAhead = NO_SOLIDS_AHEAD
-    """Place of stage 1 (2,), distances of the solids from it (C,), and normals there (C, 2)."""
     timing: dict[str, float] = field(default_factory=dict)
     """Seconds by phase."""
     reason: str = ""
@@ -55,7 +52,6 @@ class Progress:
     origin: Array
     """(3,) around which the QP is solved."""
     next_state: Array
-    solids_ahead: SolidsAhead = NO_SOLIDS_AHEAD
     margins: Array | float = 0.0
     passes: int = 0
     length: float = 0.0

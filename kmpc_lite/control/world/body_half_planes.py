@@ -16,7 +16,6 @@ from kmpc_lite.control.world.half_planes import (
     LEAST_DISTANCE,
     Clearances,
     KeepOut,
-    SolidsAhead,
 )
 from kmpc_lite.types import Array
 
@@ -44,15 +43,14 @@ class BodyKeepOut(KeepOut):
 
     def __init__(self, problem: NavigationProblem, footprint: Footprint, slots: int) -> None:
         super().__init__(problem, slots)
-        self._footprint, self._count_of_circles = footprint, len(footprint.circles)
-        self._place_times = np.repeat(self._times, self._count_of_circles)
+        self._footprint = footprint
+        self._place_times = np.repeat(self._times, len(footprint.circles))
 
     def clearances(self, states: Array, things: Array, solids: Nearby | None) -> Clearances:
         """Clearances of stages 1 to N; normals (N, K, 3) have the slope by the heading, too."""
         places = self._footprint.places(states[1:])
         points = places.reshape(-1, 2)
-        values, normals, count = [], [], self._count_of_circles
-        solids_ahead = SolidsAhead(places[0], np.empty((count, 0)), np.empty((count, 0, 2)))
+        values, normals = [], []
         if len(things):
             gaps, away = distances_and_directions(things, points, self._place_times)
             values.append(self._by_stage(gaps))
@@ -61,7 +59,6 @@ class BodyKeepOut(KeepOut):
             gaps, away = solids.measure(points)
             values.append(self._by_stage(gaps))
             normals.append(self._with_slope(away, places, states))
-            solids_ahead = SolidsAhead(places[0], gaps[:count], away[:count])
         columns = sum(part.shape[1] for part in values)
         outside = self._outside(states)
         sides = np.zeros((self.horizon, outside.shape[1], 3))
@@ -72,7 +69,7 @@ class BodyKeepOut(KeepOut):
             sides[:, -1, :2] = back / length[:, None]
         found = np.concatenate([*values, -outside], axis=1)
         found[:, :columns] -= self._distance
-        return Clearances(found, np.concatenate([*normals, sides], axis=1), columns, solids_ahead)
+        return Clearances(found, np.concatenate([*normals, sides], axis=1), columns)
 
     def _by_stage(self, distances: Array) -> Array:
         """Columns (N, C M) of distances (N C, M)."""

@@ -8,13 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.control.kernels.clearance import COLUMNS as THING_COLUMNS
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import Array
 
 COLUMNS = 5
-STAND_IN = 50.0
-"""Radius of a circle that stands for a flat side [m]."""
 
 
 class _CircleFields(NamedTuple):
@@ -85,19 +82,3 @@ def circles_to_array(obstacles: Sequence[Circle] | ArrayLike) -> Array:
             f"vx, vy; got shape {array.shape}"
         )
     return array
-
-
-def stand_ins(point: Array, distance: Array, normals: Array) -> Array:
-    """Things (C, 7) at rest, of `STAND_IN` radius, that touch what is near a point.
-
-    Parameters
-    ----------
-    point : ndarray
-        (2,) [m].
-    distance, normals : ndarray
-        How far it is to each thing, (C,) [m], and the direction away from it, (C, 2).
-    """
-    things = np.zeros((len(distance), THING_COLUMNS))
-    things[:, :2] = point - (distance + STAND_IN)[:, None] * normals
-    things[:, 2] = STAND_IN
-    return things

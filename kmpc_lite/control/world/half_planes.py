@@ -25,24 +25,6 @@ LEAST_DISTANCE = 1e-9
 """Distance from the robot below which there is no direction towards it [m]."""
 
 
-class SolidsAhead(NamedTuple):
-    """Solids as seen from where a plan's first stage is: all that a check of one command needs.
-
-    A half-plane that a convex solid lies behind is as good as the solid. For a robot with a
-    footprint each of its circles has a row.
-    """
-
-    place: Array
-    """(2,) or (F, 2)."""
-    distances: Array
-    """(C,) or (F, C) of the solids from there [m]."""
-    normals: Array
-    """(C, 2) or (F, C, 2) unit vectors away from them."""
-
-
-NO_SOLIDS_AHEAD = SolidsAhead(np.zeros(2), np.empty(0), np.empty((0, 2)))
-
-
 class Clearances(NamedTuple):
     """Clearances of stages 1 to N from K obstacles and sides, obstacles first."""
 
@@ -52,8 +34,6 @@ class Clearances(NamedTuple):
     """(N, K, 2) unit vectors away from them."""
     obstacle_count: int
     """How many of the K are obstacles; the others are sides of the area."""
-    solids_ahead: SolidsAhead
-    """From stage 1."""
 
 
 class KeepOut:
@@ -118,7 +98,6 @@ class KeepOut:
             self._all_normals = np.empty((*self._values.shape, 2))
             self._all_normals[:, count : count + len(self._side_offsets)] = self._side_normals
         positions = states[1:, :2]
-        solids_ahead = NO_SOLIDS_AHEAD
         if thing_count:
             gaps, self._all_normals[:, :thing_count] = distances_and_directions(
                 things, positions, self._times
@@ -127,8 +106,6 @@ class KeepOut:
         if solids is not None:
             gaps, self._all_normals[:, thing_count:count] = solids.measure(positions)
             np.subtract(gaps, self._distance, out=self._values[:, thing_count:count])
-            normals_ahead = self._all_normals[0, thing_count:count]
-            solids_ahead = SolidsAhead(positions[0].copy(), gaps[0], normals_ahead)
         np.subtract(
             positions @ self._side_normals.T,
             self._side_offsets_from(states[0]),
@@ -139,7 +116,7 @@ class KeepOut:
             distance = np.hypot(away[:, 0], away[:, 1])
             self._values[:, -1] = self._range - distance
             self._all_normals[:, -1] = away / np.maximum(distance, LEAST_DISTANCE)[:, None]
-        return Clearances(self._values, self._all_normals, count, solids_ahead)
+        return Clearances(self._values, self._all_normals, count)
 
     def _side_offsets_from(self, present: Array) -> Array:
         """Offsets of the sides (sides,) for a robot that is at `present` (3,)."""
