@@ -16,7 +16,7 @@ from kmpc_lite.control.input_checks import (
     is_plausible,
     to_numbers,
 )
-from kmpc_lite.control.kernels.clearance import COLUMNS, things_of
+from kmpc_lite.control.kernels.clearance import COLUMNS, SPREAD_RATE, things_of
 from kmpc_lite.control.options import ObstacleOptions
 from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.control.world.scene import Obstacles, Scene, SceneState, too_many
@@ -61,8 +61,20 @@ class Observation:
 
     measured: Array = field(default_factory=lambda: np.zeros(STATES))
     """(3,) the pose as measured, not brought forward."""
+    scanned: int = 0
+    """How many of the things, the last ones, scans have shown to walk."""
     perhaps: Array = field(default_factory=lambda: np.empty((0, COLUMNS)))
     """(P, 7) what seems to walk in scans, but may be a piece of something that stands."""
+
+    @property
+    def unsure(self) -> Array:
+        """What is not known of the speeds (M,) at which things walk.
+
+        Nothing for those in scans: the side that the robot sees of a pedestrian is nearer than the
+        pedestrian, and a robot that may hardly move cannot make room.
+        """
+        given = np.arange(len(self.things)) < len(self.things) - self.scanned
+        return np.where(given, self.things[:, SPREAD_RATE], 0.0)
 
     def bring_forward(self, pose: Array) -> None:
         """Take over where the robot is now; a model that runs away leads out of all numbers."""

@@ -17,7 +17,7 @@ from kmpc_lite.control.estimate.estimator import observe_drift
 from kmpc_lite.control.estimate.pose_age import advance_pose
 from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.guiding import Guiding
-from kmpc_lite.control.kernels.clearance import SPREAD_RATE, some_spread
+from kmpc_lite.control.kernels.clearance import SPREAD, SPREAD_RATE, some_spread
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.sqp_state import SQPResult
@@ -203,6 +203,7 @@ class Pipeline:
         if not some_spread(seen.things):
             return False
         moving = seen.things[seen.things[:, SPREAD_RATE] > 0.0]
+        moving[:, SPREAD] = 0.0
         depth = self._sqp.keep_out.penetration
         cut, needed = (float(depth(s, moving).max()) for s in (states, reference))
         return cut > needed
@@ -221,6 +222,7 @@ class Pipeline:
             things=seen.things,
             nearby=seen.nearby,
             perhaps=seen.perhaps,
+            unsure=seen.unsure,
             swerve_time=self._options.stop.swerve_time,
             known=math.inf if known_range is None else known_range + self._problem.body_radius,
             emerging_speed=self._emerging_speed,

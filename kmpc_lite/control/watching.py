@@ -106,6 +106,7 @@ class Watching:
         state.walkers, walking, seen.perhaps = self._walkers.see(
             before, seen.scans, seen.measured, seen.things, state.seen
         )
+        seen.scanned = len(walking)
         seen.things = np.concatenate([seen.things, walking])
 
     def wait(self, state: ControllerState) -> None:

@@ -36,6 +36,8 @@ class Surroundings:
     """Solids that the robot can come to."""
     perhaps: Array = field(default_factory=lambda: np.empty((0, COLUMNS)))
     """(P, 7) what may be walking, and is else known as something that stands."""
+    unsure: Array = field(default_factory=lambda: np.empty(0))
+    """(M,) what is not known of the speeds of things; none where all are known."""
     swerve_time: float = 0.0
     """For how long a moving obstacle may walk in any direction [s]."""
     known: float = math.inf
@@ -47,7 +49,8 @@ class Surroundings:
     def turning(self) -> Array:
         """What may turn (W, 7): spreads from where it is, as fast as it can be walking."""
         everything = np.concatenate([self.things, self.perhaps])
-        speeds = np.hypot(*everything[:, VELOCITY].T) + everything[:, SPREAD_RATE]
+        speeds = np.hypot(*everything[:, VELOCITY].T)
+        speeds[: len(self.unsure)] += self.unsure
         everything[:, VELOCITY] = 0.0
         everything[:, SPREAD_RATE] = speeds
         everything[:, SPREAD_MAX] = speeds * self.swerve_time

@@ -13,6 +13,7 @@ import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lab.studies import pedestrians
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY, things_of
+from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import TrackerOptions
 from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotion, SafeMotions
 from kmpc_lite.control.world.motion_watch import MotionWatch, MotionWatchState
@@ -233,3 +234,10 @@ def test_a_drive_among_people_counts_who_touches_whom() -> None:
     found = pedestrians.drive(4, True, "zero", 5)
     assert found.counts.driven_into == 0
     assert found.counts.steps == len(found.statuses) == len(found.poses) - 1
+
+
+def test_what_is_not_known_of_speeds_is_that_of_given_circles() -> None:
+    rates = np.array([0.0, 0.3, 0.4])
+    seen = Observation(np.zeros(3), np.zeros(3), things_of(np.zeros((3, 5)), rates), None, None)
+    seen.scanned = 1
+    assert seen.unsure.tolist() == [0.0, 0.3, 0.0]
