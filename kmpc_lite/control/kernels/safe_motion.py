@@ -7,6 +7,7 @@ at most 50.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -121,11 +122,9 @@ def changes_allowed(commands: Array, faster: Array, slower: Array) -> Array:
     return out
 
 
-def samples_a_period(states: Array, radius: float) -> int:
-    """How many samples keep the chords between them short beside a robot's radius [m]."""
-    steps = np.diff(states, axis=-2)
-    longest = float(np.hypot(steps[..., 0], steps[..., 1]).max(initial=0.0))
-    return int(np.clip(np.ceil(longest / max(0.25 * radius, TINY)), 1, MOST_SAMPLES))
+def samples_a_period(longest: float, radius: float) -> int:
+    """How many samples of a longest step [m] have chords that are short beside a radius [m]."""
+    return min(max(math.ceil(longest / max(0.25 * radius, TINY)), 1), MOST_SAMPLES)
 
 
 def samples(states: Array, count: int) -> Array:
@@ -156,6 +155,32 @@ def between_samples(
     before = np.concatenate([first, clearance[:, :-1]], axis=1)
     begins = np.where(clearance - before < lost, before - lost, np.inf)
     out: Array = np.minimum(clearance - lost, begins)
+    return out
+
+
+def surely_clear(
+    clearance: Array, margins: Array, error: Array, travel: Array, ends: Array, lost: float
+) -> Array:
+    """Which motions keep more than `admissible` can ask of them, (C,).
+
+    Parameters
+    ----------
+    clearance : ndarray
+        (C, Q, E, K) at samples of the motions [m].
+    margins : ndarray
+        (C, Q) of what is driven and turned up to each sample [m].
+    error, travel : ndarray
+        (C,) the largest error of the coming commands, with what is not sure, and how far they lead
+        [m].
+    ends : ndarray
+        (C,) samples until the robot is at rest.
+    lost : float
+        What chords between samples cut off at the most [m].
+    """
+    most = np.maximum(margins, (error + LEAVES * travel)[:, None]) + lost
+    enough = clearance.min(axis=(2, 3)) >= most
+    after = np.arange(clearance.shape[1]) >= ends[:, None]
+    out: Array = np.logical_and.reduce(enough | after, axis=1)
     return out
 
 

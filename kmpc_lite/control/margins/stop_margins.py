@@ -93,6 +93,18 @@ class StopMargins:
         out: Array = self._noise.step_quantile * np.sqrt(np.maximum(variance, 0.0))
         return out
 
+    def most_of_commands(self, drift: DriftState, commands: Array) -> Array:
+        """Errors (C,) of single commands (C, 2) in any direction, at the most [m]."""
+        felt = self._noise.felt(drift)
+        if not felt.command_errs:
+            return np.zeros(len(commands))
+        squares = commands * commands
+        errors = np.sqrt(squares @ np.array(felt.command_trace))
+        if self._reach:
+            errors += self._reach * np.sqrt(squares @ felt.command[:, HEADING])
+        out: Array = self._noise.step_quantile * errors
+        return out
+
     def sure(self, clearances: Array) -> Array:
         """What is sure of measured clearances, whatever the pose's noise pretends [m]."""
         out: Array = np.maximum(clearances - self.pose_error, 0.0)

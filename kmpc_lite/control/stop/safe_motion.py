@@ -223,31 +223,41 @@ class SafeMotions:
         assert margins is not None and drift is not None
         commands, radius = motions.commands, self._radius
         states = self.rollout(task.model, here, commands, task.past)
-        count = kernel.samples_a_period(states, radius)
+        steps = np.diff(states, axis=1)
+        distances = np.hypot(steps[..., 0], steps[..., 1])
+        longest = float(distances.max())
+        count = kernel.samples_a_period(longest, radius)
         poses, begin = kernel.samples(states, count), places_of(self._footprint, here)
         places = places_of(self._footprint, poses).reshape(*poses.shape[:2], *begin.shape)
         times = self._dt / count * np.arange(1, poses.shape[1] + 1)
         clearance = around.clearance(places, times, begin) - radius
+        needed = margins.of_motions(drift, distances, steps[..., 2]).repeat(count, axis=1)
+        ends = count * (kernel.lengths(commands) + task.model.history)
+        # of most motions this is enough to know
+        travel = distances[:, 0] + self._reach * np.abs(steps[:, 0, 2])
+        error = margins.most_of_commands(drift, commands[:, 0]) + margins.pose_error
+        chord = (longest + self._reach * float(np.abs(steps[..., 2]).max())) / count
+        lost = chord * chord / (8.0 * radius)
+        sure = kernel.surely_clear(clearance, needed, error, travel, ends, lost)
+        if sure[0]:
+            return sure
         standing = around.clearance(begin[None, None], times, begin) - radius
         clearance = kernel.between_samples(clearance, standing, places, begin, radius)
         slopes = around.slopes(begin, here, kernel.TINY_STEP * radius)
         errors = margins.of_commands(drift, commands[:, 0], slopes)
-        steps = np.diff(states, axis=1)
-        distances = np.hypot(steps[..., 0], steps[..., 1])
-        needed = margins.of_motions(drift, distances, steps[..., 2])
         if self._stands_at_once(task):
             # the command's own error, towards each thing, is all that it drives
-            needed[:, 0] = -np.inf
+            needed[:, :count] = -np.inf
         return kernel.admissible(
             clearance,
             standing,
             self._options.spend_share * margins.sure(standing),
-            needed.repeat(count, axis=1),
+            needed,
             np.hypot(*np.moveaxis(places - begin, -1, 0)),
             np.where(motions.free[:, None, None], -TURN_ALLOWANCE * radius, errors),
             around.may_turn,
             motions.strict,
-            count * (kernel.lengths(commands) + task.model.history),
+            ends,
             count,
             margins.pose_error,
         )
