@@ -58,19 +58,6 @@ def test_distances_are_those_to_the_edges(things: Array, points: Array) -> None:
     np.testing.assert_array_equal(points, kept[1])
 
 
-@given(things=THINGS, points=POINTS, k=st.integers(1, 6))
-def test_the_nearest_are_those_of_all(things: Array, points: Array, k: int) -> None:
-    every = kernel.distances(things, points[:, :2], points[:, 2])
-    least, way, row = kernel.clearance(things, points[:, :2], points[:, 2])
-    np.testing.assert_allclose(least, every.min(axis=1), atol=2e-9)
-    np.testing.assert_allclose(least, every[np.arange(len(points)), row], atol=2e-9)
-    found, ways, rows = kernel.nearest(things, points[:, :2], points[:, 2], k)
-    assert ways.shape == (*found.shape, 2) and found.shape == (len(points), min(k, len(things)))
-    assert (np.diff(rows, axis=1) > 0).all()
-    np.testing.assert_allclose(np.sort(found), np.sort(every)[:, :k], atol=2e-9)
-    np.testing.assert_allclose(np.hypot(*way.T), 1.0)
-
-
 @given(things=THINGS, points=POINTS, ahead=st.floats(0.0, 2.0))
 def test_what_is_there_later_is_there_at_a_later_time(
     things: Array, points: Array, ahead: float
@@ -78,11 +65,6 @@ def test_what_is_there_later_is_there_at_a_later_time(
     after = kernel.distances(kernel.later(things, ahead), points[:, :2], points[:, 2])
     now = kernel.distances(things, points[:, :2], points[:, 2] + ahead)
     np.testing.assert_allclose(after, now, atol=1e-9)
-
-
-def test_where_there_is_nothing_everything_is_clear() -> None:
-    least, way, row = kernel.clearance(np.empty((0, 7)), np.zeros((2, 2)), np.zeros(2))
-    assert np.isinf(least).all() and not way.any() and row.tolist() == [-1, -1]
 
 
 def test_at_a_centre_the_direction_is_some_unit_vector() -> None:
