@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
+from firmware_bridge.cli.planning import planning
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.navigator import Pose
 
-UNKNOWN = (math.nan, math.nan)
-"""The command of a period whose command on the wire is unknown."""
 FENCE_ROOM = 0.25
 """Without a geofence of its own a robot may leave the scenario's area by so much [m]."""
 WITHIN = 0.7
 """Share of what counts as arrived within which the robot stays: a single pose is noisy."""
+DRIVE_TIME = 120.0
+"""How long each goal may take by default [s]: low speeds take longer than a scenario's own limit.
+"""
 LOOK_AHEAD = 2.0
 """Time that the controller plans ahead, however short its period [s]."""
 
@@ -42,10 +44,12 @@ class Course(NamedTuple):
 def course(
     robot: Robot,
     settle: float,
-    seconds: float,
+    seconds: float | None,
     watch: Callable[[Any, Any], None] | None = None,
     wait: float | None = None,
     rehearse: bool = False,
+    goals: Sequence[Pose] = (),
+    loop: bool = False,
 ) -> Course:
     """Put a controller and a map before a robot.
 
@@ -55,14 +59,18 @@ def course(
         Whose `control` names the scenario and the model.
     settle : float
         How long the goal must be held [s].
-    seconds : float
-        Give up after so long [s].
+    seconds : float, optional
+        Give up after so long [s]; `DRIVE_TIME` for each goal if not given.
     watch : callable, optional
         Receives each pose and plan.
     wait : float, optional
         How long the vehicle may take until it drives [s]; `seconds` where not given.
     rehearse : bool
         Whether it drives at half the speed that limits and model allow.
+    goals : sequence of tuple
+        Goals instead of the scenario's, one after the other; without a scenario, on an empty map.
+    loop : bool
+        Whether the first goal follows the last one, until time is up.
 
     Raises
     ------
@@ -72,10 +80,11 @@ def course(
     import numpy as np
 
     import kmpc_lite as kl
-    from firmware_bridge.runtime.navigator import Moment, Navigator, Planned, Task
+    from firmware_bridge.runtime.navigator import Navigator, Task
+    from firmware_bridge.runtime.route import Route
     from kmpc_lite.scenario.gaps import obstacle_gaps
 
-    scenario = scenario_of(robot)
+    scenario = scenario_of(robot, goals, loop)
     try:
         robot, learned, notes = load_model(robot, rehearse)
         controller = build_controller(robot, scenario, learned)
@@ -86,24 +95,11 @@ def course(
         fence = (x_min - FENCE_ROOM, y_min - FENCE_ROOM, x_max + FENCE_ROOM, y_max + FENCE_ROOM)
         robot = replace(robot, gate=replace(robot.gate, geofence=fence))
 
-    solids = () if scenario.solids is None else scenario.solids.solids
-    sees, told = robot.lidar is not None, robot.control.map
-    if not (sees or told):
+    if robot.lidar is None and not robot.control.map:
         raise ConfigError(f"{robot.where}: control.map: false needs a [lidar] (--lidar NAME)")
     watchers = [] if watch is None else [watch]
-
-    def step(pose: Pose, circles: Any, moment: Moment) -> Planned:
-        if sees and moment.scan is None:
-            return Planned(0.0, 0.0, "NO_SCAN")
-        obstacles = [*circles, *solids] if solids else circles
-        if sees:
-            obstacles = [*(obstacles if told else ()), laser_scan(moment.scan)]
-        plan = controller.step(pose, scenario.goal, obstacles, sent=moment.held or UNKNOWN)
-        for saw in watchers:
-            saw(pose, plan)
-        v, omega = map(float, plan.command)
-        return Planned(v, omega, plan.status.name, plan.reason)
-
+    route = Route(scenario.goals, scenario.loop)
+    step = planning(robot, scenario, controller, route, watchers)
     task = Task(
         scenario.goal,
         scenario.tolerance,
@@ -111,16 +107,18 @@ def course(
         scenario.radius,
         scenario.circles_at,
         lambda pose, time: float(obstacle_gaps(scenario, np.array([pose]), np.array([time]))[0]),
-        partial(misplaced, scenario) if told else None,
+        partial(misplaced, scenario) if robot.control.map else None,
+        route,
     )
     period = robot.control.period or controller.problem.dt
+    seconds = seconds or DRIVE_TIME * len(route.goals)
     navigator = Navigator(step, task, settle, seconds, wait=wait)
     name, made = scenario.name, (scenario, controller, watchers)
     return Course(name, robot, navigator, period, own_frame(robot, scenario), notes, *made)
 
 
-def scenario_of(robot: Robot) -> Any:
-    """Scenario of a robot's file, with the file's footprint in the place of its robot's.
+def scenario_of(robot: Robot, goals: Sequence[Pose] = (), loop: bool = False) -> Any:
+    """Scenario of a robot's file, with the file's footprint, and with goals of a command line.
 
     Raises
     ------
@@ -129,35 +127,28 @@ def scenario_of(robot: Robot) -> Any:
     """
     from kmpc_lite.control import Footprint
     from kmpc_lite.errors import KmpcError
+    from kmpc_lite.scenario.drawn import drawn_table
     from kmpc_lite.scenario.files import Scenario
 
-    if robot.control.scenario is None:
-        raise ConfigError(f"{robot.where}: control.scenario: missing: give --scenario NAME")
+    named = robot.control.scenario
+    if named is None and not goals:
+        raise ConfigError(
+            f"{robot.where}: control.scenario: missing: give --scenario NAME or --goal X Y THETA"
+        )
     try:
-        scenario = Scenario.load(robot.control.scenario)
+        if named is None:
+            scenario = Scenario.from_table(drawn_table(goals), "command line", "command line")
+        else:
+            scenario = Scenario.load(named)
+        if goals:
+            *via, goal = goals
+            scenario = replace(scenario, via=tuple(via), goal=goal)
+        scenario = replace(scenario, loop=loop or scenario.loop)
         if robot.footprint is None:
             return scenario
         return replace(scenario, footprint=Footprint.of(robot.footprint))
     except KmpcError as error:
         raise ConfigError(str(error)) from error
-
-
-def laser_scan(scan: Any) -> Any:
-    """Make the controller's scan of the bridge's (`firmware_bridge.sensors.scan.Scan`).
-
-    Its age is zero: the mount already says where the sensor was, as seen from the step's pose.
-    """
-    import kmpc_lite as kl
-
-    return kl.LaserScan(
-        scan.ranges,
-        scan.angle_min,
-        scan.angle_increment,
-        range_min=scan.range_min,
-        range_max=scan.range_max,
-        mount=scan.mount,
-        noise=scan.noise,
-    )
 
 
 def _wheels(robot: Robot) -> dict[str, Any]:

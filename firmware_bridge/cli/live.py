@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from firmware_bridge.cli.course import laser_scan
+from firmware_bridge.cli.planning import laser_scan
 from firmware_bridge.safety.gate_table import DRIVING, Reason
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ class Showing:
         if self._feed is not None:
             title = f"{scenario.name}: {link.driver} {link.url}"
             shown = map_packet(scenario, title)
-            self._feed.start(lambda: self.packet(session, scenario.goal), shown)
+            self._feed.start(lambda: self.packet(session, job.navigator.route.goal), shown)
         if self._viewer is not None:
             from firmware_bridge.live.viewer import Shown
 
@@ -115,7 +115,7 @@ class Showing:
         ended = session.loop.stop_reason or "stopped"
         over = "arrived" if job.navigator.arrived_after is not None else f"ended: {ended}"
         if self._feed is not None:
-            self._feed.say({**self.packet(session, scenario.goal), "over": over})
+            self._feed.say({**self.packet(session, job.navigator.route.goal), "over": over})
 
     def records(self, session: Session, last: Shown) -> list[Record]:
         """Give what is new, for Foxglove."""

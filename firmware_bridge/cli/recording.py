@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from firmware_bridge.cli.course import laser_scan
+from firmware_bridge.cli.planning import laser_scan
 from firmware_bridge.messages import ConfigError
 
 if TYPE_CHECKING:

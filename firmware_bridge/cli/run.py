@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-from firmware_bridge.cli.course import Course, course
+from firmware_bridge.cli.course import DRIVE_TIME, Course, course
 from firmware_bridge.cli.live import Showing
 from firmware_bridge.cli.live_options import add_live_options, asked_views
 from firmware_bridge.cli.options import (
@@ -23,11 +23,9 @@ from firmware_bridge.cli.rehearsal import Rehearsal, advice
 from firmware_bridge.messages import BridgeError
 from firmware_bridge.safety.places import default_socket
 from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.goals import add_goal_options, goals_of
 from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import command_line
-
-DRIVE_TIME = 120.0
-"""How long a run may take by default [s]: low speeds take longer than a scenario's own limit."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -41,6 +39,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="scenario file, or the name of one that comes with kmpc_lite",
     )
+    add_goal_options(add, "on an empty map about the origin of the robot's frame")
     add(
         "--by-sight",
         action="store_true",
@@ -51,8 +50,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--seconds",
         type=positive,
         metavar="S",
-        default=DRIVE_TIME,
-        help=f"give up after this time of driving, or of waiting [s] (default: {DRIVE_TIME:g})",
+        help=f"give up after this time of driving, or of waiting [s] (default: {DRIVE_TIME:g} a "
+        "goal)",
     )
     add(
         "--wait",
@@ -105,8 +104,17 @@ def run(options: argparse.Namespace) -> int:
         showing = Showing(views, robot.socket or default_socket())
     saw = None if showing is None else showing.saw
     rehearse, told = advice(robot, options.rehearse)
-    settle, seconds = options.settle, options.seconds
-    job = course(robot, settle, seconds, saw, wait=options.wait, rehearse=rehearse)
+    goals = goals_of(options)
+    job = course(
+        robot,
+        options.settle,
+        options.seconds,
+        saw,
+        wait=options.wait,
+        rehearse=rehearse,
+        goals=goals,
+        loop=options.loop,
+    )
     prepare(options)
     with ExitStack() as stack:
         name = stack.enter_context(recording_to(options.record))
@@ -146,6 +154,7 @@ COMMAND = Command(
         "kmpc run robot.toml --model robot.npz --scenario map.toml --rehearse  # the first drive",
         "kmpc run robot.toml --scenario map.toml --record monday  # then: kmpc report monday",
         "kmpc run --driver mavlink --link tcp:127.0.0.1:5760 --scenario four_circles_1 --arm",
+        "kmpc run robot.toml --goal 2 0 90deg --goal 0 0 0 --loop --arm   # there and back",
     ),
     add_options=add_options,
     run=run,

@@ -104,9 +104,16 @@ def plan_packet(step: LastStep, goal: Sequence[float]) -> Packet:
         "distance": math.dist(step.pose[:2], tuple(goal)[:2]),
         "clearance": clearance if math.isfinite(clearance) else None,
         "status": plan.status.name,
-        "progress": plan.progress.name,
+        "goal": list(goal),
+        "progress": _progress(plan),
         "reason": plan.reason,
     }
+
+
+def _progress(plan: Plan) -> str:
+    """What the robot does about its goal, and about which goal of a route."""
+    number, count = plan.leg
+    return plan.progress.name + (f", goal {number} of {count}" if count > 1 else "")
 
 
 def _placed(points: Array, pose: tuple[float, float, float]) -> Array:

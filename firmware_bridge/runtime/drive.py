@@ -91,6 +91,8 @@ def run(
         out=out,
         observers=() if examiner is None else (examiner,),
         record=recorder,
+        more=lambda: list(filter(None, (navigator.route.words,))),
+        warnings=lambda: tuple(navigator.passed),
     ) as session:
         sys.stderr.write("".join(f"kmpc: {note}\n" for note in notes))
 
@@ -118,8 +120,8 @@ def run(
     report["problems"] = session.problems()  # counted after the session has closed its files
     if out is not None:
         tell(report, session, out)
-    if navigator.arrived and not navigator.touched and not trouble():
-        return report, DONE
+    if _did_it(navigator) and not navigator.touched and not trouble():
+        return report, INTERRUPTED if interrupted and not navigator.arrived else DONE
     return report, INTERRUPTED if interrupted else NOT_DONE
 
 
@@ -127,6 +129,11 @@ def _moment(session: Session, state: State) -> Moment:
     """What the session knows now, for a plan from this pose."""
     scan = None if session.sight is None else session.sight.look(state)
     return Moment(session.gate.state is GateState.ACTIVE, session.planner.held, scan)
+
+
+def _did_it(navigator: Navigator) -> bool:
+    """Whether the last goal is held; in a loop, whether each goal was."""
+    return navigator.arrived or (navigator.route.loop and navigator.route.rounds > 0)
 
 
 def _outcome(navigator: Navigator, stop: str) -> str:
@@ -141,6 +148,11 @@ def _outcome(navigator: Navigator, stop: str) -> str:
         outcome = f"stopped by {stop}"
     else:
         outcome = "time is up" if navigator.drove else "never drove"
+    held, count = navigator.route.held, len(navigator.route.goals)
+    if count > 1 and navigator.drove:
+        outcome += (
+            f", {held} goals held in turn" if navigator.route.loop else f", {held} of {count} goals"
+        )
     return f"touched an obstacle, {outcome}" if navigator.touched else outcome
 
 

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from firmware_bridge.messages import State, VelocityCommand
+from firmware_bridge.runtime.route import Route
 
 Pose = tuple[float, float, float]
+SHOWN = 10
+"""Goals of a route that are still told of once they are held."""
 PARTS = 4
 """Places between two poses at which the distance to obstacles is checked."""
 STANDING = 1.0
@@ -67,6 +70,8 @@ class Task:
     between edges [m]; None: of the circles."""
     misplaced: Callable[[Pose], str] | None = None
     """Says why a robot cannot stand at the pose from which it would begin, in words; else empty."""
+    route: Route | None = None
+    """Goals one after the other; `goal` alone if not given."""
 
 
 class Navigator:
@@ -107,6 +112,10 @@ class Navigator:
             seconds,
             clock,
         )
+        self.route = task.route or Route((task.goal,))
+        """Which goal it drives to."""
+        self.passed: deque[str] = deque(maxlen=SHOWN)
+        """The last goals that were held before the last one, in words."""
         self.scan: Any = None
         """What the lidar saw at the time of the last plan."""
         self.reason = ""
@@ -202,7 +211,7 @@ class Navigator:
         """Distance to the goal [m] and heading error [rad] of the last pose; infinite without."""
         if self._last is None:
             return math.inf, math.inf
-        x, y, theta = self._task.goal
+        x, y, theta = self.route.goal
         return math.hypot(self._last.x - x, self._last.y - y), abs(
             math.remainder(self._last.theta - theta, math.tau)
         )
@@ -215,8 +224,18 @@ class Navigator:
         elif self._inside_since is None:
             self._inside_since = now
         elif now - self._inside_since >= self._settle and self.arrived_after is None:
-            assert self._began is not None
-            self.arrived_after = self._inside_since - self._began
+            self._hold(self._inside_since)
+
+    def _hold(self, since: float) -> None:
+        """Note that the goal is held since then; go on to the next one, if there is one."""
+        assert self._began is not None
+        words, after = self.route.words, since - self._began
+        self.route.hold()
+        if self.route.done:
+            self.arrived_after = after
+            return
+        self._inside_since = None
+        self.passed.append(f"{words} held after {after:.1f} s, on to {self.route.words}")
 
     def _least_gap(self, before: State, state: State, circles: Circles, now: float) -> float:
         """Smallest distance to an obstacle between one pose and the next [m]."""
@@ -237,8 +256,10 @@ class Navigator:
     def report(self) -> dict[str, Any]:
         """Plain values, for JSON."""
         distance, turn = self.errors()
+        several = len(self.route.goals) > 1
         return {
             "arrived": self.arrived,
+            **({"route": self.route.report()} if several else {}),
             "touched": self.touched,
             "arrived_after_s": None if self.arrived_after is None else round(self.arrived_after, 3),
             "position_error_m": None if math.isinf(distance) else round(distance, 4),

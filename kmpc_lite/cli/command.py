@@ -8,6 +8,7 @@ through the entry points `kmpc.commands`, each ``name = "module:COMMAND"``.
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module, metadata
@@ -120,6 +121,8 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**{"allow_abbrev": False, **options})
+        # a value, not an option: -1.5, -2e-3, -90deg
+        self._negative_number_matcher = re.compile(r"-(\d|\.\d)\S*$")
 
     def error(self, message: str) -> NoReturn:
         """Raise UsageError."""

@@ -116,6 +116,8 @@ class Plan:
     """Whether the robot has parked at its goal and stands there."""
     progress: GoalProgress = GoalProgress.DRIVING
     """What the robot is doing about its goal."""
+    leg: tuple[int, int] = (1, 1)
+    """Which goal of a route it leads to, from 1, and of how many: noted by what gives the goals."""
     around: PlannedAround = field(default_factory=lambda: NOTHING_AROUND, repr=False)
     """The obstacles that it was made for."""
 

@@ -80,6 +80,7 @@ class Scenario:
     """How old a measured pose is when it arrives [s]."""
     seed: int = 0
     timeout: float = 20.0
+    """How long each goal may take [s]."""
     tolerance: float = ARRIVED.distance
     """Distance to the goal [m] that counts as arrived."""
     heading_tolerance: float = ARRIVED.heading
@@ -105,6 +106,10 @@ class Scenario:
     """What the controller is tuned with; in a file tables [controller.ROOM]."""
     lidar: LidarSpec | None = None
     """By what a simulated robot sees; without one, all obstacles are known."""
+    via: tuple[tuple[float, float, float], ...] = ()
+    """Goals that are to be held before `goal`, in this order."""
+    loop: bool = False
+    """Whether the first of the goals follows the last one, until time is up."""
     footprint: Footprint | None = None
     """What the robot covers, where that is no circle about its pose; `radius` then follows from it.
     In a file a table of length, width and ahead, or a list of corners."""
@@ -118,8 +123,9 @@ class Scenario:
                 f"{self.name}: [map] bounds: expected xmin < xmax and ymin < ymax, "
                 f"got {list(self.bounds)}"
             )
-        for key in ("start", "goal"):
-            check_place(self, key)
+        check_place(self, "start", self.start)
+        for goal in self.goals:
+            check_place(self, "goal", goal)
         if any(b.time <= a.time for a, b in zip(self.floors, self.floors[1:], strict=False)):
             raise ScenarioError(
                 f"{self.name}: [plant] floors: expected rising times, "
@@ -202,7 +208,7 @@ class Scenario:
         }
         for key in ("pose_noise", "turning_point"):
             values[key] = list(getattr(self, key))
-        for key in ("floors", "ground_changes", "ground_patches"):
+        for key in ("via", "floors", "ground_changes", "ground_patches"):
             values[key] = [list(row) for row in getattr(self, key)]
         pairs = {"du_max": self.du_max, "wheels": self.wheels}
         values.update({key: list(pair or ()) for key, pair in pairs.items()})
@@ -244,6 +250,11 @@ class Scenario:
             )
         except ProblemError as error:
             raise ScenarioError(f"{self.name}: {error}") from error
+
+    @property
+    def goals(self) -> tuple[tuple[float, float, float], ...]:
+        """All goals, in the order in which they are to be held."""
+        return (*self.via, self.goal)
 
     @property
     def arrival(self) -> Tolerance:

@@ -8,22 +8,25 @@ import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.errors import ScenarioError
+from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.scenario.files import Scenario
 
 
-def check_place(scenario: Scenario, key: Literal["start", "goal"]) -> None:
-    """Raise ScenarioError where the robot cannot stand at its start or goal."""
+def check_place(
+    scenario: Scenario, key: Literal["start", "goal"], pose: tuple[float, float, float]
+) -> None:
+    """Raise ScenarioError if the robot cannot stand at a pose (3,), its start or a goal."""
     x_min, y_min, x_max, y_max = scenario.bounds
-    x, y, _ = getattr(scenario, key)
+    x, y, _ = pose
     where = f"{scenario.name}: [robot] {key}"
     if not (x_min <= x <= x_max and y_min <= y <= y_max):
         raise ScenarioError(
             f"{where}: ({x:g}, {y:g}) lies outside the bounds {list(scenario.bounds)}"
         )
     if scenario.footprint is not None:
-        _check_footprint(scenario, scenario.footprint, key)
+        _check_footprint(scenario, scenario.footprint, key, np.array(pose))
         return
     for i, circle in enumerate(scenario.circles):
         distance = float(np.hypot(x - circle.x, y - circle.y))
@@ -42,11 +45,10 @@ def check_place(scenario: Scenario, key: Literal["start", "goal"]) -> None:
             )
 
 
-def _check_footprint(scenario: Scenario, footprint: Footprint, key: str) -> None:
+def _check_footprint(scenario: Scenario, footprint: Footprint, key: str, pose: Array) -> None:
     # here, since most robots are round
     from kmpc_lite.scenario.touch import footprint_gaps
 
-    pose = np.array(getattr(scenario, key))
     circles = [c for c in scenario.circles if key == "start" or not (c.vx or c.vy)]
     solids = () if scenario.solids is None else scenario.solids.solids
     rows = np.array(circles, dtype=float).reshape(1, -1, 5)

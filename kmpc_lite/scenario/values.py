@@ -22,6 +22,7 @@ KEYS: Mapping[str, Mapping[str, Any]] = {
         "footprint": [],
         "start": None,
         "goal": None,
+        "via": [],
         "turning_point": [0.0, 0.0],
         "du_max": [],
         "wheels": [],
@@ -44,6 +45,7 @@ KEYS: Mapping[str, Mapping[str, Any]] = {
         "tolerance": ARRIVED.distance,
         "heading_tolerance": ARRIVED.heading,
         "margin": 0.0,
+        "loop": False,
     },
 }
 """Sections, keys and defaults; None means that the key must be given."""
@@ -222,6 +224,17 @@ def _footprint(where: str, value: Any) -> Footprint | None:
     return made
 
 
+def _poses(where: str, value: Any) -> tuple[tuple[float, ...], ...]:
+    rows = _rows(where, (3,), "[x, y, theta]", value)
+    return tuple(tuple(read_number(where, v) for v in row) for row in rows)
+
+
+def _switch(where: str, value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise ScenarioError(f"{where}: expected true or false, got {value!r}")
+    return value
+
+
 def _seed(where: str, value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
         raise ScenarioError(f"{where}: expected a whole number >= 0, got {value!r}")
@@ -235,9 +248,11 @@ READERS: Mapping[str, Callable[[str, Any], Any]] = {
     "footprint": _footprint,
     "grid": read_grid,
     "ground": _name,
+    "loop": _switch,
     "name": _name,
     "polygons": read_polygons,
     "seed": _seed,
+    "via": _poses,
     "walls": read_walls,
     "wheels": _pair,
     "x": read_number,

@@ -9,7 +9,7 @@ import pytest
 from robots import Clock
 
 import kmpc_lite as kl
-from firmware_bridge.cli.course import laser_scan
+from firmware_bridge.cli.planning import laser_scan
 from firmware_bridge.messages import State
 from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.controller_thread import unicycle_arc

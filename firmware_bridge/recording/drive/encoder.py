@@ -176,6 +176,7 @@ class DriveEncoder:
             "status": plan.status.name,
             "progress": plan.progress.name,
             "reason": plan.reason,
+            "leg": list(plan.leg),
             "reachable": plan.reachable,
             "command": [round(float(part), 6) for part in plan.command],
             "clearance": round(clearance, 5) if math.isfinite(clearance) else None,

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from kmpc_lite.cli.goals import PoseOption, add_goal_options, goals_of
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.reading import parse_toml
 from kmpc_lite.scenario.bundled import bundled
+from kmpc_lite.scenario.drawn import drawn_table, goals_table
 
 if TYPE_CHECKING:
     from kmpc_lite.scenario.files import Scenario
 
 DEFAULT = "four_circles_1"
-ROOM = 1.0
-"""Between the edge of an automatic map and its contents [m]."""
-LEAST_HALF = 2.0
-"""Smallest extent of an automatic map from its origin [m]."""
-LEAST_TIMEOUT, SECONDS_A_METRE = 20.0, 5.0
-"""A drive on such a map may take so long [s], and so long for each metre of its length [s/m]."""
 
 
 def add_scenario_options(parser: argparse.ArgumentParser) -> None:
@@ -33,14 +28,8 @@ def add_scenario_options(parser: argparse.ArgumentParser) -> None:
         f"(default: {DEFAULT})",
     )
     add("--scenario", metavar="NAME", help="the same, as an option")
-    add(
-        "--goal",
-        nargs=3,
-        type=float,
-        metavar=("X", "Y", "THETA"),
-        help="goal [m, m, rad] instead of the scenario's; without a scenario, on an empty map",
-    )
-    add("--start", nargs=3, type=float, metavar=("X", "Y", "THETA"), help="start [m, m, rad]")
+    add_goal_options(add, "on an empty map")
+    add("--start", action=PoseOption, help="start [m, m, rad, or degrees as 90deg]")
     add(
         "--obstacle",
         nargs="+",
@@ -57,7 +46,7 @@ def add_scenario_options(parser: argparse.ArgumentParser) -> None:
         "--timeout",
         type=float,
         metavar="S",
-        help="longest drive [s]: robots that turn slowly need more",
+        help="longest drive to each goal [s]: robots that turn slowly need more",
     )
 
 
@@ -86,34 +75,25 @@ def read_scenario(options: argparse.Namespace) -> Scenario:
         if len(row) not in (3, 5):
             told = " ".join(f"{value:g}" for value in row)
             raise ScenarioError(f"--obstacle {told}: expected X Y R or X Y R VX VY")
-    if named is None and options.goal is None and (options.start or options.obstacle):
+    goals = goals_of(options)
+    if named is None and not goals and (options.start or options.obstacle):
         raise ScenarioError("--start and --obstacle: give a --goal X Y THETA, or a scenario, too")
-    if named is None and options.goal is not None:
-        name, table = "command line", _drawn(options)
+    if named is None and goals:
+        start = options.start or (0.0, 0.0, 0.0)
+        name, table = "command line", drawn_table(goals, start, options.obstacle)
     else:
         scenario = Scenario.load(named or DEFAULT)
         name, table = scenario.name, parse_toml(scenario.to_toml())
         table["map"]["circles"] += options.obstacle
-        for key in ("start", "goal"):
-            if getattr(options, key) is not None:
-                table["robot"][key] = getattr(options, key)
+        if options.start is not None:
+            table["robot"]["start"] = options.start
+        if goals:
+            table["robot"].update(goals_table(goals))
+    if options.loop:
+        table["run"]["loop"] = True
     for section, key in (("plant", "slip"), ("run", "margin"), ("run", "seed"), ("run", "timeout")):
         if (value := getattr(options, key)) is not None:
             table.setdefault(section, {})[key] = value
     if (reach := getattr(options, "lidar", None)) is not None:
         table.setdefault("lidar", {})["reach"] = reach
     return Scenario.from_table(table, name, "command line")
-
-
-def _drawn(options: argparse.Namespace) -> dict[str, Any]:
-    """Table of a map that has room round start, goal and obstacles."""
-    start = options.start or [0.0, 0.0, 0.0]
-    places = [start[:2], options.goal[:2], *(row[:2] for row in options.obstacle)]
-    low = [min(-LEAST_HALF, min(place[axis] for place in places) - ROOM) for axis in (0, 1)]
-    high = [max(LEAST_HALF, max(place[axis] for place in places) + ROOM) for axis in (0, 1)]
-    distance = math.dist(start[:2], options.goal[:2])
-    return {
-        "map": {"bounds": [*low, *high], "circles": options.obstacle},
-        "robot": {"start": start, "goal": options.goal},
-        "run": {"timeout": max(LEAST_TIMEOUT, SECONDS_A_METRE * distance)},
-    }

@@ -186,8 +186,10 @@ def describe(run: Run) -> str:
     )
     times = told["step_ms"]
     statuses = ", ".join(f"{count} {name}" for name, count in told["statuses"].items())
+    route = run.info.get("route")
+    goals = "" if route is None else f" {route['held']} of {route['of']} goals"
     return (
-        f"{run.outcome.value} after {run.duration:.2f} s, {clearance}, "
+        f"{run.outcome.value}{goals} after {run.duration:.2f} s, {clearance}, "
         f"{100 * run.position_error:.1f} cm and {run.heading_error:.2f} rad from the goal\n"
         f"   step p50 {times['p50']:.2f} ms, p99 {times['p99']:.2f} ms, max {times['max']:.2f} ms; "
         f"{statuses}"
@@ -219,6 +221,7 @@ COMMAND = Command(
         "kmpc simulate map.toml --model robot.npz --report drive.html",
         "kmpc simulate mehrez                   # the exact unicycle as the model",
         "kmpc simulate --goal 1.5 1 0 --obstacle 0.7 0.5 0.2 --obstacle 1 -1 0.2 0 0.2",
+        "kmpc simulate --goal 1 0 90deg --goal 1 1 180deg --goal 0 0 0   # a route",
         "kmpc simulate room_grid --lidar 2 --report drive.html  # by what a lidar of 2 m sees",
         "kmpc simulate walls_door --live        # in real time, in a browser",
     ),

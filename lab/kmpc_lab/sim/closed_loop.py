@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from firmware_bridge.runtime.route import Route
 from kmpc_lab.sim.details import Details
 from kmpc_lab.sim.periods import periods
 from kmpc_lab.sim.plants.plant import Plant, scenario_plant
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
     from kmpc_lite.control.world.scan import LaserScan
 
 SUBSAMPLES = 4
+HELD = 1.0
+"""A goal of a route is held once the robot is within its tolerances for so long [s], or when the
+controller says so."""
 Watch = Callable[[float, Array, Any, Plan], None]
 """Is told of each step: its time [s], the measured pose, the obstacles, and the plan."""
 
@@ -173,10 +177,11 @@ def drive(
     x = np.array(scenario.start)
     states, path, inputs, plans = [x], [x], [], []
     statuses, times = list[str](), list[float]()
-    steps = int(np.ceil(scenario.timeout / dt - 1e-9))
+    route = Route(scenario.goals, scenario.loop)
+    steps = int(np.ceil(scenario.timeout * len(route.goals) / dt - 1e-9))
     clearance, outcome, inside, duration = np.inf, Outcome.TIMEOUT, 0.0, steps * dt
     moments = dt * np.arange(1, SUBSAMPLES + 1) / SUBSAMPLES
-    step = _planning(controller, scenario, dt, path, watch, lidar)
+    step = _planning(controller, scenario, route, dt, path, watch, lidar)
     for k, plan, trace in periods(step, lambda x, u: robot.trace(x, u, dt, SUBSAMPLES), x, steps):
         inputs.append(plan.command)
         plans.append(plan.states)
@@ -191,11 +196,15 @@ def drive(
             outcome = Outcome.COLLISION
             duration = k * dt + float(moments[np.argmax(gaps < 0.0)])
             break
-        here = _is_there(x, scenario, stop_norm)
-        inside = inside + dt if here else 0.0
-        if here and inside >= settle:
+        inside = inside + dt if _is_there(x, scenario, route.goal, stop_norm) else 0.0
+        if inside and _is_held(route, plan, inside, settle):
+            route.hold()
+            inside = 0.0
+        if route.done:
             outcome, duration = Outcome.REACHED, (k + 1) * dt
             break
+    if outcome is Outcome.TIMEOUT and route.rounds:
+        outcome = Outcome.REACHED
     return Run(
         scenario,
         dt,
@@ -208,7 +217,7 @@ def drive(
         tuple(statuses),
         np.array(times),
         clearance,
-        {**_tuned(controller), **(info or {})},
+        {**_tuned(controller), **_legs(route), **(info or {})},
         scans=() if lidar is None else tuple(lidar.seen),
     )
 
@@ -216,20 +225,23 @@ def drive(
 def _planning(
     controller: Steps,
     scenario: Scenario,
+    route: Route,
     dt: float,
     path: Sequence[Array],
     watch: Watch | None,
     lidar: Lidar | None,
 ) -> Callable[[Array, int], Plan]:
     """Give what plans in a period from what is measured and seen then; `path` grows meanwhile."""
-    noise, goal = np.random.default_rng([scenario.seed, 1]), np.array(scenario.goal)
+    noise = np.random.default_rng([scenario.seed, 1])
     age = scenario.pose_age / dt
 
     def step(pose: Array, k: int) -> Plan:
         seen = _at(path, SUBSAMPLES * (k - age)) if age else pose
         measured = seen + noise.normal(size=3) * scenario.pose_noise
         obstacles = scenario.obstacles_at(k * dt) if lidar is None else [lidar.scan(seen, k * dt)]
-        plan = controller.step(measured, goal, obstacles)
+        plan = controller.step(measured, np.array(route.goal), obstacles)
+        if len(route.goals) > 1:
+            plan = replace(plan, leg=route.leg)
         if watch is not None:
             watch(k * dt, measured, obstacles, plan)
         return plan
@@ -244,9 +256,23 @@ def _tuned(controller: Steps) -> dict[str, Any]:
     return {"options": changed} if changed else {}
 
 
-def _is_there(x: Array, scenario: Scenario, stop_norm: float | None) -> bool:
-    """Whether a robot at a state (3,) has arrived: within the tolerances, or the norm if given."""
-    goal = np.array(scenario.goal)
+def _is_held(route: Route, plan: Plan, inside: float, settle: float) -> bool:
+    """Whether the goal counts as held by a robot that has been there for so long [s]."""
+    if route.is_last:
+        return inside >= settle
+    return plan.holding or inside >= max(settle, HELD)
+
+
+def _legs(route: Route) -> dict[str, Any]:
+    """Which goal of a route a drive came to; nothing for a single goal."""
+    return {"route": route.report()} if len(route.goals) > 1 else {}
+
+
+def _is_there(
+    x: Array, scenario: Scenario, pose: tuple[float, ...], stop_norm: float | None
+) -> bool:
+    """Whether a robot at a state (3,) is at a goal: within the tolerances, or the norm if given."""
+    goal = np.array(pose)
     if stop_norm is None:
         return bool(scenario.arrival.met(x, goal))
     error = x - goal

@@ -123,3 +123,15 @@ def test_a_pilot_who_takes_over_keeps_the_rover_until_it_is_enabled_again(desk, 
     report = json.loads(capsys.readouterr().out)
     assert seen["mode"] == "MANUAL"
     assert [c["to"] for c in report["loop"]["changes"]][2:5] == ["YIELDED", "WAITING", "ACTIVE"]
+
+
+def test_run_drives_a_route_without_a_scenario_and_tells_each_goal(desk, capsys):
+    options = [*robot_options("roboclaw"), "--v-max", "0.5", "--omega-max", "1.5"]
+    options += ["--settle", "0.3", "--goal", "0.4", "0", "0", "--goal", "0.4", "0.2", "90deg"]
+    with emulated("roboclaw") as robot:
+        assert main(["run", *options]) == 0
+        assert until(lambda: robot.stopped)
+        x, y, _ = robot.pose
+    out = capsys.readouterr().out
+    assert "goal 1 of 2 held after" in out and "arrived, 2 of 2 goals" in out
+    assert math.hypot(x - 0.4, y - 0.2) < 0.08

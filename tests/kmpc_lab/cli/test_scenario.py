@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 
 import pytest
@@ -87,3 +88,27 @@ def test_a_drawn_scenario_is_driven_and_can_be_read_back(
     assert main(line.split()) == 0
     assert capsys.readouterr().out.startswith("reached after")
     assert Run.load("run.npz").scenario.goal == (0.8, 0.2, 0.0)
+
+
+def test_a_route_is_driven_goal_by_goal_and_recorded_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from kmpc_lite.learn.formats.mcap_records import read_messages
+
+    monkeypatch.chdir(tmp_path)
+    line = "simulate --goal 0.5 0 0 --goal 0.5 0.4 90deg --goal 0 0 0 --json --record drive"
+    assert main(line.split()) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["outcome"] == "reached" and report["route"] == {"goal": 3, "of": 3, "held": 3}
+    with (tmp_path / "drive" / "drive.mcap").open("rb") as file:
+        steps = [m.content for m in read_messages(file) if m.topic == "/step"]
+    legs = [tuple(json.loads(step)["leg"]) for step in steps]
+    assert list(dict.fromkeys(legs)) == [(1, 3), (2, 3), (3, 3)]
+    assert legs == sorted(legs)
+
+
+def test_a_loop_goes_on_until_time_is_up(capsys: pytest.CaptureFixture[str]) -> None:
+    line = "simulate --goal 0.4 0 0 --goal 0 0 0 --loop --timeout 6 --json"
+    assert main(line.split()) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["route"]["held"] >= 2 and report["duration_s"] == pytest.approx(12.0)

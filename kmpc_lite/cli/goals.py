@@ -1,0 +1,154 @@
+"""Where to drive, on a command line: ``--goal``, repeated for a route; ``--route``, ``--loop``."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from kmpc_lite.errors import ScenarioError
+from kmpc_lite.reading import read_bytes
+
+POSE = ("X", "Y", "THETA")
+COLUMNS = ["x", "y", "theta"]
+DEGREES = "deg"
+LARGEST_ROUTE = 2**20
+"""Longest route file that is read [bytes]."""
+FEWEST_OF_LOOP = 2
+
+
+def pose(words: Sequence[str]) -> tuple[float, float, float]:
+    """Read x, y [m] and theta: radians, or degrees with the suffix ``deg``.
+
+    Raises
+    ------
+    ValueError
+        For what is no finite number, and for radians of more than a turn.
+
+    Examples
+    --------
+    >>> pose(["1", "2", "180deg"])
+    (1.0, 2.0, 3.141592653589793)
+    >>> pose(["1", "2", "90"])
+    Traceback (most recent call last):
+    ValueError: theta 90 is more than a turn in radians; for degrees write 90deg
+    """
+    x, y = (_number(word) for word in words[:2])
+    if (text := words[2].strip()).endswith(DEGREES):
+        return x, y, math.radians(_number(text.removesuffix(DEGREES)))
+    theta = _number(text)
+    if abs(theta) > math.tau:
+        raise ValueError(
+            f"theta {text} is more than a turn in radians; for degrees write {text}{DEGREES}"
+        )
+    return x, y, theta
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"expected a finite number, got {text}")
+    return value
+
+
+class PoseOption(argparse.Action):
+    """Reads a pose, for a repeated option a list of them."""
+
+    def __init__(
+        self, option_strings: Sequence[str], dest: str, repeated: bool = False, help: str = ""
+    ) -> None:
+        super().__init__(option_strings, dest, nargs=3, metavar=POSE, help=help)
+        self._repeated = repeated
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Take three words."""
+        try:
+            found = pose(values)
+        except ValueError as error:
+            raise argparse.ArgumentError(self, str(error)) from None
+        before = getattr(namespace, self.dest) or ()
+        setattr(namespace, self.dest, [*before, found] if self._repeated else list(found))
+
+
+def add_goal_options(add: Callable[..., object], without: str) -> None:
+    """Add where to drive; `without` says what is driven on without a scenario."""
+    add(
+        "--goal",
+        action=PoseOption,
+        repeated=True,
+        help="goal [m, m, rad, or degrees as 90deg] instead of the scenario's, repeated for a "
+        f"route;\nwithout a scenario, {without}",
+    )
+    add(
+        "--route",
+        type=Path,
+        metavar="FILE",
+        help="CSV with columns x, y, theta: the goals, one after the other",
+    )
+    add("--loop", action="store_true", help="begin anew after the last goal, until time is up")
+
+
+def goals_of(options: argparse.Namespace) -> list[tuple[float, float, float]]:
+    """Give the goals of a command line, none where the scenario's count.
+
+    Raises
+    ------
+    ScenarioError
+        Names the option, or file and line.
+    """
+    given = vars(options)
+    goals, route = given.get("goal") or [], given.get("route")
+    if goals and route is not None:
+        raise ScenarioError(f"--route {route}: the goals are given already by --goal")
+    if route is not None:
+        goals = read_route(route)
+    if goals and given.get("loop") and len(goals) < FEWEST_OF_LOOP:
+        raise ScenarioError("--loop: expected at least 2 goals to drive to in turn, got 1")
+    return goals
+
+
+def read_route(path: Path) -> list[tuple[float, float, float]]:
+    """Read the goals of a CSV file with the columns x, y, theta.
+
+    Raises
+    ------
+    ScenarioError
+        Names the file and the line.
+    """
+    if path.suffix.lower() in (".plan", ".waypoints"):
+        raise ScenarioError(
+            f"{path}: its waypoints are latitudes and longitudes, and where the robot's local "
+            "frame lies on Earth is not known; write a CSV with x,y,theta in m and rad"
+        )
+    try:
+        rows = csv.reader(read_bytes(path, LARGEST_ROUTE).decode("utf-8-sig").splitlines())
+        table = [(number, row) for number, row in enumerate(rows, 1) if any(map(str.strip, row))]
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot read the route: {error.strerror or error}") from error
+    except (ValueError, csv.Error) as error:
+        raise ScenarioError(f"{path}: not CSV: {error}") from error
+    if not table or [name.strip() for name in table[0][1]] != COLUMNS:
+        raise ScenarioError(f"{path}: line 1: expected the columns x,y,theta")
+    goals = []
+    for number, row in table[1:]:
+        try:
+            if len(row) != len(COLUMNS):
+                raise ValueError(f"expected 3 values, got {len(row)}")
+            goals.append(pose(row))
+        except ValueError as error:
+            raise ScenarioError(f"{path}: line {number}: {error}") from None
+    if not goals:
+        raise ScenarioError(f"{path}: expected at least one goal")
+    return goals

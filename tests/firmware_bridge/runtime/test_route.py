@@ -1,0 +1,47 @@
+"""Routes: the next goal is given when the last one is held."""
+
+import pytest
+from robots import Clock
+
+from firmware_bridge.messages import State
+from firmware_bridge.runtime.navigator import Moment, Navigator, Planned, Task
+from firmware_bridge.runtime.route import Route
+
+GOALS = ((1.0, 0.0, 0.0), (1.0, 1.0, 1.5), (0.0, 0.0, 0.0))
+
+
+def test_a_route_ends_at_its_last_goal_and_a_loop_never() -> None:
+    route, loop = Route(GOALS), Route(GOALS, loop=True)
+    for number, goal in enumerate((*GOALS, *GOALS)):
+        assert loop.goal == goal and not loop.done and loop.rounds == number // 3
+        assert route.goal == (goal if number < 3 else GOALS[-1])
+        assert route.done is (number >= 3)
+        loop.hold()
+        if not route.done:
+            route.hold()
+    assert route.words == "goal 3 of 3" and loop.words == "goal 1 of 3, round 3"
+    assert Route(GOALS[:1]).words == ""
+
+
+@pytest.mark.parametrize("loop", [False, True])
+def test_a_navigator_goes_on_only_when_a_goal_is_held(loop: bool) -> None:
+    clock, route = Clock(), Route(GOALS, loop)
+    task = Task(GOALS[-1], 0.05, 0.1, 0.2, lambda t: [], route=route)
+    made = Navigator(lambda *_: Planned(0.0, 0.0, "SOLVED"), task, 0.5, 60.0, clock)
+
+    def stand(pose, seconds):
+        for _ in range(round(seconds / 0.1)):
+            clock.now += 0.1
+            made(State(*pose, 0.0, 0.0, clock()), Moment(driving=True))
+
+    stand(GOALS[0], 0.4)
+    assert route.leg == (1, 3), "it only passes"
+    stand((0.5, 0.5, 0.0), 0.4)
+    stand(GOALS[0], 0.7)
+    assert route.leg == (2, 3) and len(made.passed) == 1 and not made.arrived
+    stand(GOALS[2], 1.0)
+    assert route.leg == (2, 3), "a later goal does not count"
+    stand(GOALS[1], 0.7)
+    stand(GOALS[2], 0.7)
+    assert made.finished() is made.arrived is not loop
+    assert made.report()["route"] == {"goal": 1 if loop else 3, "of": 3, "held": 3}
