@@ -24,7 +24,7 @@ from kmpc_lite.reading import open_regular
 
 if TYPE_CHECKING:
     import kmpc_lite as kl
-    from kmpc_lite.learn.comparison import Comparison
+    from kmpc_lite.learn.evaluation import Comparison
 
 HALF = 0.5
 """Share of the limits at which a rehearsal is driven."""
@@ -186,7 +186,7 @@ class Rehearsal:
 
     def compare(self) -> None:
         """Compare what was driven so far."""
-        from kmpc_lite.learn.comparison import ModelVerdict, compare
+        from kmpc_lite.learn.evaluation import ModelVerdict, compare
 
         rows = self._rows[:]
         self._compared = len(rows)
@@ -202,7 +202,7 @@ class Rehearsal:
     def finish(self) -> dict[str, Any]:
         """Compare a last time and remember the result; give it as plain values."""
         from kmpc_lite.files import write_whole
-        from kmpc_lite.learn.comparison import ModelVerdict
+        from kmpc_lite.learn.evaluation import ModelVerdict
 
         if not self.trouble:
             self.compare()

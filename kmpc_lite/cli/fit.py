@@ -148,14 +148,14 @@ def as_dict(learned: Learned, output: Path, told: list[str]) -> dict[str, Any]:
 
 def tell_verdict(learned: Learned) -> str:
     """One line on the model, for a user who reads no more than that."""
-    from kmpc_lite.learn.verdict import verdict
+    from kmpc_lite.learn.fit_summary import verdict
 
     return verdict(learned.report, learned.facts, learned.made["driven"])
 
 
 def shortly(learned: Learned, told: list[str]) -> list[str]:
     """Verdict and the three lines behind it; and what is to be mended in the logs."""
-    from kmpc_lite.learn.verdict import tell_errors, tell_response
+    from kmpc_lite.learn.fit_summary import tell_errors, tell_response
 
     lines = [tell_verdict(learned), tell_errors(learned.report)]
     lines += [tell_response(learned.facts)] if learned.facts else []

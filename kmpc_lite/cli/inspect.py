@@ -15,7 +15,7 @@ from kmpc_lite.cli.log_options import add_log_options, read_options
 from kmpc_lite.cli.output import paint
 
 if TYPE_CHECKING:
-    from kmpc_lite.learn.inspection import Findings
+    from kmpc_lite.learn.loading import Findings
 
 SUSPICIOUS = 1
 
@@ -34,7 +34,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Tell what each log holds and what is suspect in it; exit status 1 where something is."""
     from kmpc_lite.learn.formats.readers import find_logs
-    from kmpc_lite.learn.inspection import inspect
+    from kmpc_lite.learn.loading import inspect
 
     if options.plot is not None:
         need("a picture", "matplotlib")

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.stops import STANDING, find_stops
+from kmpc_lite.learn.stopping import STANDING, find_stops
 from kmpc_lite.types import Array
 
 TURNING = 0.3

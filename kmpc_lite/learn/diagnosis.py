@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from kmpc_lite.learn.cross_validation import SelectionOptions
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.responses import Response
 from kmpc_lite.learn.selection import cut_for
-from kmpc_lite.learn.selection_options import SelectionOptions
 from kmpc_lite.learn.windows import Block, answered_commands, largest_speeds, window_sums
 from kmpc_lite.types import Array
 

@@ -9,14 +9,13 @@ import numpy as np
 
 from kmpc_lite.learn.cross_validation import (
     Candidate,
+    SelectionOptions,
     assign_folds,
     critical_score,
     cross_validate,
     solve_columns,
 )
-from kmpc_lite.learn.given_ages import AgedResponse
-from kmpc_lite.learn.responses import AT_ONCE, Response, first_candidates, neighbours
-from kmpc_lite.learn.selection_options import SelectionOptions
+from kmpc_lite.learn.responses import AT_ONCE, AgedResponse, Response, first_candidates, neighbours
 from kmpc_lite.learn.windows import (
     Moments,
     Windows,

@@ -8,6 +8,7 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import real_array
+from kmpc_lite.geometry import rotate
 from kmpc_lite.types import INPUTS, STATES, Array
 
 MAX_ROWS = 10_000_000
@@ -70,6 +71,14 @@ class Episode:
     def __len__(self) -> int:
         """Count the steps, T."""
         return len(self.inputs)
+
+    @property
+    def moved(self) -> Array:
+        """How far the robot went along its middle heading, and turned, in each period, (T, 2)."""
+        steps = np.diff(self.states, axis=0)
+        middle = self.states[:-1, 2] + 0.5 * steps[:, 2]
+        ahead, _ = rotate(steps[:, 0], steps[:, 1], -middle)
+        return np.column_stack([ahead, steps[:, 2]])
 
     def resample(self, dt: float) -> Episode | None:
         """Return the same drive at another period [s], or None where it is shorter than one period.

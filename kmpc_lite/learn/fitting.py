@@ -8,9 +8,9 @@ from typing import Literal
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.least_squares import wants_symmetry
 from kmpc_lite.learn.noise import fit_noise
 from kmpc_lite.learn.regression import Accumulator, Method
-from kmpc_lite.learn.symmetry import wants_symmetry
 from kmpc_lite.learn.unmodelled_delay import aligned, unmodelled_delay
 from kmpc_lite.model.dictionary import Dictionary, InputHistoryDictionary, UnicycleDictionary
 from kmpc_lite.model.koopman import KoopmanModel
@@ -52,7 +52,7 @@ def fit(
         ``"auto"`` finds out what the log supports, in each direction: how late the robot answers,
         how it slips, or nothing at all (`learn.selection`); then the robot that obeys its commands
         exactly stays. Ages [periods] of the commands that act, the present one being 0, take the
-        place of how late it answers: their shares are found (`learn.given_ages`), and all else is
+        place of how late it answers: their shares are found (`learn.responses`), and all else is
         chosen alike. In a fit that is not symmetric, or has a ridge, each has weights of its own
         in every direction, as with an `InputHistoryDictionary`. Without any, commands are paired
         with the motion that comes of them later, and how much later is kept beside the model: the
@@ -101,9 +101,9 @@ def fit(
                 "dictionary that knows no history itself"
             )
         # here, for a robot that drives needs none of it
-        from kmpc_lite.learn.noise_sources import split_noise_sources
+        from kmpc_lite.learn.noise import split_noise_sources
         from kmpc_lite.learn.ramps import describe_changes, find_ramps, let_through
-        from kmpc_lite.learn.supported_terms import fit_supported_terms
+        from kmpc_lite.learn.selection import fit_supported_terms
 
         if ramps:
             found = find_ramps(dataset)
@@ -141,7 +141,7 @@ def _fit_once(
     found = fit_noise(model, seen)
     if delay or (symmetric and model.history):
         # here, for few logs need it
-        from kmpc_lite.learn.noise_sources import split_noise_sources
+        from kmpc_lite.learn.noise import split_noise_sources
 
         # a robot that coasts shows errors at rest that are no noise of its poses, and errors of one
         # period do not tell those that last

@@ -9,12 +9,12 @@ from typing import Any, Literal
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.calibration import with_quantiles
-from kmpc_lite.learn.checks.drives import refuse_car_like
+from kmpc_lite.learn.checks.checklist import refuse_car_like
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.evaluation import FitReport, evaluate
 from kmpc_lite.learn.fit_summary import describe_fit
 from kmpc_lite.learn.fitting import fit
-from kmpc_lite.learn.noise_sources import NoiseCheck, check_sources
+from kmpc_lite.learn.noise import NoiseCheck, check_sources
 from kmpc_lite.learn.provenance import describe_making
 from kmpc_lite.learn.ramps import describe_changes, find_ramps, let_through
 from kmpc_lite.learn.regression import Method

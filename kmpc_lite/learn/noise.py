@@ -1,16 +1,19 @@
-"""The covariance of a model's one-step errors, as a function of the command."""
+"""Covariance of a model's one-step errors, and the sources of noise behind errors of any length."""
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
 from kmpc_lite.geometry import seen_along
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.least_squares import least_squares
+from kmpc_lite.learn.least_squares import least_squares, nonnegative_least_squares
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.noise_model import NoiseModel
+from kmpc_lite.model.noise_sources import NoiseSources, design, design_across
 from kmpc_lite.types import STATES, Array
 
 NOISE_SAMPLES = 250_000
@@ -64,3 +67,139 @@ def _semidefinite(matrix: Array) -> Array:
     roots = vectors * np.sqrt(np.maximum(values, 0.0))
     product: Array = np.einsum("ik,jk->ij", roots, roots)
     return product
+
+
+LONGEST = 1.0
+"""How far ahead predictions are compared with poses [s]: later than that, feedback has acted."""
+STARTS = 6000
+"""Largest number of predictions that are used."""
+ELLIPSE, ONE_SIDED = 5.991, 1.645
+"""Squared radius of the ellipse that holds 95 % of a normal distribution in the plane, and the
+bound that 95 % of one on a line stay below."""
+PASSES = 6
+"""Passes of the weighted least squares."""
+
+
+def prediction_errors(
+    model: KoopmanModel, dataset: Dataset, seconds: float = LONGEST, most: int = STARTS
+) -> tuple[Array, Array]:
+    """Errors of predictions after each period, in the robot's predicted frame, and their commands.
+
+    Returns
+    -------
+    errors, inputs : ndarray
+        (n, T, 3) [m, m, rad] and (n, T, 2); n may be zero.
+    """
+    steps = max(2, round(seconds / dataset.dt))
+    poses, commands = [], []
+    for episode in dataset.episodes:
+        starts = np.arange(model.history, len(episode) - steps + 1)
+        if len(starts):
+            poses.append(episode.states[starts[:, None] + np.arange(steps + 1)])
+            commands.append(episode.inputs[starts[:, None] + np.arange(-model.history, steps)])
+    if not poses:
+        return np.zeros((0, steps, 3)), np.zeros((0, steps, 2))
+    every = -(-sum(len(p) for p in poses) // most)
+    x, u = np.concatenate(poses)[::every], np.concatenate(commands)[::every]
+    future, past = u[:, model.history :], u[:, : model.history]
+    predicted = model.rollout(x[:, 0], future, past)[:, 1:]
+    return seen_along(x[:, 1:] - predicted, predicted[..., 2]), future
+
+
+@dataclass(frozen=True)
+class NoiseCheck:
+    """Errors of predictions on held-out drives, and what the sources of a model's noise expect."""
+
+    ahead: float
+    """How far ahead [s]."""
+    error: float
+    """Root mean square of the position's error [m]."""
+    expected: float
+    """The same, as the noise sources predict it [m]."""
+    coverage: float
+    """Share of the positions within the ellipses that should hold 95 %."""
+    across: float
+    """95 % bound of the true pose's lateral error, `ahead` later, straight on at 1 m/s [m]."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        """In one line."""
+        return (
+            f"noise  {self.ahead:g} s ahead the position errs by {100 * self.error:.1f} cm, "
+            f"{100 * self.expected:.1f} cm are expected; ellipses of 95 % hold "
+            f"{100 * self.coverage:.1f} %; 95 % bound across at 1 m/s {100 * self.across:.1f} cm"
+        )
+
+
+def check_sources(model: KoopmanModel, held: Dataset, ahead: float = 0.5) -> NoiseCheck | None:
+    """Compare a model's noise sources with errors on drives that they were not fitted to.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        With noise sources; without, None is returned, as where no drive is long enough.
+    held : Dataset
+        Drives that nothing was fitted to; their poses' own noise is accounted for.
+    ahead : float
+        How far ahead [s].
+    """
+    errors, inputs = prediction_errors(model, held, 2.0 * ahead)
+    sources = None if model.noise_model is None else model.noise_model.sources
+    if sources is None or not len(errors):
+        return None
+    k = max(1, round(ahead / held.dt)) - 1
+    position = errors[:, k, :2] ** 2
+    expected = sources.open_loop(inputs, held.dt)[:, k, :2]
+    straight = np.tile([1.0, 0.0], (k + 1, 1))
+    alone = sources.open_loop(straight, held.dt, measured=False)[k, 1]
+    return NoiseCheck(
+        ahead,
+        float(np.sqrt(position.sum(axis=1).mean())),
+        float(np.sqrt(expected.sum(axis=1).mean())),
+        float(((position / np.maximum(expected, 1e-18)).sum(axis=1) < ELLIPSE).mean()),
+        float(ONE_SIDED * np.sqrt(alone)),
+    )
+
+
+def split_noise_sources(model: KoopmanModel, dataset: Dataset) -> NoiseSources | None:
+    """Fit the sources of a model's errors; None where no drive is long enough.
+
+    Parameters
+    ----------
+    model : KoopmanModel
+        Predicts.
+    dataset : Dataset
+        Drives with measured poses.
+    """
+    errors, inputs = prediction_errors(model, dataset)
+    if len(errors) < 20:
+        return None
+    own, led = design(inputs, dataset.dt), design_across(inputs, dataset.dt)
+    heading = _variances(own, errors[..., 2] ** 2)
+    forward = _variances(own, errors[..., 0] ** 2)
+    left = _variances(own, errors[..., 1] ** 2 - led @ heading)
+    rows = np.stack([forward, left, heading], axis=1)
+    # at rest a position is as noisy ahead as aside
+    rows[0, :2] = rows[0, :2].mean()
+    return NoiseSources.from_array(rows)
+
+
+def _variances(terms: Array, squares: Array) -> Array:
+    """Variances (m,) that explain squared errors (n, T) by terms (n, T, m)."""
+    # sums over starts would mix slow and fast driving: each square is one row
+    matrix, target = terms.reshape(-1, terms.shape[-1]), squares.reshape(-1)
+    weights = np.ones(len(target))
+    found = np.zeros(matrix.shape[1])
+    for _ in range(PASSES):
+        weighted = matrix * weights[:, None]
+        scale = np.maximum(np.linalg.norm(weighted, axis=0), 1e-300)
+        small = weighted / scale
+        gram = small.T @ small + 1e-12 * np.eye(len(scale))
+        root = np.linalg.cholesky(gram).T
+        found = nonnegative_least_squares(root, small.T @ (target * weights)) / scale
+        expected = matrix @ found
+        weights = 1.0 / (expected + 0.02 * expected.mean() + 1e-15)
+    return found

@@ -13,12 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from kmpc_lite.geometry import rotate
-from kmpc_lite.learn.cross_validation import assign_folds, critical_score, gain_score
+from kmpc_lite.learn.cross_validation import (
+    SelectionOptions,
+    assign_folds,
+    critical_score,
+    gain_score,
+)
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import Episode
 from kmpc_lite.learn.responses import Response, first_candidates, neighbours
-from kmpc_lite.learn.selection_options import SelectionOptions
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import FREE, Ramps
 from kmpc_lite.types import INPUTS, Array
@@ -287,12 +290,7 @@ def _pieces(dataset: Dataset, axis: int, options: RampOptions) -> list[tuple[Arr
     """Commands (T,), and how far the robot went along its heading, or turned, in each period."""
     found, count = [], 0
     for episode in dataset.episodes:
-        steps = np.diff(episode.states, axis=0)
-        went = steps[:, 2]
-        if axis == 0:
-            middle = episode.states[:-1, 2] + 0.5 * steps[:, 2]
-            went, _ = rotate(steps[:, 0], steps[:, 1], -middle)
-        found.append((episode.inputs[:, axis], went))
+        found.append((episode.inputs[:, axis], episode.moved[:, axis]))
         count += len(episode)
         if count >= options.most_steps:
             break

@@ -14,9 +14,14 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import check_time
-from kmpc_lite.learn.excitation import check_excitation, too_alike
-from kmpc_lite.learn.least_squares import least_squares
-from kmpc_lite.learn.symmetry import solve_symmetric, symmetric_generator, wants_symmetry
+from kmpc_lite.learn.least_squares import (
+    check_excitation,
+    least_squares,
+    solve_symmetric,
+    symmetric_generator,
+    too_alike,
+    wants_symmetry,
+)
 from kmpc_lite.model.dictionary import Dictionary, dictionary_to_config
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.types import INPUTS, STATES, Array
@@ -173,7 +178,7 @@ class Accumulator:
             Added to the diagonal of the Gram matrix scaled to ones; 0 is the pseudoinverse.
         symmetric : bool, optional
             Whether the robot moves alike wherever it stands and whichever way it faces, and stands
-            still at zero command (`learn.symmetry`). Where not given: for method ``"integral"``,
+            still at zero command (`learn.least_squares`). Where not given: for method ``"integral"``,
             as far as the dictionary holds 1, cos(theta) and sin(theta).
 
         Raises

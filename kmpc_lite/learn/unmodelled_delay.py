@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kmpc_lite.geometry import rotate
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import Episode
 from kmpc_lite.types import INPUTS, Array
@@ -100,12 +99,10 @@ def _rows(dataset: Dataset, lags: int, length: int, most: int) -> tuple[Array, A
     for episode in dataset.episodes:
         if len(episode) < lags + length:
             continue
-        x, steps = episode.states, np.diff(episode.states, axis=0)
-        ahead, _ = rotate(steps[:, 0], steps[:, 1], -x[:-1, 2] - 0.5 * steps[:, 2])
         rows = np.arange(lags, len(episode))
         late = episode.inputs[rows[:, None] - np.arange(lags + 1)]
         asked.append(_moving_mean(late, length))
-        moved.append(_moving_mean(np.column_stack([ahead, steps[:, 2]])[rows] / episode.dt, length))
+        moved.append(_moving_mean(episode.moved[rows] / episode.dt, length))
         count += len(moved[-1])
         if count >= most:
             break

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.checks.case import Case, is_seen, percent, varies
 from kmpc_lite.learn.checks.evidence import LAGS, NOTHING, Evidence, examine, headings
-from kmpc_lite.learn.checks.scales import time_unit
-from kmpc_lite.learn.selection_options import SelectionOptions
+from kmpc_lite.learn.checks.readings import Case, is_seen, percent, time_unit, varies
+from kmpc_lite.learn.cross_validation import SelectionOptions
 from kmpc_lite.types import Array
 
 AHEAD, BEHIND = 0.5, 2.5

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from kmpc_lite.errors import DataError, did_you_mean
-from kmpc_lite.learn.units import KNOWN
+from kmpc_lite.learn.logs import KNOWN
 
 COLUMNS = ("t", "x", "y", "theta", "v", "omega")
 UNITS = ("s", "m", "m", "rad", "m/s", "rad/s")

@@ -16,8 +16,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.formats.merged import enu, held_together, local_metres, with_heading
-from kmpc_lite.learn.formats.thinned import Thinned
+from kmpc_lite.learn.formats.streams import Thinned, enu, held_together, local_metres, with_heading
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
 from kmpc_lite.reading import open_regular
 from kmpc_lite.types import Array

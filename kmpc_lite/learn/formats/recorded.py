@@ -11,7 +11,7 @@ from typing import Any
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.formats.mcap_layout import LARGEST_MESSAGE
 from kmpc_lite.learn.formats.mcap_records import Found, read_mcap
-from kmpc_lite.learn.formats.thinned import Thinned
+from kmpc_lite.learn.formats.streams import Thinned
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
 
 POSES, COMMANDS, GATE = "/pose", "/command", "/gate"

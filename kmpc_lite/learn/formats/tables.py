@@ -25,8 +25,7 @@ from kmpc_lite.learn.formats.columns import (
     listed,
 )
 from kmpc_lite.learn.formats.csv_table import line_of, read_csv
-from kmpc_lite.learn.logs import Log, ReadOptions, Series, row_number
-from kmpc_lite.learn.units import parse_units
+from kmpc_lite.learn.logs import Log, ReadOptions, Series, parse_units, row_number
 from kmpc_lite.types import Array
 
 ENDINGS = (".csv", ".npz", ".tsv", ".txt", ".tum")

@@ -13,7 +13,7 @@ import numpy as np
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.formats.columns import short
 from kmpc_lite.learn.formats.dataflash import SHARES, pick
-from kmpc_lite.learn.formats.merged import enu, held_together, with_heading
+from kmpc_lite.learn.formats.streams import enu, held_together, with_heading
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
 from kmpc_lite.reading import open_regular
 from kmpc_lite.types import Array

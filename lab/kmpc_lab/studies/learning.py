@@ -20,7 +20,7 @@ from kmpc_lite.geometry import seen_along
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import Episode
 from kmpc_lite.learn.fitting import fit
-from kmpc_lite.learn.noise_sources import NoiseCheck, check_sources
+from kmpc_lite.learn.noise import NoiseCheck, check_sources
 from kmpc_lite.model.dictionary import HermiteTrigDictionary
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle

@@ -29,7 +29,7 @@ from kmpc_lite.geometry import rotate
 from kmpc_lite.learn.calibration import scores, with_quantiles
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.fitting import fit
-from kmpc_lite.learn.noise_sources import prediction_errors
+from kmpc_lite.learn.noise import prediction_errors
 from kmpc_lite.learn.windows import largest_speeds
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.tube import tube_noise

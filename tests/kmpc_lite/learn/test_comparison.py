@@ -9,7 +9,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
-from kmpc_lite.learn.comparison import ModelVerdict, compare
+from kmpc_lite.learn.evaluation import ModelVerdict, compare
 
 DT = 0.1
 

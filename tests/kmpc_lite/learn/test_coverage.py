@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kmpc_lite.learn.coverage import find_coverage
-from kmpc_lite.learn.stops import find_stops
+from kmpc_lite.learn.stopping import find_stops
 
 DT = 0.1
 LIMITS = (0.5, 0.5, 1.0)

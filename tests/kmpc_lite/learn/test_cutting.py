@@ -8,7 +8,7 @@ from foreign_logs import drive
 
 import kmpc_lite as kl
 from kmpc_lite.learn.cutting import cut
-from kmpc_lite.learn.formats.thinned import Thinned
+from kmpc_lite.learn.formats.streams import Thinned
 from kmpc_lite.learn.logs import Log, Series
 
 DRIVE = drive(20.0, rate=50.0)

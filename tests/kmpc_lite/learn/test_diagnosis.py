@@ -12,7 +12,7 @@ from valid_logs import valid
 
 import kmpc_lite as kl
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
-from kmpc_lite.learn.checks.drives import refuse_car_like
+from kmpc_lite.learn.checks.checklist import refuse_car_like
 from kmpc_lite.learn.coverage import find_gaps
 from kmpc_lite.learn.cutting import cut, period_of
 from kmpc_lite.learn.diagnosis import diagnose

@@ -7,9 +7,9 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
-from kmpc_lite.learn.given_ages import AgedResponse, shares_of_ages
+from kmpc_lite.learn.cross_validation import SelectionOptions
+from kmpc_lite.learn.responses import AgedResponse, shares_of_ages
 from kmpc_lite.learn.selection import cut_for
-from kmpc_lite.learn.selection_options import SelectionOptions
 from kmpc_lite.model.dictionary.response import ResponseDictionary
 
 DT = 0.1

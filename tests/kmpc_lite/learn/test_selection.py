@@ -11,6 +11,7 @@ from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lab.studies.learning import nominal_log, open_loop_errors
 from kmpc_lite.learn.cross_validation import (
     Candidate,
+    SelectionOptions,
     assign_folds,
     choose,
     cross_validate,
@@ -18,7 +19,6 @@ from kmpc_lite.learn.cross_validation import (
 )
 from kmpc_lite.learn.responses import AT_ONCE, Response, first_candidates, neighbours
 from kmpc_lite.learn.selection import cut_for, select
-from kmpc_lite.learn.selection_options import SelectionOptions
 from kmpc_lite.model.dictionary.response import TERMS
 
 TRIG = kl.HermiteTrigDictionary(0)
@@ -182,7 +182,7 @@ def test_slip_that_grows_with_the_turn_rate_is_found() -> None:
     random = np.random.default_rng(4)
     rows = np.zeros((3, len(TERMS)))
     rows[0, 0], rows[2, 1], rows[0, 4], rows[1, 2] = 1.0, 0.6, -0.15, -0.1
-    from kmpc_lite.learn.symmetry import symmetric_generator
+    from kmpc_lite.learn.least_squares import symmetric_generator
     from kmpc_lite.model.dictionary.response import ResponseDictionary
 
     late = ResponseDictionary(TRIG, terms=TERMS, smoothing=(0.05, 0.1), limits=(1.0, 2.0))

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.learn.logs import Log, ReadOptions, Series, correct
-from kmpc_lite.learn.units import parse_units
+from kmpc_lite.learn.logs import Log, ReadOptions, Series, correct, parse_units
 
 
 @pytest.mark.parametrize(

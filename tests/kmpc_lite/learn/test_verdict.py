@@ -6,7 +6,7 @@ import pytest
 
 from kmpc_lite.learn.coverage import find_coverage
 from kmpc_lite.learn.evaluation import FitReport
-from kmpc_lite.learn.verdict import MISSING, tell_errors, verdict
+from kmpc_lite.learn.fit_summary import MISSING, tell_errors, verdict
 
 NOMINAL = (0.05, 0.02, 0.01)
 DRIVEN = {"forward": 1.1, "reverse": 0.4, "turn": 0.8}

@@ -16,7 +16,7 @@ import kmpc_lite as kl
 @pytest.mark.parametrize("integrator", ["rk4", "midpoint"])
 @pytest.mark.parametrize("name", sorted(DICTIONARIES))
 def test_closed_form_of_a_symmetric_model_is_its_bilinear_form(name: str, integrator: str) -> None:
-    from kmpc_lite.learn.symmetry import symmetric_generator
+    from kmpc_lite.learn.least_squares import symmetric_generator
 
     dictionary, random = DICTIONARIES[name], np.random.default_rng(5)
     nz, nw = dictionary.size, dictionary.input_size

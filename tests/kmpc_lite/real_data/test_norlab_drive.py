@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.learn.noise_sources import check_sources
+from kmpc_lite.learn.noise import check_sources
 
 LOGS = Path(__file__).parents[4] / "shared" / "data" / "norlab_drive"
 pytestmark = pytest.mark.skipif(
