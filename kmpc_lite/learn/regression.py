@@ -178,8 +178,8 @@ class Accumulator:
             Added to the diagonal of the Gram matrix scaled to ones; 0 is the pseudoinverse.
         symmetric : bool, optional
             Whether the robot moves alike wherever it stands and whichever way it faces, and stands
-            still at zero command (`learn.least_squares`). Where not given: for method ``"integral"``,
-            as far as the dictionary holds 1, cos(theta) and sin(theta).
+            still at zero command (`learn.least_squares`). If not given: for method
+            ``"integral"``, as far as the dictionary holds 1, cos(theta) and sin(theta).
 
         Raises
         ------
