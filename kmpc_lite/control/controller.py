@@ -31,8 +31,6 @@ from kmpc_lite.control.settings import (
     check_settings,
     choose_adaptation,
     choose_options,
-    choose_passes,
-    keeps_ways,
 )
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import StepClock
@@ -139,7 +137,7 @@ class Controller:
             guidance=bool(guidance),
             tightening=tightening,
             pose_age=pose_age,
-            sqp_iterations=choose_passes(problem, sqp_iterations, guidance, options),
+            sqp_iterations=1 if sqp_iterations is None else sqp_iterations,
             tolerance=tolerance,
             obstacle_slots=obstacle_slots,
             time_budget=time_budget,
@@ -167,7 +165,6 @@ class Controller:
             step=options.step,
             solver=solver,
             clock=clock,
-            ways=keeps_ways(units, settings),
         )
         check_budget(time_budget, solver, self._sqp.workspace.can_be_stopped)
         guide = make_guide(units, options, clock, planner, scale) if guidance else None

@@ -17,12 +17,10 @@ from kmpc_lite.control.estimate.estimator import observe_drift
 from kmpc_lite.control.estimate.pose_age import advance_pose
 from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.guiding import Guiding
-from kmpc_lite.control.kernels.clearance import SPREAD, SPREAD_RATE, some_spread
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.nmpc.sqp import SQP
-from kmpc_lite.control.nmpc.sqp_state import SQPResult
-from kmpc_lite.control.nmpc.task import Task
-from kmpc_lite.control.nmpc.trajectory import along, at_rest, leads_elsewhere
+from kmpc_lite.control.nmpc.task import SQPResult, Task
+from kmpc_lite.control.nmpc.trajectory import along, at_rest, one_period_later
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
 from kmpc_lite.control.path.goal_reference import GoalReference
@@ -40,7 +38,6 @@ from kmpc_lite.control.verification import Verification, Verified
 from kmpc_lite.control.watching import Watching
 from kmpc_lite.control.world.scene import Scene
 from kmpc_lite.scale import Scale
-from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.guide import Guide
@@ -152,22 +149,20 @@ class Pipeline:
         known: Knowledge,
         clock: StepClock,
     ) -> SQPResult:
-        """Run the passes of the SQP.
-
-        They start from the last plan, or from a guess where that plan is of no use.
-        """
+        """Run the passes of the SQP from the last plan; along the reference if that is new."""
         if guidance is None:
             reference = self._goal_reference.reference(state.goal, seen.here, seen.goal)
         else:
             reference = guidance.states
         clock.lap("guide")
-        qp, options = self._sqp.qp, self._options.solver
-        guess, passes = self._sqp.warm_start.from_last(state.trajectory, seen.here), 1
-        if guess is None and not self._sqp.ways:
-            guess, passes = at_rest(qp, seen.here), options.cold_passes
-        elif guess is None or self._leads_astray(guess.states, guidance, reference, seen):
-            # a plan along the old path is no good start for the new one
-            guess, passes = along(qp, reference, seen.here), options.new_path_passes
+        qp = self._sqp.qp
+        last = None if guidance is not None and guidance.switched else state.trajectory
+        guess, least = one_period_later(qp, last, seen.here), 1
+        if guess is None and guidance is None and self._sqp.iterations > 1:
+            # straight to the goal may lead through obstacles, and passes end where they began
+            guess = at_rest(qp, seen.here)
+        elif guess is None:
+            guess, least = along(qp, reference, seen.here), 2
         deadline = clock.deadline(max(state.after_solve, LEAST_AFTER_SOLVE))
         clock.lap("shift")
         margins = known.margins
@@ -184,29 +179,9 @@ class Pipeline:
             terminal_share=1.0 if guidance is None else guidance.share_at_goal,
             deadline=deadline,
         )
-        result = self._sqp.solve(state.sqp, guess, task, passes)
+        result = self._sqp.solve(guess, task, least)
         clock.add(result.timing)
         return result
-
-    def _leads_astray(
-        self, states: Array, guidance: Guidance | None, reference: Array, seen: Observation
-    ) -> bool:
-        """Whether a plan (N + 1, 3) is no start for one along the guidance's reference."""
-        if guidance is None:
-            return False
-        if guidance.switched or self._cuts_deeper(states, reference, seen):
-            return True
-        return self._sqp.ways and leads_elsewhere(states, reference, seen.things)
-
-    def _cuts_deeper(self, states: Array, reference: Array, seen: Observation) -> bool:
-        """Whether a plan (N + 1, 3) cuts deeper than the reference into what moves."""
-        if not some_spread(seen.things):
-            return False
-        moving = seen.things[seen.things[:, SPREAD_RATE] > 0.0]
-        moving[:, SPREAD] = 0.0
-        depth = self._sqp.keep_out.penetration
-        cut, needed = (float(depth(s, moving).max()) for s in (states, reference))
-        return cut > needed
 
     def verify(
         self,

@@ -15,8 +15,6 @@ from kmpc_lite.control.options import (
     AdaptationOptions,
     ControllerOptions,
     GuidanceOptions,
-    fastest,
-    unit_length,
 )
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError
@@ -65,36 +63,6 @@ def choose_options(
         margins = replace(chosen.margins, risk=float(risk))
         chosen = replace(chosen, margins=margins)
     return chosen
-
-
-def choose_passes(
-    problem: NavigationProblem,
-    passes: int | None,
-    guidance: bool | GuidanceOptions,
-    options: ControllerOptions,
-) -> int:
-    """Passes per step: as asked, or as many as the robot needs that turns so far in a period.
-
-    Without guidance it is the paper's single pass.
-    """
-    if passes is not None:
-        return passes
-    u_min, u_max, _, _ = problem.bounds
-    turn = problem.dt * max(float(u_max[1]), -float(u_min[1]))
-    far = bool(guidance) and turn > options.solver.real_time_turn
-    return options.solver.long_period_passes if far else 1
-
-
-def keeps_ways(problem: NavigationProblem, settings: Settings) -> bool:
-    """Whether ways between stages are kept clear: steps are long, and passes are made for it.
-
-    The paper, without guidance or margins, looks at the stages alone.
-    """
-    if problem.footprint is not None or settings.sqp_iterations == 1:
-        return False
-    long_step = settings.options.solver.long_step * unit_length(problem)
-    is_long = problem.dt * fastest(problem)[0] > long_step
-    return is_long and settings.guidance and settings.tightening is not None
 
 
 def check_settings(model: Any, problem: NavigationProblem, settings: Settings) -> None:

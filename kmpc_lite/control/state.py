@@ -9,7 +9,6 @@ from kmpc_lite.adaptation.state import AdaptationState
 from kmpc_lite.control.estimate.command_history import CommandHistory
 from kmpc_lite.control.estimate.pose_watch import PoseWatchState
 from kmpc_lite.control.margins.drift_detector import DriftState
-from kmpc_lite.control.nmpc.sqp_state import SQPState
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.path.goal_reference import GoalReferenceState
 from kmpc_lite.control.standstill import StandstillState
@@ -48,8 +47,6 @@ class ControllerState:
     """Path, search and checkers; none without guidance."""
     drift: DriftState
     """Of the drift detector."""
-    sqp: SQPState
-    """Of the solver."""
     backup: BackupState
     """Stop trajectory of the last good plan."""
     pose: PoseWatchState = field(default_factory=PoseWatchState)
@@ -96,7 +93,6 @@ class ControllerState:
             goal=GoalReferenceState(),
             guide=guide,
             drift=DriftState(),
-            sqp=SQPState(),
             backup=BackupState(),
             adaptation=adaptation,
         )

@@ -13,7 +13,7 @@ import numpy as np
 
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
-from kmpc_lite.control.nmpc.sqp_state import SQPResult
+from kmpc_lite.control.nmpc.task import SQPResult
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import StepOptions, unit_length

@@ -13,14 +13,61 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from kmpc_lite.control.nmpc.qp_cost import QPCost
-from kmpc_lite.control.options import SolverOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.types import INPUTS, STATES, Array
 
 OPEN = 1e3
 """Bound of an unused half-plane row [m]: finite, so that OSQP keeps its factorisation."""
+HALF_PLANE_SCALE, SLACK_SCALE = 4.0, 8.0
+"""Factors of the rows of half-planes, and of those that keep slacks from being negative: their
+multipliers are large, and settle in fewer iterations of ADMM if they are scaled down."""
+
+
+class QPCost:
+    """Matrices P and q of the QP.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Weights.
+
+    Attributes
+    ----------
+    P : csc_matrix
+        Its upper triangle.
+    q : ndarray
+        Linear part.
+    terminal_share : float
+        Part of the terminal weight that counts.
+    """
+
+    def __init__(self, problem: NavigationProblem) -> None:
+        q, r, q_terminal = (sp.csc_matrix(2 * weight) for weight in problem.weights)
+        linear, quadratic = problem.slack_weights
+        n = problem.horizon
+        # stored whole, so that a terminal weight of zero keeps its places
+        last = sp.csc_matrix(np.ones((STATES, STATES)))
+        blocks = [q] * (n - 1) + [last] + [r] * n + [2 * quadratic * sp.eye(n)]
+        self.P = sp.triu(sp.block_diag(blocks), format="csc")
+        self.q = np.zeros(self.P.shape[0])
+        self.q[(STATES + INPUTS) * n :] = linear
+        self._q_states = self.q[: STATES * n].reshape(n, STATES)
+        self._pull, self._whole = -q.toarray(), q_terminal.toarray()
+        # columns of the last state begin after those of the others
+        first = self.P.indptr[STATES * (n - 1)]
+        self._last = self.P.data[first : first + STATES * (STATES + 1) // 2]
+        self.set_terminal_share(1.0)
+
+    def pull_to(self, reference: Array) -> None:
+        """Write the reference (N + 1, 3) that states are drawn to."""
+        np.matmul(reference[1:-1], self._pull, out=self._q_states[:-1])
+        np.matmul(reference[-1], self._pull_terminal, out=self._q_states[-1])
+
+    def set_terminal_share(self, share: float) -> None:
+        """Write how much of the terminal weight counts, from 0 to 1."""
+        self.terminal_share, self._pull_terminal = share, -share * self._whole
+        self._last[:] = -self._pull_terminal.T[np.tril_indices(STATES)]
 
 
 class NavigationQP:
@@ -34,33 +81,14 @@ class NavigationQP:
         Past commands that the model depends on, L.
     slots : int
         Half-plane rows per stage.
-    curved : bool
-        Whether `QPCost.fill` may write other Hessians than the problem's own, which know no
-        curvature of the constraints.
-    options : SolverOptions, optional
-        Scales of the rows.
-    ways : bool
-        Whether half-planes may stand on the ways to their stages: their rows then have entries of
-        the stage before, too.
     """
 
-    def __init__(
-        self,
-        problem: NavigationProblem,
-        history: int,
-        slots: int,
-        curved: bool = False,
-        options: SolverOptions | None = None,
-        ways: bool = False,
-    ) -> None:
-        options = SolverOptions() if options is None else options
-        self._arguments = problem, history, slots, curved, options, ways
+    def __init__(self, problem: NavigationProblem, history: int, slots: int) -> None:
+        self._arguments = problem, history, slots
         n = problem.horizon
         self.problem, self.horizon, self.history, self.slots = problem, n, history, slots
         # turning moves what is not round
         self._directions = 2 if problem.footprint is None else 3
-        self.half_plane_scale, self.slack_scale = options.half_plane_scale, options.slack_scale
-        self.least_curvature = options.least_curvature
         self.state_columns = np.arange(STATES * n).reshape(n, STATES)
         self.input_columns = STATES * n + np.arange(INPUTS * n).reshape(n, INPUTS)
         self.slack_columns = (STATES + INPUTS) * n + np.arange(n)
@@ -86,10 +114,8 @@ class NavigationQP:
             self.wheel_rows,
         ):
             self._next_stage[part] = np.concatenate([part[1:], part[-1:]])
-        self._build_constraints(ways)
-        self.cost = QPCost(
-            problem, self.state_columns, self.input_columns, self.slack_columns, curved
-        )
+        self._build_constraints()
+        self.cost = QPCost(problem)
         self.P, self.q = self.cost.P, self.cost.q
         self.lower, self.upper = np.zeros(self.row_count), np.full(self.row_count, np.inf)
         self.upper[self.dynamics_rows] = 0.0
@@ -109,7 +135,7 @@ class NavigationQP:
         # its arrays are views of each other, which copies would not be
         return type(self), self._arguments
 
-    def _build_constraints(self, ways: bool) -> None:
+    def _build_constraints(self) -> None:
         n, blocks = self.horizon, []
 
         def block(rows: Array, columns: Array, values: Array | float) -> int:
@@ -130,11 +156,9 @@ class NavigationQP:
         normal_start = block(
             self.half_plane_rows[..., None], states[:, None, : self._directions], 0.0
         )
-        before = self.half_plane_rows[1 if ways else n :, :, None]
-        before_start = block(before, states[: len(before), None, : self._directions], 0.0)
-        block(self.half_plane_rows, self.slack_columns[:, None], self.half_plane_scale)
+        end = block(self.half_plane_rows, self.slack_columns[:, None], HALF_PLANE_SCALE)
         block(self.input_rows, inputs, 1.0)
-        block(self.slack_rows, self.slack_columns, self.slack_scale)
+        block(self.slack_rows, self.slack_columns, SLACK_SCALE)
         block(self.change_rows, inputs[:, self._limited], 1.0)
         block(self.change_rows[1:], inputs[:-1, self._limited], -1.0)
         if self.problem.limits_wheels:
@@ -151,15 +175,13 @@ class NavigationQP:
             (value[order], row[order], pointers), shape=(self.row_count, self.size)
         )
         # what every pass writes is gathered block by block, then put in its places at once
-        end = before_start + len(before) * self.slots * self._directions
         self._written, self._places = np.empty(end - a_start), place[a_start:end]
-        parts = np.split(self._written, np.array([*b_starts, normal_start, before_start]) - a_start)
+        parts = np.split(self._written, np.array([*b_starts, normal_start]) - a_start)
         self._by_state = parts[0].reshape(n - 1, STATES, STATES)
         self._by_command = [
-            part.reshape(n - j, STATES, INPUTS) for j, part in enumerate(parts[1:-2])
+            part.reshape(n - j, STATES, INPUTS) for j, part in enumerate(parts[1:-1])
         ]
-        self._normals = parts[-2].reshape(n, self.slots, self._directions)
-        self._before = parts[-1].reshape(len(before), self.slots, self._directions)
+        self._normals = parts[-1].reshape(n, self.slots, self._directions)
 
     def set_last_command(self, command: Array) -> None:
         """Write the command (2,) that was sent last, where the problem limits changes."""
@@ -175,7 +197,6 @@ class NavigationQP:
         reference: Array,
         normals: Array,
         offsets: Array,
-        shares: Array | None = None,
     ) -> None:
         """Write one linearisation into the matrices.
 
@@ -190,8 +211,6 @@ class NavigationQP:
         normals, offsets : ndarray
             Half-planes ``normal . p + slack >= offset`` of stages 1 to N: (N, slots, 2) and (N,
             slots); (N, slots, 3) with the heading, of a robot with a footprint.
-        shares : ndarray, optional
-            Where p lies on the way to its stage, (N, slots); at its end where not given.
         """
         n = self.horizon
         np.negative(lin.A[1:], out=self._by_state)
@@ -207,12 +226,9 @@ class NavigationQP:
                 right[j:] -= (by_age[j:] @ u[: n - j, :, None])[..., 0]
         self._dynamics_lower[:] = right
         self._dynamics_upper[:] = right
-        np.multiply(normals, self.half_plane_scale, out=self._normals)
-        if shares is not None:
-            np.multiply(self._normals[1:], 1.0 - shares[1:, :, None], out=self._before)
-            self._normals *= shares[..., None]
+        np.multiply(normals, HALF_PLANE_SCALE, out=self._normals)
         self.A.data[self._places] = self._written
-        np.multiply(offsets, self.half_plane_scale, out=self._half_plane_lower)
+        np.multiply(offsets, HALF_PLANE_SCALE, out=self._half_plane_lower)
         np.maximum(self._half_plane_lower, -OPEN, out=self._half_plane_lower)
         self.cost.pull_to(reference)
 
@@ -220,22 +236,18 @@ class NavigationQP:
         """One vector of variables from states (N + 1, 3), commands (N, 2) and slacks (N,)."""
         return np.concatenate([x[1:].ravel(), u.ravel(), slack])
 
-    def unpack(self, variables: Array, x_init: Array) -> tuple[Array, Array, Array]:
-        """States (N + 1, 3), commands (N, 2) and slacks (N,) from one vector of variables."""
+    def unpack(self, variables: Array, x_init: Array) -> tuple[Array, Array]:
+        """States (N + 1, 3) and commands (N, 2) from one vector of variables."""
         n = self.horizon
         x = np.empty((n + 1, STATES))
         x[0] = x_init
         x[1:] = variables[: STATES * n].reshape(n, STATES)
-        return (
-            x,
-            variables[STATES * n : (STATES + INPUTS) * n].reshape(n, INPUTS).copy(),
-            variables[(STATES + INPUTS) * n :].copy(),
-        )
+        return x, variables[STATES * n : (STATES + INPUTS) * n].reshape(n, INPUTS).copy()
 
     def duals_in_the_open(self) -> Array:
         """Multipliers (m,) where no obstacle is near: only slacks are pressed, by their penalty."""
         y = np.zeros(self.row_count)
-        y[self.slack_rows] = -float(self.problem.slack_weights[0]) / self.slack_scale
+        y[self.slack_rows] = -float(self.problem.slack_weights[0]) / SLACK_SCALE
         return y
 
     def shift_duals(self, y: Array) -> Array:

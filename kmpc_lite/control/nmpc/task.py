@@ -1,13 +1,15 @@
-"""What one call of the SQP is asked: plain data."""
+"""What one call of the SQP is asked, and what it answers: plain data."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.obstacle_margins import Tightening
+from kmpc_lite.control.nmpc.qp_solvers import QPStatus
+from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import Array
 
@@ -42,3 +44,26 @@ class Task:
     """Part of the terminal weight that counts."""
     deadline: float = math.inf
     """When the answer must be there, on the clock of the SQP [s]."""
+
+
+@dataclass(slots=True, eq=False)
+class SQPResult:
+    """How far the passes of a call have come, and where they ended."""
+
+    trajectory: Trajectory
+    """The iterate; the start before the first pass."""
+    next_state: Array
+    """(3,) what the model expects after the first command."""
+    status: QPStatus = QPStatus.FAILED
+    """Of the last QP."""
+    passes: int = 0
+    step: float = math.inf
+    """Largest change of the last pass [m, rad, m/s, rad/s]."""
+    defect: float = math.inf
+    """How far the model contradicts the trajectory over one period [m, rad]."""
+    timing: dict[str, float] = field(
+        default_factory=lambda: dict.fromkeys(("linearise", "fill", "solve"), 0.0)
+    )
+    """Seconds by phase."""
+    reason: str = ""
+    """Why the passes ended early, or the QP failed; empty if all is well."""

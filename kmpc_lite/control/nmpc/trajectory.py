@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from kmpc_lite.control.kernels.clearance import PLACE
+from kmpc_lite.control.input_checks import POSITION_LIMIT
 from kmpc_lite.control.nmpc.qp import NavigationQP
-from kmpc_lite.geometry import angle_swept
+from kmpc_lite.control.options import fastest, unit_length
+from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.model.arguments import windows
 from kmpc_lite.types import INPUTS, Array
+
+LOST = 10 / 3, 1.0
+"""A pose farther from the predicted one [radii, rad] makes the last plan worthless as a start."""
+ROUNDING = 1e-9
+"""By which a command may pass its bound."""
+FARTHEST = 2 * POSITION_LIMIT
+"""From the robot, in its own units, and in its turns [rad]: a plan that leads farther is spoilt."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -31,21 +40,57 @@ def at_rest(qp: NavigationQP, pose: Array) -> Trajectory:
     return Trajectory(np.tile(pose, (n + 1, 1)), np.zeros((n, INPUTS)), qp.duals_in_the_open())
 
 
-def shifted(qp: NavigationQP, last: Trajectory, pose: Array) -> Trajectory:
-    """Trajectory one period later, from the measured pose (3,); its last stage is held."""
-    states = np.concatenate([pose[None], last.states[2:], last.states[-1:]])
-    inputs = np.concatenate([last.inputs[1:], last.inputs[-1:]])
-    return Trajectory(states, inputs, qp.shift_duals(last.duals))
-
-
 def along(qp: NavigationQP, reference: Array, pose: Array) -> Trajectory:
-    """Trajectory of a robot that follows a reference (N + 1, 3) from a pose (3,)."""
-    states = reference.copy()
-    states[0] = pose
+    """Trajectory of a robot that follows a reference (N + 1, 3) from a pose (3,) as it can."""
+    dt, n = qp.problem.dt, qp.horizon
+    away = reference - pose
+    far = np.hypot(away[:, 0], away[:, 1])
+    reach = fastest(qp.problem)[0] * dt * np.arange(n + 1)
+    states = pose + np.minimum(reach / np.maximum(far, ROUNDING), 1.0)[:, None] * away
     steps = np.diff(states, axis=0)
     forward = np.cos(states[:-1, 2]) * steps[:, 0] + np.sin(states[:-1, 2]) * steps[:, 1]
-    inputs = np.column_stack([forward, steps[:, 2]]) / qp.problem.dt
+    inputs = np.column_stack([forward, steps[:, 2]]) / dt
     return Trajectory(states, qp.problem.within_bounds(inputs), qp.duals_in_the_open())
+
+
+def one_period_later(qp: NavigationQP, last: Trajectory | None, here: Array) -> Trajectory | None:
+    """Last plan, one period later, if the robot is where that plan put it.
+
+    Parameters
+    ----------
+    qp : NavigationQP
+        Shifts multipliers; its problem has the radius and the command bounds.
+    last : Trajectory, optional
+        The last plan; its last stage is held.
+    here : ndarray
+        Present pose (3,), its heading within one turn.
+
+    Returns
+    -------
+    Trajectory or None
+        None for a plan that is stale, or spoilt by whoever got it.
+    """
+    if last is None:
+        return None
+    dx, dy, turned = (last.states[1] - here).tolist()
+    turns = nearest_turn(turned) if abs(turned) <= POSITION_LIMIT else 0.0
+    lost = LOST[0] * unit_length(qp.problem)
+    # also false for NaN
+    if not (abs(dx) <= lost and abs(dy) <= lost and abs(turned - turns) <= LOST[1]):
+        return None
+    states = np.concatenate([here[None], last.states[2:], last.states[-1:]])
+    inputs = np.concatenate([last.inputs[1:], last.inputs[-1:]])
+    duals = qp.shift_duals(last.duals)
+    # also false for NaN
+    if not (
+        np.maximum.reduce(np.abs(states - here), axis=None) <= FARTHEST
+        and np.maximum.reduce(np.abs(inputs), axis=None) <= max(fastest(qp.problem)) + ROUNDING
+        and math.isfinite(np.add.reduce(duals))
+    ):
+        return None
+    if turns:
+        states[1:, 2] -= turns
+    return Trajectory(states, inputs, duals)
 
 
 def command_windows(history: int, past: Array, inputs: Array) -> Array | None:
@@ -63,12 +108,3 @@ def command_windows(history: int, past: Array, inputs: Array) -> Array | None:
     if not history:
         return None
     return windows(np.concatenate([past, inputs]), history)
-
-
-def leads_elsewhere(states: Array, reference: Array, things: Array) -> bool:
-    """Whether states (N + 1, 3) pass one of things (M, 7) on another side than a reference.
-
-    There and back, by way of the reference, they then lead around it.
-    """
-    loop = np.concatenate([states[:, :2], reference[::-1, :2], states[:1, :2]])
-    return bool((np.abs(angle_swept(loop, things[:, PLACE])) > np.pi).any())

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.kernels.clearance import distances, distances_and_directions
+from kmpc_lite.control.kernels.clearance import distances_and_directions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.half_planes import (
     LEAST_DISTANCE,
@@ -82,26 +82,3 @@ class BodyKeepOut(KeepOut):
         slopes = (away * across).sum(axis=-1, keepdims=True)
         normals: Array = np.concatenate([away, slopes], axis=-1).reshape(self.horizon, -1, 3)
         return normals
-
-    def bends(self, states: Array, things: Array) -> Array:
-        """None: the exact Hessian leaves out how the clearances of a turning robot bend."""
-        return np.zeros((self.horizon, self.slots))
-
-    def penetration(
-        self,
-        states: Array,
-        things: Array,
-        solids: Nearby | None = None,
-        margins: Array | float = 0.0,
-    ) -> Array:
-        """How deep stages 1 to N stand in their deepest obstacle or outside the area, (N,) [m]."""
-        points = self._footprint.places(states[1:]).reshape(-1, 2)
-        parts = []
-        if len(things):
-            gaps = distances(things, points, self._place_times)
-            parts.append(self._distance - self._by_stage(gaps))
-        if solids is not None:
-            parts.append(self._distance - self._by_stage(solids.again(points)))
-        inside = np.concatenate([*parts, self._outside(states)], axis=1)
-        deepest: Array = (inside + margins).max(axis=1, initial=0.0)
-        return deepest

@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from kmpc_lite.control.kernels.clearance import (
-    RADIUS,
-    distances,
     distances_and_directions,
 )
 from kmpc_lite.control.problem import NavigationProblem
@@ -72,7 +70,6 @@ class KeepOut:
         self._times = problem.dt * np.arange(1, problem.horizon + 1)
         self._count = -1
         self._row_starts = np.arange(problem.horizon)[:, None]
-        self._nearest: Array | None = None
         self._normals = np.zeros((self.horizon, slots, self.directions))
         self._offsets = np.full((self.horizon, slots), -np.inf)
 
@@ -132,22 +129,6 @@ class KeepOut:
             beyond = np.concatenate([beyond, farther[:, None]], axis=1)
         return beyond
 
-    def tighten(
-        self, states: Array, things: Array, found: Clearances, margins: Array | float
-    ) -> Array:
-        """Take margins (N, K) [m] off what `clearances` has found for states and things."""
-        clearances = found.values
-        clearances -= margins
-        return clearances
-
-    def chord_radii(self, thing_count: int, count: int) -> Array | None:
-        """Radii for the margins of chords, of circles and of all obstacles; none: the robot's."""
-        return None
-
-    def shares(self) -> Array | None:
-        """Where on the way to its stage each of the last half-planes stands; none: at its end."""
-        return None
-
     def half_planes(self, states: Array, clearances: Array, normals: Array) -> tuple[Array, Array]:
         """Nearest half-planes ``normal . p >= offset`` of stages 1 to N.
 
@@ -163,14 +144,12 @@ class KeepOut:
         """
         kinds = clearances.shape[1]
         used = min(kinds, self.slots)
-        self._nearest = None
         if kinds > self.slots:
             # in the order of the obstacles, so that a row keeps its obstacle, and its multiplier,
             # from pass to pass
             nearest = np.argpartition(clearances, self.slots - 1, axis=1)[:, : self.slots]
             nearest.sort(axis=1)
             nearest += kinds * self._row_starts
-            self._nearest = nearest
             clearances = clearances.take(nearest)
             normals = normals.reshape(-1, self.directions).take(nearest, axis=0)
         offsets = np.matmul(normals, states[1:, : self.directions, None])[..., 0]
@@ -181,52 +160,9 @@ class KeepOut:
         self._normals[:, used:], self._offsets[:, used:] = 0.0, -np.inf
         return self._normals, self._offsets
 
-    def bends(self, states: Array, things: Array) -> Array:
-        """How much the last half-planes turn per metre along their obstacles, (N, slots) [1/m].
 
-        Sides do not. Nor do solids here: edges are straight, and where a plan goes round a corner
-        the next pass sees it.
-        """
-        bends = np.zeros(self._values.shape)
-        if len(things):
-            gaps = distances(things, states[1:, :2], self._times)
-            bends[:, : len(things)] = 1.0 / np.maximum(gaps + things[:, RADIUS], 1e-3)
-        if self._nearest is not None:
-            return bends.take(self._nearest)
-        out = np.zeros((self.horizon, self.slots))
-        out[:, : bends.shape[1]] = bends
-        return out
-
-    def penetration(
-        self,
-        states: Array,
-        things: Array,
-        solids: Nearby | None = None,
-        margins: Array | float = 0.0,
-    ) -> Array:
-        """How deep stages 1 to N stand in their deepest obstacle or outside the area, (N,) [m].
-
-        As `clearances`, without normals; solids as far as the last linearisation saw them.
-        `margins` (N, K) [m] are added to what must be kept.
-        """
-        outside = self._outside(states)
-        if solids is not None:
-            inside = self._distance - solids.again(states[1:, :2])
-            outside = np.concatenate([inside, outside], axis=1)
-        if len(things):
-            gaps = distances(things, states[1:, :2], self._times)
-            outside = np.concatenate([self._distance - gaps, outside], axis=1)
-        deepest: Array = (outside + margins).max(axis=1, initial=0.0)
-        return deepest
-
-
-def keep_out(problem: NavigationProblem, slots: int, ways: bool = False) -> KeepOut:
-    """What a robot, or its ways, must stay out of, with so many half-planes per stage."""
-    if ways:
-        # here, since most steps are short
-        from kmpc_lite.control.world.ways import WayKeepOut
-
-        return WayKeepOut(problem, slots)
+def keep_out(problem: NavigationProblem, slots: int) -> KeepOut:
+    """What a robot must stay out of, with so many half-planes per stage."""
     if problem.footprint is None:
         return KeepOut(problem, slots)
     # here, since most robots are round

@@ -298,8 +298,8 @@ TUNED = """
 [controller.guidance]
 lead_time = 0.3
 
-[controller.solver]
-cold_passes = 5
+[controller.pose]
+agreement = 0.5
 
 [controller.solver.real_time]
 max_iter = 80
@@ -315,8 +315,9 @@ def test_the_controllers_options_are_read_and_written(tmp_path: Path) -> None:
     changed = scenario.options.changed()
     assert changed == {
         "guidance": {"lead_time": 0.3},
-        "solver": {"cold_passes": 5, "real_time": {"max_iter": 80, "adaptive_rho": True}},
+        "solver": {"real_time": {"max_iter": 80, "adaptive_rho": True}},
         "moving_obstacles": {"speed_scales": (0.5, 0.0)},
+        "pose": {"agreement": 0.5},
     }
     again = Scenario.from_table(tomllib.loads(scenario.to_toml()), "field", "text")
     assert again.options == scenario.options

@@ -1,6 +1,5 @@
 """The time budget on a fake clock: what is begun, what the solver is given, and what comes back."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,17 +8,13 @@ from guided import GuideInUse
 
 import kmpc_lite as kl
 from kmpc_lite.control.nmpc.choose_solver import choose_solver
-from kmpc_lite.control.nmpc.line_search import Direction, Penalties, predict_stages
 from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.qp_solvers import QPSolver, QPStatus
-from kmpc_lite.control.nmpc.task import Task
-from kmpc_lite.control.nmpc.trajectory import at_rest
 from kmpc_lite.control.options import OSQPOptions
-from kmpc_lite.control.world.circles import circles_to_array
 
 GOAL = (1.5, 1.5, 0.0)
 OBSTACLES = [kl.Circle(0.6, 0.6, 0.15)]
-PHASES = ("estimate", "guide", "shift", "linearise", "fill", "solve", "search", "verify")
+PHASES = ("estimate", "guide", "shift", "linearise", "fill", "solve", "verify")
 
 
 class Clock:
@@ -62,20 +57,20 @@ def controller(
 
 def test_without_a_budget_the_solver_has_no_limit() -> None:
     made, limits = controller(Clock(), None, 1.0)
-    assert made.step((0, 0, 0), GOAL, OBSTACLES).iterations > 1 and not limits
+    assert made.step((0, 0, 0), GOAL, OBSTACLES).iterations >= 1 and not limits
 
 
 def test_no_pass_is_begun_that_would_not_end_in_time() -> None:
     clock = Clock()
-    made, _ = controller(clock, 0.010, 0.004)
-    plan = made.step((0, 0, 0), GOAL, OBSTACLES)  # a cold start, which would make three passes
+    made, _ = controller(clock, 0.010, 0.004, sqp_iterations=9)
+    plan = made.step((0, 0, 0), GOAL, OBSTACLES)
     assert plan.iterations == 2 and clock.now <= 0.010
     assert plan.status is kl.PlanStatus.FEASIBLE and "time budget" in plan.reason
 
 
 def test_the_solver_gets_what_is_left() -> None:
     clock = Clock()
-    made, limits = controller(clock, 0.010, 0.003)
+    made, limits = controller(clock, 0.010, 0.003, sqp_iterations=9)
     made.step((0, 0, 0), GOAL, OBSTACLES)
     np.testing.assert_allclose(limits, [0.010 - 5e-5, 0.007 - 5e-5, 0.004 - 5e-5], atol=1e-6)
 
@@ -165,23 +160,3 @@ def test_a_search_for_a_way_is_left_to_the_next_steps_where_it_would_take_too_lo
     on = guide.reference(x, other, scene, until=now[0] + 0.5)
     assert not on.refreshed and np.array_equal(on.path, in_time.path)
     assert guide.reference(x, other, scene).refreshed
-
-
-def test_a_line_search_ends_at_the_deadline_with_the_plan_that_was() -> None:
-    made = kl.Controller(
-        kl.nominal_unicycle(0.1), sqp_iterations=50, guidance=False, tightening=None
-    )
-    sqp = made._sqp
-    guess = at_rest(sqp.qp, np.zeros(3))
-    around = circles_to_array(OBSTACLES)
-    task = Task(made.model, np.tile(GOAL, (21, 1)), around, np.zeros((0, 2)), np.zeros(2))
-    wild = replace(
-        guess, states=guess.states + 50.0 * np.arange(21)[:, None], duals=guess.duals + 1.0
-    )
-    predicted, nothing = predict_stages(wild, task), np.zeros(20)
-    direction = Direction(guess, wild, guess.states[1:], predicted, nothing, nothing, 0.0)
-    search, penalties = sqp._search.search, Penalties(100.0)
-    assert 0.0 < search(penalties, direction, task, 1e-3).length < 0.5
-    stays = search(penalties, direction, replace(task, deadline=-1.0), 1e-3)
-    assert stays.trajectory is guess and stays.length == 0.0
-    assert np.array_equal(stays.predicted, guess.states[1:])

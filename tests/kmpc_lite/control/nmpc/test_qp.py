@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 from kmpc_lite import NavigationProblem
-from kmpc_lite.control.nmpc.qp import NavigationQP
+from kmpc_lite.control.nmpc.qp import HALF_PLANE_SCALE, SLACK_SCALE, NavigationQP
 from kmpc_lite.model.linearization import Linearization
 
 Q = np.array([[2.0, 0.3, 0.1], [0.3, 5.0, 0.0], [0.1, 0.0, 0.2]])
@@ -142,7 +142,7 @@ def test_filled_qp_is_the_naive_qp(shape: tuple[int, int, int], seed: int) -> No
             atol=1e-9,
         )
         np.testing.assert_array_equal(qp.lower[qp.dynamics_rows], qp.upper[qp.dynamics_rows])
-        expected = qp.half_plane_scale * keepout_gaps(numbers, x, slack)
+        expected = HALF_PLANE_SCALE * keepout_gaps(numbers, x, slack)
         np.testing.assert_allclose(
             rows[qp.half_plane_rows] - qp.lower[qp.half_plane_rows], expected, atol=1e-9
         )
@@ -154,7 +154,7 @@ def test_filled_qp_is_the_naive_qp(shape: tuple[int, int, int], seed: int) -> No
             qp.upper[qp.input_rows] - rows[qp.input_rows], (0.7, 0.9) - u, atol=1e-12
         )
         np.testing.assert_allclose(
-            rows[qp.slack_rows] - qp.lower[qp.slack_rows], qp.slack_scale * slack, atol=1e-12
+            rows[qp.slack_rows] - qp.lower[qp.slack_rows], SLACK_SCALE * slack, atol=1e-12
         )
         assert np.isposinf(qp.upper[qp.slack_rows]).all()
     # the objectives may differ by what no variable changes
@@ -221,7 +221,7 @@ def test_pack_and_unpack_are_inverse(shape: tuple[int, int, int]) -> None:
     point = random_point(random, numbers)
     v = qp.pack(*point)
     assert len(np.unique(v)) == qp.size
-    for back, there in zip(qp.unpack(v, numbers.x[0]), point, strict=True):
+    for back, there in zip(qp.unpack(v, numbers.x[0]), point[:2], strict=True):
         np.testing.assert_allclose(back, there, atol=1e-12)
         assert not np.shares_memory(back, v)
 

@@ -15,7 +15,6 @@ from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.nmpc.sqp import SQP
-from kmpc_lite.control.nmpc.sqp_state import SQPState
 from kmpc_lite.control.nmpc.task import Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, at_rest
 from kmpc_lite.control.weights import with_goal_weights
@@ -52,7 +51,7 @@ def solve(sqp: SQP, model: kl.KoopmanModel, guess: Trajectory, margins: Margins)
         tightening=margins.tightening,
         drift=DriftState(),
     )
-    return sqp.solve(SQPState(), guess, task).trajectory
+    return sqp.solve(guess, task).trajectory
 
 
 @pytest.mark.parametrize("iterations", [1, 12])

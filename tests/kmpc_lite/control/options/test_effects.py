@@ -10,7 +10,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.control.nmpc.sqp import SQP
-from kmpc_lite.control.nmpc.trajectory import at_rest
+from kmpc_lite.control.nmpc.trajectory import at_rest, one_period_later
 from kmpc_lite.control.options import GuidanceOptions, StopOptions, lengths_from_radii
 from kmpc_lite.control.path.capabilities import clearance_at_speed, drivable_speeds
 from kmpc_lite.control.path.progress_checker import ProgressChecker, ProgressState
@@ -58,27 +58,18 @@ def test_polygons_have_a_hundred_corners_and_cells_a_tenth_of_a_millimetre() -> 
         kl.OccupancyGrid(np.ones((2, 2), dtype=bool), 0.99e-4)
 
 
-def test_steps_that_are_short_and_defects_that_are_small() -> None:
-    sqp = SQP(PROBLEM, 0)
-    n = PROBLEM.horizon
-    short = sqp._short.reshape(-1)
-    np.testing.assert_allclose(short[: 3 * n].reshape(n, 3), np.tile((0.1, 0.1, 0.1), (n, 1)))
-    np.testing.assert_allclose(short[3 * n :].reshape(n, 2), np.tile((0.4, 0.4), (n, 1)))
-    np.testing.assert_allclose(sqp._straight, (5e-3, 5e-3, 5e-3))
-
-
 @pytest.mark.parametrize(("off", "kept"), [(0.499, True), (0.501, False)])
 def test_a_plan_is_no_start_for_a_robot_half_a_metre_from_it(off: float, kept: bool) -> None:
     sqp = SQP(PROBLEM, 0)
     plan = at_rest(sqp.qp, np.zeros(3))
-    guess = sqp.warm_start.from_last(plan, np.array([0.0, off, 0.0]))
+    guess = one_period_later(sqp.qp, plan, np.array([0.0, off, 0.0]))
     assert (guess is not None) == kept
 
 
 @pytest.mark.parametrize(("turned", "kept"), [(0.99, True), (1.01, False)])
 def test_nor_for_one_that_is_turned_by_a_radian(turned: float, kept: bool) -> None:
     sqp = SQP(PROBLEM, 0)
-    guess = sqp.warm_start.from_last(at_rest(sqp.qp, np.zeros(3)), np.array([0.0, 0.0, turned]))
+    guess = one_period_later(sqp.qp, at_rest(sqp.qp, np.zeros(3)), np.array([0.0, 0.0, turned]))
     assert (guess is not None) == kept
 
 

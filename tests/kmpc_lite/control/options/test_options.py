@@ -66,7 +66,7 @@ def test_the_fastest_speeds_are_those_of_either_direction() -> None:
 def test_tables_of_a_file_make_options_and_what_was_changed_makes_the_tables() -> None:
     tables = {
         "guidance": {"lead_time": 0.3},
-        "solver": {"real_time": {"max_iter": 80}, "cold_passes": 5},
+        "solver": {"real_time": {"max_iter": 80}},
         "moving_obstacles": {"speed_scales": [0.5, 0.0]},
     }
     options = kl.ControllerOptions.from_dict(tables)
@@ -92,6 +92,16 @@ def test_what_is_wrong_in_a_table_is_told_in_one_line(tables: dict[str, Any], wo
     with pytest.raises(kl.ProblemError, match=re.escape(words)) as refused:
         kl.ControllerOptions.from_dict(tables)
     assert "\n" not in str(refused.value)
+
+
+def test_an_option_of_an_earlier_version_is_understood_and_what_took_its_place_told() -> None:
+    assert GONE
+    for place, instead in GONE.items():
+        room, name = place.split(".")
+        with pytest.warns(UserWarning, match=re.escape(instead)):
+            options = kl.ControllerOptions.from_dict({room: {name: 1}})
+        assert options == kl.ControllerOptions()
+        assert not hasattr(getattr(options, room), name)
 
 
 @pytest.mark.parametrize(
@@ -131,7 +141,6 @@ def test_times_are_the_robots_but_where_sensors_and_computers_set_the_pace() -> 
     }
     assert by_the_clock == {
         "SightOptions.blind_time",
-        "SolverOptions.least_solve_time",
         "StepOptions.oldest_pose",
         "StepOptions.shortest_period",
         "StepOptions.longest_period",

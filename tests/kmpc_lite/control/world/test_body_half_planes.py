@@ -53,16 +53,3 @@ def test_half_planes_hold_the_clearance_where_they_were_made() -> None:
     assert normals.shape == (5, 6, 3)
     left = (normals * STATES[1:, None]).sum(axis=-1) - offsets
     assert np.allclose(np.sort(left), np.sort(found.values, axis=1)[:, :6])
-
-
-def test_penetration_is_the_deepest_of_the_clearances() -> None:
-    keeper = BodyKeepOut(PROBLEM, CART, 10)
-    states = STATES + (0.0, 0.45, 0.0)
-    found = keeper.clearances(states, CIRCLES, SOLIDS.whole)
-    deepest = np.maximum(-found.values.min(axis=1), 0.0)
-    assert deepest.max() > 0.05
-    assert np.allclose(keeper.penetration(states, CIRCLES, SOLIDS.whole), deepest)
-    assert np.allclose(
-        keeper.penetration(states, CIRCLES, SOLIDS.whole, 0.1),
-        np.maximum(0.1 - found.values.min(axis=1), 0.0),
-    )
