@@ -71,7 +71,8 @@ class PlannedAround:
         from kmpc_lite.control.footprint import places_of
 
         places, count = places_of(self.footprint, states), len(states)
-        times = np.repeat(self.dt * np.arange(count), len(places) // max(count, 1))
+        each = len(places) // max(count, 1)
+        times = np.repeat(self.dt * np.arange(count), each)
         least = np.full(len(places), np.inf)
         if len(self.circles):
             least = distances(things_of(self.circles), places, times).min(axis=1)
@@ -79,8 +80,8 @@ class PlannedAround:
             least = np.minimum(least, self.unit * self.solids.whole.least(places / self.unit))
         if self.hits is not None:
             least = np.minimum(least, self.unit * self.hits.least(places / self.unit))
-        out: Array = least - self.radius
-        return out if self.footprint is None else out.reshape(count, -1).min(axis=1)
+        out: Array = least.reshape(count, max(each, 1)).min(axis=1) - self.radius
+        return out
 
     def clearance(self, states: Array) -> float:
         """Smallest of the `clearances` [m]."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kmpc_lite.control.footprint import places_of
 from kmpc_lite.control.kernels.clearance import COLUMNS, distances
 from kmpc_lite.control.options import SightOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
@@ -236,15 +237,11 @@ class Sight:
         here.seen[window][under] = here.clock
 
     def _distance(self, here: LocalMap, window: tuple[slice, slice], pose: Array) -> Array:
-        """Distance of the middles of a window's cells from the middle of the robot's circle."""
+        """Distances of the middles of a window's cells from the nearest of its circles' middles."""
         x, y = here.centres(*window)
-        if self._footprint is not None:
-            places = self._footprint.places(pose)
-            return np.asarray(
-                np.hypot(x[:, None] - places[:, 0], y[:, None, None] - places[:, 1]).min(axis=-1)
-            )
-        away: Array = np.hypot(x[None, :] - pose[0], y[:, None] - pose[1])
-        return away
+        places = places_of(self._footprint, pose)
+        away = np.hypot(x[:, None] - places[:, 0], y[:, None, None] - places[:, 1])
+        return np.asarray(away.min(axis=-1))
 
 
 def _boxes(low: Array, high: Array, behind: float) -> list[Boxes]:
