@@ -14,6 +14,7 @@ from scripted import Scripted
 import kmpc_lite as kl
 from kmpc_lab.sim.closed_loop import Steps
 from kmpc_lab.studies.random_maps import maps_study
+from kmpc_lab.studies.records import Work
 from kmpc_lite.learn.regression import Method
 from kmpc_lite.scenario.files import Scenario
 
@@ -74,4 +75,6 @@ def study(executor: Executor | None = None, **options: Any) -> list[dict[str, An
         "training": SMALL,
     }
     values.update(options)
-    return maps_study(values.pop("specs"), executor or Inline(), **values)
+    how = {name: values.pop(name) for name in ("progress", "records") if name in values}
+    work = Work(executor or Inline(), **how)
+    return maps_study(values.pop("specs"), work, **values)

@@ -96,6 +96,13 @@ PLAN: dict[str, Any] = {"color": ORANGE, "linewidth": 1.4, "linestyle": (0, (4, 
 """How the plan at a time is drawn."""
 
 
+def _marker(label: str, size: float = 9, **look: Any) -> Any:
+    """Legend entry of a marker alone."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], linestyle="none", markersize=size, label=label, **look)
+
+
 def robot_handles() -> list[Any]:
     """Legend entries of a single run: its path, a plan, the robot."""
     from matplotlib.lines import Line2D
@@ -103,16 +110,7 @@ def robot_handles() -> list[Any]:
     return [
         Line2D([], [], color=BLUE, linewidth=2.8, label="driven path"),
         Line2D([], [], **PLAN, label="plan at that time"),
-        Line2D(
-            [],
-            [],
-            color=BLUE,
-            marker="o",
-            markerfacecolor="#cfe4f3",
-            linestyle="none",
-            markersize=9,
-            label="robot, heading",
-        ),
+        _marker("robot, heading", color=BLUE, marker="o", markerfacecolor="#cfe4f3"),
     ]
 
 
@@ -130,29 +128,8 @@ def series_handles(names: list[str], labels: list[str], counts: list[int]) -> li
             Line2D([], [], color=colour, linestyle=line, marker=marker, markersize=5, label=text)
         )
     if counts[1]:
-        entries.append(
-            Line2D(
-                [],
-                [],
-                color=RED,
-                marker="X",
-                markeredgecolor="white",
-                linestyle="none",
-                markersize=9,
-                label="collision",
-            )
-        )
+        entries.append(_marker("collision", color=RED, marker="X", markeredgecolor="white"))
     if counts[2]:
-        entries.append(
-            Line2D(
-                [],
-                [],
-                color=INK,
-                marker="o",
-                markerfacecolor="white",
-                linestyle="none",
-                markersize=5,
-                label="out of time",
-            )
-        )
+        look = {"color": INK, "marker": "o", "markerfacecolor": "white"}
+        entries.append(_marker("out of time", 5, **look))
     return entries

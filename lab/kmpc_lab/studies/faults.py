@@ -10,18 +10,13 @@ whether the command was zero after three seconds without a usable pose.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, replace
-from functools import partial
-from pathlib import Path
-from typing import Any
 
 from kmpc_lab.sim.closed_loop import Outcome, drive
 from kmpc_lab.sim.maps.families import random_map
-from kmpc_lab.studies.executors import gather
 from kmpc_lab.studies.faulty_loop import KINDS, FaultCounts, FaultyLoop
-from kmpc_lab.studies.records import Record, RecordFile
+from kmpc_lab.studies.records import Job, Record, Work
 from kmpc_lab.studies.table1 import TableLesson
 from kmpc_lab.studies.training import DT, REPORTING_SEED, TRAINING, Teacher
 from kmpc_lite.model.koopman import KoopmanModel
@@ -51,21 +46,19 @@ def drive_faults(
 
 
 def faults_study(
-    executor: Executor,
+    work: Work,
     maps: int = 5,
     slips: Sequence[float] = SLIPS,
     families: Sequence[str] = FAMILIES,
     first_seed: int = REPORTING_SEED,
     training: Mapping[str, int] = TRAINING,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-    records: str | Path | None = None,
 ) -> list[FaultCounts]:
     """Drive every kind of failure over the maps of four circles and random ones, at every slip.
 
     Parameters
     ----------
-    executor : Executor
-        Does the work.
+    work : Work
+        Does it.
     maps : int
         Random maps of each family.
     slips, families : sequence
@@ -74,44 +67,31 @@ def faults_study(
         The first map's.
     training : mapping
         ``episodes`` and ``steps`` of the training data.
-    progress : callable
-        Called with cells done and cells in all.
-    records : path, optional
-        JSON-lines file to which every row is added, and from which those already driven are taken.
 
     Returns
     -------
     list of FaultCounts
         One for each kind and slip.
     """
-    file = RecordFile(records, _key, "a row of a faults study")
-    wanted = [(kind, slip) for slip in slips for kind in KINDS]
-    keys = [(kind, float(slip), maps, first_seed, tuple(families)) for kind, slip in wanted]
-    done = {key: row for key, row in file.read().items() if key in keys}
-    progress(len(done), len(keys))
-    pairs = zip(keys, wanted, strict=True)
-    missing = [(key, *cell) for key, cell in pairs if key not in done]
-    teacher = Teacher(executor, training)
-    lessons = {slip: TableLesson(slip, "integral") for _, _, slip in missing}
-    teacher.learn(lessons.values())
+    driven = {"maps": maps, "first_seed": first_seed, "families": list(families)}
+    wanted = [
+        (kind, float(slip), maps, first_seed, tuple(families)) for slip in slips for kind in KINDS
+    ]
+    teacher = Teacher(work.executor, training)
 
-    def keep(key: FaultsKey, counts: FaultCounts) -> None:
-        done[key] = {
-            **asdict(counts),
-            "maps": maps,
-            "first_seed": first_seed,
-            "families": list(families),
-        }
-        file.add([done[key]])
-        progress(len(done), len(keys))
+    def lesson(key: FaultsKey) -> TableLesson:
+        return TableLesson(key[1], "integral")
 
-    jobs = {}
-    for key, kind, slip in missing:
-        scenarios = _scenarios(slip, families, maps, first_seed)
-        model = teacher.model(lessons[slip])
-        jobs[executor.submit(drive_faults, kind, slip, model, scenarios)] = partial(keep, key)
-    gather(jobs)
-    return [_counts(done[key]) for key in keys]
+    def jobs(missing: Sequence[FaultsKey]) -> Iterator[Job]:
+        for key in missing:
+            kind, slip = key[:2]
+            scenarios = _scenarios(slip, families, maps, first_seed)
+            task = kind, slip, teacher.model(lesson(key)), scenarios
+            started = work.executor.submit(drive_faults, *task)
+            yield started, lambda counts: [{**asdict(counts), **driven}]
+
+    done = work.finish(wanted, _key, "a row of a faults study", jobs, teacher, lesson)
+    return [_counts(row) for row in done]
 
 
 def _scenarios(slip: float, families: Sequence[str], maps: int, first_seed: int) -> list[Scenario]:
@@ -168,8 +148,3 @@ def format_faults(rows: Sequence[FaultCounts]) -> str:
         "blind: commands other than zero after 3 s without a pose"
     )
     return "\n".join(lines)
-
-
-def as_dicts(rows: Sequence[FaultCounts]) -> list[dict[str, Any]]:
-    """Plain values, for JSON."""
-    return [asdict(row) for row in rows]

@@ -9,8 +9,8 @@ goal, in the frame as it is then: it need not stay.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.sim.periods import periods
 from kmpc_lab.sim.plants.robots import DifferentialDrive
-from kmpc_lab.studies.records import Record, RecordFile, drive_all
+from kmpc_lab.studies.records import Record, Work
 from kmpc_lab.studies.training import DT, REPORTING_SEED
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.plan import GoalProgress, Plan
@@ -120,36 +120,15 @@ def drive(kind: str, size: float, seed: int) -> Record:
 
 
 def study(
-    executor: Executor,
+    work: Work,
     drives: int = 100,
     kinds: Sequence[str] = KINDS,
     sizes: Sequence[float] = SIZES,
     first_seed: int = REPORTING_SEED,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-    records: Any = None,
 ) -> list[Record]:
-    """Drive every kind and size of jump over the same maps; one record a drive.
-
-    Parameters
-    ----------
-    executor : Executor
-        Does the work.
-    drives : int
-        Of each row.
-    kinds, sizes : sequence
-        Of `KINDS`; [m] or [rad].
-    first_seed : int
-        The first map's.
-    progress : callable
-        Called with drives done and drives in all.
-    records : path, optional
-        JSON-lines file to which every drive is added, and from which those already driven are
-        taken.
-    """
-    file = RecordFile(records, _key, "a drive of a jumps study")
+    """Drive every kind and size of jump over the same maps; one record a drive."""
     seeds = range(first_seed, first_seed + drives)
-    wanted = [(kind, float(size), seed) for kind in kinds for size in sizes for seed in seeds]
-    return drive_all(executor, file, drive, wanted, progress)
+    return work.drive(product(kinds, sizes, seeds), drive, _key, "a drive of a jumps study")
 
 
 def _key(record: Record) -> tuple[str, float, int]:

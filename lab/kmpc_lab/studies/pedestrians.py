@@ -9,9 +9,9 @@ which do not end the drive: it ends where the robot first is within the toleranc
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from kmpc_lab.sim.lidar import LidarSpec
 from kmpc_lab.sim.pedestrians import Pedestrians, Walks
 from kmpc_lab.sim.periods import periods
 from kmpc_lab.sim.plants.robots import DifferentialDrive
-from kmpc_lab.studies.records import Record, RecordFile, drive_all
+from kmpc_lab.studies.records import Record, Work
 from kmpc_lab.studies.training import DT, REPORTING_SEED
 from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.plan import Plan
@@ -172,42 +172,16 @@ def drive_record(people: int, turning: bool, seen: str, seed: int) -> Record:
 
 
 def study(
-    executor: Executor,
+    work: Work,
     drives: int = 200,
     counts: Sequence[int] = COUNTS,
     seen: Sequence[str] = SEEN,
     first_seed: int = REPORTING_SEED,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-    records: Any = None,
 ) -> list[Record]:
-    """Drive every kind of crowd, seen in every way; one record a drive.
-
-    Parameters
-    ----------
-    executor : Executor
-        Does the work.
-    drives : int
-        Of each row.
-    counts, seen : sequence
-        Numbers of people; of `SEEN`.
-    first_seed : int
-        The first drive's.
-    progress : callable
-        Called with drives done and drives in all.
-    records : path, optional
-        JSON-lines file to which every drive is added, and from which those already driven are
-        taken.
-    """
-    file = RecordFile(records, _key, "a drive of a pedestrians study")
+    """Drive every kind of crowd, so many times each, seen in every way; one record a drive."""
     seeds = range(first_seed, first_seed + drives)
-    wanted = [
-        (people, turning, told, seed)
-        for people in counts
-        for turning in (False, True)
-        for told in seen
-        for seed in seeds
-    ]
-    return drive_all(executor, file, drive_record, wanted, progress)
+    wanted = product(counts, (False, True), seen, seeds)
+    return work.drive(wanted, drive_record, _key, "a drive of a pedestrians study")
 
 
 def _key(record: Record) -> tuple[int, bool, str, int]:

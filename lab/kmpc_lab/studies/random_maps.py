@@ -7,9 +7,9 @@ goes on where it ended.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Protocol
 
@@ -18,10 +18,9 @@ import numpy as np
 from kmpc_lab.sim.closed_loop import Outcome, Run, Steps, drive
 from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.studies.conditions import PLAIN, Condition, MapLesson
-from kmpc_lab.studies.executors import gather
 from kmpc_lab.studies.failures import Driven, check_folder, failed, write_failures
 from kmpc_lab.studies.floor_watch import FloorWatch
-from kmpc_lab.studies.records import Record, RecordFile
+from kmpc_lab.studies.records import Job, Record, Work
 from kmpc_lab.studies.tables import Key, drive_key
 from kmpc_lab.studies.training import DT, LAMBDAS, REPORTING_SEED, TRAINING, Teacher
 from kmpc_lite.geometry import distances
@@ -125,17 +124,15 @@ def drive_maps(
 
 def maps_study(
     specs: Sequence[Spec],
-    executor: Executor,
+    work: Work,
     families: Sequence[str] = ("open",),
     slips: Sequence[float] = LAMBDAS,
     maps: int = 100,
     first_seed: int = REPORTING_SEED,
-    records: str | Path | None = None,
     failures: str | Path | None = None,
     training: Mapping[str, int] = TRAINING,
     trained_at: float | None = None,
     conditions: Sequence[Condition] = (PLAIN,),
-    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Record]:
     """Drive every controller through the same maps, at every slip.
 
@@ -143,8 +140,8 @@ def maps_study(
     ----------
     specs : sequence of Spec
         Controllers.
-    executor : Executor
-        Does the work; its workers must be able to import this package.
+    work : Work
+        Does it.
     families : sequence of str
         Of `maps.FAMILIES`.
     slips : sequence of float
@@ -154,9 +151,6 @@ def maps_study(
     first_seed : int
         The first map's; figures that are reported come from `REPORTING_SEED` and above, anything is
         tuned below it.
-    records : path, optional
-        JSON-lines file to which every drive is added, and from which those already driven are
-        taken.
     failures : path, optional
         Folder for scenario files of the drives that failed.
     training : mapping
@@ -165,8 +159,6 @@ def maps_study(
         Slip at which models are learned; each at the slip that it drives at where not given.
     conditions : sequence of Condition
         What robots, poses and floors are like beside the slip.
-    progress : callable
-        Called with drives done and drives in all.
 
     Returns
     -------
@@ -182,30 +174,25 @@ def maps_study(
     """
     if failures is not None:
         check_folder(failures)
-    file = RecordFile(records, drive_key, "a drive of a maps study")
     cells = _cells(specs, conditions, families, slips, trained_at)
     seeds = range(first_seed, first_seed + maps)
     wanted = {cell.key(seed): cell for cell in cells for seed in seeds}
-    done = {key: record for key, record in file.read().items() if key in wanted}
-    progress(len(done), len(wanted))
-    teacher = Teacher(executor, training)
-    missing: list[tuple[MapDrives, list[int]]] = []
-    for cell in cells:
-        left = [seed for seed in seeds if cell.key(seed) not in done]
-        missing += [(cell, left[i : i + CHUNK]) for i in range(0, len(left), CHUNK)]
-    teacher.learn(cell.lesson for cell, _ in missing)
+    teacher = Teacher(work.executor, training)
 
-    def keep(found: list[Record]) -> None:
-        done.update((drive_key(record), record) for record in found)
-        file.add(found)
-        progress(len(done), len(wanted))
+    def jobs(missing: Sequence[Key]) -> Iterator[Job]:
+        left = frozenset(missing)
+        for cell in cells:
+            own = [seed for seed in seeds if cell.key(seed) in left]
+            where = cell.trained_at, cell.condition, cell.family, cell.slip
+            for i in range(0, len(own), CHUNK):
+                task = cell.spec, teacher.model(cell.lesson), *where, own[i : i + CHUNK]
+                yield work.executor.submit(drive_maps, *task), list
 
-    jobs = {}
-    for cell, chunk in missing:
-        model, where = teacher.model(cell.lesson), (cell.condition, cell.family, cell.slip)
-        jobs[executor.submit(drive_maps, cell.spec, model, cell.trained_at, *where, chunk)] = keep
-    gather(jobs)
-    results = [done[key] for key in wanted]
+    def lesson(key: Key) -> MapLesson | None:
+        return wanted[key].lesson
+
+    what = "a drive of a maps study"
+    results = work.finish(wanted, drive_key, what, jobs, teacher, lesson)
     if failures is not None:
         lost = [(r, wanted[drive_key(r)]) for r in results if failed(r)]
         teacher.learn(cell.lesson for _, cell in lost)
@@ -224,11 +211,7 @@ def _cells(
 ) -> list[MapDrives]:
     """Everything that is driven, but for the seeds."""
     cells = []
-    for spec in specs:
-        for condition in conditions:
-            for family in families:
-                for slip in slips:
-                    at = float(slip if trained_at is None else trained_at)
-                    trained = None if spec.fit is None else at
-                    cells.append(MapDrives(spec, condition, family, slip, trained))
+    for spec, condition, family, slip in product(specs, conditions, families, slips):
+        at = float(slip if trained_at is None else trained_at)
+        cells.append(MapDrives(spec, condition, family, slip, None if spec.fit is None else at))
     return cells

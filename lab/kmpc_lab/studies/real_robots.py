@@ -9,18 +9,17 @@ speeds the motors' lag is not in it, and is added. Judged by the true pose.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from kmpc_lab.studies.any_robot import Robot
 from kmpc_lab.studies.learning import load_drives
-from kmpc_lab.studies.records import drive_rows
+from kmpc_lab.studies.records import Work
 from kmpc_lab.studies.robot_drives import RobotDrive, course_of, judge
 from kmpc_lite.control import Controller
 from kmpc_lite.control.margins.model_margins import Margins
@@ -244,35 +243,13 @@ def drive_real(real: RealRobot, recipe: Recipe, seed: int) -> RobotDrive:
 
 
 def study(
-    real: RealRobot,
-    recipes: Sequence[Recipe],
-    seeds: Sequence[int],
-    executor: Executor,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-    records: Any = None,
+    real: RealRobot, recipes: Sequence[Recipe], seeds: Sequence[int], work: Work
 ) -> list[RobotDrive]:
-    """Drive the models of all recipes over the same maps; rows in this order.
-
-    Parameters
-    ----------
-    real : RealRobot
-        Whose log it is.
-    recipes : sequence of Recipe
-        Of `RECIPES`.
-    seeds : sequence of int
-        Of maps and errors.
-    executor : Executor
-        Does the work.
-    progress : callable
-        Called with drives done and drives in all.
-    records : path, optional
-        JSON-lines file to which every drive is added, and from which those already driven are
-        taken.
-    """
+    """Drive the models of all recipes over the same maps, with the same errors; rows in order."""
     robot = real.robot
     numbers = str(real.log), robot.radius, robot.speed, robot.turn_rate
     wanted = [(*numbers, recipe.name, seed) for recipe in recipes for seed in seeds]
-    return drive_rows(executor, records, "real", _drive_asked, wanted, RobotDrive, progress)
+    return work.rows("real", wanted, _drive_asked, RobotDrive)
 
 
 def _drive_asked(

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass, fields
+from concurrent.futures import Executor, Future
+from dataclasses import asdict, dataclass, fields
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 from kmpc_lab.studies.executors import gather
+from kmpc_lab.studies.training import Lesson, Teacher
 from kmpc_lite.errors import DataError
 from kmpc_lite.reading import open_regular, read_bytes
 
@@ -18,6 +19,9 @@ MAX_BYTES = 2**28
 """Longest file of records that is read."""
 Record = dict[str, Any]
 """What was driven, in plain values."""
+Job = tuple[Future[Any], Callable[[Any], list[Record]]]
+"""What is under way, and what makes records of its result."""
+Key = TypeVar("Key", bound=Hashable)
 Row = TypeVar("Row")
 """What became of a drive."""
 
@@ -82,73 +86,103 @@ class RecordFile:
                 file.write("".join(json.dumps(record) + "\n" for record in records))
 
 
-def drive_all(
-    executor: Executor,
-    file: RecordFile,
-    drive: Callable[..., Record],
-    wanted: Sequence[tuple[Any, ...]],
-    progress: Callable[[int, int], None],
-) -> list[Record]:
-    """Drive what the file does not hold yet; one record for each that is wanted, in this order.
+@dataclass(frozen=True)
+class Work:
+    """How a study runs: what does the work, who hears of it, and where its records stand."""
 
-    Parameters
-    ----------
-    executor : Executor
-        Does the work.
-    file : RecordFile
-        Every drive is added to it; its keys are what is wanted.
-    drive : callable
-        What a worker does: it is given a key's items.
-    wanted : sequence of tuple
-        Keys.
-    progress : callable
-        Called with drives done and drives in all.
-    """
-    asked = set[Hashable](wanted)
-    done = {key: record for key, record in file.read().items() if key in asked}
+    executor: Executor
+    """Its workers must be able to import this package."""
+    progress: Callable[[int, int], None] = lambda done, total: None
+    """Called with results there and results in all; a model that is learned counts as one."""
+    records: str | Path | None = None
+    """JSON-lines file to which every result is added, and from which those already there are
+    taken."""
 
-    def keep(record: Record) -> None:
-        done[file.key(record)] = record
-        file.add([record])
-        progress(len(done), len(wanted))
+    def finish(
+        self,
+        wanted: Iterable[Key],
+        key: Callable[[Record], Hashable],
+        what: str,
+        jobs: Callable[[Sequence[Key]], Iterable[Job]],
+        teacher: Teacher | None = None,
+        lesson: Callable[[Key], Lesson | None] = lambda key: None,
+    ) -> list[Record]:
+        """Do what the records do not hold yet; one record for each that is wanted, in this order.
 
-    progress(len(done), len(wanted))
-    gather({executor.submit(drive, *key): keep for key in wanted if key not in done})
-    return [done[key] for key in wanted]
+        Parameters
+        ----------
+        wanted : iterable
+            Keys.
+        key, what
+            As `RecordFile` takes them.
+        jobs : callable
+            Starts what is missing: gives futures, each with what makes records of its result.
+        teacher, lesson : Teacher, callable, optional
+            Learns, before anything else is started, what a key's drive needs.
+        """
+        file, keys = RecordFile(self.records, key, what), list(wanted)
+        asked = set[Hashable](keys)
+        done = {key: record for key, record in file.read().items() if key in asked}
+        missing = [key for key in keys if key not in done]
+        lessons = [] if teacher is None else teacher.new(map(lesson, missing))
+        finished, total = len(done), len(keys) + len(lessons)
 
+        def count(more: int = 1) -> None:
+            nonlocal finished
+            finished += more
+            self.progress(finished, total)
 
-def drive_rows(
-    executor: Executor,
-    path: str | Path | None,
-    study: str,
-    drive: Callable[..., Any],
-    wanted: Sequence[tuple[Any, ...]],
-    row: type[Row],
-    progress: Callable[[int, int], None],
-) -> list[Row]:
-    """Drive what a study asks for; a row for each drive, in this order.
+        def keep(told: Callable[[Any], list[Record]], result: Any) -> None:
+            found = told(result)
+            done.update((key(record), record) for record in found)
+            file.add(found)
+            count(len(found))
 
-    Parameters
-    ----------
-    executor : Executor
-        Does the work.
-    path : Path or str, optional
-        Records: ``study``, what was ``asked``, and the ``row`` in plain values.
-    study : str
-        What the records belong to.
-    drive : callable
-        What a worker does: it is given what is asked, and gives a row, whose `as_dict` gives plain
-        values.
-    wanted : sequence of tuple
-        What is asked: words and numbers.
-    row : type
-        Dataclass of the rows: made from those plain values.
-    progress : callable
-        Called with drives done and drives in all.
-    """
-    file = RecordFile(path, partial(_asked, study, row), f"a drive of kmpc study {study}")
-    records = drive_all(executor, file, partial(_driven, study, drive), wanted, progress)
-    return [row(**record["row"]) for record in records]
+        count(0)
+        if teacher is not None:
+            teacher.learn(lessons, count)
+        gather({future: partial(keep, told) for future, told in jobs(missing)})
+        return [done[key] for key in keys]
+
+    def drive(
+        self,
+        wanted: Iterable[tuple[Any, ...]],
+        drive: Callable[..., Record],
+        key: Callable[[Record], Hashable],
+        what: str,
+    ) -> list[Record]:
+        """Call a function in the workers, with each key's items, for the record of that key."""
+
+        def jobs(missing: Sequence[tuple[Any, ...]]) -> Iterable[Job]:
+            return [(self.executor.submit(drive, *key), lambda record: [record]) for key in missing]
+
+        return self.finish(wanted, key, what, jobs)
+
+    def rows(
+        self,
+        study: str,
+        wanted: Iterable[tuple[Any, ...]],
+        drive: Callable[..., Any],
+        row: type[Row],
+    ) -> list[Row]:
+        """Drive what a study asks for; a row for each drive, in this order.
+
+        Its records hold ``study``, what was ``asked``, and the ``row`` in plain values.
+
+        Parameters
+        ----------
+        study : str
+            What the records belong to.
+        wanted : iterable of tuple
+            What is asked: words and numbers.
+        drive : callable
+            What a worker does: it is given what is asked, and gives a row.
+        row : type
+            Dataclass of the rows, of plain values.
+        """
+        what, key = f"a drive of kmpc study {study}", partial(_asked, study, row)
+        records = self.drive(wanted, partial(_driven, study, drive), key, what)
+        return [row(**record["row"]) for record in records]
 
 
 def _asked(study: str, row: type, record: Record) -> Hashable:
@@ -160,7 +194,7 @@ def _asked(study: str, row: type, record: Record) -> Hashable:
 
 
 def _driven(study: str, drive: Callable[..., Any], *asked: Any) -> Record:
-    return {"study": study, "asked": list(asked), "row": drive(*asked).as_dict()}
+    return {"study": study, "asked": list(asked), "row": asdict(drive(*asked))}
 
 
 def check_resume(path: str | Path | None, resume: bool) -> None:

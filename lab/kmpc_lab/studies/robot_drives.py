@@ -7,10 +7,10 @@ outlines at any of ten looks a period; the account of it shares no code with the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from typing import Any, Protocol
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.sim.periods import periods
 from kmpc_lab.studies.any_robot import Robot, RobotPlant, learn, random_robot
-from kmpc_lab.studies.records import drive_rows
+from kmpc_lab.studies.records import Work
 from kmpc_lite.control import Circle, Controller, NavigationProblem
 from kmpc_lite.control.plan import Plan, PlanStatus
 from kmpc_lite.model.koopman import KoopmanModel
@@ -47,10 +47,6 @@ class RobotDrive:
     """Share of steps without a plan."""
     ended: str
     """Progress that was told at the end, and its reason."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
-        return asdict(self)
 
 
 class Moves(Protocol):
@@ -183,51 +179,23 @@ def summary(rows: Sequence[RobotDrive]) -> dict[str, Any]:
     }
 
 
-def study(
-    name: str,
-    robots: Sequence[Robot],
-    seeds: Sequence[int],
-    executor: Executor,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-    records: Any = None,
-) -> list[RobotDrive]:
+def study(name: str, robots: Sequence[Robot], seeds: Sequence[int], work: Work) -> list[RobotDrive]:
     """Drive every robot over the maps of all seeds; rows in this order.
 
-    Parameters
-    ----------
-    name : str
-        Of the study.
-    robots : sequence of Robot
-        Whose model is learned anew for each seed, where it is learned.
-    seeds : sequence of int
-        Of maps, slip and noise.
-    executor : Executor
-        What runs it.
-    progress : callable
-        Called with drives done and drives in all.
-    records : path, optional
-        JSON-lines file to which every drive is added, and from which those already driven are
-        taken.
+    Seeds are those of maps, slip and noise; a robot that is learned is learned anew for each.
     """
     one = partial(_drive_named, {robot.name: robot for robot in robots})
-    wanted = [(robot.name, seed) for robot in robots for seed in seeds]
-    return drive_rows(executor, records, name, one, wanted, RobotDrive, progress)
+    wanted = product([robot.name for robot in robots], seeds)
+    return work.rows(name, wanted, one, RobotDrive)
 
 
 def _drive_named(robots: dict[str, Robot], name: str, seed: int) -> RobotDrive:
     return drive(robots[name], seed)
 
 
-def study_random(
-    seeds: Sequence[int],
-    shapes: bool,
-    executor: Executor,
-    progress: Callable[[int, int], None] = lambda done, total: None,
-    records: Any = None,
-) -> list[RobotDrive]:
-    """Drive a robot drawn at random for each seed; arguments as of `study` and `drive_random`."""
-    wanted = [(seed, shapes) for seed in seeds]
-    return drive_rows(executor, records, "anyrobot", drive_random, wanted, RobotDrive, progress)
+def study_random(seeds: Sequence[int], shapes: bool, work: Work) -> list[RobotDrive]:
+    """Drive a robot drawn at random for each seed; `shapes` as for `drive_random`."""
+    return work.rows("anyrobot", product(seeds, (shapes,)), drive_random, RobotDrive)
 
 
 def format_rows(rows: Sequence[RobotDrive]) -> str:

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kmpc_lab.sim.closed_loop import Outcome, drive
 from kmpc_lab.studies.contenders import TABLE_1_CONTENDERS, Contender
-from kmpc_lab.studies.executors import gather
-from kmpc_lab.studies.records import Record, RecordFile
+from kmpc_lab.studies.records import Job, Record, Work
 from kmpc_lab.studies.tables import seconds
 from kmpc_lab.studies.training import DT, LAMBDAS, REPORTING_SEED, TRAINING, Teacher, train
 from kmpc_lite.learn.regression import Method
@@ -171,8 +168,6 @@ def _line(name: str, texts: Sequence[str]) -> str:
     return f"{name:<48}" + "".join(f"{text:>8}" for text in texts)
 
 
-Progress = Callable[[int, int], None]
-"""Called with tasks done and tasks in all."""
 CellKey = tuple[str, float | None, float, int, str]
 
 STOP_NORM = 1e-2
@@ -212,13 +207,11 @@ def run_trials(
 
 def table1(
     scenario: Scenario,
-    executor: Executor,
+    work: Work,
     trials: int = 5,
     controllers: Sequence[Contender] = TABLE_1_CONTENDERS,
     lambdas: Sequence[float] = LAMBDAS,
     training: Mapping[str, int] = TRAINING,
-    progress: Progress = lambda done, total: None,
-    records: str | Path | None = None,
 ) -> list[Cell]:
     """Run the paper's table 1 on a map.
 
@@ -228,8 +221,8 @@ def table1(
     ----------
     scenario : Scenario
         Map; its slip and seed are replaced.
-    executor : Executor
-        Does the work; its workers must be able to import this package.
+    work : Work
+        Does it.
     trials : int
         Runs for each slip and controller.
     controllers : sequence of Contender
@@ -238,10 +231,6 @@ def table1(
         Slips.
     training : mapping
         ``episodes`` and ``steps`` of the training data.
-    progress : callable
-        Called as tasks finish.
-    records : path, optional
-        JSON-lines file to which every cell is added, and from which those already driven are taken.
 
     Returns
     -------
@@ -258,38 +247,28 @@ def table1(
         (spec, GENERAL_FROM, slip) for spec in controllers if spec.fit for slip in GENERAL_TO
     ]
     place = _digest(scenario)
-    file = RecordFile(records, _key, "a cell of table 1")
     wanted: dict[CellKey, tuple[Contender, TableLesson | None, float]] = {}
     for spec, trained, slip in driven:
-        lesson = TableLesson(trained, spec.fit) if spec.fit else None
-        at = None if lesson is None else float(trained)
-        wanted[spec.label, at, float(slip), trials, place] = (spec, lesson, slip)
-    done = {key: record for key, record in file.read().items() if key in wanted}
-    missing = [key for key in wanted if key not in done]
-    teacher = Teacher(executor, training)
-    lessons = teacher.new(wanted[key][1] for key in missing)
-    total, finished = len(lessons) + len(missing), 0
-
-    def count() -> None:
-        nonlocal finished
-        finished += 1
-        progress(finished, total)
-
-    def keep(key: CellKey, runs: list[dict[str, Any]]) -> None:
-        cell = Cell(key[0], key[1], key[2], tuple(runs))
-        done[key] = {**cell.as_dict(), "map": place}
-        file.add([done[key]])
-        count()
-
-    teacher.learn(lessons, count)
+        need = TableLesson(trained, spec.fit) if spec.fit else None
+        at = None if need is None else float(trained)
+        wanted[spec.label, at, float(slip), trials, place] = (spec, need, slip)
+    teacher = Teacher(work.executor, training)
     seeds = [REPORTING_SEED + i for i in range(trials)]
-    jobs = {}
-    for key in missing:
-        spec, lesson, slip = wanted[key]
-        model, floor = teacher.model(lesson), replace(scenario, slip=slip)
-        jobs[executor.submit(run_trials, spec, model, floor, seeds, STOP_NORM)] = partial(keep, key)
-    gather(jobs)
-    return [Cell.from_dict(done[key]) for key in wanted]
+
+    def record(key: CellKey, runs: list[dict[str, Any]]) -> list[Record]:
+        return [{**Cell(key[0], key[1], key[2], tuple(runs)).as_dict(), "map": place}]
+
+    def jobs(missing: Sequence[CellKey]) -> Iterator[Job]:
+        for key in missing:
+            spec, need, slip = wanted[key]
+            task = spec, teacher.model(need), replace(scenario, slip=slip), seeds, STOP_NORM
+            yield work.executor.submit(run_trials, *task), partial(record, key)
+
+    def lesson(key: CellKey) -> TableLesson | None:
+        return wanted[key][1]
+
+    done = work.finish(wanted, _key, "a cell of table 1", jobs, teacher, lesson)
+    return [Cell.from_dict(cell) for cell in done]
 
 
 def _key(record: Record) -> CellKey:

@@ -23,6 +23,7 @@ import kmpc_lite as kl
 from kmpc_lab.studies.contenders import Contender
 from kmpc_lab.studies.executors import Processes, WorkerLost, executor, gather
 from kmpc_lab.studies.random_maps import maps_study
+from kmpc_lab.studies.records import Work
 from kmpc_lab.studies.table1 import table1
 from kmpc_lite.scenario.files import Scenario
 
@@ -63,7 +64,7 @@ def slow(folder: Path, value: int) -> int:
 
 
 def study(runner: Executor, **options: Any) -> list[dict[str, Any]]:
-    rows = maps_study([LEARNED], runner, slips=(0.1,), maps=2, training=SMALL, **options)
+    rows = maps_study([LEARNED], Work(runner), slips=(0.1,), maps=2, training=SMALL, **options)
     return [{key: row[key] for key in row if "step" not in key} for row in rows]
 
 
@@ -243,15 +244,15 @@ def test_table_1_goes_on_from_its_records(tmp_path: Path) -> None:
         "controllers": (LEARNED,),
         "lambdas": (0.1,),
         "training": SMALL,
-        "records": tmp_path / "table.jsonl",
     }
+    path = tmp_path / "table.jsonl"
     with pytest.raises(RuntimeError, match="worker died"):
-        table1(scenario, Inline(1, counted="run_trials"), **arguments)
+        table1(scenario, Work(Inline(1, counted="run_trials"), records=path), **arguments)
     rest = Inline()
-    cells = table1(scenario, rest, **arguments)
+    cells = table1(scenario, Work(rest, records=path), **arguments)
     assert rest.names == ["learn"] + ["run_trials"] * 2  # one of three cells was there
     idle = Inline()
-    assert table1(scenario, idle, **arguments) == cells and not idle.asked
+    assert table1(scenario, Work(idle, records=path), **arguments) == cells and not idle.asked
     other = Inline()
-    table1(replace(scenario, goal=(0.5, 0.0, 0.0)), other, **arguments)
+    table1(replace(scenario, goal=(0.5, 0.0, 0.0)), Work(other, records=path), **arguments)
     assert other.names.count("run_trials") == 3  # another map, whatever its name

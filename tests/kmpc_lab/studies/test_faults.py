@@ -12,6 +12,7 @@ from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.studies import faults
 from kmpc_lab.studies.faults import FIXED, drive_faults, faults_study, format_faults
 from kmpc_lab.studies.faulty_loop import KINDS, STATUSES, FaultCounts, FaultyLoop
+from kmpc_lab.studies.records import Work
 from kmpc_lab.studies.training import train
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.control.stop.backup import BackupState
@@ -34,7 +35,7 @@ def test_forced_failures_never_collide_and_end_in_a_verified_stop(
 ) -> None:
     monkeypatch.setattr(faults, "FIXED", fixed)  # on a random map only, or on four more
     rows = faults_study(
-        Inline(),
+        Work(Inline()),
         maps=1,
         slips=(0.2,),
         families=("moving",),

@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lab.studies.records import RecordFile, check_resume, drive_rows
+from kmpc_lab.studies.records import RecordFile, Work, check_resume
 from kmpc_lite.errors import DataError
 
 
@@ -72,9 +71,6 @@ class Thrown:
     seed: int
     clearance: float
 
-    def as_dict(self) -> dict[str, Any]:
-        return asdict(self)
-
 
 def throw(die: str, seed: int) -> Thrown:
     return Thrown(die, seed, math.inf)
@@ -86,7 +82,7 @@ def test_rows_are_kept_and_only_what_is_missing_is_driven(tmp_path: Path) -> Non
     def throws(study: str, *asked: tuple[str, int]) -> list[Thrown]:
         with ThreadPoolExecutor(1) as executor:
             note = lambda *progress: told.append(progress)  # noqa: E731
-            return drive_rows(executor, file, study, throw, asked, Thrown, note)
+            return Work(executor, note, file).rows(study, asked, throw, Thrown)
 
     first = throws("dice", ("red", 1), ("blue", 1))
     assert first == [throw("red", 1), throw("blue", 1)] and told[-1] == (2, 2)

@@ -8,6 +8,7 @@ from executors import Inline
 
 from kmpc_lab.sim.pedestrians import Pedestrians, Walks
 from kmpc_lab.studies import jumps, pedestrians
+from kmpc_lab.studies.records import Work
 
 
 @pytest.mark.parametrize("turning", [False, True])
@@ -40,8 +41,9 @@ def test_a_contact_is_told_by_who_moves() -> None:
 
 def test_records_of_people_are_resumed_and_told(tmp_path) -> None:  # type: ignore[no-untyped-def]
     path = tmp_path / "people.jsonl"
+    work = Work(Inline(), records=path)
     for _ in range(2):
-        records = pedestrians.study(Inline(), 1, (4,), ("told",), first_seed=2, records=path)
+        records = pedestrians.study(work, 1, (4,), ("told",), first_seed=2)
     assert len(records) == 2 == len(path.read_text().splitlines())
     assert "straight" in pedestrians.format_rows(records)
     assert sum(row["driven_into"] for row in pedestrians.rows(records)) == 0
@@ -63,7 +65,7 @@ def test_a_pose_jumps_as_often_and_as_long_as_told(kind: str) -> None:
 
 
 def test_a_robot_whose_pose_jumps_arrives(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    records = jumps.study(Inline(), 1, ("a second",), (0.3,), first_seed=1)
+    records = jumps.study(Work(Inline()), 1, ("a second",), (0.3,), first_seed=1)
     (row,) = jumps.rows(records)
     assert row["collisions"] == 0 and row["arrived"] == 1 and row["waited_s"] > 0.5
     assert "a second" in jumps.format_rows(records)

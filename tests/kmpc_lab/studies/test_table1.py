@@ -16,6 +16,7 @@ from scripted import Scripted, field
 import kmpc_lite as kl
 from kmpc_lab import Outcome, drive
 from kmpc_lab.studies.contenders import TABLE_1_CONTENDERS, Contender
+from kmpc_lab.studies.records import Work
 from kmpc_lab.studies.table1 import PAPER_TABLE_1, Cell, format_table1, run_trials, table1
 from kmpc_lab.studies.training import DT, LAMBDAS, train
 from kmpc_lite.scenario.files import Scenario
@@ -53,12 +54,11 @@ def test_cells_are_by_controller_then_slip_then_generalisation() -> None:
     executor = Inline()
     cells = table1(
         small_map(),
-        executor,
+        Work(executor, lambda k, n: done.append((k, n))),
         2,
         (OURS, LEARNED),
         (0.0, 0.1),
         SMALL,
-        lambda k, n: done.append((k, n)),
     )
     assert [(c.label, c.trained_at, c.slip) for c in cells] == [
         ("ours", None, 0.0),
@@ -71,11 +71,11 @@ def test_cells_are_by_controller_then_slip_then_generalisation() -> None:
     assert all(len(c.runs) == 2 for c in cells)
     # each model is trained once: at 0 and at 0.1
     assert executor.names == ["learn"] * 2 + ["run_trials"] * 6
-    assert done == [(k, 8) for k in range(1, 9)]
+    assert done == [(k, 8) for k in range(9)]
 
 
 def test_every_controller_meets_the_same_floors() -> None:
-    cells = table1(small_map(), Inline(), 3, (OURS, LEARNED), (0.1,), SMALL)
+    cells = table1(small_map(), Work(Inline()), 3, (OURS, LEARNED), (0.1,), SMALL)
     seeds = [[r["seed"] for r in c.runs] for c in cells]
     assert all(s == seeds[0] for s in seeds)
     assert len(set(seeds[0])) == 3
@@ -84,19 +84,19 @@ def test_every_controller_meets_the_same_floors() -> None:
 
 def test_the_result_does_not_depend_on_the_executor() -> None:
     arguments = (1, (OURS, LEARNED), (0.2,), SMALL)
-    inline = table1(small_map(), Inline(), *arguments)
+    inline = table1(small_map(), Work(Inline()), *arguments)
     with threads() as executor:
-        threaded = table1(small_map(), executor, *arguments)
+        threaded = table1(small_map(), Work(executor), *arguments)
     assert (
         without_times(inline)
         == without_times(threaded)
-        == without_times(table1(small_map(), Inline(), *arguments))
+        == without_times(table1(small_map(), Work(Inline()), *arguments))
     )
 
 
 def test_an_error_in_a_worker_comes_out() -> None:
     with pytest.raises(kl.DataError), threads() as executor:
-        table1(small_map(), executor, 1, (LEARNED,), (0.0,), {"episodes": 1, "steps": 2})
+        table1(small_map(), Work(executor), 1, (LEARNED,), (0.0,), {"episodes": 1, "steps": 2})
 
 
 def test_training_is_the_papers_at_one_slip() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from kmpc_lab.cli.study import faults, learning, maps, real, robots, sight, surprises, table1
+from kmpc_lab.cli.study import maps, robots, surprises
 from kmpc_lite.cli.command import Command
 
 COMMAND = Command(
@@ -14,13 +14,12 @@ COMMAND = Command(
         "kmpc study lag --records lag.jsonl --failures failures",
     ),
     commands={
-        "table1": table1.COMMAND,
         **maps.COMMANDS,
         **robots.COMMANDS,
-        "faults": faults.COMMAND,
+        "faults": maps.FAULTS,
         **surprises.COMMANDS,
-        "learning": learning.COMMAND,
-        "real": real.COMMAND,
-        "sight": sight.COMMAND,
+        "learning": robots.LEARNING,
+        "real": robots.REAL,
+        "sight": surprises.SIGHT,
     },
 )

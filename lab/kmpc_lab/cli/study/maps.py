@@ -1,22 +1,22 @@
-"""`kmpc study maps` and the other studies over random maps: lag, noise, turning, and so on."""
+"""`kmpc study` over maps: the paper's table 1, random maps by conditions, forced failures."""
 
 from __future__ import annotations
 
 import argparse
-import json
+from collections.abc import Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import kmpc_lite as kl
-from kmpc_lab.studies.options import add_runner, runner
-from kmpc_lite.cli.command import Command
+from kmpc_lab.cli.study.command import add_slips, first_seed, study
 from kmpc_lite.cli.numbers import count
-from kmpc_lite.cli.progress import ProgressBar
 
 if TYPE_CHECKING:
     from kmpc_lab.studies.contenders import Contender
-    from kmpc_lab.studies.records import Record
+    from kmpc_lab.studies.records import Record, Work
+    from kmpc_lite.scenario.files import Scenario
 
 FAMILIES = {
     "open": "4 to 9 circles",
@@ -41,6 +41,60 @@ STUDIES = {
 """Studies over random maps; `kmpc_lab.studies.conditions` says what each drives."""
 
 
+def add_table_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run_table` reads."""
+    add = parser.add_argument
+    add(
+        "--trials",
+        type=count,
+        default=5,
+        metavar="N",
+        help="runs per cell (default: 5, as in the paper)",
+    )
+    add(
+        "--scenario",
+        default="four_circles_1",
+        metavar="NAME",
+        help="map (default: four_circles_1); its slip and seed are replaced",
+    )
+
+
+def run_table(options: argparse.Namespace, work: Work) -> tuple[Any, str, bool]:
+    """Drive all cells of table 1."""
+    from kmpc_lab.studies import contenders
+    from kmpc_lab.studies.table1 import format_table1, table1
+    from kmpc_lite.scenario.files import Scenario
+
+    scenario = Scenario.load(options.scenario)
+    _build(contenders.TABLE_1_CONTENDERS, scenario)
+    cells = table1(scenario, work, options.trials)
+    return [cell.as_dict() for cell in cells], format_table1(cells), False
+
+
+def _build(specs: Sequence[Contender], scenario: Scenario) -> None:
+    """Build each controller: what is missing is reported now, not after minutes of training."""
+    from kmpc_lab.studies.training import DT
+
+    for spec in specs:
+        spec.build(kl.nominal_unicycle(DT), scenario)
+
+
+def add_fault_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run_faults` reads."""
+    add = parser.add_argument
+    add("--maps", type=count, default=100, metavar="N", help="number of maps (default: 100)")
+    add_slips(parser)
+
+
+def run_faults(options: argparse.Namespace, work: Work) -> tuple[Any, str, bool]:
+    """Drive with forced failures."""
+    from kmpc_lab.studies.faults import SLIPS, faults_study, format_faults
+
+    slips = tuple(options.slips or SLIPS)
+    rows = faults_study(work, options.maps, slips, first_seed=first_seed(options))
+    return [asdict(row) for row in rows], format_faults(rows), any(row.bad for row in rows)
+
+
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add = parser.add_argument
@@ -55,13 +109,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         + "\n".join(f"{name}: {text}" for name, text in FAMILIES.items()),
     )
     add(
-        "--slips",
-        type=float,
-        nargs="+",
-        metavar="SLIP",
-        help="mean slip ratios (default: the study's)",
-    )
-    add(
         "--controllers",
         nargs="+",
         metavar="WORD",
@@ -74,45 +121,34 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="slip at which models are learned (default: the one driven at; mismatch: 0.1)",
     )
     add("--failures", type=Path, metavar="DIR", help="scenario files of drives that failed")
-    add("--tuning", action="store_true", help="use the tuning seeds instead of the reporting ones")
-    add_runner(parser)
+    add_slips(parser)
 
 
-def run(options: argparse.Namespace, name: str) -> int:
+def run(options: argparse.Namespace, work: Work, name: str) -> tuple[Any, str, bool]:
     """Drive random maps under the conditions of a study."""
     from kmpc_lab.studies.conditions import STUDIES as CATALOGUE
     from kmpc_lab.studies.conditions import choose
     from kmpc_lab.studies.random_maps import maps_study
     from kmpc_lab.studies.tables import format_maps, summarise
-    from kmpc_lab.studies.training import DT, REPORTING_SEED
     from kmpc_lite.scenario.files import Scenario
 
-    study = CATALOGUE[name]
-    specs = choose(study, options.controllers)
-    for spec in specs:
-        # what is missing is reported now, not after minutes of training
-        spec.build(kl.nominal_unicycle(DT), Scenario.load("mehrez"))
-    bar = ProgressBar(name, quiet=options.json)
-    with runner(options) as executor:
-        records = maps_study(
-            specs,
-            executor,
-            families=options.families,
-            slips=tuple(options.slips or study.slips),
-            maps=options.maps,
-            first_seed=0 if options.tuning else REPORTING_SEED,
-            records=options.records,
-            failures=options.failures,
-            trained_at=study.trained_at if options.trained_at is None else options.trained_at,
-            conditions=study.conditions,
-            progress=bar,
-        )
+    asked = CATALOGUE[name]
+    specs = choose(asked, options.controllers)
+    _build(specs, Scenario.load("mehrez"))
+    records = maps_study(
+        specs,
+        work,
+        families=options.families,
+        slips=tuple(options.slips or asked.slips),
+        maps=options.maps,
+        first_seed=first_seed(options),
+        failures=options.failures,
+        trained_at=asked.trained_at if options.trained_at is None else options.trained_at,
+        conditions=asked.conditions,
+    )
     rows = summarise(records)
-    if options.json:
-        print(json.dumps([row.as_dict() for row in rows]))
-    else:
-        print(format_maps(rows) + _time_to_pose(records, specs))
-    return 0
+    text = format_maps(rows) + _time_to_pose(records, specs)
+    return [row.as_dict() for row in rows], text, False
 
 
 def _time_to_pose(records: list[Record], specs: list[Contender]) -> str:
@@ -134,11 +170,22 @@ def _examples(name: str) -> tuple[str, ...]:
 
 
 COMMANDS = {
-    name: Command(
-        text=text,
-        examples=_examples(name),
-        add_options=add_options,
-        run=partial(run, name=name),
-    )
-    for name, text in STUDIES.items()
+    "table1": study(
+        "table1",
+        "The paper's table 1 beside ours. The rows of IPOPT need the extra peers.",
+        add_table_options,
+        run_table,
+        ("kmpc study table1", "kmpc study table1 --trials 100 --json > table1.json"),
+    ),
+    **{
+        name: study(name, text, add_options, partial(run, name=name), _examples(name))
+        for name, text in STUDIES.items()
+    },
 }
+FAULTS = study(
+    "faults",
+    "Drives in which the solver, the clock, the warm start and the poses fail.",
+    add_fault_options,
+    run_faults,
+    ("kmpc study faults --maps 10",),
+)

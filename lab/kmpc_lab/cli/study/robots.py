@@ -1,14 +1,21 @@
-"""`kmpc study anyrobot`, `scales` and `limits`: robots without tuning."""
+"""`kmpc study` of robots: without tuning, made from a real log, and what learning is worth."""
 
 from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from kmpc_lab.cli.study.named import chosen, named
-from kmpc_lab.studies.options import add_runner, runner
-from kmpc_lite.cli.numbers import count
+from kmpc_lab.cli.study.command import chosen, study
+from kmpc_lite.cli.command import Command
+from kmpc_lite.cli.numbers import count, positive
 from kmpc_lite.cli.progress import ProgressBar
+
+if TYPE_CHECKING:
+    from kmpc_lab.studies.records import Work
 
 STUDIES = {
     "anyrobot": "Robots drawn at random from a seed: size, speed, period, lag, slip, turning "
@@ -34,27 +41,111 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     add("--round", action="store_true", help="anyrobot: round robots only, else drawn alike")
     add("--only", nargs="+", metavar="WORD", help="robots whose names contain one of these words")
-    add_runner(parser)
 
 
-def run(options: argparse.Namespace, name: str) -> int:
+def run(options: argparse.Namespace, work: Work, name: str) -> tuple[Any, str, bool]:
     """Drive the robots of a study."""
+    from kmpc_lab.studies import robot_drives
     from kmpc_lab.studies.any_robot import KNOWN, LIMITS, SCALES, STANDARD, scaled
-    from kmpc_lab.studies.robot_drives import format_rows, study, study_random
 
     seeds = range(options.seed, options.seed + options.drives)
-    bar = ProgressBar(name, quiet=options.json)
-    with runner(options) as executor:
-        if name == "anyrobot":
-            rows = study_random(seeds, not options.round, executor, bar, options.records)
-        else:
-            at_scales = (*(scaled(STANDARD, by) for by in SCALES), *KNOWN)
-            known = LIMITS if name == "limits" else at_scales
-            robots = {robot.name: robot for robot in known}
-            asked = [robots[name] for name in chosen(robots, options.only)]
-            rows = study(name, asked, seeds, executor, bar, options.records)
-    print(json.dumps([row.as_dict() for row in rows]) if options.json else format_rows(rows))
+    if name == "anyrobot":
+        rows = robot_drives.study_random(seeds, not options.round, work)
+    else:
+        at_scales = (*(scaled(STANDARD, by) for by in SCALES), *KNOWN)
+        robots = {robot.name: robot for robot in (LIMITS if name == "limits" else at_scales)}
+        asked = [robots[name] for name in chosen(robots, options.only)]
+        rows = robot_drives.study(name, asked, seeds, work)
+    return list(map(asdict, rows)), robot_drives.format_rows(rows), False
+
+
+def add_real_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run_real` reads."""
+    add = parser.add_argument
+    add("log", type=Path, help="log of a real robot")
+    add("--radius", type=positive, required=True, metavar="M", help="radius of the robot")
+    add("--speed", type=positive, required=True, metavar="M/S", help="its largest speed")
+    add("--turn-rate", type=positive, required=True, metavar="RAD/S", help="its largest turn rate")
+    add("--maps", type=count, default=100, metavar="N", help="maps of each model (default: 100)")
+    add("--seed", type=int, default=300, metavar="S", help="seed of the first map (default: 300)")
+    add(
+        "--models",
+        nargs="+",
+        metavar="WORD",
+        help="only those whose names contain one of these words",
+    )
+
+
+def run_real(options: argparse.Namespace, work: Work) -> tuple[Any, str, bool]:
+    """Drive every model over the same maps."""
+    from kmpc_lab.studies import real_robots
+    from kmpc_lab.studies.robot_drives import format_rows
+
+    names = chosen([recipe.name for recipe in real_robots.RECIPES], options.models, "--models")
+    recipes = [recipe for recipe in real_robots.RECIPES if recipe.name in names]
+    real = real_robots.real_robot(options.log, options.radius, options.speed, options.turn_rate)
+    real.halves()  # an unreadable log is reported before any work
+    seeds = range(options.seed, options.seed + options.maps)
+    rows = real_robots.study(real, recipes, seeds, work)
+    margins = real_robots.widths(real)
+    told = {"margins": list(map(asdict, margins)), "drives": list(map(asdict, rows))}
+    text = "\n".join([real_robots.WIDTHS, *map(str, margins), "", format_rows(rows)])
+    return told, text, False
+
+
+def add_learning_options(parser: argparse.ArgumentParser) -> None:
+    """Add what `run_learning` reads."""
+    add = parser.add_argument
+    add("log", type=Path, nargs="*", help="logs of real robots, ten splits each")
+    add("--robots", type=count, default=200, help="number of nominal robots (default: 200)")
+    add("--lagging", type=count, default=10, help="number of lagging robots (default: 10)")
+
+
+def run_learning(options: argparse.Namespace) -> int:
+    """Fit, judge on what nothing was fitted to, print the shares of the nominal robot's errors."""
+    from kmpc_lab.studies.learning import (
+        format_harm,
+        format_ratios,
+        study_lagging,
+        study_log,
+        study_nominal,
+    )
+
+    told, texts = {}, []
+    for log in options.log:
+        rows, noise = study_log(log, ProgressBar(log.stem, quiet=options.json))
+        told[log.stem] = {"splits": [r.as_dict() for r in rows], "noise": noise.as_dict()}
+        texts += [format_ratios(log.stem, rows), f"{log.stem}: {noise}"]
+    lagging = study_lagging(ProgressBar("lagging robots", quiet=options.json), options.lagging)
+    nominal = study_nominal(ProgressBar("nominal robots", quiet=options.json), options.robots)
+    texts += [
+        format_ratios("lagging robots, by the true pose", lagging),
+        format_harm(nominal),
+    ]
+    told["lagging"] = {"robots": [r.as_dict() for r in lagging]}
+    told["nominal"] = {"robots": [r.as_dict() for r in nominal]}
+    print(json.dumps(told) if options.json else "\n".join(texts))
     return 0
 
 
-COMMANDS = named(STUDIES, add_options, run)
+COMMANDS = {
+    name: study(name, text, add_options, partial(run, name=name)) for name, text in STUDIES.items()
+}
+REAL = study(
+    "real",
+    "Drives of a plant made from one half of a real log, with models learned from the other "
+    "half: with and without lags, with and without adaptation.",
+    add_real_options,
+    run_real,
+    (
+        "kmpc study real husky.csv --radius 0.5 --speed 1 --turn-rate 1",
+        "kmpc study real husky.csv --radius 0.5 --speed 1 --turn-rate 1 --models auto --maps 20",
+    ),
+)
+LEARNING = Command(
+    text="Errors of the default fit after 1 s as shares of the nominal robot's, on driving that "
+    "nothing was fitted to.",
+    examples=("kmpc study learning husky.csv warthog.csv",),
+    add_options=add_learning_options,
+    run=run_learning,
+)

@@ -7,10 +7,9 @@ that is where it is. A collision is an overlap at any of four looks a period.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from kmpc_lab.sim.closed_loop import SUBSAMPLES
 from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.sim.periods import periods
 from kmpc_lab.sim.plants.robots import DifferentialDrive
-from kmpc_lab.studies.records import drive_rows
+from kmpc_lab.studies.records import Work
 from kmpc_lab.studies.training import DT
 from kmpc_lite.control import Circle, Controller, NavigationProblem
 from kmpc_lite.control.plan import Plan, PlanStatus
@@ -49,10 +48,6 @@ class Reveal:
     """Time of the same drive where everything is told [s]."""
     fastest: float
     stopped: float
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
-        return asdict(self)
 
 
 def sight_law(reach: float, fastest: float) -> float:
@@ -99,15 +94,9 @@ def _drive(speed: float, reach: float, seed: int) -> tuple[float, bool, float, f
     return k * DT, False, fastest, stopped / k
 
 
-def study(
-    executor: Executor,
-    seeds: Sequence[int],
-    progress: Callable[[int, int], None] = lambda done, total: None,
-    records: Any = None,
-) -> list[Reveal]:
-    """Drive all speeds and reaches; arguments as of `table.study`."""
-    wanted = [(v, reach, seed) for v in SPEEDS for reach in REACHES for seed in seeds]
-    return drive_rows(executor, records, "sight --circles", drive, wanted, Reveal, progress)
+def study(work: Work, seeds: Sequence[int]) -> list[Reveal]:
+    """Drive all speeds and reaches."""
+    return work.rows("sight --circles", product(SPEEDS, REACHES, seeds), drive, Reveal)
 
 
 def format_reveals(rows: Sequence[Reveal]) -> str:

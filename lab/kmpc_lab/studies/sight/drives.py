@@ -9,9 +9,8 @@ a period.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from time import process_time
-from typing import Any
 
 import numpy as np
 
@@ -64,10 +63,6 @@ class SightDrive:
     step_p99: float
     """[ms]."""
     ended: str
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
-        return asdict(self)
 
 
 def drive(driver: str, robot_name: str, kind: str, reach: float, seed: int) -> SightDrive:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
 
-from kmpc_lab.studies.records import drive_rows
+from kmpc_lab.studies.records import Work
 from kmpc_lab.studies.sight.drives import ROBOTS, SightDrive, drive
 from kmpc_lab.studies.sight.worlds import KINDS
 
@@ -17,28 +17,16 @@ DRIVERS = "ours", "pursuit"
 
 
 def study(
-    executor: Executor,
+    work: Work,
     seeds: Sequence[int],
     kinds: Sequence[str] = tuple(KINDS),
     reaches: Sequence[float] = (2.0, 4.0, 8.0),
     robots: Sequence[str] = tuple(ROBOTS),
-    progress: Callable[[int, int], None] = lambda done, total: None,
-    records: Any = None,
 ) -> list[SightDrive]:
-    """Drive every world with both drivers; rows in the order of the arguments.
-
-    Every drive is added to ``records``, a JSON-lines file; those that it holds are not driven
-    again.
-    """
-    wanted = [
-        (driver, robot, kind, reach, seed)
-        for robot in robots
-        for kind in kinds
-        for reach in reaches
-        for seed in seeds
-        for driver in DRIVERS
-    ]
-    return drive_rows(executor, records, "sight", drive, wanted, SightDrive, progress)
+    """Drive every world with both drivers; rows in the order of robots, kinds, reaches, seeds."""
+    worlds = product(robots, kinds, reaches, seeds)
+    wanted = [(driver, *world) for world in worlds for driver in DRIVERS]
+    return work.rows("sight", wanted, drive, SightDrive)
 
 
 def summary(rows: Sequence[SightDrive]) -> dict[str, Any]:
