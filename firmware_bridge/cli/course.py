@@ -90,7 +90,9 @@ def course(
         controller = build_controller(robot, scenario, learned)
     except kl.KmpcError as error:
         raise ConfigError(str(error)) from error
-    if robot.gate.geofence is None:
+    if robot.gate.geofence is not None:
+        _check_fence(robot, scenario)
+    else:
         x_min, y_min, x_max, y_max = scenario.bounds
         fence = (x_min - FENCE_ROOM, y_min - FENCE_ROOM, x_max + FENCE_ROOM, y_max + FENCE_ROOM)
         robot = replace(robot, gate=replace(robot.gate, geofence=fence))
@@ -117,6 +119,17 @@ def course(
     return Course(name, robot, navigator, period, own_frame(robot, scenario), notes, *made)
 
 
+def _check_fence(robot: Robot, scenario: Any) -> None:
+    """Raise ConfigError for a goal where the gate would stop the robot."""
+    x_min, y_min, x_max, y_max = robot.gate.geofence or (0.0, 0.0, 0.0, 0.0)
+    for x, y, _ in scenario.goals:
+        if not (x_min <= x <= x_max and y_min <= y <= y_max):
+            raise ConfigError(
+                f"{scenario.name}: goal ({x:g}, {y:g}) lies outside the geofence "
+                f"{list(robot.gate.geofence or ())}"
+            )
+
+
 def scenario_of(robot: Robot, goals: Sequence[Pose] = (), loop: bool = False) -> Any:
     """Scenario of a robot's file, with the file's footprint, and with goals of a command line.
 
@@ -127,7 +140,8 @@ def scenario_of(robot: Robot, goals: Sequence[Pose] = (), loop: bool = False) ->
     """
     from kmpc_lite.control import Footprint
     from kmpc_lite.errors import KmpcError
-    from kmpc_lite.scenario.drawn import drawn_table
+    from kmpc_lite.reading import parse_toml
+    from kmpc_lite.scenario.drawn import drawn_table, goals_table
     from kmpc_lite.scenario.files import Scenario
 
     named = robot.control.scenario
@@ -140,10 +154,12 @@ def scenario_of(robot: Robot, goals: Sequence[Pose] = (), loop: bool = False) ->
             scenario = Scenario.from_table(drawn_table(goals), "command line", "command line")
         else:
             scenario = Scenario.load(named)
-        if goals:
-            *via, goal = goals
-            scenario = replace(scenario, via=tuple(via), goal=goal)
-        scenario = replace(scenario, loop=loop or scenario.loop)
+        if goals and named is not None:
+            table = parse_toml(scenario.to_toml())
+            table["robot"].update(goals_table(goals))
+            scenario = Scenario.from_table(table, scenario.name, named)
+        # what is drawn of a map without bounds has room around it, and is where the robot may go
+        scenario = replace(scenario, loop=loop or scenario.loop, has_area=True)
         if robot.footprint is None:
             return scenario
         return replace(scenario, footprint=Footprint.of(robot.footprint))

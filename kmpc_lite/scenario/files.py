@@ -26,6 +26,7 @@ from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
 from kmpc_lite.reading import read_toml
 from kmpc_lite.scenario.arrival import ARRIVED, Tolerance
 from kmpc_lite.scenario.bundled import bundled, bundled_file
+from kmpc_lite.scenario.drawn import NO_AREA, area_around
 from kmpc_lite.scenario.lidar import LIDAR, LidarSpec, lidar_to_toml, read_lidar
 from kmpc_lite.scenario.places import check_place
 from kmpc_lite.scenario.shapes import grid_to_toml, to_toml
@@ -33,6 +34,7 @@ from kmpc_lite.scenario.values import (
     CONTROLLER,
     KEYS,
     Floor,
+    check_keys,
     options_to_toml,
     read_options,
     read_value,
@@ -52,7 +54,8 @@ class Scenario:
 
     name: str
     bounds: tuple[float, float, float, float]
-    """xmin, ymin, xmax, ymax of the robot's centre."""
+    """xmin, ymin, xmax, ymax of the robot's centre. Not given in a file: of the grid, if there is
+    one, else of the pictures alone."""
     circles: tuple[Circle, ...]
     radius: float
     start: tuple[float, float, float]
@@ -104,6 +107,8 @@ class Scenario:
     it."""
     options: ControllerOptions = ControllerOptions()
     """What the controller is tuned with; in a file tables [controller.ROOM]."""
+    has_area: bool = True
+    """Whether the robot has to stay within `bounds`."""
     lidar: LidarSpec | None = None
     """By what a simulated robot sees; without one, all obstacles are known."""
     via: tuple[tuple[float, float, float], ...] = ()
@@ -165,24 +170,7 @@ class Scenario:
     @classmethod
     def from_table(cls, table: Mapping[str, Any], name: str, where: str) -> Scenario:
         """Check a parsed scenario, section by section."""
-        sections = (*KEYS, LIDAR, CONTROLLER)
-        for section, content in table.items():
-            if section in (LIDAR, CONTROLLER):
-                continue
-            if section not in KEYS:
-                raise ScenarioError(
-                    f"{where}: unknown section [{section}]{did_you_mean(section, sections)}; "
-                    f"expected {', '.join(f'[{s}]' for s in sections)}"
-                )
-            if not isinstance(content, Mapping):
-                raise ScenarioError(f"{where}: [{section}] must be a section, got {content!r}")
-            for key in content:
-                if key not in KEYS[section]:
-                    hint = did_you_mean(key, KEYS[section])
-                    raise ScenarioError(
-                        f"{where}: [{section}] {key}: unknown key{hint}; "
-                        f"expected {', '.join(KEYS[section])}"
-                    )
+        check_keys(where, table, (LIDAR, CONTROLLER))
         values: dict[str, Any] = {}
         for section, defaults in KEYS.items():
             given = table.get(section, {})
@@ -192,6 +180,8 @@ class Scenario:
                 values[key] = read_value(
                     f"{where}: [{section}] {key}", key, given.get(key, default)
                 )
+        if not values["bounds"]:
+            values["bounds"], values["has_area"] = area_around(values)
         options = read_options(f"{where}: [{CONTROLLER}]", table.get(CONTROLLER, {}))
         lidar = read_lidar(f"{where}: [{LIDAR}]", table.get(LIDAR))
         return cls(name=name, options=options, lidar=lidar, **values)
@@ -215,6 +205,7 @@ class Scenario:
         values["footprint"] = () if self.footprint is None else self.footprint.corners
         left_out = {"grid", "radius" if self.footprint else "footprint"}
         left_out |= {key for key, pair in pairs.items() if not pair}
+        left_out |= set() if self.has_area else {"bounds"}
         values["polygons"] = [[list(corner) for corner in p.vertices] for p in self.polygons]
         values["walls"] = [[w.x1, w.y1, w.x2, w.y2, w.thickness] for w in self.walls]
         lines: list[str] = []
@@ -233,7 +224,7 @@ class Scenario:
 
     def problem(self, base: NavigationProblem | None = None) -> NavigationProblem:
         """Navigation problem of this map and robot, the rest as in `base` or the paper."""
-        x_min, y_min, x_max, y_max = self.bounds
+        x_min, y_min, x_max, y_max = self.bounds if self.has_area else NO_AREA
         base = base or NavigationProblem()
         track, max_wheel_speed = self.wheels or (base.track, base.max_wheel_speed)
         try:

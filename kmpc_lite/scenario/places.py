@@ -21,7 +21,7 @@ def check_place(
     x_min, y_min, x_max, y_max = scenario.bounds
     x, y, _ = pose
     where = f"{scenario.name}: [robot] {key}"
-    if not (x_min <= x <= x_max and y_min <= y <= y_max):
+    if scenario.has_area and not (x_min <= x <= x_max and y_min <= y <= y_max):
         raise ScenarioError(
             f"{where}: ({x:g}, {y:g}) lies outside the bounds {list(scenario.bounds)}"
         )

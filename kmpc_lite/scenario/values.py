@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES
 from kmpc_lite.control.world.circles import Circle
-from kmpc_lite.errors import ProblemError, ScenarioError
+from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
 from kmpc_lite.scenario.arrival import ARRIVED
 from kmpc_lite.scenario.shapes import LARGEST_NUMBER, read_grid, read_polygons, read_walls
 
 KEYS: Mapping[str, Mapping[str, Any]] = {
-    "map": {"bounds": None, "circles": [], "polygons": [], "walls": [], "grid": ""},
+    "map": {"bounds": [], "circles": [], "polygons": [], "walls": [], "grid": ""},
     "robot": {
         "radius": 0.15,
         "footprint": [],
@@ -75,6 +75,28 @@ class Floor(NamedTuple):
     """Mean of the three slip ratios."""
     turn_gain: float = 1.0
     """Share of a commanded turn that happens."""
+
+
+def check_keys(where: str, table: Mapping[str, Any], free: Sequence[str]) -> None:
+    """Raise ScenarioError for unknown sections and keys; those of `free` are read elsewhere."""
+    sections = (*KEYS, *free)
+    for section, content in table.items():
+        if section in free:
+            continue
+        if section not in KEYS:
+            raise ScenarioError(
+                f"{where}: unknown section [{section}]{did_you_mean(section, sections)}; "
+                f"expected {', '.join(f'[{s}]' for s in sections)}"
+            )
+        if not isinstance(content, Mapping):
+            raise ScenarioError(f"{where}: [{section}] must be a section, got {content!r}")
+        for key in content:
+            if key not in KEYS[section]:
+                hint = did_you_mean(key, KEYS[section])
+                raise ScenarioError(
+                    f"{where}: [{section}] {key}: unknown key{hint}; "
+                    f"expected {', '.join(KEYS[section])}"
+                )
 
 
 def read_options(where: str, value: Any) -> ControllerOptions:
@@ -193,6 +215,8 @@ def _name(where: str, value: Any) -> str:
 
 
 def _numbers(where: str, key: str, value: Any) -> tuple[float, ...]:
+    if key == "bounds" and value == []:
+        return ()
     if not isinstance(value, list) or len(value) != FLOAT_LISTS[key]:
         raise ScenarioError(f"{where}: expected {FLOAT_LISTS[key]} numbers, got {value!r}")
     numbers = tuple(read_number(where, v) for v in value)

@@ -14,6 +14,7 @@ def test_every_command_has_help_with_an_example_and_json(command, capsys):
 
 
 MAVLINK = ["--driver", "mavlink", "--link", "pty:link"]
+FENCE = ["--geofence", "-.5", "-.5", ".5", ".5"]
 
 
 @pytest.mark.parametrize(
@@ -23,6 +24,14 @@ MAVLINK = ["--driver", "mavlink", "--link", "pty:link"]
         (["run", "none.toml"], "none.toml: cannot read the robot file"),
         (["run", *MAVLINK], "control.scenario: missing: give --scenario NAME"),
         (["run", *MAVLINK, "--scenario", "nowhere"], "no scenario named 'nowhere'"),
+        (
+            ["run", *MAVLINK, "--goal", "9", "0", "0", "--scenario", "course.toml"],
+            "outside the bounds",
+        ),
+        (
+            ["run", *MAVLINK, *FENCE, "--goal", "1", "0", "0"],
+            "goal (1, 0) lies outside the geofence",
+        ),
         (["run", *MAVLINK, "--scenario", "course.toml", "--model", "none.npz"], "none.npz"),
         (
             ["run", *MAVLINK, "--scenario", "course.toml", "--period", "0.2"],

@@ -145,7 +145,6 @@ def test_everything_survives_being_written(tmp_path: Path) -> None:
         ("[plant]", "[floor]", "unknown section [floor]"),
         ("start = [0.0, 0.0, 0.0]", "", "[robot] start: missing"),
         ("goal = [1.5, 1.5, 0.0]", "", "[robot] goal: missing"),
-        ("bounds = [-2, -2.0, 2.0, 2.0]", "", "[map] bounds: missing"),
         ("start = [0.0, 0.0, 0.0]", "start = [0.0, 0.0]", "[robot] start: expected 3 numbers"),
         ("start = [0.0, 0.0, 0.0]", "start = [0.0, 0.0, inf]", "[robot] start"),
         ("start = [0.0, 0.0, 0.0]", "start = [0.45, 0.5, 0.0]", "[robot] start: (0.45, 0.5)"),
@@ -291,7 +290,8 @@ def test_a_scenario_made_in_code_is_checked_as_a_file_is() -> None:
 
 def test_every_key_of_a_file_is_a_field() -> None:
     fields = set(vars(Scenario.load("mehrez")))
-    assert {key for keys in KEYS.values() for key in keys} == fields - {"name", "options", "lidar"}
+    others = {"name", "options", "lidar", "has_area"}
+    assert {key for keys in KEYS.values() for key in keys} == fields - others
 
 
 TUNED = """
@@ -354,3 +354,32 @@ def test_any_name_survives_being_written(name: str, tmp_path: Path) -> None:
     again = Scenario.load(tmp_path / "it.toml")
     assert again.ground == name and again.ground_patches == scenario.ground_patches
     assert again.to_toml() == scenario.to_toml()
+
+
+def test_without_bounds_the_robot_may_go_everywhere_and_pictures_show_all() -> None:
+    table = {
+        "map": {"circles": [[5.0, 9.0, 0.5]], "walls": [[-7.0, 0.0, -6.0, 0.0, 0.1]]},
+        "robot": {"start": [0, 0, 0], "goal": [8.0, 1.0, 0.0]},
+    }
+    scenario = Scenario.from_table(table, "open", "open.toml")
+    assert np.isinf(scenario.problem().x_min).all() and np.isinf(scenario.problem().x_max).all()
+    assert scenario.bounds == (-8.0, -2.0, 9.0, 10.0)
+    again = Scenario.from_table(tomllib.loads(scenario.to_toml()), "open", "open.toml")
+    assert vars(again) == vars(scenario)
+
+
+def test_without_bounds_a_grid_is_the_area_however_it_is_turned() -> None:
+    table = tomllib.loads(Scenario.load("room_grid").to_toml())
+    del table["map"]["bounds"]
+    scenario = Scenario.from_table(table, "room", "room.toml")
+    grid = scenario.grid
+    assert grid is not None and scenario.has_area
+    height, width = grid.occupied.shape
+    x, y, theta = grid.origin
+    assert theta == 0.0
+    far = (x + grid.resolution * width, y + grid.resolution * height)
+    np.testing.assert_allclose(scenario.bounds, (x, y, *far))
+    np.testing.assert_allclose(scenario.problem().x_max[:2], far)
+    table["robot"]["goal"] = [far[0] + 0.1, 0.0, 0.0]
+    with pytest.raises(kl.ScenarioError, match="goal: .* lies outside the bounds"):
+        Scenario.from_table(table, "room", "room.toml")
