@@ -73,6 +73,15 @@ class GuidanceOptions:
     by this time [s] ..."""
     switch_share: float = share(0.1)
     """... plus this share of its own time."""
+    narrow_cost: float = share(1.0)
+    """A path that keeps less than the wide clearance counts as longer by this share: the robot
+    drives it more slowly."""
+    unknown_cost: float = share(0.5)
+    """What scans have not shown of a path counts as longer by this share: the robot may have to
+    return."""
+    unfit_cost: float = seconds(1000.0)
+    """What a path costs on which a robot that is not round does not fit: it is driven if there is
+    no other [s]."""
 
     # parking
     shuttle_length: float = radii(2.0)
@@ -101,9 +110,10 @@ class GuidanceOptions:
     obstacle, and the next time one that keeps less clearance. Without progress for as long again,
     the guidance says that it waits [s]."""
     stall_distance: float = radii(1.0)
-    """A robot that moves farther than this within that time [radii] ..."""
-    stall_angle: float = angle(0.5)
-    """... or turns by more than this [rad] has not stalled."""
+    """A robot that moves farther than this within that time has not stalled yet on a detour
+    [radii]."""
+    tried_paths: int = count(4)
+    """Most paths on which time was lost that are remembered for one goal."""
 
     # timing of a path
     turn_share: float = share(0.9, zero=False)

@@ -30,6 +30,15 @@ class Route(NamedTuple):
     """(K, 2) from the robot's place on it to the goal [m]."""
     reverse: bool
     """Whether it is driven backwards."""
+    clearance: float
+    """What it keeps beyond the request's inflation [m]."""
+    lost: float
+    """Time lost on it since its best time to go last fell [s]."""
+
+    def in_metres(self, scale: Scale) -> Route:
+        """Give the same of a route in the robot's units."""
+        length, lost = scale.length, self.lost * scale.time
+        return Route(length * self.points, self.reverse, length * self.clearance, lost)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,12 +111,12 @@ class PathRequest:
     """What scans have shown; None without scans: then everything is known."""
     driven: Route | None = None
     """The path that is driven now, and kept to where another one is hardly better."""
-    avoid: Route | None = None
-    """A path that has led nowhere: one on another side of some obstacle is preferred."""
-    is_wide: bool = True
-    """Whether the widest clearance is tried: paths that keep it have not led nowhere."""
+    tried: tuple[Route, ...] = ()
+    """Paths that were driven before, and led nowhere."""
+    turned: float = 0.0
+    """How far the robot has turned on the spot just now [rad]: turning back costs as much."""
     gear_time: float = 0.0
-    """How much slower a path in the gear of the one driven may be to be taken [s]."""
+    """What a change of the gear driven costs [s]."""
     in_time: bool = True
     """Whether the path is needed at once, whatever a step takes."""
     unit: float = 1.0
@@ -129,11 +138,7 @@ class PathRequest:
                 cell=length * known.cell,
                 coarseness=length * known.coarseness,
             )
-        routes = (
-            None if r is None else Route(length * r.points, r.reverse)
-            for r in (self.driven, self.avoid)
-        )
-        driven, avoid = routes
+        driven = None if self.driven is None else self.driven.in_metres(scale)
         return replace(
             self,
             start=self.start * scale.state,
@@ -149,7 +154,7 @@ class PathRequest:
             clearance=length * self.clearance,
             known=known,
             driven=driven,
-            avoid=avoid,
+            tried=tuple(route.in_metres(scale) for route in self.tried),
             gear_time=self.gear_time * scale.time,
             unit=length * self.unit,
         )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.types import Array
 
-NOWHERE = (math.inf, math.inf, math.inf)
+NOWHERE = math.inf, math.inf
 
 
 @dataclass(slots=True)
@@ -32,8 +32,8 @@ class ProgressState:
     """Largest one told since [s]."""
     since_best: float = 0.0
     """Time since the best [s]."""
-    anchor: tuple[float, float, float] = NOWHERE
-    """Pose that the robot has not moved away from [m, m, rad]."""
+    anchor: tuple[float, float] = NOWHERE
+    """Place that the robot has not moved away from [m]."""
     since_moved: float = 0.0
     """Time since it was there first [s]."""
     stalls: int = 0
@@ -52,7 +52,7 @@ class ProgressChecker:
     def __init__(self, options: GuidanceOptions) -> None:
         self._progress, self._patience = options.progress_time, options.patience
         self._detour = options.detour_time
-        self._stall, self._turn = options.stall_time, options.stall_angle
+        self._stall = options.stall_time
         self._distance = options.stall_distance
 
     def expect_new_path(self, state: ProgressState) -> None:
@@ -121,12 +121,11 @@ class ProgressChecker:
             state.best_left = state.worst_left = left
             state.since_best, state.stalls = 0.0, 0
         state.worst_left = max(state.worst_left, left)
-        x, y, heading = pose.tolist()
-        x_then, y_then, heading_then = state.anchor
+        x, y, _ = pose.tolist()
+        x_then, y_then = state.anchor
         moved = math.hypot(x - x_then, y - y_then) > self._distance
-        # a place that is nowhere has no heading
-        if moved or abs(math.remainder(heading - heading_then, math.tau)) > self._turn:
-            state.anchor, state.since_moved = (x, y, heading), 0.0
+        if moved:
+            state.anchor, state.since_moved = (x, y), 0.0
         state.since_best += period
         state.since_moved += period
         detour = 2.0 * (state.worst_left - state.best_left)

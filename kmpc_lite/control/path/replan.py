@@ -17,6 +17,7 @@ from kmpc_lite.control.path.search_driver import SearchDriver
 from kmpc_lite.control.path.situation import Situation
 from kmpc_lite.control.path.state import GuideState
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.geometry import wrap
 
 
 class Replanner:
@@ -70,6 +71,7 @@ class Replanner:
             Whether a search has ended in this step; and whether its path, or that there is none,
             leads another way around than the path before.
         """
+        self._watch_turn(state, now)
         strayed = self._watch_place(state, now, off)
         grown = self._watch.has_grown_elsewhere(state, now)
         is_new = not grown and self._is_new(state, now)
@@ -132,13 +134,12 @@ class Replanner:
     def _watch_progress(self, state: GuideState, now: Situation) -> bool:
         """Note the progress: whether there was none for too long; then something else is tried.
 
-        Far from the goal that is a path on another side of some obstacle, then one that keeps less
-        clearance, in turns; near the goal, a path from where the robot is.
+        That is the cheapest path: time was lost on the one driven.
         """
         progress, path = state.progress, state.path
         if now.target.tolist() != state.goal.tolist():
             self._progress.expect_new_goal(progress)
-            state.avoided, state.narrow = None, False
+            state.tried = ()
             return False
         if path is None or state.urgent or state.goal_checker.holding:
             return False
@@ -146,12 +147,18 @@ class Replanner:
         left = path.duration - state.place
         stalled = self._progress.watch(progress, now.pose, left, period)
         if not progress.stalls:
-            state.avoided, state.narrow = None, False
+            state.tried = ()
         elif stalled and now.distance > self._options.near_goal:
-            state.narrow = progress.stalls % 2 == 0
-            state.avoided = None if state.narrow else path
-            state.avoided_place = state.place
+            tried = path.route(now.pose, state.place, self._options.stall_time)
+            state.tried = (*state.tried, tried)[-self._options.tried_paths :]
         return stalled
+
+    def _watch_turn(self, state: GuideState, now: Situation) -> None:
+        """Note how far the robot has turned on the spot where it stands."""
+        if not math.dist(now.pose[:2], state.stood[:2]) <= self._options.shuttle_reach:
+            state.stood, state.turned = now.pose.copy(), 0.0
+        state.turned += wrap(float(now.pose[2] - state.stood[2]))
+        state.stood[2] = now.pose[2]
 
     def _is_new(self, state: GuideState, now: Situation) -> bool:
         """Whether the goal or the map is another one than the last search was begun for."""

@@ -87,11 +87,9 @@ class SearchDriver:
         if shuttle is not None:
             state.shuttle, state.shuttles = shuttle, state.shuttles + 1
         can, progress = now.capabilities, state.progress
-        driven = avoid = None
+        driven = None
         if state.path is not None and same_goal and not progress.stuck:
-            driven = state.path.route(start, state.place)
-        if state.avoided is not None:
-            avoid = state.avoided.route(start, state.avoided_place)
+            driven = state.path.route(start, state.place, 0.0)
         request = PathRequest(
             start=start,
             goal=(self._aim(now, start) if state.shuttle is None else state.shuttle).copy(),
@@ -108,8 +106,8 @@ class SearchDriver:
             clearance=can.clearance,
             known=known,
             driven=driven,
-            avoid=avoid,
-            is_wide=not state.narrow,
+            tried=state.tried if same_goal else (),
+            turned=state.turned,
             gear_time=0.0 if now.view is None else now.view.gear_time,
             in_time=not state.only_renews,
         )

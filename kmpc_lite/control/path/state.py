@@ -10,7 +10,7 @@ import numpy as np
 
 from kmpc_lite.control.kernels.clearance import COLUMNS, VELOCITY
 from kmpc_lite.control.path.goal_checker import GoalCheckerState
-from kmpc_lite.control.path.planner import PathRequest, distances_around
+from kmpc_lite.control.path.planner import PathRequest, Route, distances_around
 from kmpc_lite.control.path.progress_checker import ProgressState
 from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.types import Array
@@ -81,12 +81,12 @@ class GuideState:
 
     looking: bool = False
     """Whether it stands and turns to where its way goes dark, until it has looked there."""
-    avoided: TimedPath | None = None
-    """Path that has led nowhere, until the robot gets nearer to its goal ..."""
-    avoided_place: float = 0.0
-    """... and where on it the robot stood [s]."""
-    narrow: bool = False
-    """Whether the widest clearance is not tried, until the robot gets nearer to its goal."""
+    tried: tuple[Route, ...] = ()
+    """Paths on which time was lost, until the robot gets nearer to its goal."""
+    stood: Array = field(default_factory=lambda: np.full(3, np.nan))
+    """(3,) where the robot began to turn on the spot, and its heading in the last step."""
+    turned: float = 0.0
+    """How far it has turned there [rad]."""
     yielding: bool = False
     """Whether the robot drives more slowly, or elsewhere, for something that moves."""
     yielded: float = 0.0

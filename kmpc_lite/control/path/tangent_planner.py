@@ -1,8 +1,8 @@
 """The planner that is used unless there is another one: tangent graphs, and a lattice for grids.
 
 For each clearance, the widest first, paths are looked for on the tangent graph, and on the lattice
-before it where the map has one. The quickest path is taken, but for one on the same side of all
-obstacles as the path that is driven, if that is hardly slower.
+before it where the map has one. The cheapest path is taken: what it costs is its time, longer where
+it is narrow or unknown, what it takes to switch to it, and the time that was lost on it before.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from kmpc_lite.control.path.tangent_search import Part, TangentSearch
 from kmpc_lite.control.path.timed_path import poses_along
 from kmpc_lite.control.path.turning_centre import swing
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.geometry import angle_swept
+from kmpc_lite.geometry import angle_swept, wrap
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
@@ -113,13 +113,14 @@ class TangentPlanner:
         self._clearance = math.inf
         self._lattice_path: LatticePath | None = None
         self._tangents: TangentSearch | None = None
-        self._best: GeometricPath | None = None
-        self._same_gear: GeometricPath | None = None
-        """The quickest path so far in the gear of the one driven."""
-        self._instead: GeometricPath | None = None
-        """What is taken if there is no other: a path like the one to avoid ..."""
-        self._instead_clearance = math.inf
-        """... and its clearance [m]."""
+        self._best: Path | None = None
+        """The cheapest path so far ..."""
+        self._price = math.inf
+        """... and its price [s]."""
+        self._keeps_side = False
+        """Whether one was found that passes all obstacles as the one driven does."""
+        self._widest = 0.0
+        """The largest clearance that is tried [m]."""
         self._gave_up = False
         """Whether more obstacles were in the way than a search takes."""
         self._found: Path | str | None = None
@@ -170,7 +171,7 @@ class TangentPlanner:
                 # cells stand out of what was hit in them, on either side by half of that in the
                 # mean: from nearer the robot sees whether it fits
                 clearances.append(clearances[-1] - 0.5 * path_map.coarseness)
-            self._clearances = clearances if request.is_wide else clearances[-2:]
+            self._clearances, self._widest = clearances, clearances[0]
             self._try_next_clearance()
         elif self._stage is Stage.LINKED and path_map is not None and path_map.lattice is not None:
             path_map.lattice.find(*self._on_lattice())
@@ -225,13 +226,11 @@ class TangentPlanner:
         return Obstacles(centres, sizes, edges, landmarks, most, np.concatenate([low, high]))
 
     def _try_next_clearance(self) -> None:
-        """Begin with the next clearance; where none is left there is no path."""
-        if not self._clearances:
-            self._clearance = self._instead_clearance
-            self._choose(self._instead, True)
+        """Begin with the next clearance, unless none is left or a path is quick enough."""
+        if not self._clearances or self._is_cheapest:
+            self._choose()
             return
-        self._clearance = self._clearances.pop(0)
-        self._best = self._same_gear = None
+        self._clearance, self._keeps_side = self._clearances.pop(0), False
         path_map = self._map
         if path_map is not None and path_map.lattice is not None:
             path_map.lattice.link(*self._on_lattice())
@@ -302,56 +301,77 @@ class TangentPlanner:
                 return
             if tangents.part is Part.NOTHING:
                 self._gave_up = self._gave_up or tangents.gave_up
-                if self._best is not None:
-                    self._choose(self._preferred(), True)
-                else:
-                    self._try_next_clearance()
+                self._try_next_clearance()
                 return
             if tangents.part is not Part.NEXT:
                 return
 
     def _takes(self, path: GeometricPath) -> bool:
-        """Whether a path that was found ends the search: it or the quickest is chosen."""
-        request, obstacles = self._request, self._obstacles
+        """Compare a path that was found; whether no later one of its clearance can be cheaper."""
+        request, o, obstacles = self._request, self._options, self._obstacles
         assert obstacles is not None
-        landmarks, avoid, driven = obstacles.landmarks, request.avoid, request.driven
-        fits = self._body is None or self._body.fits(path, request)
-        if not fits or (avoid is not None and same_side(avoid, path, landmarks)):
-            if self._instead is None:
-                self._instead, self._instead_clearance = path, self._clearance
-            return False
-        best, o = self._best, self._options
-        if driven is not None and self._same_gear is None:
-            self._same_gear = path if path.reverse == driven.reverse else None
-        longest = max(o.switch_time, request.gear_time)
-        if best is not None and path.time > best.time + longest + o.switch_share * best.time:
-            self._choose(self._preferred(), True)
+        time, driven = path.time * self._narrowness(self._clearance), request.driven
+        if time >= self._price:
+            self._try_next_clearance()
             return True
-        self._best = best or path
-        if driven is None:
-            self._choose(path, True)
-            return True
-        if same_side(driven, path, landmarks):
-            self._choose(path, False)
+        to_switch = 0.0 if driven is None else o.switch_time + o.switch_share * path.time
+        is_like = driven is not None and same_side(driven, path, obstacles.landmarks)
+        lost = sum(
+            route.lost
+            for route in request.tried
+            if abs(route.clearance - self._clearance) <= o.cut_depth
+            and same_side(route, path, obstacles.landmarks)
+        )
+        price = time + lost + (0.0 if is_like else to_switch) + self._extras(path)
+        if price < self._price:
+            poses = poses_along(path, request.start, request.goal)
+            self._best = Path(poses, None, self._clearance, not is_like)
+            self._price = price
+        self._keeps_side = self._keeps_side or is_like
+        if self._price <= time + (to_switch if self._keeps_side else 0.0):
+            self._try_next_clearance()
             return True
         return False
 
-    def _preferred(self) -> GeometricPath | None:
-        """The quickest path; or one that needs no change of gear, where it is hardly slower."""
-        best, same = self._best, self._same_gear
-        if best is None or same is None or same.time > best.time + self._request.gear_time:
-            return best
-        return same
+    def _extras(self, path: GeometricPath) -> float:
+        """What a path costs beside its time and that of switching to it [s]."""
+        request, o = self._request, self._options
+        extra = 0.0
+        if self._body is not None and not self._body.fits(path, request):
+            extra += o.unfit_cost
+        if request.driven is not None and request.driven.reverse != path.reverse:
+            extra += request.gear_time
+        heading = float(path.headings[0]) + (math.pi if path.reverse else 0.0)
+        if request.turned * wrap(heading - float(request.start[2])) < 0.0:
+            extra += abs(request.turned) / float(request.forward[1])
+        if request.known is not None:
+            unknown = request.known.unknown_length(path.points)
+            extra += o.unknown_cost * unknown / float(request.forward[0])
+        return extra
 
-    def _choose(self, path: GeometricPath | None, switched: bool) -> None:
+    def _narrowness(self, clearance: float) -> float:
+        """How many times its time a path counts that keeps a clearance [m]."""
+        return 1.0 + self._options.narrow_cost * (1.0 - clearance / self._widest)
+
+    @property
+    def _is_cheapest(self) -> bool:
+        """Whether no path of the next clearance can be cheaper: nothing is quicker than straight.
+
+        While a robot gets on, paths that keep less than the one driven are not looked for.
+        """
+        request, driven = self._request, self._request.driven
+        if self._best is None:
+            return False
+        if driven is not None and not request.tried and self._clearance <= driven.clearance:
+            return True
+        away = math.dist(request.start[:2], request.goal[:2]) / float(request.forward[0])
+        return self._price <= away * self._narrowness(self._clearances[0])
+
+    def _choose(self) -> None:
         """End a search; what it was made of is not needed any more."""
-        request, self._stage = self._request, Stage.CHOSEN
-        self._tangents, self._lattice_path = None, None
-        if path is None:
-            self._found = TOO_MANY if self._gave_up else NO_WAY
-            return
-        poses = poses_along(path, request.start, request.goal)
-        self._found = Path(poses, None, self._clearance, switched)
+        self._stage, self._tangents, self._lattice_path = Stage.CHOSEN, None, None
+        none = TOO_MANY if self._gave_up else NO_WAY
+        self._found = none if self._best is None else self._best
 
 
 def _body_paths(problem: NavigationProblem, options: GuidanceOptions) -> BodyPaths | None:

@@ -48,7 +48,7 @@ class TimedPath:
         wheels: tuple[float, float] = (0.0, math.inf),
         deceleration: float = math.inf,
     ) -> None:
-        self._braking = float(speed[0]) / deceleration
+        self._braking, self.clearance = float(speed[0]) / deceleration, path.clearance
         path = path.between_turns
         self.poses = path.poses.copy()
         first = float(wrap(self.poses[1, 2] - self.poses[0, 2]))
@@ -161,11 +161,12 @@ class TimedPath:
         found = float(self._grid_times[begin + nearest])
         return found, math.hypot(error.item(nearest, 0), error.item(nearest, 1))
 
-    def route(self, pose: Array, place: float) -> Route:
-        """What is left of it for a robot at a pose (3,), after its place [s]."""
+    def route(self, pose: Array, place: float, lost: float) -> Route:
+        """What is left of it for a robot at a pose (3,), after its place; time was lost [s]."""
         left = self.times[1:-1] > place
         left[-1] = True
-        return Route(np.concatenate([pose[None, :2], self.points[left]]), self.reverse)
+        points = np.concatenate([pose[None, :2], self.points[left]])
+        return Route(points, self.reverse, self.clearance, lost)
 
     def heading_at(self, time: float) -> float:
         """Heading [rad] at a time [s]."""

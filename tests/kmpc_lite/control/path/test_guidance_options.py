@@ -13,7 +13,7 @@ import kmpc_lite as kl
 from kmpc_lite.control.options import SightOptions
 from kmpc_lite.control.path.body_paths import BodyPaths
 from kmpc_lite.control.path.capabilities import capabilities
-from kmpc_lite.control.path.planner import Path, PathRequest, Route
+from kmpc_lite.control.path.planner import Known, Path, PathRequest, Route
 from kmpc_lite.control.path.tangent_graph import GeometricPath
 from kmpc_lite.control.path.tangent_planner import Obstacles, TangentPlanner
 from kmpc_lite.control.path.timed_path import TimedPath
@@ -184,13 +184,53 @@ def test_another_side_is_taken_where_it_is_quicker_by_half_a_second_and_a_tenth(
     quickest = GeometricPath(points, np.zeros(2), 10.0, True)
     as_before = GeometricPath(points, np.zeros(2), time, False)
     planner = TangentPlanner(PROBLEM, kl.GuidanceOptions(), SightOptions())
-    planner.begin(asked(driven=Route(points, False)))
+    planner.begin(asked(driven=Route(points, False, 0.06, 0.0)))
     none = np.empty((0, 2))
     planner._obstacles = Obstacles(none, none[:, 0], none.astype(int), none, none[:, 0], AREA)
+    planner._clearance = planner._widest = 0.06
     assert not planner._takes(quickest)
     assert planner._takes(as_before)
     found = planner.path()
     assert isinstance(found, Path) and bool(found.gears.sum() > 0) is kept
+
+
+def price_of(path: GeometricPath, clearance: float = 0.06, **more: Any) -> float:
+    """What a planner says that a path costs [s]."""
+    planner = TangentPlanner(PROBLEM, kl.GuidanceOptions(), SightOptions())
+    planner.begin(asked(**more))
+    none = np.empty((0, 2))
+    planner._obstacles = Obstacles(none, none[:, 0], none.astype(int), none, none[:, 0], AREA)
+    planner._clearance, planner._widest = clearance, 0.06
+    planner._takes(path)
+    return planner._price
+
+
+def test_what_a_path_costs() -> None:
+    points = np.array([[-1.5, 0.0], [1.5, 0.0]])
+    path = GeometricPath(points, np.zeros(2), 10.0, False)
+    like, back = Route(points, False, 0.06, 0.0), Route(points, True, 0.06, 0.0)
+    assert price_of(path) == price_of(path, driven=like) == 10.0
+    assert price_of(path, 0.03) == pytest.approx(15.0)
+    assert price_of(path, driven=back) == pytest.approx(10.0 + 0.5 + 1.0)
+    assert price_of(path, driven=back, gear_time=2.0) == pytest.approx(10.0 + 0.5 + 1.0 + 2.0)
+    lost = Route(points, False, 0.06, 5.0)
+    assert price_of(path, tried=(lost, lost)) == pytest.approx(20.0)
+    assert price_of(path, 0.03, tried=(lost,)) == pytest.approx(15.0), "it is another path"
+    # a turn that has begun goes on, unless the other one is cheaper by more than was turned
+    left = GeometricPath(points, np.full(2, 1.0), 10.0, False)
+    rate = float(CAPABILITIES.forward[1])
+    assert price_of(left, turned=0.5) == 10.0
+    assert price_of(left, turned=-0.5) == pytest.approx(10.0 + 0.5 / rate)
+
+
+def test_the_unknown_of_a_path_counts_half_as_much_again() -> None:
+    points = np.array([[-1.5, 0.0], [1.5, 0.0]])
+    path = GeometricPath(points, np.zeros(2), 10.0, False)
+    unknown = np.zeros((40, 40), dtype=bool)
+    unknown[:, 20:] = True
+    known = Known(unknown, np.array([-2.0, -2.0]), 0.1, (0.0, 0.0), 0.0)
+    expected = 10.0 + 0.5 * 1.5 / float(CAPABILITIES.forward[0])
+    assert price_of(path, known=known) == pytest.approx(expected, abs=0.1)
 
 
 def test_a_path_has_twenty_thousand_poses_at_the_most() -> None:

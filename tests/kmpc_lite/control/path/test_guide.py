@@ -158,7 +158,7 @@ def test_a_robot_that_stands_before_an_obstacle_turns_on_the_spot_on_every_new_p
         refreshed += guidance.refreshed
         near = np.hypot(*(guidance.states[:6] - x)[:, :2].T).max() < 0.1
         turned.append(near and guidance.states[5, 2] - guidance.states[0, 2] > 0.3)
-    assert refreshed > 3 and any(turned)
+    assert refreshed > 1 and any(turned)
 
 
 def test_a_robot_gets_out_of_the_way_of_what_comes_after_it_for_good() -> None:

@@ -8,8 +8,6 @@ from guided import GuideInUse
 
 import kmpc_lite as kl
 from kmpc_lite.control.options import GuidanceOptions, SightOptions, lengths_from_radii
-from kmpc_lite.control.path.planner import PathRequest
-from kmpc_lite.control.path.tangent_graph import GeometricPath
 from kmpc_lite.control.path.tangent_planner import TangentPlanner
 from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap
 from kmpc_lite.control.world.sight.sight import Sight
@@ -226,31 +224,3 @@ def test_nodes_of_a_lattice_of_what_was_seen_lie_seven_and_a_half_centimetres_ap
     path_map = planner._map
     assert path_map is not None and path_map.lattice is not None
     assert path_map.lattice.step == pytest.approx(0.075)
-
-
-@pytest.mark.parametrize(("time", "kept"), [(11.99, True), (12.01, False)])
-def test_a_path_without_a_change_of_gear_may_take_two_seconds_longer(
-    time: float, kept: bool
-) -> None:
-    points = np.array([[0.0, 0.0], [1.0, 0.0]])
-    quickest = GeometricPath(points, np.zeros(2), 10.0, True)
-    same = GeometricPath(points, np.zeros(2), time, False)
-    planner, gear_time = (
-        TangentPlanner(LARGE, GuidanceOptions(), SightOptions()),
-        OneView().gear_time,
-    )
-    request = PathRequest(
-        start=HERE,
-        goal=HERE,
-        target=HERE,
-        circles=np.empty((0, 5)),
-        outline=np.array([[0.0, 0.0, 0.15]]),
-        inflation=0.15,
-        area=np.array([[-9.0, -9.0], [9.0, 9.0]]),
-        forward=np.ones(2),
-        backward=np.ones(2),
-        gear_time=gear_time,
-    )
-    planner.begin(request)
-    planner._best, planner._same_gear = quickest, same
-    assert planner._preferred() is (same if kept else quickest)
