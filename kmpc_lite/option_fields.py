@@ -12,6 +12,7 @@ from kmpc_lite.errors import ProblemError
 Options = TypeVar("Options")
 
 GONE = {
+    "guidance.near_goal_parts": "every search goes on by hurried_parts in each step",
     "stop.slower_shares": "the largest share whose motion to rest stays clear is driven",
     "stop.turn_only_share": "turning alone is tried after the shares of a command",
     "stop.makes_room": "a motion leaves a thing if half of what it drives leads away",

@@ -60,10 +60,8 @@ class GuidanceOptions:
     goal_slack: float = share(0.5)
     """A path that begins near the goal may end beside it, by this share of the distance at which
     the last turn may begin: what is left to the side takes two turns."""
-    near_goal_parts: int = count(2)
-    """Most parts of such a search that are done in one step."""
     hurried_parts: int = count(3)
-    """Most parts of a hurried search that are done in one step."""
+    """Most parts of a search that are done in one step while the robot has a path."""
     urgent_parts: int = count(60)
     """Most parts of a search that the robot needs at once that are done in one step. Most searches
     end sooner; among very many obstacles the robot drives on as before, or stands, for a step more,
@@ -76,7 +74,7 @@ class GuidanceOptions:
     narrow_cost: float = share(1.0)
     """A path that keeps less than the wide clearance counts as longer by this share: the robot
     drives it more slowly."""
-    unknown_cost: float = share(0.5)
+    unknown_cost: float = share(0.2)
     """What scans have not shown of a path counts as longer by this share: the robot may have to
     return."""
     unfit_cost: float = seconds(1000.0)
@@ -112,6 +110,9 @@ class GuidanceOptions:
     stall_distance: float = radii(1.0)
     """A robot that moves farther than this within that time has not stalled yet on a detour
     [radii]."""
+    stall_angle: float = angle(0.5)
+    """A robot that turns by more than this is not told to stand still [rad]; turning brings it no
+    nearer to its goal by itself."""
     tried_paths: int = count(4)
     """Most paths on which time was lost that are remembered for one goal."""
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.types import Array
 
-NOWHERE = math.inf, math.inf
+NOWHERE = (math.inf, math.inf, math.inf)
 
 
 @dataclass(slots=True)
@@ -32,8 +32,8 @@ class ProgressState:
     """Largest one told since [s]."""
     since_best: float = 0.0
     """Time since the best [s]."""
-    anchor: tuple[float, float] = NOWHERE
-    """Place that the robot has not moved away from [m]."""
+    anchor: tuple[float, float, float] = NOWHERE
+    """Pose whose place the robot has not moved away from [m, m, rad]."""
     since_moved: float = 0.0
     """Time since it was there first [s]."""
     stalls: int = 0
@@ -121,11 +121,11 @@ class ProgressChecker:
             state.best_left = state.worst_left = left
             state.since_best, state.stalls = 0.0, 0
         state.worst_left = max(state.worst_left, left)
-        x, y, _ = pose.tolist()
-        x_then, y_then = state.anchor
+        x, y, heading = pose.tolist()
+        x_then, y_then, _ = state.anchor
         moved = math.hypot(x - x_then, y - y_then) > self._distance
         if moved:
-            state.anchor, state.since_moved = (x, y), 0.0
+            state.anchor, state.since_moved = (x, y, heading), 0.0
         state.since_best += period
         state.since_moved += period
         detour = 2.0 * (state.worst_left - state.best_left)

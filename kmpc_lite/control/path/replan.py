@@ -83,7 +83,6 @@ class Replanner:
         stalled = self._watch_progress(state, now)
         # the robot drives on what it knows meanwhile, and keeps clear of what has shown up
         cut = state.search is None and not at_once and self._watch.watch_path(state, now)
-        state.hurried = cut or now.view is not None or (state.hurried and state.search is not None)
         if at_once or cut:
             self._progress.expect_new_path(state.progress)
         renewed = grown or (state.search is None and self._watch.is_to_be_renewed(state, now))
@@ -92,8 +91,6 @@ class Replanner:
             state.only_renews = renewed and not (at_once or cut or stalled or strayed)
             drives_on = not (at_once or stalled or strayed or state.urgent)
             self._searches.begin(state, now, self._watch.lead(state, now) if drives_on else 0.0)
-            near = now.distance < self._options.near_goal and not at_once
-            state.attempts = state.attempts + 1 if near else 0
         state.urgent = state.urgent or at_once
         if begins and now.view is not None and not state.urgent:
             return False, False  # what was seen has been made a map of: work enough for a step

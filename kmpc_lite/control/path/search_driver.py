@@ -182,13 +182,7 @@ class SearchDriver:
     def advance(self, state: GuideState, now: Situation) -> tuple[bool, bool]:
         """Bring the search forward: nearly always to its end if urgent, else by a few parts."""
         refreshed = switched = False
-        o, parts = self._options, 1
-        if state.urgent:
-            parts = o.urgent_parts
-        elif state.hurried:
-            parts = o.hurried_parts
-        elif state.attempts > 2:
-            parts = o.near_goal_parts
+        parts = self._options.urgent_parts if state.urgent else self._options.hurried_parts
         while (search := state.search) is not None:
             found = self._found(search)
             if isinstance(found, str) and state.shuttle is not None:

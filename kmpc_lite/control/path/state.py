@@ -114,14 +114,10 @@ class GuideState:
     search: Search | None = None
     urgent: bool = False
     """Whether its path is needed in this step: the old one is not for this map or goal."""
-    hurried: bool = False
-    """Whether it is brought forward by more parts in each step: something stands on the path."""
     search_time: float = 0.0
     """How long a search takes during which the robot drives on, as the last ones have shown [s]."""
     only_renews: bool = False
     """Whether nothing is wrong with the path: it is kept unless another is much quicker."""
-    attempts: int = 0
-    """Searches near the same goal, one after the other."""
     centre_moved: bool = False
     """Whether the turning centre has moved since the last search was begun."""
 

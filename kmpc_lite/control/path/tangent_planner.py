@@ -314,7 +314,9 @@ class TangentPlanner:
         if time >= self._price:
             self._try_next_clearance()
             return True
-        to_switch = 0.0 if driven is None else o.switch_time + o.switch_share * path.time
+        to_switch = 0.0
+        if driven is not None:
+            to_switch = max(o.switch_time, request.gear_time) + o.switch_share * path.time
         is_like = driven is not None and same_side(driven, path, obstacles.landmarks)
         lost = sum(
             route.lost
