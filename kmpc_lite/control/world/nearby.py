@@ -17,7 +17,6 @@ class Nearby:
     def __init__(self, outlines: Outlines, boxes: Sequence[Boxes]) -> None:
         self._outlines, self._boxes = outlines, tuple(boxes)
         self._count = len(outlines)
-        self._chosen: list[Array] = []
         self.columns = self._count + sum(min(GRID_COLUMNS, len(b.low)) for b in self._boxes)
         """How many distances each point gets."""
 
@@ -38,27 +37,13 @@ class Nearby:
             if self._count
             else (np.empty((len(points), 0)), np.empty((len(points), 0, 2)))
         )
-        self._chosen = []
         for boxes in self._boxes:
-            chosen, gaps, away = boxes.choose(points)
-            self._chosen.append(chosen)
+            _, gaps, away = boxes.choose(points)
             distance, normals = (
                 np.concatenate([distance, gaps], axis=1),
                 np.concatenate([normals, away], axis=1),
             )
         return distance, normals
-
-    def again(self, points: Array) -> Array:
-        """Distances (n, C) [m] of the solids that the last `measure` chose.
-
-        There must be as many points (n, 2) [m] as there were then.
-        """
-        distance = (
-            self._outlines.distances(points)[0] if self._count else np.empty((len(points), 0))
-        )
-        for boxes, chosen in zip(self._boxes, self._chosen, strict=True):
-            distance = np.concatenate([distance, boxes.distances(points, chosen)], axis=1)
-        return distance
 
     def least(self, points: Array) -> Array:
         """Distance (n,) of points (n, 2) from the nearest of these solids [m], negative inside."""
