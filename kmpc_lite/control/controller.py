@@ -86,8 +86,7 @@ class Controller:
     clock : callable
         Gives the time for budget and timing [s].
     obstacle_slots : int
-        How many obstacles and sides of the area each stage of the plan can be held away from: the
-        nearest ones.
+        How many obstacles and sides of the area, the nearest ones, each stage is held away from.
 
     Attributes
     ----------
@@ -291,14 +290,9 @@ class Controller:
 
 
 def _restored(
-    model: KoopmanModel,
-    problem: NavigationProblem,
-    settings: Settings,
-    adaptation: OnlineAdaptation | None,
-    state: ControllerState,
+    model: KoopmanModel, problem: NavigationProblem, settings: Settings, *drive: Any
 ) -> Controller:
     """Continue a drive with a new controller; the state of its adaptation is not touched."""
     controller = Controller(model, problem, adaptation=False, **vars(settings))
-    controller.adaptation = adaptation
-    controller.state = state
+    controller.adaptation, controller.state = drive
     return controller

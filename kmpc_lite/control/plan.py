@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from kmpc_lite.control.world.nearby import Nearby
     from kmpc_lite.control.world.solids import Solids
 
+NO_PROGRESS = "no progress, on this path and on another one"
+UNSEEN = "no progress: what stands beside the robot was never seen (sight.free_at_start)"
+"""Reasons of plans of robots that do not get nearer to their goals."""
+
 
 class PlanStatus(Enum):
     """How a plan came about."""

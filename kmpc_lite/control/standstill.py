@@ -19,8 +19,7 @@ from kmpc_lite.control.options import (
     unit_length,
 )
 from kmpc_lite.control.path.progress_checker import NOWHERE
-from kmpc_lite.control.path.reference import NO_PROGRESS, UNSEEN
-from kmpc_lite.control.plan import GoalProgress
+from kmpc_lite.control.plan import NO_PROGRESS, UNSEEN, GoalProgress
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array

@@ -29,8 +29,6 @@ from kmpc_lite.control.path.moving_obstacles import MovingObstacles
 from kmpc_lite.control.path.planner import Planner
 from kmpc_lite.control.path.progress_checker import gets_on
 from kmpc_lite.control.path.reference import (
-    NO_PROGRESS,
-    UNSEEN,
     Guidance,
     told_progress,
     wait_in_sight,
@@ -41,7 +39,7 @@ from kmpc_lite.control.path.state import BLOCKED, GuideState
 from kmpc_lite.control.path.tangent_planner import TangentPlanner
 from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.control.path.turning_centre import seen_from
-from kmpc_lite.control.plan import GoalProgress
+from kmpc_lite.control.plan import NO_PROGRESS, UNSEEN, GoalProgress
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.types import Array

@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.control.path.situation import Situation
-from kmpc_lite.control.plan import GoalProgress
+from kmpc_lite.control.plan import NO_PROGRESS, GoalProgress
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.state import GuideState
 
 NO_TURNS = np.empty(0)
-NO_PROGRESS = "no progress, on this path and on another one"
-UNSEEN = "no progress: what stands beside the robot was never seen (sight.free_at_start)"
 TOLD_STALLS = 2
 """Stalls after which the guidance says that the robot waits: the second follows when something else
 was tried and did not help either."""
