@@ -75,7 +75,8 @@ def test_a_search_for_a_path_goes_on_after_a_copy_at_every_one_of_its_parts(
     learned: kl.KoopmanModel,
 ) -> None:
     scenario = random_map("rooms", 3)
-    controller, x = kl.Controller(learned), np.array(scenario.start)
+    slow = kl.GuidanceOptions(hurried_parts=1)
+    controller, x = kl.Controller(learned, guidance=slow), np.array(scenario.start)
     goals = [scenario.goal, (scenario.start[0] + 0.3, scenario.start[1], 0.0)]
     searched = 0
     for k in range(25):

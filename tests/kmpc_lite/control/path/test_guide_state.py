@@ -79,15 +79,16 @@ def searching(guide: GuideInUse, planner: TangentPlanner) -> str:
 @pytest.mark.parametrize("name", ["circles", "moving", "solids", "grid"])
 def test_a_copy_goes_on_to_the_last_bit(name: str, duplicate: Callable[[Any], Any]) -> None:
     circles, solids = scenes()[name]
-    planner = TangentPlanner(PROBLEM, GuidanceOptions(), SightOptions())
-    guide, parts = GuideInUse(PROBLEM, planner=planner), set()
+    slow = GuidanceOptions(hurried_parts=1)
+    planner = TangentPlanner(PROBLEM, slow, SightOptions())
+    guide, parts = GuideInUse(PROBLEM, options=slow, planner=planner), set()
     guide.robot = START.copy()
     for k in range(40):
         drive(guide, circles, solids, range(k, k + 1))
         parts.add(searching(guide, planner))
-        other = GuideInUse(PROBLEM)
+        other = GuideInUse(PROBLEM, options=slow)
         other.state, other.robot = duplicate(guide.state), guide.robot.copy()
-        original = GuideInUse(PROBLEM)
+        original = GuideInUse(PROBLEM, options=slow)
         original.state, original.robot = copy.deepcopy(guide.state), guide.robot.copy()
         ahead = range(k + 1, k + 5)
         pairs = zip(
