@@ -47,15 +47,13 @@ class Boxes:
         """Some of the rectangles."""
         return Boxes(self.low[chosen], self.high[chosen], self.grid, self._behind)
 
-    def _away(self, points: Array, chosen: Array | None) -> tuple[Array, Array, Array]:
+    def _away(self, points: Array) -> tuple[Array, Array, Array]:
         """Distances (n, B) [m], negative inside, and x and y (n, B) of the normals times them.
 
         The normals are in the grid's frame.
         """
         here = self.grid.to_grid(points)
-        x_min, y_min, x_max, y_max = (
-            self._sides if chosen is None else (side.take(chosen) for side in self._sides)
-        )
+        x_min, y_min, x_max, y_max = self._sides
         x = np.maximum(here[:, :1], x_min)
         y = np.maximum(here[:, 1:], y_min)
         np.minimum(x, x_max, out=x)
@@ -82,19 +80,16 @@ class Boxes:
             y = np.where(inside, distance * np.array([0.0, -1.0, 0.0, 1.0])[side], y)
         return distance, x, y
 
-    def distances(self, points: Array, chosen: Array | None = None) -> Array:
-        """Distances (n, B) of points (n, 2) [m], negative inside.
-
-        With `chosen` (n, K) only the distances (n, K) of these rectangles are computed.
-        """
-        return self._away(points, chosen)[0]
+    def distances(self, points: Array) -> Array:
+        """Distances (n, B) of points (n, 2) [m], negative inside."""
+        return self._away(points)[0]
 
     def choose(self, points: Array) -> tuple[Array, Array, Array]:
         """Choose the rectangles that matter at points (n, 2) [m].
 
         Their numbers (n, K), distances (n, K) [m] and normals (n, K, 2) in the map are returned.
         """
-        distance, x, y = self._away(points, None)
+        distance, x, y = self._away(points)
         count, rows = distance.shape[1], np.arange(len(points))
         columns = min(GRID_COLUMNS, count)
         if columns == count:

@@ -28,10 +28,7 @@ class Nearby:
         return Nearby(self._outlines, [*self._boxes, *boxes])
 
     def measure(self, points: Array) -> tuple[Array, Array]:
-        """Distances (n, C) and normals (n, C, 2) of the solids that matter at points (n, 2) [m].
-
-        `again` computes the distances of the same choice.
-        """
+        """Distances (n, C) and normals (n, C, 2) of the solids that matter at points (n, 2) [m]."""
         distance, normals = (
             self._outlines.distances(points)
             if self._count

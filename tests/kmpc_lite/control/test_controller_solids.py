@@ -10,6 +10,7 @@ import pytest
 import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lab.sim.closed_loop import Outcome, drive
+from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.options import GuidanceOptions, MovingObstacleOptions, lengths_from_radii
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
 from kmpc_lite.control.world.solids import Solids
@@ -92,8 +93,10 @@ def test_room_is_made_where_there_is_no_wall(nominal: kl.KoopmanModel) -> None:
     times, pose = np.arange(0.0, 2.1, 0.1), np.zeros(3)
     table = MovingObstacleTable(lengths_from_radii(MovingObstacleOptions(), 0.15))
     wall = Solids([kl.Wall(0.4, -2.0, 0.4, 2.0), kl.Wall(-2.0, -0.3, 0.4, -0.3)])
-    _, free = MovingObstacles(circles, 0.15, speed, table).evasive_arc(pose, -1, times)
-    _, held = MovingObstacles(circles, 0.15, speed, table, wall).evasive_arc(pose, -1, times)
+    _, free = MovingObstacles(things_of(circles), 0.15, speed, table).evasive_arc(pose, -1, times)
+    _, held = MovingObstacles(things_of(circles), 0.15, speed, table, wall).evasive_arc(
+        pose, -1, times
+    )
     assert wall.whole.least(free[:, :2]).min() < 0.15
     assert wall.whole.least(held[:, :2]).min() >= 0.15
 
