@@ -92,11 +92,10 @@ def test_room_is_made_where_there_is_no_wall(nominal: kl.KoopmanModel) -> None:
     circles, speed = np.array([[-0.9, 0.0, 0.2, 0.3, 0.0]]), np.array([0.6, 0.7])
     times, pose = np.arange(0.0, 2.1, 0.1), np.zeros(3)
     table = MovingObstacleTable(lengths_from_radii(MovingObstacleOptions(), 0.15))
+    things = things_of(circles)
     wall = Solids([kl.Wall(0.4, -2.0, 0.4, 2.0), kl.Wall(-2.0, -0.3, 0.4, -0.3)])
-    _, free = MovingObstacles(things_of(circles), 0.15, speed, table).evasive_arc(pose, -1, times)
-    _, held = MovingObstacles(things_of(circles), 0.15, speed, table, wall).evasive_arc(
-        pose, -1, times
-    )
+    _, free = MovingObstacles(things, 0.15, speed, table).evasive_arc(pose, -1, times)
+    _, held = MovingObstacles(things, 0.15, speed, table, wall).evasive_arc(pose, -1, times)
     assert wall.whole.least(free[:, :2]).min() < 0.15
     assert wall.whole.least(held[:, :2]).min() >= 0.15
 
