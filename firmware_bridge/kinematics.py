@@ -86,10 +86,8 @@ class WheelGeometry:
     def to_channels(self, left: float, right: float) -> tuple[float, float]:
         """Motor turns per second of the board's two channels, from wheel speeds [rad/s]."""
         factor = self.gear_ratio / math.tau
-        left, right = (
-            factor * (-left if self.invert_left else left),
-            factor * (-right if self.invert_right else right),
-        )
+        left = factor * (-left if self.invert_left else left)
+        right = factor * (-right if self.invert_right else right)
         return (right, left) if self.swap else (left, right)
 
     def from_channels(self, first: float, second: float) -> tuple[float, float]:

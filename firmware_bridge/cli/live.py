@@ -7,7 +7,6 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from firmware_bridge.cli.planning import laser_scan
@@ -66,12 +65,7 @@ class Showing:
         tell_links(self.links())
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Serve no more; say what went wrong meanwhile."""
         self._stack.close()
         for problem in self.problems():

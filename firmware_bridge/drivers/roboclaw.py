@@ -16,16 +16,14 @@ from firmware_bridge.link.framing import RoboClawReplies, roboclaw_packet, roboc
 from firmware_bridge.messages import LinkError
 from firmware_bridge.options import bounded, from_table
 
-SET_TIMEOUT, GET_TIMEOUT, DUTY, SPEED, SPEED_ACCEL, COUNTS, RAW_SPEEDS, STATUS = (
-    14,
-    15,
-    34,
-    37,
-    40,
-    78,
-    79,
-    90,
-)
+SET_TIMEOUT = 14
+GET_TIMEOUT = 15
+DUTY = 34
+SPEED = 37
+SPEED_ACCEL = 40
+COUNTS = 78
+RAW_SPEEDS = 79
+STATUS = 90
 STATUS_32 = (
     "emergency stop",
     "temperature",

@@ -16,16 +16,14 @@ from firmware_bridge.link.framing import VescPackets, vesc_packet
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.options import bounded, from_table
 
-FW_VERSION, GET_VALUES, SET_CURRENT, SET_BRAKE, SET_RPM, ALIVE, FORWARD_CAN, GET_SELECTIVE = (
-    0,
-    4,
-    6,
-    7,
-    8,
-    30,
-    34,
-    50,
-)
+FW_VERSION = 0
+GET_VALUES = 4
+SET_CURRENT = 6
+SET_BRAKE = 7
+SET_RPM = 8
+ALIVE = 30
+FORWARD_CAN = 34
+GET_SELECTIVE = 50
 MASK = 1 << 7 | 1 << 13 | 1 << 15 | 1 << 17
 """rpm, tachometer, fault, controller id"""
 SELECTIVE = struct.Struct(">BIiiBB")

@@ -33,10 +33,8 @@ class Faults:
     def __post_init__(self) -> None:
         """Check the ranges."""
         for entry in fields(self):
-            value, high = (
-                getattr(self, entry.name),
-                3600.0 if entry.name in ("delay", "cut_for") else 1.0,
-            )
+            value = getattr(self, entry.name)
+            high = 3600.0 if entry.name in ("delay", "cut_for") else 1.0
             if not 0.0 <= value <= high:
                 raise ConfigError(f"faults: {entry.name}: expected 0 to {high:g}, got {value}")
 

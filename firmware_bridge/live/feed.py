@@ -6,7 +6,6 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from types import TracebackType
 from typing import Any, Self
 
 from firmware_bridge.live.address import LiveAddress
@@ -109,12 +108,7 @@ class Feed:
         except EOFError:
             self.problem = "the live page is served no more: its process has ended"
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Serve the page no more."""
         self._quit.set()
         if self._thread is not None:

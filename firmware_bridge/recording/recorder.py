@@ -93,10 +93,8 @@ class RowSampler:
         assert self._origin is not None
         rows: list[tuple[float, ...]] = []
         while self._next is not None and self._next + self.period <= until + 1e-9:
-            pose, command = (
-                self._pose(self._next),
-                self._command(self._next, self._next + self.period),
-            )
+            pose = self._pose(self._next)
+            command = self._command(self._next, self._next + self.period)
             if pose is None or command is None:
                 self._next = max(self._next + self.period, self._last_row + 3.0 * self.period)
                 continue
@@ -139,11 +137,9 @@ class RowSampler:
         ):
             overlap = min(finish, end) - max(begin, start)
             if overlap > 0.0:
-                v_sum, omega_sum, covered = (
-                    v_sum + overlap * v,
-                    omega_sum + overlap * omega,
-                    covered + overlap,
-                )
+                v_sum = v_sum + overlap * v
+                omega_sum = omega_sum + overlap * omega
+                covered = covered + overlap
         return None if covered < 0.99 * (end - start) else (v_sum / covered, omega_sum / covered)
 
 

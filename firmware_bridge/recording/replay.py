@@ -12,14 +12,7 @@ from firmware_bridge.link.server import serve
 from firmware_bridge.messages import ConfigError, LinkError, State
 from firmware_bridge.recording.durable import DurableFile
 from firmware_bridge.recording.link_log import Chunk, play, read_link_log
-from firmware_bridge.recording.recorder import (
-    HEADER,
-    REMARK,
-    RowSampler,
-    Tick,
-    csv_row,
-    torn_bytes,
-)
+from firmware_bridge.recording.recorder import HEADER, REMARK, RowSampler, Tick, csv_row, torn_bytes
 from kmpc_lite.reading import open_regular
 
 LISTENER_WAIT = 30.0

@@ -8,15 +8,7 @@ from typing import Any, NamedTuple
 
 from firmware_bridge.messages import State
 from firmware_bridge.ros2.clock import RosClock
-from firmware_bridge.ros2.message_types import (
-    CLOCK,
-    GRID,
-    GRID_UPDATE,
-    ODOMETRY,
-    POSE,
-    SCAN,
-    TF,
-)
+from firmware_bridge.ros2.message_types import CLOCK, GRID, GRID_UPDATE, ODOMETRY, POSE, SCAN, TF
 from firmware_bridge.ros2.names import Qos
 from firmware_bridge.ros2.obstacles import GridInput, ScanInput
 from firmware_bridge.ros2.options import Ros2Options

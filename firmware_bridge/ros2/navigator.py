@@ -42,12 +42,10 @@ class GoalNavigator:
         settle: float = 1.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._controller, self._inputs, self._settle, self._clock = (
-            controller,
-            inputs,
-            settle,
-            clock,
-        )
+        self._controller = controller
+        self._inputs = inputs
+        self._settle = settle
+        self._clock = clock
         self.goal: Goal | None = None
         self.plan: Plan | None = None
         """Newest, while there is a goal."""

@@ -10,14 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_bridge.ros2.pose import PoseInput
-from firmware_bridge.ros2.transforms import (
-    Planar,
-    Transforms,
-    bare,
-    planar,
-    pose_matrix,
-    stamp_of,
-)
+from firmware_bridge.ros2.transforms import Planar, Transforms, bare, planar, pose_matrix, stamp_of
 from firmware_bridge.safety.gate_inputs import GRACE
 
 if TYPE_CHECKING:

@@ -121,12 +121,10 @@ class Planner:
         after: Callable[[], None] | None = None,
     ) -> None:
         self._after = after
-        self._controller, self._poses, self.period, self._latency = (
-            controller,
-            poses,
-            period,
-            latency,
-        )
+        self._controller = controller
+        self._poses = poses
+        self.period = period
+        self._latency = latency
         self._predict, self._clock = predict, clock
         self._quit = threading.Event()
         self._thread: threading.Thread | None = None

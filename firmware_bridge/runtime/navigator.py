@@ -105,13 +105,11 @@ class Navigator:
         clock: Callable[[], float] = time.monotonic,
         wait: float | None = None,
     ) -> None:
-        self._step, self._task, self._settle, self._seconds, self._clock = (
-            step,
-            task,
-            settle,
-            seconds,
-            clock,
-        )
+        self._step = step
+        self._task = task
+        self._settle = settle
+        self._seconds = seconds
+        self._clock = clock
         self.route = task.route or Route((task.goal,))
         """Which goal it drives to."""
         self.passed: deque[str] = deque(maxlen=SHOWN)

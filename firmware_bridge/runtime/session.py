@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import TYPE_CHECKING, Any, Self, TextIO
 
 from firmware_bridge.drivers import Autopilot, Driver
@@ -230,12 +230,7 @@ class Session:
             if view is not None:
                 view.stop()
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the link and the logs."""
         try:
             time.sleep(FAREWELL)

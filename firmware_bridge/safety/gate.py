@@ -222,11 +222,9 @@ class SafetyGate:
 
         A plain motor controller has obeyed when it is heard again.
         """
-        latched, heard, pilot = (
-            self.state is GateState.ESTOP,
-            UNHEARD.isdisjoint(reasons),
-            self.settings.pilot,
-        )
+        latched = self.state is GateState.ESTOP
+        heard = UNHEARD.isdisjoint(reasons)
+        pilot = self.settings.pilot
         if self._released_at is not None and heard and status.heartbeat_stamp > self._released_at:
             # after a plain release a pilot may drive the robot; after an emergency stop nobody may
             self._acknowledged = (

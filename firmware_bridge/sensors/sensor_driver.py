@@ -55,12 +55,10 @@ class PlacedDriver:
 
     def __init__(self, driver: Driver, origin: tuple[float, float, float]) -> None:
         self.inner, self._origin = driver, origin
-        self.connect, self.send, self.stop, self.close = (
-            driver.connect,
-            driver.send,
-            driver.stop,
-            driver.close,
-        )
+        self.connect = driver.connect
+        self.send = driver.send
+        self.stop = driver.stop
+        self.close = driver.close
 
     def state(self) -> State | None:
         """Newest state, in our frame."""

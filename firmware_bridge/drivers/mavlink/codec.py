@@ -178,10 +178,8 @@ class MavlinkCodec:
             return header + CRC_BYTES
         flags, kind = 0, int(buffer[start + 5])
         if header == HEADER[dialect.PROTOCOL_MARKER_V2]:
-            flags, kind = (
-                buffer[start + 2],
-                int.from_bytes(buffer[start + 7 : start + 10], "little"),
-            )
+            flags = buffer[start + 2]
+            kind = int.from_bytes(buffer[start + 7 : start + 10], "little")
         if flags & ~dialect.MAVLINK_IFLAG_SIGNED or kind not in dialect.mavlink_map:
             return 0
         return header + int(buffer[start + 1]) + CRC_BYTES + (SIGNATURE_BYTES if flags else 0)
@@ -206,10 +204,8 @@ class MavlinkCodec:
         A forged frame must not move the stream's clock: the true frames after it would look
         old.
         """
-        stamps, stream = (
-            self._mav.signing.stream_timestamps,
-            (frame[-SIGNATURE_BYTES], system, component),
-        )
+        stamps = self._mav.signing.stream_timestamps
+        stream = (frame[-SIGNATURE_BYTES], system, component)
         before = stamps.get(stream)
         good = bool(self._check(frame, system, component))
         if good:

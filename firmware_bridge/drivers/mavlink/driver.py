@@ -162,14 +162,12 @@ class MavlinkDriver:
         """What is known of the vehicle and the link."""
         with self._changed:
             status = self._core.status(self._clock(), self._transport.connected)
-        faults, counters = (
-            status.faults,
-            {
-                **self._transport.counters,
-                **status.counters,
-                "internal_errors": self._internal_errors,
-            },
-        )
+        faults = status.faults
+        counters = {
+            **self._transport.counters,
+            **status.counters,
+            "internal_errors": self._internal_errors,
+        }
         if self._internal_error:
             faults = (*faults, self._internal_error)
         return replace(status, faults=faults, counters=counters)

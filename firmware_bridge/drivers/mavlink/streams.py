@@ -9,11 +9,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 
-from firmware_bridge.drivers.mavlink.commands import (
-    ACCEPTED,
-    SET_MESSAGE_INTERVAL,
-    CommandDesk,
-)
+from firmware_bridge.drivers.mavlink.commands import ACCEPTED, SET_MESSAGE_INTERVAL, CommandDesk
 
 EKF_STATUS = 193
 EKF_RATE, HEARTBEAT_RATE, ORIGIN_RATE, SECTOR_RATE = 20.0, 5.0, 1.0, 10.0

@@ -105,10 +105,8 @@ class Wheel:
         """What is wrong with a speed [rad/s], in words; empty where nothing is."""
         while self.told[0][0] < now - PATIENCE:
             self.told.popleft()
-        slowest, fastest = (
-            min(told for _, told in self.told),
-            max(told for _, told in self.told),
-        )
+        slowest = min(told for _, told in self.told)
+        fastest = max(told for _, told in self.told)
         largest = max(fastest, -slowest)
         if largest == 0.0:  # not driven: it is pushed, or rolls
             return ""

@@ -16,15 +16,7 @@ from firmware_bridge.robot_file import load_robot
 from firmware_bridge.runtime.observer import Snapshot
 from firmware_bridge.runtime.session import Session
 from firmware_bridge.safety.gate_table import GateState
-from kmpc_lab.attacks.trial import (
-    child,
-    free_port,
-    input_of,
-    live_page,
-    shown,
-    standstill,
-    tell,
-)
+from kmpc_lab.attacks.trial import child, free_port, input_of, live_page, shown, standstill, tell
 from kmpc_lab.attacks.vehicle import SPEED, sections
 
 PERIOD = 0.1

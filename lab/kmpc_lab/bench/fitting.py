@@ -58,7 +58,7 @@ def memory_growth(data: Dataset, method: Method) -> float:
 
 
 def fit_costs(
-    episodes: int = 1000, progress: Callable[[int, int], None] | None = None
+    episodes: int = 1000, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> list[FitCost]:
     """Time and memory of both methods on `episodes` drives of `STEPS` steps."""
     data = generate_dataset(DifferentialDrive(), episodes=episodes, steps=STEPS, dt=0.1, seed=0)
@@ -71,15 +71,13 @@ def fit_costs(
         bare.append(_seconds(lambda: rows.T @ rows))
         for method in methods:
             spent[method].append(_seconds(lambda m=method: fit(data, method=m)))  # type: ignore[misc]
-        if progress is not None:
-            progress(done + 1, total)
+        progress(done + 1, total)
     costs = []
     for done, method in enumerate(methods, REPEATS + 1):
         costs.append(
             FitCost(method, data.steps, min(spent[method]), min(bare), memory_growth(data, method))
         )
-        if progress is not None:
-            progress(done, total)
+        progress(done, total)
     return costs
 
 

@@ -136,10 +136,8 @@ def format_comparison(rows: Sequence[Comparison]) -> str:
             lines.append(f"  {verdict:<16}{number:>6}  {100 * number / count:5.1f} %  {meaning}")
     judged = [row for row in rows if row.verdict not in ("starts inside", "IPOPT failed")]
     if judged:
-        excess, inside = (
-            np.array([row.excess for row in judged]),
-            np.array([row.violation for row in judged]),
-        )
+        excess = np.array([row.excess for row in judged])
+        inside = np.array([row.violation for row in judged])
         good = sum(row.verdict == "as good" for row in judged)
         lines.append(
             f"as good on {good} of the {len(judged)} states on which IPOPT has a feasible plan: "

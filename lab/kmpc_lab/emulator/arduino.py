@@ -21,22 +21,14 @@ LONGEST_WATCHDOG = 60000
 class ArduinoEmulator(BoardEmulator):
     """A microcontroller with a robot under it.
 
-    Parameters
-    ----------
-    geometry, options
-        Of the robot, as for the driver.
-    **around
-        See `Scene`.
+    Geometry and options are the robot's, as for the driver.
     """
 
     boot_text = b"\x00ets Jul 29 2019 12:21:46\r\n\r\nrst:0x1 (POWERON_RESET)\r\n"
     options_type = ArduinoOptions
 
     def __init__(
-        self,
-        geometry: WheelGeometry,
-        options: ArduinoOptions,
-        **around: Unpack[Scene],
+        self, geometry: WheelGeometry, options: ArduinoOptions, **around: Unpack[Scene]
     ) -> None:
         super().__init__(geometry, **around)
         self._counts_per_turn = options.counts_per_turn

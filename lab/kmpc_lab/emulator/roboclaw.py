@@ -23,27 +23,15 @@ from firmware_bridge.kinematics import WheelGeometry, wrapped
 from firmware_bridge.link.framing import ROBOCLAW_ACK, RoboClawPackets, roboclaw_reply
 from kmpc_lab.emulator.board import BoardEmulator, Scene
 
-(
-    SPEED_M1,
-    SPEED_M2,
-    ENCODER_M1,
-    ENCODER_M2,
-    SPEED_STATUS_M1,
-    SPEED_STATUS_M2,
-    RESET_COUNTS,
-    VERSION,
-    BATTERY,
-) = (
-    35,
-    36,
-    16,
-    17,
-    18,
-    19,
-    20,
-    21,
-    24,
-)
+SPEED_M1 = 35
+SPEED_M2 = 36
+ENCODER_M1 = 16
+ENCODER_M2 = 17
+SPEED_STATUS_M1 = 18
+SPEED_STATUS_M2 = 19
+RESET_COUNTS = 20
+VERSION = 21
+BATTERY = 24
 WRITES = {
     SET_TIMEOUT: 1,
     RESET_COUNTS: 0,
@@ -80,11 +68,9 @@ class RoboClawEmulator(BoardEmulator):
         **around: Unpack[Scene],
     ) -> None:
         super().__init__(geometry, **around)
-        self._counts_per_turn, self._address, self._status_bytes = (
-            options.counts_per_turn,
-            options.address,
-            status_bytes,
-        )
+        self._counts_per_turn = options.counts_per_turn
+        self._address = options.address
+        self._status_bytes = status_bytes
         self._packets = RoboClawPackets(options.address, WRITES)
         self.status = 0
         """Error and warning bits; set them to see what the other end does."""

@@ -24,22 +24,14 @@ class RoboteqEmulator(BoardEmulator):
     stay: the next
     command, whichever motor it is for, lets both go on, as the real one does.
 
-    Parameters
-    ----------
-    geometry, options
-        Of the robot, as for the driver.
-    **around
-        See `Scene`.
+    Geometry and options are the robot's, as for the driver.
     """
 
     boot_text = b"\r\nRoboteq v1.8 FBL2360 11/27/2017\r"
     options_type = RoboteqOptions
 
     def __init__(
-        self,
-        geometry: WheelGeometry,
-        options: RoboteqOptions,
-        **around: Unpack[Scene],
+        self, geometry: WheelGeometry, options: RoboteqOptions, **around: Unpack[Scene]
     ) -> None:
         super().__init__(geometry, **around)
         self._counts_per_turn = options.counts_per_turn

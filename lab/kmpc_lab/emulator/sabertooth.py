@@ -15,21 +15,13 @@ BAUDING = 0xAA
 class SabertoothEmulator(BoardEmulator):
     """A Sabertooth with a robot under it.
 
-    Parameters
-    ----------
-    geometry, options
-        Of the robot, as for the driver.
-    **around
-        See `Scene`.
+    Geometry and options are the robot's, as for the driver.
     """
 
     options_type = SabertoothOptions
 
     def __init__(
-        self,
-        geometry: WheelGeometry,
-        options: SabertoothOptions,
-        **around: Unpack[Scene],
+        self, geometry: WheelGeometry, options: SabertoothOptions, **around: Unpack[Scene]
     ) -> None:
         super().__init__(geometry, **around)
         wheel = options.full_speed / geometry.wheel_radius

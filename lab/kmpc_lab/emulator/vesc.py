@@ -59,11 +59,9 @@ class VescEmulator(BoardEmulator):
         **around: Unpack[Scene],
     ) -> None:
         super().__init__(geometry, **around)
-        self._ids, self._erpm, self._selective = (
-            (local_id, options.can_id),
-            60.0 * options.pole_pairs,
-            selective,
-        )
+        self._ids = (local_id, options.can_id)
+        self._erpm = 60.0 * options.pole_pairs
+        self._selective = selective
         self._steps = STEPS_PER_ELECTRIC_TURN * options.pole_pairs
         self.timeout = timeout
         self._fed = [-math.inf, -math.inf]

@@ -85,13 +85,11 @@ class WiredRoboClaw:
         network: Network,
         seed: int,
     ) -> None:
-        self._board, self._options, self._mocap, self._clock, self._network = (
-            board,
-            options,
-            mocap,
-            clock,
-            network,
-        )
+        self._board = board
+        self._options = options
+        self._mocap = mocap
+        self._clock = clock
+        self._network = network
         self._random = random.Random(seed)
         self._replies = RoboClawReplies()
         self._coming: deque[tuple[float, bytes]] = deque()

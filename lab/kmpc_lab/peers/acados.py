@@ -74,11 +74,9 @@ class AcadosController:
         self, x: ArrayLike, goal: ArrayLike, obstacles: Sequence[Circle] | ArrayLike = ()
     ) -> Plan:
         """Plan from the measured pose (3,) to the goal (3,); see `Controller.step`."""
-        pose, target, circles = (
-            np.asarray(x, dtype=float),
-            np.asarray(goal, dtype=float).copy(),
-            circles_to_array(obstacles),
-        )
+        pose = np.asarray(x, dtype=float)
+        target = np.asarray(goal, dtype=float).copy()
+        circles = circles_to_array(obstacles)
         if len(circles) > self.obstacles:
             raise ValueError(
                 f"obstacles: the solver was generated for {self.obstacles}, got {len(circles)}"

@@ -167,11 +167,9 @@ class IpoptController:
         self, x: ArrayLike, goal: ArrayLike, obstacles: Sequence[Circle] | ArrayLike = ()
     ) -> Plan:
         """Plan from the measured pose (3,) to the goal (3,); see `Controller.step`."""
-        pose, target, circles = (
-            np.asarray(x, dtype=float),
-            np.asarray(goal, dtype=float).copy(),
-            circles_to_array(obstacles),
-        )
+        pose = np.asarray(x, dtype=float)
+        target = np.asarray(goal, dtype=float).copy()
+        circles = circles_to_array(obstacles)
         if len(circles) != self._obstacle_count:
             self._build(len(circles))
         n = self.problem.horizon
@@ -193,10 +191,8 @@ class IpoptController:
         )
         solution = np.array(found["x"]).ravel()
         stages = solution[: (STATES + INPUTS) * n].reshape(n, STATES + INPUTS)
-        states, inputs = (
-            np.vstack([stages[:, :STATES], solution[-STATES:]]),
-            stages[:, STATES:].copy(),
-        )
+        states = np.vstack([stages[:, :STATES], solution[-STATES:]])
+        inputs = stages[:, STATES:].copy()
         elapsed = perf_counter() - start
         statistics = self._solver.stats()
         command = self.problem.within_bounds(np.where(np.isfinite(inputs[0]), inputs[0], 0.0))

@@ -141,10 +141,8 @@ def _tiles(run: Run) -> Iterable[tuple[str, str, str]]:
     scenario, times = run.scenario, run.step_times
     clearance = "no obstacles" if not np.isfinite(run.clearance) else length(run.clearance)
     margin = f"{length(scenario.margin)} asked for" if scenario.margin else "edge to edge"
-    solved, without = (
-        run.statuses.count("SOLVED"),
-        run.statuses.count("FALLBACK") + run.statuses.count("STOPPED"),
-    )
+    solved = run.statuses.count("SOLVED")
+    without = run.statuses.count("FALLBACK") + run.statuses.count("STOPPED")
     numbers = (
         ("Duration", f"{run.duration:.4g} s", f"{scenario.timeout:g} s allowed"),
         (

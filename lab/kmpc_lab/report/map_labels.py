@@ -59,10 +59,8 @@ class Labels:
             for direction in np.linspace(0.0, 2 * np.pi, 16, endpoint=False):
                 unit = np.array([np.cos(direction), np.sin(direction)])
                 # far enough that the text's box just stays outside the disc
-                gap, inside = (
-                    (0.35 + 1.2 * away) * letter,
-                    float(np.min(half / np.maximum(np.abs(unit), 1e-9))),
-                )
+                gap = (0.35 + 1.2 * away) * letter
+                inside = float(np.min(half / np.maximum(np.abs(unit), 1e-9)))
                 spot = point + (radius + gap + inside) * unit
                 # a place farther off must be worth it
                 merit = self._room(spot, half, 0.8 * letter) - 0.6 * away * letter

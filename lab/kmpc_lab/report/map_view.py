@@ -37,10 +37,8 @@ def contact_point(run: Run, index: int) -> Array:
     )
     if run.scenario.solids is not None:
         gaps, away = run.scenario.solids.whole.measure(here)
-        distances, normals = (
-            np.concatenate([distances, gaps], axis=1),
-            np.concatenate([normals, away], axis=1),
-        )
+        distances = np.concatenate([distances, gaps], axis=1)
+        normals = np.concatenate([normals, away], axis=1)
     hit = int(np.argmin(distances[0]))
     point: Array = here[0] - distances[0, hit] * normals[0, hit]
     return point
@@ -59,10 +57,8 @@ def view_of(scenario: Scenario, runs: Sequence[Run]) -> Array:
     for circle in scenario.circles:
         centre = np.array(circle[:2])
         if ((centre > near_low) & (centre < near_high)).all():
-            low, high = (
-                np.minimum(low, centre - circle.radius),
-                np.maximum(high, centre + circle.radius),
-            )
+            low = np.minimum(low, centre - circle.radius)
+            high = np.maximum(high, centre + circle.radius)
     if scenario.solids is not None:
         corners = solid_points(scenario.solids.solids)
         near = corners[((corners > near_low) & (corners < near_high)).all(axis=1)]

@@ -134,7 +134,7 @@ def default_fit(train: Dataset) -> KoopmanModel:
 
 
 def study_log(
-    log: Path, progress: Callable[[int, int], None] | None = None
+    log: Path, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> tuple[list[Ratio], NoiseCheck]:
     """Ten random halves of a log's drives, each judged on the other half; the noise of the last."""
     data = load_drives(log, DT)
@@ -147,8 +147,7 @@ def study_log(
         ours = open_loop_errors(model, held.episodes, first=first)
         nominal = open_loop_errors(nominal_unicycle(DT), held.episodes, first=first)
         rows.append(compare(f"{log.stem} {seed}", model, ours, nominal))
-        if progress is not None:
-            progress(k + 1, len(SPLIT_SEEDS))
+        progress(k + 1, len(SPLIT_SEEDS))
     noise = check_sources(model, held)
     if noise is None:
         raise DataError(f"{log}: too short to tell the sources of the errors apart")
@@ -156,7 +155,7 @@ def study_log(
 
 
 def study_lagging(
-    progress: Callable[[int, int], None] | None = None, robots: int = 10
+    progress: Callable[[int, int], None] = lambda done, total: None, robots: int = 10
 ) -> list[Ratio]:
     """Robots with a lag of 0.25 s, a dead time of 0.1 s and slip 0.05, judged by the true pose.
 
@@ -179,8 +178,7 @@ def study_lagging(
             for m in (model, nominal_unicycle(0.1))
         ]
         rows.append(compare(f"lagging {seed}", model, *errors))
-        if progress is not None:
-            progress(k + 1, robots)
+        progress(k + 1, robots)
     return rows
 
 
@@ -217,7 +215,7 @@ def nominal_log(seed: int, seconds: float = 60.0) -> Dataset:
 
 
 def study_nominal(
-    progress: Callable[[int, int], None] | None = None, robots: int = 200
+    progress: Callable[[int, int], None] = lambda done, total: None, robots: int = 200
 ) -> list[Ratio]:
     """Robots that are nominal: half of a one-minute log is learned from, ten minutes judge."""
     rows = []
@@ -228,8 +226,7 @@ def study_nominal(
         held = nominal_log(seed, 600.0).windows(10.0).episodes
         errors = [open_loop_errors(m, held, first=1.2) for m in (model, nominal_unicycle(0.1))]
         rows.append(compare(f"nominal {seed}", model, *errors))
-        if progress is not None:
-            progress(k + 1, robots)
+        progress(k + 1, robots)
     return rows
 
 

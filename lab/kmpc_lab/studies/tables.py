@@ -161,10 +161,8 @@ def format_maps(rows: Sequence[Row]) -> str:
         low, high = wilson(count, drives)
         return f"{100 * count / drives:5.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
 
-    widest, conditions = (
-        max(len(row.controller) for row in rows),
-        max(len(row.condition) for row in rows),
-    )
+    widest = max(len(row.controller) for row in rows)
+    conditions = max(len(row.condition) for row in rows)
     under = f"{'condition':<{max(conditions, 9)}}  " if conditions else ""
     ratios = any(row.error_ratio for row in rows)
     lines = [

@@ -6,15 +6,7 @@ import argparse
 import json
 from pathlib import Path
 
-from kmpc_lab.cli.bench.jobs import (
-    AGAINST,
-    COMPARISON,
-    DRIVES,
-    JOBS,
-    LOOP,
-    SECONDS,
-    STEPS,
-)
+from kmpc_lab.cli.bench.jobs import AGAINST, COMPARISON, DRIVES, JOBS, LOOP, SECONDS, STEPS
 from kmpc_lite.cli.command import Command, refuse_unread
 from kmpc_lite.cli.extras import need
 from kmpc_lite.cli.numbers import count, positive

@@ -8,15 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from firmware_bridge.ros2.message_types import (
-    CLOCK,
-    GRID,
-    ODOMETRY,
-    POSE,
-    SCAN,
-    TF,
-    MessageTypes,
-)
+from firmware_bridge.ros2.message_types import CLOCK, GRID, ODOMETRY, POSE, SCAN, TF, MessageTypes
 from kmpc_lab.emulator.ros2.world import CellMap
 from kmpc_lite.types import Array
 

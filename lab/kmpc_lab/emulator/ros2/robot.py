@@ -12,15 +12,7 @@ import numpy as np
 
 from firmware_bridge.link.url import LinkUrl
 from firmware_bridge.messages import ConfigError
-from firmware_bridge.ros2.message_types import (
-    CLOCK,
-    GRID,
-    ODOMETRY,
-    SCAN,
-    TF,
-    TWIST,
-    TWIST_STAMPED,
-)
+from firmware_bridge.ros2.message_types import CLOCK, GRID, ODOMETRY, SCAN, TF, TWIST, TWIST_STAMPED
 from firmware_bridge.ros2.names import Qos
 from firmware_bridge.ros2.node import Node, NodeOptions, Publisher, Subscription
 from firmware_bridge.ros2.transforms import planar, planar_matrix

@@ -156,10 +156,8 @@ class Telemetry:
     @property
     def _ned(self) -> tuple[float, float, float, float, float, float]:
         """North, east [m], yaw [rad], their rates."""
-        (north, east, yaw), (v_east, v_north, turn) = (
-            enu_to_ned(*self._pilot.estimator.pose),
-            self._pilot.physics.velocity,
-        )
+        north, east, yaw = enu_to_ned(*self._pilot.estimator.pose)
+        v_east, v_north, turn = self._pilot.physics.velocity
         turned = self._pilot.estimator.pose[2] - self._pilot.physics.pose[2]
         cos, sin = math.cos(turned), math.sin(turned)
         return north, east, yaw, v_east * sin + v_north * cos, v_east * cos - v_north * sin, -turn

@@ -8,18 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lab.report.style import (
-    BLUE,
-    GREY,
-    RED,
-    legend_below,
-    new_figure,
-    style,
-)
-from kmpc_lab.report.words import (
-    STATUS_WORDS,
-    substeps,
-)
+from kmpc_lab.report.style import BLUE, GREY, RED, legend_below, new_figure, style
+from kmpc_lab.report.words import STATUS_WORDS, substeps
 from kmpc_lab.sim.closed_loop import Run
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.errors import KmpcError

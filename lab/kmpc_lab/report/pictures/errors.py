@@ -17,11 +17,7 @@ from kmpc_lab.report.style import (
     plain_log_ticks,
     style,
 )
-from kmpc_lab.report.words import (
-    length,
-    path_clearances,
-    path_times,
-)
+from kmpc_lab.report.words import length, path_clearances, path_times
 from kmpc_lab.sim.closed_loop import Run
 from kmpc_lite.geometry import distances, wrap
 from kmpc_lite.types import Array

@@ -12,10 +12,7 @@ from kmpc_lab.report.pictures.commands import commands_picture
 from kmpc_lab.report.pictures.errors import errors_picture
 from kmpc_lab.report.pictures.fit import fit_picture
 from kmpc_lab.report.pictures.timing import timing_picture
-from kmpc_lab.report.style import (
-    render,
-    write_picture,
-)
+from kmpc_lab.report.style import render, write_picture
 from kmpc_lab.sim.closed_loop import Run
 from kmpc_lite.errors import KmpcError
 from kmpc_lite.learn.evaluation import FitReport

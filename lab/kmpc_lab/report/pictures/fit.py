@@ -6,14 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kmpc_lab.report.style import (
-    BLUE,
-    INK,
-    SMALL,
-    legend_below,
-    new_figure,
-    style,
-)
+from kmpc_lab.report.style import BLUE, INK, SMALL, legend_below, new_figure, style
 from kmpc_lite.learn.evaluation import FitReport
 
 if TYPE_CHECKING:

@@ -17,10 +17,7 @@ from kmpc_lab.report.style import (
     plain_log_ticks,
     style,
 )
-from kmpc_lab.report.words import (
-    milliseconds,
-    substeps,
-)
+from kmpc_lab.report.words import milliseconds, substeps
 from kmpc_lab.sim.closed_loop import Run
 from kmpc_lite.types import Array
 

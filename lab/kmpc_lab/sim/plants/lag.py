@@ -111,10 +111,8 @@ class LaggingDrive:
             else np.zeros((3, *state.shape[:-1]))
         )
         self._sent.append((self.time + self.dead_time, command.copy()))
-        self.speeds, self._held = (
-            np.broadcast_to(self.speeds, command.shape),
-            np.broadcast_to(self._held, command.shape),
-        )
+        self.speeds = np.broadcast_to(self.speeds, command.shape)
+        self._held = np.broadcast_to(self._held, command.shape)
         path = np.empty((substeps, *state.shape))
         start = self.time
         for i in range(substeps):

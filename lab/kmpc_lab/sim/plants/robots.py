@@ -72,10 +72,8 @@ class DifferentialDrive:
         lead = np.broadcast_shapes(
             state.shape[:-1], command.shape[:-1]
         )  # each robot slips on its own, whoever shares a command
-        state, command = (
-            np.broadcast_to(state, (*lead, STATES)),
-            np.broadcast_to(command, (*lead, INPUTS)),
-        )
+        state = np.broadcast_to(state, (*lead, STATES))
+        command = np.broadcast_to(command, (*lead, INPUTS))
         v, omega = command[..., 0], command[..., 1] * self.turn_gain
         if self.slip:
             alpha, beta, gamma = self._random.exponential(self.slip, (3, *v.shape))
