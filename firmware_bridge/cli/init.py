@@ -7,12 +7,45 @@ import json
 import re
 from importlib import resources
 from pathlib import Path
+from typing import NamedTuple
 
-from firmware_bridge.cli.ports import Port, serial_ports
 from firmware_bridge.link.url import LinkUrl
 from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import load_robot
 from kmpc_lite.cli.command import Command
+
+BUILT_IN = ("ttyAMA*", "ttyTHS*", "serial[0-9]*")
+"""Ports of a Raspberry Pi's or a Jetson's header."""
+PLUGGED_IN = ("ttyACM*", "ttyUSB*")
+
+
+class Port(NamedTuple):
+    """A serial port."""
+
+    path: str
+    """What a robot file should say."""
+    device: str
+    """What it is now: /dev/ttyACM0."""
+
+
+def serial_ports(root: Path = Path("/dev")) -> list[Port]:
+    """List the ports, those that are plugged in first.
+
+    Parameters
+    ----------
+    root : Path
+        Folder of devices.
+    """
+    found: dict[str, Port] = {}
+    for link in sorted((root / "serial" / "by-id").glob("*")):
+        device = str(link.resolve())
+        found.setdefault(device, Port(str(link), device))
+    for pattern in (*PLUGGED_IN, *BUILT_IN):
+        for path in sorted(root.glob(pattern)):
+            device = str(path.resolve())
+            found.setdefault(device, Port(str(path), device))
+    return list(found.values())
+
 
 URL = re.compile(r'^url = "(.*)"$', re.MULTILINE)
 TEMPLATES = Path(str(resources.files("firmware_bridge"))) / "robots"

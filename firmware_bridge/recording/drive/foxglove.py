@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from firmware_bridge.recording.drive.scan_arrays import told_ranges
+from firmware_bridge.recording.drive.seen import told_ranges
 from kmpc_lite.control.world.scan import LaserScan
 
 Content = dict[str, Any]

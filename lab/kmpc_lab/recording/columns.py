@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from firmware_bridge.recording.drive.scan_arrays import ranges_of
+from firmware_bridge.recording.drive.seen import ranges_of
 from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.learn.formats.mcap_layout import LARGEST_MESSAGE
 from kmpc_lite.learn.formats.mcap_records import Found

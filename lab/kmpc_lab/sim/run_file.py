@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from firmware_bridge.recording.drive.scan_arrays import SCAN_ARRAYS, scans_of, scans_to_arrays
+from firmware_bridge.recording.drive.seen import SCAN_ARRAYS, scans_of, scans_to_arrays
 from kmpc_lab.sim.closed_loop import Outcome, Run
 from kmpc_lite.control.plan import PlanStatus
 from kmpc_lite.errors import ScenarioError

@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from firmware_bridge.cli import init
-from firmware_bridge.cli.init import templates
-from firmware_bridge.cli.ports import Port, serial_ports
+from firmware_bridge.cli.init import Port, serial_ports, templates
 from firmware_bridge.link import open_transport
 from firmware_bridge.robot_file import DRIVERS, load_robot
 from firmware_bridge.runtime.session import open_driver

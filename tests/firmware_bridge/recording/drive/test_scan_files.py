@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from firmware_bridge.recording.drive.scan_arrays import scans_of, scans_to_arrays
+from firmware_bridge.recording.drive.seen import scans_of, scans_to_arrays
 from kmpc_lab import Run, drive
 from kmpc_lab.sim.lidar import Lidar
 from kmpc_lite.errors import ScenarioError
