@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -12,7 +12,9 @@ from firmware_bridge.cli.planning import planning
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import Robot
 from firmware_bridge.runtime.navigator import Pose
+from kmpc_lite.cli.tuning import Wishes
 
+NO_WISHES = Wishes()
 FENCE_ROOM = 0.25
 """Without a geofence of its own a robot may leave the scenario's area by so much [m]."""
 WITHIN = 0.7
@@ -48,8 +50,7 @@ def course(
     watch: Callable[[Any, Any], None] | None = None,
     wait: float | None = None,
     rehearse: bool = False,
-    goals: Sequence[Pose] = (),
-    loop: bool = False,
+    wishes: Wishes = NO_WISHES,
 ) -> Course:
     """Put a controller and a map before a robot.
 
@@ -67,10 +68,8 @@ def course(
         How long the vehicle may take until it drives [s]; `seconds` where not given.
     rehearse : bool
         Whether it drives at half the speed that limits and model allow.
-    goals : sequence of tuple
-        Goals instead of the scenario's, one after the other; without a scenario, on an empty map.
-    loop : bool
-        Whether the first goal follows the last one, until time is up.
+    wishes : Wishes
+        What counts instead of the scenario's own.
 
     Raises
     ------
@@ -84,7 +83,7 @@ def course(
     from firmware_bridge.runtime.route import Route
     from kmpc_lite.scenario.gaps import obstacle_gaps
 
-    scenario = scenario_of(robot, goals, loop)
+    scenario = scenario_of(robot, wishes)
     try:
         robot, learned, notes = load_model(robot, rehearse)
         controller = build_controller(robot, scenario, learned)
@@ -130,8 +129,8 @@ def _check_fence(robot: Robot, scenario: Any) -> None:
             )
 
 
-def scenario_of(robot: Robot, goals: Sequence[Pose] = (), loop: bool = False) -> Any:
-    """Scenario of a robot's file, with the file's footprint, and with goals of a command line.
+def scenario_of(robot: Robot, wishes: Wishes = NO_WISHES) -> Any:
+    """Scenario of a robot's file, with the file's footprint, and with a command line's wishes.
 
     Raises
     ------
@@ -141,25 +140,23 @@ def scenario_of(robot: Robot, goals: Sequence[Pose] = (), loop: bool = False) ->
     from kmpc_lite.control import Footprint
     from kmpc_lite.errors import KmpcError
     from kmpc_lite.reading import parse_toml
-    from kmpc_lite.scenario.drawn import drawn_table, goals_table
+    from kmpc_lite.scenario.drawn import drawn_table
     from kmpc_lite.scenario.files import Scenario
 
     named = robot.control.scenario
-    if named is None and not goals:
+    if named is None and not wishes.goals:
         raise ConfigError(
             f"{robot.where}: control.scenario: missing: give --scenario NAME or --goal X Y THETA"
         )
     try:
         if named is None:
-            scenario = Scenario.from_table(drawn_table(goals), "command line", "command line")
+            name, table = "command line", drawn_table(wishes.goals)
         else:
             scenario = Scenario.load(named)
-        if goals and named is not None:
-            table = parse_toml(scenario.to_toml())
-            table["robot"].update(goals_table(goals))
-            scenario = Scenario.from_table(table, scenario.name, named)
+            name, table = scenario.name, parse_toml(scenario.to_toml())
+        wishes.put(table)
         # what is drawn of a map without bounds has room around it, and is where the robot may go
-        scenario = replace(scenario, loop=loop or scenario.loop, has_area=True)
+        scenario = replace(Scenario.from_table(table, name, named or name), has_area=True)
         if robot.footprint is None:
             return scenario
         return replace(scenario, footprint=Footprint.of(robot.footprint))

@@ -11,6 +11,7 @@ from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import DRIVERS, TOPICS, Robot, load_robot
 from firmware_bridge.sensors.lidar.options import LIDARS
 from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.tuning import TURN_SHARE
 from kmpc_lite.reading import parse_toml
 
 
@@ -49,6 +50,8 @@ def add_limits(add: Callable[..., object]) -> None:
     """Add what the robot may do, and any other key of a robot file."""
     add(
         "--v-max",
+        "--max-speed",
+        dest="v_max",
         type=float,
         metavar="V",
         help="limits.v_max and v_reverse [m/s] (default: 0.3, slow on purpose)",
@@ -58,6 +61,12 @@ def add_limits(add: Callable[..., object]) -> None:
         type=float,
         metavar="OMEGA",
         help="limits.omega_max [rad/s] (default: 0.8)",
+    )
+    add(
+        "--max-acceleration",
+        type=float,
+        metavar="A",
+        help="limits.acceleration [m/s^2], and angular_acceleration: 4 A [rad/s^2]",
     )
     add(
         "--geofence",
@@ -73,7 +82,8 @@ def add_limits(add: Callable[..., object]) -> None:
         action="append",
         default=[],
         metavar="SECTION.KEY=VALUE",
-        help="any other key, in TOML: board.rate=50",
+        help="any other key of a robot file, in TOML: board.rate=50; of kmpc run also an option "
+        "of the\ncontroller: margins.headway=0.2",
     )
 
 
@@ -160,6 +170,7 @@ def read_robot(options: argparse.Namespace) -> Robot:
 def overrides_of(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
     """Sections and keys that a command line replaces; ConfigError for what is none."""
     given = vars(options)
+    acceleration = given.get("max_acceleration")
     overrides: dict[str, dict[str, Any]] = {
         "link": {
             "url": given.get("link"),
@@ -174,6 +185,8 @@ def overrides_of(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
             "v_max": given.get("v_max"),
             "v_reverse": given.get("v_max"),
             "omega_max": given.get("omega_max"),
+            "acceleration": acceleration,
+            "angular_acceleration": None if acceleration is None else TURN_SHARE * acceleration,
         },
         "safety": {"geofence": given.get("geofence"), "socket": given.get("socket")},
         "control": {

@@ -21,11 +21,13 @@ from firmware_bridge.cli.options import (
 from firmware_bridge.cli.recording import recorder_of, recording_to
 from firmware_bridge.cli.rehearsal import Rehearsal, advice
 from firmware_bridge.messages import BridgeError
+from firmware_bridge.robot_file import SECTIONS
 from firmware_bridge.safety.places import default_socket
 from kmpc_lite.cli.command import Command
-from kmpc_lite.cli.goals import add_goal_options, goals_of
+from kmpc_lite.cli.goals import add_goal_options
 from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.output import command_line
+from kmpc_lite.cli.tuning import add_clearance, split_settings, wishes_of
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -40,6 +42,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="scenario file, or the name of one that comes with kmpc_lite",
     )
     add_goal_options(add, "on an empty map about the origin of the robot's frame")
+    add_clearance(add)
     add(
         "--by-sight",
         action="store_true",
@@ -98,13 +101,13 @@ def run(options: argparse.Namespace) -> int:
     """Drive to the goal; status 1 where the robot does not arrive."""
     from firmware_bridge.runtime.drive import run as drive
 
+    options.set, tuning = split_settings(options.set, SECTIONS)
     robot, views = read_robot(options), asked_views(options)
     showing = None
     if views != (None, None):
         showing = Showing(views, robot.socket or default_socket())
     saw = None if showing is None else showing.saw
     rehearse, told = advice(robot, options.rehearse)
-    goals = goals_of(options)
     job = course(
         robot,
         options.settle,
@@ -112,8 +115,7 @@ def run(options: argparse.Namespace) -> int:
         saw,
         wait=options.wait,
         rehearse=rehearse,
-        goals=goals,
-        loop=options.loop,
+        wishes=wishes_of(options, tuning),
     )
     prepare(options)
     with ExitStack() as stack:

@@ -46,13 +46,21 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     add("--to", dest="end", type=float, metavar="S", help="play to this time [s]")
     add("--pictures", type=Path, metavar="DIR", help="folder to write PNG pictures to")
+    add(
+        "--beside",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="RUN",
+        help="more drives on the same map, for a picture of all: beside.png of --pictures",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
     """Make the page or the pictures of a run."""
     need("a report", "matplotlib")
     from kmpc_lab.recording.drive_file import load_drive
-    from kmpc_lab.report import write_pictures, write_report
+    from kmpc_lab.report import write_beside, write_pictures, write_report
 
     keep_inputs(options.output, options.file, options.model)
     drive = load_drive(options.file)
@@ -60,7 +68,12 @@ def run(options: argparse.Namespace) -> int:
         drive = _between(drive, options.begin, options.end)
     model = kl.KoopmanModel.load(options.model) if options.model else None
     written: list[str] = []
-    if options.pictures:
+    if options.beside and not options.pictures:
+        raise kl.ScenarioError("--beside: give --pictures DIR, too: the picture is written there")
+    if options.beside:
+        runs = [drive, *map(load_drive, options.beside)]
+        written.append(str(write_beside(options.pictures, runs, [options.file, *options.beside])))
+    elif options.pictures:
         written += [str(f) for f in write_pictures(options.pictures, drive)]
     if options.output or not options.pictures:
         page = options.output or _beside(options.file)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from kmpc_lite.cli.goals import PoseOption, add_goal_options, goals_of
+from kmpc_lite.cli.goals import PoseOption, add_goal_options
+from kmpc_lite.cli.numbers import positive
+from kmpc_lite.cli.tuning import TURN_SHARE, add_clearance, wishes_of
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.reading import parse_toml
 from kmpc_lite.scenario.bundled import bundled
-from kmpc_lite.scenario.drawn import drawn_table, goals_table
+from kmpc_lite.scenario.drawn import drawn_table
 
 if TYPE_CHECKING:
     from kmpc_lite.scenario.files import Scenario
@@ -40,7 +42,20 @@ def add_scenario_options(parser: argparse.ArgumentParser) -> None:
         help="one more circle [m], which moves where a velocity is given [m/s]; repeatable",
     )
     add("--slip", type=float, help="mean slip ratio")
-    add("--margin", type=float, metavar="M", help="distance to keep beyond the radii [m]")
+    add_clearance(add)
+    add(
+        "--max-acceleration",
+        type=positive,
+        metavar="A",
+        help="fastest change of the speed [m/s^2], and of the turn rate: 4 A [rad/s^2]",
+    )
+    add(
+        "--set",
+        action="append",
+        default=[],
+        metavar="GROUP.OPTION=VALUE",
+        help="option of the controller, in TOML: margins.headway=0.2; repeatable",
+    )
     add("--seed", type=int, help="seed of the slip and of the noise of poses")
     add(
         "--timeout",
@@ -75,7 +90,8 @@ def read_scenario(options: argparse.Namespace) -> Scenario:
         if len(row) not in (3, 5):
             told = " ".join(f"{value:g}" for value in row)
             raise ScenarioError(f"--obstacle {told}: expected X Y R or X Y R VX VY")
-    goals = goals_of(options)
+    wishes = wishes_of(options, options.set)
+    goals = wishes.goals
     if named is None and not goals and (options.start or options.obstacle):
         raise ScenarioError("--start and --obstacle: give a --goal X Y THETA, or a scenario, too")
     if named is None and goals:
@@ -87,11 +103,10 @@ def read_scenario(options: argparse.Namespace) -> Scenario:
         table["map"]["circles"] += options.obstacle
         if options.start is not None:
             table["robot"]["start"] = options.start
-        if goals:
-            table["robot"].update(goals_table(goals))
-    if options.loop:
-        table["run"]["loop"] = True
-    for section, key in (("plant", "slip"), ("run", "margin"), ("run", "seed"), ("run", "timeout")):
+    wishes.put(table)
+    if (acceleration := options.max_acceleration) is not None:
+        table["robot"]["du_max"] = [acceleration, TURN_SHARE * acceleration]
+    for section, key in (("plant", "slip"), ("run", "seed"), ("run", "timeout")):
         if (value := getattr(options, key)) is not None:
             table.setdefault(section, {})[key] = value
     if (reach := getattr(options, "lidar", None)) is not None:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 import kmpc_lite as kl
 from firmware_bridge.cli.live_options import Views, add_live_options, asked_views
@@ -21,6 +24,9 @@ if TYPE_CHECKING:
     from kmpc_lab.recording.simulated import SimulationRecorder
     from kmpc_lab.sim.closed_loop import Run
     from kmpc_lite.scenario.files import Scenario
+
+TOLD, FAR = 0.01, 1.0
+"""A clearance that is more than asked for by so much is explained, if it is not beyond [m]."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -46,6 +52,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         default=20,
         metavar="N",
         help="stages that the controller looks ahead (default: 20)",
+    )
+    add(
+        "--max-speed",
+        type=positive,
+        metavar="V",
+        help="fastest speed, ahead and back [m/s] (default: 0.6)",
     )
     add(
         "--no-adaptation",
@@ -105,6 +117,7 @@ def run(options: argparse.Namespace) -> int:
         options.iterations,
         adaptation,
         views,
+        options.max_speed,
     )
     drive.info["command"] = command_line()
     recorded = recorder.write(options.record, drive) if options.record else None
@@ -118,7 +131,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(drive.summary()))
     else:
-        print(describe(drive) + hint(drive, model))
+        print(describe(drive) + hint(drive, model) + held_apart(options, drive))
         for name in filter(None, (options.output, options.report, recorded)):
             print(f"wrote  {name}")
     return 0 if drive.outcome is Outcome.REACHED else 1
@@ -132,16 +145,21 @@ def simulate(
     iterations: int | None,
     adaptation: bool | None = None,
     views: Views | None = None,
+    max_speed: float | None = None,
 ) -> tuple[Run, SimulationRecorder]:
     """Drive one scenario with our controller at the model's period; watched by a recorder.
 
-    With `views` it drives in real time, for viewers.
+    With `views` it drives in real time, for viewers; with `max_speed` no faster than that [m/s].
     """
     from kmpc_lab.recording.simulated import SimulationRecorder
     from kmpc_lab.sim.closed_loop import drive
     from kmpc_lab.sim.plants.learned import LearnedPlant
 
-    problem = scenario.problem(kl.NavigationProblem(horizon=horizon, dt=model.dt))
+    base = kl.NavigationProblem(horizon=horizon, dt=model.dt)
+    if max_speed is not None:
+        speed = np.array((max_speed, base.u_max[1]))
+        base = replace(base, u_min=-speed, u_max=speed, deceleration=None, slack_weights=None)
+    problem = scenario.problem(base)
     controller = kl.Controller(
         model,
         problem,
@@ -193,6 +211,18 @@ def describe(run: Run) -> str:
         f"{100 * run.position_error:.1f} cm and {run.heading_error:.2f} rad from the goal\n"
         f"   step p50 {times['p50']:.2f} ms, p99 {times['p99']:.2f} ms, max {times['max']:.2f} ms; "
         f"{statuses}"
+    )
+
+
+def held_apart(options: argparse.Namespace, drive: Run) -> str:
+    """Tell what else keeps the distance, if one was asked for that is not what came of it."""
+    asked = options.margin
+    if asked is None or not asked + TOLD < drive.clearance < FAR:
+        return ""
+    return (
+        f"\nclearance  {100 * asked:.1f} cm requested, {100 * drive.clearance:.1f} cm kept: paths "
+        "keep more where they can (guidance.wide_clearance,\n"
+        "   in radii), plans what the model does not know (margins.headway): --set lessens both"
     )
 
 

@@ -8,7 +8,7 @@ from kmpc_lab.report.maps import map_picture
 from kmpc_lab.report.overlay import overlay_picture
 from kmpc_lab.report.pictures.commands import commands_picture
 from kmpc_lab.report.pictures.errors import errors_picture
-from kmpc_lab.report.pictures.files import write_pictures
+from kmpc_lab.report.pictures.files import write_beside, write_pictures
 from kmpc_lab.report.pictures.fit import fit_picture
 from kmpc_lab.report.pictures.timing import timing_picture
 
@@ -19,6 +19,7 @@ __all__ = [
     "map_picture",
     "overlay_picture",
     "timing_picture",
+    "write_beside",
     "write_pictures",
     "write_report",
 ]

@@ -35,7 +35,7 @@ def overlay_picture(runs: Sequence[Run], labels: Sequence[str]) -> Figure:
     KmpcError
         For no runs, another number of labels, or runs of different maps.
     """
-    _check(runs, labels)
+    check_one_map(runs, labels)
     scenario, names = runs[0].scenario, list(dict.fromkeys(labels))
     outcomes = [run.outcome for run in runs]
     with style():
@@ -66,7 +66,7 @@ def overlay_picture(runs: Sequence[Run], labels: Sequence[str]) -> Figure:
     return figure
 
 
-def _check(runs: Sequence[Run], labels: Sequence[str]) -> None:
+def check_one_map(runs: Sequence[Run], labels: Sequence[str]) -> None:
     """Raise KmpcError for no runs, another number of labels, or runs of different maps."""
     if not runs or len(runs) != len(labels):
         raise KmpcError(

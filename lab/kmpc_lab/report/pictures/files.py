@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
 from kmpc_lab.report.maps import map_picture
+from kmpc_lab.report.pictures.beside import beside_picture
 from kmpc_lab.report.pictures.commands import commands_picture
 from kmpc_lab.report.pictures.errors import errors_picture
 from kmpc_lab.report.pictures.fit import fit_picture
@@ -32,6 +34,23 @@ def run_pictures(
         "timing": timing_picture(run),
     }
     return found if fit_report is None else {**found, "fit": fit_picture(fit_report)}
+
+
+def write_beside(folder: Path, runs: Sequence[Run], files: Sequence[Path]) -> Path:
+    """Write a picture of several drives, labelled by their files' names, into a folder.
+
+    Raises
+    ------
+    KmpcError
+        For drives of different maps, or where it cannot be written.
+    """
+    picture, path = beside_picture(runs, [file.stem for file in files]), folder / "beside.png"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        picture.savefig(path, dpi=150)
+    except OSError as error:
+        raise KmpcError(f"{path}: cannot write the picture: {error.strerror or error}") from error
+    return path
 
 
 def write_pictures(

@@ -1,0 +1,62 @@
+"""Faster, closer, smoother: each option changes the drive as its name says, or is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from kmpc_lab import Run
+from kmpc_lite.cli.main import main
+
+DRIVE = "simulate --goal 1.4 0 0 --obstacle 0.7 0 0.15 --json -o"
+CLOSE = "--clearance 0 --set guidance.wide_clearance=0.05 --set guidance.narrow_clearance=0.05"
+
+
+def driven(name: str, more: str = "") -> Run:
+    assert main(f"{DRIVE} {name}.npz {more}".split()) == 0
+    return Run.load(f"{name}.npz")
+
+
+def test_each_option_changes_the_drive_as_its_name_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    usual, slow = driven("usual"), driven("slow", "--max-speed 0.2")
+    assert abs(slow.inputs[:, 0]).max() <= 0.2 < abs(usual.inputs[:, 0]).max()
+    assert slow.duration > usual.duration
+    wide, close = driven("wide", "--clearance 0.2"), driven("close", CLOSE)
+    assert wide.clearance >= 0.2 > usual.clearance > close.clearance > 0.0
+    smooth = driven("smooth", "--max-acceleration 0.3")
+    change = np.abs(np.diff(smooth.inputs, axis=0)).max(axis=0) / smooth.dt
+    assert (change <= (0.3 + 1e-6, 1.2 + 1e-6)).all()
+    capsys.readouterr()
+    assert main("report usual.npz --beside wide.npz close.npz --pictures p".split()) == 0
+    assert (tmp_path / "p" / "beside.png").stat().st_size > 10_000
+
+
+def test_a_distance_that_something_else_holds_is_explained(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main("simulate --goal 1.4 0 0 --obstacle 0.7 0 0.15 --margin 0".split()) == 0
+    assert "0.0 cm requested" in (out := capsys.readouterr().out)
+    assert "guidance.wide_clearance" in out and "margins.headway" in out
+
+
+@pytest.mark.parametrize("command", ["simulate", "run --driver mavlink --link tcp:127.0.0.1:1"])
+@pytest.mark.parametrize(
+    ("item", "words"),
+    [
+        ("margins.headwya=0.1", "did you mean 'headway'"),
+        ("margns.headway=0.1", "did you mean 'margins'"),
+        ("margins.headway=-1", "headway"),
+        ("margins.headway", "expected "),
+    ],
+)
+def test_what_no_controller_has_is_refused_with_the_nearest_name(
+    command: str, item: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*command.split(), "--goal", "1", "0", "0", "--set", item]) == 2
+    err = capsys.readouterr().err
+    assert words in err and item in err and err.count("\n") == 1
