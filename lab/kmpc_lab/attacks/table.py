@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TextIO
+from typing import Any
 
 from kmpc_lab.attacks.floods import FLOODS, Flood, Surface
 from kmpc_lab.attacks.trial import Trial, run
@@ -74,20 +74,16 @@ def chosen(words: Sequence[str]) -> list[Flood]:
     ]
 
 
-def measure(floods: Sequence[Flood], progress: TextIO | None) -> list[Row]:
-    """Drive each surface without an attack, then under each; `progress` says what is under way."""
+def measure(floods: Sequence[Flood], say: Callable[[str], None] = lambda text: None) -> list[Row]:
+    """Drive each surface without an attack, then under each; `say` takes what is under way."""
     quiet: dict[Surface, Trial] = {}
     rows = []
-    for number, flood in enumerate(floods):
-        if progress is not None and progress.isatty():
-            what = f"{flood.surface.name}: {flood.name}"
-            progress.write(f"\r\x1b[2K{number + 1} of {len(floods)}: {what} ...")
-            progress.flush()
+    for number, flood in enumerate(floods, 1):
+        say(f"{number} of {len(floods)}: {flood.surface.name}: {flood.name} ...")
         if flood.surface not in quiet:
             quiet[flood.surface] = run(flood.surface, ())
         rows.append(Row(flood, quiet[flood.surface], run(flood.surface, (flood, *flood.also))))
-    if progress is not None and progress.isatty():
-        progress.write("\r\x1b[2K")
+    say("")
     return rows
 
 

@@ -143,7 +143,7 @@ def _flood(options: argparse.Namespace) -> int:
     if not floods:
         names = "; ".join(f"{flood.surface.name}: {flood.name}" for flood in known.FLOODS)
         raise ConfigError(f"--flood {' '.join(options.flood)}: no flood has this in: {names}")
-    rows = attacks.measure(floods, None if options.json else sys.stderr)
+    rows = attacks.measure(floods, progress_line(None if options.json else sys.stderr))
     print(json.dumps([r.as_dict() for r in rows]) if options.json else attacks.table(rows))
     return 0
 

@@ -26,7 +26,7 @@ def own_folder(tmp_path, monkeypatch):
 @pytest.mark.parametrize("flood", FLOODS, ids=lambda flood: f"{flood.surface.name}-{flood.name}")
 def test_a_flood_costs_neither_the_gate_nor_the_stop(flood):
     """Twice what is promised: this machine may be busy with other tests."""
-    (row,) = measure([flood], None)
+    (row,) = measure([flood])
     quiet, attacked = row.quiet, row.attacked
     assert attacked.late_p99() <= max(2.0 * TICK, 3.0 * quiet.late_p99())
     assert attacked.standstill <= 1.2 * quiet.standstill + 2.0 * TICK + quiet.late_p99()

@@ -7,6 +7,7 @@ import kmpc_lite as kl
 from firmware_bridge.live.moment import last_step, numbers, plan_packet
 from firmware_bridge.recording.drive.seen import BEAMS, CORNERS, counted, hits, outline
 from kmpc_lite.control.world.sight.rays import Rays
+from kmpc_lite.geometry import rotate
 
 
 def test_an_outline_ends_at_what_was_hit_and_at_the_reach():
@@ -80,9 +81,10 @@ def test_a_picture_shows_the_hits_that_the_controller_used(age: float) -> None:
 def test_a_scan_that_turned_while_the_robot_drove_is_placed_by_its_middle_beam() -> None:
     scan = kl.LaserScan(np.full(101, 2.0), -1.0, 0.02, 4.0, time_increment=0.002)
     controller, _, _ = looked(scan)
-    ahead, _, heading = counted(controller, scan).mount
     now, then = controller.state.seen.poses_at(np.array([0.0, 0.1 / controller.scale.time]))
-    assert ahead < -0.01 and heading == pytest.approx(then[2] - now[2])
+    way = rotate(*(then - now)[:2] * controller.scale.length, -now[2])
+    assert np.hypot(*way) > 0.01
+    assert counted(controller, scan).mount == pytest.approx((*way, then[2] - now[2]))
 
 
 def test_hits_within_a_footprint_are_the_robot_itself() -> None:
