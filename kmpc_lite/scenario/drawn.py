@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
-
 NO_AREA = (-math.inf, -math.inf, math.inf, math.inf)
 """Bounds of a robot that may go everywhere."""
 ROOM = 1.0
@@ -39,6 +37,8 @@ def area_around(values: Mapping[str, Any]) -> tuple[tuple[float, ...], bool]:
 
     A grid does; without one they are what pictures show.
     """
+    import numpy as np  # a help need not wait for it
+
     if (grid := values["grid"]) is not None:
         corners = np.array([[i, j] for i in (0, 1) for j in (0, 1)]) * grid.occupied.shape[::-1]
         x, y, theta = grid.origin

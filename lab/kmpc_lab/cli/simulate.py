@@ -8,8 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 import kmpc_lite as kl
 from firmware_bridge.cli.live_options import Views, add_live_options, asked_views
 from kmpc_lab.cli.scenario import DEFAULT, add_scenario_options, read_scenario
@@ -157,8 +155,8 @@ def simulate(
 
     base = kl.NavigationProblem(horizon=horizon, dt=model.dt)
     if max_speed is not None:
-        speed = np.array((max_speed, base.u_max[1]))
-        base = replace(base, u_min=-speed, u_max=speed, deceleration=None, slack_weights=None)
+        low, high = (-max_speed, -base.u_max[1]), (max_speed, base.u_max[1])
+        base = replace(base, u_min=low, u_max=high, deceleration=None, slack_weights=None)
     problem = scenario.problem(base)
     controller = kl.Controller(
         model,
