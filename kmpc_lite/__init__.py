@@ -1,5 +1,9 @@
 """Learn a bilinear Koopman model of a wheeled robot and drive it, in real time on a small board.
 
+`Controller(model, problem).step(pose, goal, obstacles)` gives the command to send: begin with
+`help(kmpc_lite.Controller)`. `fit(Dataset.load("log.csv"))` learns the model from a log, and
+`nominal_unicycle(0.1)` is one without a log.
+
 The public names stand in `kmpc_lite.api`, which is imported when the first of them is asked for:
 `kmpc --help` need not wait for NumPy.
 """

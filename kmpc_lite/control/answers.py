@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from kmpc_lite.control.events import Events
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.plan import GoalProgress, Plan, PlannedAround, PlanStatus
@@ -24,6 +25,8 @@ class Answers:
 
     def __init__(self, problem: NavigationProblem, scale: Scale) -> None:
         self._problem, self._scale = problem, scale
+        self.events = Events()
+        """Told of every plan."""
 
     def jump(self, size: tuple[float, float]) -> str:
         """Say that a pose has jumped, by a distance in units and an angle [rad]."""
@@ -59,6 +62,7 @@ class Answers:
             problem.footprint,
         )
         commands = inputs * scale.command
+        self.events.planned(status, progress, reason)
         return Plan(
             command=problem.within_bounds(commands[0]),
             states=states * scale.state,

@@ -31,6 +31,7 @@ from kmpc_lite.control.settings import (
     check_settings,
     choose_adaptation,
     choose_options,
+    choose_problem,
 )
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import StepClock
@@ -130,7 +131,7 @@ class Controller:
         planner: Planner | None = None,
         clock: Callable[[], float] = perf_counter,
     ) -> None:
-        problem = NavigationProblem() if problem is None else problem
+        problem = choose_problem(problem)
         self.options = options = choose_options(options, guidance, risk)
         self._settings = settings = Settings(
             guidance=bool(guidance),

@@ -104,6 +104,7 @@ class Pipeline:
         self._watching.look(state, seen, known)
         if known.margins is not None:
             observe_drift(known.margins.drift_detector, state.drift, state.history, seen.here)
+            self._answers.events.drift(state.drift.drifting)
 
     def bring_forward(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
         """Note what was really sent in the command history; bring an old pose forward.
@@ -126,6 +127,7 @@ class Pipeline:
         clock: StepClock,
     ) -> Plan:
         """Stop in a step that cannot be planned, short of what scans show in it all the same."""
+        self._answers.events.refused(refusal)
         if seen.pose_is_known and state.pose.believed is None:
             seen.place(self.scene, state.scene)
             self._watching.look(state, seen, known)
@@ -139,7 +141,9 @@ class Pipeline:
         """Find the reference along a path; none without guidance."""
         clock.lap("estimate")
         until = clock.after(self._options.step.guide_share)
-        return self._guiding.reference(state, seen, known, until)
+        guidance = self._guiding.reference(state, seen, known, until)
+        self._answers.events.path(guidance is not None and guidance.switched)
+        return guidance
 
     def solve(
         self,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.problem_fields import positive, scalar, vector, weight
+from kmpc_lite.control.problem_fields import fits, positive, scalar, vector, weight
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.scale import Scale
@@ -180,6 +180,7 @@ class NavigationProblem:
             )
         if (x_min >= x_max).any():
             raise ProblemError(f"x_min, x_max: bounds cross: {x_min} and {x_max}")
+        fits("robot_radius", self.robot_radius, float((x_max - x_min)[:2].max()))
         if np.isfinite(x_min[2]) or np.isfinite(x_max[2]):
             raise ProblemError(
                 "x_min, x_max: the heading cannot be bounded; use -inf and inf, "

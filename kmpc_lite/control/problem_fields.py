@@ -9,6 +9,9 @@ import numpy as np
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import Array
 
+LARGE = 1.0
+"""Smaller radii are hardly centimetres that were taken for metres [m]."""
+
 
 def scalar(name: str, value: Any, above_zero: bool) -> None:
     """Raise ProblemError for what is no finite number >= 0, or > 0."""
@@ -64,3 +67,12 @@ def weight(name: str, value: Any, size: int) -> Array:
 def _shown(value: Any) -> str:
     """Value as one line of an error."""
     return repr(value.tolist() if isinstance(value, np.ndarray) else value)
+
+
+def fits(name: str, radius: float, width: float) -> None:
+    """Raise ProblemError for the radius [m] of a large robot in a smaller area [m]."""
+    if radius > max(width, LARGE):
+        raise ProblemError(
+            f"{name}: {radius:g} m is more than the size of the area, {width:g} m; "
+            "lengths are in metres, not in centimetres"
+        )

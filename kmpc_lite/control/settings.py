@@ -46,6 +46,17 @@ class Settings:
     clock: Callable[[], float]
 
 
+def choose_problem(problem: NavigationProblem | None) -> NavigationProblem:
+    """Give the problem, the paper's if there is none; raise ProblemError for anything else."""
+    if problem is None:
+        return NavigationProblem()
+    if isinstance(problem, NavigationProblem):
+        return problem
+    hint = "; NavigationProblem(**{...}) makes one" if isinstance(problem, dict) else ""
+    name = type(problem).__name__
+    raise ProblemError(f"problem: expected a NavigationProblem, got {name}{hint}")
+
+
 def choose_options(
     options: ControllerOptions | None, guidance: bool | GuidanceOptions, risk: float | None
 ) -> ControllerOptions:

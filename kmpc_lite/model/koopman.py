@@ -114,6 +114,11 @@ class KoopmanModel:
         """How many past commands the model needs, L."""
         return self.dictionary.history
 
+    def __repr__(self) -> str:
+        made = self.info.get("method", "made by hand")
+        looks = f", looks back on {self.history} commands" if self.history else ""
+        return f"<KoopmanModel: {made}, {len(self.A)} lifted, dt {self.dt:g} s{looks}>"
+
     def predict(self, x: ArrayLike, u: ArrayLike, history: ArrayLike | None = None) -> Array:
         """Predict the state one `dt` ahead (paper, eq. 12).
 

@@ -55,7 +55,7 @@ FLOAT_LISTS = {"bounds": 4, "start": 3, "goal": 3, "turning_point": 2, "pose_noi
 GROUND_ROWS = {"ground_changes": ("time", "name"), "ground_patches": ("name", "x", "y", "radius")}
 POSITIVE = frozenset({"radius", "turn_gain", "timeout", "tolerance", "heading_tolerance"})
 LARGEST = {
-    "slip": 10.0,
+    "slip": 0.99,
     "turn_gain": 10.0,
     "lag": 10.0,
     "dead_time": 10.0,

@@ -254,7 +254,6 @@ def test_absurd_models_give_safe_plans(name: str) -> None:
         {"x_min": (-1e-3, -1e-3, -np.inf), "x_max": (1e-3, 1e-3, np.inf)},
         {"x_min": (-np.inf, -2.0, -np.inf), "x_max": (np.inf, np.inf, np.inf)},
         {"robot_radius": 0.0},
-        {"robot_radius": 50.0},
         {"slack_weights": (1e6, 1e6)},
         {"slack_weights": (1e-6, 1e-6)},
         {"margin": 5.0},
