@@ -106,8 +106,12 @@ class Showing:
             last = Shown()
             self._viewer.start(scenario, job.period, lambda: self.records(session, last))
         yield
-        ended = session.loop.stop_reason or "stopped"
-        over = "arrived" if job.navigator.arrived_after is not None else f"ended: {ended}"
+        from firmware_bridge.runtime.drive import SIGNALS, outcome_words
+
+        navigator, stop = job.navigator, session.loop.stop_reason
+        over = outcome_words(navigator, stop if stop in SIGNALS else "")
+        if not navigator.arrived and navigator.reason:
+            over += f"; the controller: {navigator.reason}"
         if self._feed is not None:
             self._feed.say({**self.packet(session, job.navigator.route.goal), "over": over})
 

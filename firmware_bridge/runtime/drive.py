@@ -111,7 +111,7 @@ def run(
         if examiner is not None:
             report["rehearsal"] = examiner.finish()
         ended_by = session.loop.stop_reason if interrupted else trouble()
-        report["outcome"] = _outcome(navigator, ended_by)
+        report["outcome"] = outcome_words(navigator, ended_by)
         if not navigator.arrived and not trouble():
             controller = f"the controller: {navigator.reason}" if navigator.reason else ""
             why = told_once(session.loop.why_stopped, session.words())
@@ -136,7 +136,7 @@ def _did_it(navigator: Navigator) -> bool:
     return navigator.arrived or (navigator.route.loop and navigator.route.rounds > 0)
 
 
-def _outcome(navigator: Navigator, stop: str) -> str:
+def outcome_words(navigator: Navigator, stop: str) -> str:
     """Outcome of a run, in words; `stop` is the signal or the trouble that ended it, if any."""
     if navigator.arrived:
         outcome = "arrived"

@@ -188,7 +188,7 @@ def simulate(
     watched = WatchedController(controller)
     with shown(watched, scenario, views.page, views.viewer) as tell:
         run = drive(watched, scenario, robot, model.dt, info=info, watch=recorder, lidar=lidar)
-        tell(f"{run.outcome.value} after {run.duration:.2f} s")
+        tell(run.info.get("ended") or f"{run.outcome.value} after {run.duration:.2f} s")
     return run, recorder
 
 
@@ -203,12 +203,13 @@ def describe(run: Run) -> str:
     times = told["step_ms"]
     statuses = ", ".join(f"{count} {name}" for name, count in told["statuses"].items())
     route = run.info.get("route")
+    why = f"\nwhy    {run.info['ended']}" if run.info.get("ended") else ""
     goals = "" if route is None else f" {route['held']} of {route['of']} goals"
     return (
         f"{run.outcome.value}{goals} after {run.duration:.2f} s, {clearance}, "
         f"{100 * run.position_error:.1f} cm and {run.heading_error:.2f} rad from the goal\n"
         f"   step p50 {times['p50']:.2f} ms, p99 {times['p99']:.2f} ms, max {times['max']:.2f} ms; "
-        f"{statuses}"
+        f"{statuses}{why}"
     )
 
 

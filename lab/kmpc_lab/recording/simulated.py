@@ -32,6 +32,7 @@ def outcome_of(run: Run) -> dict[str, Any]:
         "outcome": run.outcome.value,
         "duration": run.duration,
         "clearance": run.clearance if math.isfinite(run.clearance) else None,
+        "words": run.info.get("ended", ""),
     }
 
 

@@ -205,6 +205,7 @@ def drive(
             break
     if outcome is Outcome.TIMEOUT and route.rounds:
         outcome = Outcome.REACHED
+    ended = _why_not(outcome, scenario, route, plan, x, duration)
     return Run(
         scenario,
         dt,
@@ -217,7 +218,7 @@ def drive(
         tuple(statuses),
         np.array(times),
         clearance,
-        {**_tuned(controller), **_legs(route), **(info or {})},
+        {**_tuned(controller), **_legs(route), **ended, **(info or {})},
         scans=() if lidar is None else tuple(lidar.seen),
     )
 
@@ -254,6 +255,26 @@ def _tuned(controller: Steps) -> dict[str, Any]:
     options = getattr(controller, "options", None)
     changed = options.changed() if isinstance(options, ControllerOptions) else {}
     return {"options": changed} if changed else {}
+
+
+def _why_not(
+    outcome: Outcome, scenario: Scenario, route: Route, plan: Plan, x: Array, duration: float
+) -> dict[str, Any]:
+    """Say in one sentence why a drive that ended at a state (3,) did not arrive; else nothing."""
+    if outcome is Outcome.REACHED:
+        return {}
+    if outcome is Outcome.COLLISION:
+        return {"ended": f"the robot touched an obstacle after {duration:.1f} s"}
+    goal = np.array(route.goal)
+    distance, turn = float(distances(x, goal)), abs(wrap(float(x[2]) - goal[2]))
+    reason = plan.reason or "the robot was still driving"
+    if plan.holding:
+        reason = (
+            f"the robot holds, but arrived means within {scenario.tolerance:g} m and "
+            f"{scenario.heading_tolerance:g} rad"
+        )
+    where = f"{distance:.2f} m and {turn:.2f} rad from {route.words or 'the goal'}"
+    return {"ended": f"time is up after {duration:.1f} s, {where}: {reason}"}
 
 
 def _is_held(route: Route, plan: Plan, inside: float, settle: float) -> bool:

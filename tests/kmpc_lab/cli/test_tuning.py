@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from kmpc_lab import Run
+from kmpc_lab.recording.drive_file import load_drive
 from kmpc_lite.cli.main import main
 
 DRIVE = "simulate --goal 1.4 0 0 --obstacle 0.7 0 0.15 --json -o"
@@ -60,3 +62,18 @@ def test_what_no_controller_has_is_refused_with_the_nearest_name(
     assert main([*command.split(), "--goal", "1", "0", "0", "--set", item]) == 2
     err = capsys.readouterr().err
     assert words in err and item in err and err.count("\n") == 1
+
+
+def test_a_drive_that_does_not_arrive_says_why_everywhere_alike(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    late = "simulate --goal 3 0 0 --timeout 1".split()
+    assert main([*late, "--record", "drive", "--report", "drive.html"]) == 1
+    (why,) = (ln for ln in capsys.readouterr().out.splitlines() if ln.startswith("why"))
+    assert "time is up after 1.0 s" in why and "from the goal: the robot was still driving" in why
+    assert main([*late, "--json"]) == 1
+    ended = json.loads(capsys.readouterr().out)["ended"]
+    assert why.endswith(ended)
+    assert ended in (tmp_path / "drive.html").read_text(encoding="utf-8")
+    assert load_drive(tmp_path / "drive").info["ended"] == ended
