@@ -237,7 +237,7 @@ class SafeMotions:
         travel = distances[:, 0] + self._reach * np.abs(steps[:, 0, 2])
         error = margins.most_of_commands(drift, commands[:, 0]) + margins.pose_error
         chord = (longest + self._reach * float(np.abs(steps[..., 2]).max())) / count
-        lost = chord * chord / (8.0 * radius)
+        lost = chord * chord / (8.0 * radius) if radius else 0.5 * chord
         sure = kernel.surely_clear(clearance, needed, error, travel, ends, lost)
         if sure[0]:
             return sure
