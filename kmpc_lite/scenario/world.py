@@ -25,7 +25,7 @@ class World:
     Examples
     --------
     >>> world = World([(2.0, 0.0, 0.5, 0.0, 0.0)], [(-1.0, -1.0, -1.0, 1.0)])
-    >>> world.ranges(np.zeros(2), np.array([0.0, math.pi, math.pi / 2])).round(3).tolist()
+    >>> world.ranges(np.zeros(2), np.array([0.0, np.pi, np.pi / 2])).round(3).tolist()
     [1.5, 1.0, inf]
     """
 

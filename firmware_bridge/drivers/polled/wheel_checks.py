@@ -131,7 +131,7 @@ class RunawayWheels:
     >>> wheels = RunawayWheels(top=20.0)
     >>> for k in range(12):
     ...     wheels.take((6.0, 6.0), (6.1, 19.0), 0.02 * k)
-    >>> wheels.faults()[0][:43]
+    >>> wheels.faults()[0][:42]
     'the right wheel runs faster than commanded'
     """
 

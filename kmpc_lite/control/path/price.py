@@ -1,0 +1,95 @@
+"""What a path costs beside its time: narrowness, the unknown, changes, and time lost before."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.control.path.lattice_path import LatticePath
+from kmpc_lite.control.path.planner import PathRequest, Route
+from kmpc_lite.control.path.tangent_graph import GeometricPath
+from kmpc_lite.geometry import angle_swept, wrap
+from kmpc_lite.types import Array
+
+
+def narrowness(clearance: float, widest: float, options: GuidanceOptions) -> float:
+    """How many times its time a path counts that keeps a clearance, of the widest one [m]."""
+    return 1.0 + options.narrow_cost * (1.0 - clearance / widest)
+
+
+def switching_time(path: GeometricPath, request: PathRequest, options: GuidanceOptions) -> float:
+    """What it costs to leave the path that is driven for this one [s]."""
+    if request.driven is None:
+        return 0.0
+    return max(options.switch_time, request.gear_time) + options.switch_share * path.time
+
+
+def lost_time(
+    path: GeometricPath,
+    clearance: float,
+    request: PathRequest,
+    landmarks: Array,
+    options: GuidanceOptions,
+) -> float:
+    """Time that was lost on paths like this one [s]."""
+    return sum(
+        route.lost
+        for route in request.tried
+        if abs(route.clearance - clearance) <= options.cut_depth
+        and same_side(route, path, landmarks)
+    )
+
+
+def extra_time(path: GeometricPath, request: PathRequest, options: GuidanceOptions) -> float:
+    """What a change of gear, turning back, and the unknown cost [s]."""
+    extra = 0.0
+    if request.driven is not None and request.driven.reverse != path.reverse:
+        extra += request.gear_time
+    heading = float(path.headings[0]) + (math.pi if path.reverse else 0.0)
+    if request.turned * wrap(heading - float(request.start[2])) < 0.0:
+        extra += abs(request.turned) / float(request.forward[1])
+    if request.known is not None:
+        unknown = request.known.unknown_length(path.points)
+        extra += options.unknown_cost * unknown / float(request.forward[0])
+    return extra
+
+
+def look_times(
+    request: PathRequest, lattice_path: LatticePath | None, plan_time: float
+) -> tuple[float, float]:
+    """How long the robot stops on its way to look, driving forwards, and backwards [s].
+
+    Where no scanner looks in the direction in which it drives, it turns round to look, and back,
+    each time it has come to the end of what it saw: that is as far as plans lead.
+    """
+    known = request.known
+    if known is None or not any(known.blind_turns):
+        return 0.0, 0.0
+    points = np.stack([request.start[:2], request.goal[:2]])
+    if lattice_path is not None:
+        points = lattice_path.points
+    speed, turn_rate = request.forward.tolist()
+    unknown = known.unknown_length(points)
+    looks = max(unknown / (speed * plan_time), 1.0) if unknown else 0.0
+    ahead, behind = (2.0 * looks * turn / turn_rate for turn in known.blind_turns)
+    return ahead, behind
+
+
+def same_side(route: Route, path: GeometricPath, landmarks: Array) -> bool:
+    """Tell whether two paths to one goal pass every obstacle on the same side, in the same gear.
+
+    Parameters
+    ----------
+    route : Route
+        One of them.
+    path : GeometricPath
+        The other one.
+    landmarks : ndarray
+        A point in each obstacle, (L, 2) [m].
+    """
+    if route.reverse != path.reverse:
+        return False
+    turned = angle_swept(route.points, landmarks) - angle_swept(path.points, landmarks)
+    return bool((np.abs(turned) < np.pi).all())

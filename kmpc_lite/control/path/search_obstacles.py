@@ -1,0 +1,83 @@
+"""What a search on the tangent graph goes around, and the clearances that it tries."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.control.path.path_map import PathMap
+from kmpc_lite.control.path.planner import PathRequest
+from kmpc_lite.control.path.turning_centre import swing
+from kmpc_lite.types import Array
+
+NO_EDGES = np.empty((0, 2), dtype=np.intp)
+
+
+class Obstacles(NamedTuple):
+    """Circles, and corners of solids, as the search sees them."""
+
+    centres: Array
+    """(M, 2) [m]."""
+    sizes: Array
+    """(M,) radii, before they are inflated [m]."""
+    edges: Array
+    """(S, 2) pairs of corners."""
+    landmarks: Array
+    """(L, 2) a point in each obstacle [m]."""
+    most: Array
+    """(M,) how far each may be inflated so that start and goal stay outside [m]."""
+    area: Array
+    """(4,) xmin, ymin, xmax, ymax [m]; start and goal lie in it."""
+
+
+def all_clearances(request: PathRequest, turning: float, options: GuidanceOptions) -> list[float]:
+    """Clearances that are tried [m], the widest first.
+
+    Parameters
+    ----------
+    request : PathRequest
+        Has the clearance at full speed, and the turning centre.
+    turning : float
+        What the robot needs beyond half its width to turn on the spot [m]; a round one nothing.
+    options : GuidanceOptions
+        In metres.
+    """
+    widest, centre = options.wide_clearance, request.centre
+    narrow = [options.narrow_clearance, options.least_clearance]
+    clearances = [widest, *narrow]
+    if request.clearance > widest:
+        clearances = [request.clearance, *clearances]
+    beside = 0.0 if centre is None else abs(float(centre[1]))
+    if turning:
+        # first where it may turn anywhere, then where it just fits through
+        wider = [c + turning + swing(centre) for c in clearances]
+        return wider + [c + beside for c in (widest, *narrow)]
+    if centre is None:
+        return clearances
+    # the pose swings around the turning centre: where that is too wide, only as far as it lies
+    # beside it
+    around = swing(centre)
+    return [c + around for c in clearances] + [c + beside for c in narrow]
+
+
+def gather(request: PathRequest, path_map: PathMap | None, options: GuidanceOptions) -> Obstacles:
+    """Put circles and corners into one list."""
+    around = swing(request.centre)
+    circles, pose, goal = request.circles, request.start, request.goal
+    centres, sizes, edges, landmarks = circles[:, :2], circles[:, 2], NO_EDGES, circles[:, :2]
+    to_pose, to_goal = (np.hypot(*(centres - p[:2]).T) for p in (pose, goal))
+    if path_map is not None:
+        corners = path_map.corners
+        centres = np.concatenate([centres, corners.points])
+        to_pose = np.concatenate([to_pose, corners.to_centre(pose[:2])])
+        to_goal = np.concatenate([to_goal, corners.to_centre(goal[:2])])
+        sizes = np.concatenate([sizes, corners.rounding])
+        edges = corners.edges + len(circles)
+        landmarks = np.concatenate([landmarks, path_map.landmarks])
+    # the outermost of robot and goal widen the area
+    low = np.minimum(request.area[0] + around, np.minimum(pose, goal)[:2])
+    high = np.maximum(request.area[1] - around, np.maximum(pose, goal)[:2])
+    most = np.maximum(np.minimum(to_pose, to_goal) - options.back_off, 0.0)
+    return Obstacles(centres, sizes, edges, landmarks, most, np.concatenate([low, high]))
