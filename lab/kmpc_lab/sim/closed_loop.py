@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -14,6 +13,8 @@ from numpy.typing import ArrayLike
 
 from firmware_bridge.runtime.route import Route
 from kmpc_lab.sim.details import Details
+from kmpc_lab.sim.outcome import Outcome as Outcome
+from kmpc_lab.sim.outcome import why_not
 from kmpc_lab.sim.periods import periods
 from kmpc_lab.sim.plants.plant import Plant, scenario_plant
 from kmpc_lite.control.options import ControllerOptions
@@ -41,14 +42,6 @@ class Steps(Protocol):
     def step(self, x: ArrayLike, goal: ArrayLike, obstacles: Any = ()) -> Plan:
         """Plan from a pose."""
         ...
-
-
-class Outcome(Enum):
-    """How a drive ended."""
-
-    REACHED = "reached"
-    COLLISION = "collision"
-    TIMEOUT = "timeout"
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +198,7 @@ def drive(
             break
     if outcome is Outcome.TIMEOUT and route.rounds:
         outcome = Outcome.REACHED
-    ended = _why_not(outcome, scenario, route, plan, x, duration)
+    ended = why_not(outcome, scenario, route, plan, x, duration)
     return Run(
         scenario,
         dt,
@@ -255,26 +248,6 @@ def _tuned(controller: Steps) -> dict[str, Any]:
     options = getattr(controller, "options", None)
     changed = options.changed() if isinstance(options, ControllerOptions) else {}
     return {"options": changed} if changed else {}
-
-
-def _why_not(
-    outcome: Outcome, scenario: Scenario, route: Route, plan: Plan, x: Array, duration: float
-) -> dict[str, Any]:
-    """Say in one sentence why a drive that ended at a state (3,) did not arrive; else nothing."""
-    if outcome is Outcome.REACHED:
-        return {}
-    if outcome is Outcome.COLLISION:
-        return {"ended": f"the robot touched an obstacle after {duration:.1f} s"}
-    goal = np.array(route.goal)
-    distance, turn = float(distances(x, goal)), abs(wrap(float(x[2]) - goal[2]))
-    reason = plan.reason or "the robot was still driving"
-    if plan.holding:
-        reason = (
-            f"the robot holds, but arrived means within {scenario.tolerance:g} m and "
-            f"{scenario.heading_tolerance:g} rad"
-        )
-    where = f"{distance:.2f} m and {turn:.2f} rad from {route.words or 'the goal'}"
-    return {"ended": f"time is up after {duration:.1f} s, {where}: {reason}"}
 
 
 def _is_held(route: Route, plan: Plan, inside: float, settle: float) -> bool:
