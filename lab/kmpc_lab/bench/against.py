@@ -131,8 +131,10 @@ def _problem() -> dict[str, Any]:
 
 def _plain(step: Step) -> dict[str, Any]:
     """A recorded step, as JSON can hold it."""
-    pose, goal, obstacles = step
+    pose, goal, obstacles, sent = step
     plain = {"pose": pose.tolist(), "goal": np.asarray(goal).tolist()}
+    # else a version that commands otherwise takes the poses for jumps, and refuses to plan
+    plain["sent"] = None if sent is None else sent.tolist()
     if isinstance(obstacles, np.ndarray):
         return {**plain, "circles": obstacles.tolist()}
     names = ("angle_min", "angle_increment", "range_max", "range_min", "mount", "noise")

@@ -28,8 +28,8 @@ STEPS = 160
 CIRCLES = 4
 PHASES = ("estimate", "guide", "solve", "verify", "total")
 """Of a step; what a scan shows is looked at in ``estimate``."""
-Step = tuple[Array, Array, Obstacles]
-"""Pose, goal and obstacles of a recorded step."""
+Step = tuple[Array, Array, Obstacles, Array | None]
+"""Pose, goal, obstacles and command sent before of a recorded step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,13 +94,14 @@ def _record(controller: Controller, drive: _Drive, seed: int) -> list[Step]:
     plant, pose = RobotPlant(STANDARD, seed), drive.start
     controller.reset()
     recorded: list[Step] = []
+    sent: Array | None = None
     while len(recorded) < STEPS:
-        step = pose, drive.goal, drive.obstacles(pose)
+        step = pose, drive.goal, drive.obstacles(pose), sent
         plan = controller.step(*step)
         if plan.holding:
             break  # standing there costs next to nothing
         recorded.append(step)
-        pose = plant.drive(pose, plan.command)[-1]
+        pose, sent = plant.drive(pose, plan.command)[-1], plan.command
     return recorded
 
 

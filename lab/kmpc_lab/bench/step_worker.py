@@ -34,7 +34,7 @@ def main() -> None:
             controller.reset()
         obstacles = obstacles_of(step)
         begin = perf_counter()
-        controller.step(step["pose"], step["goal"], obstacles)
+        controller.step(step["pose"], step["goal"], obstacles, step["sent"])
         sys.stdout.write(f"{perf_counter() - begin}\n")
         sys.stdout.flush()
 
