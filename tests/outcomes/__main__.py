@@ -195,9 +195,10 @@ def main(arguments: list[str] | None = None) -> int:
             one.add_argument("file")
         one.add_argument("--rows", default="", help="pattern of families or names")
         one.add_argument("-j", "--jobs", type=int, default=2, help="worker processes")
+        if name != "record":
+            one.add_argument("--quick", action="store_true", help="the rows of make test alone")
         if name == "check":
             one.add_argument("--seeds", type=int, default=1, help="seeds of each row")
-            one.add_argument("--quick", action="store_true", help="the rows of make test alone")
             one.add_argument("--to", default="", help="file to write the results to")
     one = commands.add_parser("plot", help="draw a drive into a PNG")
     one.set_defaults(run=plot)

@@ -23,7 +23,7 @@ def _driven(given: argparse.Namespace, names: list[str]) -> dict[str, Array]:
 
 def save(given: argparse.Namespace) -> int:
     """Keep every command of every drive, to the last bit."""
-    commands = _driven(given, [row.name for row in chosen(given.rows)])
+    commands = _driven(given, [row.name for row in chosen(given.rows, given.quick)])
     with Path(given.file).open("wb") as file:
         np.savez_compressed(
             file,
@@ -39,7 +39,7 @@ def same(given: argparse.Namespace) -> int:
     with np.load(given.file) as kept:
         names = [str(name) for name in kept["names"]]
         before = {name: kept[f"d{i}"] for i, name in enumerate(names)}
-    wanted = [row.name for row in chosen(given.rows) if row.name in before]
+    wanted = [row.name for row in chosen(given.rows, given.quick) if row.name in before]
     now, differ = _driven(given, wanted), 0
     for name, commands in now.items():
         step = first_difference(before[name], commands)
