@@ -82,19 +82,6 @@ def test_sub_samples_catch_what_the_ends_of_periods_miss() -> None:
     assert run.clearance < 0.0
 
 
-def test_a_corner_cut_by_a_curve_counts() -> None:
-    # an arc of radius 0.5: ends of periods at the chords' ends, the obstacle outside of the arc's
-    # middle
-    angle = 0.8
-    place = 0.5 * np.array([np.sin(angle / 2), 1 - np.cos(angle / 2)]) + 0.14 * np.array(
-        [np.sin(angle / 2), -np.cos(angle / 2)]
-    )
-    scenario = field(circles=(kl.Circle(*place, 0.05),), goal=(0.0, 1.0, np.pi))
-    run = drive(Scripted((4.0, 8.0)), scenario)
-    assert run.outcome is Outcome.COLLISION
-    assert min(np.hypot(*(p[:2] - place)) for p in run.states) > 0.15
-
-
 def test_moving_obstacles_move_during_the_period() -> None:
     # it crosses the robot's place within one period
     hit = drive(Scripted((0.0, 0.0)), field(circles=(kl.Circle(0.0, -1.01, 0.1, 0.0, 4.0),)))
@@ -111,12 +98,6 @@ def test_the_controller_is_shown_obstacles_where_they_are_now_and_how_they_move(
     for k, (_, goal, circles) in enumerate(controller.asked):
         np.testing.assert_allclose(circles, [[1.0 + 0.05 * k, -1.0 + 0.025 * k, 0.1, 0.5, 0.25]])
         np.testing.assert_array_equal(goal, [1.0, 0.0, 0.0])
-
-
-def test_without_obstacles_the_clearance_is_infinite() -> None:
-    run = drive(Scripted((0.5, 0.0)), field())
-    assert run.clearance == np.inf
-    assert run.summary()["clearance_m"] is None
 
 
 def test_pose_noise_is_what_the_controller_sees_not_what_is_driven() -> None:
@@ -145,13 +126,6 @@ def test_a_drive_is_a_function_of_its_seed() -> None:
         ).max()
         > 1e-4
     )
-
-
-def test_the_period_may_be_another() -> None:
-    run = drive(Scripted((0.5, 0.0)), field(), dt=0.05)
-    assert run.dt == 0.05
-    assert run.duration == pytest.approx(1.9)
-    assert len(run.inputs) == 38
 
 
 def test_a_run_holds_what_was_driven() -> None:

@@ -18,7 +18,7 @@ from kmpc_lab.studies.any_robot import (
     record,
     scaled,
 )
-from kmpc_lab.studies.robot_drives import course_of, drive, judge, summary
+from kmpc_lab.studies.robot_drives import course_of, drive, judge
 
 
 @pytest.mark.parametrize("robot", KNOWN[:3], ids=lambda r: r.name)
@@ -49,12 +49,6 @@ def test_a_robot_is_learned_from_its_own_log() -> None:
     model = kl.fit(log.windows(10.0))
     along = model.predict(np.zeros(3), (robot.speed, 0.0))[0]
     assert along == pytest.approx(robot.speed * robot.dt * (1.0 + robot.slip), rel=0.5)
-
-
-def test_a_robot_that_touches_is_counted() -> None:
-    row = drive(replace(STANDARD, speed=0.6), 3003)
-    bad = replace(row, collided=True, in_pose=False)
-    assert summary([row, bad])["collisions"] == 1 and summary([row, bad])["in_pose"] == row.in_pose
 
 
 def test_one_in_three_is_not_round_and_all_else_is_drawn_alike() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from executors import Inline
-from map_studies import FOLLOW, RAM, STAND, Spec, study
+from map_studies import RAM, Spec, study
 from scripted import Scripted
 
 import kmpc_lite as kl
@@ -32,15 +32,6 @@ def test_a_failure_is_a_scenario_file_that_replays_it(tmp_path: Path) -> None:
         assert first == "# ram: collision; cannot be driven again by kmpc simulate"
         again = drive(Scripted((0.6, 0.0)), scenario)
         assert again.outcome.value == "collision" and again.duration == record["collision_s"]
-
-
-def test_no_failures_no_folder(tmp_path: Path) -> None:
-    study(specs=[STAND], slips=(0.0,), maps=1, failures=tmp_path / "some")
-    assert (tmp_path / "some").exists()
-    seed = next(r["seed"] for r in study(specs=[FOLLOW], slips=(0.0,)) if not failed(r))
-    study(specs=[FOLLOW], slips=(0.0,), maps=1, first_seed=seed, failures=tmp_path / "none")
-    assert not (tmp_path / "none").exists()
-    assert write_failures([], tmp_path / "none") == []
 
 
 def test_where_failures_or_records_cannot_be_written_nothing_is_driven(tmp_path: Path) -> None:

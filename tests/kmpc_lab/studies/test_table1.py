@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +14,7 @@ import kmpc_lite as kl
 from kmpc_lab import Outcome, drive
 from kmpc_lab.studies.contenders import TABLE_1_CONTENDERS, Contender
 from kmpc_lab.studies.records import Work
-from kmpc_lab.studies.table1 import PAPER_TABLE_1, Cell, format_table1, run_trials, table1
+from kmpc_lab.studies.table1 import Cell, format_table1, run_trials, table1
 from kmpc_lab.studies.training import DT, LAMBDAS, train
 from kmpc_lite.scenario.files import Scenario
 
@@ -26,27 +23,8 @@ LEARNED = Contender("learned", margin=0.02)
 SMALL = {"episodes": 6, "steps": 30}
 
 
-@contextmanager
-def threads() -> Iterator[Executor]:
-    with ThreadPoolExecutor(2) as executor:
-        yield executor
-
-
 def small_map() -> Scenario:
     return replace(Scenario.load("mehrez"), goal=(0.6, 0.0, 0.0), timeout=3.0)
-
-
-def without_times(cells: list[Cell]) -> list[Any]:
-    """Cells without what a clock measured."""
-    return [
-        (
-            c.label,
-            c.trained_at,
-            c.slip,
-            [{k: v for k, v in r.items() if k != "step_ms"} for r in c.runs],
-        )
-        for c in cells
-    ]
 
 
 def test_cells_are_by_controller_then_slip_then_generalisation() -> None:
@@ -80,23 +58,6 @@ def test_every_controller_meets_the_same_floors() -> None:
     assert all(s == seeds[0] for s in seeds)
     assert len(set(seeds[0])) == 3
     assert min(seeds[0]) >= 500_000  # none that anything was tuned on
-
-
-def test_the_result_does_not_depend_on_the_executor() -> None:
-    arguments = (1, (OURS, LEARNED), (0.2,), SMALL)
-    inline = table1(small_map(), Work(Inline()), *arguments)
-    with threads() as executor:
-        threaded = table1(small_map(), Work(executor), *arguments)
-    assert (
-        without_times(inline)
-        == without_times(threaded)
-        == without_times(table1(small_map(), Work(Inline()), *arguments))
-    )
-
-
-def test_an_error_in_a_worker_comes_out() -> None:
-    with pytest.raises(kl.DataError), threads() as executor:
-        table1(small_map(), Work(executor), 1, (LEARNED,), (0.0,), {"episodes": 1, "steps": 2})
 
 
 def test_training_is_the_papers_at_one_slip() -> None:
@@ -206,9 +167,3 @@ def test_the_table_holds_the_papers_figures_and_ours_side_by_side() -> None:
     row = next(line for line in text.splitlines() if "trained at" in line)
     heading = text.splitlines()[0]
     assert row.index("2/5") + 3 == heading.index("0.15") + 4
-
-
-def test_the_papers_figures_add_up_to_its_sums() -> None:
-    assert sum(cell[0] for cell in PAPER_TABLE_1["paper: NMPC"]) == 30
-    assert sum(cell[0] for cell in PAPER_TABLE_1["paper: K-NMPC"]) == 7
-    assert all(len(row) == len(LAMBDAS) for row in PAPER_TABLE_1.values())

@@ -87,7 +87,3 @@ def test_wilson_holds_the_shares_whose_score_test_is_not_refused(
             assert abs(successes / trials - end) == pytest.approx(
                 1.959964 * np.sqrt(end * (1 - end) / trials), rel=1e-5
             )
-
-
-def test_wilson_without_trials_knows_nothing() -> None:
-    assert wilson(0, 0) == (0.0, 1.0)

@@ -60,16 +60,6 @@ def test_a_file_is_read_with_its_defaults(tmp_path: Path) -> None:
     assert Scenario.load(str(tmp_path / "field.toml")).goal == scenario.goal
 
 
-def test_an_empty_map_needs_no_circles(tmp_path: Path) -> None:
-    scenario = Scenario.load(
-        write(
-            tmp_path, GOOD.replace("circles = [[0.5, 0.5, 0.15], [1.0, -1.0, 0.2, 0.1, 0.0]]\n", "")
-        )
-    )
-    assert scenario.circles == ()
-    assert scenario.circles_at(3.0).shape == (0, 5)
-
-
 @pytest.mark.parametrize("name", bundled())
 def test_bundled_scenarios_load_and_survive_being_written(name: str) -> None:
     scenario = Scenario.load(name)
@@ -82,17 +72,6 @@ def test_bundled_scenarios_load_and_survive_being_written(name: str) -> None:
         scenario.start, scenario.goal, scenario.obstacles_at(0.0)
     )
     assert np.isfinite(plan.command).all()
-
-
-def test_mehrez_is_the_map_of_the_tutorial() -> None:
-    scenario = Scenario.load("mehrez")
-    assert scenario.circles == (kl.Circle(0.5, 0.5, 0.15),)
-    assert (scenario.radius, scenario.start, scenario.goal) == (
-        0.15,
-        (0.0, 0.0, 0.0),
-        (1.5, 1.5, 0.0),
-    )
-    assert (scenario.timeout, scenario.margin, scenario.slip) == (20.0, 0.0, 0.0)
 
 
 def test_everything_survives_being_written(tmp_path: Path) -> None:
@@ -125,11 +104,7 @@ def test_everything_survives_being_written(tmp_path: Path) -> None:
     ("old", "new", "words"),
     [
         ("radius = 0.15", "radius = -0.15", "[robot] radius"),
-        ("radius = 0.15", "radius = 0", "[robot] radius"),
-        ("radius = 0.15", "radius = nan", "[robot] radius"),
         ("radius = 0.15", "radius = 'wide'", "[robot] radius"),
-        ("radius = 0.15", "radius = true", "[robot] radius"),
-        ("radius = 0.15", "radius = [0.15]", "[robot] radius"),
         ("radius = 0.15", "radius = 0.15\ndu_max = 1.0", "[robot] du_max: expected 2 numbers"),
         (
             "radius = 0.15",
@@ -146,9 +121,7 @@ def test_everything_survives_being_written(tmp_path: Path) -> None:
         ("start = [0.0, 0.0, 0.0]", "", "[robot] start: missing"),
         ("goal = [1.5, 1.5, 0.0]", "", "[robot] goal: missing"),
         ("start = [0.0, 0.0, 0.0]", "start = [0.0, 0.0]", "[robot] start: expected 3 numbers"),
-        ("start = [0.0, 0.0, 0.0]", "start = [0.0, 0.0, inf]", "[robot] start"),
         ("start = [0.0, 0.0, 0.0]", "start = [0.45, 0.5, 0.0]", "[robot] start: (0.45, 0.5)"),
-        ("start = [0.0, 0.0, 0.0]", "start = [-2.1, 0.0, 0.0]", "[robot] start"),
         (
             "goal = [1.5, 1.5, 0.0]",
             "goal = [1.5, 2.5, 0.0]",
@@ -165,19 +138,14 @@ def test_everything_survives_being_written(tmp_path: Path) -> None:
         ("[0.5, 0.5, 0.15],", "[0.5, 0.5],", "[map] circles: circle 0"),
         ("[0.5, 0.5, 0.15],", "[0.5, 0.5, 0.15, 0.1],", "[map] circles: circle 0"),
         ("0.2, 0.1, 0.0]]", "-0.2, 0.1, 0.0]]", "[map] circles: circle 1"),
-        ("0.2, 0.1, 0.0]]", "0.2, nan, 0.0]]", "[map] circles: circle 1"),
         ("0.2, 0.1, 0.0]]", f"1{'0' * 400}]]", "more than 300 digits"),
-        ("[0.5, 0.5, 0.15],", "['a', 0.5, 0.15],", "[map] circles: circle 0"),
         (
             "circles = [[0.5, 0.5, 0.15], [1.0, -1.0, 0.2, 0.1, 0.0]]",
             "circles = 4",
             "[map] circles: expected a list",
         ),
-        ("slip = 0.05", "slip = -0.05", "[plant] slip"),
         ("slip = 0.05", "slip = 1e300", "[plant] slip: expected at most 0.99"),
         ("slip = 0.05", "slip = 5", "[plant] slip: expected at most 0.99"),
-        ("slip = 0.05", "turn_gain = 0", "[plant] turn_gain"),
-        ("slip = 0.05", "lag = -0.1", "[plant] lag"),
         ("slip = 0.05", "dead_time = 1e9", "[plant] dead_time: expected at most 10"),
         ("slip = 0.05", "pose_age = nan", "[plant] pose_age"),
         (
@@ -194,12 +162,7 @@ def test_everything_survives_being_written(tmp_path: Path) -> None:
         ("slip = 0.05", "pose_noise = [0.1, 0.1]", "[plant] pose_noise"),
         ("slip = 0.05", "pose_noise = [0.1, -0.1, 0]", "[plant] pose_noise"),
         ("seed = 3", "seed = -3", "[run] seed"),
-        ("seed = 3", "seed = 3.0", "[run] seed"),
-        ("seed = 3", "seed = true", "[run] seed"),
-        ("timeout = 12.5", "timeout = 0", "[run] timeout"),
         ("timeout = 12.5", "timeout = 1e300", "[run] timeout: expected at most 100000"),
-        ("timeout = 12.5", "tolerance = -1", "[run] tolerance"),
-        ("timeout = 12.5", "heading_tolerance = 0", "[run] heading_tolerance"),
         ("timeout = 12.5", "margin = -0.1", "[run] margin"),
         ("[map]", "map = 3\n[chart]", "[map] must be a section"),
         ("[run]", "[[run]]", "[run] must be a section"),

@@ -12,7 +12,7 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lab.sim.closed_loop import Outcome, drive
-from kmpc_lab.sim.maps.families import has_passage, random_map
+from kmpc_lab.sim.maps.families import has_passage
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.scenario.gaps import obstacle_gaps
 
@@ -118,19 +118,6 @@ def test_a_collision_is_found_at_the_sub_sample(map_: dict[str, Any]) -> None:
     np.testing.assert_allclose(
         obstacle_gaps(field, run.path[:, :2], np.zeros(len(run.path)))[1:].min(), run.clearance
     )
-
-
-@pytest.mark.parametrize("family", ["polygons", "walls", "rooms"])
-def test_random_maps_with_solids_have_room_for_a_robot(family: str) -> None:
-    for seed in range(4):
-        drawn = random_map(family, seed)
-        assert drawn.solids is not None
-        ends = np.array([drawn.start[:2], drawn.goal[:2]])
-        assert (obstacle_gaps(drawn, ends, np.zeros(2)) >= 0.1).all()
-        assert (
-            Scenario.from_table(tomllib.loads(drawn.to_toml()), drawn.name, "text").to_toml()
-            == drawn.to_toml()
-        )
 
 
 def test_passages_are_judged_past_solids_too() -> None:

@@ -61,25 +61,10 @@ def test_first_order_response_after_the_dead_time():
     np.testing.assert_allclose(path[:, 1:], 0.0, atol=1e-12)
 
 
-def test_dead_time_alone_shifts_the_path():
-    commands = np.random.default_rng(1).uniform(-0.6, 0.6, (40, 2))
-    on_time, two_late = run(LaggingDrive(), commands), run(LaggingDrive(dead_time=0.2), commands)
-    np.testing.assert_allclose(two_late[2:], on_time[:-2], atol=1e-9)
-
-
 def test_the_period_of_the_commands_does_not_matter():
     coarse = run(LaggingDrive(LAG, DEAD), np.repeat([[0.5, 0.4], [0.1, -0.6]], 10, axis=0), 0.1)
     fine = run(LaggingDrive(LAG, DEAD), np.repeat([[0.5, 0.4], [0.1, -0.6]], 100, axis=0), 0.01)
     np.testing.assert_allclose(fine[::10], coarse, atol=2e-5)
-
-
-def test_substeps_lie_on_one_path():
-    a, b = LaggingDrive(LAG, DEAD, slip=0.1, seed=3), LaggingDrive(LAG, DEAD, slip=0.1, seed=3)
-    x = np.array([0.1, 0.2, 0.3])
-    for u in np.random.default_rng(2).uniform(-0.6, 0.6, (20, 2)):
-        trace = a.trace(x, u, DT, 4)
-        np.testing.assert_allclose(b.step(x, u, DT), trace[-1], atol=2e-5)
-        x = trace[-1]
 
 
 def test_many_robots_at_once_equal_single_ones():
@@ -134,29 +119,6 @@ def test_input_history_predicts_a_second_ahead():
     assert long[0] < 0.01 and long[2] < 0.015
 
 
-def test_pose_noise_does_not_spoil_the_fit():
-    held_out = slow_log(11, episodes=20, steps=150)
-    clean = evaluate(
-        fit(slow_log(1, episodes=30, steps=300), late(8)), held_out, 1.0, stride=5
-    ).multi_step
-    noisy = evaluate(
-        fit(slow_log(1, episodes=30, steps=300, pose_noise=NOISE), late(8)), held_out, 1.0, stride=5
-    ).multi_step
-    np.testing.assert_allclose(noisy, clean, rtol=0.15)
-
-
-@pytest.mark.parametrize(("noise", "seed"), [((0.0, 0.0, 0.0), 0), (NOISE, 1)])
-def test_drives_past_four_circles(model, noise, seed):
-    scenario = Scenario.load("four_circles_1")
-    slow = replace(scenario, pose_noise=noise, seed=seed, margin=0.05)
-    result = drive(
-        Controller(model, slow.problem()),
-        slow,
-        plant=LaggingDrive(LAG, DEAD, slip=0.05, seed=seed),
-    )
-    assert result.outcome is Outcome.REACHED
-
-
 @pytest.mark.parametrize("age", [0.0, 0.1, 0.2, 0.5])
 def test_an_old_pose_is_brought_forward(age):
     plant, commands = LaggingDrive(), np.random.default_rng(6).uniform(-0.6, 0.6, (12, 2))
@@ -165,14 +127,6 @@ def test_an_old_pose_is_brought_forward(age):
     np.testing.assert_allclose(
         advance_pose(nominal_unicycle(DT), path[12 - back], commands, age), path[12], atol=1e-6
     )
-
-
-def test_an_age_between_two_periods():
-    commands = np.array([[0.5, 0.2], [0.3, -0.4], [0.6, 0.6]])
-    path = run(LaggingDrive(), np.repeat(commands, 10, axis=0), 0.01)
-    for age in (0.03, 0.1, 0.17, 0.24):
-        now = advance_pose(nominal_unicycle(DT), path[30 - round(age / 0.01)], commands, age)
-        np.testing.assert_allclose(now, path[30], atol=6e-4)
 
 
 def test_an_old_pose_of_a_lagging_robot(model):

@@ -60,15 +60,6 @@ def test_a_turn_on_the_spot_leaves_the_turning_point_where_it_is(
         )
 
 
-def test_sub_samples_end_where_the_step_does() -> None:
-    one, other = kmpc_lab.DifferentialDrive(0.1, seed=3), kmpc_lab.DifferentialDrive(0.1, seed=3)
-    x = np.array([0.1, 0.2, 0.3])
-    for _ in range(5):
-        np.testing.assert_allclose(
-            one.step(x, (0.5, 0.4), 0.1), other.trace(x, (0.5, 0.4), 0.1, 4)[-1], atol=1e-9
-        )
-
-
 def test_slip_is_the_papers_drawn_anew_every_period_and_held_during_it() -> None:
     plant, slip = kmpc_lab.DifferentialDrive(0.1, seed=1), 0.1
     x, u = np.zeros((20_000, 3)), np.tile((0.5, 0.4), (20_000, 1))
@@ -87,27 +78,6 @@ def test_slip_is_the_papers_drawn_anew_every_period_and_held_during_it() -> None
     np.testing.assert_allclose(second[:, 2], 2 * first[:, 2], rtol=1e-9)
     # drawn anew: another period, another slip
     assert abs(np.corrcoef(first[:, 2], plant.trace(x, u, 0.1, 1)[0, :, 2])[0, 1]) < 0.03
-
-
-def test_the_same_seed_slips_alike() -> None:
-    def drive(seed: int) -> np.ndarray:
-        plant, x = kmpc_lab.DifferentialDrive(0.1, seed=seed), np.zeros(3)
-        return np.array([x := plant.step(x, (0.5, 0.3), 0.1) for _ in range(10)])
-
-    np.testing.assert_array_equal(drive(1), drive(1))
-    assert np.abs(drive(1) - drive(2)).max() > 1e-3
-
-
-def test_a_skid_steer_robot_turns_less_than_it_is_told() -> None:
-    assert kmpc_lab.DifferentialDrive(turn_gain=0.4).step((0, 0, 0), (0.0, 1.0), 0.5)[
-        2
-    ] == pytest.approx(0.2)
-
-
-def test_standing_still_is_standing_still_whatever_the_floor() -> None:
-    np.testing.assert_array_equal(
-        kmpc_lab.DifferentialDrive(0.5).step((1.0, 2.0, 3.0), (0.0, 0.0), 0.1), (1.0, 2.0, 3.0)
-    )
 
 
 @pytest.mark.parametrize(
