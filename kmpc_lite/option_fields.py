@@ -11,8 +11,68 @@ from kmpc_lite.errors import ProblemError
 
 Options = TypeVar("Options")
 
+
+def _gone(room: str, instead: str, names: str) -> dict[str, str]:
+    """Rows of `GONE` for names of one room that the same took the place of."""
+    return {f"{room}.{name}": instead for name in names.split()}
+
+
 GONE = {
     "guidance.near_goal_parts": "every search goes on by hurried_parts in each step",
+    **_gone(
+        "guidance",
+        "it is a constant of the path search",
+        "least_clearance back_off body_samples goal_slack unfit_cost shuttle_length "
+        "shuttle_reach shuttle_gain shuttle_speed shuttles grid_step grid_poses turn_length "
+        "locate_back locate_ahead cut_depth arc_step turning_radius_share turning_radius_limit "
+        "corner_rounds graph_circles lattice_rectangles lattice_step lattice_nodes "
+        "lattice_field_cells lattice_border lattice_near_cost lattice_cut lattice_sample "
+        "lattice_samples lattice_look lattice_searches",
+    ),
+    **_gone(
+        "guidance",
+        "it follows from the model",
+        "spare_clearance speed_clearance_limit centre_headings centre_distance centre_change "
+        "centre_certainty centre_share least_speed_share",
+    ),
+    **_gone(
+        "guidance",
+        "`guidance.replan_interval` tells how often a path is looked for",
+        "off_path_share off_path_limit lost_distance retry_interval moved_distance near_goal "
+        "settled_share urgent_parts",
+    ),
+    **_gone(
+        "guidance",
+        "`guidance.stall_time` tells when another path is tried",
+        "progress_time patience detour_time stall_distance stall_angle tried_paths",
+    ),
+    **_gone(
+        "guidance",
+        "`guidance.free_turn` tells how much the robot turns while it drives",
+        "free_turn_length free_turn_clearance goal_stretch",
+    ),
+    **_gone(
+        "goal",
+        "it follows from the other tolerances",
+        "turn_distance turn_limit off_path",
+    ),
+    **_gone(
+        "goal",
+        "noise widens tolerances by what it is",
+        "turn_distance_noise turn_limit_noise enter_noise leave_distance_noise "
+        "leave_angle_noise pushed_distance_noise pushed_angle_noise off_path_noise "
+        "quiet_position quiet_heading",
+    ),
+    **_gone(
+        "goal",
+        "a robot that does not get nearer is content with more",
+        "content_stalls content_most",
+    ),
+    **_gone(
+        "goal",
+        "`goal.averaging_time` tells how long poses are averaged",
+        "averaging_period",
+    ),
     "stop.slower_shares": "the largest share whose motion to rest stays clear is driven",
     "stop.turn_only_share": "turning alone is tried after the shares of a command",
     "stop.makes_room": "a motion leaves a thing if half of what it drives leads away",

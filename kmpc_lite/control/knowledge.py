@@ -46,7 +46,7 @@ def problem_in_units(
     from kmpc_lite.control.path.capabilities import speed_shares
 
     # where the robot does not reach its command bounds, the weights say so
-    shares = speed_shares(motion_model(model, problem.scale), units, options.guidance)
+    shares = speed_shares(motion_model(model, problem.scale), units)
     return with_tracking_weights(units, shares)
 
 
@@ -88,8 +88,8 @@ class Examiner:
             # adaptation corrects speeds; all else stays as the learned model says
             from kmpc_lite.control.path.capabilities import drivable_speeds
 
-            guidance = self._options.guidance
-            found = found.with_speeds(drivable_speeds(motion, self._units, guidance), guidance)
+            speeds = drivable_speeds(motion, self._units)
+            found = found.with_speeds(speeds, self._options.guidance.turn_share)
         return Knowledge(motion, margins, found)
 
     def _margins(self, motion: MotionModel, adapted: bool) -> Margins | None:

@@ -18,11 +18,15 @@ from kmpc_lite.control.options import (
     lengths_from_radii,
     unit_length,
 )
-from kmpc_lite.control.path.progress_checker import NOWHERE
+from kmpc_lite.control.path.progress_checker import NOWHERE, STALL_DISTANCE
 from kmpc_lite.control.plan import NO_PROGRESS, UNSEEN, GoalProgress
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
+
+STALL_ANGLE = 0.5
+"""A robot that turns by more than this is not told to stand still [rad]; turning brings it no
+nearer to its goal by itself."""
 
 STALLS = 2.0
 """A robot stands for long after this many times the guide's `stall_time`."""
@@ -75,7 +79,7 @@ class StandstillWatch:
     def __init__(self, units: NavigationProblem, scale: Scale, options: GuidanceOptions) -> None:
         options = lengths_from_radii(options, unit_length(units))
         self._dt, self._scale = units.dt, scale
-        self._distance, self._angle = options.stall_distance, options.stall_angle
+        self._distance, self._angle = STALL_DISTANCE, STALL_ANGLE
         self._longest = STALLS * options.stall_time
         self._little = LITTLE * np.abs(reached_speeds(units))
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import kmpc_lite as kl
-from kmpc_lite.control import options as kl_options
 from kmpc_lite.control.kernels.clearance import things_of
 from kmpc_lite.control.path.capabilities import Capabilities, capabilities
 from kmpc_lite.control.path.guide import Guide
@@ -60,4 +59,4 @@ class GuideInUse:
         self.known = replace(self.known, turning_centre=centre)
 
     def drive_at(self, *speeds: float) -> None:
-        self.known = self.known.with_speeds(np.array(speeds), kl_options.GuidanceOptions())
+        self.known = self.known.with_speeds(np.array(speeds), 0.9)

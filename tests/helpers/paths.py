@@ -6,11 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
 from kmpc_lite.control.path.tangent_graph import GeometricPath, PathQuery
 from kmpc_lite.control.path.tangent_search import Part, TangentSearch
 
-OPTIONS = lengths_from_radii(GuidanceOptions(), 0.15)
 NO_EDGES = np.empty((0, 2), dtype=np.intp)
 
 
@@ -23,11 +21,10 @@ def quickest_paths(
     speed: np.ndarray,
     backward: float = 1.0,
     edges: np.ndarray = NO_EDGES,
-    options: GuidanceOptions = OPTIONS,
 ) -> Iterator[GeometricPath]:
     """Paths from a pose to a pose, the quickest first; nothing where the circles leave none."""
     query = PathQuery(start, goal, centres, radii, edges, area, speed, backward)
-    search = TangentSearch(query, options)
+    search = TangentSearch(query)
     while search.part is not Part.NOTHING:
         path = search.advance()
         if path is not None:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.path.edges import edge_bars, free_of_edges
+from kmpc_lite.control.path.cuts import edge_bars, free_of_edges
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.path.lattice_path import LatticePath
+    from kmpc_lite.control.path.lattice import LatticePath
 
 TURNING = 4
 """Number of circles to turn on: left and right of the start, left and right of the goal."""

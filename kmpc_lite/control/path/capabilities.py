@@ -18,6 +18,16 @@ from kmpc_lite.types import INPUTS, Array
 if TYPE_CHECKING:
     from kmpc_lite.control.margins.model_margins import Margins
 
+SPARE_CLEARANCE = 0.02
+"""How much more clearance a path keeps than a plan's margin at full speed [m]: a plan that touches
+its margin cannot correct itself."""
+SPEED_CLEARANCE_LIMIT = 0.1
+"""Largest clearance that a path keeps so that it can be driven at full speed [m]: driving slowly
+through a passage is better than a long detour."""
+LEAST_SPEED_SHARE = 0.05
+"""The robot is believed to reach at least this share of each command bound: a model may not know
+what its log never showed, and paths must end."""
+
 ROUNDING = 1e-6
 """Relative difference of speeds that is rounding; and the speed of a robot that cannot drive, or
 turn, so that times are finite [m/s, rad/s]."""
@@ -50,9 +60,9 @@ class Capabilities:
     late: int = 0
     """Periods until a command has had half of its effect, where the model knows of it."""
 
-    def with_speeds(self, speeds: Array, options: GuidanceOptions) -> Capabilities:
+    def with_speeds(self, speeds: Array, turn_share: float) -> Capabilities:
         """Return the same for other speeds (3,): ahead, backwards [m/s], rate of turn [rad/s]."""
-        forward, backward, evasive, backward_share = _timing(speeds, options)
+        forward, backward, evasive, backward_share = _timing(speeds, turn_share)
         return replace(
             self,
             forward=forward,
@@ -84,23 +94,20 @@ def capabilities(
     goal_options : GoalOptions, optional
         Lengths in radii.
     """
-    unit = unit_length(problem)
-    options = lengths_from_radii(options or GuidanceOptions(), unit)
-    goal_options = lengths_from_radii(goal_options or GoalOptions(), unit)
+    options = options or GuidanceOptions()
+    goal_options = lengths_from_radii(goal_options or GoalOptions(), unit_length(problem))
     # a robot without lag is steered back before it needs the clearance
     clearance = (
-        clearance_at_speed(problem, margins, options)
-        if margins is not None and model.history
-        else 0.0
+        clearance_at_speed(problem, margins) if margins is not None and model.history else 0.0
     )
-    speeds = drivable_speeds(model, problem, options)
-    forward, backward, evasive, backward_share = _timing(speeds, options)
+    speeds = drivable_speeds(model, problem)
+    forward, backward, evasive, backward_share = _timing(speeds, options.turn_share)
     return Capabilities(
         forward,
         backward,
         evasive,
         backward_share,
-        turning_centre(model, problem, options),
+        turning_centre(model, problem),
         goal_tolerances(model, goal_options, problem.goal_tolerance),
         clearance,
         _wheels(problem, float(speeds[2])),
@@ -121,19 +128,17 @@ def _wheels(problem: NavigationProblem, turn_rate: float) -> tuple[float, float]
     return half, problem.max_wheel_speed
 
 
-def _timing(speeds: Array, options: GuidanceOptions) -> tuple[Array, Array, Array, float]:
+def _timing(speeds: Array, turn_share: float) -> tuple[Array, Array, Array, float]:
     """Give the speeds forwards, backwards, on evasive arcs (2,) each, and the backward share."""
     ahead, back, turn = speeds.tolist()
-    ahead, turn = max(ahead, ROUNDING), options.turn_share * max(turn, ROUNDING)
+    ahead, turn = max(ahead, ROUNDING), turn_share * max(turn, ROUNDING)
     forward, backward = np.array([ahead, turn]), np.array([back, turn])
     # the slower direction counts
     evasive = backward if 0.0 < back < ahead else forward
     return forward, backward, evasive, back / ahead
 
 
-def drivable_speeds(
-    model: MotionModel, problem: NavigationProblem, options: GuidanceOptions | None = None
-) -> Array:
+def drivable_speeds(model: MotionModel, problem: NavigationProblem) -> Array:
     """Speeds that the robot holds at the command bounds, by its model, but not above the bounds.
 
     A skid-steer robot that makes a third of a turn it is told needs three times as long for it; one
@@ -145,8 +150,6 @@ def drivable_speeds(
         With an input history it is asked for what it does once a command has been held that long.
     problem : NavigationProblem
         Command bounds.
-    options : GuidanceOptions, optional
-        Share of a bound that is believed in the least.
 
     Returns
     -------
@@ -160,7 +163,6 @@ def drivable_speeds(
     >>> drivable_speeds(nominal_unicycle(0.1), NavigationProblem(u_min=(-0.2, -0.8))).round(3)
     array([0.6  , 0.2  , 0.785])
     """
-    options = options or GuidanceOptions()
     u_min, u_max, _, _ = problem.bounds
     held = np.zeros((4, INPUTS))
     held[0, 0], held[1, 0], held[2, 1], held[3, 1] = u_max[0], u_min[0], u_max[1], u_min[1]
@@ -173,19 +175,17 @@ def drivable_speeds(
     speeds = np.where(
         signed > (1.0 - ROUNDING) * bounds,
         bounds,
-        np.maximum(signed, options.least_speed_share * bounds),
+        np.maximum(signed, LEAST_SPEED_SHARE * bounds),
     )
     return np.array([speeds[0], speeds[1], min(speeds[2], speeds[3])])
 
 
-def speed_shares(
-    model: MotionModel, problem: NavigationProblem, options: GuidanceOptions | None = None
-) -> tuple[float, float]:
+def speed_shares(model: MotionModel, problem: NavigationProblem) -> tuple[float, float]:
     """Speed ahead and rate of turn that the robot holds, as shares of the command bounds.
 
     One where a bound forbids it.
     """
-    ahead, _, turn = drivable_speeds(model, problem, options).tolist()
+    ahead, _, turn = drivable_speeds(model, problem).tolist()
     u_min, u_max, _, _ = problem.bounds
     fastest, quickest = float(u_max[0]), float(min(u_max[1], -u_min[1]))
     return (
@@ -194,11 +194,7 @@ def speed_shares(
     )
 
 
-def clearance_at_speed(
-    problem: NavigationProblem,
-    margins: Margins,
-    options: GuidanceOptions | None = None,
-) -> float:
+def clearance_at_speed(problem: NavigationProblem, margins: Margins) -> float:
     """Clearance [m] that a path must keep so that a plan at full speed along it keeps its margins.
 
     Parameters
@@ -207,10 +203,7 @@ def clearance_at_speed(
         Command bounds.
     margins : Margins
         Asked for the last stage's margin.
-    options : GuidanceOptions, optional
-        In metres: what is spare, and the most.
     """
-    options = options or lengths_from_radii(GuidanceOptions(), unit_length(problem))
     # headway gives way to narrow passages, so it asks for no clearance
     _, aside = margins.straight(float(problem.bounds[1][0]))
-    return min(options.spare_clearance + aside, options.speed_clearance_limit)
+    return min(SPARE_CLEARANCE + aside, SPEED_CLEARANCE_LIMIT)

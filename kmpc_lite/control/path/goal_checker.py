@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -44,12 +43,34 @@ class GoalTolerances:
 PUSHED = 1.5
 """How many times a wider tolerance a single pose is farther away, at the least, of a robot that was
 pushed."""
+TURN_SHARE = 0.8
+"""Share of `leave_distance` at which the last turn may begin; it is given up at the whole."""
+OFF_PATH = 0.01
+"""A robot near its goal looks for a new path when it is farther from its path than this [m]."""
+QUIET = 0.006, 0.024
+"""Standard deviations of measured positions [m] and headings [rad] up to these widen nothing."""
+BY_POSITION = {
+    "turn_distance": 1.0,
+    "turn_limit": 3.5,
+    "enter_distance": 1.0,
+    "leave_distance": 2.5,
+    "pushed_distance": 4.0,
+    "off_path": 3.0,
+}
+"""How many times the deviation beyond the quiet one widens each tolerance: chance hardly
+ever carries a single pose farther than 3 to 5 of them, an averaged one than a third of that."""
+BY_HEADING = {"enter_angle": 1.0, "leave_angle": 1.5, "pushed_angle": 4.5}
+"""The same of headings."""
+CONTENT_STALLS, CONTENT_MOST = 4, 5
+"""After so many stalls, one after the other, the robot is content with twice its tolerances, then
+with once more of them after each further one, up to so many times: what cannot be reached more
+closely is held where it is."""
+AVERAGING_PERIOD = 0.1
+"""Longest period [s] whose poses are averaged by `averaging_time`; a longer one counts as this, so
+that five poses count at the least: how much noise is left hangs on how many they are."""
 
-Limits = TypeVar("Limits", GoalOptions, GoalTolerances)
-"""Both have the same tolerances, by the same names."""
 
-
-def widened(limits: Limits, longer: float, wider: float) -> Limits:
+def widened(limits: GoalTolerances, longer: float, wider: float) -> GoalTolerances:
     """Distances so many times as long and angles as wide, but for the path's.
 
     Who is pushed is so beyond them.
@@ -83,31 +104,28 @@ def goal_tolerances(
         Distance and angle (2,) within which the robot is to stay: a problem's `goal_tolerance`. It
         takes the place of `leave_distance` and `leave_angle`, and what is decided nearer to the
         goal grows and shrinks with it.
-
-    Returns
-    -------
-    GoalTolerances
-        Wider by multiples of the standard deviations beyond the quiet ones.
     """
-    position, heading = tube_noise(model.noise_model, model.dt).pose_deviation
-    noise = max(position - options.quiet_position, 0.0)
-    turn_noise = max(heading - options.quiet_heading, 0.0)
     o = options
+    found = GoalTolerances(
+        turn_distance=TURN_SHARE * o.leave_distance,
+        turn_limit=o.leave_distance,
+        enter_distance=o.enter_distance,
+        enter_angle=o.enter_angle,
+        leave_distance=o.leave_distance,
+        leave_angle=o.leave_angle,
+        pushed_distance=o.pushed_distance,
+        pushed_angle=o.pushed_angle,
+        off_path=OFF_PATH,
+        averaging=newest_weight(o.averaging_time, model.dt, AVERAGING_PERIOD),
+    )
     if asked is not None:
         distance, angle = asked.tolist()
-        o = widened(o, distance / o.leave_distance, angle / o.leave_angle)
-    return GoalTolerances(
-        turn_distance=o.turn_distance + o.turn_distance_noise * noise,
-        turn_limit=o.turn_limit + o.turn_limit_noise * noise,
-        enter_distance=o.enter_distance + o.enter_noise * noise,
-        enter_angle=o.enter_angle + o.enter_noise * turn_noise,
-        leave_distance=o.leave_distance + o.leave_distance_noise * noise,
-        leave_angle=o.leave_angle + o.leave_angle_noise * turn_noise,
-        pushed_distance=o.pushed_distance + o.pushed_distance_noise * noise,
-        pushed_angle=o.pushed_angle + o.pushed_angle_noise * turn_noise,
-        off_path=o.off_path + o.off_path_noise * noise,
-        averaging=newest_weight(o.averaging_time, model.dt, o.averaging_period),
-    )
+        found = widened(found, distance / o.leave_distance, angle / o.leave_angle)
+    deviations = tube_noise(model.noise_model, model.dt).pose_deviation
+    for deviation, quiet, by in zip(deviations, QUIET, (BY_POSITION, BY_HEADING), strict=True):
+        noise = max(deviation - quiet, 0.0)
+        found = replace(found, **{name: getattr(found, name) + k * noise for name, k in by.items()})
+    return found
 
 
 @dataclass(slots=True)
@@ -120,61 +138,48 @@ class GoalCheckerState:
     """Averaged pose less goal (3,) since then [m, m, rad]."""
 
 
-class GoalChecker:
-    """Decides whether to stand still.
+def content_with(tolerances: GoalTolerances, stalls: int) -> GoalTolerances:
+    """Tolerances of a robot that has not got nearer for so many stalls."""
+    times = min(max(stalls - CONTENT_STALLS + 2, 1), CONTENT_MOST)
+    return tolerances if times == 1 else widened(tolerances, times, times)
+
+
+def holds(
+    state: GoalCheckerState,
+    tolerances: GoalTolerances,
+    error: Array,
+    rest: Array,
+    stalled: bool = False,
+) -> bool:
+    """Tell whether the command is to be zero.
 
     Parameters
     ----------
-    options : GoalOptions
-        In metres.
+    state : GoalCheckerState
+        Updated.
+    tolerances : GoalTolerances
+        Of this robot.
+    error : ndarray
+        Pose less goal (3,) [m, m, rad], the heading's in [-pi, pi].
+    rest : ndarray
+        The same of the pose at which the robot would stand if it braked now.
+    stalled : bool
+        Whether the robot does not get nearer: it has arrived where it would not leave again.
     """
-
-    def __init__(self, options: GoalOptions) -> None:
-        self._options = options
-
-    def content_with(self, tolerances: GoalTolerances, stalls: int) -> GoalTolerances:
-        """Tolerances of a robot that has not got nearer for so many stalls."""
-        o = self._options
-        times = min(max(stalls - o.content_stalls + 2, 1), o.content_most)
-        return tolerances if times == 1 else widened(tolerances, times, times)
-
-    def holds(
-        self,
-        state: GoalCheckerState,
-        tolerances: GoalTolerances,
-        error: Array,
-        rest: Array,
-        stalled: bool = False,
-    ) -> bool:
-        """Tell whether the command is to be zero.
-
-        Parameters
-        ----------
-        state : GoalCheckerState
-            Updated.
-        tolerances : GoalTolerances
-            Of this robot.
-        error : ndarray
-            Pose less goal (3,) [m, m, rad], the heading's in [-pi, pi].
-        rest : ndarray
-            The same of the pose at which the robot would stand if it braked now.
-        stalled : bool
-            Whether the robot does not get nearer: it has arrived where it would not leave again.
-        """
-        if not state.holding:
-            state.holding = _has_arrived(error, tolerances, stalled) and (
-                rest is error or _has_arrived(rest, tolerances, stalled)
-            )
-            if state.holding:
-                state.mean_error = error.copy()
-            return state.holding
-        state.mean_error += tolerances.averaging * (error - state.mean_error)
-        distance, turn = _sizes(error)
-        mean_distance, mean_turn = _sizes(state.mean_error)
-        pushed = distance > tolerances.pushed_distance or turn > tolerances.pushed_angle
-        drifted = mean_distance > tolerances.leave_distance or mean_turn > tolerances.leave_angle
-        state.holding = not (pushed or drifted)
+    if not state.holding:
+        state.holding = _has_arrived(error, tolerances, stalled) and (
+            rest is error or _has_arrived(rest, tolerances, stalled)
+        )
+        if state.holding:
+            state.mean_error = error.copy()
         return state.holding
+    state.mean_error += tolerances.averaging * (error - state.mean_error)
+    distance, turn = _sizes(error)
+    mean_distance, mean_turn = _sizes(state.mean_error)
+    pushed = distance > tolerances.pushed_distance or turn > tolerances.pushed_angle
+    drifted = mean_distance > tolerances.leave_distance or mean_turn > tolerances.leave_angle
+    state.holding = not (pushed or drifted)
+    return state.holding
 
 
 def _has_arrived(error: Array, tolerances: GoalTolerances, stalled: bool) -> bool:

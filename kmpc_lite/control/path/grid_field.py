@@ -9,11 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.world.occupancy import OccupancyGrid
+
+LATTICE_FIELD_CELLS = 1_000_000
+"""Most cells for which the distance to the nearest obstacle is worked out. Cells of a larger or
+finer grid are joined to blocks, which count as occupied where one of their cells is."""
+LATTICE_BORDER = 0.6
+"""How far a path may lead around the outermost obstacle, start or goal [m]."""
 
 
 class GridField:
@@ -23,21 +28,17 @@ class GridField:
     ----------
     grid : OccupancyGrid
         Whose.
-    options : GuidanceOptions
-        In metres.
+    step : float
+        Least distance between two nodes of the lattice [m].
     limits : tuple of ndarray
         Corners (2,), (2,) beyond which no distance is asked for [m].
     """
 
-    def __init__(
-        self, grid: OccupancyGrid, options: GuidanceOptions, limits: tuple[Array, Array]
-    ) -> None:
-        self._grid, joined = grid, cells_joined(grid, options)
+    def __init__(self, grid: OccupancyGrid, step: float, limits: tuple[Array, Array]) -> None:
+        self._grid, joined = grid, cells_joined(grid, step)
         self._side = joined * grid.resolution
         blocks = _blocks(grid.occupied, joined)
-        border = self._borders(
-            blocks.shape, math.ceil(2.0 * options.lattice_border / self._side), limits
-        )
+        border = self._borders(blocks.shape, math.ceil(2.0 * LATTICE_BORDER / self._side), limits)
         self._border = border[:, 0]
         self._distance = self._side * (_away(np.pad(blocks, border)) - 0.5)
         self.landmarks = grid.to_map(self._side * _pieces(blocks))
@@ -96,14 +97,14 @@ def _between(values: Array, places: Array) -> Array:
     return found
 
 
-def cells_joined(grid: OccupancyGrid, options: GuidanceOptions) -> int:
+def cells_joined(grid: OccupancyGrid, step: float) -> int:
     """How many cells of a grid, along each axis, make one cell of its field.
 
     More than one where they are finer than half a step of the lattice, or would be too many.
     """
-    size = grid.resolution * np.array(grid.occupied.shape) + 4.0 * options.lattice_border
-    least = math.sqrt(float(size.prod()) / options.lattice_field_cells)
-    fine = int(0.5 * options.lattice_step / grid.resolution + 1e-9)
+    size = grid.resolution * np.array(grid.occupied.shape) + 4.0 * LATTICE_BORDER
+    least = math.sqrt(float(size.prod()) / LATTICE_FIELD_CELLS)
+    fine = int(0.5 * step / grid.resolution + 1e-9)
     return max(1, fine, math.ceil(least / grid.resolution - 1e-9))
 
 

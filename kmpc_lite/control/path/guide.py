@@ -15,7 +15,6 @@ from time import perf_counter
 import numpy as np
 
 from kmpc_lite.control.options import (
-    GoalOptions,
     GuidanceOptions,
     MovingObstacleOptions,
     SightOptions,
@@ -23,17 +22,17 @@ from kmpc_lite.control.options import (
     unit_length,
 )
 from kmpc_lite.control.path.capabilities import Capabilities
-from kmpc_lite.control.path.goal_checker import GoalChecker, GoalTolerances
+from kmpc_lite.control.path.goal_checker import GoalTolerances, content_with, holds
 from kmpc_lite.control.path.guide_task import GuideTask
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles
 from kmpc_lite.control.path.planner import Planner
-from kmpc_lite.control.path.progress_checker import gets_on
+from kmpc_lite.control.path.progress_checker import PATIENCE, gets_on
 from kmpc_lite.control.path.reference import (
     Guidance,
     told_progress,
     wait_in_sight,
 )
-from kmpc_lite.control.path.replan import Replanner
+from kmpc_lite.control.path.replan import SHUTTLE_REACH, Replanner
 from kmpc_lite.control.path.situation import Situation, Surveyor
 from kmpc_lite.control.path.state import BLOCKED, GuideState
 from kmpc_lite.control.path.tangent_planner import TangentPlanner
@@ -43,6 +42,12 @@ from kmpc_lite.control.plan import NO_PROGRESS, UNSEEN, GoalProgress
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.types import Array
+
+GOAL_STRETCH = 0.5
+"""For so long before the path reaches the goal's position, the reference ends there: it does not
+begin the last turn yet [s]."""
+CENTRE_CHANGE = 0.001
+"""Changes of the turning centre below this are ignored [m]."""
 
 ORIGIN = np.zeros(2)
 
@@ -56,8 +61,6 @@ class Guide:
         Bounds, radius and margin, horizon and period.
     options : GuidanceOptions, optional
         How paths are found, timed and followed; lengths in radii.
-    goal_options : GoalOptions, optional
-        When the robot has arrived.
     moving : MovingObstacleOptions, optional
         What it does about moving obstacles.
     clock : callable
@@ -72,7 +75,6 @@ class Guide:
         self,
         problem: NavigationProblem,
         options: GuidanceOptions | None = None,
-        goal_options: GoalOptions | None = None,
         moving: MovingObstacleOptions | None = None,
         clock: Callable[[], float] = perf_counter,
         planner: Planner | None = None,
@@ -83,7 +85,6 @@ class Guide:
         self._dt = problem.dt
         self._times = problem.dt * np.arange(problem.horizon + 1)
         self._ahead = self._options.lead_time + self._times
-        self._goal_checker = GoalChecker(lengths_from_radii(goal_options or GoalOptions(), unit))
         self._surveyor = Surveyor(problem, moving or MovingObstacleOptions())
         self._range = math.inf if problem.sensor_range is None else problem.sensor_range
         self._body = problem.inflation
@@ -128,7 +129,7 @@ class Guide:
         if centre is state.turning_centre:
             return
         before, now = (ORIGIN if c is None else c for c in (state.turning_centre, centre))
-        if math.hypot(*(now - before)) >= self._options.centre_change:
+        if math.hypot(*(now - before)) >= CENTRE_CHANGE:
             state.turning_centre, state.centre_moved = centre, True
 
     def _change_gear(self, state: GuideState, now: Situation, path: TimedPath) -> None:
@@ -136,7 +137,7 @@ class Guide:
         end = path.leg_end(state.leg)
         if end < math.inf:
             cusp = path.at(np.array([end]))[0]
-            if math.dist(cusp[:2], now.pose[:2]) <= self._options.shuttle_reach:
+            if math.dist(cusp[:2], now.pose[:2]) <= SHUTTLE_REACH:
                 state.leg = state.place = end
 
     def _begin_last_turn(self, state: GuideState, now: Situation) -> None:
@@ -156,7 +157,7 @@ class Guide:
     def _tolerances(self, state: GuideState, now: Situation) -> GoalTolerances:
         """Of the robot, which is content with less where it does not get nearer."""
         usual, stalls = now.capabilities.tolerances, state.progress.stalls
-        return self._goal_checker.content_with(usual, stalls)
+        return content_with(usual, stalls)
 
     def _wait(self, state: GuideState, now: Situation, refreshed: bool, switched: bool) -> Guidance:
         """Give the reference of a robot without a path: it waits, and makes room for what moves."""
@@ -188,7 +189,7 @@ class Guide:
         limit = max if state.turning else min
         state.place = place = limit(state.place, path.drive_end)
         moving, tolerances = now.moving, self._tolerances(state, now)
-        hold = self._goal_checker.holds(
+        hold = holds(
             state.goal_checker,
             tolerances,
             now.error,
@@ -206,7 +207,7 @@ class Guide:
         state.yielding = scale != 1.0
         state.yielded = max(state.yielded + (self._dt if scale == 0.0 else -self._dt), 0.0)
         left = path.duration - place
-        drives_on = gets_on(state.progress, left, self._options.patience)
+        drives_on = gets_on(state.progress, left, PATIENCE)
         progress, reason = told_progress(state, hold, scale, drives_on)
         if reason == NO_PROGRESS and now.view is not None:
             unseen = now.view.is_dark(now.pose[None, :2], self._swept)[0]
@@ -233,7 +234,7 @@ class Guide:
         """States (N + 1, 3) along the path at a share of its speed, their headings near one."""
         later, place, turning, leg = self._ahead * scale, state.place, state.turning, state.leg
         times = place + later if turning else path.times_after(place, later)
-        if not turning and place > path.drive_end - self._options.goal_stretch:
+        if not turning and place > path.drive_end - GOAL_STRETCH:
             np.minimum(times, path.drive_end, out=times)
         np.minimum(times, path.leg_end(leg), out=times)
         states = path.at(times)

@@ -15,13 +15,30 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from kmpc_lite.control.kernels.clearance import VELOCITY
-from kmpc_lite.control.options import GuidanceOptions
-from kmpc_lite.control.path.grid_field import GridField
-from kmpc_lite.control.path.lattice_path import LatticePath
+from kmpc_lite.control.path.grid_field import LATTICE_BORDER, GridField
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.world.solids import Solids
+
+BACK_OFF = 0.001
+"""Start or goal may lie nearer to an obstacle than the path's clearance. The path may then come
+nearer than they do by this much [m]."""
+LATTICE_NEAR_COST = 0.2
+"""A step along an obstacle counts as longer than one in the open, by this share: paths keep in the
+middle between two obstacles."""
+LATTICE_CUT = 0.02
+"""How deep a path may cut the inflated cells of a grid [m]: its clearance is larger than what the
+robot needs."""
+LATTICE_SAMPLE = 0.04
+"""A line is looked at in points that lie so far apart [m]."""
+LATTICE_SAMPLES = 400
+"""Most of these points on one line."""
+LATTICE_LOOK = 80
+"""A lattice path is pulled straight: from each corner, the farthest node in sight is looked for
+among so many."""
+LATTICE_SEARCHES = 4
+"""Most goals for which the lattice keeps its search, to find the next path to them at once."""
 
 EVERYWHERE = np.full(2, -np.inf), np.full(2, np.inf)
 PORTION = 2**18
@@ -30,6 +47,19 @@ NEIGHBOURS = ((0, 1), (1, -1), (1, 0), (1, 1))
 """Half of a node's neighbours, by their numbers: the others have it for theirs."""
 COARSE = 8
 """Every so many points of a line are looked at first: most lines that are barred are so there."""
+
+
+class Fineness(NamedTuple):
+    """Of a lattice."""
+
+    step: float
+    """Least distance between neighbours [m]."""
+    nodes: int
+    """Most nodes: larger maps get wider steps."""
+
+
+FINE = Fineness(0.05, 40_000)
+"""A third of a radius, and what memory and a few steps of searching allow."""
 
 
 class Search(NamedTuple):
@@ -51,29 +81,30 @@ class Lattice:
     ----------
     solids : Solids
         With at least one grid.
-    options : GuidanceOptions
-        In metres.
     limits : tuple of ndarray, optional
         Corners (2,), (2,) of the area that paths lie in; only start and goal may lie outside [m].
     """
 
     def __init__(
-        self, solids: Solids, options: GuidanceOptions, limits: tuple[Array, Array] | None = None
+        self,
+        solids: Solids,
+        limits: tuple[Array, Array] | None = None,
+        fineness: Fineness = FINE,
     ) -> None:
-        self._solids, self.options = solids, options
+        self._solids, self._fineness = solids, fineness
         self._limits = EVERYWHERE if limits is None else limits
         self._low, self._high = np.zeros(2), np.zeros(2)
         corners = solids.outermost
         self._corners = corners.min(axis=0), corners.max(axis=0)
         self._searches: dict[tuple[object, ...], Search] = {}
         self._linked: tuple[tuple[object, ...], csr_matrix] | None = None
-        self._fields = [GridField(b.grid, options, self._limits) for b in solids.boxes]
+        self._fields = [GridField(b.grid, fineness.step, self._limits) for b in solids.boxes]
         self.landmarks = np.concatenate([field.landmarks for field in self._fields])
         """(L, 2) a point in each of the grids' pieces that hang together [m]."""
 
     def cover(self, *points: Array) -> None:
         """Lay the lattice so that it holds the solids and points (2,)."""
-        border = self.options.lattice_border
+        border = LATTICE_BORDER
         ends = np.stack([p[:2] for p in points])
         first, last = ends.min(axis=0), ends.max(axis=0)
         low = np.maximum(np.minimum(self._corners[0], first) - border, self._limits[0])
@@ -84,8 +115,8 @@ class Lattice:
         self._low, self._high = low, high
         self._searches.clear()
         size = self._high - self._low
-        coarse = float(np.sqrt(size.prod() / self.options.lattice_nodes))
-        self.step = max(self.options.lattice_step, coarse)
+        coarse = float(np.sqrt(size.prod() / self._fineness.nodes))
+        self.step = max(self._fineness.step, coarse)
         self._shape = tuple(int(v) for v in np.ceil(size / self.step).astype(int) + 1)
         axes = [self._low[i] + self.step * np.arange(self._shape[i]) for i in (0, 1)]
         self._axes, self._places = axes, np.empty((*self._shape, 2))
@@ -147,7 +178,7 @@ class Lattice:
         key, still = self._key(goal, inflation, circles, area)
         if not self._is_known(key, start):
             self._searches.pop(key, None)
-            if len(self._searches) >= self.options.lattice_searches:
+            if len(self._searches) >= LATTICE_SEARCHES:
                 del self._searches[next(iter(self._searches))]
             linked, self._linked = self._linked, None
             if linked is None or linked[0] != key:
@@ -209,7 +240,7 @@ class Lattice:
             free[some] |= near & (around >= allowed) & (around > 0.0)
         # between obstacles, paths away from them are no longer than those along them, and better
         near = np.maximum(1.0 - (distance - inflation) / inflation, 0.0)
-        return self._links(free, 1.0 + self.options.lattice_near_cost * near)
+        return self._links(free, 1.0 + LATTICE_NEAR_COST * near)
 
     def _links(self, free: NDArray[np.bool_], cost: Array) -> csr_matrix:
         """Graph of the links between free nodes, each as long as the first node's cost makes it."""
@@ -255,11 +286,10 @@ class Lattice:
         """
         if not len(first):
             return np.ones(0, dtype=bool)
-        o = self.options
         longest = float(np.abs(last - first).max())
-        samples = min(2 + int(longest / o.lattice_sample), o.lattice_samples)
+        samples = min(2 + int(longest / LATTICE_SAMPLE), LATTICE_SAMPLES)
         along = np.linspace(0.0, 1.0, samples)[:, None, None]
-        least = inflation - max(o.lattice_cut, 0.5 * self.step)
+        least = inflation - max(LATTICE_CUT, 0.5 * self.step)
         free = np.ones(len(first), dtype=bool)
         for some in (along[::COARSE], along):
             look = np.flatnonzero(free)
@@ -279,3 +309,60 @@ class Lattice:
         least = np.take_along_axis(distance, nearest, 1)[:, 0]
         away = np.take_along_axis(normals, nearest[..., None], 1)[:, 0]
         return least, points - least[:, None] * away
+
+
+class LatticePath:
+    """Where a path between the obstacles of a large grid bends.
+
+    Parameters
+    ----------
+    lattice : Lattice
+        That it was found on.
+    points : ndarray
+        (n, 2) from start to goal [m].
+    inflation : float
+        Distance from the solids [m].
+    ends : float
+        Distance of start or goal from the solids, whichever is nearer [m].
+    """
+
+    def __init__(self, lattice: Lattice, points: Array, inflation: float, ends: float) -> None:
+        self._lattice = lattice
+        bends = [0]
+        while bends[-1] < len(points) - 1:
+            ahead = np.arange(bends[-1] + 1, min(bends[-1] + LATTICE_LOOK, len(points)))
+            here = np.repeat(points[bends[-1] : bends[-1] + 1], len(ahead), axis=0)
+            seen = lattice.lines_free(here, points[ahead], inflation)
+            bends.append(int(ahead[np.flatnonzero(seen)[-1]] if seen.any() else ahead[0]))
+        self.points = points[bends]
+        """(K, 2) [m]."""
+        self.radius = max(min(inflation, ends - BACK_OFF), 0.0)
+        """Distance that the path keeps from solids [m]: `inflation`, where start and goal do."""
+        between = self.points[1:-1]
+        self.corners = lattice.touched(between)[1] if len(between) else np.empty((0, 2))
+        """(C, 2) points on the edges of solids that the path goes around [m]."""
+
+    def lines_free(self, first: Array, last: Array) -> Array:
+        """Which lines from (T, 2) to (T, 2) cut no solid, (T,)."""
+        return self._lattice.lines_free(first, last, self.radius)
+
+    def cut(self, points: Array) -> Array:
+        """Where a line through points (K, 2) comes too near to solids.
+
+        The points (C, 2) lie on the edges of the solids, one for each time [m].
+        """
+        lengths = np.hypot(*np.diff(points, axis=0).T)
+        along = np.append(0.0, np.cumsum(lengths))
+        places = np.arange(0.0, along[-1], LATTICE_SAMPLE)
+        dense = np.column_stack([np.interp(places, along, points[:, i]) for i in (0, 1)])
+        # the lattice tells where to look
+        near = self._lattice.distances(dense) < self.radius + LATTICE_SAMPLE
+        close = np.flatnonzero(near)
+        if not len(close):
+            return np.empty((0, 2))
+        distance, edge = self._lattice.touched(dense[close])
+        inside = distance < self.radius - LATTICE_CUT
+        ends = np.flatnonzero((np.diff(close) > 1) | np.diff(inside)) + 1
+        pieces = np.split(np.arange(len(close)), ends)
+        deepest = [piece[np.argmin(distance[piece])] for piece in pieces if inside[piece[0]]]
+        return edge[deepest]

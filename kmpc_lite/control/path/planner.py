@@ -174,6 +174,13 @@ def distances_around(
     return distances
 
 
+def same_solids(first: Solids | None, second: Solids | None) -> bool:
+    """Whether two maps are one."""
+    if first is second:
+        return True
+    return first is not None and second is not None and first.solids == second.solids
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
     """Poses from the start of a request to its goal."""

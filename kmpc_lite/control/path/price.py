@@ -7,11 +7,17 @@ import math
 import numpy as np
 
 from kmpc_lite.control.options import GuidanceOptions
-from kmpc_lite.control.path.lattice_path import LatticePath
+from kmpc_lite.control.path.lattice import LatticePath
 from kmpc_lite.control.path.planner import PathRequest, Route
-from kmpc_lite.control.path.tangent_graph import GeometricPath
+from kmpc_lite.control.path.tangent_graph import CUT_DEPTH, GeometricPath
+from kmpc_lite.control.path.timed_path import poses_along
+from kmpc_lite.control.path.turning_centre import seen_from
 from kmpc_lite.geometry import angle_swept, wrap
 from kmpc_lite.types import Array
+
+BODY_SAMPLES = 400
+"""Largest number of poses of a path at which it is looked whether a robot that is not round
+fits."""
 
 
 def narrowness(clearance: float, widest: float, options: GuidanceOptions) -> float:
@@ -31,14 +37,12 @@ def lost_time(
     clearance: float,
     request: PathRequest,
     landmarks: Array,
-    options: GuidanceOptions,
 ) -> float:
     """Time that was lost on paths like this one [s]."""
     return sum(
         route.lost
         for route in request.tried
-        if abs(route.clearance - clearance) <= options.cut_depth
-        and same_side(route, path, landmarks)
+        if abs(route.clearance - clearance) <= CUT_DEPTH and same_side(route, path, landmarks)
     )
 
 
@@ -75,6 +79,29 @@ def look_times(
     looks = max(unknown / (speed * plan_time), 1.0) if unknown else 0.0
     ahead, behind = (2.0 * looks * turn / turn_rate for turn in known.blind_turns)
     return ahead, behind
+
+
+def fits(path: GeometricPath, request: PathRequest, margin: float) -> bool:
+    """Whether all circles of a robot keep a margin [m] along a path, and where it begins and ends.
+
+    Turns on the spot included.
+    """
+    corners = poses_along(path, request.start, request.goal)
+    middles, radius = request.outline[:, :2], float(request.outline[0, 2])
+    reach = float(np.hypot(*middles.T).max())
+    steps = np.diff(corners, axis=0)
+    moved = np.hypot(steps[:, 0], steps[:, 1]) + reach * np.abs(steps[:, 2])
+    places = np.concatenate([[0.0], np.cumsum(moved)])
+    count = min(2 + math.ceil(places[-1] / (0.5 * radius)), BODY_SAMPLES)
+    along = np.linspace(0.0, places[-1], count)
+    poses = np.stack([np.interp(along, places, column) for column in corners.T], axis=1)
+    if request.centre is not None:
+        poses = seen_from(poses, -request.centre)
+    points = np.concatenate([seen_from(poses, middle)[:, :2] for middle in middles])
+    distances = request.distances(points).reshape(len(middles), -1).min(axis=0)
+    # where it stands now, and where it is to stand, it may be as near as it is
+    needed = min(radius + margin, float(distances[0]), float(distances[-1]))
+    return bool((distances >= needed - CUT_DEPTH).all())
 
 
 def same_side(route: Route, path: GeometricPath, landmarks: Array) -> bool:

@@ -13,6 +13,16 @@ from dataclasses import dataclass
 from kmpc_lite.control.options.guidance import GuidanceOptions
 from kmpc_lite.types import Array
 
+PROGRESS_TIME = 0.05
+"""How much time of its path the robot must have left behind for that to count as progress [s]."""
+PATIENCE = 0.8
+"""How long the robot may stand before it looks for a path from where it is [s]."""
+DETOUR_TIME = 0.5
+"""A new path that is longer than what was left of the old one by this time is a detour: the
+patience begins anew [s]."""
+STALL_DISTANCE = 0.15
+"""A robot that moves farther than this within that time has not stalled yet on a detour [m]."""
+
 NOWHERE = (math.inf, math.inf, math.inf)
 
 
@@ -50,10 +60,10 @@ class ProgressChecker:
     """
 
     def __init__(self, options: GuidanceOptions) -> None:
-        self._progress, self._patience = options.progress_time, options.patience
-        self._detour = options.detour_time
+        self._progress, self._patience = PROGRESS_TIME, PATIENCE
+        self._detour = DETOUR_TIME
         self._stall = options.stall_time
-        self._distance = options.stall_distance
+        self._distance = STALL_DISTANCE
 
     def expect_new_path(self, state: ProgressState) -> None:
         """Let the next path begin a new count: the map or the goal is another one."""

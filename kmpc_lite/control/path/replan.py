@@ -9,15 +9,38 @@ import numpy as np
 
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY
 from kmpc_lite.control.options import GuidanceOptions
-from kmpc_lite.control.path.path_map import same_solids
-from kmpc_lite.control.path.path_watch import PathWatch
-from kmpc_lite.control.path.planner import Planner
+from kmpc_lite.control.path.planner import Planner, same_solids
 from kmpc_lite.control.path.progress_checker import ProgressChecker
 from kmpc_lite.control.path.search_driver import SearchDriver
-from kmpc_lite.control.path.situation import Situation
+from kmpc_lite.control.path.situation import NEAR_GOAL, Situation
 from kmpc_lite.control.path.state import GuideState
+from kmpc_lite.control.path.timed_path import GRID_STEP, TimedPath
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import wrap
+from kmpc_lite.types import Array
+
+OFF_PATH_SHARE = 0.08
+"""A robot that is farther from its path than this share of its distance to the goal looks for a new
+path; the goal checker's tolerance is the least such distance."""
+OFF_PATH_LIMIT = 0.15
+"""A robot that is farther from its path than this looks for a new one, however far the goal is
+[m]."""
+LOST_DISTANCE = 0.5
+"""A robot that is farther from its path than this needs the new one in the same step: somebody has
+carried it [m]."""
+RETRY_INTERVAL = 0.5
+"""Time between two searches where there is no path [s]."""
+MOVED_DISTANCE = 0.01
+"""How far an obstacle may be from where it was expected before a new path is looked for [m]."""
+SETTLED_SHARE = 0.4
+"""A robot that is nearer to its goal than `near_goal`, and is commanded faster than this share of
+its speed, is still on its way there: it looks for no new path for having left its own."""
+SHUTTLE_REACH = 0.075
+"""Distance from the far end of the shuttle at which the robot turns back [m]."""
+TRIED_PATHS = 4
+"""Most paths on which time was lost that are remembered for one goal."""
+LONGEST_LOOK = 2000.0
+"""Time of the longest path that can be looked at in a step [s]."""
 
 
 class Replanner:
@@ -47,7 +70,7 @@ class Replanner:
     ) -> None:
         self._options, self._dt = options, problem.dt
         self._watch = PathWatch(problem, options)
-        moved = options.moved_distance
+        moved = MOVED_DISTANCE
         # a velocity that is told otherwise matters once it has led elsewhere: trackers are noisy
         self._moved = np.array([moved, moved, moved, np.inf, np.inf])
         self._progress = ProgressChecker(options)
@@ -78,7 +101,7 @@ class Replanner:
         turned_back = self._end_shuttle(state, now, is_new)
         # whatever has come up meanwhile, a search that is needed comes to an end: one that begins
         # anew in each step never does
-        wanted = off > self._options.lost_distance or is_new or self._is_blocked(state, now)
+        wanted = off > LOST_DISTANCE or is_new or self._is_blocked(state, now)
         at_once = turned_back or (wanted and not (state.urgent and state.search is not None))
         stalled = self._watch_progress(state, now)
         # the robot drives on what it knows meanwhile, and keeps clear of what has shown up
@@ -98,12 +121,12 @@ class Replanner:
 
     def _end_shuttle(self, state: GuideState, now: Situation, is_new: bool) -> bool:
         """End a shuttle that has come to where it turns back; then a path to the goal is needed."""
-        if is_new or now.distance > 2.0 * self._options.near_goal:
+        if is_new or now.distance > 2.0 * NEAR_GOAL:
             state.shuttle, state.shuttles = None, 0
         if state.shuttle is None:
             return False
         distance = math.hypot(*(now.pose - state.shuttle)[:2].tolist())
-        if distance > self._options.shuttle_reach:
+        if distance > SHUTTLE_REACH:
             return False
         state.shuttle = None
         return True
@@ -111,22 +134,21 @@ class Replanner:
     def _watch_place(self, state: GuideState, now: Situation, off: float) -> bool:
         """Note how far it is; whether it is off its path, stands, or has had none for long."""
         if state.path is None:
-            return state.age >= self._options.retry_interval
+            return state.age >= RETRY_INTERVAL
         self._progress.see(state.progress, state.path.duration - state.place)
         if state.turning:
             return False
         if state.centre_moved:
             return True
         o, least = self._options, now.capabilities.tolerances.off_path
-        allowed = min(max(least, o.off_path_share * now.distance), o.off_path_limit)
+        allowed = min(max(least, OFF_PATH_SHARE * now.distance), OFF_PATH_LIMIT)
         too_far = state.age > o.replan_interval and off > allowed
         return self._progress.wait(state.progress, self._dt) or (too_far and self._settled(now))
 
     def _settled(self, now: Situation) -> bool:
         """Whether nothing carries the robot nearer to its goal any more: it is far, or slow."""
-        o = self._options
-        slow = o.settled_share * float(now.capabilities.forward[0])
-        return now.distance > o.near_goal or now.speed <= slow
+        slow = SETTLED_SHARE * float(now.capabilities.forward[0])
+        return now.distance > NEAR_GOAL or now.speed <= slow
 
     def _watch_progress(self, state: GuideState, now: Situation) -> bool:
         """Note the progress: whether there was none for too long; then something else is tried.
@@ -145,14 +167,14 @@ class Replanner:
         stalled = self._progress.watch(progress, now.pose, left, period)
         if not progress.stalls:
             state.tried = ()
-        elif stalled and now.distance > self._options.near_goal:
+        elif stalled and now.distance > NEAR_GOAL:
             tried = path.route(now.pose, state.place, self._options.stall_time)
-            state.tried = (*state.tried, tried)[-self._options.tried_paths :]
+            state.tried = (*state.tried, tried)[-TRIED_PATHS:]
         return stalled
 
     def _watch_turn(self, state: GuideState, now: Situation) -> None:
         """Note how far the robot has turned on the spot where it stands."""
-        if not math.dist(now.pose[:2], state.stood[:2]) <= self._options.shuttle_reach:
+        if not math.dist(now.pose[:2], state.stood[:2]) <= SHUTTLE_REACH:
             state.stood, state.turned = now.pose.copy(), 0.0
         state.turned += wrap(float(now.pose[2] - state.stood[2]))
         state.stood[2] = now.pose[2]
@@ -178,3 +200,79 @@ class Replanner:
             return False
         recent = state.age <= self._options.replan_interval
         return not recent and now.moving.blocks(state.path, state.place, state.yielded)
+
+
+class PathWatch:
+    """Looks along the path that is driven.
+
+    Parameters
+    ----------
+    problem : NavigationProblem
+        Radius, margin, period.
+    options : GuidanceOptions
+        In metres.
+    """
+
+    def __init__(self, problem: NavigationProblem, options: GuidanceOptions) -> None:
+        self._options, self._dt = options, problem.dt
+        self._inflation = problem.inflation
+
+    def has_grown_elsewhere(self, state: GuideState, now: Situation) -> bool:
+        """Whether the map is another one, which leaves the path free: then there is no hurry."""
+        path, solids = state.path, now.solids
+        if solids is state.solids or path is None or solids is None or state.solids is None:
+            return False
+        if state.urgent or state.turning or same_solids(solids, state.solids):
+            return False
+        same_circles = now.circles.tobytes() == state.circles_at_rest
+        if now.target.tolist() != state.goal.tolist() or not same_circles:
+            return False
+        if path.drive_end - state.place > LONGEST_LOOK:
+            return False  # more than can be looked at in a step
+        points = self._points_ahead(state, now, path)
+        return not len(points) or bool((solids.whole.least(points) >= self._inflation).all())
+
+    def is_to_be_renewed(self, state: GuideState, now: Situation) -> bool:
+        """Whether to look if what was in the way has gone."""
+        if now.view is None or state.path is None or state.turning:
+            return False
+        return now.distance > NEAR_GOAL and state.age > now.view.refresh_interval
+
+    def watch_path(self, state: GuideState, now: Situation) -> bool:
+        """Look at times whether something that scans have shown lately stands on the path."""
+        view, path = now.view, state.path
+        if view is None or path is None or state.turning:
+            return False
+        state.unwatched += self._dt
+        if state.unwatched < view.blocked_interval or state.age <= self._options.replan_interval:
+            return False
+        state.unwatched = 0.0
+        return view.blocks(self._points_ahead(state, now, path), self._inflation)
+
+    def lead(self, state: GuideState, now: Situation) -> float:
+        """How long the robot drives on while a path is looked for [s].
+
+        As long as searches take, or half as long where something stands on the path before that;
+        not at all where it stands nearer, or where nothing is seen.
+        """
+        view, path = now.view, state.path
+        if view is None or path is None or state.turning:
+            return 0.0
+        for lead in (state.search_time, 0.5 * state.search_time):
+            end = min(state.place + lead, path.drive_end)
+            points = path.at(np.arange(state.place, end, GRID_STEP))[:, :2]
+            if not view.blocks(points, self._inflation):
+                return end - state.place
+        return 0.0
+
+    def _points_ahead(self, state: GuideState, now: Situation, path: TimedPath) -> Array:
+        """Points (n, 2) of the path that is left, but for where the robot is and is to stand.
+
+        There it may come as near to things as it must. Of a path longer than can be looked at in a
+        step the beginning is given.
+        """
+        end = min(path.drive_end, state.place + LONGEST_LOOK)
+        points = path.at(np.arange(state.place, end, GRID_STEP))[:, :2]
+        ends = [np.hypot(*(points - pose[:2]).T) for pose in (now.pose, now.goal)]
+        ahead: Array = points[np.minimum(*ends) > self._inflation]
+        return ahead

@@ -11,10 +11,11 @@ import numpy as np
 
 from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.options import GuidanceOptions
+from kmpc_lite.control.path.lattice import LATTICE_SAMPLE
 from kmpc_lite.control.path.planner import Known, Path, PathRequest, Planner
 from kmpc_lite.control.path.progress_checker import ProgressChecker
-from kmpc_lite.control.path.shuttle import ShuttleFinder
-from kmpc_lite.control.path.situation import Situation
+from kmpc_lite.control.path.shuttle import SHUTTLE_SPEED, ShuttleFinder
+from kmpc_lite.control.path.situation import NEAR_GOAL, Situation
 from kmpc_lite.control.path.state import BLOCKED, GuideState, Search
 from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.control.path.turning_centre import seen_from, swing
@@ -25,6 +26,21 @@ from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.world.sight.view import View
+
+GOAL_SLACK = 0.5
+"""A path that begins near the goal may end beside it, by this share of the distance at which the
+last turn may begin: what is left to the side takes two turns."""
+URGENT_PARTS = 60
+"""Most parts of a search that the robot needs at once that are done in one step. Most searches end
+sooner; among very many obstacles the robot drives on as before, or stands, for a step more, which
+else would come late."""
+SHUTTLES = 3
+"""Most shuttles for one goal."""
+FREE_TURN_LENGTH = 0.5
+"""Length of a path on which the robot may make the whole free turn; on a shorter path it makes a
+part of it in proportion [m]."""
+FREE_TURN_CLEARANCE = 0.6
+"""Clearance that the whole free turn needs: the robot may back up in it [m]."""
 
 
 class SearchDriver:
@@ -62,7 +78,7 @@ class SearchDriver:
         self._outline = np.column_stack([middles, np.full(len(middles), self._radius)])
         self._planner, self._parts = planner, 0
         self._asked: PathRequest | None = None
-        self._shuttles = ShuttleFinder(problem, options)
+        self._shuttles = ShuttleFinder(problem)
 
     def begin(self, state: GuideState, now: Situation, lead: float = 0.0) -> None:
         """Begin a search from where the robot will be on its path after a time [s].
@@ -151,10 +167,10 @@ class SearchDriver:
 
         What lies beside the robot it can only reach by turning away and back.
         """
-        o, goal = self._options, now.goal
-        if now.distance > o.near_goal:
+        goal = now.goal
+        if now.distance > NEAR_GOAL:
             return goal
-        most = o.goal_slack * now.capabilities.tolerances.turn_distance
+        most = GOAL_SLACK * now.capabilities.tolerances.turn_distance
         x, y, heading = goal.tolist()
         _, beside = rotate(float(pose[0]) - x, float(pose[1]) - y, -heading)
         dx, dy = rotate(0.0, min(max(beside, -most), most), heading)
@@ -173,20 +189,19 @@ class SearchDriver:
 
     def _new_shuttle(self, state: GuideState, now: Situation) -> Array | None:
         """Pose (3,) at which a shuttle that begins here turns back; none where none is begun."""
-        o = self._options
-        beside = now.capabilities.tolerances.turn_distance < now.distance < o.near_goal
-        if state.shuttle is not None or not beside or state.shuttles >= o.shuttles:
+        beside = now.capabilities.tolerances.turn_distance < now.distance < NEAR_GOAL
+        if state.shuttle is not None or not beside or state.shuttles >= SHUTTLES:
             return None
         return self._shuttles.find(now, state.known_solids, state.coarseness)
 
     def advance(self, state: GuideState, now: Situation) -> tuple[bool, bool]:
         """Bring the search forward: nearly always to its end if urgent, else by a few parts."""
         refreshed = switched = False
-        parts = self._options.urgent_parts if state.urgent else self._options.hurried_parts
+        parts = URGENT_PARTS if state.urgent else self._options.hurried_parts
         while (search := state.search) is not None:
             found = self._found(search)
             if isinstance(found, str) and state.shuttle is not None:
-                state.shuttle, state.shuttles = None, self._options.shuttles
+                state.shuttle, state.shuttles = None, SHUTTLES
                 self.begin(state, now)
             elif (
                 isinstance(found, str)
@@ -224,7 +239,7 @@ class SearchDriver:
         self, state: GuideState, now: Situation, search: Search, found: Path | str
     ) -> bool:
         """Follow the path that was found, and tell whether it leads another way around."""
-        previous, request, o, can = state.path, search.request, self._options, now.capabilities
+        previous, request, can = state.path, search.request, now.capabilities
         if search.only_tells:
             found = search.only_tells if isinstance(found, str) else BLOCKED
         if isinstance(found, str):
@@ -237,11 +252,11 @@ class SearchDriver:
         path = self._from_rest(now, request, found)
         speed = can.backward if (path.gears < 0).any() else can.forward
         if state.shuttles:
-            speed = speed * (o.shuttle_speed, 1.0)
+            speed = speed * (SHUTTLE_SPEED, 1.0)
         free_turn = self._free_turn(search, path)
-        timed = TimedPath(path, speed, o, free_turn, can.wheels, can.deceleration)
+        timed = TimedPath(path, speed, free_turn, can.wheels, can.deceleration)
         if state.only_renews and previous is not None:
-            left = previous.duration - state.place - o.switch_time
+            left = previous.duration - state.place - self._options.switch_time
             if timed.duration > left - request.gear_time:
                 return False
         state.path, state.leg = timed, 0.0
@@ -262,10 +277,10 @@ class SearchDriver:
         path = path.between_turns
         rest = (now.goal + now.rest_error)[:2]
         begun = path.begun_at(rest)
-        if begun is path or now.distance <= self._options.near_goal:
+        if begun is path or now.distance <= NEAR_GOAL:
             return path
         line = begun.poses[2, :2] - rest
-        samples = 2 + int(math.hypot(*line.tolist()) / self._options.lattice_sample)
+        samples = 2 + int(math.hypot(*line.tolist()) / LATTICE_SAMPLE)
         points = rest + np.linspace(0.0, 1.0, samples)[:, None] * line
         distances = request.distances(points)
         around = float(distances[0])
@@ -276,12 +291,12 @@ class SearchDriver:
         """Part of the first turn that is made while driving [rad]; none if the robot is stuck."""
         if search.stuck:
             return 0.0
-        o, request = self._options, search.request
+        request = search.request
         length = float(np.hypot(*np.diff(path.poses[1:-1, :2], axis=0).T).sum())
         nearest = float(request.distances(request.start[None, :2])[0])
         around = max(nearest - self._turning, 0.0)
-        shares = length / o.free_turn_length, around / o.free_turn_clearance
-        return o.free_turn * min(1.0, *shares)
+        shares = length / FREE_TURN_LENGTH, around / FREE_TURN_CLEARANCE
+        return self._options.free_turn * min(1.0, *shares)
 
 
 def _known(view: View) -> Known:

@@ -1,18 +1,86 @@
-"""What a search on the tangent graph goes around, and the clearances that it tries."""
+"""What a search goes around: circles, corners, a lattice; and the clearances that it tries."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from kmpc_lite.control.options import GuidanceOptions
-from kmpc_lite.control.path.path_map import PathMap
+
+# here, for no step has time to import its image filters
+from kmpc_lite.control.path.lattice import BACK_OFF, FINE, Fineness, Lattice
 from kmpc_lite.control.path.planner import PathRequest
 from kmpc_lite.control.path.turning_centre import swing
 from kmpc_lite.types import Array
 
+if TYPE_CHECKING:
+    from kmpc_lite.control.world.solids import Solids
+
+LEAST_CLEARANCE = 0.005
+"""Clearance that is tried last: a path that keeps less would not be driven [m]."""
+LATTICE_RECTANGLES = 24
+"""Occupancy grids with up to so many rectangles give the tangent graph all of their corners; of
+larger ones the lattice picks some."""
 NO_EDGES = np.empty((0, 2), dtype=np.intp)
+
+
+class PathMap:
+    """Polygons, walls and grids, prepared for the searches.
+
+    Parameters
+    ----------
+    solids : Solids
+        At rest.
+    coarseness : float
+        How far the solids may stand out of what they were made of: they are cells [m].
+    later : bool
+        Whether the lattice is made part by part, by `prepare`, and a path on it found so, too.
+    limits : tuple of ndarray, optional
+        Corners (2,), (2,) of the area that paths lie in [m].
+    fineness : Fineness
+        Of the lattice.
+    """
+
+    def __init__(
+        self,
+        solids: Solids,
+        coarseness: float = 0.0,
+        later: bool = False,
+        limits: tuple[Array, Array] | None = None,
+        fineness: Fineness = FINE,
+    ) -> None:
+        self._limits = limits
+        self.solids, self._fineness = solids, fineness
+        self.coarseness = coarseness
+        """How far the solids may stand out of what they were made of [m]."""
+        self.later = later
+        """Whether work on the lattice is done part by part."""
+        self.lattice: Lattice | None = None
+        """Where the grids have too many corners."""
+        many = solids.rectangle_count > LATTICE_RECTANGLES
+        self.corners = solids.outline_corners if many else solids.all_corners
+        """What paths go around: all corners, but for those of grids with a lattice."""
+        self.landmarks = self.corners.middles
+        """(L, 2) a point in each obstacle [m]: paths differ by the sides on which they pass."""
+        self.is_ready = not many
+        """Whether a search may begin."""
+        if many and not later:
+            self._make_lattice(limits)
+
+    def prepare(self, start: Array, goal: Array) -> None:
+        """Do what is left before a search from a start to a goal may begin."""
+        limits = self._limits
+        if limits is not None:
+            # only start and goal may lie outside
+            low, high = np.minimum(start[:2], goal[:2]), np.maximum(start[:2], goal[:2])
+            limits = np.minimum(limits[0], low), np.maximum(limits[1], high)
+        self._make_lattice(limits)
+
+    def _make_lattice(self, limits: tuple[Array, Array] | None) -> None:
+        self.lattice = Lattice(self.solids, limits, self._fineness)
+        self.landmarks = np.concatenate([self.corners.middles, self.lattice.landmarks])
+        self.is_ready = True
 
 
 class Obstacles(NamedTuple):
@@ -45,7 +113,7 @@ def all_clearances(request: PathRequest, turning: float, options: GuidanceOption
         In metres.
     """
     widest, centre = options.wide_clearance, request.centre
-    narrow = [options.narrow_clearance, options.least_clearance]
+    narrow = [options.narrow_clearance, LEAST_CLEARANCE]
     clearances = [widest, *narrow]
     if request.clearance > widest:
         clearances = [request.clearance, *clearances]
@@ -62,7 +130,7 @@ def all_clearances(request: PathRequest, turning: float, options: GuidanceOption
     return [c + around for c in clearances] + [c + beside for c in narrow]
 
 
-def gather(request: PathRequest, path_map: PathMap | None, options: GuidanceOptions) -> Obstacles:
+def gather(request: PathRequest, path_map: PathMap | None) -> Obstacles:
     """Put circles and corners into one list."""
     around = swing(request.centre)
     circles, pose, goal = request.circles, request.start, request.goal
@@ -79,5 +147,5 @@ def gather(request: PathRequest, path_map: PathMap | None, options: GuidanceOpti
     # the outermost of robot and goal widen the area
     low = np.minimum(request.area[0] + around, np.minimum(pose, goal)[:2])
     high = np.maximum(request.area[1] - around, np.maximum(pose, goal)[:2])
-    most = np.maximum(np.minimum(to_pose, to_goal) - options.back_off, 0.0)
+    most = np.maximum(np.minimum(to_pose, to_goal) - BACK_OFF, 0.0)
     return Obstacles(centres, sizes, edges, landmarks, most, np.concatenate([low, high]))

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.planner import distances_around
 from kmpc_lite.control.path.situation import Situation
 from kmpc_lite.control.problem import NavigationProblem
@@ -23,6 +22,14 @@ from kmpc_lite.types import Array
 if TYPE_CHECKING:
     from kmpc_lite.control.world.solids import Solids
 
+SHUTTLE_LENGTH = 0.3
+"""A robot that has stopped beside its goal may drive a shuttle: away from the goal along the axis
+of its heading, and back. This is how far away [m]."""
+SHUTTLE_GAIN = 1.0
+"""How much quicker than turning on the spot a shuttle must be [s]."""
+SHUTTLE_SPEED = 0.5
+"""Share of its speed at which the robot drives a shuttle: it slips more at speed."""
+
 
 class ShuttleFinder:
     """Tells whether a shuttle is quicker, and where it turns back.
@@ -31,13 +38,11 @@ class ShuttleFinder:
     ----------
     problem : NavigationProblem
         Radius, margin and area.
-    options : GuidanceOptions
-        In metres.
     """
 
-    def __init__(self, problem: NavigationProblem, options: GuidanceOptions) -> None:
-        self._length, self._gain = options.shuttle_length, options.shuttle_gain
-        self._slow = np.array([options.shuttle_speed, 1.0])
+    def __init__(self, problem: NavigationProblem) -> None:
+        self._length, self._gain = SHUTTLE_LENGTH, SHUTTLE_GAIN
+        self._slow = np.array([SHUTTLE_SPEED, 1.0])
         self._inflation = problem.robot_radius + problem.margin
         self._low, self._high = problem.x_min[:2], problem.x_max[:2]
 

@@ -17,7 +17,6 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.bitangents import (
     TURNING,
     Circles,
@@ -29,7 +28,17 @@ from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.path.lattice_path import LatticePath
+    from kmpc_lite.control.path.lattice import LatticePath
+
+CUT_DEPTH = 0.002
+"""How deep the chords of a path's arcs may cut an inflated circle [m]."""
+ARC_STEP = 0.15
+"""Largest turn between two points of an arc [rad]."""
+TURNING_RADIUS_SHARE = 0.3
+"""Radius of the circles beside start and goal on which the robot may turn, as a share of the
+distance between them."""
+TURNING_RADIUS_LIMIT = 0.5
+"""Largest radius of these circles [m]."""
 
 ROUNDING = 1e-9
 """Length [m] or angle [rad] that is none."""
@@ -102,8 +111,6 @@ class TangentGraph:
         Circles (M, 2), (M,) that are looked at [m].
     edges : ndarray
         Pairs (S, 2) of these.
-    options : GuidanceOptions
-        In metres.
     """
 
     def __init__(
@@ -112,16 +119,15 @@ class TangentGraph:
         centres: Array,
         radii: Array,
         edges: Array,
-        options: GuidanceOptions,
     ) -> None:
-        self._query, self._options = query, options
+        self._query = query
         self.size = len(centres)
         """How many circles it holds."""
         start, goal = query.start, query.goal
         self._ends = np.stack([start, goal])
         across = np.stack([-np.sin(self._ends[:, 2]), np.cos(self._ends[:, 2])], axis=1)
         apart = math.hypot(goal[0] - start[0], goal[1] - start[1])
-        turning = min(options.turning_radius_share * apart, options.turning_radius_limit)
+        turning = min(TURNING_RADIUS_SHARE * apart, TURNING_RADIUS_LIMIT)
         beside = self._ends[:, None, :2] + turning * LEFT_RIGHT[:, None] * across[:, None]
         points = np.concatenate([centres, beside.reshape(-1, 2), self._ends[:, :2]])
         sizes = np.concatenate([radii, np.full(TURNING, turning), (0.0, 0.0)])
@@ -251,7 +257,7 @@ class TangentGraph:
             turn = (sense * (end - begin)) % math.tau
             if turn > WHOLE_TURN:
                 turn = 0.0
-            pieces = 1 + int(turn / arc_step(radius, self._options))
+            pieces = 1 + int(turn / arc_step(radius))
             for piece in range(1, pieces + 1):
                 step = sense * turn * piece / pieces
                 at = begin + step
@@ -261,13 +267,13 @@ class TangentGraph:
         return rows
 
 
-def arc_step(radius: float, options: GuidanceOptions) -> float:
+def arc_step(radius: float) -> float:
     """Turn between two points of an arc [rad], so that its chords cut the circle as allowed.
 
     The larger the radius [m], the deeper a chord of the same turn cuts: by radius * turn^2 / 8.
     """
     # a little less than allowed, so that rounding does not make it more
-    depth = (1.0 - 1e-6) * options.cut_depth
-    if radius * (1.0 - math.cos(0.5 * options.arc_step)) <= depth:
-        return options.arc_step
+    depth = (1.0 - 1e-6) * CUT_DEPTH
+    if radius * (1.0 - math.cos(0.5 * ARC_STEP)) <= depth:
+        return ARC_STEP
     return 2.0 * math.acos(1.0 - depth / radius)

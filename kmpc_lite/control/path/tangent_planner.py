@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from enum import Enum, auto
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,26 +18,32 @@ from kmpc_lite.control.options import (
     lengths_from_radii,
     unit_length,
 )
-from kmpc_lite.control.path.lattice_path import LatticePath
-from kmpc_lite.control.path.path_map import PathMap, coarser, same_solids
-from kmpc_lite.control.path.planner import Path, PathRequest
+from kmpc_lite.control.path.lattice import Fineness, LatticePath
+from kmpc_lite.control.path.planner import Path, PathRequest, same_solids
 from kmpc_lite.control.path.price import (
     extra_time,
+    fits,
     look_times,
     lost_time,
     narrowness,
     same_side,
     switching_time,
 )
-from kmpc_lite.control.path.search_obstacles import Obstacles, all_clearances, gather
+from kmpc_lite.control.path.search_obstacles import (
+    Obstacles,
+    PathMap,
+    all_clearances,
+    gather,
+)
 from kmpc_lite.control.path.tangent_graph import GeometricPath, PathQuery
 from kmpc_lite.control.path.tangent_search import Part, TangentSearch
 from kmpc_lite.control.path.timed_path import poses_along
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
 
-if TYPE_CHECKING:
-    from kmpc_lite.control.path.body_paths import BodyPaths
+UNFIT_COST = 1000.0
+"""What a path costs on which a robot that is not round does not fit: it is driven if there is no
+other [s]."""
 
 NO_WAY = "no passage to the goal is wide enough"
 TOO_MANY = "too many obstacles are in the way to find a path around them"
@@ -84,16 +89,11 @@ class TangentPlanner:
         unit = unit_length(problem)
         self._options = lengths_from_radii(options, unit)
         sight = lengths_from_radii(sight, unit)
-        self._coarse = coarser(self._options, sight.lattice_nodes, sight.lattice_step)
+        self._coarse = Fineness(sight.lattice_step, sight.lattice_nodes)
         self._inflation = problem.inflation
         self._turning = problem.robot_radius - problem.half_width
         """What the robot needs beyond that to turn on the spot [m]; a round one nothing."""
-        self._body: BodyPaths | None = None
-        if problem.footprint is not None:
-            # here, since most robots are round
-            from kmpc_lite.control.path.body_paths import BodyPaths
-
-            self._body = BodyPaths(problem, problem.footprint, self._options)
+        self._is_round, self._margin = problem.footprint is None, problem.margin
         self._plan_time = problem.horizon * problem.dt
         self._map: PathMap | None = None
 
@@ -126,10 +126,10 @@ class TangentPlanner:
             return None
         limits = request.area[0], request.area[1]
         if known is not None:
-            return PathMap(solids, self._coarse, known.coarseness, True, limits)
+            return PathMap(solids, known.coarseness, True, limits, self._coarse)
         if self._map is not None and same_solids(solids, self._map.solids):
             return self._map
-        return PathMap(solids, self._options, later=not request.in_time)
+        return PathMap(solids, later=not request.in_time)
 
     def path(self) -> Path | str | None:
         """What was found."""
@@ -158,7 +158,7 @@ class TangentPlanner:
         if path_map is not None and not path_map.is_ready:
             path_map.prepare(request.start, request.goal)
         elif self._stage is Stage.OBSTACLES:
-            self._obstacles = gather(request, path_map, self._options)
+            self._obstacles = gather(request, path_map)
             clearances = all_clearances(request, self._turning, self._options)
             if path_map is not None and path_map.coarseness:
                 # cells stand out of what was hit in them, on either side by half of that in the
@@ -224,7 +224,7 @@ class TangentPlanner:
             self._lattice_path,
             look_times(request, self._lattice_path, self._plan_time),
         )
-        self._tangents = TangentSearch(query, self._options)
+        self._tangents = TangentSearch(query)
         self._stage = Stage.TANGENTS
 
     def _look(self) -> None:
@@ -253,8 +253,8 @@ class TangentPlanner:
         driven, landmarks = request.driven, obstacles.landmarks
         to_switch = switching_time(path, request, o)
         is_like = driven is not None and same_side(driven, path, landmarks)
-        lost = lost_time(path, self._clearance, request, landmarks, o)
-        unfit = 0.0 if self._body is None or self._body.fits(path, request) else o.unfit_cost
+        lost = lost_time(path, self._clearance, request, landmarks)
+        unfit = 0.0 if self._is_round or fits(path, request, self._margin) else UNFIT_COST
         price = time + lost + (0.0 if is_like else to_switch)
         price += unfit + extra_time(path, request, o)
         if price < self._price:

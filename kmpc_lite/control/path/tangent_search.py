@@ -10,11 +10,16 @@ from enum import Enum, auto
 
 import numpy as np
 
-from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.cuts import cut_obstacles, with_corners, with_walls
-from kmpc_lite.control.path.tangent_graph import GeometricPath, PathQuery, TangentGraph
+from kmpc_lite.control.path.tangent_graph import CUT_DEPTH, GeometricPath, PathQuery, TangentGraph
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
+
+CORNER_ROUNDS = 12
+"""A path may still cut corners that the graph does not hold. They are added, and the graph is
+searched again, so often; after that the lattice's own path is taken."""
+GRAPH_CIRCLES = 150
+"""Most circles and corners of one graph: where more are in the way, the search gives up."""
 
 NO_POINTS = np.empty((0, 2))
 
@@ -45,12 +50,10 @@ class TangentSearch:
     ----------
     query : PathQuery
         Between what, and around what.
-    options : GuidanceOptions
-        In metres.
     """
 
-    def __init__(self, query: PathQuery, options: GuidanceOptions) -> None:
-        self._query, self._options = query, options
+    def __init__(self, query: PathQuery) -> None:
+        self._query = query
         self._touched = NO_POINTS if query.lattice_path is None else query.lattice_path.corners
         self._rounds, self._found, self._some = 0, 0, False
         straight = np.stack([query.start[:2], query.goal[:2]])
@@ -96,7 +99,7 @@ class TangentSearch:
         """
         if self.part is not Part.TANGENTS or self._graph is None:
             return 1
-        return max(round((4.0 * self._graph.size / self._options.graph_circles) ** 3), 1)
+        return max(round((4.0 * self._graph.size / GRAPH_CIRCLES) ** 3), 1)
 
     def _begin_round(self) -> GeometricPath | None:
         """Begin a graph of the circles that are known to be in the way.
@@ -105,7 +108,7 @@ class TangentSearch:
         """
         query, known = self._query, self._known
         self._found = 0
-        if np.count_nonzero(known) + len(self._touched) > self._options.graph_circles:
+        if np.count_nonzero(known) + len(self._touched) > GRAPH_CIRCLES:
             self.part, self.gave_up = Part.NOTHING, True
             return self._straight()
         edges = (np.cumsum(known) - 1)[query.edges[known[query.edges[:, 0]]]]
@@ -114,7 +117,7 @@ class TangentSearch:
             centres = np.concatenate([centres, self._touched])
             size = np.full(len(self._touched), query.lattice_path.radius)
             radii = np.concatenate([radii, size])
-        self._graph = TangentGraph(query, centres, radii, edges, self._options)
+        self._graph = TangentGraph(query, centres, radii, edges)
         self.part = Part.TANGENTS
         return None
 
@@ -140,7 +143,7 @@ class TangentSearch:
         if lattice_path is not None:
             self._touched = np.concatenate([self._touched, deep])
             self._rounds += 1
-            if self._rounds > self._options.corner_rounds:
+            if self._rounds > CORNER_ROUNDS:
                 self.part = Part.NOTHING
                 return self._straight()
         query = self._query
@@ -149,7 +152,7 @@ class TangentSearch:
 
     def _cut(self, points: Array) -> Array:
         """Which circles (M,) a line through points (K, 2) cuts."""
-        query, depth = self._query, self._options.cut_depth
+        query, depth = self._query, CUT_DEPTH
         return cut_obstacles(points, query.centres, query.radii, query.edges, depth)
 
     def _straight(self) -> GeometricPath | None:

@@ -7,11 +7,23 @@ from bisect import bisect_right
 
 import numpy as np
 
-from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.planner import Path, Route
 from kmpc_lite.control.path.tangent_graph import GeometricPath
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
+
+GRID_STEP = 0.05
+"""Time between neighbouring poses of a path, among which the robot's place is looked for [s]."""
+GRID_POSES = 20_000
+"""Most poses of one path: the path of a robot that hardly moves would need more than there is
+memory for."""
+TURN_LENGTH = 0.3
+"""One radian of heading counts as much as this distance when the robot's place on its path is
+looked for [m]."""
+LOCATE_BACK = 0.5
+"""How far back along its path the robot's place may move in one step [s]."""
+LOCATE_AHEAD = 1.5
+"""How far ahead along its path the robot's place may move in one step [s]."""
 
 INSTANT = 1e-9
 """Time between two poses that are the same [s]: times must grow."""
@@ -28,8 +40,6 @@ class TimedPath:
         Poses, and times where the planner has timed them.
     speed : ndarray
         Speed [m/s] and rate of turn [rad/s] to drive at, (2,).
-    options : GuidanceOptions
-        In metres: how the robot's place on the path is found.
     free_turn : float
         Part of the first turn that is left to the controller, to be made while driving [rad].
     wheels : tuple
@@ -43,7 +53,6 @@ class TimedPath:
         self,
         path: Path,
         speed: Array,
-        options: GuidanceOptions,
         free_turn: float = 0.0,
         wheels: tuple[float, float] = (0.0, math.inf),
         deceleration: float = math.inf,
@@ -77,9 +86,9 @@ class TimedPath:
         self.duration = float(self.times[-1])
         self.drive_end = float(self.times[-2])
         """When the goal's position is reached, and the last turn begins [s]."""
-        self._back, self._ahead = options.locate_back, options.locate_ahead
-        self._turn_length = options.turn_length
-        self._grid_step = max(options.grid_step, self.duration / options.grid_poses)
+        self._back, self._ahead = LOCATE_BACK, LOCATE_AHEAD
+        self._turn_length = TURN_LENGTH
+        self._grid_step = max(GRID_STEP, self.duration / GRID_POSES)
         self._grid_times = np.append(np.arange(0.0, self.duration, self._grid_step), self.duration)
         self._grid = self.at(self._grid_times) * (1.0, 1.0, self._turn_length)
 

@@ -12,19 +12,27 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import rotate
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import INPUTS, Array
 
+CENTRE_HEADINGS = 8
+"""At so many headings the model is asked for a turn on the spot, to either side."""
+CENTRE_DISTANCE = 0.004
+"""A turning centre nearer to the tracked pose than this is taken to be the tracked pose [m]."""
+CENTRE_CERTAINTY = 3.5
+"""A turning centre counts only where it lies this many of its standard errors away from the tracked
+pose."""
+CENTRE_SHARE = 1.0
+"""A turning centre counts only where it explains this many times as much of the predicted motion as
+it leaves unexplained."""
+
 TINY = 1e-12
 """Variance of a turn that is none [rad^2]: rounding."""
 
 
-def turning_centre(
-    model: MotionModel, problem: NavigationProblem, options: GuidanceOptions | None = None
-) -> Array | None:
+def turning_centre(model: MotionModel, problem: NavigationProblem) -> Array | None:
     """Place of the turning centre as seen from the tracked pose, by the model.
 
     What the model predicts for turns on the spot at several headings is compared with circles about
@@ -36,8 +44,6 @@ def turning_centre(
         With an input history it is asked for what it does once a command has been held that long.
     problem : NavigationProblem
         Command bounds.
-    options : GuidanceOptions, optional
-        In metres: how certain the point must be.
 
     Returns
     -------
@@ -51,17 +57,16 @@ def turning_centre(
     >>> turning_centre(nominal_unicycle(0.1), NavigationProblem()) is None
     True
     """
-    options = options or lengths_from_radii(GuidanceOptions(), unit_length(problem))
-    cos, sin, dx, dy = _turns(model, problem, options.centre_headings)
+    cos, sin, dx, dy = _turns(model, problem, CENTRE_HEADINGS)
     weight = float(cos @ cos + sin @ sin)
     if not 0.0 < weight < np.inf:
         return None
     point: Array = np.array([cos @ dx + sin @ dy, cos @ dy - sin @ dx]) / weight
     explained = weight * float(point @ point)
     unexplained = float(dx @ dx + dy @ dy) - explained
-    least = max(options.centre_distance**2, options.centre_certainty**2 * _variance(model, problem))
+    least = max(CENTRE_DISTANCE**2, CENTRE_CERTAINTY**2 * _variance(model, problem))
     # the comparisons are also false for NaN
-    if not (point @ point >= least and explained >= options.centre_share * unexplained):
+    if not (point @ point >= least and explained >= CENTRE_SHARE * unexplained):
         return None
     return _without_gains(model, point)
 

@@ -12,11 +12,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY, things_of
-from kmpc_lite.control.options import ControllerOptions, lengths_from_radii, unit_length
+from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.circles import COLUMNS
 from kmpc_lite.control.world.pairing import pairs
 from kmpc_lite.types import Array
+
+SAME_PLACE = 0.01
+"""A circle that is told so near to where it was is the same one [m]."""
 
 
 @dataclass(slots=True)
@@ -37,15 +40,13 @@ class CircleMemory:
     problem : NavigationProblem
         Its `sensor_range`, radius and period, in the robot's units.
     options : ControllerOptions
-        How long circles are remembered, how many there may be, and how far one may be from where
-        it was and be the same.
+        How long circles are remembered, and how many there may be.
     """
 
     def __init__(self, problem: NavigationProblem, options: ControllerOptions) -> None:
         self._range = problem.sensor_range
         self._radius, self._dt = problem.body_radius, problem.dt
         self._memory, self._most = options.sight.memory, options.obstacles.circles
-        self._moved = lengths_from_radii(options.guidance, unit_length(problem)).moved_distance
 
     def recall(
         self,
@@ -86,7 +87,7 @@ class CircleMemory:
         is_new = stands.copy()
         is_new[columns] = False
         away = np.hypot(known[:, 0] - pose[0], known[:, 1] - pose[1])
-        reach = self._range - self._moved - noise - driven
+        reach = self._range - SAME_PLACE - noise - driven
         kept = (away - known[:, 2] - self._radius > reach) & (unseen <= self._memory)
         kept[rows] = stands[columns]
         self._keep_latest(kept, unseen, self._most - len(circles))
@@ -100,7 +101,7 @@ class CircleMemory:
         for axis in range(3):
             away = np.abs(np.subtract.outer(known[:, axis], circles[:, axis]))
             np.maximum(differ, away, out=differ)
-        differ[differ > self._moved + noise] = np.inf
+        differ[differ > SAME_PLACE + noise] = np.inf
         return pairs(differ)
 
     def _keep_latest(self, kept: Array, unseen: Array, most: int) -> None:

@@ -11,7 +11,7 @@ import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lab.sim.closed_loop import Outcome, drive
 from kmpc_lite.control.kernels.clearance import things_of
-from kmpc_lite.control.options import GuidanceOptions, MovingObstacleOptions, lengths_from_radii
+from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
 from kmpc_lite.control.world.solids import Solids
 from kmpc_lite.scenario.files import Scenario
@@ -81,10 +81,8 @@ def test_a_map_with_ragged_walls_is_driven(
         timeout=30.0,
         grid=walls,
     )
-    for rounds in (12, 0):
-        options = GuidanceOptions(corner_rounds=rounds)
-        run = drive(kl.Controller(learned, scenario.problem(), guidance=options), scenario)
-        assert run.outcome is Outcome.REACHED and run.clearance > 0.0
+    run = drive(kl.Controller(learned, scenario.problem()), scenario)
+    assert run.outcome is Outcome.REACHED and run.clearance > 0.0
 
 
 def test_room_is_made_where_there_is_no_wall(nominal: kl.KoopmanModel) -> None:

@@ -12,7 +12,7 @@ import kmpc_lite as kl
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.trajectory import at_rest, one_period_later
 from kmpc_lite.control.options import GuidanceOptions, StopOptions, lengths_from_radii
-from kmpc_lite.control.path.capabilities import clearance_at_speed, drivable_speeds
+from kmpc_lite.control.path.capabilities import clearance_at_speed
 from kmpc_lite.control.path.progress_checker import ProgressChecker, ProgressState
 from kmpc_lite.control.path.turning_centre import turning_centre
 from kmpc_lite.control.stop.braking import Braking
@@ -79,11 +79,6 @@ def test_a_ramp_takes_ten_seconds_at_most() -> None:
     assert len(braking.ramp(np.array([0.6, 0.0]))) == 100
 
 
-def test_a_twentieth_of_a_command_is_believed_of_a_robot_that_does_not_move() -> None:
-    speeds = drivable_speeds(Robot(0.0), PROBLEM)  # type: ignore[arg-type]
-    np.testing.assert_allclose(speeds[[0, 2]], (0.05 * 0.6, 0.05 * np.pi / 4))
-
-
 def test_paths_keep_two_centimetres_beyond_a_margin_and_ten_in_all() -> None:
     class Wide:
         def __init__(self, aside: float) -> None:
@@ -92,7 +87,7 @@ def test_paths_keep_two_centimetres_beyond_a_margin_and_ten_in_all() -> None:
         def straight(self, speed: float) -> tuple[float, float]:
             return 0.0, self.aside
 
-    found = [clearance_at_speed(PROBLEM, Wide(a), GUIDANCE) for a in (0.03, 0.2)]  # type: ignore[arg-type]
+    found = [clearance_at_speed(PROBLEM, Wide(a)) for a in (0.03, 0.2)]  # type: ignore[arg-type]
     np.testing.assert_allclose(found, (0.05, 0.1))
 
 

@@ -23,12 +23,12 @@ GROUPS = (GuidanceOptions, GoalOptions, MovingObstacleOptions)
     ("group", "name", "value", "words"),
     [
         (GuidanceOptions, "wide_clearance", -0.1, r"a number >= 0 \[radii\], got -0.1"),
-        (GuidanceOptions, "patience", float("nan"), r"a number >= 0 \[s\], got nan"),
-        (GuidanceOptions, "patience", "long", r"got 'long'"),
+        (GuidanceOptions, "stall_time", float("nan"), r"a number >= 0 \[s\], got nan"),
+        (GuidanceOptions, "stall_time", "long", r"got 'long'"),
         (GuidanceOptions, "hurried_parts", 0, "a whole number >= 1, got 0"),
         (GuidanceOptions, "hurried_parts", 2.0, "a whole number >= 1, got 2.0"),
         (GuidanceOptions, "turn_share", True, "got True"),
-        (GuidanceOptions, "lattice_look", 1, "a whole number >= 2, got 1"),
+        (GuidanceOptions, "hurried_parts", 0, "a whole number >= 1, got 0"),
         (SightOptions, "passes", 128, "a whole number from 1 to 127, got 128"),
         (GoalOptions, "averaging_time", None, "got None"),
         (MovingObstacleOptions, "speed_scales", (), "a tuple of finite numbers"),
@@ -51,10 +51,6 @@ def test_what_is_no_such_number_is_refused_in_one_line(
     [
         *((GuidanceOptions, f"free_turn_{what}") for what in ("length", "clearance")),
         *((GuidanceOptions, f"turn_{what}") for what in ("share", "length")),
-        (GuidanceOptions, "grid_step"),
-        (GuidanceOptions, "cut_depth"),
-        (GuidanceOptions, "arc_step"),
-        (GuidanceOptions, "lattice_sample"),
         (MovingObstacleOptions, "look_step"),
     ],
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from guided import GuideInUse
 
 import kmpc_lite as kl
@@ -23,9 +22,8 @@ def path_of(
     start: tuple[float, float, float],
     goal: tuple[float, float, float],
     walls: list[kl.Wall],
-    **options: float,
 ) -> tuple[TimedPath | None, str]:
-    guide = GuideInUse(PROBLEM, KNOWN, options=kl.GuidanceOptions(**options))
+    guide = GuideInUse(PROBLEM, KNOWN)
     found = guide.reference(np.array(start), np.array(goal), NOTHING, solids=Solids(walls))
     return guide.state.path, found.reason
 
@@ -64,10 +62,8 @@ def test_where_it_cannot_turn_it_backs_out() -> None:
     assert least_gap(path, CORRIDOR) > 0.0
 
 
-@pytest.mark.parametrize(("samples", "fits"), [(400, True), (2, False)])
-def test_a_path_is_looked_at_all_along(samples: int, fits: bool) -> None:
-    # two looks see start and goal alone, and let a turn pass that is none
+def test_a_path_is_looked_at_all_along() -> None:
+    # start and goal alone would let a turn pass for which there is no space
     start, goal = (-1.0, 0.0, np.pi), (1.5, 0.5, 0.0)
-    path, _ = path_of(start, goal, CORRIDOR, body_samples=samples)
-    assert path is not None
-    assert (least_gap(path, CORRIDOR) > 0.0) is fits
+    path, _ = path_of(start, goal, CORRIDOR)
+    assert path is not None and least_gap(path, CORRIDOR) > 0.0

@@ -12,11 +12,13 @@ import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
 from kmpc_lite.control.options import GoalOptions, lengths_from_radii
+from kmpc_lite.control.path import goal_checker
 from kmpc_lite.control.path.goal_checker import (
-    GoalChecker,
     GoalCheckerState,
     GoalTolerances,
+    content_with,
     goal_tolerances,
+    holds,
     widened,
 )
 from kmpc_lite.model.noise_model import NoiseModel
@@ -37,13 +39,11 @@ class Goal:
     """A goal checker with its state."""
 
     def __init__(self, model: kl.KoopmanModel | None = None) -> None:
-        self.checker, self.state = GoalChecker(OPTIONS), GoalCheckerState()
+        self.state = GoalCheckerState()
         self.tolerances = QUIET if model is None else goal_tolerances(model, OPTIONS)
 
     def holds(self, error: np.ndarray, rest: np.ndarray | None = None) -> bool:
-        return self.checker.holds(
-            self.state, self.tolerances, error, error if rest is None else rest
-        )
+        return holds(self.state, self.tolerances, error, error if rest is None else rest)
 
 
 def test_the_robot_stands_once_inside_and_stays_until_it_is_out() -> None:
@@ -89,10 +89,10 @@ def noisy(metres: float, radians: float) -> kl.KoopmanModel:
 
 
 def test_quiet_poses_leave_the_tolerances_as_they_are() -> None:
-    quiet = 0.99 * OPTIONS.quiet_position, 0.99 * OPTIONS.quiet_heading
+    quiet = 0.99 * goal_checker.QUIET[0], 0.99 * goal_checker.QUIET[1]
     assert goal_tolerances(noisy(0.005, 0.02), OPTIONS) == QUIET
     assert goal_tolerances(noisy(*quiet), OPTIONS) == QUIET
-    limit = 1.001 * OPTIONS.quiet_position, 1.001 * OPTIONS.quiet_heading
+    limit = 1.001 * goal_checker.QUIET[0], 1.001 * goal_checker.QUIET[1]
     at_the_limit = goal_tolerances(noisy(*limit), OPTIONS)
     assert at_the_limit != QUIET
     assert at_the_limit.turn_limit == pytest.approx(QUIET.turn_limit, abs=1e-4)
@@ -174,13 +174,11 @@ def until_held(
 
 
 def test_who_has_stalled_four_times_is_content_with_twice_and_later_with_five_times() -> None:
-    checker = GoalChecker(OPTIONS)
     factors = [
-        checker.content_with(QUIET, stalls).leave_distance / QUIET.leave_distance
-        for stalls in range(10)
+        content_with(QUIET, stalls).leave_distance / QUIET.leave_distance for stalls in range(10)
     ]
     np.testing.assert_allclose(factors, [1, 1, 1, 1, 2, 3, 4, 5, 5, 5])
-    assert checker.content_with(QUIET, 3) is QUIET
+    assert content_with(QUIET, 3) is QUIET
     wide = widened(QUIET, 4, 4)
     assert wide.pushed_distance == pytest.approx(1.5 * wide.leave_distance)
     assert wide.enter_angle < wide.leave_angle < wide.pushed_angle
@@ -237,7 +235,6 @@ def test_a_memory_of_less_than_a_period_is_the_newest_pose_alone() -> None:
 def test_tolerances_grow_with_the_robot() -> None:
     twice = goal_tolerances(kl.nominal_unicycle(0.1), lengths_from_radii(GoalOptions(), 0.3))
     assert twice.enter_distance == pytest.approx(2.0 * QUIET.enter_distance)
-    assert twice.off_path == pytest.approx(2.0 * QUIET.off_path)
     assert twice.enter_angle == QUIET.enter_angle
 
 

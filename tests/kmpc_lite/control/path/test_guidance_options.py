@@ -7,11 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from guided import GuideInUse
-from paths import OPTIONS, quickest_paths
 
 import kmpc_lite as kl
 from kmpc_lite.control.options import SightOptions
-from kmpc_lite.control.path.body_paths import BodyPaths
 from kmpc_lite.control.path.capabilities import capabilities
 from kmpc_lite.control.path.planner import Known, Path, PathRequest, Route
 from kmpc_lite.control.path.tangent_graph import GeometricPath
@@ -30,7 +28,7 @@ def straight(
     length: float, speed: float = 0.5, turn: float = 1.0, deceleration: float = np.inf
 ) -> TimedPath:
     poses = np.array([[0.0, 0.0, 0.0], [length, 0.0, 0.0]])
-    return TimedPath(Path(poses), np.array([speed, turn]), OPTIONS, deceleration=deceleration)
+    return TimedPath(Path(poses), np.array([speed, turn]), deceleration=deceleration)
 
 
 def asked(goal: Array = GOAL, **more: Any) -> PathRequest:
@@ -150,17 +148,8 @@ def test_a_path_from_near_the_goal_ends_beside_it_by_half_of_where_the_last_turn
     assert np.cos(end[2] - heading) == pytest.approx(1.0)
 
 
-def test_sixty_parts_of_a_search_that_is_needed_at_once_are_done_in_a_step(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    guide, parts = GuideInUse(PROBLEM), []
-    monkeypatch.setattr(TangentPlanner, "advance", lambda *rest: parts.append(rest) or 1)
-    guide.reference(START, GOAL, NO_CIRCLES)
-    assert guide.state.urgent and len(parts) == 60
-
-
 def test_a_search_that_is_needed_ends_though_there_is_a_new_reason_in_each_step() -> None:
-    guide = GuideInUse(PROBLEM, options=kl.GuidanceOptions(urgent_parts=2))
+    guide = GuideInUse(PROBLEM)
     goals = (GOAL + [0.0, 0.01 * i, 0.0] for i in range(100))
     paths = [guide.reference(START, goal, NO_CIRCLES).refreshed for goal in goals]
     assert sum(paths) >= 5
@@ -223,31 +212,6 @@ def test_the_unknown_of_a_path_counts_a_fifth_more() -> None:
     assert price_of(path, known=known) == pytest.approx(expected, abs=0.1)
 
 
-def test_a_path_has_twenty_thousand_poses_at_the_most() -> None:
-    path = straight(100.0, speed=0.05)
-    assert path.duration == pytest.approx(2000.0)
-    assert len(path._grid_times) == pytest.approx(20_000, abs=2)
-
-
-def test_the_place_moves_by_half_a_second_back_and_one_and_a_half_ahead() -> None:
-    path = straight(10.0)
-    back, _ = path.locate(np.array([0.0, 0.0, 0.0]), 5.0)
-    ahead, _ = path.locate(np.array([9.0, 0.0, 0.0]), 5.0)
-    assert (back, ahead) == pytest.approx((5.0 - 0.5, 5.0 + 1.5), abs=0.051)
-
-
-def test_the_robot_turns_on_circles_of_three_tenths_of_the_way() -> None:
-    goal = np.array([1.0, 0.0, 0.0])
-    begin = np.array([0.0, 0.0, 0.6])
-    quick = np.array([0.5, 1.0])
-    path = next(quickest_paths(np.empty((0, 2)), np.empty(0), begin, goal, AREA, quick), None)
-    assert path is not None
-    steps = np.hypot(*np.diff(path.points, axis=0).T)
-    turns = np.abs(np.diff(path.headings))
-    radii = steps[turns > 1e-3] / turns[turns > 1e-3]
-    np.testing.assert_allclose(radii, 0.3, rtol=0.01)
-
-
 class Turning:
     """A model that turns about a point, with noise and with motions that are no turn."""
 
@@ -289,30 +253,6 @@ def test_a_turning_centre_explains_half_of_the_motion() -> None:
     equal = np.sqrt(2.0) * np.sin(0.1 * np.pi / 4) * 0.05
     assert centre(Turning(0.05, other=0.97 * equal))
     assert not centre(Turning(0.05, other=1.03 * equal))
-
-
-def test_a_model_is_asked_for_turns_at_eight_headings() -> None:
-    model = Turning(0.05)
-    centre(model)
-    assert model.headings == 8
-
-
-def test_a_robot_that_is_not_round_is_looked_at_in_400_places_of_a_path(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    looks: list[int] = []
-
-    def watched(request: PathRequest, points: Array) -> Array:
-        looks.append(len(points))
-        return np.ones(len(points))
-
-    monkeypatch.setattr(PathRequest, "distances", watched)
-    goal = np.array([200.0, 0.0, 0.0])
-    path = GeometricPath(np.array([[-1.5, 0.0], [200.0, 0.0]]), np.zeros(2), 400.0, False)
-    cart = kl.Footprint.rectangle(0.8, 0.3)
-    problem = kl.NavigationProblem(footprint=cart)
-    BodyPaths(problem, cart, OPTIONS).fits(path, asked(goal))
-    assert looks == [400 * len(cart.circles)]
 
 
 # braking

@@ -140,7 +140,7 @@ def test_a_last_turn_is_not_mistaken_for_the_first_one() -> None:
     # is on both
     turn = pose(0.0, 0.01, 2.3), pose(0.0, 0.01, 1.7)
     way = Path(np.array([*turn, pose(0.0, 0.0, 1.7), pose(0.0, 0.0, 3.4)]))
-    path = TimedPath(way, np.array([0.6, 0.7]), OPTIONS)
+    path = TimedPath(way, np.array([0.6, 0.7]))
     here = pose(0.0, 0.009, 2.0)
     first, _ = path.locate(here, 0.0)
     assert first < path.drive_end

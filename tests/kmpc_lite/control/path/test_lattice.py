@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 import kmpc_lite as kl
-from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
-from kmpc_lite.control.path.path_map import PathMap
+from kmpc_lite.control.path.lattice import LATTICE_CUT
+from kmpc_lite.control.path.search_obstacles import LATTICE_RECTANGLES, PathMap
 from kmpc_lite.control.world.solids import Solids
 
 AREA = np.array([-3.0, -3.0, 3.0, 3.0])
 NO_CIRCLES = np.empty((0, 5))
-OPTIONS = lengths_from_radii(GuidanceOptions(), 0.15)
 
 
 def slanted(door: int | None = 30) -> kl.OccupancyGrid:
@@ -27,9 +26,9 @@ def slanted(door: int | None = 30) -> kl.OccupancyGrid:
 
 def test_paths_keep_their_distance_and_bend_where_they_must() -> None:
     solids = Solids([slanted()])
-    assert solids.rectangle_count > OPTIONS.lattice_rectangles
+    assert solids.rectangle_count > LATTICE_RECTANGLES
     start, goal = np.array([0.0, -2.5]), np.array([0.0, 2.5])
-    lattice = PathMap(solids, OPTIONS).lattice
+    lattice = PathMap(solids).lattice
     assert lattice is not None
     path = lattice.path(start, goal, 0.21, NO_CIRCLES, AREA)
     assert path is not None and 3 <= len(path.points) <= 8
@@ -41,17 +40,17 @@ def test_paths_keep_their_distance_and_bend_where_they_must() -> None:
         ]
     )
     # half a cell of the lattice, and the diagonal of a grid's cell
-    assert solids.whole.least(along).min() >= 0.21 - OPTIONS.lattice_cut - 0.06
+    assert solids.whole.least(along).min() >= 0.21 - LATTICE_CUT - 0.06
     np.testing.assert_allclose(solids.whole.least(path.corners), 0.0, atol=1e-9)
     # a door that is too narrow, a circle in the door, or no door at all
     assert lattice.path(start, goal, 0.36, NO_CIRCLES, AREA) is None
     assert lattice.path(start, goal, 0.21, np.array([[-1.2, -0.4, 0.1, 0.0, 0.0]]), AREA) is None
-    closed = PathMap(Solids([slanted(None)]), OPTIONS).lattice
+    closed = PathMap(Solids([slanted(None)])).lattice
     assert closed is not None and closed.path(start, goal, 0.21, NO_CIRCLES, AREA) is None
 
 
 def test_a_start_near_a_wall_is_left_though_a_search_for_another_start_is_known() -> None:
-    lattice = PathMap(Solids([slanted()]), OPTIONS).lattice
+    lattice = PathMap(Solids([slanted()])).lattice
     assert lattice is not None
     goal, far = np.array([0.0, 2.5]), np.array([0.0, -2.5])
     near = np.array([-1.0, -0.46])

@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 from guided import GuideInUse
 
-import kmpc_lab
 import kmpc_lite as kl
-from kmpc_lite.control.options import GuidanceOptions
 
 PROBLEM = kl.NavigationProblem()
 GOAL = np.array([0.5, 0.2, 0.0])
@@ -80,18 +78,6 @@ def test_it_turns_back_on_the_free_side() -> None:
     assert both == pytest.approx([LENGTH, -LENGTH])
 
 
-def test_it_is_tried_so_often_and_for_a_new_goal_again() -> None:
-    guide = GuideInUse(PROBLEM, options=GuidanceOptions(shuttles=1))
-    beside = GOAL + (0.0, 0.04, 0.02)
-    stopped_at(beside, guide)
-    assert guide.state.shuttle is not None
-    guide.reference(guide.state.shuttle, GOAL, NO_CIRCLES)
-    stopped_at(beside, guide)
-    assert guide.state.shuttle is None and guide.state.shuttles == 1
-    guide.reference(beside + (1.0, 0.0, 0.0), GOAL + (1.0, 0.0, 0.0), NO_CIRCLES)
-    assert guide.state.shuttles <= 1 and np.isfinite(guide.state.path.duration)
-
-
 def test_it_is_tried_three_times_for_one_goal() -> None:
     guide, beside, begun = GuideInUse(PROBLEM), GOAL + (0.0, 0.04, 0.02), 0
     for _ in range(5):
@@ -100,17 +86,3 @@ def test_it_is_tried_three_times_for_one_goal() -> None:
             begun += 1
             guide.reference(guide.state.shuttle, GOAL, NO_CIRCLES)
     assert begun == 3
-
-
-def test_a_robot_that_stands_beside_its_goal_parks_sooner() -> None:
-    seconds = {}
-    for shuttles in (0, 3):
-        options = kl.ControllerOptions(guidance=GuidanceOptions(shuttles=shuttles))
-        controller = kl.Controller(kl.nominal_unicycle(0.1), PROBLEM, options=options)
-        plant, x = kmpc_lab.DifferentialDrive(0.0), GOAL + (0.0, 0.05, 0.0)
-        plan, seconds[shuttles] = controller.step(x, GOAL), 0.0
-        while not plan.holding and seconds[shuttles] < 40.0:
-            x, seconds[shuttles] = plant.step(x, plan.command, 0.1), seconds[shuttles] + 0.1
-            plan = controller.step(x, GOAL)
-        assert plan.holding
-    assert seconds[3] < 0.6 * seconds[0]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from paths import OPTIONS, quickest_paths
+from paths import quickest_paths
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from kmpc_lab.sim.maps.families import has_passage
 from kmpc_lite.control.path.cuts import cut_circles
-from kmpc_lite.control.path.tangent_graph import GeometricPath, arc_step
+from kmpc_lite.control.path.tangent_graph import ARC_STEP, CUT_DEPTH, GeometricPath, arc_step
 from kmpc_lite.geometry import wrap
 
 AREA = np.array([-2.0, -2.0, 2.0, 2.0])
@@ -209,11 +209,11 @@ def test_a_path_around_a_large_circle_is_found_at_once(radius: float) -> None:
     path = next(quickest_paths(centres, radii, start, goal, area, SPEED), None)
     assert path is not None
     depth = radius - np.hypot(*(dense(path.points) - centres[0]).T).min()
-    assert depth <= OPTIONS.cut_depth
+    assert depth <= CUT_DEPTH
     step = np.abs(np.diff(path.headings)).max()
-    assert step <= OPTIONS.arc_step + 1e-9
+    assert step <= ARC_STEP + 1e-9
 
 
 def test_small_circles_keep_their_arcs() -> None:
-    assert arc_step(0.7, OPTIONS) == OPTIONS.arc_step
-    assert arc_step(0.72, OPTIONS) < OPTIONS.arc_step
+    assert arc_step(0.7) == ARC_STEP
+    assert arc_step(0.72) < ARC_STEP

@@ -13,12 +13,10 @@ from hypothesis import strategies as st
 import kmpc_lab
 import kmpc_lite as kl
 from kmpc_lab.sim.plants.lag import LaggingDrive, drive_log
-from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
 from kmpc_lite.control.path.capabilities import capabilities, drivable_speeds
-from kmpc_lite.control.path.turning_centre import seen_from, turning_centre
+from kmpc_lite.control.path.turning_centre import CENTRE_DISTANCE, seen_from, turning_centre
 
 PROBLEM = kl.NavigationProblem(margin=0.05)
-OPTIONS = lengths_from_radii(GuidanceOptions(), PROBLEM.robot_radius)
 NO_CIRCLES = np.empty((0, 5))
 POINT = (0.05, 0.02)
 METRES = st.floats(-0.06, 0.06)
@@ -43,9 +41,9 @@ def offset_model() -> kl.KoopmanModel:
 @given(ahead=METRES, left=METRES)
 def test_the_point_is_read_out_of_a_model(ahead: float, left: float) -> None:
     found = turning_centre(learn((ahead, left), episodes=8), PROBLEM)
-    if np.hypot(ahead, left) < OPTIONS.centre_distance - 1e-4:
+    if np.hypot(ahead, left) < CENTRE_DISTANCE - 1e-4:
         assert found is None
-    elif np.hypot(ahead, left) > OPTIONS.centre_distance + 1e-4:
+    elif np.hypot(ahead, left) > CENTRE_DISTANCE + 1e-4:
         np.testing.assert_allclose(found, (ahead, left), atol=1e-4)
 
 
