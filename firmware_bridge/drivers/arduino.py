@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from firmware_bridge.drivers.polled import LineDriver
 from firmware_bridge.drivers.polled.options import (
@@ -18,7 +16,7 @@ from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import crc16
 from firmware_bridge.messages import LinkError
-from firmware_bridge.options import bounded, from_table
+from firmware_bridge.options import bounded
 
 VERSION = 1
 DRIVEN, WATCHDOG, STOPPED, ENCODER, FAULT = 1, 2, 4, 8, 16
@@ -70,6 +68,7 @@ class ArduinoDriver(LineDriver):
     """
 
     board = "Arduino"
+    options_type = ArduinoOptions
 
     def __init__(
         self, transport: Transport, geometry: WheelGeometry, options: ArduinoOptions
@@ -81,12 +80,6 @@ class ArduinoDriver(LineDriver):
         self._watchdog = round(options.watchdog * 1000.0)
         self._sequence, self._uptime = 0, -1
         self.hint = "is it powered, wired TX to RX, with the sketch loaded, at this baud rate?"
-
-    @classmethod
-    def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> ArduinoDriver:
-        """Build it from a robot file's sections; ConfigError names a wrong key."""
-        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
-        return cls(transport, geometry, from_table(ArduinoOptions, table.get("board", {}), "board"))
 
     def _configure(self) -> None:
         self._transport.write(b"\n")  # ends whatever half a line the board has

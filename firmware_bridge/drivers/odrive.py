@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from firmware_bridge.drivers.odrive_errors import REGISTERS
 from firmware_bridge.drivers.polled import STANDSTILL, LineDriver, NoReply
@@ -16,7 +14,7 @@ from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import odrive_line, odrive_text
 from firmware_bridge.messages import ConfigError, LinkError
-from firmware_bridge.options import bounded, from_table
+from firmware_bridge.options import bounded
 
 IDLE, CLOSED_LOOP = 1, 8
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf)", re.ASCII)
@@ -63,6 +61,7 @@ class ODriveDriver(LineDriver):
     """
 
     board = "ODrive"
+    options_type = ODriveOptions
     answers_commands = False
 
     def __init__(
@@ -79,15 +78,6 @@ class ODriveDriver(LineDriver):
         self.hint = (
             "is it powered, wired TX to RX, with its UART or USB in ASCII mode at this baud rate?"
         )
-
-    @classmethod
-    def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> ODriveDriver:
-        """Build it from ``[geometry]`` and ``[board]`` of a robot file.
-
-        ConfigError names a wrong key.
-        """
-        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
-        return cls(transport, geometry, from_table(ODriveOptions, table.get("board", {}), "board"))
 
     def _configure(self) -> None:
         """Find the error register; `_arm` does the rest."""

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Any
 
 from firmware_bridge.drivers.polled import NoReply, PolledDriver
 from firmware_bridge.drivers.polled.options import PolledOptions, counts_per_metre
@@ -14,7 +13,7 @@ from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import RoboClawReplies, roboclaw_packet, roboclaw_request
 from firmware_bridge.messages import LinkError
-from firmware_bridge.options import bounded, from_table
+from firmware_bridge.options import bounded
 
 SET_TIMEOUT = 14
 GET_TIMEOUT = 15
@@ -114,6 +113,7 @@ class RoboClawDriver(PolledDriver):
     """
 
     board = "RoboClaw"
+    options_type = RoboClawOptions
 
     def __init__(
         self, transport: Transport, geometry: WheelGeometry, options: RoboClawOptions
@@ -133,17 +133,6 @@ class RoboClawDriver(PolledDriver):
         self.hint = (
             "is it powered, wired TX to RX, in packet serial mode at address "
             f"{options.address:#x} and at this baud rate?"
-        )
-
-    @classmethod
-    def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> RoboClawDriver:
-        """Build it from ``[geometry]`` and ``[board]`` of a robot file.
-
-        ConfigError names a wrong key.
-        """
-        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
-        return cls(
-            transport, geometry, from_table(RoboClawOptions, table.get("board", {}), "board")
         )
 
     def _configure(self) -> None:

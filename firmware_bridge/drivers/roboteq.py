@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Any
 
 from firmware_bridge.drivers.polled import LineDriver
 from firmware_bridge.drivers.polled.options import PolledOptions, check_watchdog
 from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.messages import LinkError
-from firmware_bridge.options import bounded, from_table
+from firmware_bridge.options import bounded
 
 FAULTS = (
     "overheat",
@@ -70,6 +69,7 @@ class RoboteqDriver(LineDriver):
     """
 
     board = "Roboteq"
+    options_type = RoboteqOptions
 
     def __init__(
         self, transport: Transport, geometry: WheelGeometry, options: RoboteqOptions
@@ -80,12 +80,6 @@ class RoboteqDriver(LineDriver):
         self._watchdog = round(options.watchdog * 1000.0)
         self._accepted = self._refusals = 0
         self.hint = "is it powered, wired TX to RX, with serial commands enabled at this baud rate?"
-
-    @classmethod
-    def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> RoboteqDriver:
-        """Build it from a robot file's sections; ConfigError names a wrong key."""
-        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
-        return cls(transport, geometry, from_table(RoboteqOptions, table.get("board", {}), "board"))
 
     def _configure(self) -> None:
         """Stop the echo and the motors, set the watchdog, and see that `!S` means a speed."""

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Any
 
 from firmware_bridge.drivers.polled import NoReply, PolledDriver
 from firmware_bridge.drivers.polled.options import PolledOptions
@@ -14,7 +13,7 @@ from firmware_bridge.kinematics import WheelGeometry, WheelOdometry
 from firmware_bridge.link import Transport
 from firmware_bridge.link.framing import VescPackets, vesc_packet
 from firmware_bridge.messages import ConfigError
-from firmware_bridge.options import bounded, from_table
+from firmware_bridge.options import bounded
 
 FW_VERSION = 0
 GET_VALUES = 4
@@ -92,6 +91,7 @@ class VescDriver(PolledDriver):
     """
 
     board = "VESC"
+    options_type = VescOptions
     answers_commands = False
 
     def __init__(self, transport: Transport, geometry: WheelGeometry, options: VescOptions) -> None:
@@ -114,15 +114,6 @@ class VescDriver(PolledDriver):
         self._local_id: int | None = None
         self._selective = True
         self.hint = "is it powered, wired TX to RX, with its app set to UART and this baud rate?"
-
-    @classmethod
-    def from_options(cls, transport: Transport, table: Mapping[str, Any]) -> VescDriver:
-        """Build it from ``[geometry]`` and ``[board]`` of a robot file.
-
-        ConfigError names a wrong key.
-        """
-        geometry = from_table(WheelGeometry, table.get("geometry", {}), "geometry")
-        return cls(transport, geometry, from_table(VescOptions, table.get("board", {}), "board"))
 
     def _configure(self) -> None:
         self._local_id = None

@@ -27,8 +27,6 @@ class WatchOptions:
     """Correlation of motion and commands from which on the motion counts as an answer."""
     moves: float = 0.05
     """Smallest share of the commanded motion."""
-    frozen: float = 1.5
-    """How long poses may repeat each other to the last digit [s]."""
     remembered: int = 15
     """Measured delays of which the median counts."""
 
@@ -57,14 +55,12 @@ class DriveWatch:
     ) -> None:
         self._options = WatchOptions() if options is None else options
         self._period, self._by_hand = period, by_hand
-        self._largest = max(limits.v_max, limits.v_reverse), limits.omega_max
-        self._meter = AnswerMeter(period, self._largest)
+        largest = max(limits.v_max, limits.v_reverse), limits.omega_max
+        self._meter = AnswerMeter(period, largest)
         self._delays: deque[float] = deque(maxlen=self._options.remembered)
         self._sum, self._since, self._last = (0.0, 0.0), 0.0, 0.0
         self._driving = False
         self._judged = -math.inf
-        self._pose: State | None = None
-        self._changed, self._told = -math.inf, 0.0
         self.stretches: list[list[Command]] = []
         """Mean commands on the wire, a row a period, of each stretch without an interruption."""
         self.trouble = ""
@@ -89,8 +85,6 @@ class DriveWatch:
         dt, self._last = now - self._last, now
         v, omega = (state.v, state.omega) if self._by_hand else (output.v, output.omega)
         self._sum = self._sum[0] + v * dt, self._sum[1] + omega * dt
-        self._told += dt * max(abs(v) / self._largest[0], abs(omega) / self._largest[1])
-        self._look_for_change(state)
         if now - self._since >= self._period - 1e-6:
             held = now - self._since
             command = self._sum[0] / held, self._sum[1] / held
@@ -100,31 +94,18 @@ class DriveWatch:
         due = now - self._judged >= self._options.every
         if due and not self._by_hand and not self.trouble:
             self._judged = now
-            self.trouble = self._judge(now)
+            self.trouble = self._judge()
 
     def _begin(self, now: float, state: State) -> None:
-        self._driving, self._pose = True, state
+        self._driving, self._judged = True, now
         self._sum, self._since, self._last = (0.0, 0.0), now, now
-        self._changed, self._told, self._judged = now, 0.0, now
         self._meter.forget()
         self._meter.add(state, (0.0, 0.0))
         self.stretches.append([])
 
-    def _look_for_change(self, state: State) -> None:
-        """Note when the pose was another one last, by its own stamp."""
-        last = self._pose
-        if last is None or (state.x, state.y, state.theta) != (last.x, last.y, last.theta):
-            self._pose, self._changed, self._told = state, state.stamp, 0.0
-
-    def _judge(self, now: float) -> str:
-        """Say what is wrong, if anything is."""
+    def _judge(self) -> str:
+        """Say what is wrong, if anything is; a pose that stays is told by the gate's `Unmoved`."""
         options = self._options
-        still = now - self._changed
-        if still > options.frozen and self._told > 0.5 * options.frozen:
-            return (
-                f"the pose has not changed in any digit for {still:.1f} s of driving: its source "
-                "is frozen, or the motors are off"
-            )
         speed, turn = self._meter.speed(), self._meter.turn()
         wrong = self._wrong(speed, "drive", "m") or self._wrong(turn, "turn", "rad")
         if wrong:

@@ -35,12 +35,7 @@ class Histogram:
         """Count one time [s]; what is not finite is left out."""
         if not math.isfinite(seconds):
             return
-        index = (
-            0
-            if seconds <= FLOOR
-            else min(BINS, 1 + int(math.log(seconds / FLOOR) / math.log(RATIO)))
-        )
-        self._bins[index] += 1
+        self._bins[self._place(seconds)] += 1
         self.count += 1
         self.total += seconds
         self.maximum = max(self.maximum, seconds)
@@ -55,6 +50,17 @@ class Histogram:
             if seen >= rank:
                 return min(FLOOR * RATIO ** (index - 0.5) if index else FLOOR, self.maximum)
         return self.maximum
+
+    def share_above(self, seconds: float) -> float:
+        """Share of the counted times above a time [s], to the bin; 0 where there are none."""
+        longer = sum(self._bins[self._place(seconds) + 1 :])
+        return longer / self.count if self.count else 0.0
+
+    def _place(self, seconds: float) -> int:
+        """Bin of a time [s]."""
+        if seconds <= FLOOR:
+            return 0
+        return min(BINS, 1 + int(math.log(seconds / FLOOR) / math.log(RATIO)))
 
     def summary(self) -> dict[str, float | int | None]:
         """Milliseconds, for people and JSON; None where nothing was counted."""

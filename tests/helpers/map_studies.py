@@ -70,7 +70,7 @@ def study(executor: Executor | None = None, **options: Any) -> list[dict[str, An
     values: dict[str, Any] = {
         "specs": [FOLLOW, STAND, RAM],
         "slips": (0.0, 0.1),
-        "maps": 4,
+        "maps": 2,
         "first_seed": 100,
         "training": SMALL,
     }

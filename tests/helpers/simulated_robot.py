@@ -13,12 +13,13 @@ from firmware_bridge.runtime.controller_thread import unicycle_arc
 from firmware_bridge.safety.gate import GateOutput
 from firmware_bridge.safety.gate_table import Action, GateState
 from firmware_bridge.safety.limits import Limits
+from firmware_bridge.safety.unmoved import Unmoved, UnmovedOptions
 
 TICK = 0.02
 
 
 class Simulated:
-    """Obeys commands late, with gains on both speeds; a `DriveWatch` looks on."""
+    """Obeys commands late, with gains on both speeds; the watches of recording and gate look on."""
 
     def __init__(
         self,
@@ -31,7 +32,8 @@ class Simulated:
         frozen_after: float = math.inf,
     ) -> None:
         self.limits, self.gains, self.period, self.noise = limits, gains, period, noise
-        self.watch = DriveWatch(period, limits)
+        self.watch, self.unmoved = DriveWatch(period, limits), Unmoved(UnmovedOptions())
+        self.trouble = ""
         self.frozen_after = frozen_after
         self._keep = math.exp(-TICK / lag) if lag else 0.0
         self._waiting = deque([(0.0, 0.0)] * (round(dead_time / TICK) + 1))
@@ -60,7 +62,9 @@ class Simulated:
             command = self.limits.slew(command, wanted, TICK)
             output = GateOutput(*command, Action.SEND, GateState.ACTIVE, ())
             self.watch.on_tick(self.state.stamp, pose, output, True, k % every == 0)
-            if self.watch.trouble:
+            stays = self.unmoved.look(GateState.ACTIVE, self.state.stamp, command, pose)
+            self.trouble = self.watch.trouble or stays
+            if self.trouble:
                 break
             self._waiting.append(command)
             told = self._waiting.popleft()

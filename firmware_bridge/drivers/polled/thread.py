@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Hashable
+from typing import ClassVar
 
 from firmware_bridge.drivers.polled.board_pose import BoardPose
 from firmware_bridge.drivers.polled.exchange import Exchange, HeldCommand, NoReply
@@ -22,6 +23,8 @@ class Board:
     """
 
     board = "board"
+    options_type: ClassVar[type[PolledOptions]]
+    """Of the ``[board]`` section of a robot file."""
     hint = "is it powered and wired, TX to RX?"
     answers_commands = True
     """Whether the board answers commands; they then wait for the reply that is under way, and are

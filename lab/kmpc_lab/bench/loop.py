@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from firmware_bridge.runtime.timing import Deadlines, Histogram
 from kmpc_lab.bench.drives import SLIP, free_pose, random_circles
 from kmpc_lab.bench.measure import HEAD, format_times
 from kmpc_lab.sim.plants.robots import DifferentialDrive
@@ -19,7 +20,7 @@ from kmpc_lite.control.controller import Controller
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import distances
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.realtime import DeadlineLoop, Histogram, prepare_process
+from kmpc_lite.realtime import prepare_process
 
 ANYTIME_PASSES = 100
 """Passes that a step with a budget may make: more than it will ever have time for."""
@@ -53,10 +54,7 @@ class LoopResult:
             "rate_hz": self.rate,
             "ticks": self.ticks,
             "setup": self.setup,
-            **{
-                name: {k: 1e3 * v for k, v in getattr(self, name).summary().items()}
-                for name in ("lateness", "response", "steps")
-            },
+            **{name: getattr(self, name).summary() for name in ("lateness", "response", "steps")},
             "share_of_commands_after_their_period": self.response.share_above(period),
             "skipped_periods": self.skipped,
             "statuses": self.statuses,
@@ -163,11 +161,14 @@ def run_loop(
     statuses: dict[str, int] = {}
     with busy_cores(cores[:-1] if load else []):
         setup = prepare_process(cpu=cores[-1])
-        loop = DeadlineLoop(1.0 / rate)
+        began = time.monotonic()
+        loop, late = Deadlines(1.0 / rate, began), Histogram()
         ticks = 0
-        for tick in loop.ticks(seconds):
+        while (deadline := loop.next) < began + seconds:
+            time.sleep(max(0.0, deadline - time.monotonic()))
+            late.add(time.monotonic() - deadline)
             plan = controller.step(x, goal, circles)
-            response.add(time.monotonic() - tick.deadline)
+            response.add(time.monotonic() - deadline)
             steps.add(plan.timing["total"])
             statuses[plan.status.name] = statuses.get(plan.status.name, 0) + 1
             x = plant.step(x, plan.command, problem.dt)
@@ -175,7 +176,6 @@ def run_loop(
             if distances(x, goal) < 0.05 or ticks % 300 == 0:
                 goal = free_pose(random, circles)
             if ticks % int(max(rate, 1)) == 0:
-                progress(int(tick.index / rate), int(seconds))
-    return LoopResult(
-        rate, ticks, setup, loop.lateness, response, steps, loop.skipped, statuses, budget
-    )
+                progress(int(deadline - began), int(seconds))
+            loop.advance(time.monotonic())
+    return LoopResult(rate, ticks, setup, late, response, steps, loop.skipped, statuses, budget)

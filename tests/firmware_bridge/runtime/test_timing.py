@@ -111,6 +111,7 @@ def test_quantiles_are_right_to_a_percent_and_memory_does_not_grow():
     for share in (0.5, 0.99, 0.999):
         assert times.quantile(share) == pytest.approx(share, rel=0.01)
     assert times.maximum == 1.0 and times.count == 100_000 and len(times._bins) == size
+    assert times.share_above(0.9) == pytest.approx(0.1, abs=0.01) and times.share_above(2.0) == 0.0
     times.add(math.nan)
     assert times.count == 100_000
     for extreme in (0.0, 1e-9, 1e9):

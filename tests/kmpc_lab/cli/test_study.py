@@ -18,7 +18,7 @@ def small_table(monkeypatch: pytest.MonkeyPatch) -> None:
     """Table 1 with two controllers at one slip, little training and a short drive."""
     rows = (
         contenders.Contender("exact", fit=None),
-        contenders.Contender("learned"),
+        contenders.Contender("learned", "paper"),
     )
     table = partial(
         study.table1, controllers=rows, lambdas=(0.0,), training={"episodes": 6, "steps": 30}
@@ -71,7 +71,6 @@ def test_study_tells_at_once_that_peers_are_missing(
     [
         "anyrobot --drives 1 --round",
         "limits --drives 1 --only one-minute",
-        "sight --drives 1 --kinds rooms --reach 4 --robots standard",
     ],
 )
 def test_robots_that_were_driven_are_not_driven_again(

@@ -28,7 +28,7 @@ from kmpc_lab.studies.table1 import table1
 from kmpc_lite.scenario.files import Scenario
 
 SMALL = {"episodes": 6, "steps": 30}
-LEARNED = Contender("learned", margin=0.02)
+LEARNED = Contender("learned", "paper", margin=0.02)
 
 
 def double(value: int) -> int:

@@ -39,7 +39,8 @@ def test_a_contact_is_told_by_who_moves() -> None:
     assert pedestrians._kind(stops, stops[-1] + (0.4, 0.0)) == "met"
 
 
-def test_records_of_people_are_resumed_and_told(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_records_of_people_are_resumed_and_told(tmp_path, monkeypatch) -> None:  # type: ignore[no-untyped-def]
+    monkeypatch.setattr(pedestrians, "TIMEOUT", 3.0)
     path = tmp_path / "people.jsonl"
     work = Work(Inline(), records=path)
     for _ in range(2):

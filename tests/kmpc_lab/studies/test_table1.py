@@ -19,7 +19,7 @@ from kmpc_lab.studies.training import DT, LAMBDAS, train
 from kmpc_lite.scenario.files import Scenario
 
 OURS = Contender("ours", fit=None, margin=0.02)
-LEARNED = Contender("learned", margin=0.02)
+LEARNED = Contender("learned", "paper", margin=0.02)
 SMALL = {"episodes": 6, "steps": 30}
 
 

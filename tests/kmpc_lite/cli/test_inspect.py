@@ -26,8 +26,8 @@ def test_a_good_log_is_described(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_a_robot_later_than_a_model_can_know_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for delay, late, much in ((0.8, False, False), (1.1, True, False), (1.8, True, True)):
-        made = write_csv(tmp_path / "late.csv", drive(90.0, rate=20.0, delay=delay))
+    for delay, late, much in ((1.1, True, False), (1.8, True, True)):
+        made = write_csv(tmp_path / "late.csv", drive(40.0, rate=20.0, delay=delay))
         output = tmp_path / "late.npz"
         output.unlink(missing_ok=True)
         fit = ["fit", str(made), "-o", str(output)]
@@ -45,7 +45,7 @@ def test_a_robot_later_than_a_model_can_know_is_told(
 def test_a_motion_before_its_command_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    made = write_csv(tmp_path / "early.csv", drive(90.0, rate=20.0, delay=0.1))
+    made = write_csv(tmp_path / "early.csv", drive(40.0, rate=20.0, delay=0.1))
     for shift, early in (("0.1", False), ("0.4", True)):
         assert cli.main(["inspect", str(made), "--shift", shift]) == 0
         told = capsys.readouterr().out

@@ -52,14 +52,16 @@ def test_both_drivers_arrive_in_an_empty_room(driver: str) -> None:
 
 def test_what_comes_into_view_makes_the_robot_turn_where_it_is() -> None:
     """Not drive back to where the path around it begins: it sees four of its radii."""
-    rows = [drive("ours", "Husky-like", "maze", 2.0, seed) for seed in (656000, 656002)]
-    assert all(row.arrived and not row.collided for row in rows)
-    assert sum(row.gears for row in rows) <= 6
+    row = drive("ours", "Husky-like", "maze", 2.0, 656000)
+    assert row.arrived and not row.collided and row.gears <= 3
 
 
-NOISY_DOOR = pytest.mark.xfail(
-    strict=True, reason="known limit: the jambs of noisy scans stop a robot before a door"
-)
+NOISY_DOOR = [
+    pytest.mark.xfail(
+        strict=True, reason="known limit: the jambs of noisy scans stop a robot before a door"
+    ),
+    pytest.mark.long,
+]
 
 
 @pytest.mark.parametrize(
