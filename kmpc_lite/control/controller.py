@@ -13,6 +13,7 @@ from kmpc_lite.control.estimate.command_history import CommandHistory
 from kmpc_lite.control.estimate.estimator import adapt
 from kmpc_lite.control.estimate.pose_age import whole_age
 from kmpc_lite.control.guiding import make_guide
+from kmpc_lite.control.kernels import choose_kernels
 from kmpc_lite.control.knowledge import Examiner, problem_in_units
 from kmpc_lite.control.mobility import check_motion, movable
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, MakeSolver
@@ -84,6 +85,8 @@ class Controller:
         Everything else that can be tuned.
     planner : Planner, optional
         Finds the paths of the guidance, in metres and seconds; one of ours where not given.
+    compiled : bool, optional
+        Whether the numeric functions of a step run in C: where not given, if they were built.
     clock : callable
         Gives the time for budget and timing [s].
     obstacle_slots : int
@@ -129,6 +132,7 @@ class Controller:
         solver: str | MakeSolver = DEFAULT_SOLVER,
         options: ControllerOptions | None = None,
         planner: Planner | None = None,
+        compiled: bool | None = None,
         clock: Callable[[], float] = perf_counter,
     ) -> None:
         problem = choose_problem(problem)
@@ -144,9 +148,11 @@ class Controller:
             solver=solver,
             options=options,
             planner=planner,
+            compiled=compiled,
             clock=clock,
         )
         check_settings(model, problem, settings)
+        kernels = choose_kernels(compiled)
         self.problem = problem = movable(model, problem)
         self.scale = scale = problem.scale
         self.adaptation = choose_adaptation(
@@ -154,7 +160,9 @@ class Controller:
         )
         self.units = units = problem_in_units(problem, model, options, bool(guidance))
         self._pose_age = whole_age(pose_age, model, options.step) / scale.time
-        self._examiner = Examiner(units, scale, options, tightening is not None, bool(guidance))
+        self._examiner = Examiner(
+            units, scale, options, tightening is not None, bool(guidance), kernels
+        )
         self._sqp = SQP(
             units,
             model.history,
@@ -165,10 +173,13 @@ class Controller:
             step=options.step,
             solver=solver,
             clock=clock,
+            kernels=kernels,
         )
         check_budget(time_budget, solver, self._sqp.workspace.can_be_stopped)
         guide = make_guide(units, options, clock, planner, scale) if guidance else None
-        self._pipeline = Pipeline(problem, units, scale, options, self._sqp, guide, self._pose_age)
+        self._pipeline = Pipeline(
+            problem, units, scale, options, self._sqp, guide, self._pose_age, kernels
+        )
         self._admission = Admission(scale, self._pipeline.scene, options.obstacles)
         self._learned = model
         self.reset()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
@@ -30,10 +31,13 @@ class Knowledge:
     """None without guidance."""
 
 
-def motion_model(model: KoopmanModel, scale: Scale) -> MotionModel:
+def motion_model(model: KoopmanModel, scale: Scale, kernels: Kernels = NUMPY) -> MotionModel:
     """Return a model in the robot's units, as all phases of a step use it."""
     # half the time of rk4, and far below what slip does
-    return in_units(replace(model, integrator="midpoint"), scale)
+    driven = replace(model, integrator="midpoint")
+    if driven.closed_form is not None:
+        object.__setattr__(driven, "closed_form", kernels.closed_form(driven.closed_form))
+    return in_units(driven, scale)
 
 
 def problem_in_units(
@@ -63,6 +67,8 @@ class Examiner:
         What can be tuned.
     tightens, guides : bool
         Whether there are margins, and whether there is guidance.
+    kernels : Kernels
+        Compute margins and predictions.
     """
 
     def __init__(
@@ -72,14 +78,16 @@ class Examiner:
         options: ControllerOptions,
         tightens: bool,
         guides: bool,
+        kernels: Kernels = NUMPY,
     ) -> None:
+        self._kernels = kernels
         self._units, self._scale, self._options = units, scale, options
         self._tightens, self._guides = tightens, guides
         self._learned: tuple[KoopmanModel, Capabilities] | None = None
 
     def examine(self, base: KoopmanModel, model: KoopmanModel) -> Knowledge:
         """Work out all that follows from the learned model and the one in use."""
-        motion, adapted = motion_model(model, self._scale), model is not base
+        motion, adapted = motion_model(model, self._scale, self._kernels), model is not base
         margins = self._margins(motion, adapted)
         if not self._guides:
             return Knowledge(motion, margins, None)
@@ -95,13 +103,19 @@ class Examiner:
     def _margins(self, motion: MotionModel, adapted: bool) -> Margins | None:
         if not self._tightens:
             return None
-        return Margins(motion, self._units, self._options.margins, adapted=adapted)
+        return Margins(
+            motion,
+            self._units,
+            self._options.margins,
+            adapted=adapted,
+            kernels=self._kernels,
+        )
 
     def _learned_capabilities(self, base: KoopmanModel) -> Capabilities:
         if self._learned is None or self._learned[0] is not base:
             from kmpc_lite.control.path.capabilities import capabilities
 
-            motion, options = motion_model(base, self._scale), self._options
+            motion, options = motion_model(base, self._scale, self._kernels), self._options
             margins = self._margins(motion, adapted=False)
             found = capabilities(motion, self._units, margins, options.guidance, options.goal)
             self._learned = base, found

@@ -17,6 +17,7 @@ from kmpc_lite.control.estimate.estimator import observe_drift
 from kmpc_lite.control.estimate.pose_age import advance_pose
 from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.guiding import Guiding
+from kmpc_lite.control.kernels import Kernels
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.task import SQPResult, Task
@@ -63,6 +64,8 @@ class Pipeline:
         Finds paths.
     pose_age : float
         How old poses are on arrival, in the robot's units of time.
+    kernels : Kernels
+        Compute.
     """
 
     def __init__(
@@ -74,6 +77,7 @@ class Pipeline:
         sqp: SQP,
         guide: Guide | None,
         pose_age: float,
+        kernels: Kernels,
     ) -> None:
         step = options.step
         self._options, self._problem = options, units
@@ -82,7 +86,9 @@ class Pipeline:
         self._goal_reference = GoalReference(units)
         self._rates = RateLimit(units)
         self._emerging_speed = options.sight.emerging_speed / scale.speed
-        motions, self._braking = SafeMotions(units, options.stop), Braking(units, options.stop)
+        self._kernels = kernels
+        motions = SafeMotions(units, options.stop, kernels)
+        self._braking = Braking(units, options.stop)
         self._verification = Verification(units, step, motions)
         self._answers = Answers(problem, scale)
         self.fallback = Fallback(
@@ -205,6 +211,7 @@ class Pipeline:
             swerve_time=self._options.stop.swerve_time,
             known=math.inf if known_range is None else known_range + self._problem.body_radius,
             emerging_speed=self._emerging_speed,
+            kernels=self._kernels,
         )
         task = MotionTask(
             model=known.model,

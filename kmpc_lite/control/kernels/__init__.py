@@ -1,1 +1,96 @@
-"""The numeric functions of a step: C-contiguous float64 arrays in, arrays out, NumPy only."""
+"""The numeric functions of a step: C-contiguous float64 arrays in, arrays out, NumPy only.
+
+The same functions are written in C (`c/`), which `pip install` builds if there is a compiler.
+`choose_kernels` gives either; both make the same decisions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+from kmpc_lite.control.kernels import (
+    clearance,
+    fill,
+    half_planes,
+    safe_motion,
+    stop_errors,
+    tube,
+)
+from kmpc_lite.errors import ProblemError
+from kmpc_lite.types import Array
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Kernels:
+    """Functions of a step that exist in both languages; the modules of NumPy describe them."""
+
+    compiled: bool
+    """Whether they run in C."""
+    distances_of_motions: Callable[[Array, Array, Array], Array]
+    distances_and_directions: Callable[[Array, Array, Array], tuple[Array, Array]]
+    tube_margins: Callable[..., Array]
+    nearest_half_planes: Callable[[Array, Array, Array, int], tuple[Array, Array]]
+    fill: Callable[..., None]
+    stop_errors: Callable[..., Array]
+    samples: Callable[[Array, int], Array]
+    between_samples: Callable[..., Array]
+    surely_clear: Callable[..., Array]
+    admissible: Callable[..., Array]
+    closed_form: Callable[[Any], Any]
+    """Makes of a model's symmetric form (`kmpc_lite.model.symmetric`) one of these kernels."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # a copy on another machine takes what is built there
+        return choose_kernels, (None if self.compiled else False,)
+
+
+NUMPY = Kernels(
+    compiled=False,
+    distances_of_motions=clearance.distances_of_motions,
+    distances_and_directions=clearance.distances_and_directions,
+    tube_margins=tube.tube_margins,
+    nearest_half_planes=half_planes.nearest_half_planes,
+    fill=fill.fill,
+    stop_errors=stop_errors.stop_errors,
+    samples=safe_motion.samples,
+    between_samples=safe_motion.between_samples,
+    surely_clear=safe_motion.surely_clear,
+    admissible=safe_motion.admissible,
+    closed_form=lambda form: form,
+)
+
+
+def compiled_kernels() -> Kernels | None:
+    """The kernels in C; None where no compiler has built them."""
+    try:
+        from kmpc_lite.control.kernels import compiled
+    except ImportError:
+        return None
+    names = [field.name for field in fields(Kernels) if field.name != "compiled"]
+    return Kernels(True, **{name: getattr(compiled, name) for name in names})
+
+
+def choose_kernels(compiled: bool | None) -> Kernels:
+    """Choose the kernels that a controller runs.
+
+    Parameters
+    ----------
+    compiled : bool, optional
+        True for C, False for NumPy; None for C where it was built.
+
+    Raises
+    ------
+    ProblemError
+        Where C is asked for and was not built.
+    """
+    found = None if compiled is False else compiled_kernels()
+    if found is not None:
+        return found
+    if compiled:
+        raise ProblemError(
+            "compiled=True: the kernels in C were not built; install a C compiler (gcc) and "
+            "kmpc-lite again, or let compiled=None take NumPy"
+        )
+    return NUMPY

@@ -57,3 +57,36 @@ def led_aside(
             squared += usual**2 * lasts * way * way
     aside: Array = np.sqrt(np.maximum(squared, 0.0))
     return aside
+
+
+def stop_errors(
+    distances: Array,
+    turns: Array,
+    dt: float,
+    position: Array,
+    heading: Array,
+    rare: float,
+    usual: float,
+    reach: float,
+) -> Array:
+    """Errors (..., T) at the end of each period of what is driven and turned [m].
+
+    Parameters
+    ----------
+    distances, turns : ndarray
+        What is driven [m] and turned [rad] in each period, (..., T).
+    dt : float
+        Period [s].
+    position, heading : ndarray
+        (4,) variances of one period by v^2 and by omega^2, then what lasts of them.
+    rare, usual : float
+        As of `added_up`.
+    reach : float
+        How far the outline lies from the pose [m].
+    """
+    rates = np.abs(np.stack([distances, turns])) / dt
+    own = added_up(rates, position[:2], position[2:], rare, usual)
+    errors = np.hypot(own, led_aside(rates, dt, heading[:2], heading[2:], rare, usual))
+    if reach:
+        errors += reach * added_up(rates, heading[:2], heading[2:], rare, usual)
+    return errors

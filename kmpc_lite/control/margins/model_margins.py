@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_noise import ModelNoise
 from kmpc_lite.control.margins.obstacle_margins import Tightening
@@ -30,6 +31,8 @@ class Margins:
     adapted : bool
         Whether the model was corrected while driving: it knows its floor from a few seconds, so
         that single commands are made safe for rarer errors.
+    kernels : Kernels
+        Compute them.
 
     Attributes
     ----------
@@ -51,7 +54,8 @@ class Margins:
     --------
     >>> import numpy as np
     >>> from kmpc_lite import nominal_unicycle
-    >>> from kmpc_lite.control.margins.drift_detector import DriftState
+    >>> from kmpc_lite.control.kernels import NUMPY, Kernels
+    from kmpc_lite.control.margins.drift_detector import DriftState
     >>> model, drift = nominal_unicycle(0.1), DriftState()
     >>> margins = Margins(model, NavigationProblem())
     >>> inputs = np.tile([0.6, 0.0], (20, 1))
@@ -69,12 +73,13 @@ class Margins:
         options: MarginOptions | None = None,
         *,
         adapted: bool = False,
+        kernels: Kernels = NUMPY,
     ) -> None:
         options = MarginOptions() if options is None else options
         self.noise = ModelNoise(model, problem, options, adapted)
         self.drift_detector = self.noise.drift_detector
-        self.tightening = Tightening(self.noise, problem, options)
-        self.stop_margins = StopMargins(self.noise, problem, options)
+        self.tightening = Tightening(self.noise, problem, options, kernels)
+        self.stop_margins = StopMargins(self.noise, problem, options, kernels)
         self._model, self._horizon = model, problem.horizon
         self._directions = 2 if problem.footprint is None else 3
 

@@ -11,15 +11,17 @@ import math
 
 import numpy as np
 
-from kmpc_lite.control.margins.chords import chord_margins
+from kmpc_lite.control.kernels import NUMPY, Kernels, tube
 from kmpc_lite.control.margins.drift_detector import DriftState
-from kmpc_lite.control.margins.model_noise import FeltNoise, ModelNoise
-from kmpc_lite.control.margins.tube_spread import TubeSpread
+from kmpc_lite.control.margins.model_noise import FeltNoise, ModelNoise, factor
 from kmpc_lite.control.options import MarginOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.model.tube import MEMORY, TURN
-from kmpc_lite.types import Array
+from kmpc_lite.types import STATES, Array
+
+NOTHING = np.empty((STATES, 0))
+"""Factors of a noise that there is none of."""
 
 
 class Tightening:
@@ -33,6 +35,8 @@ class Tightening:
         Robot radius, margin and command bounds.
     options : MarginOptions
         Headway, and what is added to every margin.
+    kernels : Kernels
+        Compute them.
 
     Attributes
     ----------
@@ -43,12 +47,16 @@ class Tightening:
     """
 
     def __init__(
-        self, noise: ModelNoise, problem: NavigationProblem, options: MarginOptions
+        self,
+        noise: ModelNoise,
+        problem: NavigationProblem,
+        options: MarginOptions,
+        kernels: Kernels = NUMPY,
     ) -> None:
         footprint = problem.footprint
         self._reach = 0.0 if footprint is None else footprint.reach
         """How far what is kept off obstacles lies from the pose: turning moves it [m]."""
-        self._noise, self._spread = noise, TubeSpread(noise, 2 if footprint is None else 3)
+        self._noise, self._kernels = noise, kernels
         unit = unit_length(problem)
         self._solver_margin = options.solver_margin * unit
         self.side_margin = options.side_margin * unit
@@ -65,7 +73,11 @@ class Tightening:
         self._heading_periods = self._periods_off(noise)
         self._chord_at_full_speed = self._chord(noise.dt)
         felt = noise.felt(DriftState())
+        self._pose = factor(noise.tube.pose)
+        by_speed = noise.tube.pose_by_speed
+        self._pose_by_speed = factor(by_speed) if by_speed.any() else NOTHING
         self._widest_for, self._widest = felt, self._work_out_widest(felt)
+        self._tube_for, self._tube = felt, self._tube_of(felt)
 
     def margins(
         self,
@@ -75,7 +87,6 @@ class Tightening:
         inputs: Array,
         normals: Array,
         path_clearance: float | Array = math.inf,
-        radii: Array | None = None,
     ) -> Array:
         """Distances that stages 1 to N must keep beyond the radii.
 
@@ -94,40 +105,44 @@ class Tightening:
             What the path keeps from obstacles beyond the problem's margin [m], or at each stage,
             (N, 1): headway is no more than that, or the robot would not drive through narrow
             passages.
-        radii : ndarray, optional
-            Distance of the robot's centre from each obstacle's centre at touch [m], (S,) or (N, S),
-            infinite for a wall. Where not given, the robot's own radius is used: no obstacle has a
-            smaller one, and the smallest asks for the widest margin.
 
         Returns
         -------
         ndarray
             (N, S) [m].
         """
-        chords = chord_margins(states, self._touch if radii is None else radii, self._reach)
-        chords += self._solver_margin
-        headway = np.abs(inputs[:, :1])
-        headway *= self._headway
-        np.minimum(headway, path_clearance, out=headway)
-        felt = self._noise.felt(drift)
-        if not felt.plan_spreads:
-            headway = headway + chords
-            return (
-                np.repeat(headway, normals.shape[1], axis=1) if headway.shape[1] == 1 else headway
-            )
-        across = normals @ self._spread.factors(felt, lin, states, inputs)
-        margins: Array = np.einsum("nsc,nsc->ns", across, across)
-        np.sqrt(margins, out=margins)
-        margins *= self._noise.quantile
-        np.maximum(margins, headway, out=margins)
-        margins += chords
-        return margins
+        kept = np.broadcast_to(np.ravel(path_clearance), len(inputs))
+        noise = self._noise_of(drift)
+        return self._kernels.tube_margins(noise, lin.A, states, inputs, normals, kept)
 
     def covariances(
         self, drift: DriftState, lin: Linearization, states: Array, inputs: Array
     ) -> Array:
         """Covariances (N, 2, 2) of the position at stages 1 to N [m^2]; see `margins`."""
-        return self._spread.covariances(self._noise.felt(drift), lin, states, inputs)
+        factors = tube.factors(self._noise_of(drift), lin.A, states, inputs)[:, :2]
+        out: Array = factors @ factors.transpose(0, 2, 1)
+        return out
+
+    def _noise_of(self, drift: DriftState) -> tube.Noise:
+        felt = self._noise.felt(drift)
+        if felt is not self._tube_for:
+            self._tube_for, self._tube = felt, self._tube_of(felt)
+        return self._tube
+
+    def _tube_of(self, felt: FeltNoise) -> tube.Noise:
+        return tube.Noise(
+            white=felt.plan_factor,
+            lasting=NOTHING if felt.lasting_factor is None else felt.lasting_factor,
+            pose=self._pose,
+            pose_by_speed=self._pose_by_speed,
+            delay=self._noise.delay,
+            quantile=self._noise.quantile,
+            headway_time=self._headway,
+            touch=self._touch,
+            reach=self._reach,
+            solver_margin=self._solver_margin,
+            spreads=felt.plan_spreads,
+        )
 
     def widest(self, drift: DriftState) -> float:
         """Margin that no plan within the command bounds exceeds [m]."""

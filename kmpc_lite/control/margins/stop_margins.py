@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from kmpc_lite.control.kernels.stop_errors import added_up, led_aside
+from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_noise import ModelNoise
 from kmpc_lite.control.options import MarginOptions, unit_length
@@ -34,6 +34,8 @@ class StopMargins:
         Robot radius or footprint.
     options : MarginOptions
         What is added to every margin.
+    kernels : Kernels
+        Compute them.
 
     Attributes
     ----------
@@ -44,9 +46,14 @@ class StopMargins:
     """
 
     def __init__(
-        self, noise: ModelNoise, problem: NavigationProblem, options: MarginOptions
+        self,
+        noise: ModelNoise,
+        problem: NavigationProblem,
+        options: MarginOptions,
+        kernels: Kernels = NUMPY,
     ) -> None:
         self._noise, self._solver_margin = noise, options.solver_margin * unit_length(problem)
+        self._kernels = kernels
         self._reach = 0.0 if problem.footprint is None else problem.footprint.reach
         variance = noise.tube.pose_deviation[0] ** 2 - FLOOR**2
         self.pose_error = noise.quantile * math.sqrt(max(variance, 0.0))
@@ -64,16 +71,18 @@ class StopMargins:
         noise, felt = self._noise, self._noise.felt(drift)
         if not felt.command_errs:
             return np.full(distances.shape, self._solver_margin)
-        rates = np.abs(np.stack([distances, turns])) / noise.dt
-        quantiles = noise.step_quantile, noise.quantile
-        whole, lasting = np.array(felt.command_trace), np.array(felt.lasting_trace)
-        own = added_up(rates, whole, lasting, *quantiles)
-        whole, lasting = felt.command[:, HEADING], felt.lasting[:, HEADING]
-        errors = np.hypot(own, led_aside(rates, noise.dt, whole, lasting, *quantiles))
-        if self._reach:
-            errors += self._reach * added_up(rates, whole, lasting, *quantiles)
-        out: Array = self._solver_margin + errors
-        return out
+        errors = self._kernels.stop_errors(
+            distances,
+            turns,
+            noise.dt,
+            np.array(felt.command_trace + felt.lasting_trace),
+            np.concatenate([felt.command[:, HEADING], felt.lasting[:, HEADING]]),
+            noise.step_quantile,
+            noise.quantile,
+            self._reach,
+        )
+        errors += self._solver_margin
+        return errors
 
     def of_commands(self, drift: DriftState, commands: Array, slopes: Array) -> Array:
         """Errors (C, ...) of single commands (C, 2) towards things [m].

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.types import INPUTS, STATES, Array
@@ -81,10 +82,14 @@ class NavigationQP:
         Past commands that the model depends on, L.
     slots : int
         Half-plane rows per stage.
+    kernels : Kernels
+        Write its numbers.
     """
 
-    def __init__(self, problem: NavigationProblem, history: int, slots: int) -> None:
-        self._arguments = problem, history, slots
+    def __init__(
+        self, problem: NavigationProblem, history: int, slots: int, kernels: Kernels = NUMPY
+    ) -> None:
+        self._arguments, self._kernels = (problem, history, slots, kernels), kernels
         n = problem.horizon
         self.problem, self.horizon, self.history, self.slots = problem, n, history, slots
         # turning moves what is not round
@@ -149,13 +154,9 @@ class NavigationQP:
         dynamics, states, inputs = self.dynamics_rows, self.state_columns, self.input_columns
         block(dynamics, states, 1.0)
         a_start = block(dynamics[1:, :, None], states[:-1, None, :], 0.0)
-        b_starts = [
+        for j in range(min(self.history, n - 1) + 1):
             block(dynamics[j:, :, None], inputs[: n - j, None, :], 0.0)
-            for j in range(min(self.history, n - 1) + 1)
-        ]
-        normal_start = block(
-            self.half_plane_rows[..., None], states[:, None, : self._directions], 0.0
-        )
+        block(self.half_plane_rows[..., None], states[:, None, : self._directions], 0.0)
         end = block(self.half_plane_rows, self.slack_columns[:, None], HALF_PLANE_SCALE)
         block(self.input_rows, inputs, 1.0)
         block(self.slack_rows, self.slack_columns, SLACK_SCALE)
@@ -174,14 +175,8 @@ class NavigationQP:
         self.A = sp.csc_matrix(
             (value[order], row[order], pointers), shape=(self.row_count, self.size)
         )
-        # what every pass writes is gathered block by block, then put in its places at once
-        self._written, self._places = np.empty(end - a_start), place[a_start:end]
-        parts = np.split(self._written, np.array([*b_starts, normal_start]) - a_start)
-        self._by_state = parts[0].reshape(n - 1, STATES, STATES)
-        self._by_command = [
-            part.reshape(n - j, STATES, INPUTS) for j, part in enumerate(parts[1:-1])
-        ]
-        self._normals = parts[-1].reshape(n, self.slots, self._directions)
+        # what every pass writes, in the order of `kernels.fill`
+        self._places = place[a_start:end].astype(np.intc)
 
     def set_last_command(self, command: Array) -> None:
         """Write the command (2,) that was sent last, where the problem limits changes."""
@@ -212,24 +207,20 @@ class NavigationQP:
             Half-planes ``normal . p + slack >= offset`` of stages 1 to N: (N, slots, 2) and (N,
             slots); (N, slots, 3) with the heading, of a robot with a footprint.
         """
-        n = self.horizon
-        np.negative(lin.A[1:], out=self._by_state)
-        np.negative(lin.B, out=self._by_command[0])
-        # x_{k+1} - A_k x_k - sum_j B_kj u_{k-j} = f - A_k x - sum_j B_kj u: what is known moves to
-        # the right
-        right = lin.value - (lin.B @ u[..., None])[..., 0]
-        right[1:] -= (lin.A[1:] @ x[1:-1, :, None])[..., 0]
-        for j in range(1, self.history + 1):
-            by_age = lin.B_past[:, j - 1]
-            if j < n:
-                np.negative(by_age[j:], out=self._by_command[j])
-                right[j:] -= (by_age[j:] @ u[: n - j, :, None])[..., 0]
-        self._dynamics_lower[:] = right
-        self._dynamics_upper[:] = right
-        np.multiply(normals, HALF_PLANE_SCALE, out=self._normals)
-        self.A.data[self._places] = self._written
-        np.multiply(offsets, HALF_PLANE_SCALE, out=self._half_plane_lower)
-        np.maximum(self._half_plane_lower, -OPEN, out=self._half_plane_lower)
+        self._kernels.fill(
+            *lin,
+            x,
+            u,
+            normals,
+            offsets,
+            self._places,
+            self.A.data,
+            self._dynamics_lower,
+            self._dynamics_upper,
+            self._half_plane_lower,
+            HALF_PLANE_SCALE,
+            OPEN,
+        )
         self.cost.pull_to(reference)
 
     def pack(self, x: Array, u: Array, slack: Array) -> Array:

@@ -15,6 +15,7 @@ from time import perf_counter
 
 import numpy as np
 
+from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.nmpc.choose_solver import DEFAULT_SOLVER, MakeSolver, choose_solver
 from kmpc_lite.control.nmpc.fill_qp import fill_qp
 from kmpc_lite.control.nmpc.qp import NavigationQP
@@ -63,6 +64,8 @@ class SQP:
         ``"osqp"``, a name that qpsolvers knows, or what sets up a solver for a QP.
     clock : callable
         Gives the time [s] that deadlines are on.
+    kernels : Kernels
+        Find half-planes, and write the QP.
 
     Raises
     ------
@@ -82,18 +85,19 @@ class SQP:
         step: StepOptions | None = None,
         solver: str | MakeSolver = DEFAULT_SOLVER,
         clock: Callable[[], float] = perf_counter,
+        kernels: Kernels = NUMPY,
     ) -> None:
         options = SolverOptions() if options is None else options
         step = StepOptions() if step is None else step
         self.problem, self.clock = problem, clock
         self.iterations, self.tolerance = iterations, tolerance
         slots *= 1 if problem.footprint is None else 2  # at either end of what is not round
-        self.qp = NavigationQP(problem, history, slots)
+        self.qp = NavigationQP(problem, history, slots, kernels)
         turns_far = problem.dt * fastest(problem)[1] > FAR_TURN
         one_pass = options.thorough if history or turns_far else options.real_time
         settings = options.converged if iterations > 1 else one_pass
         self.workspace = choose_solver(solver, self.qp, settings)
-        self.keep_out = keep_out(problem, slots)
+        self.keep_out = keep_out(problem, slots, kernels)
         self._tolerated = TOLERATED * step.accepted_defect * unit_length(problem)
         self._rates = RateLimit(problem)
         self._u_min, self._u_max, _, _ = problem.bounds

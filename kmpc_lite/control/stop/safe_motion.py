@@ -26,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.control.footprint import places_of
+from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.kernels import safe_motion as kernel
 from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.stop_margins import StopMargins
@@ -104,9 +105,14 @@ class SafeMotions:
         Period, outline, and how fast commands may change.
     options : StopOptions
         What is tried, and what may be spent.
+    kernels : Kernels
+        Decide what is clear.
     """
 
-    def __init__(self, problem: NavigationProblem, options: StopOptions) -> None:
+    def __init__(
+        self, problem: NavigationProblem, options: StopOptions, kernels: Kernels = NUMPY
+    ) -> None:
+        self._kernels = kernels
         self._options, self._dt, self._radius = options, problem.dt, problem.body_radius
         self._footprint = problem.footprint
         self._reach = 0.0 if problem.footprint is None else problem.footprint.reach
@@ -227,7 +233,7 @@ class SafeMotions:
         distances = np.hypot(steps[..., 0], steps[..., 1])
         longest = float(distances.max())
         count = kernel.samples_a_period(longest, radius)
-        poses, begin = kernel.samples(states, count), places_of(self._footprint, here)
+        poses, begin = self._kernels.samples(states, count), places_of(self._footprint, here)
         places = places_of(self._footprint, poses).reshape(*poses.shape[:2], *begin.shape)
         times = self._dt / count * np.arange(1, poses.shape[1] + 1)
         clearance = around.clearance(places, times, begin) - radius
@@ -238,17 +244,17 @@ class SafeMotions:
         error = margins.most_of_commands(drift, commands[:, 0]) + margins.pose_error
         chord = (longest + self._reach * float(np.abs(steps[..., 2]).max())) / count
         lost = chord * chord / (8.0 * radius) if radius else 0.5 * chord
-        sure = kernel.surely_clear(clearance, needed, error, travel, ends, lost)
+        sure = self._kernels.surely_clear(clearance, needed, error, travel, ends, lost)
         if sure[0]:
             return sure
         standing = around.clearance(begin[None, None], times, begin) - radius
-        clearance = kernel.between_samples(clearance, standing, places, begin, radius)
+        clearance = self._kernels.between_samples(clearance, standing, places, begin, radius)
         slopes = around.slopes(begin, here, kernel.TINY_STEP * radius)
         errors = margins.of_commands(drift, commands[:, 0], slopes)
         if self._stands_at_once(task):
             # the command's own error, towards each thing, is all that it drives
             needed[:, :count] = -np.inf
-        return kernel.admissible(
+        return self._kernels.admissible(
             clearance,
             standing,
             self._options.spend_share * margins.sure(standing),

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.kernels.clearance import (
     COLUMNS,
     SPREAD,
     SPREAD_MAX,
     SPREAD_RATE,
     VELOCITY,
-    distances,
 )
 from kmpc_lite.types import Array
 
@@ -44,6 +44,8 @@ class Surroundings:
     """How far from the middles of the robot's circles everything is known [m]."""
     emerging_speed: float = 0.0
     """At which something may come out of what is not known [m/s]."""
+    kernels: Kernels = NUMPY
+    """Measure distances."""
 
     @cached_property
     def turning(self) -> Array:
@@ -101,9 +103,7 @@ class Surroundings:
         shape = (len(points), len(times), len(here))
         found = []
         if len(self._all):
-            places = np.broadcast_to(points, (*shape, 2)).reshape(-1, 2)
-            moments = np.broadcast_to(times[:, None], shape).reshape(-1)
-            found.append(distances(self._all, places, moments).reshape(*shape, -1))
+            found.append(self.kernels.distances_of_motions(self._all, points, times))
         if self.nearby:
             least = self.nearby.least(np.ascontiguousarray(points.reshape(-1, 2)))
             found.append(np.broadcast_to(least.reshape(*points.shape[:3], 1), (*shape, 1)))

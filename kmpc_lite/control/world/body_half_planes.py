@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.kernels.clearance import distances_and_directions
+from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.half_planes import (
     LEAST_DISTANCE,
@@ -37,12 +37,20 @@ class BodyKeepOut(KeepOut):
         Its own.
     slots : int
         Half-planes per stage.
+    kernels : Kernels
+        Measure and choose.
     """
 
     directions = 3
 
-    def __init__(self, problem: NavigationProblem, footprint: Footprint, slots: int) -> None:
-        super().__init__(problem, slots)
+    def __init__(
+        self,
+        problem: NavigationProblem,
+        footprint: Footprint,
+        slots: int,
+        kernels: Kernels = NUMPY,
+    ) -> None:
+        super().__init__(problem, slots, kernels)
         self._footprint = footprint
         self._place_times = np.repeat(self._times, len(footprint.circles))
 
@@ -52,7 +60,7 @@ class BodyKeepOut(KeepOut):
         points = places.reshape(-1, 2)
         values, normals = [], []
         if len(things):
-            gaps, away = distances_and_directions(things, points, self._place_times)
+            gaps, away = self._kernels.distances_and_directions(things, points, self._place_times)
             values.append(self._by_stage(gaps))
             normals.append(self._with_slope(away, places, states))
         if solids is not None:

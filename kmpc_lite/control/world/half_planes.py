@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from kmpc_lite.control.kernels.clearance import (
-    distances_and_directions,
-)
+from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
 
@@ -46,12 +44,15 @@ class KeepOut:
         Bounds, radius, margin, horizon.
     slots : int
         Half-planes per stage: the nearest of all obstacles and sides.
+    kernels : Kernels
+        Measure and choose.
     """
 
     directions = 2
     """By how many of a state's coordinates a clearance has slopes: x and y."""
 
-    def __init__(self, problem: NavigationProblem, slots: int) -> None:
+    def __init__(self, problem: NavigationProblem, slots: int, kernels: Kernels = NUMPY) -> None:
+        self._kernels = kernels
         _, _, x_min, x_max = problem.bounds
         sides = [
             (axis, sign, bound)
@@ -69,9 +70,6 @@ class KeepOut:
         self.horizon, self.slots = problem.horizon, slots
         self._times = problem.dt * np.arange(1, problem.horizon + 1)
         self._count = -1
-        self._row_starts = np.arange(problem.horizon)[:, None]
-        self._normals = np.zeros((self.horizon, slots, self.directions))
-        self._offsets = np.full((self.horizon, slots), -np.inf)
 
     def clearances(self, states: Array, things: Array, solids: Nearby | None) -> Clearances:
         """Clearances of stages 1 to N from things, solids, then sides, in this order.
@@ -96,7 +94,7 @@ class KeepOut:
             self._all_normals[:, count : count + len(self._side_offsets)] = self._side_normals
         positions = states[1:, :2]
         if thing_count:
-            gaps, self._all_normals[:, :thing_count] = distances_and_directions(
+            gaps, self._all_normals[:, :thing_count] = self._kernels.distances_and_directions(
                 things, positions, self._times
             )
             np.subtract(gaps, self._distance, out=self._values[:, :thing_count])
@@ -142,30 +140,14 @@ class KeepOut:
         normals, offsets : ndarray
             (N, slots, `directions`); (N, slots) [m], minus infinity where a slot is not needed.
         """
-        kinds = clearances.shape[1]
-        used = min(kinds, self.slots)
-        if kinds > self.slots:
-            # in the order of the obstacles, so that a row keeps its obstacle, and its multiplier,
-            # from pass to pass
-            nearest = np.argpartition(clearances, self.slots - 1, axis=1)[:, : self.slots]
-            nearest.sort(axis=1)
-            nearest += kinds * self._row_starts
-            clearances = clearances.take(nearest)
-            normals = normals.reshape(-1, self.directions).take(nearest, axis=0)
-        offsets = np.matmul(normals, states[1:, : self.directions, None])[..., 0]
-        offsets -= clearances
-        if used == self.slots:
-            return normals, offsets
-        self._normals[:, :used], self._offsets[:, :used] = normals, offsets
-        self._normals[:, used:], self._offsets[:, used:] = 0.0, -np.inf
-        return self._normals, self._offsets
+        return self._kernels.nearest_half_planes(states, clearances, normals, self.slots)
 
 
-def keep_out(problem: NavigationProblem, slots: int) -> KeepOut:
+def keep_out(problem: NavigationProblem, slots: int, kernels: Kernels = NUMPY) -> KeepOut:
     """What a robot must stay out of, with so many half-planes per stage."""
     if problem.footprint is None:
-        return KeepOut(problem, slots)
+        return KeepOut(problem, slots, kernels)
     # here, since most robots are round
     from kmpc_lite.control.world.body_half_planes import BodyKeepOut
 
-    return BodyKeepOut(problem, problem.footprint, slots)
+    return BodyKeepOut(problem, problem.footprint, slots, kernels)

@@ -97,7 +97,6 @@ def test_a_shaky_floor_needs_more_room():
 def test_every_plan_keeps_headway_whatever_its_model_promises():
     exact, normals = nominal_unicycle(0.1), directions(20, 3)
     fast = NavigationProblem(u_min=(-1.0, -1.0), u_max=(2.0, 1.0))
-    radii = np.array([0.3, 0.4, np.inf])
     for problem, v, share in (
         (PROBLEM, 0.0, 0.0),
         (PROBLEM, 0.15, 0.25),
@@ -108,10 +107,6 @@ def test_every_plan_keeps_headway_whatever_its_model_promises():
         wary, expected = Wary(exact, problem), share * HEADWAY
         own = of_noise(exact).margins(*plan(exact, v), normals)
         np.testing.assert_allclose(wary.margins(*plan(exact, v), normals), own + expected)
-        per_circle = of_noise(exact).margins(*plan(exact, v), normals, radii=radii)
-        np.testing.assert_allclose(
-            wary.margins(*plan(exact, v), normals, radii=radii), per_circle + expected
-        )
 
 
 def test_noise_that_needs_more_than_the_headway_is_not_given_more():
@@ -151,28 +146,23 @@ def test_turns_with_the_map(model):
 
 
 def test_without_noise_only_the_chord_counts():
-    model = nominal_unicycle(0.1)
+    model, radius = nominal_unicycle(0.1), PROBLEM.robot_radius
     lin, states, inputs = plan(model, 0.6, 0.0)
-    margins = of_noise(model, solver_margin=0.0).margins(
-        lin, states, inputs, directions(20, 3), radii=np.array([0.3, 0.15, np.inf])
-    )
+    margins = of_noise(model, solver_margin=0.0).margins(lin, states, inputs, directions(20, 3))
     assert margins.shape == (20, 3)
     # a robot whose samples keep this distance touches the circle in the middle between them, and no
     # more
-    for radius, margin in zip((0.3, 0.15), margins[0], strict=False):
-        assert np.hypot(0.0, np.sqrt((radius + margin) ** 2 - 0.03**2)) == pytest.approx(radius)
-    np.testing.assert_allclose(margins[:, 2], 0.0, atol=1e-6)
+    assert np.sqrt((radius + margins[0, 0]) ** 2 - 0.03**2) == pytest.approx(radius)
 
 
 def test_an_arc_between_samples_stays_outside_the_circle():
     model = nominal_unicycle(0.1)
-    radius, u = 0.25, np.array([0.6, -0.78])
+    radius, u = PROBLEM.robot_radius, np.array([0.6, -0.78])
     inputs = np.tile(u, (20, 1))
     states = model.rollout((0.0, 0.0, 0.0), inputs)
     lin = model.linearize(states[:-1], inputs)
-    margin = of_noise(model, solver_margin=0.0).margins(
-        lin, states, inputs, directions(20, 1), radii=np.array([radius])
-    )[4, 0]
+    wary = of_noise(model, solver_margin=0.0)
+    margin = wary.margins(lin, states, inputs, directions(20, 1))[4, 0]
     fine = model.with_dt(0.001).rollout(states[4], np.tile(u, (100, 1)))
     # a circle on the outer side, as near as the margin lets both samples be
     middle, chord = (states[4, :2] + states[5, :2]) / 2, states[5, :2] - states[4, :2]

@@ -1,0 +1,112 @@
+/* The numeric functions of a step: plain arrays in, plain arrays out.
+ *
+ * Each file holds the functions of the Python kernel of its name, which say what they mean. Arrays
+ * are row by row, without gaps; what is written never overlaps what is read. Nothing is allocated,
+ * and only math.h is used. `real` is double; -DKMPC_FLOAT makes it float, with float's literals (R)
+ * and functions (M).
+ */
+#ifndef KMPC_KERNELS_H
+#define KMPC_KERNELS_H
+
+#ifdef KMPC_FLOAT
+typedef float real;
+#define R(literal) literal##f
+#define M(function) function##f
+#else
+typedef double real;
+#define R(literal) literal
+#define M(function) function
+#endif
+
+enum {
+    KMPC_STATES = 3,   /* x, y, heading */
+    KMPC_INPUTS = 3,   /* commands at most: speed, turn rate; or two speeds and the turn rate */
+    KMPC_HORIZON = 50, /* stages at most */
+    KMPC_HISTORY = 8,  /* past commands at most */
+    KMPC_SLOTS = 16,   /* half-planes a stage at most */
+    KMPC_THING = 7     /* x, y, radius, vx, vy, spread rate, largest spread */
+};
+
+/* ---- symmetric.c: one period of a symmetric model ------------------------------------------- */
+
+struct kmpc_motion {
+    int inputs;         /* bilinear inputs, nw */
+    int nodes;          /* stages of the integrator */
+    const real *motion; /* (nw, 3) how far each leads ahead, to the left and round in a period */
+    const real *node;   /* (nodes, 2) node and weight of each stage */
+};
+
+void kmpc_advance(const struct kmpc_motion *m, int count, const real *x, const real *w, real *next);
+void kmpc_rollout(const struct kmpc_motion *m, int count, int periods, const real *x0,
+                  const real *w, real *states);
+void kmpc_linearize(const struct kmpc_motion *m, int count, const real *x, const real *w,
+                    real *value, real *by_x, real *by_w);
+
+/* ---- clearance.c: distances from a table of things ------------------------------------------- */
+
+void kmpc_distances(int things, const real *thing, int motions, int samples, int places,
+                    int sampled, const real *points, const real *times, real *distance);
+void kmpc_distances_and_directions(int things, const real *thing, int count, const real *points,
+                                   const real *times, real *distance, real *away);
+
+/* ---- tube.c: margins of a plan --------------------------------------------------------------- */
+
+struct kmpc_noise {
+    int inputs;              /* commands, m */
+    int delay;               /* periods until feedback acts */
+    const real *white;       /* (3, 3 m) factors of a period's noise, by each command */
+    const real *lasting;     /* the same of errors that last; null without any */
+    const real *pose;        /* (3, 3) factor of the measured pose's noise */
+    const real *pose_speed;  /* the same by speed; null without any */
+    real quantile;           /* standard deviations that are kept */
+    real headway_time;       /* time of driving on that is the least margin [s] */
+    real touch;              /* radius at which chords cut [m] */
+    real reach;              /* how far the outline lies from the pose [m] */
+    real solver_margin;      /* added to all [m] */
+    int spreads;             /* whether there is any noise in a plan */
+};
+
+void kmpc_tube_margins(const struct kmpc_noise *noise, int stages, int columns, int directions,
+                       const real *by_x, const real *states, const real *inputs,
+                       const real *normals, const real *path_clearance, real *margins);
+
+/* ---- half_planes.c: the nearest few of a stage ----------------------------------------------- */
+
+void kmpc_nearest_half_planes(int stages, int kinds, int slots, int directions, const real *states,
+                              const real *clearances, const real *normals, real *chosen,
+                              real *offsets);
+
+/* ---- fill.c: the numbers of a pass's QP ------------------------------------------------------ */
+
+struct kmpc_layout {
+    int stages, inputs, history, slots, directions;
+    real half_plane_scale, open;
+};
+
+void kmpc_fill(const struct kmpc_layout *size, const real *value, const real *by_x,
+               const real *by_u, const real *by_past, const real *x, const real *u,
+               const real *normals, const real *offsets, const int *places, real *entries,
+               real *dynamics_lower, real *dynamics_upper, real *half_plane_lower);
+
+/* ---- stop_errors.c: what errors of single periods add up to ---------------------------------- */
+
+void kmpc_stop_errors(int motions, int periods, real dt, const real *distances, const real *turns,
+                      const real *position, const real *heading, real rare, real usual, real reach,
+                      real *errors);
+
+/* ---- safe_motion.c: which motions stay clear ------------------------------------------------- */
+
+void kmpc_samples(int motions, int periods, int count, const real *states, real *poses);
+void kmpc_between_samples(int motions, int samples, int places, int things, const real *clearance,
+                          const real *standing, const real *at, const real *begin, real radius,
+                          real *out);
+void kmpc_surely_clear(int motions, int samples, int cells, const real *clearance,
+                       const real *margins, const real *error, const real *travel, const int *ends,
+                       real lost, unsigned char *clear);
+void kmpc_admissible(int motions, int samples, int places, int things, int first,
+                     const real *clearance, const real *standing, const real *spend,
+                     const real *margins, const real *driven, const real *error,
+                     const unsigned char *turns, const unsigned char *strict, const int *ends,
+                     real unsure, unsigned char *clear);
+
+#endif

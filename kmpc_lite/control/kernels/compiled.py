@@ -1,0 +1,255 @@
+"""The kernels in C: the same functions as in the modules of NumPy, which describe them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import kmpc_lite.control.kernels._kernels as c
+from kmpc_lite.control.kernels.tube import Noise
+from kmpc_lite.model.symmetric import SymmetricForm
+from kmpc_lite.types import STATES, Array
+
+LARGEST_HORIZON = 50
+"""Stages whose tube has room in C."""
+
+
+def _dense(array: Array) -> Array:
+    """Array as the kernels take it: float64, row by row."""
+    out: Array = np.ascontiguousarray(array, dtype=np.float64)
+    return out
+
+
+def distances_of_motions(things: Array, points: Array, times: Array) -> Array:
+    """As `clearance.distances_of_motions`."""
+    motions, sampled, places, _ = points.shape
+    out = np.empty((motions, len(times), places, len(things)))
+    c.distances(_dense(things), _dense(points), _dense(times), out, motions, sampled, places)
+    return out
+
+
+def distances_and_directions(things: Array, points: Array, times: Array) -> tuple[Array, Array]:
+    """As `clearance.distances_and_directions`."""
+    count = len(points), len(things)
+    distance, away = np.empty(count), np.empty((*count, 2))
+    c.distances_and_directions(_dense(things), _dense(points), _dense(times), distance, away)
+    return distance, away
+
+
+def tube_margins(
+    noise: Noise,
+    by_x: Array,
+    states: Array,
+    inputs: Array,
+    normals: Array,
+    path_clearance: Array,
+) -> Array:
+    """As `tube.tube_margins`."""
+    if len(inputs) > LARGEST_HORIZON:
+        from kmpc_lite.control.kernels import tube
+
+        return tube.tube_margins(noise, by_x, states, inputs, normals, path_clearance)
+    out = np.empty(normals.shape[:2])
+    if out.size:
+        c.tube_margins(
+            _dense(noise.white),
+            _dense(noise.lasting),
+            _dense(noise.pose),
+            _dense(noise.pose_by_speed),
+            _dense(by_x),
+            _dense(states),
+            _dense(inputs),
+            _dense(normals),
+            _dense(path_clearance),
+            out,
+            noise.delay,
+            noise.spreads,
+            normals.shape[2],
+            noise.quantile,
+            noise.headway_time,
+            noise.touch,
+            noise.reach,
+            noise.solver_margin,
+        )
+    return out
+
+
+def nearest_half_planes(
+    states: Array, clearances: Array, normals: Array, slots: int
+) -> tuple[Array, Array]:
+    """As `half_planes.nearest_half_planes`."""
+    stages, directions = len(clearances), normals.shape[2]
+    chosen, offsets = np.empty((stages, slots, directions)), np.empty((stages, slots))
+    dense = _dense(states), _dense(clearances), _dense(normals)
+    c.nearest_half_planes(*dense, chosen, offsets, directions)
+    return chosen, offsets
+
+
+def fill(
+    value: Array,
+    by_x: Array,
+    by_u: Array,
+    by_past: Array,
+    x: Array,
+    u: Array,
+    normals: Array,
+    offsets: Array,
+    places: Array,
+    entries: Array,
+    dynamics_lower: Array,
+    dynamics_upper: Array,
+    half_plane_lower: Array,
+    scale: float,
+    open_bound: float,
+) -> None:
+    """As `fill.fill`."""
+    c.fill(
+        _dense(value),
+        _dense(by_x),
+        _dense(by_u),
+        _dense(by_past),
+        _dense(x),
+        _dense(u),
+        _dense(normals),
+        _dense(offsets),
+        places,
+        entries,
+        dynamics_lower,
+        dynamics_upper,
+        half_plane_lower,
+        len(u),
+        by_past.shape[1],
+        normals.shape[2],
+        scale,
+        open_bound,
+    )
+
+
+def stop_errors(
+    distances: Array,
+    turns: Array,
+    dt: float,
+    position: Array,
+    heading: Array,
+    rare: float,
+    usual: float,
+    reach: float,
+) -> Array:
+    """As `stop_errors.stop_errors`."""
+    out = np.empty(distances.shape)
+    c.stop_errors(
+        _dense(distances),
+        _dense(turns),
+        _dense(position),
+        _dense(heading),
+        out,
+        distances.shape[-1],
+        dt,
+        rare,
+        usual,
+        reach,
+    )
+    return out
+
+
+def samples(states: Array, count: int) -> Array:
+    """As `safe_motion.samples`."""
+    motions, poses, _ = states.shape
+    out = np.empty((motions, (poses - 1) * count, STATES))
+    c.samples(_dense(states), out, motions, count)
+    return out
+
+
+def between_samples(
+    clearance: Array, standing: Array, places: Array, begin: Array, radius: float
+) -> Array:
+    """As `safe_motion.between_samples`."""
+    out = np.empty(clearance.shape)
+    dense = _dense(clearance), _dense(standing), _dense(places), _dense(begin)
+    c.between_samples(*dense, out, len(places), radius)
+    return out
+
+
+def surely_clear(
+    clearance: Array, margins: Array, error: Array, travel: Array, ends: Array, lost: float
+) -> Array:
+    """As `safe_motion.surely_clear`."""
+    out = np.empty(len(error), dtype=np.bool_)
+    dense = _dense(clearance), _dense(margins), _dense(error), _dense(travel)
+    c.surely_clear(*dense, np.ascontiguousarray(ends, dtype=np.intc), out, lost)
+    return out
+
+
+def admissible(
+    clearance: Array,
+    standing: Array,
+    spend: Array,
+    margins: Array,
+    driven: Array,
+    error: Array,
+    turns: Array,
+    strict: Array,
+    ends: Array,
+    first: int,
+    unsure: float,
+) -> Array:
+    """As `safe_motion.admissible`."""
+    out = np.empty(len(clearance), dtype=np.bool_)
+    c.admissible(
+        _dense(clearance),
+        _dense(standing),
+        _dense(spend),
+        _dense(margins),
+        _dense(driven),
+        _dense(error),
+        np.ascontiguousarray(turns),
+        np.ascontiguousarray(strict),
+        np.ascontiguousarray(ends, dtype=np.intc),
+        out,
+        first,
+        unsure,
+    )
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledForm(SymmetricForm):
+    """As `SymmetricForm`, the reference of its kernels."""
+
+    def __post_init__(self) -> None:
+        """Keep what the kernels take."""
+        object.__setattr__(self, "_dense", (_dense(self.motion), _dense(np.array(self.nodes))))
+
+    def advance(self, x: Array, w: Array) -> Array:
+        """Next states (..., 3) for bilinear inputs (..., nw)."""
+        if x.shape[:-1] != w.shape[:-1]:
+            return super().advance(x, w)
+        out = np.empty(x.shape)
+        c.advance(*self._arrays(), _dense(x), _dense(w), out)
+        return out
+
+    def rollout(self, x0: Array, w: Array) -> Array:
+        """States (..., T + 1, 3) from a first one (..., 3), for inputs (..., T, nw)."""
+        *motions, periods, _ = w.shape
+        out = np.empty((*motions, periods + 1, STATES))
+        begins = np.broadcast_to(x0, (*motions, STATES))
+        c.rollout(*self._arrays(), _dense(begins), _dense(w), out)
+        return out
+
+    def linearize(self, x: Array, w: Array) -> tuple[Array, Array, Array]:
+        """Next states (..., 3), their derivatives by x, (..., 3, 3), and by w, (..., 3, nw)."""
+        lead = w.shape[:-1]
+        value, by_x = np.empty((*lead, STATES)), np.empty((*lead, STATES, STATES))
+        by_w = np.empty((*lead, STATES, w.shape[-1]))
+        c.linearize(*self._arrays(), _dense(x), _dense(w), value, by_x, by_w)
+        return value, by_x, by_w
+
+    def _arrays(self) -> tuple[Array, Array]:
+        arrays: tuple[Array, Array] = self._dense  # type: ignore[attr-defined]
+        return arrays
+
+
+def closed_form(form: SymmetricForm) -> SymmetricForm:
+    """The same motion, in C."""
+    return CompiledForm(form.motion, form.nodes)

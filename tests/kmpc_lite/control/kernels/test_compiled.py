@@ -1,0 +1,253 @@
+"""The kernels in C against those of NumPy: on what drives ask, on random and on hostile arrays."""
+
+from __future__ import annotations
+
+import pickle
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.control import kernels as package
+from kmpc_lite.control.kernels import NUMPY, Kernels, choose_kernels, compiled_kernels, tube
+from kmpc_lite.control.knowledge import motion_model
+from kmpc_lite.errors import ProblemError
+from kmpc_lite.model.noise_model import NoiseModel
+from kmpc_lite.scale import Scale
+
+C = compiled_kernels()
+FOLDER = Path(package.__file__).parent
+NAMES = [field.name for field in fields(Kernels) if field.name not in ("compiled", "closed_form")]
+needs_c = pytest.mark.skipif(C is None, reason="the kernels in C were not built: no compiler")
+
+
+def copied(value: Any) -> Any:
+    return value.copy() if isinstance(value, np.ndarray) else value
+
+
+def answers(function: Callable[..., Any], arguments: tuple[Any, ...]) -> list[np.ndarray]:
+    """What a kernel returns, and what it leaves in the arrays that it was given."""
+    own = tuple(copied(a) for a in arguments)
+    found = function(*own)
+    results = found if isinstance(found, tuple) else (found,)
+    written = [a for a in own if isinstance(a, np.ndarray)]
+    return [np.asarray(a) for a in (*results, *written) if a is not None]
+
+
+def assert_alike(name: str, arguments: tuple[Any, ...]) -> None:
+    with np.errstate(all="ignore"):
+        expected = answers(getattr(NUMPY, name), arguments)
+        found = answers(getattr(C, name), arguments)
+    assert len(found) == len(expected)
+    for ours, theirs in zip(found, expected, strict=True):
+        assert ours.shape == theirs.shape
+        if ours.dtype == bool:
+            np.testing.assert_array_equal(ours, theirs, err_msg=name)
+        else:
+            size = np.abs(theirs[np.isfinite(theirs)]).max(initial=1e-9)
+            np.testing.assert_allclose(
+                ours, theirs, rtol=1e-12, atol=1e-12 * size, err_msg=name, equal_nan=True
+            )
+
+
+@pytest.fixture(scope="module")
+def asked() -> dict[str, list[tuple[Any, ...]]]:
+    """Arguments of all kernels in drives past circles, walls and a moving circle."""
+    calls: dict[str, list[tuple[Any, ...]]] = {name: [] for name in NAMES}
+
+    def watched(name: str) -> Callable[..., Any]:
+        def call(*arguments: Any) -> Any:
+            calls[name].append(tuple(copied(a) for a in arguments))
+            return getattr(NUMPY, name)(*arguments)
+
+        return call
+
+    kernels = replace(NUMPY, **{name: watched(name) for name in NAMES})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("kmpc_lite.control.controller.choose_kernels", lambda _: kernels)
+        for problem in (
+            kl.NavigationProblem(),
+            kl.NavigationProblem(horizon=8, du_max=(0.8, 3.0)),
+            kl.NavigationProblem(footprint=kl.Footprint.rectangle(0.5, 0.3), sensor_range=2.0),
+        ):
+            noise = NoiseModel(np.diag([1e-4, 5e-5, 2e-4]) * np.ones((3, 1, 1)))
+            model = replace(kl.nominal_unicycle(problem.dt), noise_model=noise)
+            controller = kl.Controller(model, problem)
+            pose = np.array([-1.5, -1.5, 0.0])
+            for k in range(40):
+                around = [
+                    kl.Circle(-0.5, -0.8, 0.3),
+                    kl.Circle(0.8, 0.5 - 0.02 * k, 0.2, 0.0, -0.2),
+                    kl.Wall(0.4, -1.6, 0.6, -0.6),
+                ]
+                command = controller.step(pose, (1.4, 1.4, 0.5), around).command
+                pose = model.predict(pose, command)
+    return calls
+
+
+@needs_c
+@pytest.mark.parametrize("name", NAMES)
+def test_alike_on_what_drives_ask(asked, name):
+    assert asked[name], f"no drive asks {name}"
+    for arguments in asked[name]:
+        assert_alike(name, arguments)
+
+
+@needs_c
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("hostile", [np.nan, np.inf, -np.inf, 1e300, 0.0])
+def test_alike_on_hostile_arrays(asked, name, hostile):
+    """One number of each array is spoilt; decisions are the same, and nothing crashes."""
+    random = np.random.default_rng(5)
+    for arguments in asked[name][:: max(len(asked[name]) // 3, 1)]:
+        for i, spoilt in enumerate(arguments):
+            if not isinstance(spoilt, np.ndarray) or spoilt.dtype != float or not spoilt.size:
+                continue
+            if name == "nearest_half_planes" and np.isnan(hostile):
+                continue  # where NaN sorts is no decision: the QP refuses it
+            bad = spoilt.copy()
+            bad.flat[random.integers(bad.size)] = hostile
+            changed = (*arguments[:i], bad, *arguments[i + 1 :])
+            own = answers_of_both(name, changed)
+            for ours, theirs in own:
+                if ours.dtype == bool:
+                    np.testing.assert_array_equal(ours, theirs, err_msg=f"{name}, argument {i}")
+
+
+def answers_of_both(name: str, arguments: tuple[Any, ...]) -> list[tuple[np.ndarray, np.ndarray]]:
+    with np.errstate(all="ignore"):
+        both = (answers(getattr(kernels, name), arguments) for kernels in (C, NUMPY))
+        return list(zip(*both, strict=True))
+
+
+@needs_c
+@pytest.mark.parametrize("delay", [0, 1, 3, 9])
+@pytest.mark.parametrize("stages", [1, 2, 7, 50])
+@pytest.mark.parametrize("lasts", [False, True])
+def test_tubes_of_random_plans(delay, stages, lasts):
+    random = np.random.default_rng([delay, stages])
+    lower = np.tril(random.normal(size=(4, 3, 3)))
+    empty = np.empty((3, 0))
+    noise = tube.Noise(
+        white=0.01 * np.hstack(lower[:2]),
+        lasting=0.01 * random.normal(size=(3, 6)) if lasts else empty,
+        pose=0.003 * lower[2],
+        pose_by_speed=0.002 * lower[3] if lasts else empty,
+        delay=delay,
+        quantile=3.1,
+        headway_time=0.05,
+        touch=0.15,
+        reach=0.2 * lasts,
+        solver_margin=0.002,
+        spreads=True,
+    )
+    inputs = random.uniform(-1.0, 1.0, (stages, 2))
+    states = np.cumsum(random.uniform(-0.1, 0.1, (stages + 1, 3)), axis=0)
+    by_x = np.eye(3) + 0.1 * random.normal(size=(stages, 3, 3))
+    normals = random.normal(size=(stages, 5, 3 if lasts else 2))
+    clearance = random.uniform(0.0, 0.1, stages)
+    assert_alike("tube_margins", (noise, by_x, states, inputs, normals, clearance))
+
+
+@needs_c
+@pytest.mark.parametrize("integrator", ["midpoint", "rk4"])
+def test_symmetric_models_move_alike(integrator):
+    model = replace(kl.nominal_unicycle(0.1), integrator=integrator)
+    form = model.closed_form
+    ours, random = C.closed_form(form), np.random.default_rng(7)
+    x, w = random.normal(size=(6, 4, 3)), random.normal(size=(6, 4, len(form.motion)))
+    for found, expected in (
+        ((ours.advance(x, w),), (form.advance(x, w),)),
+        ((ours.advance(x[0, 0], w[0, 0]),), (form.advance(x[0, 0], w[0, 0]),)),
+        ((ours.rollout(x[:, 0], w),), (form.rollout(x[:, 0], w),)),
+        (ours.linearize(x, w), form.linearize(x, w)),
+    ):
+        for a, b in zip(found, expected, strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-13)
+
+
+@needs_c
+def test_arrays_that_do_not_fit_are_refused():
+    import kmpc_lite.control.kernels._kernels as c
+
+    for call in (
+        lambda: c.advance(np.zeros(6), np.zeros(2), np.zeros(3), np.zeros(2), np.zeros(2)),
+        lambda: c.distances(np.zeros(7), np.zeros(2), np.zeros(1), np.zeros(2), 1, 1, 1),
+        lambda: c.samples(np.zeros(6), np.zeros(2), 1, 1),
+    ):
+        with pytest.raises(ValueError, match="do not fit"):
+            call()
+
+
+@needs_c
+def test_each_file_has_its_twin():
+    sources = {path.stem for path in (FOLDER / "c").glob("*.c")} - {"module"}
+    modules = {path.stem for path in FOLDER.glob("*.py")} - {"__init__", "compiled"}
+    # a model's closed form is a kernel of the model's room
+    assert sources - {"symmetric"} == modules
+
+
+def test_files_in_c_keep_to_the_rules():
+    for path in (FOLDER / "c").glob("*.c"):
+        if path.stem != "module":
+            text = path.read_text()
+            assert set(re.findall(r"#include (\S+)", text)) <= {
+                '"kernels.h"',
+                "<math.h>",
+                "<string.h>",
+            }
+            assert not re.search(r"\b(malloc|calloc|free|printf)\b", text)
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
+@pytest.mark.parametrize("precision", [(), ("-DKMPC_FLOAT", "-Wdouble-promotion")])
+def test_c_is_silent_c99_and_float_is_float(tmp_path, precision):
+    for path in sorted((FOLDER / "c").glob("*.c")):
+        if path.stem == "module":
+            continue
+        made = tmp_path / f"{path.stem}.o"
+        flags = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic", *precision)
+        subprocess.run(["gcc", *flags, "-c", str(path), "-o", str(made)], check=True)
+        if precision and shutil.which("nm"):
+            shown = subprocess.run(["nm", "-u", made], capture_output=True, text=True, check=True)
+            called = set(re.findall(r"U (\w+)", shown.stdout))
+            assert not called & {"cos", "sin", "tan", "sqrt", "hypot", "fabs"}, path.name
+
+
+def test_a_controller_says_what_it_lacks(monkeypatch):
+    monkeypatch.setattr(package, "compiled_kernels", lambda: None)
+    assert choose_kernels(None) is choose_kernels(False) is NUMPY
+    with pytest.raises(ProblemError, match="install a C compiler"):
+        choose_kernels(True)
+    with pytest.raises(ProblemError, match="compiled: expected True, False or None"):
+        kl.Controller(kl.nominal_unicycle(0.1), compiled="yes")
+
+
+@needs_c
+def test_drives_are_alike_and_controllers_copy():
+    model, around = kl.nominal_unicycle(0.1), [kl.Circle(0.0, 0.1, 0.3)]
+    both = [kl.Controller(model, compiled=compiled) for compiled in (True, False)]
+    pose = np.array([-1.2, 0.0, 0.0])
+    for k in range(60):
+        if k == 20:
+            both[0] = pickle.loads(pickle.dumps(both[0]))
+        plans = [controller.step(pose, (1.2, 0.0, 0.0), around) for controller in both]
+        assert plans[0].status is plans[1].status
+        np.testing.assert_allclose(plans[0].command, plans[1].command, rtol=0, atol=1e-7)
+        pose = model.predict(pose, plans[1].command)
+    assert np.hypot(*(pose[:2] - (1.2, 0.0))) < 0.1
+
+
+@needs_c
+def test_the_driven_model_runs_in_c():
+    model = kl.nominal_unicycle(0.1)
+    driven = motion_model(model, Scale(1.0, 1.0), C)
+    assert type(driven.closed_form).__name__ == "CompiledForm"
+    assert type(model.closed_form).__name__ == "SymmetricForm"
