@@ -1,0 +1,78 @@
+"""Motions at constant speeds: where twists lead, and the poses on the way.
+
+A twist is a robot's speed ahead, to the left, and round (3,); held for a time it leads along an
+arc, a straight line, or a turn on the spot. Sizes: any.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kmpc_lite.types import Array
+
+
+def moved(poses: Array, twists: Array, times: Array) -> Array:
+    """Poses (..., 3) after twists (..., 3) were held for times (...)."""
+    turned = twists[..., 2] * times
+    middle = poses[..., 2] + 0.5 * turned
+    chord = times * np.sinc(0.5 * turned / np.pi)
+    cos, sin = chord * np.cos(middle), chord * np.sin(middle)
+    ahead, left = twists[..., 0], twists[..., 1]
+    return np.stack(
+        [
+            poses[..., 0] + cos * ahead - sin * left,
+            poses[..., 1] + sin * ahead + cos * left,
+            poses[..., 2] + turned,
+        ],
+        axis=-1,
+    )
+
+
+def seen_from(start: Array, poses: Array) -> Array:
+    """Poses (..., 3) in the frame of one (..., 3), their headings in [-pi, pi]."""
+    dx, dy = poses[..., 0] - start[..., 0], poses[..., 1] - start[..., 1]
+    cos, sin = np.cos(start[..., 2]), np.sin(start[..., 2])
+    turn = poses[..., 2] - start[..., 2]
+    turn = turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
+    return np.stack([cos * dx + sin * dy, cos * dy - sin * dx, turn], axis=-1)
+
+
+def chained(start: Array, twists: Array, times: Array) -> Array:
+    """Poses (..., S + 1, 3) at the ends of S twists (..., S, 3) driven one after the other."""
+    out = np.empty((*times.shape[:-1], times.shape[-1] + 1, 3))
+    out[..., 0, :] = start
+    for k in range(times.shape[-1]):
+        out[..., k + 1, :] = moved(out[..., k, :], twists[..., k, :], times[..., k])
+    return out
+
+
+def sampled(start: Array, twists: Array, times: Array, counts: Array) -> tuple[Array, Array]:
+    """Poses (K, 3) from a start (3,) along S twists, and when they are reached (K,).
+
+    Parameters
+    ----------
+    start : ndarray
+        (3,), the first of them.
+    twists, times : ndarray
+        (S, 3) and (S,).
+    counts : ndarray
+        (S,) poses on each.
+    """
+    begins = chained(start, twists, times)[:-1]
+    piece = np.repeat(np.arange(len(times)), counts)
+    first = np.cumsum(counts) - counts
+    share = (np.arange(len(piece)) - first[piece] + 1.0) / counts[piece]
+    after = share * times[piece]
+    poses = moved(begins[piece], twists[piece], after)
+    when = (np.cumsum(times) - times)[piece] + after
+    return np.concatenate([start[None], poses]), np.concatenate([[0.0], when])
+
+
+def straight_twist(ends: Array) -> Array:
+    """Twists (..., 3) that lead to ends (..., 3), as seen from where they begin, in a unit time."""
+    turn = ends[..., 2]
+    half = 0.5 * turn
+    chord = np.sinc(half / np.pi)
+    cos, sin = np.cos(half) / chord, np.sin(half) / chord
+    x, y = ends[..., 0], ends[..., 1]
+    return np.stack([cos * x + sin * y, cos * y - sin * x, turn], axis=-1)

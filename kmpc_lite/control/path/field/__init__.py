@@ -1,0 +1,1 @@
+"""The planner of any wheels: a tree of poses grows from the goal until the start is reached."""

@@ -1,0 +1,170 @@
+"""What a robot's wheels let a path be made of: motions at constant speeds, and whole connections.
+
+A motion is a twist: speed ahead, to the left and round, held for a time. The field planner grows
+its tree by a few of them, and connects poses by as many as `connect` gives, one after the other.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+
+from kmpc_lite.control.kernels.reeds_shepp import TURNS, curves
+from kmpc_lite.control.kernels.twists import seen_from, straight_twist
+from kmpc_lite.control.path.planner import PathRequest
+from kmpc_lite.control.wheels import Car, Omni, Wheels
+from kmpc_lite.types import Array
+
+TINY = 1e-9
+WIDER = 1.05
+"""Paths of a car turn by circles so many times as wide as its tightest one: it must be able to
+steer back."""
+CURVATURES = np.array((-1.0, -0.5, 0.0, 0.5, 1.0))
+"""Of the arcs by which a car's tree grows, as shares of the largest one."""
+FULL = 2.0 * math.pi
+
+
+class Motions(Protocol):
+    """Motions of one kind of wheels at the speeds of one request."""
+
+    twists: Array
+    """(P, 3) by which a tree grows."""
+    gears: Array
+    """(P,) 1 ahead, -1 backwards, 0 of motions without a gear."""
+    turn: float
+    """How far one of them should turn at the least [rad]."""
+
+    def connect(self, start: Array, ends: Array) -> tuple[Array, Array]:
+        """Twists (n, W, S, 3) and times (n, W, S) of W ways to each of the poses (n, 3).
+
+        From a pose (3,), obstacles aside; infinite times where a way does not lead there.
+        """
+        ...
+
+
+class CarMotions:
+    """Arcs and straights in both gears; curves of Reeds and Shepp, or of Dubins, lead to a pose."""
+
+    def __init__(self, car: Car, request: PathRequest) -> None:
+        self._radius = WIDER * car.turning_radius
+        self._reverse = car.reverse and float(request.backward[0]) > 0.0
+        self._speeds = {1.0: request.forward, -1.0: request.backward}
+        gears = (1.0, -1.0) if self._reverse else (1.0,)
+        moves = [(self._twists(np.full(len(CURVATURES), g), CURVATURES)) for g in gears]
+        self.twists: Array = np.concatenate(moves)
+        self.gears: Array = np.sign(self.twists[:, 0])
+        self.turn = FULL / 16
+
+    def _twists(self, gears: Array, curvatures: Array) -> Array:
+        """Twists (..., 3) of gears (...) along curvatures (...), as shares of the largest one."""
+        speeds = np.where(gears > 0.0, *(float(self._speeds[g][0]) for g in (1.0, -1.0)))
+        rates = np.where(gears > 0.0, *(float(self._speeds[g][1]) for g in (1.0, -1.0)))
+        sharp = np.abs(curvatures) / self._radius
+        speeds = np.minimum(speeds, rates / np.maximum(sharp, TINY))
+        ahead = gears * speeds
+        return np.stack([ahead, np.zeros_like(ahead), ahead * curvatures / self._radius], axis=-1)
+
+    def connect(self, start: Array, ends: Array) -> tuple[Array, Array]:
+        """Give the ways of a car: its arcs are as tight as may be."""
+        seen = seen_from(start, ends) / (self._radius, self._radius, 1.0)
+        lengths = curves(seen)
+        turns = np.broadcast_to(TURNS, lengths.shape)
+        if not self._reverse:
+            # CSC alone, whose arcs may go round by more than a half
+            lengths, turns = lengths[:, :8].copy(), turns[:, :8]
+            arcs = turns != 0.0
+            reached = np.isfinite(lengths).all(axis=-1, keepdims=True)
+            lengths = np.where(reached & (np.abs(lengths) > TINY), lengths, 0.0)
+            lengths = np.where(arcs, np.mod(lengths, FULL), lengths)
+            reached = reached & (lengths >= 0.0).all(axis=-1, keepdims=True)
+            lengths = np.where(reached, lengths, np.inf)
+        gears = np.where(lengths >= 0.0, 1.0, -1.0)
+        twists = self._twists(gears, turns)
+        times = np.abs(lengths) * self._radius / np.maximum(np.abs(twists[..., 0]), TINY)
+        return twists, times
+
+
+class OmniMotions:
+    """Eight directions, and turning; straight to a pose, turning before, meanwhile, or after."""
+
+    def __init__(self, request: PathRequest, sideways: float) -> None:
+        ahead, rate = request.forward.tolist()
+        back = float(request.backward[0])
+        self._fastest = np.array((ahead, max(back, TINY), sideways, rate))
+        angles = FULL / 8 * np.arange(8)
+        directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(8)], axis=1)
+        if back <= 0.0:
+            directions = directions[directions[:, 0] > -TINY]
+        turns = np.array(((0.0, 0.0, 1.0), (0.0, 0.0, -1.0)))
+        moves = np.concatenate([directions, turns])
+        self.twists: Array = moves / self._time(moves)[:, None]
+        self.gears: Array = np.zeros(len(moves))
+        self.turn = FULL / 16
+
+    def _time(self, moves: Array) -> Array:
+        """Time (...) that moves (..., 3) of the robot take, all at once."""
+        x, y, turn = np.moveaxis(moves, -1, 0)
+        ahead, back, sideways, rate = self._fastest
+        along = np.hypot(np.maximum(x / ahead, -x / back), y / sideways)
+        out: Array = np.maximum(np.maximum(along, np.abs(turn) / rate), TINY)
+        return out
+
+    def connect(self, start: Array, ends: Array) -> tuple[Array, Array]:
+        """Give three ways of two motions each."""
+        seen = seen_from(start, ends)
+        turn = seen * (0.0, 0.0, 1.0)
+        line = seen - turn
+        cos, sin = np.cos(seen[:, 2]), np.sin(seen[:, 2])
+        x, y = seen[:, 0], seen[:, 1]
+        turned = np.stack([cos * x + sin * y, cos * y - sin * x, np.zeros_like(x)], axis=1)
+        none = np.zeros_like(seen)
+        ways = (straight_twist(seen), none), (turn, turned), (line, turn)
+        moves = np.stack([np.stack(way, axis=1) for way in ways], axis=1)
+        times = self._time(moves)
+        return moves / times[..., None], times
+
+
+class DifferentialMotions:
+    """Straights, arcs, and turning on the spot; a turn, a line in either gear, and a turn."""
+
+    def __init__(self, request: PathRequest) -> None:
+        self._forward, self._backward = request.forward, request.backward
+        ahead, rate = request.forward.tolist()
+        back = float(self._backward[0])
+        moves = [(ahead, 0.0, 0.0), (0.0, 0.0, rate), (0.0, 0.0, -rate)]
+        moves += [(ahead, 0.0, rate), (ahead, 0.0, -rate)]
+        if back > 0.0:
+            moves += [(-back, 0.0, 0.0), (-back, 0.0, rate), (-back, 0.0, -rate)]
+        self.twists: Array = np.array(moves)
+        self.gears: Array = np.sign(self.twists[:, 0])
+        self.turn = FULL / 16
+
+    def connect(self, start: Array, ends: Array) -> tuple[Array, Array]:
+        """Give both ways of three motions."""
+        seen = seen_from(start, ends)
+        x, y, turn = seen.T
+        far, course = np.hypot(x, y), np.arctan2(y, x)
+        rate = float(self._forward[1])
+        ways, times = [], []
+        for gear, speed in ((1.0, self._forward[0]), (-1.0, self._backward[0])):
+            first = course if gear > 0.0 else course + math.pi
+            first = np.where(far > TINY, first, 0.0)
+            first, last = (a - FULL * np.round(a / FULL) for a in (first, turn - first))
+            zero = np.zeros_like(x)
+            spin = [np.stack([zero, zero, np.copysign(rate, a)], axis=1) for a in (first, last)]
+            line = np.stack([zero + gear * max(speed, TINY), zero, zero], axis=1)
+            ways.append(np.stack([spin[0], line, spin[1]], axis=1))
+            lasts = far / speed if speed > 0.0 else np.full_like(far, np.inf)
+            times.append(np.stack([np.abs(first) / rate, lasts, np.abs(last) / rate], axis=1))
+        return np.stack(ways, axis=1), np.stack(times, axis=1)
+
+
+def motions_of(wheels: Wheels, request: PathRequest, sideways: float) -> Motions:
+    """Motions of wheels at the speeds of a request; an omni's fastest sideways [m/s]."""
+    if isinstance(wheels, Car):
+        return CarMotions(wheels, request)
+    if isinstance(wheels, Omni):
+        return OmniMotions(request, sideways)
+    return DifferentialMotions(request)

@@ -1,0 +1,74 @@
+"""How far a robot's outline stays from what is around it, pose by pose."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kmpc_lite.control.path.planner import PathRequest
+from kmpc_lite.types import Array
+
+NEAR = 0.6
+"""Clearance beyond the margin below which driving costs more [radii]."""
+NEAR_PRICE = 1.0
+"""What it costs more at the margin, as a share of its time."""
+ROUNDING = 1e-9
+CHUNK = 4096
+"""Places that are looked at at once: what it needs of memory."""
+
+
+class OutlineClearance:
+    """Clearance of the circles of a request's outline.
+
+    Start and goal may lie nearer to something than the margin allows: so near them the robot may
+    come, no nearer.
+
+    Parameters
+    ----------
+    request : PathRequest
+        Outline, obstacles and area.
+    margin : float
+        What the problem keeps beyond the radii [m].
+    """
+
+    def __init__(self, request: PathRequest, margin: float) -> None:
+        self._request, self._outline = request, request.outline
+        self._least = margin
+        ends = np.stack([request.start, request.goal])
+        self._ends = ends[:, :2]
+        self._radius = float(self._outline[:, 2].max())
+        arms = np.hypot(self._outline[:, 0], self._outline[:, 1])
+        self._reach = 2.0 * float((arms + self._outline[:, 2]).max())
+        self._at_ends = np.minimum(self._distances(ends) - margin, 0.0)
+        self._near = NEAR * self._radius
+
+    def _distances(self, poses: Array) -> Array:
+        """Distances (n,) of the outline at poses (n, 3) from what is around it [m]."""
+        x, y, radii = self._outline.T
+        cos, sin = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
+        places = np.stack([poses[:, :1] + cos * x - sin * y, poses[:, 1:2] + sin * x + cos * y], -1)
+        flat = places.reshape(-1, 2)
+        parts = [self._request.distances(flat[k : k + CHUNK]) for k in range(0, len(flat), CHUNK)]
+        found: Array = (np.concatenate(parts).reshape(len(poses), -1) - radii).min(axis=1)
+        return found
+
+    def room(self, poses: Array) -> Array:
+        """Clearance beyond the margin (n,) at poses (n, 3) [m]; infinite in the open."""
+        out: Array = self._distances(poses) - self._least
+        return out
+
+    def at(self, poses: Array) -> Array:
+        """Clearance (n,) at poses (n, 3) beyond what must be kept there [m]; below zero outside."""
+        found = self.room(poses)
+        for place, lack in zip(self._ends, self._at_ends, strict=True):
+            if lack < 0.0:
+                near = np.hypot(*(poses[:, :2] - place).T) <= self._reach
+                found = np.where(near, found - lack + ROUNDING, found)
+        low, high = self._request.area
+        inside = np.minimum(poses[:, :2] - low, high - poses[:, :2]).min(axis=1)
+        found = np.where(inside >= -ROUNDING, found, -1.0)
+        return found
+
+    def price(self, clearance: Array) -> Array:
+        """How many times its time driving costs at a clearance beyond the margin (...)."""
+        out: Array = 1.0 + NEAR_PRICE * np.clip(1.0 - clearance / self._near, 0.0, 1.0)
+        return out

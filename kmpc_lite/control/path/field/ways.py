@@ -1,0 +1,150 @@
+"""Whole ways between poses: the cheapest that is clear, and a path made of better ones."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from kmpc_lite.control.kernels.twists import chained, moved
+from kmpc_lite.control.path.field.motions import Motions
+from kmpc_lite.control.path.field.outline_clearance import OutlineClearance
+from kmpc_lite.types import Array
+
+SHOTS, WAYS = 12, 3
+"""Most ways that are looked at at once, and of these to one pose."""
+MOST_SAMPLES = 160
+"""Most poses at which a way is looked at."""
+TINY = 1e-9
+
+
+class Piece(NamedTuple):
+    """Motions one after the other."""
+
+    twists: Array
+    """(S, 3)."""
+    times: Array
+    """(S,)."""
+
+    def then(self, other: Piece) -> Piece:
+        """Both, one after the other."""
+        return Piece(*(np.concatenate(pair) for pair in zip(self, other, strict=True)))
+
+
+class Line(NamedTuple):
+    """A path while it is improved: its poses, what is driven from each, and the cost from there."""
+
+    poses: Array
+    """(K, 3), the goal last."""
+    costs: Array
+    """(K,) to the goal."""
+    gears: Array
+    """(K,) of what is driven next, 0 at the goal."""
+    ways: list[Piece]
+    """From each of the first K - 1 to the goal, one or more after the other."""
+
+
+class Ways:
+    """Finds ways between poses.
+
+    Parameters
+    ----------
+    motions : Motions
+        Of the wheels.
+    clearance : OutlineClearance
+        Of the robot.
+    radius : float
+        Of its circles [m].
+    gear_price : float
+        What a change of gear costs [s].
+    """
+
+    def __init__(
+        self, motions: Motions, clearance: OutlineClearance, radius: float, gear_price: float
+    ) -> None:
+        self._motions, self._clearance = motions, clearance
+        self._radius, self._gear_price = radius, gear_price
+
+    def cheapest(
+        self, start: Array, ends: Array, costs: Array, gears: Array, most: float
+    ) -> tuple[float, Piece, int] | None:
+        """Give the cheapest way from a pose (3,) that costs less, by its end of n, if it is clear.
+
+        Ends (n, 3) cost so much more to the goal (n,), to which these gears (n,) lead.
+        """
+        twists, times = self._motions.connect(start, ends)
+        changes = self._changes(twists, times, gears)
+        fixed = costs[:, None] + self._gear_price * changes
+        prices = fixed + times.sum(axis=-1)
+        # of each end the best ones, and of these the cheapest
+        each = np.argsort(prices, axis=1, kind="stable")[:, :WAYS]
+        ranked = np.take_along_axis(prices, each, axis=1)
+        order = np.argsort(ranked, axis=None, kind="stable")[:SHOTS]
+        order = order[ranked.ravel()[order] < most]
+        if not len(order):
+            return None
+        rows = order // each.shape[1]
+        columns = each.ravel()[order]
+        twists, times = twists[rows, columns], times[rows, columns]
+        total = fixed[rows, columns] + self._times_near(start, twists, times)
+        best = int(total.argmin())
+        if not total[best] < most:
+            return None
+        return float(total[best]), Piece(twists[best], times[best]), int(rows[best])
+
+    def _changes(self, twists: Array, times: Array, after: Array) -> Array:
+        """Changes of gear (n, W) on ways (n, W, S, 3) and into the gears that follow (n,)."""
+        if not self._motions.gears.any():
+            return np.zeros(times.shape[:-1])
+        # a motion that takes no time has no gear: that of the one before goes on
+        gears = np.sign(twists[..., 0]) * (times > TINY)
+        changes, gear = np.zeros(times.shape[:-1]), gears[..., 0]
+        for k in range(1, gears.shape[-1]):
+            changes += gear * gears[..., k] < 0.0
+            gear = np.where(gears[..., k] != 0.0, gears[..., k], gear)
+        out: Array = changes + (gear * after[:, None] < 0.0)
+        return out
+
+    def _times_near(self, start: Array, twists: Array, times: Array) -> Array:
+        """Times (n,) of ways (n, S, 3), longer near obstacles; infinite of those not clear."""
+        lasts = times.sum(axis=1)
+        fastest = np.hypot(twists[..., 0], twists[..., 1]) + self._radius * np.abs(twists[..., 2])
+        longest = float((fastest * times).sum(axis=1).max())
+        count = int(np.clip(math.ceil(longest / (0.4 * self._radius)), 2, MOST_SAMPLES))
+        when = (np.arange(count) + 1.0) / count * lasts[:, None]
+        ends = np.cumsum(times, axis=1)
+        piece = np.minimum((when[..., None] > ends[:, None] + TINY).sum(axis=2), times.shape[1] - 1)
+        begins, row = chained(start, twists, times), np.arange(len(times))[:, None]
+        after = when - (ends - times)[row, piece]
+        poses = moved(begins[row, piece], twists[row, piece], after)
+        kept = self._clearance.at(poses.reshape(-1, 3)).reshape(when.shape)
+        priced = lasts * self._clearance.price(kept).mean(axis=1)
+        return np.where(kept.min(axis=1) >= 0.0, priced, np.inf)
+
+    def improve(self, line: Line, k: int) -> None:
+        """Look for a better way from one pose of a path to one of those after it."""
+        following = k + 1
+        # what it costs as it is, since what follows may have become cheaper
+        way, gear = line.ways[k], line.gears[following : following + 1]
+        lasts = self._times_near(line.poses[k], way.twists[None], way.times[None])
+        changes = self._changes(way.twists[None, None], way.times[None, None], gear)
+        now = float(line.costs[following] + lasts[0] + self._gear_price * changes[0, 0])
+        line.costs[k] = now = now if math.isfinite(now) else float(line.costs[k])
+        after = slice(following, None)
+        ends, costs, gears = line.poses[after], line.costs[after], line.gears[after]
+        found = self.cheapest(line.poses[k], ends, costs, gears, now - TINY)
+        if found is not None:
+            line.costs[k], way, row = found
+            following += row
+        if following < len(line.ways):
+            way = way.then(line.ways[following])
+        line.ways[k] = way
+        line.gears[k] = self._gear_of(way)
+
+    def _gear_of(self, way: Piece) -> float:
+        """Gear in which a way begins; 0 of wheels without."""
+        drives = (way.times > TINY) & (way.twists[:, 0] != 0.0)
+        if not self._motions.gears.any() or not drives.any():
+            return 0.0
+        return float(np.sign(way.twists[drives.argmax(), 0]))

@@ -1,0 +1,144 @@
+"""Paths of any wheels: exact ends, curvature within the wheels', and the outline kept clear."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.control.path.field.field_planner import NO_ROOM, NO_WAY, FieldPlanner
+from kmpc_lite.control.path.planner import Path, PathRequest
+from kmpc_lite.control.wheels import Car, Differential, Omni
+from kmpc_lite.control.world.solids import Solids
+
+FAST = {"u_min": (-0.6, -2.0), "u_max": (0.6, 2.0)}
+PROBLEM = kl.NavigationProblem(**FAST)
+CART = kl.Footprint.rectangle(0.5, 0.25, ahead=-0.15)
+FOUR = [(0.5, 0.3, 0.3), (-0.3, 0.6, 0.25), (-0.4, -0.6, 0.3), (0.7, -0.7, 0.25)]
+CAR = Car(0.4)
+ALL = [CAR, Car(0.4, reverse=False), Omni(), Differential()]
+
+
+def request(start, goal, circles=(), solids=None, footprint=None):
+    outline = np.array([[0.0, 0.0, 0.15]])
+    if footprint is not None:
+        radii = np.full(len(footprint.circles), footprint.circle_radius)
+        outline = np.column_stack([footprint.circles, radii])
+    return PathRequest(
+        start=np.array(start, dtype=float),
+        goal=np.array(goal, dtype=float),
+        target=np.array(goal, dtype=float),
+        circles=np.array([(*c, 0, 0) for c in circles], dtype=float).reshape(-1, 5),
+        solids=None if solids is None else Solids(solids),
+        outline=outline,
+        inflation=float(outline[0, 2]),
+        area=np.array([[-2.0, -2.0], [2.0, 2.0]]),
+        forward=np.array([0.6, 2.0]),
+        backward=np.array([0.6, 2.0]),
+    )
+
+
+def search(wheels, asked, problem=PROBLEM, quanta=1):
+    planner = FieldPlanner(problem, wheels)
+    planner.begin(asked)
+    while planner.path() is None:
+        assert planner.advance(quanta) >= 1
+    return planner.path()
+
+
+def curvature(path):
+    """Largest curvature between neighbours of a path that drives."""
+    steps = np.diff(path.poses, axis=0)
+    # a chord of an arc is a little shorter than the arc
+    half = 0.5 * np.abs(steps[:, 2])
+    turns = half > 1e-9
+    steps, half = steps[turns], half[turns]
+    arcs = np.hypot(steps[:, 0], steps[:, 1]) * half / np.sin(half)
+    return float((2.0 * half / arcs).max(initial=0.0))
+
+
+def between(path, count=8):
+    """Poses on a path, closer than those that it is made of."""
+    grid = np.arange(len(path.poses))
+    fine = np.linspace(0, grid[-1], count * len(grid))
+    return np.stack([np.interp(fine, grid, column) for column in path.poses.T], axis=1)
+
+
+@pytest.mark.parametrize("wheels", ALL, ids=str)
+@pytest.mark.parametrize("goal", [(1.5, 1.5, 0.0), (1.5, 1.5, 3.0), (-1.5, 1.4, 1.0)])
+def test_among_circles_paths_are_exact_and_clear(wheels, goal):
+    asked = request((-1.5, -1.5, 0.0), goal, FOUR)
+    path = search(wheels, asked)
+    assert isinstance(path, Path)
+    np.testing.assert_allclose(path.poses[0], asked.start)
+    missed = path.poses[-1] - asked.goal
+    assert np.abs(missed[:2]).max() < 1e-9 and abs(np.sin(0.5 * missed[2])) < 1e-9
+    assert np.diff(path.times).min() > 0.0
+    poses = between(path)
+    away = np.hypot(*(poses[:, None, :2] - np.array(FOUR)[:, :2]).transpose(2, 0, 1))
+    assert (away - np.array(FOUR)[:, 2]).min() > 0.15 - 0.005
+    if isinstance(wheels, Car):
+        assert curvature(path) <= wheels.curvature
+        assert (path.gears != 0).all()
+        assert wheels.reverse or (path.gears > 0).all()
+
+
+def test_in_the_open_a_path_takes_the_time_of_the_shortest_curve():
+    path = search(CAR, request((0, 0, 0), (1.5, 0, 0)))
+    assert path.times[-1] == pytest.approx(1.5 / 0.6)
+    assert search(Omni(), request((0, 0, 0), (0, 0.6, 0))).times[-1] == pytest.approx(0.6 / 2.0)
+
+
+def slot(gap):
+    """Two boxes along a kerb, and the pose between them."""
+    length = 0.5 * gap
+    boxes = [
+        kl.Polygon([(-1.0, -0.3), (0.0, -0.3), (0.0, 0.0), (-1.0, 0.0)]),
+        kl.Polygon([(length, -0.3), (length + 1, -0.3), (length + 1, 0.0), (length, 0.0)]),
+        kl.Wall(-1.0, -0.36, length + 1, -0.36, 0.02),
+    ]
+    return boxes, (0.5 * length - 0.15, -0.16, 0.0)
+
+
+@pytest.mark.parametrize("gap", [1.4, 1.7])
+def test_a_car_parks_between_others_by_changes_of_gear(gap):
+    boxes, goal = slot(gap)
+    problem = replace(PROBLEM, footprint=CART)
+    path = search(CAR, request((1.2, 0.3, 0.0), goal, solids=boxes, footprint=CART), problem)
+    assert isinstance(path, Path)
+    assert curvature(path) <= CAR.curvature
+    gears = path.gears[path.gears != 0]
+    assert 1 <= (np.diff(gears) != 0).sum() <= 4
+    places = CART.places(between(path)).reshape(-1, 2)
+    assert Solids(boxes).whole.least(places).min() > CART.circle_radius - 0.01
+
+
+def test_an_omni_goes_sideways_where_a_car_cannot():
+    boxes, goal = slot(1.4)
+    problem = replace(PROBLEM, footprint=CART)
+    asked = request((goal[0], 0.3, 0.0), goal, solids=boxes, footprint=CART)
+    path = search(Omni(), asked, problem)
+    assert np.ptp(path.poses[:, 2]) < 0.1 and path.times[-1] < 0.4
+
+
+def test_what_cannot_be_reached_is_told_with_the_reason():
+    walls = [kl.Wall(-2, 0.2, 2, 0.2, 0.02), kl.Wall(-2, -0.2, 2, -0.2, 0.02)]
+    asked = request((-1, 0, 0), (1, 0, np.pi), solids=walls)
+    assert search(Car(0.4, reverse=False), asked) == NO_ROOM
+    assert isinstance(search(Differential(), asked), Path)
+    closed = [kl.Wall(0, -2.5, 0, 2.5, 0.02)]
+    for wheels in (CAR, Omni(), Differential()):
+        assert search(wheels, request((-1, 0, 0), (1, 0, 0), solids=closed)) == NO_WAY
+
+
+def test_slices_of_any_length_give_the_same_path():
+    asked = request((-1.5, -1.5, 0.0), (1.5, 1.5, 2.0), FOUR)
+    one, other = (search(CAR, asked, quanta=quanta) for quanta in (1, 1000))
+    np.testing.assert_array_equal(one.poses, other.poses)
+
+
+def test_a_robot_that_stands_too_near_gets_out():
+    path = search(CAR, request((-0.9, 0.3, 0.0), (-1.5, -1.5, 0.0), [(-0.5, 0.3, 0.3)]))
+    assert isinstance(path, Path)
