@@ -151,7 +151,7 @@ class Showing:
             gate_text=gate.value,
             wrong=wrong,
             command=[output.v, output.omega],
-            time=shot.now - session.loop.started,
+            time=shot.now - session.loop.began,
             step=_times(session.planner.step_time),
             link={"up": status.connected, "text": _link(status, shot.now) + _refused(session)},
         )

@@ -154,17 +154,17 @@ class DriveRecorder:
         """Note how the drive ended."""
         from firmware_bridge.recording.drive.records import Ended
 
-        now, arrived = time.monotonic(), report["arrived_after_s"]
-        clearance, outcome = report["clearance_m"], "timeout"
-        if report["touched"]:
-            outcome = "collision"
-        elif arrived is not None:
-            outcome = "reached"
-        elapsed = self._job.navigator.elapsed(now) if arrived is None else arrived
-        told = {"outcome": outcome, "duration": elapsed, "clearance": clearance}
+        outcome = "timeout" if report["arrived_after_s"] is None else "reached"
+        errors = report["position_error_m"], report["heading_error_rad"]
+        told = {
+            "outcome": "collision" if report["touched"] else outcome,
+            "duration": report["duration_s"],
+            "clearance": report["clearance_m"],
+            "errors": None if None in errors else errors,
+        }
         words = "; ".join([report["outcome"], *report["why"]])
         loop = {key: report["loop"][key] for key in ("commands_sent", "commands_refused")}
-        self._file.put(Ended(now, {**told, "words": words, **loop}))
+        self._file.put(Ended(time.monotonic(), {**told, "words": words, **loop}))
 
     def close(self) -> None:
         """Write what waits, and close; idempotent."""

@@ -69,7 +69,7 @@ class View:
 
     def draw(self) -> None:
         """Draw once."""
-        lines = [_change(c) for c in self._new_changes()]
+        lines = [_change(c, self._loop.began) for c in self._new_changes()]
         lines += [note for note in self._notes() if note not in self._told]
         self._told.update(lines)
         text = UP.format(self._lines) if self._lines else ""
@@ -97,9 +97,9 @@ class View:
             return
 
 
-def _change(change: Change) -> str:
+def _change(change: Change, began: float) -> str:
     why = f": {', '.join(change.why)}" if change.why else ""
-    return f"{change.time:8.2f} s  {change.before.name} -> {change.after.name}{why}"
+    return f"{change.time - began:8.2f} s  {change.before.name} -> {change.after.name}{why}"
 
 
 def render(title: str, shot: Snapshot, loop: ControlLoop) -> list[str]:

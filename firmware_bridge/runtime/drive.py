@@ -128,7 +128,8 @@ def run(
 def _moment(session: Session, state: State) -> Moment:
     """What the session knows now, for a plan from this pose."""
     scan = None if session.sight is None else session.sight.look(state)
-    return Moment(session.gate.state is GateState.ACTIVE, session.planner.held, scan)
+    driving = session.gate.state is GateState.ACTIVE
+    return Moment(driving, session.planner.held, scan, session.loop.drove_from)
 
 
 def _did_it(navigator: Navigator) -> bool:
@@ -165,7 +166,7 @@ def tell(report: dict[str, Any], session: Session, out: TextIO) -> None:
     loop = report["loop"]
     lines = [
         "",
-        f"{report['outcome']}: after {show(report['arrived_after_s'], 's')}, "
+        f"{report['outcome']}: after {report['duration_s']:g} s, "
         f"position error {show(report['position_error_m'], 'm')}, "
         f"heading error {show(report['heading_error_rad'], 'rad')}, "
         f"smallest clearance {show(report['clearance_m'], 'm')}",

@@ -20,7 +20,7 @@ from firmware_bridge.runtime.statistics import Statistics
 from firmware_bridge.runtime.timing import Deadlines, Histogram, Suspension
 from firmware_bridge.safety.gate import GateOutput, SafetyGate
 from firmware_bridge.safety.gate_settings import TICK
-from firmware_bridge.safety.gate_table import Reason
+from firmware_bridge.safety.gate_table import GateState, Reason
 from firmware_bridge.safety.unmoved import Unmoved, UnmovedOptions
 
 GIVE_UP = 2.0
@@ -90,8 +90,17 @@ class ControlLoop:
         self.why_stopped: tuple[str, ...] = ()
         """What was wrong when it was asked to end: afterwards it is given back, and not ready."""
         self._abort = False
-        self.started = clock()
-        """When the loop began [s]."""
+        self._started = clock()
+        self.drove_from: float | None = None
+        """When the gate first let commands pass [s]."""
+
+    @property
+    def began(self) -> float:
+        """When the time of a drive begins, wherever it is shown [s].
+
+        That is `drove_from`, and until then the beginning of the loop.
+        """
+        return self._started if self.drove_from is None else self.drove_from
 
     def request_stop(self, why: str) -> None:
         """Brake, hold, release and end; asked again, zero and release at once. Signal-safe."""
@@ -117,7 +126,9 @@ class ControlLoop:
         sent, fresh = self._sender.carry_out(now, output, latest, counts)
         if output.state is not before:
             why = tuple(reason.value for reason in output.reasons)
-            self.changes.append(Change(now - self.started, before, output.state, why))
+            if output.state is GateState.ACTIVE and self.drove_from is None:
+                self.drove_from = now
+            self.changes.append(Change(now, before, output.state, why))
             self.changes_total += 1
         self.snapshot = Snapshot(now, state, status, output)
         for observer in self._observers:
@@ -130,9 +141,9 @@ class ControlLoop:
 
         Whatever ends it, the last thing on the wire is a stop.
         """
-        self.started = self._clock()
+        self._started = self._clock()
         self.planner.start()
-        deadlines, stopping_since = Deadlines(self._tick, self.started), None
+        deadlines, stopping_since = Deadlines(self._tick, self._started), None
         try:
             while True:
                 deadline = deadlines.next
@@ -192,7 +203,8 @@ class ControlLoop:
 
     def report(self) -> dict[str, Any]:
         """Plain values, for JSON: counts and times in milliseconds."""
-        return self.statistics.report(self.planner, self.stop_reason, list(self.changes))
+        changes = [(change.time - self.began, change) for change in self.changes]
+        return self.statistics.report(self.planner, self.stop_reason, changes)
 
     def histograms(self) -> dict[str, Histogram]:
         """Histograms of times, by name."""

@@ -34,6 +34,8 @@ class Moment:
     """Mean command on the wire since the last plan [m/s, rad/s]; None where it is not known."""
     scan: Any = None
     """What the lidar sees from the pose; None without one, or before its first turn."""
+    began: float | None = None
+    """When commands first passed the gate [s]; None: at the first plan that drives."""
 
 
 class Planned(NamedTuple):
@@ -141,7 +143,7 @@ class Navigator:
             self.refused, self.reason = wrong if moment.driving else self.refused, wrong
             return VelocityCommand(0.0, 0.0, now)
         if self._began is None and moment.driving:
-            self._began = now
+            self._began = now if moment.began is None else moment.began
         circles = self._task.circles_at(self.elapsed(now))
         if self._began is not None:
             self._judge(state, circles, now)
@@ -159,6 +161,10 @@ class Navigator:
     def elapsed(self, now: float) -> float:
         """Time since the beginning [s]."""
         return 0.0 if self._began is None else now - self._began
+
+    def _duration(self) -> float:
+        """Until the goal was reached, else until now [s]."""
+        return self.elapsed(self._clock()) if self.arrived_after is None else self.arrived_after
 
     def finished(self) -> bool:
         """Whether the goal is held, or time is up; the time counts from the first call."""
@@ -259,6 +265,7 @@ class Navigator:
             "arrived": self.arrived,
             **({"route": self.route.report()} if several else {}),
             "touched": self.touched,
+            "duration_s": round(self._duration(), 3),
             "arrived_after_s": None if self.arrived_after is None else round(self.arrived_after, 3),
             "position_error_m": None if math.isinf(distance) else round(distance, 4),
             "heading_error_rad": None if math.isinf(turn) else round(turn, 4),

@@ -41,7 +41,7 @@ class Change:
     """The gate went from one state to another."""
 
     time: float
-    """Since the start of the loop [s]."""
+    """On the loop's clock [s]."""
     before: GateState
     after: GateState
     why: tuple[str, ...]

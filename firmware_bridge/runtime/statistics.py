@@ -60,9 +60,9 @@ class Statistics:
         }
 
     def report(
-        self, planner: Planner, stop_reason: str, changes: Sequence[Change]
+        self, planner: Planner, stop_reason: str, changes: Sequence[tuple[float, Change]]
     ) -> dict[str, Any]:
-        """Plain values, for JSON: counts and times in milliseconds."""
+        """Plain values, for JSON: counts, times [ms], and changes by the time of the drive [s]."""
         return {
             "ticks": self.ticks,
             "ticks_skipped": self.skipped,
@@ -74,14 +74,14 @@ class Statistics:
             "last_error": self.last_error or planner.last_error,
             "stop_reason": stop_reason,
             "reasons": dict(self.reasons),
-            "changes": [_told(change) for change in changes[-REPORTED_CHANGES:]],
+            "changes": [_told(*change) for change in changes[-REPORTED_CHANGES:]],
             "times_ms": {name: t.summary() for name, t in self.histograms(planner).items()},
         }
 
 
-def _told(change: Change) -> dict[str, Any]:
+def _told(time: float, change: Change) -> dict[str, Any]:
     return {
-        "time": round(change.time, 3),
+        "time": round(time, 3),
         "from": change.before.name,
         "to": change.after.name,
         "why": list(change.why),

@@ -13,6 +13,7 @@ from firmware_bridge.recording.drive.encoder import BEGIN, END, FORMAT, VERSION
 from kmpc_lab.recording.columns import Columns, number
 from kmpc_lab.sim.closed_loop import Outcome, Run
 from kmpc_lab.sim.details import Details
+from kmpc_lab.sim.run_file import errors_of
 from kmpc_lite.control.plan import GoalProgress, PlanStatus
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.learn.formats.mcap_layout import DRIVE
@@ -141,6 +142,7 @@ class _Drive:
             clearance=clearance,
             info=self._info,
             details=details,
+            errors=errors_of(outcome.get("errors")),
         )
 
     def _ended(self, details: Details, path: Array) -> tuple[dict[str, Any], float]:

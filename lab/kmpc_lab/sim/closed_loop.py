@@ -73,15 +73,22 @@ class Run:
     """What lay behind each step, where it was recorded."""
     scans: tuple[tuple[float, LaserScan], ...] = ()
     """What a simulated lidar saw: the ends of its turns [s], and their scans."""
+    errors: tuple[float, float] | None = None
+    """Distance [m] and heading error [rad] to the goal as a real drive told them when the robot had
+    come to rest; None: those of the last state."""
 
     @property
     def position_error(self) -> float:
         """Distance to the goal at the end [m]."""
+        if self.errors is not None:
+            return self.errors[0]
         return float(distances(self.states[-1], np.array(self.scenario.goal)))
 
     @property
     def heading_error(self) -> float:
         """Heading error at the end [rad]."""
+        if self.errors is not None:
+            return self.errors[1]
         return abs(wrap(float(self.states[-1, 2]) - self.scenario.goal[2]))
 
     @property

@@ -36,6 +36,7 @@ def save_run(run: Run, path: Path) -> None:
         "statuses": run.statuses,
         "clearance": run.clearance if np.isfinite(run.clearance) else None,
         "info": run.info,
+        "errors": run.errors,
     }
     try:
         with write_whole(path) as file:
@@ -81,6 +82,7 @@ def load_run(path: Path) -> Run:
             if header["clearance"] is None
             else _number("clearance", header["clearance"]),
             info=_table(header["info"]),
+            errors=errors_of(header.get("errors")),
             scans=scans_of(arrays),
             **_checked(arrays, len(statuses)),
         )
@@ -90,6 +92,14 @@ def load_run(path: Path) -> Run:
         raise ScenarioError(
             f"{path}: not a run that kmpc simulate wrote: {type(error).__name__} {error}"
         ) from error
+
+
+def errors_of(told: Any) -> tuple[float, float] | None:
+    """Errors that a drive told: two numbers, or None."""
+    if told is None:
+        return None
+    distance, turn = told
+    return _number("errors", distance), _number("errors", turn)
 
 
 def _number(name: str, value: Any, above_zero: bool = False) -> float:

@@ -33,6 +33,9 @@ REPORT = {
     "why": ["board not heard"],
     "touched": False,
     "arrived_after_s": None,
+    "duration_s": 1.5,
+    "position_error_m": 0.3,
+    "heading_error_rad": 0.1,
     "clearance_m": 0.2,
     "loop": {"commands_sent": 3, "commands_refused": 0},
 }
@@ -51,7 +54,7 @@ def job() -> Any:
         period=0.1,
         robot=robot,
         watchers=[],
-        navigator=SimpleNamespace(elapsed=lambda now: 1.5, scan=None),
+        navigator=SimpleNamespace(scan=None),
     )
 
 
@@ -97,6 +100,7 @@ def test_a_drive_is_recorded_as_it_happened(
     details = run.details
     assert details is not None and run.outcome is Outcome.TIMEOUT and run.duration == 1.5
     assert run.info["ended"] == "time is up; board not heard"
+    assert (run.position_error, run.heading_error) == (0.3, 0.1)
     assert run.info["u_min"] == [-0.4, -1.0] and run.info["command"] == "kmpc run --x <script>"
     assert len(details.times) == 50 and len(details.sent) == 50 and len(details.measured) == 50
     assert details.health[0][1]["mode"] == "GUIDED" and details.health[0][1]["pose_ago"] is None

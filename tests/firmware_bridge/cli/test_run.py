@@ -26,7 +26,9 @@ def look_at_the_states(states):
 def look_at_the_recording(run, report):
     """What a drive recorded of itself is what was driven."""
     details, outcome = run.details, report["arrived_after_s"]
-    assert run.outcome.value == "reached" and run.duration == outcome
+    assert run.outcome.value == "reached" and run.duration == outcome == report["duration_s"]
+    assert run.position_error == report["position_error_m"]
+    assert run.heading_error == report["heading_error_rad"]
     assert run.info["kind"] == "driven" and run.info["ended"] == "arrived"
     states = [state for _, state, _ in details.gates if state not in ("IDLE", "STOPPING")]
     changes = [b for a, b in zip(["", *states], states, strict=False) if a != b]
@@ -36,6 +38,8 @@ def look_at_the_recording(run, report):
     assert np.nanmax(details.pose_ages) < 5.0 and (details.step_times > 0.0).all()
     assert len(details.sent) == report["loop"]["commands_sent"]
     assert len(details.measured) > 20 and details.health[-1][1]["connected"]
+    began = next(c["time"] for c in report["loop"]["changes"] if c["to"] == "ACTIVE")
+    assert began == 0.0, "the gate's changes are told by the drive's time"
     assert np.hypot(*(run.states[-1, :2] - (0.7, 0.15))) < 0.08
     assert details.margins.min() >= 0.05, "the scenario asks for so much"
 

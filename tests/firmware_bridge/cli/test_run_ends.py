@@ -78,7 +78,7 @@ def test_a_drive_that_does_not_arrive_is_exit_status_1_and_people_are_told_what_
     for words in (
         "IDLE -> WAITING",
         "ACTIVE -> STOPPING",
-        "time is up: after -",
+        "time is up: after ",
         "pose to command on the wire",
         "p99.9",
         "command spacing, off by",
