@@ -24,6 +24,9 @@ from kmpc_lite.types import Array
 
 RISKS = (0.3, 0.2, 0.1, 0.05, 0.03, 0.02, 0.01, 0.005, 0.003, 0.002, 0.001)
 """Risks that `with_quantiles` tabulates, as far as the held-out drives reach."""
+LEAST_RISK = 0.05
+"""Risk that the held-out drives must reach: smaller ones are extrapolated, and from the few
+numbers of a short log to anything."""
 BATCH = 4096
 """Windows handled at once."""
 
@@ -174,7 +177,7 @@ def with_quantiles(
         if np.isfinite(q := conformal_quantile(values, r))
     ]
     steps = tube_memory(model)
-    if len(table) < 2:
+    if len(table) < 2 or table[-1][0] > LEAST_RISK:
         raise DataError(
             f"{len(values)} held-out windows of {steps} steps are too few to calibrate: "
             "drive longer"

@@ -76,7 +76,7 @@ def _compared(report: FitReport) -> str:
         return f"Poor: predicts {losses} than nominal"
     if best > BETTER:
         return f"Good: {gains}"
-    return "As nominal: the log supports no better prediction than the nominal robot's"
+    return "As nominal: the log supports no better prediction; the nominal robot's model is written"
 
 
 def _times(ratio: float) -> str:

@@ -9,7 +9,7 @@ from typing import Literal
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.least_squares import wants_symmetry
-from kmpc_lite.learn.noise import fit_noise
+from kmpc_lite.learn.noise import fit_noise, with_noise
 from kmpc_lite.learn.regression import Accumulator, Method
 from kmpc_lite.learn.unmodelled_delay import aligned, unmodelled_delay
 from kmpc_lite.model.dictionary import Dictionary, InputHistoryDictionary, UnicycleDictionary
@@ -26,6 +26,7 @@ def fit(
     symmetric: bool | None = None,
     lags: Literal["auto"] | Sequence[int] | None = None,
     ramps: bool = True,
+    whole: Dataset | None = None,
 ) -> KoopmanModel:
     """Learn a bilinear Koopman model from driving.
 
@@ -61,6 +62,9 @@ def fit(
         Whether, together with lags that are chosen, ramps are looked for by which the robot changes
         its speeds (`learn.ramps`): then the model is one of commands as they let them through, and
         the controller asks for no faster changes.
+    whole : Dataset, optional
+        The log of which `dataset` is a part, its commands let through by the same ramps: lags and
+        terms are chosen on all of it, and fitted to `dataset`.
 
     Returns
     -------
@@ -101,19 +105,16 @@ def fit(
                 "dictionary that knows no history itself"
             )
         # here, for a robot that drives needs none of it
-        from kmpc_lite.learn.noise import split_noise_sources
-        from kmpc_lite.learn.ramps import describe_changes, find_ramps, let_through
+        from kmpc_lite.learn.ramps import find_ramps, let_through, with_ramps
         from kmpc_lite.learn.selection import fit_supported_terms
 
         if ramps:
             found = find_ramps(dataset)
-            model = fit(let_through(dataset, found), lifting, method, 0.0, noise, True, lags, False)
-            return replace(model, info={**model.info, **describe_changes(dataset, found)})
-        model = fit_supported_terms(dataset, lifting, ages=ages)
-        if not noise:
-            return model
-        sources = split_noise_sources(model, dataset)
-        return replace(model, noise_model=replace(fit_noise(model, dataset), sources=sources))
+            seen = let_through(dataset, found)
+            model = fit(seen, lifting, method, 0.0, noise, True, lags, False)
+            return with_ramps(model, dataset, found)
+        model = fit_supported_terms(dataset, lifting, ages=ages, whole=whole)
+        return with_noise(model, dataset) if noise else model
     return _fit_once(dataset, by_age or lifting, method, ridge, noise, symmetric)
 
 
@@ -138,12 +139,7 @@ def _fit_once(
         model = replace(model, info={**model.info, UNMODELLED_DELAY: delay})
     if not noise:
         return model
-    found = fit_noise(model, seen)
-    if delay or (symmetric and model.history):
-        # here, for few logs need it
-        from kmpc_lite.learn.noise import split_noise_sources
-
-        # a robot that coasts shows errors at rest that are no noise of its poses, and errors of one
-        # period do not tell those that last
-        found = replace(found, sources=split_noise_sources(model, seen))
-    return replace(model, noise_model=found)
+    # a robot that coasts shows errors at rest that are no noise of its poses, and errors of one
+    # period do not tell those that last
+    lasts = delay or (symmetric and model.history)
+    return with_noise(model, seen) if lasts else replace(model, noise_model=fit_noise(model, seen))

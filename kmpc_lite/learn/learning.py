@@ -14,10 +14,11 @@ from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.evaluation import FitReport, evaluate
 from kmpc_lite.learn.fit_summary import describe_fit
 from kmpc_lite.learn.fitting import fit
-from kmpc_lite.learn.noise import NoiseCheck, check_sources
+from kmpc_lite.learn.noise import NoiseCheck, check_sources, with_noise
 from kmpc_lite.learn.provenance import describe_making
-from kmpc_lite.learn.ramps import describe_changes, find_ramps, let_through
+from kmpc_lite.learn.ramps import find_ramps, let_through, with_ramps
 from kmpc_lite.learn.regression import Method
+from kmpc_lite.learn.selection import learned_axes
 from kmpc_lite.model.dictionary import Dictionary, HermiteTrigDictionary
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import Ramps
@@ -98,9 +99,8 @@ def learn(
     if options.lags:
         refuse_car_like(data)  # half of the turns on the spot may be too few to tell
     # before the log is cut: a piece does not tell how fast the robot drives where it begins
-    ramps = find_ramps(data) if options.lags else Ramps.of({})
-    changes = describe_changes(data, ramps) if options.lags else {}
-    data = let_through(data, ramps)
+    log, ramps = data, find_ramps(data) if options.lags else Ramps.of({})
+    data = let_through(log, ramps)
     train, held = split_log(data, logs, options.holdout, options.seed)
     model = fit(
         train,
@@ -109,6 +109,7 @@ def learn(
         symmetric=options.symmetric,
         lags=options.lags,
         ramps=False,
+        whole=data,
     )
     report = evaluate(model, held, options.horizon)
     facts: dict[str, Any] = {}
@@ -117,14 +118,22 @@ def learn(
         facts = dict(describe_fit(model, train, data, report))
         facts["braking_distance"] += float(facts["largest"]["v"] ** 2 / (2.0 * ramps.slower[0]))
         noise = check_sources(model, held)
-    if noise is not None:
-        facts["noise"] = noise.as_dict()
     uncalibrated = ""
     try:
         model = with_quantiles(model, held)
     except DataError as error:
         uncalibrated = str(error)
-    made = {**describe_making(model, logs, data, vehicle=vehicle), **changes}
+        if facts and learned_axes(model).any():
+            model = with_noise(model, data)  # what calibrates nothing tells of the noise, too
+        elif facts:
+            # what lags and slips it has not shown would be taken for noise
+            model, noise = replace(model, noise_model=None), None
+    if noise is not None:
+        facts["noise"] = noise.as_dict()
+    if options.lags:
+        model = with_ramps(model, log, ramps)
+    limits = {name: model.info[name] for name in ("ramps", "changes") if name in model.info}
+    made = {**describe_making(model, logs, data, vehicle=vehicle), **limits}
     model = replace(model, info={**model.info, "held_out": report.as_dict(), **made})
     return Learned(model, train, held, report, made, uncalibrated, facts, noise)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import islice
 from typing import Any
 
@@ -42,6 +42,12 @@ def fit_noise(model: KoopmanModel, dataset: Dataset) -> NoiseModel:
             gram, moments.reshape(3, STATES, STATES), weights.T.reshape(3, STATES, STATES)
         )
     )
+
+
+def with_noise(model: KoopmanModel, dataset: Dataset) -> KoopmanModel:
+    """Return a model with the covariance and the noise sources that drives show."""
+    found = fit_noise(model, dataset)
+    return replace(model, noise_model=replace(found, sources=split_noise_sources(model, dataset)))
 
 
 def _nearest_covariances(gram: Array, moments: Array, start: Array) -> Array:

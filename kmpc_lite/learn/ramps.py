@@ -8,8 +8,7 @@ commands as the ramps let them through, and the controller asks for no faster ch
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from kmpc_lite.learn.cross_validation import (
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import Episode
 from kmpc_lite.learn.responses import Response, first_candidates, neighbours
+from kmpc_lite.learn.selection import learned_axes
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import FREE, Ramps
 from kmpc_lite.types import INPUTS, Array
@@ -130,13 +130,17 @@ def _starts(commands: list[Array], dt: float, backwards: bool = False) -> Array:
     return np.array(rates)
 
 
-def describe_changes(dataset: Dataset, ramps: Ramps) -> dict[str, Any]:
-    """Values for a model's `info`: ramps, and the fastest changes in the log; where there are any.
+def with_ramps(model: KoopmanModel, dataset: Dataset, ramps: Ramps) -> KoopmanModel:
+    """Return a model with the ramps of its log, and the log's fastest changes, in its `info`.
 
-    The controller asks for no faster ones.
+    The controller asks for no faster ones, for the log does not show how the robot follows them. If
+    the model knows no more of a speed than the nominal robot does, nothing limits its changes.
     """
-    told = {"ramps": ramps, "changes": shown_changes(dataset)}
-    return {name: limits.as_dict() for name, limits in told.items() if limits.limit}
+    known = learned_axes(model) | np.isfinite(ramps).any(axis=0)
+    shown = np.where(known, shown_changes(dataset), FREE)
+    told = {"ramps": ramps, "changes": Ramps(*shown)}
+    limits = {name: limits.as_dict() for name, limits in told.items() if limits.limit}
+    return replace(model, info={**model.info, **limits})
 
 
 def let_through(dataset: Dataset, ramps: Ramps) -> Dataset:

@@ -36,7 +36,8 @@ from kmpc_lite.learn.directions import (
     refine,
 )
 from kmpc_lite.learn.least_squares import require_trigonometry, symmetric_generator
-from kmpc_lite.learn.responses import AT_ONCE, shares_of_ages
+from kmpc_lite.learn.responses import AT_ONCE, Response, shares_of_ages
+from kmpc_lite.learn.unmodelled_delay import DelayOptions, unmodelled_delay
 from kmpc_lite.learn.windows import (
     Moments,
     Rows,
@@ -48,7 +49,7 @@ from kmpc_lite.learn.windows import (
 from kmpc_lite.model.dictionary import Dictionary
 from kmpc_lite.model.dictionary.response import LINEAR, TERMS, ResponseDictionary
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.types import STATES
+from kmpc_lite.types import INPUTS, STATES, Array
 
 
 @dataclass(frozen=True)
@@ -79,16 +80,21 @@ class Selection:
 
 
 def select(
-    dataset: Dataset, options: SelectionOptions | None = None, ages: Sequence[int] = ()
+    dataset: Dataset,
+    options: SelectionOptions | None = None,
+    ages: Sequence[int] = (),
+    whole: Dataset | None = None,
 ) -> Selection:
     """Choose response, slip terms and rows, and fit them.
 
     Parameters
     ----------
     dataset : Dataset
-        What is learned from; nothing else is looked at.
+        What is fitted.
     options : SelectionOptions, optional
         How.
+    whole : Dataset, optional
+        What terms are chosen on: the log of which `dataset` is a part; `dataset` where not given.
     ages : sequence of int
         Of the commands that act [periods]; where there are none, a dead time and a time constant
         are looked for.
@@ -126,15 +132,22 @@ def select(
             1.0,
         )
     given = shares_of_ages(windows, ages) if ages else None
-    thinned = cut_for(_thinned(dataset, options), options, ages)
-    search = Search(thinned, smoothing, limits, given)
+    fitted = Search(cut_for(_thinned(dataset, options), options, ages), smoothing, limits, given)
+    search, log = fitted, dataset
+    if whole is not None:
+        log = whole
+        judged = cut_for(_thinned(whole, options), options, ages)
+        search = Search(judged, smoothing, limits, given)
+        blocks = len(judged.blocks)
     turn, heading, heading_terms = choose_heading(search, options)
+    turn = _late(turn, log, 1, search)
     speed, along, along_terms = choose_along(search, turn, options)
+    speed = _late(speed, log, 0, search)
     across, across_terms = choose_across(search, speed, turn, along_terms, options)
-    if heading_terms:
-        turn = refine(turn, lambda r: heading_error(search, r, heading_terms), search, options)
-    if along_terms:
-        speed = refine(speed, lambda r: along_error(search, r, turn, along_terms), search, options)
+    if heading_terms or turn != AT_ONCE:
+        turn = refine(turn, lambda r: heading_error(fitted, r, heading_terms), fitted, options)
+    if along_terms or speed != AT_ONCE:
+        speed = refine(speed, lambda r: along_error(fitted, r, turn, along_terms), fitted, options)
     every = Search(windows, smoothing, limits).moments(speed, turn)
     rows, condition = _fit_rows(every, along_terms, across_terms, heading_terms)
     return Selection(
@@ -151,6 +164,17 @@ def select(
         windows.count,
         condition,
     )
+
+
+def _late(chosen: AnyResponse, log: Dataset, axis: int, search: Search) -> AnyResponse:
+    """Give a mean delay to a robot that was chosen to obey at once, if its log is sure of one.
+
+    That it answers late is one number, which a log shows long before any term of a model.
+    """
+    if search.given is not None or chosen != AT_ONCE:
+        return chosen
+    delay = unmodelled_delay(log, DelayOptions(axes=(axis,)))
+    return Response(min(delay, search.windows.longest * log.dt), 0.0)
 
 
 def cut_for(dataset: Dataset, options: SelectionOptions, ages: Sequence[int] = ()) -> Windows:
@@ -206,6 +230,7 @@ def fit_supported_terms(
     base: Dictionary,
     options: SelectionOptions | None = None,
     ages: Sequence[int] = (),
+    whole: Dataset | None = None,
 ) -> KoopmanModel:
     """Learn the terms that a log supports; where it supports none, the nominal unicycle.
 
@@ -223,7 +248,7 @@ def fit_supported_terms(
     require_trigonometry(base)
     refuse_frozen(dataset)
     refuse_car_like(dataset)
-    return build_model(select(dataset, options, ages), base, dataset.dt)
+    return build_model(select(dataset, options, ages, whole), base, dataset.dt)
 
 
 def build_model(selection: Selection, base: Dictionary, dt: float) -> KoopmanModel:
@@ -284,6 +309,17 @@ def describe_selection(selection: Selection, used: list[str]) -> dict[str, Any]:
             "blocks": selection.blocks,
         },
     }
+
+
+def learned_axes(model: KoopmanModel) -> Array:
+    """Whether a model differs from the nominal robot in speed, and in turn rate, (2,) bool."""
+    chosen = model.info.get("selection")
+    if chosen is None:
+        return np.ones(INPUTS, dtype=bool)
+    along, across, heading = np.array(chosen["rows"]) != nominal_rows()
+    late = [any(model.info["response"][name]) for name in ("speed", "turn")]
+    differs: Array = np.array((along.any() or across.any(), heading.any())) | late
+    return differs
 
 
 def _finite(value: float) -> float | None:

@@ -160,4 +160,4 @@ def _delay(model: KoopmanModel, log: Dataset) -> float:
     """
     response = model.info.get("response")
     known = float(sum(response["speed"])) if isinstance(response, dict) else 0.0
-    return known or unmodelled_delay(log, DelayOptions(sure=0.0, turns=False))
+    return known or unmodelled_delay(log, DelayOptions(sure=0.0, axes=(0,)))

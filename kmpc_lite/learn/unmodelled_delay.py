@@ -32,8 +32,8 @@ class DelayOptions:
     """Standard errors by which a delay must explain more than none."""
     most_steps: int = 40_000
     """Steps of the log that are looked at."""
-    turns: bool = True
-    """Whether the turn rate is looked at, too, or the speed alone."""
+    axes: tuple[int, ...] = (0, 1)
+    """Which of speed (0) and turn rate (1) are looked at."""
 
 
 def unmodelled_delay(dataset: Dataset, options: DelayOptions | None = None) -> float:
@@ -61,8 +61,8 @@ def unmodelled_delay(dataset: Dataset, options: DelayOptions | None = None) -> f
     asked, moved = _rows(dataset, lags, 1, options.most_steps)
     if len(moved) < 4 * options.blocks:
         return 0.0
-    kinds = INPUTS if options.turns else 1
-    asked, moved = asked[..., :kinds], moved[:, :kinds]
+    axes = list(options.axes)
+    asked, moved = asked[..., axes], moved[:, axes]
     tried = np.arange(options.parts * lags + 1) / options.parts
     errors = np.stack([_errors(asked, moved, delay, options.blocks) for delay in tried])
     gain = errors[0] - errors[int(errors.sum(axis=1).argmin())]
@@ -71,7 +71,7 @@ def unmodelled_delay(dataset: Dataset, options: DelayOptions | None = None) -> f
         return 0.0
     # slowly changing motion shows the mean of an answer that is drawn out
     asked, moved = _rows(dataset, lags, lags, options.most_steps)
-    asked, moved = asked[..., :kinds], moved[:, :kinds]
+    asked, moved = asked[..., axes], moved[:, axes]
     left = [float(_errors(asked, moved, delay, 1)[0]) for delay in tried]
     return dataset.dt * float(tried[int(np.argmin(left))])
 

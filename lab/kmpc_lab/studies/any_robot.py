@@ -15,7 +15,7 @@ import numpy as np
 
 from kmpc_lite.control import Footprint, NavigationProblem
 from kmpc_lite.learn import Dataset, Episode, fit, with_quantiles
-from kmpc_lite.learn.ramps import describe_changes, find_ramps, let_through
+from kmpc_lite.learn.ramps import find_ramps, let_through, with_ramps
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.scale import UNIT_RADIUS, UNIT_SPEED
@@ -252,6 +252,7 @@ def learn(robot: Robot, seed: int) -> KoopmanModel:
         return nominal_unicycle(robot.dt)
     log = record(robot, seed)
     ramps = find_ramps(log)
-    train, held = let_through(log, ramps).windows(10.0).split(0.5, seed=0)
-    model = with_quantiles(fit(train, lags="auto", ramps=False), held)
-    return replace(model, info={**model.info, **describe_changes(log, ramps)})
+    seen = let_through(log, ramps)
+    train, held = seen.windows(10.0).split(0.5, seed=0)
+    model = with_quantiles(fit(train, lags="auto", ramps=False, whole=seen), held)
+    return with_ramps(model, log, ramps)

@@ -22,7 +22,7 @@ def report(*ratios: float) -> FitReport:
     ("ratios", "told"),
     [
         ((1.0, 1.2, 5.0), "Good: predicts 5 times better than nominal in heading;"),
-        ((1.0, 1.0, 1.0), "As nominal: the log supports no better prediction than"),
+        ((1.0, 1.0, 1.0), "As nominal: the log supports no better prediction;"),
         ((0.5, 1.0, 1.0), "Poor: predicts 2 times worse along than nominal;"),
         ((0.5, 1.0, 3.0), "Mixed: predicts 3 times better than nominal in heading but 2 times"),
         ((1e5, 1.0, 1.0), "Good: predicts over 1000 times better than nominal along;"),
