@@ -1,4 +1,4 @@
-"""The far end of a link: a pseudo-terminal, a TCP or UDP port, or the end of a loopback."""
+"""The far end of a link: a pseudo-terminal, a TCP or a UDP port."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import socket
 import termios
 
-from firmware_bridge.link import Transport, loopback_wire
+from firmware_bridge.link import Transport
 from firmware_bridge.link.sockets import TcpPort, UdpEndpoint
 from firmware_bridge.link.threaded import Endpoint, Port, ThreadedTransport
 from firmware_bridge.link.tty import SPEEDS, make_raw
@@ -164,6 +164,4 @@ def serve(url: str) -> Transport:
     if link.kind == "udp":
         link.allow("listen")
         return ThreadedTransport(UdpEndpoint(*link.address(), listen=True))
-    if link.kind == "loopback":
-        return loopback_wire(link).take(board=True)
-    raise ConfigError(f"link {url!r}: an emulator serves pty:, tcp:, udp: or loopback:")
+    raise ConfigError(f"link {url!r}: an emulator serves pty:, tcp: or udp:")

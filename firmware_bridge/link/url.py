@@ -8,7 +8,7 @@ from urllib.parse import parse_qsl
 
 from firmware_bridge.messages import ConfigError
 
-KINDS = ("serial", "pty", "tcp", "udp", "loopback")
+KINDS = ("serial", "pty", "tcp", "udp")
 
 
 @dataclass(frozen=True)

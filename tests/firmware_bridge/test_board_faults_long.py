@@ -8,12 +8,11 @@ from collections import Counter
 
 import pytest
 from faulty_world import Desk
+from loopback import Faults, named_wire, serve_on
 from waiting import until
 from wire_decoders import odrive_speeds, roboclaw_speeds, vesc_erpm
 
 from firmware_bridge.kinematics import WheelGeometry
-from firmware_bridge.link import Faults, open_transport
-from firmware_bridge.link.loopback import named_wire
 from firmware_bridge.messages import VelocityCommand
 from firmware_bridge.recording.link_log import Chunk, RecordedTransport
 from firmware_bridge.robot_file import load_robot
@@ -88,14 +87,14 @@ def test_serial_boards_in_real_time(board):
     robot = load_robot(
         None,
         {
-            "link": {"url": f"loopback:{board}", "driver": board},
+            "link": {"url": f"pty:{board}", "driver": board},
             "board": BOARDS[board],
             "geometry": SHAPE,
         },
     )
     wire = named_wire(board, Faults(), 5)
     emulator = build_emulator(robot, (0.0, 0.0, 0.0), 0.0, 1.0, 0, 0.0)
-    emulator.start(robot.link.url)
+    serve_on(emulator, wire)
     failures: list[AssertionError] = []
     ear = SerialEar(board)
 
@@ -105,7 +104,7 @@ def test_serial_boards_in_real_time(board):
         except AssertionError as error:
             failures.append(error)
 
-    driver = open_driver(robot, RecordedTransport(open_transport(robot.link.url), judge))
+    driver = open_driver(robot, RecordedTransport(wire.take(board=False), judge))
     driver.connect(5.0)
     gate, desk = SafetyGate(GateSettings(BOARD_LIMITS, pilot=False)), Desk()
 

@@ -7,8 +7,8 @@ import resource
 
 import pytest
 from faulty_world import OUTAGES, World
+from loopback import Faults
 
-from firmware_bridge.link import Faults
 from firmware_bridge.safety.gate_table import GateState
 
 

@@ -3,6 +3,7 @@
 import math
 import time
 
+from loopback import named_wire, serve_on
 from waiting import until
 
 from firmware_bridge.drivers.boards import BOARDS, load
@@ -61,8 +62,12 @@ class Rig:
         self.name, self.url = name, url
         table = table or TABLES[name]
         self.emulator = EMULATORS[name].from_options(table, **floor)
-        self.emulator.start(url)
-        self.wire = Spy(open_transport(url))
+        if url.startswith("loopback:"):
+            serve_on(self.emulator, wire := named_wire(url))
+            self.wire = Spy(wire.take(board=False))
+        else:
+            self.emulator.start(url)
+            self.wire = Spy(open_transport(url))
         self.driver = DRIVERS[name].from_options(self.wire, table)
 
     def connect(self):

@@ -8,12 +8,12 @@ import math
 import random
 from collections import Counter
 
+from loopback import LoopbackWire
 from robots import Clock
 from wire_decoders import MavlinkEar, armed_in_guided, mavlink_frame, position, set_point, with_nan
 
 from firmware_bridge.drivers.mavlink.core import MavlinkCore
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
-from firmware_bridge.link import LoopbackWire
 from firmware_bridge.messages import VelocityCommand
 from firmware_bridge.runtime.controller_thread import Planner
 from firmware_bridge.runtime.loop import ControlLoop

@@ -44,7 +44,9 @@ def look_at_the_recording(run, report):
     assert details.margins.min() >= 0.05, "the scenario asks for so much"
 
 
-SLOW = [pytest.param(name, marks=pytest.mark.long) for name in ("odrive", "vesc")]
+SLOW = [
+    pytest.param(name, marks=pytest.mark.long) for name in ("odrive", "vesc", "roboteq", "arduino")
+]
 
 
 @pytest.mark.parametrize("name", ["rover", "roboclaw", *SLOW])

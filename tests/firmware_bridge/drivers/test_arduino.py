@@ -9,6 +9,7 @@ import fastcrc
 import pytest
 from boards import Rig
 from compiled_sketch import SKETCH, compiled
+from robots import Clock
 from waiting import until
 
 from firmware_bridge.drivers.arduino import ENCODER, FAULT, STOPPED, ArduinoOptions
@@ -20,21 +21,8 @@ ROBOT = WheelGeometry(wheel_radius=0.05, track=0.3, max_wheel_speed=2.0)
 OPTIONS = ArduinoOptions(counts_per_turn=2000)
 
 
-class Clock:
-    def __init__(self):
-        self.now = 50.0
-
-    def __call__(self):
-        return self.now
-
-
 def line(text):
     return f"{text}*{fastcrc.crc16.xmodem(text.encode()):04X}\n".encode()
-
-
-@pytest.fixture
-def clock():
-    return Clock()
 
 
 @pytest.fixture

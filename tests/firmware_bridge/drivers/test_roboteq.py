@@ -15,19 +15,6 @@ OPTIONS = RoboteqOptions(counts_per_turn=4000)
 ROBOT = WheelGeometry(wheel_radius=0.05, track=0.3, max_wheel_speed=2.0)
 
 
-class Clock:
-    def __init__(self):
-        self.now = 50.0
-
-    def __call__(self):
-        return self.now
-
-
-@pytest.fixture
-def clock():
-    return Clock()
-
-
 @pytest.fixture
 def board(clock):
     board = RoboteqEmulator(ROBOT, OPTIONS, clock=clock)

@@ -18,19 +18,6 @@ OPTIONS = SabertoothOptions(full_speed=1.27)
 TABLE = {"geometry": GEOMETRY, "board": {"full_speed": 1.2, "watchdog": 0.3}}
 
 
-class Clock:
-    def __init__(self):
-        self.now = 50.0
-
-    def __call__(self):
-        return self.now
-
-
-@pytest.fixture
-def clock():
-    return Clock()
-
-
 @pytest.fixture
 def board(clock):
     return SabertoothEmulator(ROBOT, OPTIONS, clock=clock)
@@ -145,4 +132,4 @@ def test_close_says_zero_last(rig):
 
 def test_a_wheel_faster_than_full_speed_is_refused():
     with pytest.raises(ConfigError, match="board.full_speed: expected at least"):
-        SabertoothDriver(open_transport("loopback:x"), ROBOT, SabertoothOptions(full_speed=0.5))
+        SabertoothDriver(open_transport("pty:x"), ROBOT, SabertoothOptions(full_speed=0.5))

@@ -21,14 +21,6 @@ RPM_60 = 7 * 60
 """ERPM of one motor turn per second."""
 
 
-class Clock:
-    def __init__(self):
-        self.now = 50.0
-
-    def __call__(self):
-        return self.now
-
-
 def framed(payload):
     return (
         bytes((2, len(payload)))
@@ -44,11 +36,6 @@ def opened(frame):
     payload = frame[2:-3]
     assert struct.unpack(">H", frame[-3:-1])[0] == fastcrc.crc16.xmodem(payload)
     return payload
-
-
-@pytest.fixture
-def clock():
-    return Clock()
 
 
 @pytest.fixture
@@ -252,6 +239,6 @@ def test_bad_options_name_the_key(board, message):
     geometry = {**GEOMETRY, "gear_ratio": 10_000.0, "max_wheel_speed": 50.0}
     with pytest.raises(ConfigError) as caught:
         VescDriver.from_options(
-            open_transport("loopback:unused"), {"geometry": geometry, "board": board}
+            open_transport("pty:unused"), {"geometry": geometry, "board": board}
         )
     assert str(caught.value).startswith(message)

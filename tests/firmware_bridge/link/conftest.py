@@ -7,13 +7,12 @@ from free_port import free_port
 from link_ends import End
 
 
-@pytest.fixture(params=["pty", "tcp", "udp", "loopback"])
+@pytest.fixture(params=["pty", "tcp", "udp"])
 def url(request, tmp_path):
     return {
         "pty": f"pty:{tmp_path}/port",
         "tcp": f"tcp:127.0.0.1:{free_port()}",
         "udp": f"udp:127.0.0.1:{free_port(socket.SOCK_DGRAM)}",
-        "loopback": f"loopback:{tmp_path.name}",
     }[request.param]
 
 

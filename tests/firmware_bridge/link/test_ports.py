@@ -100,7 +100,7 @@ def test_pty_leaves_a_file_of_the_user_alone(tmp_path):
 @pytest.mark.parametrize(
     ("url", "message"),
     [
-        ("can:vcan0", "expected serial:, pty:, tcp:, udp:, loopback:"),
+        ("can:vcan0", "expected serial:, pty:, tcp:, udp:"),
         ("", "expected serial:"),
         ("tcp:localhost", "expected tcp:HOST:PORT"),
         ("tcp:localhost:http", "port from 0 to 65535"),
@@ -112,9 +112,6 @@ def test_pty_leaves_a_file_of_the_user_alone(tmp_path):
         ("serial:/dev/ttyACM0?baud", "name=value"),
         ("tcp:localhost:1?x=1", "unknown option 'x'; tcp: takes none"),
         ("udp:localhost:1?listen=2", "listen: expected a number from 0 to 1"),
-        ("loopback:", "expected loopback:NAME"),
-        ("loopback:a?drop=nan", "drop: expected a number"),
-        ("loopback:a?drop=2", "drop: expected 0 to 1"),
     ],
 )
 def test_bad_urls(url, message):

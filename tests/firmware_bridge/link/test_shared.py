@@ -1,6 +1,7 @@
 """A link that others share: who hears what, and how little of theirs reaches the board at once."""
 
 import pytest
+from robots import Clock
 
 from firmware_bridge.link.shared import (
     BURST,
@@ -12,14 +13,6 @@ from firmware_bridge.link.shared import (
     SharedTransport,
 )
 from firmware_bridge.messages import LinkError
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now = 50.0
-
-    def __call__(self) -> float:
-        return self.now
 
 
 class FakeLink:

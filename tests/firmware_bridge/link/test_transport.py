@@ -43,8 +43,7 @@ def test_comes_back_after_a_loss_without_old_frames(url, opened):
     again = opened(serve(url))
     assert until(lambda: bridge.transport.connected and again.transport.connected)
     assert bridge.transport.write(b"second") and until(lambda: again.data == b"second")
-    if not url.startswith("loopback"):
-        assert bridge.transport.counters["reconnects"] == 1 and bridge.transport.last_error
+    assert bridge.transport.counters["reconnects"] == 1 and bridge.transport.last_error
 
 
 def test_close_is_idempotent_and_final(url, opened):

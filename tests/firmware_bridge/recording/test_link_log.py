@@ -5,9 +5,9 @@ import struct
 import time
 
 import pytest
+from loopback import LoopbackWire
 from robots import Clock
 
-from firmware_bridge.link import LoopbackWire
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.recording.link_log import (
     LONGEST,

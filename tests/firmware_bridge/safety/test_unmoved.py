@@ -29,10 +29,6 @@ def stays(here, v, omega, k):
     return here
 
 
-def obeys(here, v, omega, k):
-    return unicycle_arc(here, v, omega, TICK)
-
-
 @pytest.mark.parametrize("command", [(0.3, 0.0), (-0.2, 0.0), (0.3, 0.8), (1.5, 0.0), (0.03, 0.0)])
 def test_a_pose_that_stays_is_told_once_enough_was_told(command):
     said = looks([command] * 500, stays)

@@ -1,25 +1,11 @@
 """The emulated ODrive against lines of the documentation."""
 
 import pytest
-import serial
 
 from firmware_bridge.kinematics import WheelGeometry
 from kmpc_lab.emulator.odrive import ODriveEmulator
 
 ROBOT = WheelGeometry(wheel_radius=0.05, track=0.3, max_wheel_speed=2.0)
-
-
-class Clock:
-    def __init__(self):
-        self.now = 50.0
-
-    def __call__(self):
-        return self.now
-
-
-@pytest.fixture
-def clock():
-    return Clock()
 
 
 @pytest.fixture
@@ -87,16 +73,6 @@ def test_watchdog_disarms_with_an_error_and_only_v_and_u_feed_it(board, clock):
     assert board.stopped, "errors stand until they are cleared"
     board.handle(b"u 0\nsc\nw axis0.requested_state 8\nv 0 1 0\n")
     assert not board.stopped
-
-
-def test_pyserial_and_the_documentation_are_enough_to_drive_it(tmp_path):
-    board = ODriveEmulator(ROBOT)
-    board.start(f"pty:{tmp_path}/port")
-    with serial.Serial(str(tmp_path / "port"), 115200, timeout=3.0) as port:
-        port.write(b"w axis0.requested_state 8\nv 0 1.0 0\nr axis0.current_state\n")
-        assert port.readline() == b"8\r\n"
-        assert board.wheel_command[0] > 0.0
-    board.close()
 
 
 def test_reboot_by_line_forgets_what_was_not_saved(board, clock):

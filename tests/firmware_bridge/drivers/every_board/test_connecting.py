@@ -71,5 +71,5 @@ def test_close_twice_and_before_connect(name, tmp_path):
 def test_bad_robot_files_name_the_key(name, section, change, message):
     table = {**TABLES[name], section: {**TABLES[name][section], **change}}
     with pytest.raises(ConfigError) as caught:
-        DRIVERS[name].from_options(open_transport("loopback:unused"), table)
+        DRIVERS[name].from_options(open_transport("pty:unused"), table)
     assert str(caught.value).startswith(message)

@@ -6,11 +6,11 @@ import struct
 import time
 
 from boards import DRIVERS, EMULATORS, TABLES, Rig, with_board
+from loopback import Faults, named_wire
 
 from firmware_bridge.drivers.arduino import line
-from firmware_bridge.link import Faults, open_transport
+from firmware_bridge.link import open_transport
 from firmware_bridge.link.framing import odrive_line, roboclaw_packet, vesc_packet
-from firmware_bridge.link.loopback import named_wire
 
 
 def test_boot_text_and_noise_are_skipped(rig):
@@ -47,7 +47,7 @@ def test_wire_shows_only_speeds_within_the_limit_under_faults(name):
 
     What the driver writes is decoded here by other means.
     """
-    wire = named_wire(f"storm-{name}", Faults(), seed=7)
+    wire = named_wire(f"loopback:storm-{name}", Faults(), seed=7)
     rig = Rig(name, f"loopback:storm-{name}").connect()
     storm = Faults(
         drop=0.05,
@@ -118,7 +118,7 @@ def rim_speeds(name, frame):
 def test_noise_makes_no_exception_at_either_end(name):
     now = [100.0]
     board = EMULATORS[name].from_options(TABLES[name], clock=lambda: now[0])
-    driver = DRIVERS[name].from_options(open_transport("loopback:unused"), TABLES[name])
+    driver = DRIVERS[name].from_options(open_transport("pty:unused"), TABLES[name])
     rng = random.Random(8)
     alphabets = {
         "odrive": b"vfruwsc 01.-einaf*\n\r",

@@ -25,7 +25,7 @@ from kmpc_lab.emulator.rover.parameters import MOTION_CAPTURE
 from kmpc_lab.emulator.rover.rover import RoverEmulator
 
 
-@pytest.fixture(params=["tcp", "udp", "pty"])
+@pytest.fixture(params=["udp", "pty"])
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     if request.param == "pty":
         return f"pty:{tmp_path / 'rover'}"

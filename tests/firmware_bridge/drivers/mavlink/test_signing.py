@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 
 import pytest
+from loopback import LoopbackWire
 from mavlink_rig import Rig, dialect
 
 from firmware_bridge.drivers.mavlink.codec import MavlinkCodec, signing_time
@@ -13,7 +14,6 @@ from firmware_bridge.drivers.mavlink.core import MavlinkCore
 from firmware_bridge.drivers.mavlink.driver import MavlinkDriver
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
 from firmware_bridge.drivers.mavlink.signing import PERIOD, SigningStamp
-from firmware_bridge.link import LoopbackWire
 from firmware_bridge.messages import ConfigError, LinkError
 from kmpc_lab.emulator.rover.autopilot import HOLD
 

@@ -1,0 +1,9 @@
+"""A clock of the tests' own."""
+
+import pytest
+from robots import Clock
+
+
+@pytest.fixture
+def clock():
+    return Clock()
