@@ -37,6 +37,10 @@ TOLERATED = 0.3
 FAR_TURN = 0.6
 """Turn in a period [rad] from which on QPs are solved thoroughly: stopped early, they let a robot
 that drives far in a period cut into what it passes."""
+EXACT_PENALTY = 10.0
+"""Passes to convergence weigh slack by this many times more: above the multipliers of all that a
+plan can pass by, so that slack is used only where there is no way without. One pass a period does
+with less, which is solved sooner: the next period mends what it leaves."""
 LEAST_SHARE = 0.1
 """Least share of a step that a pass goes."""
 
@@ -92,7 +96,9 @@ class SQP:
         self.problem, self.clock = problem, clock
         self.iterations, self.tolerance = iterations, tolerance
         slots *= 1 if problem.footprint is None else 2  # at either end of what is not round
-        self.qp = NavigationQP(problem, history, slots, kernels)
+        penalties = problem.slack_weights * (EXACT_PENALTY if iterations > 1 else 1.0, 1.0)
+        soft = replace(problem, slack_weights=penalties)
+        self.qp = NavigationQP(soft, history, slots, kernels)
         turns_far = problem.dt * fastest(problem)[1] > FAR_TURN
         one_pass = options.thorough if history or turns_far else options.real_time
         settings = options.converged if iterations > 1 else one_pass

@@ -16,10 +16,6 @@ from kmpc_lite.control.problem import NavigationProblem
 pytest.importorskip("casadi", reason="the extra peers is not installed")
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="known limit: no penalty grows, so that 5 of 24 converged plans cut in by up to 1.2 cm",
-)
 def test_ours_converges_to_what_ipopt_finds() -> None:
     model, problem = learned_model(), NavigationProblem()
     drives = record(model, problem, 2, 12, 4, TUNING_SEED + 50)
