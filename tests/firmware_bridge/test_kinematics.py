@@ -98,16 +98,6 @@ def test_odometry_follows_exact_arcs_across_the_wrap(start):
     assert -math.pi <= odometry.theta <= math.pi
 
 
-def test_straight_lines_and_turns_in_place():
-    odometry = WheelOdometry(ROSBOT, 1.0, wraps=False)
-    circumference = math.tau * 0.0425
-    assert odometry.update(0.0, 0.0, 0.0) and odometry.update(1.0, 1.0, 1.0)
-    assert (odometry.x, odometry.y, odometry.theta) == pytest.approx((circumference, 0.0, 0.0))
-    assert odometry.update(0.5, 1.5, 2.0)
-    assert (odometry.x, odometry.y) == pytest.approx((circumference, 0.0))
-    assert odometry.theta == pytest.approx(circumference / 0.27)
-
-
 def test_impossible_jumps_do_not_move_the_robot():
     odometry = WheelOdometry(ROSBOT, 1000.0, wraps=True)
     assert odometry.update(50_000, 50_000, 0.0) and odometry.update(50_010, 50_010, 0.02)
@@ -208,9 +198,3 @@ def test_bad_geometry_names_the_key(change, message):
     with pytest.raises(ConfigError) as caught:
         from_table(WheelGeometry, table, "geometry")
     assert str(caught.value).startswith(message)
-
-
-def test_good_geometry():
-    assert from_table(WheelGeometry, GOOD, "geometry") == WheelGeometry(0.05, 0.3, 1.0)
-    with pytest.raises(ConfigError, match="expected a table"):
-        from_table(WheelGeometry, 3, "geometry")

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from kmpc_lite.geometry import (
     clearances,
-    distances,
     exact_arc,
     heading_near,
     nearest_turn,
@@ -31,24 +30,9 @@ def test_a_wrapped_angle_lies_in_its_interval_and_points_the_same_way(angle: flo
     assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-9)
 
 
-@pytest.mark.parametrize("angle", [math.pi, -math.pi, math.nextafter(-math.pi, -4.0), 3 * math.pi])
-def test_half_a_turn_wraps_to_the_lower_end_for_scalars_and_arrays(angle: float) -> None:
-    assert wrap(angle) == -math.pi
-    np.testing.assert_array_equal(wrap(np.array([angle])), [-math.pi])
-
-
 def test_an_angle_that_is_not_finite_stays_none() -> None:
     assert math.isnan(wrap(math.nan))
     assert np.isnan(wrap(np.array([0.0, math.nan]))).tolist() == [False, True]
-
-
-@given(st.lists(ANGLES, min_size=1, max_size=8))
-def test_arrays_and_scalars_give_the_same_angles(angles: list[float]) -> None:
-    given_angles = np.array(angles)
-    before = given_angles.copy()
-    assert wrap(given_angles).tolist() == [wrap(angle) for angle in angles]
-    assert nearest_turn(given_angles).tolist() == [nearest_turn(angle) for angle in angles]
-    np.testing.assert_array_equal(given_angles, before)  # and the argument is left alone
 
 
 @given(ANGLES)
@@ -95,29 +79,8 @@ def test_an_arc_is_where_many_small_steps_end(omega: float, left: float) -> None
     assert exact_arc((0.3, -0.2, 1.1), 0.5, omega, 1.0, left) == pytest.approx((x, y, theta))
 
 
-def test_arcs_of_arrays_are_those_of_scalars() -> None:
-    random = np.random.default_rng(0)
-    poses, v, omega = random.normal(size=(4, 3)), random.normal(size=4), random.normal(size=4)
-    times = np.array([[0.1], [2.0]])
-    ends = exact_arc(poses, v, omega, times)
-    assert ends.shape == (2, 4, 3)
-    for row, t in zip(ends, times[:, 0], strict=True):
-        for end, pose, *speeds in zip(row, poses, v, omega, strict=True):
-            x, y, theta = (float(value) for value in pose)
-            np.testing.assert_allclose(end, exact_arc((x, y, theta), *map(float, speeds), float(t)))
-
-
-def test_arcs_from_one_pose_have_the_shape_of_their_speeds() -> None:
-    assert exact_arc(np.zeros(3), np.ones((5, 1)), 0.3, np.linspace(0.1, 1.0, 7)).shape == (5, 7, 3)
-
-
 def test_distances_to_circles_are_to_their_edges_and_negative_inside() -> None:
     circles = np.array([[0.0, 0.0, 1.0, 0.3, 0.0], [3.0, 4.0, 0.5, 0.0, 0.0]])
     points = np.array([[[3.0, 4.0, 2.0]], [[0.0, 0.0, 0.0]]])
     np.testing.assert_allclose(clearances(points, circles), [[[4.0, -0.5]], [[-1.0, 4.5]]])
     assert clearances(points, circles[:0]).shape == (2, 1, 0)
-
-
-def test_distances_between_poses_leave_headings_out() -> None:
-    track = np.array([[3.0, 4.0, 9.0], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(distances(track, np.zeros(3)), [5.0, 0.0])

@@ -73,19 +73,6 @@ def test_a_robot_that_must_not_reverse_never_does():
     )
 
 
-def test_the_same_seed_drives_the_same_way():
-    runs = [
-        [
-            c
-            for _, c, _ in drive(
-                Excitation(FENCE, Limits(), seed=s), Limits(), 20.0, 0.1, 0.05, 1.0
-            )
-        ]
-        for s in (3, 3, 4)
-    ]
-    assert runs[0] == runs[1] != runs[2]
-
-
 def test_a_fence_that_is_far_too_small_is_refused_with_the_speed_that_it_would_bear():
     with pytest.raises(ConfigError, match="too small to drive in at random at 3 m/s: at most 0.2"):
         Excitation((0.0, 0.0, 1.0, 5.0), Limits(v_max=3.0))

@@ -148,3 +148,29 @@ def test_the_planner_is_told_the_moment_and_its_scan_is_kept_for_who_looks_on():
         assert made.scan is moment.scan
         assert made.reason == ("its way is barred" if moment.scan else "")
     assert told == moments
+
+
+def test_the_goal_must_be_held_with_its_heading_until_time_is_up():
+    clock = Clock()
+    made = navigator(clock, command=(0.04, 0.0), seconds=2.0)  # so slow that it counts as standing
+    assert made.report()["position_error_m"] is None
+    for x in (0.0, 0.96, 0.96, 0.90, 0.96, 0.97, 1.0, 1.0, 1.0):
+        at(made, clock, x)
+        assert not made.finished(), x
+    at(made, clock, 1.0)
+    assert made.finished() and made.report()["arrived_after_s"] == 0.4
+    made = navigator(clock, command=(0.04, 0.0), seconds=2.0)
+    for _ in range(20):
+        at(made, clock, 1.0, theta=0.2 + math.tau)
+        assert not made.finished()
+    clock.now += 0.2
+    assert made.finished() and not made.arrived and made.report()["heading_error_rad"] == 0.2
+
+
+def test_the_clearance_is_to_where_moving_obstacles_are():
+    clock = Clock()
+    task = Task((1.0, 0.0, 0.0), 0.05, 0.1, 0.2, lambda t: [[0.5, 1.0 - 0.1 * t, 0.3]])
+    made = Navigator(lambda *_: Planned(0.0, 0.0, "SOLVED"), task, 0.5, 20.0, clock)
+    for _ in range(3):
+        at(made, clock, 0.5, after=1.0)
+    assert made.report()["clearance_m"] == round(0.8 - 0.3 - 0.2, 4)

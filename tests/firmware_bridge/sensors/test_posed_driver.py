@@ -168,32 +168,21 @@ def test_a_whole_run_by_motion_capture(tmp_path, monkeypatch, capsys):
     (tmp_path / "course.toml").write_text(COURSE)
     robot_file = (
         "[geometry]\nwheel_radius = 0.0425\ntrack = 0.27\nmax_wheel_speed = "
-        "0.9\n[board]\ncounts_per_turn = 1440.0\n"
+        "0.9\n[board]\nfull_speed = 0.9\n"
     )
     pose = f"udp:127.0.0.1:{free_port(socket.SOCK_DGRAM)}"
     (tmp_path / "robot.toml").write_text(
-        f'[link]\nurl = "pty:link"\ndriver = "roboclaw"\npose = "{pose}"\n{robot_file}'
+        f'[link]\nurl = "pty:link"\ndriver = "sabertooth"\npose = "{pose}"\n{robot_file}'
     )
-    # the wheels slip, so that their odometry would not arrive
+    # the board tells nothing, and the wheels slip
     emulator = build_emulator(load_robot("robot.toml"), (0.0, 0.0, 0.0), 0.2, 0.7, 1, 0.1)
     camera = MocapSender(lambda: emulator.pose, pose)
     emulator.start("pty:link")
     camera.start()
     try:
-        quick = [
-            "--v-max",
-            "0.5",
-            "--omega-max",
-            "1.5",
-            "--settle",
-            "0.3",
-            "--seconds",
-            "25",
-            "--set",
-            "safety.hold=0.3",
-            *PATIENT,
-        ]
-        status = main(["run", "robot.toml", "--scenario", "course.toml", "--json", *quick])
+        quick = "--v-max 0.5 --omega-max 1.5 --settle 0.3 --seconds 25 --set safety.hold=0.3"
+        words = f"run robot.toml --scenario course.toml --json {quick}".split()
+        status = main([*words, *PATIENT])
         report = json.loads(capsys.readouterr().out)
         assert status == 0, report
         x, y, _ = emulator.pose

@@ -63,12 +63,6 @@ class TestSetPoints:
         ground.drive(0.5, 0.0, 5.0, mask=0xDC7, frame=1)
         assert ground.rover.pose[2] == pytest.approx(math.pi / 2, abs=0.02), "north"
 
-    def test_a_heading(self) -> None:
-        ground = Ground()
-        ground.guided()
-        ground.drive(0.3, 0.0, 5.0, mask=0x9C7, frame=1, yaw=math.pi)
-        assert ground.rover.pose[2] == pytest.approx(-math.pi / 2, abs=0.02), "south"
-
     def test_set_points_that_stop_are_obeyed_for_three_seconds(self) -> None:
         ground = Ground()
         ground.guided()
@@ -95,13 +89,6 @@ class TestSetPoints:
         assert "set-point not finite: ArduPilot aborts here" in ground.texts()
         assert [m.severity for m in ground.of("STATUSTEXT") if "aborts" in m.text] == [0]
         assert ground.rover.stopped
-
-    def test_never_acknowledged(self) -> None:
-        ground = Ground()
-        ground.guided()
-        ground.heard.clear()
-        ground.drive(0.5, 0.0, 1.0)
-        assert not ground.of("COMMAND_ACK")
 
     @pytest.mark.parametrize("mode", [MANUAL, HOLD])
     def test_only_in_guided(self, mode: int) -> None:

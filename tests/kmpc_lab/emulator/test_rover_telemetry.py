@@ -22,11 +22,6 @@ class TestTelemetry:
     def test_at_most_forty_hertz(self, interval: float, result: int) -> None:
         assert Ground().command(511, 30.0, interval) == result
 
-    def test_the_limit_follows_the_loop_rate(self) -> None:
-        ground = Ground(parameters={"SCHED_LOOP_RATE": 100.0})
-        assert ground.command(511, 30.0, 13_000.0) == ACCEPTED
-        assert ground.command(511, 30.0, 12_000.0) == DENIED
-
     @pytest.mark.parametrize(("rate", "message"), [(40.0, 30), (10.0, 32), (4.0, 193), (1.0, 1)])
     def test_the_rate_is_kept(self, rate: float, message: int) -> None:
         ground = Ground()

@@ -64,19 +64,6 @@ def test_symbolic_step_is_predict(name: str, kind: str) -> None:
         )
 
 
-def test_symbolic_step_of_a_learned_and_of_the_nominal_model() -> None:
-    data = kmpc_lab.generate_dataset(
-        kmpc_lab.DifferentialDrive(0.05, seed=1), episodes=20, steps=40, dt=DT, seed=2
-    )
-    for model in (kl.nominal_unicycle(DT), kl.fit(data), kl.fit(data, method="edmdc")):
-        step = symbolic_step(model)
-        np.testing.assert_allclose(
-            np.array(step((0.3, -0.2, 0.7), (0.4, -0.5))).ravel(),
-            model.predict((0.3, -0.2, 0.7), (0.4, -0.5)),
-            atol=1e-12,
-        )
-
-
 @pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
 def test_plans_keep_every_constraint(solver: str) -> None:
     problem = kl.NavigationProblem(margin=0.02)
@@ -129,14 +116,6 @@ def test_changes_of_commands_are_limited_from_the_one_sent_last() -> None:
         IpoptController(kl.nominal_unicycle(DT), problem, solver="fatrop")
 
 
-def test_the_number_of_obstacles_may_change() -> None:
-    controller = IpoptController(kl.nominal_unicycle(DT))
-    for circles in ([], CIRCLES, CIRCLES[:1], []):
-        plan = controller.step((0.0, 0.0, 0.3), GOAL, circles)
-        assert plan.status is kl.PlanStatus.SOLVED
-        assert (plan.clearance == np.inf) == (not circles)
-
-
 def test_an_impossible_problem_is_told_and_the_command_still_bounded() -> None:
     problem = kl.NavigationProblem()
     # the robot stands deep in an obstacle that it cannot leave within one period, and nothing is
@@ -148,18 +127,6 @@ def test_an_impossible_problem_is_told_and_the_command_still_bounded() -> None:
     assert plan.reason
     assert np.isfinite(plan.command).all()
     assert (np.abs(plan.command) <= problem.bounds[1]).all()
-
-
-def test_reset_and_the_goals_turns() -> None:
-    controller = IpoptController(kl.nominal_unicycle(DT))
-    first = controller.step((0.0, 0.0, 0.3), GOAL, CIRCLES)
-    controller.step((1.0, -1.0, 2.0), GOAL, CIRCLES)
-    controller.reset()
-    np.testing.assert_allclose(
-        controller.step((0.0, 0.0, 0.3), (1.5, 1.5, 4 * np.pi), CIRCLES).command,
-        first.command,
-        atol=1e-5,
-    )
 
 
 def test_models_with_an_input_history_are_refused() -> None:

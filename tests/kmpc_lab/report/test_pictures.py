@@ -8,7 +8,6 @@ from matplotlib.image import imread
 from report_page import FIT, LIMITS, MODEL, Page, some
 
 import kmpc_lite as kl
-from kmpc_lab import Run
 from kmpc_lab.report import (
     commands_picture,
     errors_picture,
@@ -19,7 +18,6 @@ from kmpc_lab.report import (
     write_pictures,
     write_report,
 )
-from kmpc_lab.report.style import render
 
 
 @pytest.mark.parametrize(
@@ -179,11 +177,3 @@ def test_overlay_groups_runs_by_label(runs):
         overlay_picture([runs["reached"], runs["empty"]], ["a", "b"])
     with pytest.raises(kl.KmpcError, match="2 runs and 1 labels"):
         overlay_picture([runs["reached"]] * 2, ["a"])
-
-
-def test_a_saved_run_gives_the_same_pictures(runs, tmp_path):
-    run = runs["collision"]
-    run.save(tmp_path / "run.npz")
-    again = Run.load(tmp_path / "run.npz")
-    for draw in (map_picture, errors_picture):
-        assert render(draw(again), "svg") == render(draw(run), "svg")

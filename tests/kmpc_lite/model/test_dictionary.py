@@ -124,16 +124,6 @@ def test_the_paper_dictionary_is_what_the_paper_prints() -> None:
     )
 
 
-@every_dictionary
-def test_whole_number_poses_lift_like_any_other(dictionary: kl.Dictionary) -> None:
-    np.testing.assert_array_equal(
-        dictionary.lift(np.array([1, -2, 3])), dictionary.lift(np.array([1.0, -2.0, 3.0]))
-    )
-    np.testing.assert_array_equal(
-        dictionary.jacobian(np.array([1, -2, 3])), dictionary.jacobian(np.array([1.0, -2.0, 3.0]))
-    )
-
-
 HISTORIES = [((0,), False), ((0, 1, 2), False), ((2,), False), ((0, 2), True), ((3, 1), True)]
 
 
@@ -160,13 +150,6 @@ def test_inputs_are_the_commands_of_each_lag(lags: tuple[int, ...], product: boo
     delayed = [commands[-1 - lag] for lag in lags]
     expected = np.concatenate([*delayed, [c[0] * c[1] for c in delayed] if product else []])
     np.testing.assert_array_equal(dictionary.inputs(commands[-1], commands[:-1]), expected)
-
-
-def test_commands_before_the_first_are_zero() -> None:
-    dictionary = kl.InputHistoryDictionary(TRIG, lags=(0, 2), product=True)
-    np.testing.assert_array_equal(
-        dictionary.inputs(np.array([0.3, 0.5])), [0.3, 0.5, 0.0, 0.0, 0.15, 0.0]
-    )
 
 
 @pytest.mark.parametrize(

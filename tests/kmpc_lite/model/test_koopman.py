@@ -123,53 +123,11 @@ def test_a_batch_is_many_singles(model: kl.KoopmanModel, lead: tuple[int, ...]) 
             np.testing.assert_allclose(many[i], one, **close)
 
 
-@every_model
-def test_leading_axes_broadcast(model: kl.KoopmanModel) -> None:
-    x, u, past = points(model, 4)
-    inputs = 0.1 * np.ones((5, 2))
-    close = {"rtol": 1e-11, "atol": 1e-12}
-    np.testing.assert_allclose(
-        model.predict(x, u[0], past[0])[2], model.predict(x[2], u[0], past[0]), **close
-    )
-    np.testing.assert_allclose(
-        model.predict(x[0], u, past[0])[2], model.predict(x[0], u[2], past[0]), **close
-    )
-    np.testing.assert_allclose(
-        model.rollout(x, inputs, past[0])[2], model.rollout(x[2], inputs, past[0]), **close
-    )
-    np.testing.assert_allclose(model.rollout(x, inputs)[2], model.rollout(x[2], inputs), **close)
-    np.testing.assert_allclose(
-        model.rollout(x[0], np.stack([inputs, u[:1] + 0 * inputs]))[0],
-        model.rollout(x[0], inputs),
-        **close,
-    )
-    if model.history:
-        np.testing.assert_allclose(
-            model.predict(x[0], u[0], past)[2], model.predict(x[0], u[0], past[2]), **close
-        )
-        np.testing.assert_allclose(
-            model.rollout(x[0], inputs, past)[2], model.rollout(x[0], inputs, past[2]), **close
-        )
-        np.testing.assert_allclose(
-            model.linearize(x[0], u, past[0]).B_past[2],
-            model.linearize(x[0], u[2], past[0]).B_past,
-            **close,
-        )
-
-
 def test_the_nominal_unicycle_is_the_plant_without_slip() -> None:
     random = np.random.default_rng(7)
     x, u = random.uniform(-3.0, 3.0, (100, 3)), random.uniform(-1.0, 1.0, (100, 2))
     model, plant = kl.nominal_unicycle(0.1), kmpc_lab.DifferentialDrive(slip=0.0)
     np.testing.assert_allclose(model.predict(x, u), plant.step(x, u, 0.1), rtol=0, atol=1e-8)
-
-
-def test_the_nominal_unicycle_drives_circles() -> None:
-    v, omega, dt = 0.5, 0.7, 0.1
-    path = kl.nominal_unicycle(dt).rollout([0.0, 0.0, 0.0], np.tile([v, omega], (80, 1)))
-    angle = omega * dt * np.arange(81)
-    exact = np.c_[v / omega * np.sin(angle), v / omega * (1 - np.cos(angle)), angle]
-    np.testing.assert_allclose(path, exact, atol=1e-7)
 
 
 def test_noise_grows_with_the_command() -> None:

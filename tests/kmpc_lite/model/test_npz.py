@@ -10,7 +10,7 @@ import os
 import pickle
 import zipfile
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -96,11 +96,6 @@ def test_what_is_saved_comes_back_bit_for_bit(
         model.predict(np.ones(3), u, past), loaded.predict(np.ones(3), u, past)
     )
     np.testing.assert_array_equal(model.noise(u), loaded.noise(u))
-
-
-def test_the_integrator_is_kept(tmp_path: Path) -> None:
-    replace(kl.nominal_unicycle(0.1), integrator="midpoint").save(tmp_path / "m.npz")
-    assert kl.KoopmanModel.load(tmp_path / "m.npz").integrator == "midpoint"
 
 
 class Planar(kl.Dictionary):
@@ -296,58 +291,3 @@ def test_a_model_of_another_kind_is_a_model_error(
 
 
 # saving
-
-
-def test_saving_replaces_a_model_whole(saved: Path) -> None:
-    model = make_model(TRIG)
-    model.save(saved)
-    assert_same(kl.KoopmanModel.load(saved), model)
-    assert list(saved.parent.iterdir()) == [saved]
-
-
-@pytest.mark.parametrize(
-    "target",
-    ["missing/robot.npz", "robot.npz/inside.npz", ".", "", "n" * 300 + ".npz", "bad\0name"],
-)
-def test_a_target_that_cannot_be_written_leaves_nothing_behind(
-    saved: Path, monkeypatch: pytest.MonkeyPatch, target: str
-) -> None:
-    monkeypatch.chdir(saved.parent)
-    before = saved.read_bytes()
-    with pytest.raises(kl.ModelError, match="cannot write"):
-        make_model(TRIG).save(target)
-    assert os.listdir() == ["robot.npz"] and saved.read_bytes() == before
-
-
-def test_a_disk_that_fills_up_leaves_the_old_model(
-    saved: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    before = saved.read_bytes()
-
-    def full(*_: Any, **__: Any) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(np, "savez", full)
-    with pytest.raises(kl.ModelError, match="No space left on device"):
-        make_model(TRIG).save(saved)
-    assert list(saved.parent.iterdir()) == [saved] and saved.read_bytes() == before
-
-
-def test_what_json_cannot_hold_leaves_nothing_behind(saved: Path) -> None:
-    model = replace(make_model(TRIG), info={"file": saved})
-    with pytest.raises(kl.ModelError, match="not JSON serializable"):
-        model.save(saved.with_name("other.npz"))
-    assert list(saved.parent.iterdir()) == [saved]
-
-
-def test_a_link_stays_a_link_and_a_pipe_a_pipe(saved: Path) -> None:
-    link, model = saved.with_name("link.npz"), make_model(TRIG)
-    link.symlink_to(saved)
-    model.save(link)
-    assert link.is_symlink()
-    assert_same(kl.KoopmanModel.load(saved), model)
-    pipe = saved.with_name("pipe")
-    os.mkfifo(pipe)
-    with pytest.raises(kl.ModelError, match="not a regular file"):
-        model.save(pipe)
-    assert pipe.is_fifo()

@@ -11,12 +11,10 @@ from paths import quickest_paths
 from kmpc_lab.sim.maps.families import (
     BOUNDS,
     FAMILIES,
-    PASSAGE,
     ROBOT_RADIUS,
     has_passage,
     random_map,
 )
-from kmpc_lite.errors import ScenarioError
 from kmpc_lite.scenario.files import Scenario
 
 AREA = np.array(BOUNDS)
@@ -47,11 +45,6 @@ def test_the_same_seed_draws_the_same_map_and_another_one_another(family: str) -
     assert random_map(family, 7).to_toml() == random_map(family, 7).to_toml()
     assert random_map(family, 7).start != random_map(family, 8).start
     assert random_map(family, 7).circles == random_map(family, 7, slip=0.1).circles
-
-
-def test_families_do_not_share_their_maps() -> None:
-    starts = {random_map(family, 3).start for family in FAMILIES}
-    assert len(starts) == len(FAMILIES)
 
 
 @pytest.mark.parametrize(
@@ -104,13 +97,6 @@ def test_a_map_is_a_scenario_file_like_any_other() -> None:
     assert again.__dict__ == scenario.__dict__
 
 
-def test_an_unknown_family_is_named() -> None:
-    with pytest.raises(
-        ScenarioError, match="no family of maps named 'forest'; expected one of open, dense"
-    ):
-        random_map("forest", 0)
-
-
 # -- the check of the passage
 
 
@@ -128,31 +114,6 @@ START, GOAL = np.array([-1.0, 0.5]), np.array([1.0, -0.5])
 def test_a_gap_is_wide_enough_or_it_is_not(width: float) -> None:
     assert has_passage(wall(width), START, GOAL, 0.5 * width - 0.03, AREA)
     assert not has_passage(wall(width), START, GOAL, 0.5 * width + 0.001, AREA)
-
-
-@pytest.mark.parametrize("shift", np.linspace(0.0, 0.02, 7))
-def test_the_answer_does_not_hang_on_where_the_grid_lies(shift: float) -> None:
-    scene = wall(0.5) + (0.0, shift, 0.0)
-    assert has_passage(scene, START, GOAL, 0.22, AREA)
-    assert not has_passage(scene, START, GOAL, 0.2501, AREA)
-
-
-def test_a_start_or_goal_too_near_to_a_circle_has_none() -> None:
-    circle = np.array([[0.0, 0.0, 0.2]])
-    assert has_passage(circle, np.array([0.5, 0.0]), GOAL, 0.25, AREA)
-    assert not has_passage(circle, np.array([0.4, 0.0]), GOAL, 0.25, AREA)
-    assert not has_passage(circle, GOAL, np.array([0.4, 0.0]), 0.25, AREA)
-
-
-def test_ways_outside_the_area_do_not_count() -> None:
-    # a wall that ends before the area does, but not far enough for the robot
-    scene = np.array([[0.0, y, 0.2] for y in np.arange(-1.7, 1.71, 0.2)])
-    assert not has_passage(scene, START, GOAL, ROBOT_RADIUS + PASSAGE, AREA)
-    assert has_passage(scene, START, GOAL, ROBOT_RADIUS + PASSAGE, AREA * 1.3)
-
-
-def test_no_circles_no_trouble() -> None:
-    assert has_passage(np.empty((0, 3)), START, GOAL, 0.3, AREA)
 
 
 @pytest.mark.parametrize("seed", [500035, 7])
