@@ -17,6 +17,7 @@ from kmpc_lite.control import (
     Wall,
 )
 from kmpc_lite.control.path.planner import Path, PathRequest, Planner
+from kmpc_lite.control.wheels import Car, Differential
 from kmpc_lite.errors import DataError, KmpcError, ModelError, ProblemError, ScenarioError
 from kmpc_lite.learn import Accumulator, Dataset, Episode, FitReport, evaluate, fit, with_quantiles
 from kmpc_lite.model.dictionary import (
@@ -30,12 +31,14 @@ from kmpc_lite.model.nominal import nominal_unicycle
 
 __all__ = [
     "Accumulator",
+    "Car",
     "Circle",
     "Controller",
     "ControllerOptions",
     "DataError",
     "Dataset",
     "Dictionary",
+    "Differential",
     "Episode",
     "FitReport",
     "Footprint",

@@ -9,7 +9,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import Ramps
-from kmpc_lite.types import INPUTS, STATES, Array
+from kmpc_lite.types import STATES, Array
 
 SLOWEST = 300.0
 """A robot needs at most this long for a way of its radius, or for a turn of half a radian [s]."""
@@ -59,12 +59,13 @@ def movable(model: KoopmanModel, problem: NavigationProblem) -> NavigationProble
 
 def check_motion(model: KoopmanModel, problem: NavigationProblem) -> None:
     """Refuse a model by which the robot does not follow its commands."""
-    held = np.diag(reached_speeds(problem))
+    held = _fastest_commands(problem)
     history = np.repeat(held[:, None], model.history, axis=1)
     with np.errstate(over="ignore", invalid="ignore"):
-        ends = model.predict(np.zeros((INPUTS, STATES)), held, history)
+        ends = model.predict(np.zeros((2, STATES)), held, history)
     followed = np.array((np.hypot(ends[0, 0], ends[0, 1]), abs(ends[1, 2]))) / model.dt
-    for (name, unit), value, command in zip(AXES, followed, np.abs(np.diag(held)), strict=True):
+    for (name, unit), value, command in zip(AXES, followed, reached_speeds(problem), strict=True):
+        command = abs(command)
         if not value >= FOLLOWED * command:  # NaN, too
             raise ProblemError(
                 f"model: at a {name} of {command:.2g} {unit} it moves by {value:.2g} {unit}, and "
@@ -74,10 +75,16 @@ def check_motion(model: KoopmanModel, problem: NavigationProblem) -> None:
 
 def reached_speeds(problem: NavigationProblem) -> Array:
     """Speed and turn rate (2,), each alone, in the direction in which the bounds allow more."""
-    backwards = -problem.u_min > problem.u_max
-    most = np.where(backwards, problem.u_min, problem.u_max)
-    reached: Array = problem.within_bounds(np.diag(most)).diagonal()
-    return reached
+    drives, turns = _fastest_commands(problem)
+    return np.array((drives[0], turns[-1]))
+
+
+def _fastest_commands(problem: NavigationProblem) -> Array:
+    """Commands (2, m) by which the robot drives, and turns, in the faster direction of either."""
+    held = problem.held_commands
+    drives = held[0] if held[0, 0] >= -held[1, 0] else held[1]
+    turns = held[2] if held[2, -1] >= -held[3, -1] else held[3]
+    return np.stack([drives, turns])
 
 
 def _check_wheels(problem: NavigationProblem, least: Array) -> None:

@@ -182,6 +182,7 @@ class Pipeline:
             things=seen.things,
             past=state.history.commands,
             last=state.history.command,
+            curvature=state.history.curvature,
             solids=seen.nearby,
             tightening=None if margins is None else margins.tightening,
             drift=state.drift,

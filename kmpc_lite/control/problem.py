@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.problem_fields import fits, positive, scalar, vector, weight
+from kmpc_lite.control.problem_fields import check_bounds, positive, scalar, vector, weight
+from kmpc_lite.control.wheels import Car, Differential, Wheels, read_wheels
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.scale import Scale
@@ -75,6 +76,8 @@ class NavigationProblem:
         of its radius and 0.05 rad. Both grow with the noise of the poses that the model knows of.
     footprint : Footprint, optional
         What the robot covers on the floor, where that is no circle about its pose.
+    wheels : Differential, Car or Omni
+        What the wheels let the robot do: a car turns by ``|omega| <= |v| / turning_radius`` only.
     slack_weights : array_like, optional
         Weights (2,) of the linear [1/m] and the quadratic [1/m^2] penalty on entering an obstacle
         or leaving the area. Where not given, 100 and 1000 for a robot of 0.15 m, less for larger
@@ -106,6 +109,7 @@ class NavigationProblem:
     sensor_range: float | None = None
     goal_tolerance: Any = None
     footprint: Footprint | None = None
+    wheels: Wheels = Differential()
 
     def __post_init__(self) -> None:
         if (
@@ -117,6 +121,7 @@ class NavigationProblem:
                 f"horizon: expected a whole number of stages from 1 to 1000, got {self.horizon!r}"
             )
         self._take_footprint()
+        object.__setattr__(self, "wheels", read_wheels(self.wheels))
         for name in ("dt", "robot_radius", "margin", "track"):
             scalar(name, getattr(self, name), above_zero=name == "dt")
         if self.sensor_range is not None:
@@ -139,7 +144,9 @@ class NavigationProblem:
         set_field("du_max", vector("du_max", self.du_max, INPUTS))
         if not (self.du_max > 0).all():
             raise ProblemError(f"du_max: expected numbers > 0, or infinity, got {self.du_max}")
-        self._check_bounds()
+        check_bounds(*self.bounds, self.robot_radius)
+        if isinstance(self.wheels, Car) and not self.wheels.reverse:
+            set_field("u_min", np.maximum(self.u_min, (0.0, -np.inf)))
         # these follow the robot's size and speed where they are not given
         scale = self.scale
         follows = {
@@ -166,27 +173,6 @@ class NavigationProblem:
             )
         object.__setattr__(self, "robot_radius", radius)
 
-    def _check_bounds(self) -> None:
-        """Raise ProblemError for bounds that leave nothing, or no way to brake."""
-        u_min, u_max, x_min, x_max = self.bounds
-        if not (np.isfinite(u_min).all() and np.isfinite(u_max).all()):
-            raise ProblemError(f"u_min, u_max: expected finite bounds, got {u_min} and {u_max}")
-        if (u_min >= u_max).any():
-            raise ProblemError(f"u_min, u_max: bounds cross: {u_min} and {u_max}")
-        if (u_min > 0).any() or (u_max < 0).any():
-            raise ProblemError(
-                "u_min, u_max: must contain the zero command, or the robot could not brake; "
-                f"got {u_min} and {u_max}"
-            )
-        if (x_min >= x_max).any():
-            raise ProblemError(f"x_min, x_max: bounds cross: {x_min} and {x_max}")
-        fits("robot_radius", self.robot_radius, float((x_max - x_min)[:2].max()))
-        if np.isfinite(x_min[2]) or np.isfinite(x_max[2]):
-            raise ProblemError(
-                "x_min, x_max: the heading cannot be bounded; use -inf and inf, "
-                f"got {x_min[2]} and {x_max[2]}"
-            )
-
     def _check_wheels(self) -> None:
         """Raise ProblemError for half a pair of wheels."""
         speed = self.max_wheel_speed
@@ -205,6 +191,26 @@ class NavigationProblem:
         """Whether the wheels limit speed and turn rate together."""
         return math.isfinite(self.max_wheel_speed)
 
+    @property
+    def couples(self) -> bool:
+        """Whether the wheels let the robot turn less at some speeds than at others."""
+        return self.limits_wheels or not self.wheels.turns_on_the_spot
+
+    @property
+    def follows_poses(self) -> bool:
+        """Whether paths are driven pose by pose: not as lines between turns."""
+        return not isinstance(self.wheels, Differential)
+
+    @property
+    def held_commands(self) -> Array:
+        """Commands (4, m) by which the robot drives ahead, back, and turns left and right."""
+        held = np.zeros((4, len(self.u_min)))
+        held[0, 0], held[1, 0] = self.u_max[0], self.u_min[0]
+        held[2, -1], held[3, -1] = self.u_max[-1], self.u_min[-1]
+        if not self.wheels.turns_on_the_spot:
+            held[2:, 0] = self.u_max[0] if self.u_max[0] > 0.0 else self.u_min[0]
+        return self.within_bounds(held)
+
     def within_bounds(self, commands: Array) -> Array:
         """Bring commands (..., 2) within the command bounds; what wheels cannot do keeps its curve.
 
@@ -220,7 +226,7 @@ class NavigationProblem:
             faster = np.abs(inside[..., 0]) + 0.5 * self.track * np.abs(inside[..., 1])
             share = self.max_wheel_speed / np.maximum(faster, self.max_wheel_speed)
             inside = inside * share[..., None]
-        return inside
+        return self.wheels.within(inside)
 
     @property
     def scale(self) -> Scale:

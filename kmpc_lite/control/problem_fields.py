@@ -76,3 +76,24 @@ def fits(name: str, radius: float, width: float) -> None:
             f"{name}: {radius:g} m is more than the size of the area, {width:g} m; "
             "lengths are in metres, not in centimetres"
         )
+
+
+def check_bounds(u_min: Array, u_max: Array, x_min: Array, x_max: Array, radius: float) -> None:
+    """Raise ProblemError for bounds that leave nothing, or no way to brake."""
+    if not (np.isfinite(u_min).all() and np.isfinite(u_max).all()):
+        raise ProblemError(f"u_min, u_max: expected finite bounds, got {u_min} and {u_max}")
+    if (u_min >= u_max).any():
+        raise ProblemError(f"u_min, u_max: bounds cross: {u_min} and {u_max}")
+    if (u_min > 0).any() or (u_max < 0).any():
+        raise ProblemError(
+            "u_min, u_max: must contain the zero command, or the robot could not brake; "
+            f"got {u_min} and {u_max}"
+        )
+    if (x_min >= x_max).any():
+        raise ProblemError(f"x_min, x_max: bounds cross: {x_min} and {x_max}")
+    fits("robot_radius", radius, float((x_max - x_min)[:2].max()))
+    if np.isfinite(x_min[2]) or np.isfinite(x_max[2]):
+        raise ProblemError(
+            "x_min, x_max: the heading cannot be bounded; use -inf and inf, "
+            f"got {x_min[2]} and {x_max[2]}"
+        )

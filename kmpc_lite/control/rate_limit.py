@@ -27,6 +27,7 @@ class RateLimit:
 
     def __init__(self, problem: NavigationProblem) -> None:
         self.active = problem.limits_changes
+        self._within = problem.wheels.within
         self._dt, self._change = problem.dt, problem.dt * problem.du_max
         self._brake = problem.dt * np.maximum(problem.du_max, problem.deceleration)
         if self.active:
@@ -47,7 +48,10 @@ class RateLimit:
         )
         size = np.abs(change)
         over = size > allowed * ROUNDING
-        return last + float((allowed[over] / size[over]).min()) * change if over.any() else command
+        if not over.any():
+            return command
+        limited = last + float((allowed[over] / size[over]).min()) * change
+        return self._within(limited)
 
     def first(self, last: Array) -> tuple[Array, Array]:
         """Least and largest first command of a plan, (2,) each."""

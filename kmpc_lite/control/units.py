@@ -42,4 +42,5 @@ def scaled_problem(problem: NavigationProblem, scale: Scale) -> NavigationProble
         sensor_range=None if problem.sensor_range is None else problem.sensor_range / scale.length,
         goal_tolerance=None if near is None else near / state[1:],
         max_wheel_speed=problem.max_wheel_speed / scale.speed,
+        wheels=problem.wheels.in_units(scale),
     )

@@ -7,21 +7,35 @@ motions (`path/motions.py`).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from kmpc_lite.control.problem_fields import scalar
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.scale import Scale
+from kmpc_lite.types import Array
 
 
 @dataclass(frozen=True)
 class Differential:
     """Wheels on either side: the robot drives along its heading, and turns on the spot."""
 
+    turns_on_the_spot = True
+
+    def within(self, commands: Array) -> Array:
+        """Bring commands (..., 2) within what the wheels can do: all is."""
+        return commands
+
     def in_units(self, scale: Scale) -> Differential:
         """Give the same in a robot's units."""
         return self
+
+
+CREEP = 0.003
+"""Speed at which a car steers where it waits, in the robot's units [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +67,7 @@ class Car:
     turning_radius: float
     steering_rate: float | None = None
     reverse: bool = True
+    turns_on_the_spot = False
 
     def __post_init__(self) -> None:
         scalar("wheels: turning_radius", self.turning_radius, above_zero=True)
@@ -63,6 +78,61 @@ class Car:
     def curvature(self) -> float:
         """Largest curvature [1/m]."""
         return 1.0 / self.turning_radius
+
+    def within(self, commands: Array) -> Array:
+        """Bring commands (..., 2) within what the wheels can do: a car that stands cannot turn."""
+        out, sharpest = commands.copy(), self.curvature * np.abs(commands[..., 0])
+        out[..., 1] = np.minimum(np.maximum(commands[..., 1], -sharpest), sharpest)
+        return out
+
+    def curvatures(self, now: float, dt: float, stages: int) -> Array:
+        """Least and largest curvature (2, N) to which the wheels can be steered by each stage."""
+        if self.steering_rate is None:
+            change: Array | float = np.inf
+        else:
+            change = self.steering_rate * dt * np.arange(1, stages + 1)
+        both = np.stack([now - change * np.ones(stages), now + change * np.ones(stages)])
+        return np.clip(both, -self.curvature, self.curvature)
+
+    def steered(self, commands: Array, now: float, dt: float) -> Array:
+        """Let a car that waits creep at the head of a plan (N, 2) while its wheels are steered.
+
+        To the curvature in which the plan drives on, for wheels that stand still tell nothing.
+        """
+        drives = np.abs(commands[:, 0]) > CREEP
+        first = int(drives.argmax())
+        if self.steering_rate is None or not drives[first] or first == 0:
+            return commands
+        out, (speed, turn_rate) = commands.copy(), commands[first]
+        least, most = self.curvatures(now, dt, first)
+        out[:first, 0] = math.copysign(CREEP, speed)
+        out[:first, 1] = out[:first, 0] * np.clip(turn_rate / speed, least, most)
+        return out
+
+    def gears(self, reference: Array, here: Array, last: Array, braking: float) -> Array:
+        """Gear of each stage (N,), 1 or -1, that a reference (N + 1, 3) is followed in.
+
+        Parameters
+        ----------
+        reference : ndarray
+            Poses, none of them beyond a change of gear.
+        here : ndarray
+            The car's pose (3,).
+        last : ndarray
+            Command (2,) sent last: what rolls stops first.
+        braking : float
+            How much its speed shrinks in a period, in that of the command.
+        """
+        steps = np.diff(reference[:, :2], axis=0)
+        ahead = (steps * _directions(reference[:-1, 2])).sum()
+        if abs(ahead) < 1e-9 * self.turning_radius:
+            # it has come to where it stops: what is left may lie before or behind it
+            ahead = (reference[-1, :2] - here[:2]) @ _directions(here[2])
+        gear = 1.0 if ahead >= 0.0 or not self.reverse else -1.0
+        gears = np.full(len(steps), gear)
+        if gear * last[0] < 0.0:
+            gears[: math.ceil(abs(last[0]) / max(braking, 1e-9) - 1e-9)] = -gear
+        return gears
 
     def in_units(self, scale: Scale) -> Car:
         """Give the same in a robot's units."""
@@ -78,9 +148,20 @@ class Car:
 class Omni:
     """Wheels that roll sideways, too: commands are (v_x, v_y, omega)."""
 
+    turns_on_the_spot = True
+
+    def within(self, commands: Array) -> Array:
+        """Bring commands (..., 3) within what the wheels can do: all is."""
+        return commands
+
     def in_units(self, scale: Scale) -> Omni:
         """Give the same in a robot's units."""
         return self
+
+
+def _directions(headings: Array) -> Array:
+    """Unit vectors (..., 2) along headings (...)."""
+    return np.stack([np.cos(headings), np.sin(headings)], axis=-1)
 
 
 Wheels = Differential | Car | Omni

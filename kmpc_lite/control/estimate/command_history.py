@@ -10,6 +10,9 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import INPUTS, STATES, Array
 
+CREEPS = 1e-3
+"""Speed below which a command says nothing of how the wheels are steered [m/s]."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DrivenPeriod:
@@ -37,6 +40,8 @@ class CommandHistory:
     """(K, 2) those since the newest pose was taken, and the L before, oldest first."""
     measured: Array
     """(3,) pose that was measured last."""
+    curvature: float = 0.0
+    """Of the last command that drove the robot [1/m]."""
     driven: DrivenPeriod | None = None
     """The past period, from the measured pose; none where nobody knows what was sent."""
     planned: DrivenPeriod | None = None
@@ -70,11 +75,17 @@ class CommandHistory:
     def remember(self, command: Array) -> None:
         """Take in the command that is sent now."""
         self.command = command.copy()
+        self._see_curvature()
         self.driven = DrivenPeriod(self.measured, self.command, self.commands.copy())
         for earlier in (self.commands, self.given):
             if len(earlier):
                 earlier[:-1] = earlier[1:]
                 earlier[-1] = command
+
+    def _see_curvature(self) -> None:
+        speed, turn_rate = float(self.command[0]), float(self.command[-1])
+        if abs(speed) > CREEPS:
+            self.curvature = turn_rate / speed
 
     def correct(self, command: Array, model: MotionModel, problem: NavigationProblem) -> None:
         """Put what was really sent, NaN where nobody knows, in the place of the last command."""
@@ -82,6 +93,7 @@ class CommandHistory:
             self.driven = self.planned = None
             return
         self.command = problem.within_bounds(command)
+        self._see_curvature()
         for earlier in (self.commands, self.given):
             if len(earlier):
                 earlier[-1] = command

@@ -3,7 +3,8 @@
 Variables: states X_1 .. X_N, commands U_0 .. U_{N-1}, one slack S_1 .. S_N per stage. The present
 state is data. Rows: dynamics (3 per stage), half-planes that keep the robot away from obstacles
 (`slots` per stage), command bounds, slack >= 0, and, where the problem limits them, changes of the
-commands from stage to stage, the first from the command sent last, and the speeds of both wheels.
+commands from stage to stage, the first from the command sent last, the speeds of both wheels, and
+how a car steers.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import scipy.sparse as sp
 
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.wheels import Car
 from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.types import INPUTS, STATES, Array
 
@@ -100,7 +102,8 @@ class NavigationQP:
         self.size = (STATES + INPUTS + 1) * n
         self._limited = np.flatnonzero(np.isfinite(problem.du_max))
         wheels = 2 if problem.limits_wheels else 0
-        counts = STATES, slots, INPUTS, 1, len(self._limited), wheels
+        steering = 2 if isinstance(problem.wheels, Car) else 0
+        counts = STATES, slots, INPUTS, 1, len(self._limited), wheels, steering
         rows = np.cumsum([0, *counts]) * n
         self.dynamics_rows = np.arange(rows[0], rows[1]).reshape(n, STATES)
         self.half_plane_rows = np.arange(rows[1], rows[2]).reshape(n, slots)
@@ -108,7 +111,8 @@ class NavigationQP:
         self.slack_rows = np.arange(rows[3], rows[4])
         self.change_rows = np.arange(rows[4], rows[5]).reshape(n, len(self._limited))
         self.wheel_rows = np.arange(rows[5], rows[6]).reshape(n, wheels)
-        self.row_count = int(rows[6])
+        self.steering_rows = np.arange(rows[6], rows[7]).reshape(n, steering)
+        self.row_count = int(rows[7])
         self._next_stage = np.empty(self.row_count, dtype=np.intp)
         for part in (
             self.dynamics_rows,
@@ -117,6 +121,7 @@ class NavigationQP:
             self.slack_rows,
             self.change_rows,
             self.wheel_rows,
+            self.steering_rows,
         ):
             self._next_stage[part] = np.concatenate([part[1:], part[-1:]])
         self._build_constraints()
@@ -135,6 +140,7 @@ class NavigationQP:
         self.lower[self.change_rows], self.upper[self.change_rows] = -self._change, self._change
         fastest = problem.max_wheel_speed
         self.lower[self.wheel_rows], self.upper[self.wheel_rows] = -fastest, fastest
+        self.lower[self.steering_rows], self.upper[self.steering_rows] = -OPEN, 0.0
 
     def __reduce__(self) -> tuple[Any, ...]:
         # its arrays are views of each other, which copies would not be
@@ -166,11 +172,13 @@ class NavigationQP:
             half = 0.5 * self.problem.track
             both = np.array(((1.0, -half), (1.0, half)))
             block(self.wheel_rows[..., None], inputs[:, None, :], both)
+        steering = block(self.steering_rows[..., None], inputs[:, None, :], 1.0)
 
         row, column, value = (np.concatenate(part) for part in zip(*blocks, strict=True))
         order = np.lexsort((row, column))
         place = np.empty(len(order), dtype=np.intp)
         place[order] = np.arange(len(order))
+        self._steering = place[steering : steering + 2 * self.steering_rows.size]
         pointers = np.concatenate([[0], np.cumsum(np.bincount(column, minlength=self.size))])
         self.A = sp.csc_matrix(
             (value[order], row[order], pointers), shape=(self.row_count, self.size)
@@ -183,6 +191,17 @@ class NavigationQP:
         last = command[self._limited]
         self.lower[self.change_rows[0]] = last - self._change
         self.upper[self.change_rows[0]] = last + self._change
+
+    def set_gears(self, gears: Array, sharpest: Array) -> None:
+        """Write the gear (N,) of each stage, and the curvatures between which a car steers (2, N).
+
+        ``gear (omega - most v) <= 0 <= gear (omega - least v)``, so that v has the gear's sign.
+        """
+        rows = gears[:, None, None] * np.ones((1, 2, 2))
+        rows[:, 0, 0] *= -sharpest[1]
+        rows[:, 1, 0] *= sharpest[0]
+        rows[:, 1, 1] *= -1.0
+        self.A.data[self._steering] = rows.ravel()
 
     def fill(
         self,

@@ -25,6 +25,7 @@ from kmpc_lite.control.nmpc.trajectory import Trajectory, command_windows
 from kmpc_lite.control.options import SolverOptions, StepOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
+from kmpc_lite.control.wheels import Car
 from kmpc_lite.control.world.half_planes import keep_out
 from kmpc_lite.types import Array
 
@@ -128,6 +129,7 @@ class SQP:
             self.qp.set_last_command(task.last)
             guess = replace(guess, inputs=self._rates.in_reach(guess.inputs, task.last))
         self.qp.cost.set_terminal_share(task.terminal_share)
+        self._steer(task, guess.states[0])
         run = SQPResult(guess, guess.states[0])
         share, longest = 1.0, 0.0
         while True:
@@ -144,6 +146,14 @@ class SQP:
             if run.step >= before:
                 # going there and back: the half of it lies between
                 share = max(0.5 * share, LEAST_SHARE)
+
+    def _steer(self, task: Task, here: Array) -> None:
+        """Write the gear and the curvatures of each stage of a car."""
+        car, dt = self.problem.wheels, self.problem.dt
+        if isinstance(car, Car):
+            braking = dt * float(self.problem.du_max[0])
+            gears = car.gears(task.reference, here, task.last, braking)
+            self.qp.set_gears(gears, car.curvatures(task.curvature, dt, self.qp.horizon))
 
     def _has_ended(self, run: SQPResult) -> bool:
         """Whether the model agrees with the plan, and it has settled; or passes are used up."""
@@ -211,4 +221,7 @@ class SQP:
             least, most = self._rates.first(task.last)
             np.maximum(np.minimum(inputs[0], most, out=inputs[0]), least, out=inputs[0])
         np.maximum(np.minimum(inputs, self._u_max, out=inputs), self._u_min, out=inputs)
-        return self.problem.within_bounds(inputs) if self.problem.limits_wheels else inputs
+        car = self.problem.wheels
+        if isinstance(car, Car):
+            inputs = car.steered(inputs, task.curvature, self.problem.dt)
+        return self.problem.within_bounds(inputs) if self.problem.couples else inputs

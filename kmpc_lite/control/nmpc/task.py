@@ -40,6 +40,8 @@ class Task:
     path_clearance: float | Array = math.inf
     """What the path keeps from obstacles beyond the problem's margin [m], or at each stage,
     (N, 1)."""
+    curvature: float = 0.0
+    """In which the wheels of a car stand now [1/m]."""
     terminal_share: float = 1.0
     """Part of the terminal weight that counts."""
     deadline: float = math.inf

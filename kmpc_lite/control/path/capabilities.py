@@ -13,7 +13,7 @@ from kmpc_lite.control.path.turning_centre import turning_centre
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.tube import feedback_delay
-from kmpc_lite.types import INPUTS, Array
+from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.margins.model_margins import Margins
@@ -122,8 +122,7 @@ def _wheels(problem: NavigationProblem, turn_rate: float) -> tuple[float, float]
 
     A robot that makes a third of a turn it is told drives its wheels three times as far for it.
     """
-    u_min, u_max, _, _ = problem.bounds
-    told = float(problem.within_bounds(np.array((0.0, min(u_max[1], -u_min[1]))))[1])
+    told = float(np.abs(problem.held_commands[2:, -1]).min())
     half = 0.5 * problem.track * (told / turn_rate if turn_rate > 0.0 else 1.0)
     return half, problem.max_wheel_speed
 
@@ -163,14 +162,11 @@ def drivable_speeds(model: MotionModel, problem: NavigationProblem) -> Array:
     >>> drivable_speeds(nominal_unicycle(0.1), NavigationProblem(u_min=(-0.2, -0.8))).round(3)
     array([0.6  , 0.2  , 0.785])
     """
-    u_min, u_max, _, _ = problem.bounds
-    held = np.zeros((4, INPUTS))
-    held[0, 0], held[1, 0], held[2, 1], held[3, 1] = u_max[0], u_min[0], u_max[1], u_min[1]
-    held = problem.within_bounds(held)
+    held = problem.held_commands
     history = np.repeat(held[:, None], model.history, axis=1)
     ends = model.predict(np.zeros((4, 3)), held, history)
     signed = np.array([ends[0, 0], -ends[1, 0], ends[2, 2], -ends[3, 2]]) / model.dt
-    bounds = np.array([held[0, 0], -held[1, 0], held[2, 1], -held[3, 1]])
+    bounds = np.array([held[0, 0], -held[1, 0], held[2, -1], -held[3, -1]])
     # rounding must not decide between two paths that are equally quick
     speeds = np.where(
         signed > (1.0 - ROUNDING) * bounds,

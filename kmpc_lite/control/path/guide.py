@@ -22,6 +22,7 @@ from kmpc_lite.control.options import (
     unit_length,
 )
 from kmpc_lite.control.path.capabilities import Capabilities
+from kmpc_lite.control.path.field.field_planner import FieldPlanner
 from kmpc_lite.control.path.goal_checker import GoalTolerances, content_with, holds
 from kmpc_lite.control.path.guide_task import GuideTask
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles
@@ -48,6 +49,12 @@ GOAL_STRETCH = 0.5
 begin the last turn yet [s]."""
 CENTRE_CHANGE = 0.001
 """Changes of the turning centre below this are ignored [m]."""
+
+CUSP_REACH = 0.012
+"""Distance from a change of gear at which a robot that follows poses goes on in the other one: what
+it is short of turns it too little [m]."""
+STANDS = 0.01
+"""Speed below which it has come to stand there [m/s]."""
 
 ORIGIN = np.zeros(2)
 
@@ -90,7 +97,10 @@ class Guide:
         self._body = problem.inflation
         arms = 0.0 if problem.footprint is None else problem.footprint.reach
         self._swept = problem.body_radius + arms
-        if planner is None:
+        self._by_poses = problem.follows_poses
+        if planner is None and self._by_poses:
+            planner = FieldPlanner(problem, problem.wheels)
+        elif planner is None:
             planner = TangentPlanner(problem, options or GuidanceOptions(), sight or SightOptions())
         self._replanner = Replanner(problem, self._options, clock, planner)
 
@@ -137,13 +147,15 @@ class Guide:
         end = path.leg_end(state.leg)
         if end < math.inf:
             cusp = path.at(np.array([end]))[0]
-            if math.dist(cusp[:2], now.pose[:2]) <= SHUTTLE_REACH:
+            reach = CUSP_REACH if self._by_poses else SHUTTLE_REACH
+            stands = self._by_poses and now.speed <= STANDS and state.place > end - self._dt
+            if stands or math.dist(cusp[:2], now.pose[:2]) <= reach:
                 state.leg = state.place = end
 
     def _begin_last_turn(self, state: GuideState, now: Situation) -> None:
         """Begin the last turn where the robot comes to a stop; give it up where it has left."""
         tolerances = self._tolerances(state, now)
-        if state.shuttle is not None:
+        if self._by_poses or state.shuttle is not None:
             state.turning = False
         elif state.turning:
             state.turning = now.distance <= tolerances.turn_limit

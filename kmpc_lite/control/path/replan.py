@@ -25,6 +25,9 @@ path; the goal checker's tolerance is the least such distance."""
 OFF_PATH_LIMIT = 0.15
 """A robot that is farther from its path than this looks for a new one, however far the goal is
 [m]."""
+OFF_POSES = 0.05
+"""A robot that follows poses keeps to its path up to this distance from it [m]: to come back it may
+have to change its gear."""
 LOST_DISTANCE = 0.5
 """A robot that is farther from its path than this needs the new one in the same step: somebody has
 carried it [m]."""
@@ -69,6 +72,7 @@ class Replanner:
         planner: Planner,
     ) -> None:
         self._options, self._dt = options, problem.dt
+        self._off_poses = OFF_POSES if problem.follows_poses else 0.0
         self._watch = PathWatch(problem, options)
         moved = MOVED_DISTANCE
         # a velocity that is told otherwise matters once it has led elsewhere: trackers are noisy
@@ -141,6 +145,7 @@ class Replanner:
         if state.centre_moved:
             return True
         o, least = self._options, now.capabilities.tolerances.off_path
+        least = max(least, self._off_poses)
         allowed = min(max(least, OFF_PATH_SHARE * now.distance), OFF_PATH_LIMIT)
         too_far = state.age > o.replan_interval and off > allowed
         return self._progress.wait(state.progress, self._dt) or (too_far and self._settled(now))

@@ -69,7 +69,7 @@ class SearchDriver:
         planner: Planner,
     ) -> None:
         self._options, self._progress, self._clock = options, progress, clock
-        self._dt = problem.dt
+        self._dt, self._by_poses = problem.dt, problem.follows_poses
         self._turning = problem.robot_radius + problem.margin
         self._area = np.stack([problem.x_min[:2], problem.x_max[:2]])
         self._inflation, self._is_round = problem.inflation, problem.footprint is None
@@ -168,7 +168,7 @@ class SearchDriver:
         What lies beside the robot it can only reach by turning away and back.
         """
         goal = now.goal
-        if now.distance > NEAR_GOAL:
+        if self._by_poses or now.distance > NEAR_GOAL:
             return goal
         most = GOAL_SLACK * now.capabilities.tolerances.turn_distance
         x, y, heading = goal.tolist()
@@ -190,7 +190,8 @@ class SearchDriver:
     def _new_shuttle(self, state: GuideState, now: Situation) -> Array | None:
         """Pose (3,) at which a shuttle that begins here turns back; none where none is begun."""
         beside = now.capabilities.tolerances.turn_distance < now.distance < NEAR_GOAL
-        if state.shuttle is not None or not beside or state.shuttles >= SHUTTLES:
+        none = self._by_poses or not beside
+        if state.shuttle is not None or none or state.shuttles >= SHUTTLES:
             return None
         return self._shuttles.find(now, state.known_solids, state.coarseness)
 
@@ -249,7 +250,7 @@ class SearchDriver:
             state.path, state.why_none = None, found
             return previous is not None
         state.waiting = None
-        path = self._from_rest(now, request, found)
+        path = found if self._by_poses else self._from_rest(now, request, found)
         speed = can.backward if (path.gears < 0).any() else can.forward
         if state.shuttles:
             speed = speed * (SHUTTLE_SPEED, 1.0)
@@ -289,7 +290,7 @@ class SearchDriver:
 
     def _free_turn(self, search: Search, path: Path) -> float:
         """Part of the first turn that is made while driving [rad]; none if the robot is stuck."""
-        if search.stuck:
+        if self._by_poses or search.stuck:
             return 0.0
         request = search.request
         length = float(np.hypot(*np.diff(path.poses[1:-1, :2], axis=0).T).sum())

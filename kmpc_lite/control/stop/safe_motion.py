@@ -117,6 +117,7 @@ class SafeMotions:
         self._footprint = problem.footprint
         self._reach = 0.0 if problem.footprint is None else problem.footprint.reach
         self._braking, self._rates = Braking(problem, options), RateLimit(problem)
+        self._within = problem.wheels.within
         self._faster = problem.dt * problem.du_max
         self._slower = problem.dt * np.maximum(problem.du_max, problem.deceleration)
         self._further = min(round(options.further_time / problem.dt), problem.horizon - 1)
@@ -200,7 +201,7 @@ class SafeMotions:
         hardest = np.zeros(2)
         if self._rates.active:
             hardest = self._rates.limit(self._braking.ramp(task.last)[0], task.last)
-        first = kernel.slower_commands(inputs[0], hardest)
+        first = self._within(kernel.slower_commands(inputs[0], hardest))
         # a round robot that turns slowly stays where it is: it must get free of what it touches
         free = np.zeros(len(first), dtype=bool)
         free[-2] = self._footprint is None
@@ -219,6 +220,7 @@ class SafeMotions:
 
     def _possible(self, motions: Array) -> Array:
         """Brake straight instead of along the plan where the commands would change too fast."""
+        motions = self._within(motions)
         allowed = kernel.changes_allowed(motions, self._faster, self._slower)
         allowed[::2] = True
         return motions[np.where(allowed, np.arange(len(motions)), np.arange(len(motions)) - 1)]

@@ -227,6 +227,8 @@ class FieldPlanner:
         counts = np.ceil(np.maximum(lengths, np.abs(twists[:, 2]) * times / BEND) - TINY)
         counts = np.maximum(counts, 1).astype(np.intp)
         poses, when = sampled(request.start, twists, times, counts)
+        paced = np.concatenate([[0.0], np.cumsum(self._motions.paced(twists, times))])
+        when = np.interp(when, np.concatenate([[0.0], np.cumsum(times)]), paced)
         # rounding alone
         turns = round(float(poses[-1, 2] - request.goal[2]) / math.tau)
         poses[-1] = request.goal + (0.0, 0.0, turns * math.tau)

@@ -21,6 +21,11 @@ TINY = 1e-9
 WIDER = 1.05
 """Paths of a car turn by circles so many times as wide as its tightest one: it must be able to
 steer back."""
+SLOW_STEERING = 0.2
+"""How much wider they are of a car that drives a turning radius while it is steered to one side."""
+LEG = 3.0
+"""A leg between two changes of gear is driven in no less than the time of so many radii: what is
+driven in a hurry is driven badly."""
 CURVATURES = np.array((-1.0, -0.5, 0.0, 0.5, 1.0))
 """Of the arcs by which a car's tree grows, as shares of the largest one."""
 FULL = 2.0 * math.pi
@@ -36,6 +41,10 @@ class Motions(Protocol):
     turn: float
     """How far one of them should turn at the least [rad]."""
 
+    def paced(self, twists: Array, times: Array) -> Array:
+        """Times (S,) in which S motions (S, 3) can be driven one after the other, and kept to."""
+        ...
+
     def connect(self, start: Array, ends: Array) -> tuple[Array, Array]:
         """Twists (n, W, S, 3) and times (n, W, S) of W ways to each of the poses (n, 3).
 
@@ -49,6 +58,13 @@ class CarMotions:
 
     def __init__(self, car: Car, request: PathRequest) -> None:
         self._radius = WIDER * car.turning_radius
+        if car.steering_rate is not None:
+            # how far it drives until it is steered to one side, in turning radii
+            driven = float(request.forward[0]) * car.curvature**2 / car.steering_rate
+            self._radius *= 1.0 + SLOW_STEERING * min(driven, 1.0)
+        self._steering_rate = car.steering_rate
+        self._leg_time = LEG * float(np.hypot(*request.outline[0, :2]) + request.outline[0, 2])
+        self._leg_time /= float(request.forward[0])
         self._reverse = car.reverse and float(request.backward[0]) > 0.0
         self._speeds = {1.0: request.forward, -1.0: request.backward}
         gears = (1.0, -1.0) if self._reverse else (1.0,)
@@ -65,6 +81,19 @@ class CarMotions:
         speeds = np.minimum(speeds, rates / np.maximum(sharp, TINY))
         ahead = gears * speeds
         return np.stack([ahead, np.zeros_like(ahead), ahead * curvatures / self._radius], axis=-1)
+
+    def paced(self, twists: Array, times: Array) -> Array:
+        """Times (S,) in which a car can drive motions (S, 3) one after the other, and keep to them.
+
+        It needs some time on each leg, however short, and for steering from arc to arc.
+        """
+        legs = np.concatenate([[0], np.cumsum(np.diff(np.sign(twists[:, 0])) != 0.0)])
+        lasts = np.bincount(legs, times)[legs]
+        out: Array = times * np.maximum(self._leg_time / lasts, 1.0)
+        if self._steering_rate is not None:
+            curvature = twists[:, 2] / twists[:, 0]
+            out = np.maximum(out, np.abs(np.diff(curvature, prepend=0.0)) / self._steering_rate)
+        return out
 
     def connect(self, start: Array, ends: Array) -> tuple[Array, Array]:
         """Give the ways of a car: its arcs are as tight as may be."""
@@ -111,6 +140,10 @@ class OmniMotions:
         out: Array = np.maximum(np.maximum(along, np.abs(turn) / rate), TINY)
         return out
 
+    def paced(self, twists: Array, times: Array) -> Array:
+        """Times (S,) in which motions (S, 3) are driven: as they are."""
+        return times
+
     def connect(self, start: Array, ends: Array) -> tuple[Array, Array]:
         """Give three ways of two motions each."""
         seen = seen_from(start, ends)
@@ -140,6 +173,10 @@ class DifferentialMotions:
         self.twists: Array = np.array(moves)
         self.gears: Array = np.sign(self.twists[:, 0])
         self.turn = FULL / 16
+
+    def paced(self, twists: Array, times: Array) -> Array:
+        """Times (S,) in which motions (S, 3) are driven: as they are."""
+        return times
 
     def connect(self, start: Array, ends: Array) -> tuple[Array, Array]:
         """Give both ways of three motions."""
