@@ -26,8 +26,8 @@ class SightOptions:
     passes: int = count(3, most=127)
     """How many scans must pass through a cell that was hit until it counts as free."""
     certainty: float = share(2.0)
-    """How many standard deviations of range and pose hits are taken to be nearer than they were
-    seen."""
+    """How many standard deviations of range and pose a surface is taken to be nearer than it was
+    seen: a range counts with its neighbours on the same surface."""
     level: float = share(1.0)
     """How far what was hit may stand out of a straight line and count as behind it, as a share of
     a cell: a wall is told by few half-planes, noise and all."""

@@ -39,16 +39,14 @@ class LocalMap:
     seen: NDArray[np.float32]
     """(H, W) when it was seen last, on `clock`."""
     extent: NDArray[np.float32]
-    """(H, W, 4) box around the hits of the last step that hit a cell: its lower and upper corner,
-    from the cell's lower one."""
+    """(H, W, 4) box around the hits of the last step that hit a cell, and around where they may
+    be for their noise: its lower and upper corner, from the cell's lower one."""
     taken: NDArray[np.float32]
     """(H, W) when an occupied cell was hit that was free until then, on `clock`."""
     is_fixed: bool
     """Whether it holds the whole area, so that it need not follow the robot."""
     clock: float = 0.0
     """Time since the map was begun."""
-    rounding: float = 0.0
-    """How much nearer than they were seen hits may be."""
     forgotten: float = 0.0
     """When cells were forgotten last."""
     trail: Array = field(default_factory=lambda: NO_POSES)
@@ -162,7 +160,7 @@ class LocalMap:
         return near[:, 0] & near[:, 1]
 
     def boxes(self, cells: NDArray[np.intp]) -> tuple[Array, Array]:
-        """Corners (n, 2), (n, 2) of what was hit in cells with flat numbers (n,)."""
+        """Corners (n, 2), (n, 2) of what was hit in cells with flat numbers (n,), noise and all."""
         row, column = np.divmod(cells, self.state.shape[1])
         low = np.empty((len(cells), 2))
         np.multiply(column + self.column, self.cell, out=low[:, 0])
@@ -170,15 +168,15 @@ class LocalMap:
         extent = self.extent.reshape(-1, 4).take(cells, axis=0)
         return low + extent[:, :2], low + extent[:, 2:]
 
-    def mark(self, points: Array, level: int) -> None:
-        """Mark the cells of a step's hits (n, 2) as occupied."""
+    def mark(self, points: Array, errors: Array, level: int) -> None:
+        """Mark the cells of a step's hits (n, 2), which may be off by errors (n,), as occupied."""
         cells, inside = self.cells_of(points)
         if not inside.all():
-            cells, points = cells[inside], points[inside]
+            cells, points, errors = cells[inside], points[inside], errors[inside]
         if not len(cells):
             return
         order = np.argsort(cells, kind="stable")
-        cells, points = cells.take(order), points.take(order, axis=0)
+        cells, points, off = cells[order], points[order], errors[order, None]
         first = np.flatnonzero(np.diff(cells, prepend=-1))
         cells = cells.take(first)
         state = self.state.ravel()
@@ -187,8 +185,8 @@ class LocalMap:
         self.seen.ravel()[cells] = self.clock
         places = points - self.cell * np.floor(points / self.cell)
         extent = self.extent.reshape(-1, 4)
-        extent[cells, :2] = np.minimum.reduceat(places, first)
-        extent[cells, 2:] = np.maximum.reduceat(places, first)
+        extent[cells, :2] = np.minimum.reduceat(places - off, first)
+        extent[cells, 2:] = np.maximum.reduceat(places + off, first)
 
     def was_free(self, cells: NDArray[np.intp], time: float) -> NDArray[np.bool_]:
         """Whether cells with flat numbers (n,) are free, or were until a time ago at most."""

@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from kmpc_lite.control.kernels.scan_map import averaged_ranges
 from kmpc_lite.control.world.scan import LaserScan, Layout, beams
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
@@ -46,11 +47,14 @@ class Rays:
 
         reach = scan.reach / unit
         x, y = placed(scan.ends[:, 0] / unit, scan.ends[:, 1] / unit)
-        ends = np.stack([x, y], axis=1)
-        self.hits = ends[scan.hits]
+        hits, step, noise = scan.hits, abs(scan.angle_increment), scan.noise / unit
+        ranges, deviations = averaged_ranges(reach, hits, step, noise, 0.5 * cell)
+        along = beams(*scan.layout)[1].T
+        surface = placed(ranges * along[0] + mount_x / unit, ranges * along[1] + mount_y / unit)
+        self.hits = np.stack(surface, axis=1)[hits]
         """(M, 2) what was hit."""
-        self.noise = scan.noise / unit
-        """Standard deviation of a range."""
+        self.deviations = deviations[hits]
+        """(M,) standard deviations of their distances from the scanner."""
         self.origin = np.array(placed(mount_x / unit, mount_y / unit)).reshape(2, -1)[:, -1]
         """(2,) the scanner; at the time of the last beam."""
         self.low = np.minimum((x.min(), y.min()), self.origin) - cell

@@ -111,15 +111,16 @@ class Sight:
         here.look_out((o for o in looks if o is not None), options.blind_time / self._scale.time)
         rays = [Rays(s, self._pose_of(here, s, pose), unit, here.cell) for s in scans]
         for ray in rays:
-            error = math.hypot(ray.noise, pose_noise)
-            here.rounding = max(here.rounding, options.certainty * error)
             self._clear(here, ray)
         if rays:
-            hits = rays[0].hits if len(rays) == 1 else np.concatenate([ray.hits for ray in rays])
+            hits = np.concatenate([ray.hits for ray in rays])
+            deviations = np.concatenate([ray.deviations for ray in rays])
+            errors = options.certainty * np.hypot(deviations, pose_noise)
             if len(moving):
                 gaps = distances(moving, hits, np.zeros(len(hits)))
-                hits = hits[(gaps > here.cell).all(axis=1)]
-            here.mark(hits, options.passes)
+                stands = (gaps > here.cell).all(axis=1)
+                hits, errors = hits[stands], errors[stands]
+            here.mark(hits, errors, options.passes)
         # what the robot overlaps by a part is free where it begins; later it must have been seen
         around = math.sqrt(0.5) * here.cell + options.free_at_start
         self._stand(here, pose, self._radius + begins * around)
@@ -145,9 +146,8 @@ class Sight:
         left, bottom = columns.start + here.column, rows.start + here.row
         sides = here.cell * (rectangles_of(unknown) + (left, bottom, left, bottom))
         behind = self.options.level * here.cell
-        occupied = _boxes(low - here.rounding, high + here.rounding, behind)
         dark = _boxes(sides[:, :2] - grow, sides[:, 2:] + grow, behind)
-        return Seen(occupied, dark)
+        return Seen(_boxes(low, high, behind), dark)
 
     def solids(self, here: LocalMap, given: Solids | None) -> Solids | None:
         """All that is known to be occupied, as solids for a path search."""

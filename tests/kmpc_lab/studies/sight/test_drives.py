@@ -56,22 +56,9 @@ def test_what_comes_into_view_makes_the_robot_turn_where_it_is() -> None:
     assert row.arrived and not row.collided and row.gears <= 3
 
 
-NOISY_DOOR = [
-    pytest.mark.xfail(
-        strict=True, reason="known limit: the jambs of noisy scans stop a robot before a door"
-    ),
-    pytest.mark.long,
-]
-
-
 @pytest.mark.parametrize(
     ("door", "noise"),
-    [
-        (0.36, 0.0),
-        pytest.param(0.36, 0.01, marks=NOISY_DOOR),
-        pytest.param(0.40, 0.02, marks=NOISY_DOOR),
-        pytest.param(0.50, 0.03, marks=NOISY_DOOR),
-    ],
+    [(0.36, 0.0), (0.36, 0.01), (0.40, 0.02), (0.50, 0.03)],
 )
 def test_a_door_that_the_robot_fits_through_is_driven(door: float, noise: float) -> None:
     """However its sides lie in the cells of the map; what is told of walls passes the same."""
