@@ -210,7 +210,10 @@ class Guide:
         ) and (moving is None or moving.spares(now.pose))
         scale = 1.0 if moving is None else moving.speed_scale(path, place)
         if moving is not None and scale is None:
+            begins = state.evasive_arc
             states = self._evade(state, now, moving)
+            # the last plan leads to where the robot must not stay
+            switched = switched or state.evasive_arc != begins
         else:
             state.evasive_arc = -1
             states = self._along(path, state, scale or 0.0, float(now.pose[2]))
