@@ -11,17 +11,7 @@ from kmpc_lite.cli.main import main
 def test_check_says_what_is_missing_and_moves_nothing(desk, capsys):
     with emulated("rover") as rover:
         assert (
-            main(
-                [
-                    "check",
-                    str(ROBOTS / "rover.toml"),
-                    "--link",
-                    "pty:link",
-                    "--seconds",
-                    "0.5",
-                    *PATIENT,
-                ]
-            )
+            main([*f"check {ROBOTS}/rover.toml --link pty:link --seconds 0.5".split(), *PATIENT])
             == 0
         )
         out = capsys.readouterr().out
@@ -32,12 +22,7 @@ def test_check_says_what_is_missing_and_moves_nothing(desk, capsys):
         assert (
             main(
                 [
-                    "check",
-                    str(ROBOTS / "roboclaw.toml"),
-                    "--link",
-                    "pty:link",
-                    "--seconds",
-                    "0.5",
+                    *f"check {ROBOTS}/roboclaw.toml --link pty:link --seconds 0.5".split(),
                     *PATIENT,
                     "--json",
                 ]

@@ -54,21 +54,7 @@ def test_the_emergency_stop_without_a_bridge_keeps_the_next_one_still(desk, caps
         and latch_file(Path("kmpc-bridge.sock")).exists()
     )
     assert main(["estop", "--enable"]) == 1
-    assert (
-        main(
-            [
-                "check",
-                "--driver",
-                "mavlink",
-                "--link",
-                "tcp:127.0.0.1:9",
-                "--timeout",
-                "0.2",
-                "--json",
-            ]
-        )
-        == 1
-    )
+    assert main("check --driver mavlink --link tcp:127.0.0.1:9 --timeout 0.2 --json".split()) == 1
     texts = [f["text"] for f in json.loads(capsys.readouterr().out.splitlines()[-1])["findings"]]
     assert any("the emergency stop is pressed" in t for t in texts)
     assert main(["estop", "--reset", "--socket", "kmpc-bridge.sock"]) == 0

@@ -24,14 +24,7 @@ def test_record_at_random_stays_inside_and_can_be_learned_from(desk, capsys):
             command = [
                 "record",
                 *robot_options("roboclaw"),
-                "--excite",
-                "--seconds",
-                "3",
-                "--hold",
-                "0.3",
-                "--output",
-                "drive",
-                "--json",
+                *"--excite --seconds 3 --hold 0.3 --output drive --json".split(),
                 *fence,
             ]
             assert main(command) == 0
@@ -63,16 +56,9 @@ def test_record_by_hand_sends_nothing_and_its_tlog_gives_the_same_csv(desk, caps
             os.kill(os.getpid(), signal.SIGINT)
 
         with meanwhile(pilot):
-            command = [
-                "record",
-                str(ROBOTS / "rover.toml"),
-                "--link",
-                "pty:link",
-                "--by-hand",
-                "--output",
-                "hand",
-                "--json",
-            ]
+            command = (
+                f"record {ROBOTS}/rover.toml --link pty:link --by-hand --output hand --json".split()
+            )
             assert main(command) == 0
         assert rover.mode == "MANUAL"
     report = json.loads(capsys.readouterr().out)

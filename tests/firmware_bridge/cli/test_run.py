@@ -51,15 +51,7 @@ SLOW = [
 
 @pytest.mark.parametrize("name", ["rover", "roboclaw", *SLOW])
 def test_run_drives_past_the_obstacle_to_the_goal_and_records_it(desk, capsys, name):
-    options = [
-        *robot_options(name),
-        "--scenario",
-        "course.toml",
-        "--record",
-        "drive",
-        "--json",
-        *FAST,
-    ]
+    options = [*robot_options(name), *"--scenario course.toml --record drive --json".split(), *FAST]
     # where the machine is busy for a moment, the robot brakes and goes on: it is not given up
     options += ["--set", "safety.hold=3"]
     if name == "roboclaw":  # with a learned model, twenty times a second

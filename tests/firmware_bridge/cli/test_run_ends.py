@@ -35,14 +35,9 @@ def rover(tmp_path, monkeypatch):
 def test_a_vehicle_that_does_not_arm_ends_the_run_with_its_own_words(rover, capsys):
     rover.autopilot.arming_failure = LONG
     command = [
-        "run",
-        "--driver",
-        "mavlink",
-        "--link",
-        LINK,
+        *f"run --driver mavlink --link {LINK}".split(),
         *PATIENT,
-        "--scenario",
-        "four_circles_1",
+        *"--scenario four_circles_1".split(),
     ]
     assert main([*command, "--arm", "--wait", "2", "--json"]) == 1
     report = json.loads(capsys.readouterr().out)

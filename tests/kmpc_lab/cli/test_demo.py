@@ -38,15 +38,7 @@ def test_it_records_learns_drives_and_says_where_the_goal_was_not_reached(
 
 
 def test_ctrl_c_while_recording_ends_with_130_and_no_model(tmp_path):
-    command = [
-        sys.executable,
-        "-m",
-        "kmpc_lite.cli.main",
-        "demo",
-        "--output",
-        str(tmp_path),
-        "--json",
-    ]
+    command = [sys.executable, *f"-m kmpc_lite.cli.main demo --output {tmp_path} --json".split()]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:
         log, until = tmp_path / "drive.csv", time.monotonic() + 30.0
         while not (log.exists() and log.read_text().count("\n") > 3) and time.monotonic() < until:

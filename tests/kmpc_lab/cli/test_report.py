@@ -17,18 +17,7 @@ def test_report_of_a_run_and_of_its_model(
     made: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert (
-        cli.main(
-            [
-                "report",
-                str(made / "run.npz"),
-                "-o",
-                "run.html",
-                "--model",
-                str(made / "robot.npz"),
-                "--json",
-            ]
-        )
-        == 0
+        cli.main(f"report {made}/run.npz -o run.html --model {made}/robot.npz --json".split()) == 0
     )
     assert json.loads(capsys.readouterr().out) == {"written": ["run.html"]}
     page = (here / "run.html").read_text()
@@ -41,17 +30,7 @@ def test_report_of_a_run_and_of_its_model(
 def test_a_report_made_later_tells_how_the_run_was_driven(
     made: Path, here: Path, monkeypatch: pytest.MonkeyPatch, blank: None
 ) -> None:
-    drove = [
-        "simulate",
-        "--scenario",
-        str(made / "short.toml"),
-        "--seed",
-        "5",
-        "-o",
-        "run.npz",
-        "--report",
-        "first.html",
-    ]
+    drove = f"simulate --scenario {made}/short.toml --seed 5 -o run.npz --report first.html".split()
     for words in (drove, ["report", "run.npz", "-o", "later.html"]):
         monkeypatch.setattr(sys, "argv", ["kmpc", *words])
         assert cli.main(words) == 0

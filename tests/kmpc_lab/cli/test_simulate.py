@@ -18,24 +18,8 @@ def test_simulate_drives_and_keeps_the_run(
     made: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scenario = str(made / "short.toml")
-    assert (
-        cli.main(
-            [
-                "simulate",
-                "--model",
-                str(made / "robot.npz"),
-                "--scenario",
-                scenario,
-                "--seed",
-                "5",
-                "--margin",
-                "0.03",
-                "-o",
-                "run.npz",
-            ]
-        )
-        == 0
-    )
+    words = f"--model {made}/robot.npz --scenario {scenario} --seed 5 --margin 0.03 -o run.npz"
+    assert cli.main(["simulate", *words.split()]) == 0
     out, err = capsys.readouterr()
     assert out.startswith("reached after") and "run.npz" in out and err == ""
     run = Run.load("run.npz")
@@ -71,16 +55,8 @@ def test_simulate_drives_with_the_options_of_the_scenario(
 def test_simulate_on_a_plant_like_the_model(
     made: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = [
-        "simulate",
-        "--model",
-        str(made / "robot.npz"),
-        "--scenario",
-        str(made / "short.toml"),
-        "--plant",
-        "learned",
-        "--json",
-    ]
+    words = f"--model {made}/robot.npz --scenario {made}/short.toml --plant learned --json"
+    arguments = ["simulate", *words.split()]
     assert cli.main(arguments) == 0
     assert json.loads(capsys.readouterr().out)["plant"] == "learned"
 

@@ -31,18 +31,8 @@ def test_study_prints_the_table(
     made: Path, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     small_table(monkeypatch)
-    arguments = [
-        "study",
-        "table1",
-        "--trials",
-        "1",
-        "--workers",
-        "1",
-        "--scenario",
-        str(made / "short.toml"),
-        "--records",
-        "table.jsonl",
-    ]
+    words = f"--trials 1 --workers 1 --scenario {made}/short.toml --records table.jsonl"
+    arguments = ["study", "table1", *words.split()]
     assert cli.main(arguments) == 0
     out, err = capsys.readouterr()
     assert "paper: K-NMPC" in out and "exact" in out and "learned, trained at 0.1" in out

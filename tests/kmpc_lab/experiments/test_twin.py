@@ -116,14 +116,7 @@ def test_the_twin_is_driven_past_an_obstacle_through_a_pty(tmp_path, monkeypatch
     (tmp_path / "course.toml").write_text(COURSE)
     command = [
         sys.executable,
-        "-m",
-        "kmpc_lite.cli.main",
-        "emulate",
-        "mavlink",
-        "--physics",
-        "mujoco",
-        "--scenario",
-        "course.toml",
+        *"-m kmpc_lite.cli.main emulate mavlink --physics mujoco --scenario course.toml".split(),
     ]
     emulator = subprocess.Popen(
         [*command, "--link", "pty:link", "--arm-after", "0.1", "--json"],
@@ -134,29 +127,9 @@ def test_the_twin_is_driven_past_an_obstacle_through_a_pty(tmp_path, monkeypatch
         end = time.monotonic() + 60.0
         while not os.path.exists("link") and time.monotonic() < end:
             time.sleep(0.05)
-        robot = [
-            "--driver",
-            "mavlink",
-            "--link",
-            "pty:link",
-            "--arm",
-            "--v-max",
-            "0.5",
-            "--omega-max",
-            "1.0",
-            "--latency",
-            "0.15",
-        ]
-        quick = [
-            *PATIENT,
-            "--set",
-            "safety.hold=0.3",
-            "--settle",
-            "0.3",
-            "--seconds",
-            "25",
-            "--json",
-        ]
+        limits = "--v-max 0.5 --omega-max 1.0 --latency 0.15"
+        robot = f"--driver mavlink --link pty:link --arm {limits}".split()
+        quick = [*PATIENT, *"--set safety.hold=0.3 --settle 0.3 --seconds 25 --json".split()]
         status = main(["run", *robot, *quick, "--scenario", "course.toml"])
     finally:
         emulator.send_signal(signal.SIGINT)

@@ -203,21 +203,7 @@ def test_fit_tells_how_much_room_the_margins_take(
 def test_fit_takes_several_logs_and_another_period(
     made: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert (
-        cli.main(
-            [
-                "fit",
-                str(made / "drive.csv"),
-                str(made / "brief.csv"),
-                "-o",
-                "robot.npz",
-                "-v",
-                "--dt",
-                "0.2",
-            ]
-        )
-        == 0
-    )
+    assert cli.main(f"fit {made}/drive.csv {made}/brief.csv -o robot.npz -v --dt 0.2".split()) == 0
     assert kl.KoopmanModel.load("robot.npz").dt == 0.2
     assert "0.2 s" in (told := capsys.readouterr().out)
     counts = [int(n) for n in re.findall(r"Dataset\((\d+) episodes", told)]

@@ -88,13 +88,7 @@ def test_control_c_ends_it_at_once_without_a_traceback(tmp_path: Path) -> None:
     process = subprocess.Popen(
         [
             sys.executable,
-            "-m",
-            "kmpc_lite.cli.main",
-            "simulate",
-            "--scenario",
-            str(endless),
-            "-o",
-            str(tmp_path / "run.npz"),
+            *f"-m kmpc_lite.cli.main simulate --scenario {endless} -o {tmp_path}/run.npz".split(),
         ],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
