@@ -33,7 +33,7 @@ from kmpc_lite.control.path.reference import (
     told_progress,
     wait_in_sight,
 )
-from kmpc_lite.control.path.replan import SHUTTLE_REACH, Replanner
+from kmpc_lite.control.path.replan import Replanner
 from kmpc_lite.control.path.situation import Situation, Surveyor
 from kmpc_lite.control.path.state import BLOCKED, GuideState
 from kmpc_lite.control.path.tangent_planner import TangentPlanner
@@ -44,6 +44,8 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.types import Array
 
+NEAR_CUSP = 0.075
+"""Distance from a change of gear at which the robot goes on in the other one [m]."""
 GOAL_STRETCH = 0.5
 """For so long before the path reaches the goal's position, the reference ends there: it does not
 begin the last turn yet [s]."""
@@ -146,16 +148,16 @@ class Guide:
         """Go on to the next leg of a path where the robot has come to a change of its gear."""
         end = path.leg_end(state.leg)
         if end < math.inf:
-            cusp = path.at(np.array([end]))[0]
-            reach = CUSP_REACH if self._by_poses else SHUTTLE_REACH
+            (begin, cusp), here = path.at(np.array([state.leg, end]))[:, :2], now.pose[:2]
+            reach = CUSP_REACH if self._by_poses else min(NEAR_CUSP, math.dist(begin, here))
             stands = self._by_poses and now.speed <= STANDS and state.place > end - self._dt
-            if stands or math.dist(cusp[:2], now.pose[:2]) <= reach:
+            if stands or math.dist(cusp, here) <= reach:
                 state.leg = state.place = end
 
     def _begin_last_turn(self, state: GuideState, now: Situation) -> None:
         """Begin the last turn where the robot comes to a stop; give it up where it has left."""
         tolerances = self._tolerances(state, now)
-        if self._by_poses or state.shuttle is not None:
+        if self._by_poses:
             state.turning = False
         elif state.turning:
             state.turning = now.distance <= tolerances.turn_limit

@@ -19,6 +19,9 @@ from kmpc_lite.types import Array
 if TYPE_CHECKING:
     from kmpc_lite.control.world.solids import Solids
 
+NEAR_GOAL = 0.3
+"""A robot nearer to its goal than this that lags more than its model knows has soon left the place
+where a search began [m]."""
 ROUNDING = 1e-9
 """Length [m] or angle [rad] that is none."""
 

@@ -94,7 +94,7 @@ class ProgressChecker:
             progress along the path, but the robot does not stand either.
         other : bool
             Whether it leads another way around than the one before. A path like the one before
-            begins a new count only if it is longer by a detour: a robot that shuttles before an
+            begins a new count only if it is longer by a detour: a robot that swings before an
             obstacle, and looks for its path again and again, makes no progress.
         """
         if other or left > state.least_left + self._detour:

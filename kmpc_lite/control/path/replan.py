@@ -9,10 +9,10 @@ import numpy as np
 
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY
 from kmpc_lite.control.options import GuidanceOptions
-from kmpc_lite.control.path.planner import Planner, same_solids
+from kmpc_lite.control.path.planner import NEAR_GOAL, Planner, same_solids
 from kmpc_lite.control.path.progress_checker import ProgressChecker
 from kmpc_lite.control.path.search_driver import SearchDriver
-from kmpc_lite.control.path.situation import NEAR_GOAL, Situation
+from kmpc_lite.control.path.situation import Situation
 from kmpc_lite.control.path.state import GuideState
 from kmpc_lite.control.path.timed_path import GRID_STEP, TimedPath
 from kmpc_lite.control.problem import NavigationProblem
@@ -38,8 +38,8 @@ MOVED_DISTANCE = 0.01
 SETTLED_SHARE = 0.4
 """A robot that is nearer to its goal than `near_goal`, and is commanded faster than this share of
 its speed, is still on its way there: it looks for no new path for having left its own."""
-SHUTTLE_REACH = 0.075
-"""Distance from the far end of the shuttle at which the robot turns back [m]."""
+ON_THE_SPOT = 0.075
+"""A robot that moves by no more than this turns on the spot [m]."""
 TRIED_PATHS = 4
 """Most paths on which time was lost that are remembered for one goal."""
 LONGEST_LOOK = 2000.0
@@ -102,11 +102,10 @@ class Replanner:
         strayed = self._watch_place(state, now, off)
         grown = self._watch.has_grown_elsewhere(state, now)
         is_new = not grown and self._is_new(state, now)
-        turned_back = self._end_shuttle(state, now, is_new)
         # whatever has come up meanwhile, a search that is needed comes to an end: one that begins
         # anew in each step never does
         wanted = off > LOST_DISTANCE or is_new or self._is_blocked(state, now)
-        at_once = turned_back or (wanted and not (state.urgent and state.search is not None))
+        at_once = wanted and not (state.urgent and state.search is not None)
         stalled = self._watch_progress(state, now)
         # the robot drives on what it knows meanwhile, and keeps clear of what has shown up
         cut = state.search is None and not at_once and self._watch.watch_path(state, now)
@@ -122,18 +121,6 @@ class Replanner:
         if begins and now.view is not None and not state.urgent:
             return False, False  # what was seen has been made a map of: work enough for a step
         return self._searches.advance(state, now)
-
-    def _end_shuttle(self, state: GuideState, now: Situation, is_new: bool) -> bool:
-        """End a shuttle that has come to where it turns back; then a path to the goal is needed."""
-        if is_new or now.distance > 2.0 * NEAR_GOAL:
-            state.shuttle, state.shuttles = None, 0
-        if state.shuttle is None:
-            return False
-        distance = math.hypot(*(now.pose - state.shuttle)[:2].tolist())
-        if distance > SHUTTLE_REACH:
-            return False
-        state.shuttle = None
-        return True
 
     def _watch_place(self, state: GuideState, now: Situation, off: float) -> bool:
         """Note how far it is; whether it is off its path, stands, or has had none for long."""
@@ -179,7 +166,7 @@ class Replanner:
 
     def _watch_turn(self, state: GuideState, now: Situation) -> None:
         """Note how far the robot has turned on the spot where it stands."""
-        if not math.dist(now.pose[:2], state.stood[:2]) <= SHUTTLE_REACH:
+        if not math.dist(now.pose[:2], state.stood[:2]) <= ON_THE_SPOT:
             state.stood, state.turned = now.pose.copy(), 0.0
         state.turned += wrap(float(now.pose[2] - state.stood[2]))
         state.stood[2] = now.pose[2]

@@ -12,10 +12,9 @@ import numpy as np
 from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.lattice import LATTICE_SAMPLE
-from kmpc_lite.control.path.planner import Known, Path, PathRequest, Planner
+from kmpc_lite.control.path.planner import NEAR_GOAL, Known, Path, PathRequest, Planner
 from kmpc_lite.control.path.progress_checker import ProgressChecker
-from kmpc_lite.control.path.shuttle import SHUTTLE_SPEED, ShuttleFinder
-from kmpc_lite.control.path.situation import NEAR_GOAL, Situation
+from kmpc_lite.control.path.situation import Situation
 from kmpc_lite.control.path.state import BLOCKED, GuideState, Search
 from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.control.path.turning_centre import seen_from, swing
@@ -34,8 +33,6 @@ URGENT_PARTS = 60
 """Most parts of a search that the robot needs at once that are done in one step. Most searches end
 sooner; among very many obstacles the robot drives on as before, or stands, for a step more, which
 else would come late."""
-SHUTTLES = 3
-"""Most shuttles for one goal."""
 FREE_TURN_LENGTH = 0.5
 """Length of a path on which the robot may make the whole free turn; on a shorter path it makes a
 part of it in proportion [m]."""
@@ -78,7 +75,6 @@ class SearchDriver:
         self._outline = np.column_stack([middles, np.full(len(middles), self._radius)])
         self._planner, self._parts = planner, 0
         self._asked: PathRequest | None = None
-        self._shuttles = ShuttleFinder(problem)
 
     def begin(self, state: GuideState, now: Situation, lead: float = 0.0) -> None:
         """Begin a search from where the robot will be on its path after a time [s].
@@ -99,16 +95,13 @@ class SearchDriver:
         state.goal, state.circles = now.target.copy(), now.told.copy()
         state.solids, state.age, state.centre_moved = now.solids, 0.0, False
         state.circles_at_rest = b"" if now.moving is not None else now.circles.tobytes()
-        shuttle = self._new_shuttle(state, now)
-        if shuttle is not None:
-            state.shuttle, state.shuttles = shuttle, state.shuttles + 1
         can, progress = now.capabilities, state.progress
         driven = None
         if state.path is not None and same_goal and not progress.stuck:
             driven = state.path.route(start, state.place, 0.0)
         request = PathRequest(
             start=start,
-            goal=(self._aim(now, start) if state.shuttle is None else state.shuttle).copy(),
+            goal=self._aim(now, start).copy(),
             target=state.goal,
             centre=state.turning_centre,
             circles=now.met(state.yielded),
@@ -187,24 +180,13 @@ class SearchDriver:
         self._search(state, now, again)
         return True
 
-    def _new_shuttle(self, state: GuideState, now: Situation) -> Array | None:
-        """Pose (3,) at which a shuttle that begins here turns back; none where none is begun."""
-        beside = now.capabilities.tolerances.turn_distance < now.distance < NEAR_GOAL
-        none = self._by_poses or not beside
-        if state.shuttle is not None or none or state.shuttles >= SHUTTLES:
-            return None
-        return self._shuttles.find(now, state.known_solids, state.coarseness)
-
     def advance(self, state: GuideState, now: Situation) -> tuple[bool, bool]:
         """Bring the search forward: nearly always to its end if urgent, else by a few parts."""
         refreshed = switched = False
         parts = URGENT_PARTS if state.urgent else self._options.hurried_parts
         while (search := state.search) is not None:
             found = self._found(search)
-            if isinstance(found, str) and state.shuttle is not None:
-                state.shuttle, state.shuttles = None, SHUTTLES
-                self.begin(state, now)
-            elif (
+            if (
                 isinstance(found, str)
                 and now.moving is not None
                 and now.moving.stays(state.yielded)
@@ -252,8 +234,6 @@ class SearchDriver:
         state.waiting = None
         path = found if self._by_poses else self._from_rest(now, request, found)
         speed = can.backward if (path.gears < 0).any() else can.forward
-        if state.shuttles:
-            speed = speed * (SHUTTLE_SPEED, 1.0)
         free_turn = self._free_turn(search, path)
         timed = TimedPath(path, speed, free_turn, can.wheels, can.deceleration)
         if state.only_renews and previous is not None:

@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from kmpc_lite.control.world.sight.view import View
     from kmpc_lite.control.world.solids import Solids
 
-NEAR_GOAL = 0.3
-"""Distance to the goal below which repeated searches for a path are hurried [m]: a robot that lags
-more than its model knows has soon left the place where the search began."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Situation:

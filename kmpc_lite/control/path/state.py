@@ -65,10 +65,6 @@ class GuideState:
     """What the goal leaves beyond that margin [m]: less than the path keeps, between obstacles."""
     turning: bool = False
     """Whether the robot is on its last turn on the spot."""
-    shuttle: Array | None = None
-    """Pose (3,) at which a shuttle turns back: the path leads there; none: to the goal."""
-    shuttles: int = 0
-    """How many were driven for this goal."""
     why_none: str = ""
     """Why there is no path."""
     waiting: Array | None = None

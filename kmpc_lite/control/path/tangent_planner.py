@@ -8,6 +8,7 @@ it is narrow or unknown, what it takes to switch to it, and the time that was lo
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from enum import Enum, auto
 
 import numpy as np
@@ -38,6 +39,7 @@ from kmpc_lite.control.path.search_obstacles import (
 from kmpc_lite.control.path.tangent_graph import GeometricPath, PathQuery
 from kmpc_lite.control.path.tangent_search import Part, TangentSearch
 from kmpc_lite.control.path.timed_path import poses_along
+from kmpc_lite.control.path.way_out import led_out, way_out
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
 
@@ -99,6 +101,9 @@ class TangentPlanner:
 
     def begin(self, request: PathRequest) -> None:
         """Begin a search."""
+        self._start, self._out = request.start, way_out(request) if self._is_round else None
+        if self._out is not None:
+            request = replace(request, start=self._out)
         self._request, self._stage = request, Stage.OBSTACLES
         self._obstacles: Obstacles | None = None
         self._clearances: list[float] = []
@@ -284,5 +289,8 @@ class TangentPlanner:
     def _choose(self) -> None:
         """End a search; what it was made of is not needed any more."""
         self._stage, self._tangents, self._lattice_path = Stage.CHOSEN, None, None
-        none = TOO_MANY if self._gave_up else NO_WAY
-        self._found = none if self._best is None else self._best
+        path = self._best
+        if path is None:
+            self._found = TOO_MANY if self._gave_up else NO_WAY
+        else:
+            self._found = path if self._out is None else led_out(path, self._start)

@@ -160,6 +160,7 @@ class TimedPath:
         last = max(place, least)
         begin = int(max(place - self._back, least) / self._grid_step)
         begin += len(self.cusps) > 0  # the pose before a change of gear is not on this leg
+        begin = min(begin, len(self._grid) - 1)
         end = int(min(last + self._ahead, self.leg_end(least)) / self._grid_step) + 2
         x, y, heading = pose.tolist()
         # next to the heading at the last place: the robot has not turned by half a circle since
