@@ -83,7 +83,9 @@ def test_a_drive_that_does_not_arrive_is_exit_status_1_and_people_are_told_what_
     assert "\x1b" not in out  # no terminal, no picture
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGQUIT])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGQUIT, marks=pytest.mark.long)]
+)
 def test_ctrl_c_brakes_holds_and_releases(desk, number):
     with emulated("rover") as rover:
         Path("far.toml").write_text(FAR)

@@ -101,6 +101,7 @@ def needs(module: str, package: str) -> None:
         pytest.skip(f"{package} is not installed: pip install {package}")
 
 
+@pytest.mark.long
 def test_mavproxy(rover: Listening, tmp_path: Path) -> None:
     """Over a pseudo-terminal, as over a serial port."""
     needs("MAVProxy", "mavproxy")

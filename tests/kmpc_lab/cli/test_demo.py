@@ -37,6 +37,7 @@ def test_it_records_learns_drives_and_says_where_the_goal_was_not_reached(
     assert len(run.inputs) >= 10 and np.abs(run.inputs).max() > 0.0
 
 
+@pytest.mark.long
 def test_ctrl_c_while_recording_ends_with_130_and_no_model(tmp_path):
     command = [sys.executable, *f"-m kmpc_lite.cli.main demo --output {tmp_path} --json".split()]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:

@@ -275,7 +275,7 @@ def _bytes(part: dict[str, Any]) -> bytes:
 def test_a_day_fits_into_a_page(run: Run) -> None:
     details = run.details
     assert details is not None
-    many = 40_000
+    many = 20_000
     long = replace(
         details,
         **{

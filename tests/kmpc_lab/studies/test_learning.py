@@ -24,7 +24,7 @@ def test_a_lagging_robot_errs_by_a_quarter_of_nominal_at_most() -> None:
 
 
 def test_a_nominal_robot_is_not_harmed() -> None:
-    rows = study_nominal(robots=2)
+    rows = study_nominal(robots=1)
     assert "harmed 0 (0.0 %)" in format_harm(rows)
 
 

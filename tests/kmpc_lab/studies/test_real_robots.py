@@ -19,12 +19,18 @@ def log() -> kl.Dataset:
     return record(SKIDDING, 4).windows(5.0)
 
 
-def test_a_plant_stands_at_zero_command_and_errs_when_it_drives(log: kl.Dataset) -> None:
-    plant = RealPlant(kl.fit(log, lags="auto"), log, 1, motor_lag=0.0)
+@pytest.fixture(scope="module")
+def model(log: kl.Dataset) -> kl.KoopmanModel:
+    return kl.fit(log, lags="auto")
+
+
+def test_a_plant_stands_at_zero_command_and_errs_when_it_drives(
+    log: kl.Dataset, model: kl.KoopmanModel
+) -> None:
+    plant = RealPlant(model, log, 1, motor_lag=0.0)
     pose = np.array([1.0, 2.0, 0.5])
     for _ in range(30):
         np.testing.assert_allclose(plant.drive(pose, np.zeros(2))[-1], pose, atol=1e-9)
-    model = kl.fit(log, lags="auto")
     errors = []
     for _ in range(300):
         end = plant.drive(pose, np.array([0.6, 0.3]))[-1]
@@ -33,8 +39,7 @@ def test_a_plant_stands_at_zero_command_and_errs_when_it_drives(log: kl.Dataset)
     assert 1e-3 < spread[0] < 0.05
 
 
-def test_motors_that_lag_reach_a_command_late(log: kl.Dataset) -> None:
-    model = kl.fit(log, lags="auto")
+def test_motors_that_lag_reach_a_command_late(log: kl.Dataset, model: kl.KoopmanModel) -> None:
     moved = {}
     for lag in (0.0, 0.3):
         plant, pose = RealPlant(model, log, 1, lag), np.zeros(3)
