@@ -73,6 +73,38 @@ GONE = {
         "`goal.averaging_time` tells how long poses are averaged",
         "averaging_period",
     ),
+    **_gone(
+        "sight",
+        "it is a constant of the map of what scans show",
+        "cell_noise map_reach level free_distance trail same_scan_distance",
+    ),
+    **_gone(
+        "sight",
+        "it is a constant of the path search",
+        "blocked_interval refresh_interval gear_time lattice_nodes lattice_step",
+    ),
+    **_gone(
+        "tracker",
+        "`tracker.noise` and `tracker.acceleration` tell what is expected of what moves",
+        "first_speed turn_rate turn_memory gate most",
+    ),
+    **_gone(
+        "tracker",
+        "what a scan shows of a pedestrian is told in radii of the robot",
+        "gap largest_cluster fewest_hits strayed",
+    ),
+    **_gone(
+        "moving_obstacles",
+        "it is a share of `moving_obstacles.clearance`",
+        "path_clearance touch switch_clearance",
+    ),
+    **_gone(
+        "moving_obstacles",
+        "it is a constant of the evasive arcs",
+        "look_step long_look arc_speeds arc_turns arc_times",
+    ),
+    **_gone("obstacles", "at most 10 are looked at", "grids scans"),
+    "obstacles.cell": "cells are 0.1 mm at least",
     "stop.slower_shares": "the largest share whose motion to rest stays clear is driven",
     "stop.turn_only_share": "turning alone is tried after the shares of a command",
     "stop.makes_room": "a motion leaves a thing if half of what it drives leads away",
@@ -162,11 +194,6 @@ def probability(default: float) -> Any:
 def shares(*default: float) -> Any:
     """Ratios that are tried one after the other; a negative one means the other direction."""
     return field(default=default, metadata={"unit": "1 each"})
-
-
-def moments(*default: float) -> Any:
-    """Times that are tried one after the other [s]."""
-    return field(default=default, metadata={"unit": "s each"})
 
 
 def count(default: int, least: int = 1, most: float = math.inf) -> Any:

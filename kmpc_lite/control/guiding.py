@@ -110,4 +110,4 @@ def make_guide(
 
     own = None if planner is None else InMetres(planner, scale)
     moving = options.moving_obstacles
-    return Guide(units, options.guidance, moving, clock, own, options.sight)
+    return Guide(units, options.guidance, moving, clock, own)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from kmpc_lite.option_fields import check, count, metres
+from kmpc_lite.option_fields import check, count
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,19 +21,13 @@ class ObstacleOptions:
     """Edges of all polygons and walls of one step; each polygon counts as the one with the most."""
     polygon_corners: int = count(100)
     """Corners of one polygon."""
-    grids: int = count(10)
-    """Grids of one step."""
     grid_cells: int = count(2**24)
     """Cells of one grid, and of all of one step."""
     grid_runs: int = count(50_000)
     """Runs of occupied cells, along rows or columns as these are fewer, of one grid and of all of
     one step: noise has many, walls have few."""
-    scans: int = count(10)
-    """Laser scans of one step."""
     scan_beams: int = count(2**14)
     """Beams of one scan."""
-    cell: float = metres(1e-4)
-    """Least side of a grid's cell [m]: no sensor sees finer."""
 
     def __post_init__(self) -> None:
         check(self)

@@ -17,7 +17,6 @@ import numpy as np
 from kmpc_lite.control.options import (
     GuidanceOptions,
     MovingObstacleOptions,
-    SightOptions,
     lengths_from_radii,
     unit_length,
 )
@@ -76,8 +75,6 @@ class Guide:
         Gives the time [s] that `until` is on.
     planner : Planner, optional
         Finds paths, in the robot's units; the one of tangents and lattices where not given.
-    sight : SightOptions, optional
-        Of what scans show, for that one.
     """
 
     def __init__(
@@ -87,7 +84,6 @@ class Guide:
         moving: MovingObstacleOptions | None = None,
         clock: Callable[[], float] = perf_counter,
         planner: Planner | None = None,
-        sight: SightOptions | None = None,
     ) -> None:
         unit = unit_length(problem)
         self._options = lengths_from_radii(options or GuidanceOptions(), unit)
@@ -103,7 +99,7 @@ class Guide:
         if planner is None and self._by_poses:
             planner = FieldPlanner(problem, problem.wheels)
         elif planner is None:
-            planner = TangentPlanner(problem, options or GuidanceOptions(), sight or SightOptions())
+            planner = TangentPlanner(problem, options or GuidanceOptions())
         self._replanner = Replanner(problem, self._options, clock, planner)
 
     def reference(self, state: GuideState, capabilities: Capabilities, task: GuideTask) -> Guidance:

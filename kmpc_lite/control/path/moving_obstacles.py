@@ -18,6 +18,26 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-9
 """Time that belongs to the look-ahead [s]."""
+LOOK_STEP = 0.2
+"""Time between two moments at which distances are looked at [s]."""
+PATH_SHARE = 0.5
+"""Share of the clearance that paths keep."""
+SWITCH_SHARE = 0.25
+"""The robot leaves the arc that it is on for another one only if that promises this much more
+clearance, as a share of it."""
+TOUCH_SHARE = 1 / 120
+"""How far an evasive arc may lead into the margin of a solid, or out of the area, as a share of the
+clearance."""
+LONG_LOOK = 3.0
+"""Evasive arcs are first looked at this many times as far ahead, and those that are clear for so
+long are preferred: on others a circle that follows would push the robot along."""
+ARC_SPEEDS = (0.0, 0.5, -0.5, 1.0, -1.0)
+"""Speeds of the evasive arcs, as shares of the fastest; the first arcs are preferred, since they
+move least."""
+ARC_TURNS = (0.0, 1.0, -1.0)
+"""Their rates of turn, as shares of the fastest."""
+ARC_TIMES = (1.0, 2.0, 4.0)
+"""How long the robot drives on them before it stops [s]."""
 
 
 class MovingObstacleTable:
@@ -31,11 +51,11 @@ class MovingObstacleTable:
 
     def __init__(self, options: MovingObstacleOptions) -> None:
         self.options = options
-        self.times = np.arange(0.0, options.look_ahead + ROUNDING, options.look_step)
+        self.times = np.arange(0.0, options.look_ahead + ROUNDING, LOOK_STEP)
         """(T,) from now [s]."""
         self.scales = np.array(options.speed_scales)
         """(S,) shares of the speed."""
-        order = product(options.arc_times, options.arc_speeds, options.arc_turns)
+        order = product(ARC_TIMES, ARC_SPEEDS, ARC_TURNS)
         self.arcs = np.array([(v, omega, end) for end, v, omega in order])
         """(E, 3) shares of speed and rate of turn, and when the arc ends [s]."""
 
@@ -96,7 +116,7 @@ class MovingObstacles:
             kept = self._options.clearance * velocity.any(axis=1)
             kept += (self._options.look_ahead - time) * np.hypot(velocity[:, 0], velocity[:, 1])
         else:
-            kept = self._options.path_clearance * velocity.any(axis=1)
+            kept = PATH_SHARE * self._options.clearance * velocity.any(axis=1)
         met[:, 2] += kept
         return met
 
@@ -151,7 +171,7 @@ class MovingObstacles:
         poses : ndarray
             (n, 3) on it.
         """
-        for ahead in (self._times * self._options.long_look, self._times):
+        for ahead in (self._times * LONG_LOOK, self._times):
             clearance = self._clearance_on_arcs(pose, ahead)
             clear = clearance >= self._options.clearance
             if clear.any():
@@ -159,7 +179,7 @@ class MovingObstacles:
                 break
         else:
             if begun >= 0:
-                clearance[begun] += self._options.switch_clearance
+                clearance[begun] += SWITCH_SHARE * self._options.clearance
             best = int(np.argmax(clearance))
         arc: Array = self._arcs(pose, times)[best]
         return best, arc
@@ -187,7 +207,7 @@ class MovingObstacles:
         if self._area is not None:
             outside = np.maximum(self._area[0] - positions, positions - self._area[1]).max(axis=2)
             # who stands outside need not go farther
-            allowed = max(float(outside[0, 0]), 0.0) + self._options.touch
+            allowed = max(float(outside[0, 0]), 0.0) + TOUCH_SHARE * self._options.clearance
             clearance[outside.max(axis=1) > allowed] -= last
         if self._solids is None:
             return clearance
@@ -196,7 +216,9 @@ class MovingObstacles:
         near = self._solids.within(pose[:2], reach)
         distances = near.least(positions.reshape(-1, 2)).reshape(len(clearance), -1)
         # what stands still needs no more than its margin; no circle is a reason to drive into it
-        allowed = min(self._inflation, float(distances[0, 0])) - self._options.touch
+        allowed = (
+            min(self._inflation, float(distances[0, 0])) - TOUCH_SHARE * self._options.clearance
+        )
         clearance[distances.min(axis=1) < allowed] -= last
         return clearance
 

@@ -31,6 +31,11 @@ have to change its gear."""
 LOST_DISTANCE = 0.5
 """A robot that is farther from its path than this needs the new one in the same step: somebody has
 carried it [m]."""
+BLOCKED_INTERVAL = 0.2
+"""Time between two looks whether what was seen lately stands on the path [s]."""
+REFRESH_INTERVAL = 3.0
+"""Longest time after which a path is looked for on the map of scans as it is then [s]: what was in
+the way may have gone."""
 RETRY_INTERVAL = 0.5
 """Time between two searches where there is no path [s]."""
 MOVED_DISTANCE = 0.01
@@ -228,7 +233,7 @@ class PathWatch:
         """Whether to look if what was in the way has gone."""
         if now.view is None or state.path is None or state.turning:
             return False
-        return now.distance > NEAR_GOAL and state.age > now.view.refresh_interval
+        return now.distance > NEAR_GOAL and state.age > REFRESH_INTERVAL
 
     def watch_path(self, state: GuideState, now: Situation) -> bool:
         """Look at times whether something that scans have shown lately stands on the path."""
@@ -236,7 +241,7 @@ class PathWatch:
         if view is None or path is None or state.turning:
             return False
         state.unwatched += self._dt
-        if state.unwatched < view.blocked_interval or state.age <= self._options.replan_interval:
+        if state.unwatched < BLOCKED_INTERVAL or state.age <= self._options.replan_interval:
             return False
         state.unwatched = 0.0
         return view.blocks(self._points_ahead(state, now, path), self._inflation)

@@ -33,6 +33,8 @@ URGENT_PARTS = 60
 """Most parts of a search that the robot needs at once that are done in one step. Most searches end
 sooner; among very many obstacles the robot drives on as before, or stands, for a step more, which
 else would come late."""
+GEAR_TIME = 2.0
+"""How much slower a path among what scans show may be that needs no change of gear [s]."""
 FREE_TURN_LENGTH = 0.5
 """Length of a path on which the robot may make the whole free turn; on a shorter path it makes a
 part of it in proportion [m]."""
@@ -117,7 +119,7 @@ class SearchDriver:
             driven=driven,
             tried=state.tried if same_goal else (),
             turned=state.turned,
-            gear_time=0.0 if now.view is None else now.view.gear_time,
+            gear_time=0.0 if now.view is None else GEAR_TIME,
             in_time=not state.only_renews,
         )
         self._search(state, now, Search(request, same_goal, progress.stuck, lead))

@@ -15,7 +15,6 @@ import numpy as np
 
 from kmpc_lite.control.options import (
     GuidanceOptions,
-    SightOptions,
     lengths_from_radii,
     unit_length,
 )
@@ -68,6 +67,10 @@ class Stage(Enum):
     """A path is chosen, or there is none."""
 
 
+SEEN_STEP = 0.5
+"""Least distance between neighbours of the lattice among what scans show [radii]."""
+SEEN_NODES = 12_000
+"""Most nodes of that lattice: a search is a matter of milliseconds."""
 ON_LATTICE = Stage.OBSTACLES, Stage.LINKED, Stage.STRAIGHTEN
 """Where a search on a lattice that is made part by part does the most work."""
 
@@ -81,17 +84,12 @@ class TangentPlanner:
         Radius, margin, horizon; in the robot's units.
     options : GuidanceOptions
         Lengths in radii.
-    sight : SightOptions
-        How fine the lattice is among what scans show.
     """
 
-    def __init__(
-        self, problem: NavigationProblem, options: GuidanceOptions, sight: SightOptions
-    ) -> None:
+    def __init__(self, problem: NavigationProblem, options: GuidanceOptions) -> None:
         unit = unit_length(problem)
         self._options = lengths_from_radii(options, unit)
-        sight = lengths_from_radii(sight, unit)
-        self._coarse = Fineness(sight.lattice_step, sight.lattice_nodes)
+        self._coarse = Fineness(SEEN_STEP * unit, SEEN_NODES)
         self._inflation = problem.inflation
         self._turning = problem.robot_radius - problem.half_width
         """What the robot needs beyond that to turn on the spot [m]; a round one nothing."""

@@ -9,8 +9,15 @@ from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.geometry import rotate
 from kmpc_lite.types import Array
 
+GAP = 1.0
+"""Distance between neighbouring hits beyond which another cluster begins [radii]."""
+LARGEST = 3.0
+"""Radius of the largest cluster that may be somebody [radii]."""
+FEWEST = 3
+"""Hits of the smallest one."""
 
-def clusters(scan: LaserScan, pose: Array, gap: float, largest: float, fewest: int) -> Array:
+
+def clusters(scan: LaserScan, pose: Array, robot: float, largest: float = LARGEST) -> Array:
     """Circles (N, 3) of what stands free: nothing nearer hides its left or its right side.
 
     Beams that tell nothing are left out. What is seen of a wall past a nearer thing moves with the
@@ -22,12 +29,10 @@ def clusters(scan: LaserScan, pose: Array, gap: float, largest: float, fewest: i
         Seen from the pose.
     pose : ndarray
         Of the robot (3,).
-    gap : float
-        Distance between neighbouring hits beyond which another cluster begins [m].
+    robot : float
+        Its radius [m].
     largest : float
-        Largest radius of a cluster [m].
-    fewest : int
-        Hits of the smallest one.
+        Largest radius of a cluster [radii].
 
     Returns
     -------
@@ -35,8 +40,8 @@ def clusters(scan: LaserScan, pose: Array, gap: float, largest: float, fewest: i
         (N, 3) rows x, y, radius [m] in the frame of the pose.
     """
     told = np.flatnonzero(scan.hits | scan.clear)
-    count = len(told)
-    if count < fewest + 2:
+    count, gap, largest = len(told), GAP * robot, largest * robot
+    if count < FEWEST + 2:
         return np.empty((0, 3))
     # from each to the next one, and from the last to the first
     following = np.concatenate([told[1:], told[:1]])
@@ -46,7 +51,7 @@ def clusters(scan: LaserScan, pose: Array, gap: float, largest: float, fewest: i
     # a cluster lies between two gaps of the ring; the one behind the first gap comes first
     gaps = np.flatnonzero(~together)
     begins, ends = (gaps + 1) % count, np.concatenate([gaps[1:], gaps[:1]])
-    chosen = scan.hits.take(told.take(begins)) & ((ends - begins) % count + 1 >= fewest)
+    chosen = scan.hits.take(told.take(begins)) & ((ends - begins) % count + 1 >= FEWEST)
     chosen &= _extents(scan.ends.take(told, axis=0), gaps) <= 2.0 * largest
     begins, ends = begins[chosen], ends[chosen]
     left, right = told.take(begins - 1), told.take((ends + 1) % count)

@@ -15,6 +15,9 @@ from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES, ObstacleOptions
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.types import Array
 
+LEAST_CELL = 1e-4
+"""Least side of a cell [m]: no sensor sees finer."""
+
 
 class OccupancyGrid:
     """Cells that are occupied or free, like ``nav_msgs/OccupancyGrid``.
@@ -242,9 +245,9 @@ def _check_resolution(resolution: float, limits: ObstacleOptions) -> None:
         or not 0.0 < resolution < np.inf
     ):
         raise ProblemError(f"grid: expected a resolution > 0 m, got {resolution!r}")
-    if not limits.cell <= resolution <= FARTHEST:
+    if not LEAST_CELL <= resolution <= FARTHEST:
         raise ProblemError(
-            f"grid: expected a resolution of at least {limits.cell:g} m, got {resolution:g} m"
+            f"grid: expected a resolution of at least {LEAST_CELL:g} m, got {resolution:g} m"
         )
 
 

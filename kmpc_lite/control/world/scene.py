@@ -28,6 +28,8 @@ PREPARED = (*SOLID, LaserScan)
 Solid = Polygon | Wall | OccupancyGrid
 Obstacle = Circle | Solid | LaserScan
 Obstacles = Sequence[Obstacle] | ArrayLike
+MOST_SCANS = MOST_GRIDS = 10
+"""Laser scans, and grids, of one step."""
 
 
 @dataclass(slots=True)
@@ -71,9 +73,9 @@ def too_many(obstacles: Obstacles, most: ObstacleOptions) -> str:
     walls = len(solids) - len(grids) - len(corners)
     for count, allowed, what in (
         (total - len(solids) - scans, most.circles, "circles"),
-        (scans, most.scans, "scans"),
+        (scans, MOST_SCANS, "scans"),
         (walls + len(corners) * max(corners, default=0), most.edges, "edges of polygons and walls"),
-        (len(grids), most.grids, "grids"),
+        (len(grids), MOST_GRIDS, "grids"),
         (sum(g.occupied.size for g in grids), most.grid_cells, "cells of grids"),
         (sum(g.runs for g in grids), most.grid_runs, "runs of occupied cells of grids"),
     ):

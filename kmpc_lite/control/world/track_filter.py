@@ -18,6 +18,13 @@ STATES = 5
 SEEN = 2
 """How many of them are seen: the position."""
 ITSELF = np.eye(STATES)
+FIRST_SPEED = 2.0
+"""Standard deviation of the velocity of what was never seen before, along each axis, as a share of
+the robot's fastest: it may be anything."""
+TURN_RATE = 0.5
+"""Standard deviation of turn rates [rad/s]: a person walks a half circle in six seconds."""
+TURN_MEMORY = 2.0
+"""How long turns last [s]."""
 
 
 class TrackFilter:
@@ -35,25 +42,25 @@ class TrackFilter:
 
     def __init__(self, dt: float, options: TrackerOptions, fastest: float) -> None:
         self.dt = dt
-        self._fading = math.exp(-dt / options.turn_memory)
+        self._fading = math.exp(-dt / TURN_MEMORY)
         pushed = np.array([0.5 * dt * dt, dt])
         spread = (options.acceleration * fastest) ** 2 * np.outer(pushed, pushed)
         self._motion = np.zeros((STATES, STATES))
         for axis in (0, 1):
             self._motion[axis::SEEN, axis::SEEN][:2, :2] = spread
         self._motion[4] = self._motion[:, 4] = 0.0
-        self._motion[4, 4] = (1.0 - self._fading**2) * options.turn_rate**2
+        self._motion[4, 4] = (1.0 - self._fading**2) * TURN_RATE**2
         self._noise = options.noise**2 * np.eye(SEEN)
-        speed = (options.first_speed * fastest) ** 2
+        speed = (FIRST_SPEED * fastest) ** 2
         # at the same pace, the other way
-        other = 0.5 * options.first_speed * fastest
+        other = 0.5 * FIRST_SPEED * fastest
         self._turned = np.zeros((STATES, STATES))
         for axis in (0, 1):
             self._turned[axis, axis] = (dt * other) ** 2
             self._turned[axis + 2, axis + 2] = other**2
             self._turned[axis, axis + 2] = self._turned[axis + 2, axis] = dt * other**2
         seen = options.noise**2
-        self._first = np.diag([seen, seen, speed, speed, options.turn_rate**2])
+        self._first = np.diag([seen, seen, speed, speed, TURN_RATE**2])
 
     def first(self, positions: Array, velocities: Array) -> tuple[Array, Array]:
         """States and covariances of what is seen for the first time, at (M, 2) with (M, 2)."""

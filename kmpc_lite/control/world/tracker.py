@@ -130,10 +130,9 @@ class ObstacleTracker:
         here = np.asarray(pose, dtype=float)
         if here.shape != (3,):
             raise ValueError(f"pose: expected shape (3,), got {here.shape}")
-        options = self._follower.options
-        found = clusters(scan, here, options.gap, options.largest_cluster, options.fewest_hits)
+        found = clusters(scan, here, self._follower.radius)
         self.follow(np.hstack([found, np.zeros((len(found), 2))]))
-        rows = who_walks(self.tracks, options, self._follower.dt, [scan], [here]).rows
+        rows = who_walks(self.tracks, self._follower, [scan], [here]).rows
         return [Circle(*row) for row in rows.tolist()]
 
     def follow(self, circles: Array) -> Array:

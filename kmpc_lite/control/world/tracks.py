@@ -17,6 +17,11 @@ from kmpc_lite.control.world.track_filter import STATES, TrackFilter, moving, wo
 from kmpc_lite.option_fields import lengths_from_radii
 from kmpc_lite.types import Array
 
+GATE = 1e-4
+"""Probability that a circle is farther from where its track expects it than is looked."""
+MOST = 200
+"""Circles that are followed."""
+
 
 @dataclass(slots=True)
 class Tracks:
@@ -94,10 +99,11 @@ class Follower:
     def __init__(self, dt: float, options: TrackerOptions, radius: float, speed: float) -> None:
         import scipy.optimize  # noqa: F401  # pairs are found by it: no step has time to import it
 
-        self.dt, self.options = dt, lengths_from_radii(options, radius)
+        self.dt, self.radius = dt, radius
+        self.options = lengths_from_radii(options, radius)
         self._filter = TrackFilter(dt, self.options, speed)
         # of two degrees of freedom
-        self._gate = -2.0 * math.log(options.gate)
+        self._gate = -2.0 * math.log(GATE)
         self._chance = -2.0 * math.log(options.false_alarm)
 
     def follow(self, tracks: Tracks, circles: Array) -> tuple[Tracks, Array]:
@@ -142,7 +148,7 @@ class Follower:
             found[columns] = (np.cumsum(alive) - 1)[rows]
             after = after.take(alive)
         if len(columns) < len(circles):
-            new = np.flatnonzero(found < 0)[: max(self.options.most - len(after), 0)]
+            new = np.flatnonzero(found < 0)[: max(MOST - len(after), 0)]
             found[new] = len(after) + np.arange(len(new))
             after = after.joined_by(self._begin(circles[new], after.next_number))
         # two sightings may be two circles

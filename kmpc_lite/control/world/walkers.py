@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from kmpc_lite.control.kernels.clearance import distances, things_of
 from kmpc_lite.control.options.tracker import TrackerOptions
-from kmpc_lite.control.world.clusters import clusters
+from kmpc_lite.control.world.clusters import GAP, clusters
 from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.control.world.sight.local_map import LocalMap
 from kmpc_lite.control.world.tracks import Follower, Tracks
@@ -24,6 +24,9 @@ again."""
 
 SURE = 3.0
 """How many times as much a step of somebody counts who comes to where it was seen to be free."""
+STRAYED = 0.5
+"""How far a cluster must have moved to be somebody, in its own radii: what is seen of a post
+changes with the place that it is seen from."""
 BEHIND = 1.5
 """How far behind its middle a cluster must have been free, too, in cells: a wall is none."""
 
@@ -45,8 +48,7 @@ NOBODY = Walking(np.empty((0, 5)), np.empty(0), np.empty((0, 5)))
 
 def who_walks(
     tracks: Tracks,
-    options: TrackerOptions,
-    dt: float,
+    follower: Follower,
     scans: Sequence[LaserScan],
     poses: Sequence[Array],
     was_free: Callable[[Array], NDArray[np.bool_]] | None = None,
@@ -60,14 +62,15 @@ def who_walks(
     side, or past each other, are one cluster for a while. Who comes to where it was free may walk
     though he is not seen to leave a place: somebody follows him, or he is near and hides it.
     """
-    begins = options.begins
+    dt, begins = follower.dt, follower.options.begins
+    gap = GAP * follower.radius
     knew = tracks.walked >= begins
     if not (tracks.moving | knew).any():
         tracks.walked = np.zeros(len(tracks))
         return NOBODY
     velocities = tracks.states[:, 2:4]
     lasted = np.minimum(tracks.seen - tracks.unseen, WINDOW)
-    moved = np.hypot(*velocities.T) * lasted > options.strayed * tracks.radii
+    moved = np.hypot(*velocities.T) * lasted > STRAYED * tracks.radii
     rows = np.hstack([tracks.states[:, :2], tracks.radii[:, None], velocities])
     is_seen = tracks.unseen == 0.0
     walks = tracks.moving & moved
@@ -76,7 +79,7 @@ def who_walks(
     if len(here):
         before = rows[here, :2] - lasted[here, None] * velocities[here]
         left = [
-            _has_left(scan, pose, rows[here], before, options)
+            _has_left(scan, pose, rows[here], before, gap)
             for scan, pose in zip(scans, poses, strict=True)
         ]
         walks[here] = np.any(left, axis=0)
@@ -94,7 +97,7 @@ def who_walks(
 
 
 def _has_left(
-    scan: LaserScan, pose: Array, rows: Array, before: Array, options: TrackerOptions
+    scan: LaserScan, pose: Array, rows: Array, before: Array, gap: float
 ) -> NDArray[np.bool_]:
     """Whether a scan shows the places (M, 2) where circles (M, 5) were to be left."""
     told = np.flatnonzero(~scan.unknown)
@@ -110,7 +113,7 @@ def _has_left(
     # who comes nearer hides where he was: the beam ends at himself, well before that place
     ends = scan.ends[beam]
     ends = np.stack(rotate(ends[:, 0], ends[:, 1], heading), axis=1) + pose[:2]
-    at_himself = np.hypot(*(ends - rows[:, :2]).T) < rows[:, 2] + options.gap
+    at_himself = np.hypot(*(ends - rows[:, :2]).T) < rows[:, 2] + gap
     way = np.hypot(*(rows[:, :2] - before).T)
     well_before = scan.reach[beam] < distance - rows[:, 2] - 0.5 * way
     found: NDArray[np.bool_] = passed | (at_himself & well_before)
@@ -189,8 +192,7 @@ class Walkers:
         options, scale = self._follower.options, self._scale
         taken = [self._taken_at(scan, pose, before) * scale.state for scan in scans]
         found = [
-            clusters(scan, at, options.gap, options.largest_cluster, options.fewest_hits)
-            for scan, at in zip(scans, taken, strict=True)
+            clusters(scan, at, self._follower.radius) for scan, at in zip(scans, taken, strict=True)
         ]
         seen = found[0] if len(found) == 1 else np.concatenate([np.empty((0, 3)), *found])
         if not len(seen) and not len(tracks):
@@ -198,12 +200,12 @@ class Walkers:
         standing = np.zeros((len(seen), 5))
         standing[:, :3] = seen
         tracks, _ = self._follower.follow(tracks, standing)
-        period, length = self._follower.dt, scale.length
+        length = scale.length
 
         def was_free(rows: Array) -> NDArray[np.bool_]:
             return _was_free(before, rows[:, :2] / length, pose[:2], WINDOW / scale.time)
 
-        rows, deviations, perhaps = who_walks(tracks, options, period, scans, taken, was_free)
+        rows, deviations, perhaps = who_walks(tracks, self._follower, scans, taken, was_free)
         rows, perhaps = rows / scale.circle, perhaps / scale.circle
         spread = options.spread * deviations / scale.speed
         if len(known) and len(rows):

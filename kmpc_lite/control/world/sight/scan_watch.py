@@ -11,12 +11,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from kmpc_lite.control.options import SightOptions, lengths_from_radii, unit_length
+from kmpc_lite.control.options import SightOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.scan import LaserScan, Layout
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
 
+SAME_PLACE = 0.5
+"""How far the robot may have come, or its edge may have turned, since a scan that is told again
+[radii]; what is told again from farther away is what the scanner saw before."""
 NOISY = 8
 """Fewest hits that never come again by chance: a few may, along a wall and told in centimetres."""
 PERIODS = 2.5
@@ -62,9 +65,7 @@ class ScanWatch:
     """
 
     def __init__(self, problem: NavigationProblem, options: SightOptions, period: float) -> None:
-        self._options = lengths_from_radii(options, unit_length(problem))
-        self._turned = options.same_scan_distance  # as far at a radius from the middle
-        self._period = period
+        self._same, self._period = SAME_PLACE * unit_length(problem), period
         self._limit = max(options.blind_time, PERIODS * period)
 
     def see(
@@ -114,5 +115,5 @@ class ScanWatch:
         if np.count_nonzero(scan.hits) < NOISY:
             return True
         x, y, turn = (pose - before.pose).tolist()
-        near = x * x + y * y <= self._options.same_scan_distance**2
-        return near and abs(float(wrap(turn))) <= self._turned
+        near = x * x + y * y <= self._same**2
+        return near and abs(float(wrap(turn))) <= SAME_PLACE

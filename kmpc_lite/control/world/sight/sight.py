@@ -26,6 +26,16 @@ from kmpc_lite.types import Array
 WORLD = OccupancyGrid([[0]], 1.0)
 """A grid in the world's own frame, for rectangles that belong to none."""
 NOBODY = np.empty((0, COLUMNS))
+CELL_NOISE = 2.0
+"""Least side of a cell, as a multiple of the standard deviation of the ranges."""
+MAP_REACH = 2.0
+"""Distance to the map's edge from its middle, as a multiple of the scanner's reach, where the map
+does not hold the whole area."""
+FREE_DISTANCE = 20.0
+"""How far from the scanner cells are noted as seen to be free [radii]; beyond, only what stood
+there before and is gone."""
+TRAIL = 64
+"""How many poses of the past are kept, to tell where old beams were sent from."""
 
 
 class Seen(NamedTuple):
@@ -55,7 +65,8 @@ class Sight:
     def __init__(
         self, problem: NavigationProblem, scale: Scale, options: SightOptions, reach: float
     ) -> None:
-        self.options = lengths_from_radii(options, unit_length(problem))
+        unit = unit_length(problem)
+        self.options, self._free = lengths_from_radii(options, unit), FREE_DISTANCE * unit
         self._scale, self._reach, self._dt = scale, reach, problem.dt
         self._radius, self._footprint = problem.body_radius, problem.footprint
         # hits nearer than the first are the robot's own; within the second of its circles' middles
@@ -103,7 +114,7 @@ class Sight:
         here, options = before, self.options
         here.clock += self._dt
         here.follow(pose[:2], self._reach)
-        here.remember_pose(pose, options.trail)
+        here.remember_pose(pose, TRAIL)
         here.forget(options.memory)
         scans = self.without_robot(scans)
         unit = self._scale.length
@@ -145,9 +156,9 @@ class Sight:
             grow = self._emerging * (self._dt + abs(speed) / self._deceleration)
         left, bottom = columns.start + here.column, rows.start + here.row
         sides = here.cell * (rectangles_of(unknown) + (left, bottom, left, bottom))
-        behind = self.options.level * here.cell
-        dark = _boxes(sides[:, :2] - grow, sides[:, 2:] + grow, behind)
-        return Seen(_boxes(low, high, behind), dark)
+        # a wall is told by few half-planes, noise and all
+        dark = _boxes(sides[:, :2] - grow, sides[:, 2:] + grow, here.cell)
+        return Seen(_boxes(low, high, here.cell), dark)
 
     def solids(self, here: LocalMap, given: Solids | None) -> Solids | None:
         """All that is known to be occupied, as solids for a path search."""
@@ -186,14 +197,14 @@ class Sight:
         """Begin a map that holds the whole area where that is small, else the neighbourhood."""
         options, length = self.options, self._scale.length
         noise = max(scan.noise for scan in scans) / length
-        cell = side_of(options.cell, noise, options.cell_noise)
+        cell = side_of(options.cell, noise, CELL_NOISE)
         low, high = self._area
         low, high = low - self._reach - cell, high + self._reach + cell
         most = options.most_cells * cell
         if (high - low <= most).all():
             return LocalMap.around(low, high, cell, True)
         reach = max(scan.range_max for scan in scans) / length
-        half = min(max(options.map_reach * reach, 2.0 * self._reach), 0.5 * most)
+        half = min(max(MAP_REACH * reach, 2.0 * self._reach), 0.5 * most)
         return LocalMap.around(pose[:2] - half, pose[:2] + half, cell, False)
 
     def _pose_of(self, here: LocalMap, scan: LaserScan, pose: Array) -> Array:
@@ -205,7 +216,7 @@ class Sight:
 
     def _clear(self, here: LocalMap, rays: Rays) -> None:
         """Take note of what rays passed through."""
-        distance = min(self.options.free_distance, rays.farthest)
+        distance = min(self._free, rays.farthest)
         low = np.maximum(rays.low, rays.origin - distance)
         window = here.between(low, np.minimum(rays.high, rays.origin + distance))
         x, y = here.centres(*window)

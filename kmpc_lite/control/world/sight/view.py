@@ -48,11 +48,6 @@ class View:
         self._unknown = NOTHING.with_boxes(self._seen.unknown) if self._seen.unknown else None
         self.coarseness = math.sqrt(2.0) * here.cell
         """How far cells may stand out of what was hit in them."""
-        self.blocked_interval = sight.options.blocked_interval
-        self.refresh_interval = sight.options.refresh_interval
-        self.gear_time = sight.options.gear_time
-        self.lattice_nodes = sight.options.lattice_nodes
-        self.lattice_step = sight.options.lattice_step
 
     def around(self, solids: Nearby | None) -> Nearby | None:
         """Solids that the robot can come to, what was hit, and what was not seen to be free."""

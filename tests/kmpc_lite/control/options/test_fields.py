@@ -32,7 +32,7 @@ GROUPS = (GuidanceOptions, GoalOptions, MovingObstacleOptions)
         (SightOptions, "passes", 128, "a whole number from 1 to 127, got 128"),
         (GoalOptions, "averaging_time", None, "got None"),
         (MovingObstacleOptions, "speed_scales", (), "a tuple of finite numbers"),
-        (MovingObstacleOptions, "arc_times", (1.0, float("inf")), "a tuple of finite numbers"),
+        (MovingObstacleOptions, "speed_scales", (1.0, float("inf")), "a tuple of finite numbers"),
     ],
 )
 def test_what_is_no_such_number_is_refused_in_one_line(
@@ -49,9 +49,8 @@ def test_what_is_no_such_number_is_refused_in_one_line(
 @pytest.mark.parametrize(
     ("group", "name"),
     [
-        *((GuidanceOptions, f"free_turn_{what}") for what in ("length", "clearance")),
-        *((GuidanceOptions, f"turn_{what}") for what in ("share", "length")),
-        (MovingObstacleOptions, "look_step"),
+        (GuidanceOptions, "turn_share"),
+        (SightOptions, "cell"),
     ],
 )
 def test_what_something_is_divided_by_is_not_zero(group: Any, name: str) -> None:

@@ -9,7 +9,6 @@ import pytest
 from guided import GuideInUse
 
 import kmpc_lite as kl
-from kmpc_lite.control.options import SightOptions
 from kmpc_lite.control.path.capabilities import capabilities
 from kmpc_lite.control.path.planner import Known, Path, PathRequest, Route
 from kmpc_lite.control.path.tangent_graph import GeometricPath
@@ -162,7 +161,7 @@ def test_another_side_is_taken_where_it_is_quicker_by_half_a_second_and_a_tenth(
     points = np.array([[-1.5, 0.0], [1.5, 0.0]])
     quickest = GeometricPath(points, np.zeros(2), 10.0, True)
     as_before = GeometricPath(points, np.zeros(2), time, False)
-    planner = TangentPlanner(PROBLEM, kl.GuidanceOptions(), SightOptions())
+    planner = TangentPlanner(PROBLEM, kl.GuidanceOptions())
     planner.begin(asked(driven=Route(points, False, 0.06, 0.0)))
     none = np.empty((0, 2))
     planner._obstacles = Obstacles(none, none[:, 0], none.astype(int), none, none[:, 0], AREA)
@@ -175,7 +174,7 @@ def test_another_side_is_taken_where_it_is_quicker_by_half_a_second_and_a_tenth(
 
 def price_of(path: GeometricPath, clearance: float = 0.06, **more: Any) -> float:
     """What a planner says that a path costs [s]."""
-    planner = TangentPlanner(PROBLEM, kl.GuidanceOptions(), SightOptions())
+    planner = TangentPlanner(PROBLEM, kl.GuidanceOptions())
     planner.begin(asked(**more))
     none = np.empty((0, 2))
     planner._obstacles = Obstacles(none, none[:, 0], none.astype(int), none, none[:, 0], AREA)

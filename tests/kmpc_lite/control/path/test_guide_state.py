@@ -12,7 +12,7 @@ import pytest
 from guided import GuideInUse
 
 import kmpc_lite as kl
-from kmpc_lite.control.options import GuidanceOptions, SightOptions
+from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.tangent_planner import Stage, TangentPlanner
 from kmpc_lite.control.path.tangent_search import Part
 from kmpc_lite.control.world.circles import circles_to_array
@@ -80,7 +80,7 @@ def searching(guide: GuideInUse, planner: TangentPlanner) -> str:
 def test_a_copy_goes_on_to_the_last_bit(name: str, duplicate: Callable[[Any], Any]) -> None:
     circles, solids = scenes()[name]
     slow = GuidanceOptions(hurried_parts=1)
-    planner = TangentPlanner(PROBLEM, slow, SightOptions())
+    planner = TangentPlanner(PROBLEM, slow)
     guide, parts = GuideInUse(PROBLEM, options=slow, planner=planner), set()
     guide.robot = START.copy()
     for k in range(40):

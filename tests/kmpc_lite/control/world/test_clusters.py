@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.options import SightOptions, TrackerOptions, lengths_from_radii
+from kmpc_lite.control.options import SightOptions, TrackerOptions
 from kmpc_lite.control.world.clusters import clusters
 from kmpc_lite.control.world.sight.sight import Sight
 from kmpc_lite.control.world.tracker import ObstacleTracker
@@ -44,7 +44,7 @@ def look(
 @pytest.mark.parametrize("turn", [0.0, 1.0, -2.5])
 def test_posts_are_circles_where_they_stand_and_walls_are_none(turn: float) -> None:
     pose = np.array([0.1, 0.0, turn])
-    found = clusters(look(POSTS, pose), pose, 0.15, 0.45, 3)
+    found = clusters(look(POSTS, pose), pose, 0.15)
     assert len(found) == len(POSTS)
     for row in found:
         nearest = POSTS[np.hypot(*(POSTS[:, :2] - row[:2]).T).argmin()]
@@ -54,19 +54,19 @@ def test_posts_are_circles_where_they_stand_and_walls_are_none(turn: float) -> N
 
 def test_a_thing_across_the_ends_of_the_ring_is_one() -> None:
     post = np.array([[1.0, 0.0, 0.2, 0.0, 0.0]])
-    assert len(clusters(look(post, np.zeros(3)), np.zeros(3), 0.15, 0.45, 3)) == 1
+    assert len(clusters(look(post, np.zeros(3)), np.zeros(3), 0.15)) == 1
 
 
 def test_what_is_partly_hidden_is_no_cluster() -> None:
     row = np.array([[1.0, 0.0, 0.2, 0.0, 0.0], [2.0, 0.35, 0.2, 0.0, 0.0]])
-    found = clusters(look(row, np.zeros(3)), np.zeros(3), 0.15, 0.45, 3)
+    found = clusters(look(row, np.zeros(3)), np.zeros(3), 0.15)
     assert len(found) == 1 and found[0, 0] < 1.1
 
 
 def test_nothing_is_found_in_an_empty_scan() -> None:
     for value in (np.inf, np.nan):
         scan = kl.LaserScan(np.full(BEAMS, value), 0.0, math.tau / BEAMS, REACH)
-        assert clusters(scan, np.zeros(3), 0.15, 0.45, 3).shape == (0, 3)
+        assert clusters(scan, np.zeros(3), 0.15).shape == (0, 3)
 
 
 def test_who_walks_is_found_among_posts_by_a_robot_that_drives() -> None:
@@ -106,10 +106,10 @@ def test_who_walks_is_somebody_until_nothing_has_told_of_it_for_a_second() -> No
         scan = look(np.array([[1.2, 0.06 * k - 1.2, 0.25, 0.0, 0.0]]), pose)
         people = tracker.see(scan, pose)
     assert len(people) == 1
-    tracks, options, known = tracker.tracks, lengths_from_radii(TrackerOptions(), 0.15), []
+    tracks, known = tracker.tracks, []
     for _ in range(15):
         tracks.moving[:] = False
-        known.append(len(who_walks(tracks, options, DT, [scan], [pose]).rows))
+        known.append(len(who_walks(tracks, tracker._follower, [scan], [pose]).rows))
     assert all(known[:9]) and not any(known[10:])
 
 
@@ -122,9 +122,9 @@ def test_who_comes_to_where_it_was_free_may_walk_though_somebody_is_where_he_was
         # one after the other, as far apart as they walk in a second
         scan = look(np.array([[1.2, 0.06 * k - 0.6 * i, 0.2, 0.0, 0.0] for i in (0, 1)]), pose)
         tracker.see(scan, pose)
-    tracks, options = tracker.tracks, lengths_from_radii(TrackerOptions(), 0.15)
+    tracks, follower = tracker.tracks, tracker._follower
     tracks.walked = np.zeros(len(tracks))
-    found = who_walks(tracks, options, DT, [scan], [pose], lambda rows: np.full(len(rows), free))
+    found = who_walks(tracks, follower, [scan], [pose], lambda rows: np.full(len(rows), free))
     assert not len(found.rows)
     assert (found.perhaps[:, 1] > 0.8).any() == free
 
@@ -132,7 +132,7 @@ def test_who_comes_to_where_it_was_free_may_walk_though_somebody_is_where_he_was
 def test_a_wall_that_goes_on_beyond_the_scanners_reach_is_none() -> None:
     walls = np.array([[0.98 * REACH, -9.0, 0.98 * REACH, 9.0]])
     scan = look(np.empty((0, 5)), np.zeros(3), walls=walls)
-    assert scan.hits.any() and not len(clusters(scan, np.zeros(3), 0.15, 3.0, 3))
+    assert scan.hits.any() and not len(clusters(scan, np.zeros(3), 0.15, 20.0))
 
 
 def test_a_pose_of_another_shape_is_refused() -> None:
@@ -150,8 +150,8 @@ def test_the_walls_of_a_corridor_around_the_robot_are_no_cluster(width: float) -
     for x in (0.0, 0.2, 0.4):
         pose = np.array([x, 0.0, 0.0])
         nobody = look(np.empty((0, 5)), pose, walls=np.concatenate([walls, ends]))
-        assert not len(clusters(nobody, pose, 0.15, 0.45, 3))
-        found = clusters(look(post, pose, walls=np.concatenate([walls, ends])), pose, 0.15, 0.45, 3)
+        assert not len(clusters(nobody, pose, 0.15))
+        found = clusters(look(post, pose, walls=np.concatenate([walls, ends])), pose, 0.15)
         assert len(found) == 1 and found[0] == pytest.approx(post[0, :3], abs=0.03)
 
 

@@ -10,7 +10,9 @@ import pytest
 
 import kmpc_lite as kl
 from kmpc_lite.control.options import TrackerOptions
+from kmpc_lite.control.world import track_filter
 from kmpc_lite.control.world.tracker import ObstacleTracker
+from kmpc_lite.control.world.tracks import MOST
 from kmpc_lite.geometry import rotate
 from kmpc_lite.types import Array
 
@@ -126,14 +128,18 @@ def test_a_turn_is_followed() -> None:
     assert tracker.tracks.states[0, 4] == pytest.approx(rate, abs=0.2)
 
 
-def test_the_same_walk_elsewhere_turned_and_scaled_is_the_same_track() -> None:
+def test_the_same_walk_elsewhere_turned_and_scaled_is_the_same_track(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     random = np.random.default_rng(1)
     seen = walk(np.array([0.3, -0.2]), np.array([0.7, 0.1]), 30, 0.3)
     seen = seen + 0.01 * random.normal(size=seen.shape)
     turn, length, time = 2.0, 4.0, 2.0
     tracker = ObstacleTracker(DT)
     # what is told in seconds is told in its own
-    slower = TrackerOptions(turn_memory=4.0, turn_rate=0.25, acceleration=1 / 3)
+    monkeypatch.setattr(track_filter, "TURN_MEMORY", 4.0)
+    monkeypatch.setattr(track_filter, "TURN_RATE", 0.25)
+    slower = TrackerOptions(acceleration=1 / 3)
     other = ObstacleTracker(DT * time, slower, 0.6, 1.2)
     for place in seen:
         tracker.follow(rows(place))
@@ -158,10 +164,10 @@ def test_a_tracker_goes_on_after_a_copy_and_a_pickle() -> None:
 
 
 def test_more_circles_than_are_followed_are_given_back_as_they_are() -> None:
-    tracker = ObstacleTracker(DT, TrackerOptions(most=3))
-    given = [kl.Circle(float(i), 0.0, 0.2, 0.1, 0.0) for i in range(5)]
+    tracker = ObstacleTracker(DT)
+    given = [kl.Circle(float(i), 0.0, 0.2, 0.1, 0.0) for i in range(MOST + 2)]
     assert tracker.update(given) == given
-    assert len(tracker.tracks) == 3
+    assert len(tracker.tracks) == MOST
 
 
 def test_wrong_values_are_told() -> None:

@@ -7,7 +7,7 @@ import pytest
 from guided import GuideInUse
 
 import kmpc_lite as kl
-from kmpc_lite.control.options import GuidanceOptions, SightOptions, lengths_from_radii
+from kmpc_lite.control.options import GuidanceOptions, SightOptions
 from kmpc_lite.control.path.tangent_planner import TangentPlanner
 from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap
 from kmpc_lite.control.world.sight.sight import Sight
@@ -145,13 +145,6 @@ class OneView:
     coarseness, is_narrow = 0.0, False
 
     def __init__(self, known: Solids | None = None) -> None:
-        options = SightOptions()
-        self.blocked_interval, self.refresh_interval = (
-            options.blocked_interval,
-            options.refresh_interval,
-        )
-        self.gear_time, self.lattice_nodes = options.gear_time, options.lattice_nodes
-        self.lattice_step = lengths_from_radii(options, 0.15).lattice_step
         self._known, self.looks = known, 0
 
     def solids(self, given: Solids | None) -> Solids | None:
@@ -209,7 +202,7 @@ def test_five_times_a_second_is_looked_for_what_stands_on_the_path() -> None:
 def test_a_lattice_of_what_was_seen_has_twelve_thousand_nodes() -> None:
     cells = np.zeros((200, 200), dtype=bool)
     cells[::10, ::10] = True
-    planner = TangentPlanner(LARGE, GuidanceOptions(), SightOptions())
+    planner = TangentPlanner(LARGE, GuidanceOptions())
     guide = GuideInUse(LARGE, planner=planner)
     view = OneView(Solids([kl.OccupancyGrid(cells, 0.05, (1.0, 1.0))]))
     guide.reference(HERE, np.array([10.0, 0.0, 0.0]), np.empty((0, 5)), view=view)
@@ -221,7 +214,7 @@ def test_a_lattice_of_what_was_seen_has_twelve_thousand_nodes() -> None:
 def test_nodes_of_a_lattice_of_what_was_seen_lie_seven_and_a_half_centimetres_apart() -> None:
     cells = np.zeros((20, 20), dtype=bool)
     cells[::2, ::2] = True
-    planner = TangentPlanner(LARGE, GuidanceOptions(), SightOptions())
+    planner = TangentPlanner(LARGE, GuidanceOptions())
     guide = GuideInUse(LARGE, planner=planner)
     view = OneView(Solids([kl.OccupancyGrid(cells, 0.05, (1.0, 1.0))]))
     guide.reference(HERE, np.array([0.0, 1.0, 0.0]), np.empty((0, 5)), view=view)
