@@ -17,7 +17,7 @@ from kmpc_lite.control import (
     Wall,
 )
 from kmpc_lite.control.path.planner import Path, PathRequest, Planner
-from kmpc_lite.control.wheels import Car, Differential
+from kmpc_lite.control.wheels import Car, Differential, Omni
 from kmpc_lite.errors import DataError, KmpcError, ModelError, ProblemError, ScenarioError
 from kmpc_lite.learn import Accumulator, Dataset, Episode, FitReport, evaluate, fit, with_quantiles
 from kmpc_lite.model.dictionary import (
@@ -27,7 +27,7 @@ from kmpc_lite.model.dictionary import (
     UnicycleDictionary,
 )
 from kmpc_lite.model.koopman import KoopmanModel
-from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.model.nominal import nominal_omni, nominal_unicycle
 
 __all__ = [
     "Accumulator",
@@ -53,6 +53,7 @@ __all__ = [
     "NavigationProblem",
     "ObstacleTracker",
     "OccupancyGrid",
+    "Omni",
     "Path",
     "PathRequest",
     "Plan",
@@ -65,6 +66,7 @@ __all__ = [
     "Wall",
     "evaluate",
     "fit",
+    "nominal_omni",
     "nominal_unicycle",
     "with_quantiles",
 ]

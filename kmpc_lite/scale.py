@@ -32,6 +32,8 @@ class Scale:
         L: metres of one unit of length.
     speed : float
         V: metres per second of one unit of speed.
+    inputs : int
+        Numbers of a command: m.
 
     Examples
     --------
@@ -42,9 +44,10 @@ class Scale:
 
     length: float = 1.0
     speed: float = 1.0
+    inputs: int = 2
 
     @classmethod
-    def of_robot(cls, radius: float, fastest: float) -> Scale:
+    def of_robot(cls, radius: float, fastest: float, inputs: int = 2) -> Scale:
         """Scale of a robot with a radius [m] and a fastest speed [m/s]; zero counts as the unit.
 
         A robot that takes longer than `SLOWEST` units of time to drive a unit of length, or hardly
@@ -52,7 +55,7 @@ class Scale:
         """
         length = radius / UNIT_RADIUS if radius > 0.0 else 1.0
         speed = fastest / UNIT_SPEED if fastest > 0.0 else length
-        return cls(length, min(max(speed, length / SLOWEST), length * SLOWEST))
+        return cls(length, min(max(speed, length / SLOWEST), length * SLOWEST), inputs)
 
     @property
     def time(self) -> float:
@@ -71,8 +74,8 @@ class Scale:
 
     @cached_property
     def command(self) -> Array:
-        """Factors (2,) from a command in units to one in [m/s, rad/s]."""
-        return np.array((self.speed, 1.0 / self.time))
+        """Factors (m,) from a command in units to one in [m/s, rad/s], the turn rate last."""
+        return np.array([self.speed] * (self.inputs - 1) + [1.0 / self.time])
 
     @cached_property
     def acceleration(self) -> Array:

@@ -15,7 +15,7 @@ from kmpc_lite.control.step_clock import StepClock
 from kmpc_lite.control.stop.braking import Braking
 from kmpc_lite.control.stop.safe_motion import SafeMotions
 from kmpc_lite.control.verification import Verification
-from kmpc_lite.types import INPUTS, Array
+from kmpc_lite.types import Array
 
 
 class Fallback:
@@ -64,12 +64,13 @@ class Fallback:
         state.trajectory = None
         # where the stop trajectory would end in an obstacle, zero is commanded at once: a robot
         # without lag stands, and one with lag brakes as hard as it can
-        command = np.zeros(INPUTS) if blocked else self._braking.ramp(state.backup.command)[0]
+        last = state.backup.command
+        command = np.zeros_like(last) if blocked else self._braking.ramp(last)[0]
         if self._rates.active:
             command = self._rates.limit(command, state.history.command)
         state.backup.sent(None, command, None)
         state.history.remember(command)
-        inputs = np.zeros((self._problem.horizon, INPUTS))
+        inputs = np.zeros((self._problem.horizon, len(command)))
         inputs[0] = command
         pose = np.where(np.isfinite(seen.pose), seen.pose, 0.0)
         return self._answers.plan(
@@ -100,7 +101,7 @@ class Fallback:
         state.backup.sent(rest, rest[0], states[1])
         state.history.remember(rest[0])
         n = self._problem.horizon
-        commands = np.zeros((n, INPUTS))
+        commands = np.zeros((n, rest.shape[1]))
         commands[: len(rest)] = rest[:n]
         missing = max(n + 1 - len(states), 0)
         shown = np.concatenate([states[: n + 1], np.repeat(states[-1:], missing, axis=0)])

@@ -22,7 +22,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.stop.braking import Braking
-from kmpc_lite.types import INPUTS
+from kmpc_lite.model.arguments import speeds
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.guide import Guide
@@ -70,7 +70,7 @@ class Guiding:
         late, things = known.capabilities.late, seen.things
         led = seen.here[None]
         if late:
-            nothing_more = np.zeros((late, INPUTS))
+            nothing_more = np.zeros((late, known.model.inputs))
             led = known.model.rollout(seen.here, nothing_more, state.history.commands)
         here = led[-1]
         if late:
@@ -86,7 +86,7 @@ class Guiding:
             rest=rest,
             until=until,
             view=seen.view,
-            speed=abs(float(state.history.command[0])),
+            speed=abs(float(speeds(state.history.command)[0])),
         )
         guidance = self._guide.reference(state.guide, known.capabilities, task)
         states = guidance.states

@@ -22,7 +22,7 @@ from kmpc_lite.control.world.scan import LaserScan
 from kmpc_lite.control.world.scene import Obstacles, Scene, SceneState, too_many
 from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.scale import Scale
-from kmpc_lite.types import INPUTS, STATES, Array
+from kmpc_lite.types import STATES, Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.world.nearby import Nearby
@@ -126,10 +126,10 @@ class Admission:
                 f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}"
             )
         command = None if sent is None else to_numbers("sent", sent)
-        if command is not None and command.shape != (INPUTS,):
-            raise ValueError(f"sent: expected shape ({INPUTS},), got {command.shape}")
+        if command is not None and command.shape != (self._scale.inputs,):
+            raise ValueError(f"sent: expected shape ({self._scale.inputs},), got {command.shape}")
         if command is not None and not is_plausible(command):
-            command = np.full(INPUTS, np.nan)  # nobody knows what was sent
+            command = np.full(len(command), np.nan)  # nobody knows what was sent
         refusal = too_many(obstacles, self._most)
         circles, solids, scans = self._scene.sort(state, () if refusal else obstacles)
         scale, pose_is_known = self._scale, is_plausible(pose)

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from kmpc_lite.control.footprint import Footprint
-from kmpc_lite.control.problem_fields import check_bounds, positive, scalar, vector, weight
-from kmpc_lite.control.wheels import Car, Differential, Wheels, read_wheels
+from kmpc_lite.control.problem_fields import (
+    check_bounds,
+    check_track,
+    positive,
+    scalar,
+    stages,
+    vector,
+    weight,
+)
+from kmpc_lite.control.wheels import Differential, Wheels, read_wheels
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.scale import Scale
-from kmpc_lite.types import INPUTS, STATES, Array
+from kmpc_lite.types import STATES, Array
 
 GOAL_Q, GOAL_R = (1.0, 5.0, 0.1), (0.5, 0.05)
 """The paper's weights, of a goal that may be far away."""
@@ -112,52 +121,46 @@ class NavigationProblem:
     wheels: Wheels = Differential()
 
     def __post_init__(self) -> None:
-        if (
-            isinstance(self.horizon, bool)
-            or not isinstance(self.horizon, int | np.integer)
-            or not 1 <= self.horizon <= 1000
-        ):
-            raise ProblemError(
-                f"horizon: expected a whole number of stages from 1 to 1000, got {self.horizon!r}"
-            )
+        stages(self.horizon)
         self._take_footprint()
         object.__setattr__(self, "wheels", read_wheels(self.wheels))
         for name in ("dt", "robot_radius", "margin", "track"):
             scalar(name, getattr(self, name), above_zero=name == "dt")
         if self.sensor_range is not None:
             scalar("sensor_range", self.sensor_range, above_zero=True)
-        self._check_wheels()
+        check_track(self.track, self.max_wheel_speed)
 
-        def set_field(name: str, value: Array) -> None:
-            object.__setattr__(self, name, value)
-
-        for name, length in (("Q", STATES), ("R", INPUTS), ("Q_terminal", STATES)):
+        set_field = partial(object.__setattr__, self)
+        inputs = self.wheels.inputs
+        for name, length in (("Q", STATES), ("R", inputs), ("Q_terminal", STATES)):
             if (value := getattr(self, name)) is not None:
                 set_field(name, weight(name, value, length))
-        for name, length in (
-            ("u_min", INPUTS),
-            ("u_max", INPUTS),
-            ("x_min", STATES),
-            ("x_max", STATES),
-        ):
-            set_field(name, vector(name, getattr(self, name), length))
-        set_field("du_max", vector("du_max", self.du_max, INPUTS))
+        for name in ("u_min", "u_max", "du_max"):
+            set_field(name, vector(name, self._by_axis(name), inputs))
+        for name in ("x_min", "x_max"):
+            set_field(name, vector(name, getattr(self, name), STATES))
         if not (self.du_max > 0).all():
             raise ProblemError(f"du_max: expected numbers > 0, or infinity, got {self.du_max}")
         check_bounds(*self.bounds, self.robot_radius)
-        if isinstance(self.wheels, Car) and not self.wheels.reverse:
+        if not self.wheels.reverse:
             set_field("u_min", np.maximum(self.u_min, (0.0, -np.inf)))
         # these follow the robot's size and speed where they are not given
         scale = self.scale
         follows = {
-            "deceleration": UNIT_DECELERATION * scale.acceleration,
+            "deceleration": UNIT_DECELERATION[list(self.wheels.axes)] * scale.acceleration,
             "slack_weights": UNIT_SLACK_WEIGHTS / (scale.length, scale.length**2),
         }
         for name, usual in follows.items():
             given = getattr(self, name)
-            set_field(name, positive(name, usual if given is None else given, 2))
+            set_field(name, positive(name, usual if given is None else given, len(usual)))
         if self.goal_tolerance is not None:
             set_field("goal_tolerance", positive("goal_tolerance", self.goal_tolerance, 2))
+
+    def _by_axis(self, name: str) -> Any:
+        """Field of one number for each of a command's; the default has speed and turn rate."""
+        value = getattr(self, name)
+        usual = value is getattr(type(self), name)
+        return np.array(value)[list(self.wheels.axes)] if usual else value
 
     def _take_footprint(self) -> None:
         """Take the radius from the footprint, where there is one."""
@@ -173,33 +176,10 @@ class NavigationProblem:
             )
         object.__setattr__(self, "robot_radius", radius)
 
-    def _check_wheels(self) -> None:
-        """Raise ProblemError for half a pair of wheels."""
-        speed = self.max_wheel_speed
-        if not isinstance(speed, bool) and speed == np.inf:
-            if self.track:
-                raise ProblemError(
-                    "max_wheel_speed: missing: a track limits commands together with it"
-                )
-            return
-        scalar("max_wheel_speed", speed, above_zero=True)
-        if not self.track:
-            raise ProblemError("track: missing: expected the distance between the wheels [m] > 0")
-
     @property
     def limits_wheels(self) -> bool:
         """Whether the wheels limit speed and turn rate together."""
         return math.isfinite(self.max_wheel_speed)
-
-    @property
-    def couples(self) -> bool:
-        """Whether the wheels let the robot turn less at some speeds than at others."""
-        return self.limits_wheels or not self.wheels.turns_on_the_spot
-
-    @property
-    def follows_poses(self) -> bool:
-        """Whether paths are driven pose by pose: not as lines between turns."""
-        return not isinstance(self.wheels, Differential)
 
     @property
     def held_commands(self) -> Array:
@@ -223,7 +203,7 @@ class NavigationProblem:
         # half the time of np.clip
         inside: Array = np.minimum(np.maximum(commands, self.u_min), self.u_max)
         if self.limits_wheels:
-            faster = np.abs(inside[..., 0]) + 0.5 * self.track * np.abs(inside[..., 1])
+            faster = np.abs(inside[..., 0]) + 0.5 * self.track * np.abs(inside[..., -1])
             share = self.max_wheel_speed / np.maximum(faster, self.max_wheel_speed)
             inside = inside * share[..., None]
         return self.wheels.within(inside)
@@ -231,8 +211,8 @@ class NavigationProblem:
     @property
     def scale(self) -> Scale:
         """Units of the robot, from its radius and its fastest speed."""
-        fastest = max(float(self.u_max[0]), -float(self.u_min[0]))
-        return Scale.of_robot(float(self.body_radius), fastest)
+        fastest = float(np.maximum(self.u_max, -self.u_min)[:-1].max())
+        return Scale.of_robot(float(self.body_radius), fastest, self.wheels.inputs)
 
     @property
     def body_radius(self) -> float:
@@ -259,7 +239,7 @@ class NavigationProblem:
         """Q (3, 3), R (2, 2), Q_terminal (3, 3): the paper's where not given."""
         return (
             np.diag(GOAL_Q) if self.Q is None else self.Q,
-            np.diag(GOAL_R) if self.R is None else self.R,
+            np.diag(np.array(GOAL_R)[list(self.wheels.axes)]) if self.R is None else self.R,
             np.zeros((STATES, STATES)) if self.Q_terminal is None else self.Q_terminal,
         )
 
@@ -273,8 +253,8 @@ class NavigationProblem:
             return self
         return replace(
             self,
-            du_max=np.minimum(self.du_max, np.minimum(*ramps)),
-            deceleration=np.minimum(self.deceleration, ramps.slower),
+            du_max=np.minimum(self.du_max, np.minimum(*ramps)[list(self.wheels.axes)]),
+            deceleration=np.minimum(self.deceleration, ramps.slower[list(self.wheels.axes)]),
         )
 
     @property

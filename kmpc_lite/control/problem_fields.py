@@ -22,6 +22,15 @@ def scalar(name: str, value: Any, above_zero: bool) -> None:
         )
 
 
+def stages(horizon: Any) -> None:
+    """Raise ProblemError for what is no usable horizon."""
+    whole = not isinstance(horizon, bool) and isinstance(horizon, int | np.integer)
+    if not whole or not 1 <= horizon <= 1000:
+        raise ProblemError(
+            f"horizon: expected a whole number of stages from 1 to 1000, got {horizon!r}"
+        )
+
+
 def vector(name: str, value: Any, length: int) -> Array:
     """Array of so many numbers, infinite ones too."""
     try:
@@ -97,3 +106,14 @@ def check_bounds(u_min: Array, u_max: Array, x_min: Array, x_max: Array, radius:
             "x_min, x_max: the heading cannot be bounded; use -inf and inf, "
             f"got {x_min[2]} and {x_max[2]}"
         )
+
+
+def check_track(track: float, speed: float) -> None:
+    """Raise ProblemError for half a pair of wheels, which are told by distance and speed."""
+    if not isinstance(speed, bool) and speed == np.inf:
+        if track:
+            raise ProblemError("max_wheel_speed: missing: a track limits commands together with it")
+        return
+    scalar("max_wheel_speed", speed, above_zero=True)
+    if not track:
+        raise ProblemError("track: missing: expected the distance between the wheels [m] > 0")

@@ -22,6 +22,7 @@ from kmpc_lite.files import SAME_DT
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import unmodelled_delay
 from kmpc_lite.scale import Scale
+from kmpc_lite.types import INPUTS
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.planner import Planner
@@ -83,6 +84,11 @@ def check_settings(model: Any, problem: NavigationProblem, settings: Settings) -
         raise ProblemError(
             f"model: expected a KoopmanModel, got {type(model).__name__}; "
             "KoopmanModel.load(path) reads a file"
+        )
+    if model.inputs != len(problem.u_min):
+        raise ProblemError(
+            f"model: its commands have {model.inputs} numbers, those of the problem's wheels "
+            f"{len(problem.u_min)}"
         )
     check_period(model, problem)
     if settings.compiled is not None and not isinstance(settings.compiled, bool):
@@ -149,6 +155,10 @@ def choose_adaptation(
     ProblemError
         For one that was made for another model, or for a robot of another size or speed.
     """
+    if model.inputs > INPUTS:
+        if adaptation:
+            raise ProblemError("adaptation: it knows no robot that drives sideways")
+        return None
     if adaptation is None:
         adaptation = tightens and model.continuous and not unmodelled_delay(model)
     if adaptation is True:

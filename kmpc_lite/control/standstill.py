@@ -21,6 +21,7 @@ from kmpc_lite.control.options import (
 from kmpc_lite.control.path.progress_checker import NOWHERE, STALL_DISTANCE
 from kmpc_lite.control.plan import NO_PROGRESS, UNSEEN, GoalProgress
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.model.arguments import speeds
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import Array
 
@@ -112,7 +113,7 @@ class StandstillWatch:
             state.time = state.way = state.turn = 0.0
         elif state.time > self._longest and (why := self._why(state)):
             return why
-        speed, turn_rate = now.command.tolist()
+        speed, turn_rate = speeds(now.command).tolist()
         state.time += self._dt
         state.way += abs(speed) * self._dt
         state.turn += abs(turn_rate) * self._dt

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from kmpc_lite.adaptation.state import AdaptationState
 from kmpc_lite.control.estimate.command_history import CommandHistory
 from kmpc_lite.control.estimate.pose_watch import PoseWatchState
@@ -93,6 +95,6 @@ class ControllerState:
             goal=GoalReferenceState(),
             guide=guide,
             drift=DriftState(),
-            backup=BackupState(),
+            backup=BackupState(command=np.zeros_like(history.command)),
             adaptation=adaptation,
         )

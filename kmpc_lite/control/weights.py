@@ -51,8 +51,11 @@ def with_tracking_weights(
 
 
 def _filled(
-    problem: NavigationProblem, q: object, r: object, terminal: object
+    problem: NavigationProblem, q: object, r: tuple[float, ...], terminal: object
 ) -> NavigationProblem:
+    # sideways as ahead
+    between = [r[0]] * (len(problem.u_min) - len(r))
+    r = (r[0], *between, *r[1:])
     return replace(
         problem,
         Q=q if problem.Q is None else problem.Q,

@@ -2,7 +2,12 @@
 
 They enter a step in three places, and nowhere else: as rows of the QP (`nmpc/qp.py`), as the set of
 admissible commands (`NavigationProblem.within_bounds`, of the safe motion), and as the planner's
-motions (`path/motions.py`).
+motions (`path/field/motions.py`). Each kind says
+
+- `turns_on_the_spot`: whether it can turn where it stands;
+- `follows_poses`: whether paths are driven pose by pose, not as lines between turns on the spot;
+- `reverse`: whether it may drive backwards;
+- `axes`: which of speed and turn rate each number of a command is; `inputs`: how many there are.
 """
 
 from __future__ import annotations
@@ -23,7 +28,8 @@ from kmpc_lite.types import Array
 class Differential:
     """Wheels on either side: the robot drives along its heading, and turns on the spot."""
 
-    turns_on_the_spot = True
+    turns_on_the_spot, follows_poses, reverse = True, False, True
+    axes, inputs = (0, 1), 2
 
     def within(self, commands: Array) -> Array:
         """Bring commands (..., 2) within what the wheels can do: all is."""
@@ -67,7 +73,8 @@ class Car:
     turning_radius: float
     steering_rate: float | None = None
     reverse: bool = True
-    turns_on_the_spot = False
+    turns_on_the_spot, follows_poses = False, True
+    axes, inputs = (0, 1), 2
 
     def __post_init__(self) -> None:
         scalar("wheels: turning_radius", self.turning_radius, above_zero=True)
@@ -148,7 +155,8 @@ class Car:
 class Omni:
     """Wheels that roll sideways, too: commands are (v_x, v_y, omega)."""
 
-    turns_on_the_spot = True
+    turns_on_the_spot, follows_poses, reverse = True, True, True
+    axes, inputs = (0, 0, 1), 3
 
     def within(self, commands: Array) -> Array:
         """Bring commands (..., 3) within what the wheels can do: all is."""

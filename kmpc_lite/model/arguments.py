@@ -9,9 +9,9 @@ from kmpc_lite.types import INPUTS, STATES, Array
 
 
 def broadcast(
-    x: ArrayLike, u: ArrayLike, history: ArrayLike | None, length: int
+    x: ArrayLike, u: ArrayLike, history: ArrayLike | None, length: int, inputs: int = INPUTS
 ) -> tuple[Array, Array, Array | None]:
-    """Poses (..., 3), commands (..., 2) and the `length` commands before them (..., length, 2).
+    """Poses (..., 3), commands (..., m) and the `length` commands before them (..., length, m).
 
     Raises
     ------
@@ -19,16 +19,16 @@ def broadcast(
         For wrong shapes.
     """
     states, commands = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
-    if states.shape[-1:] != (STATES,) or commands.shape[-1:] != (INPUTS,):
+    if states.shape[-1:] != (STATES,) or commands.shape[-1:] != (inputs,):
         raise ValueError(
-            f"expected states (..., {STATES}) and commands (..., {INPUTS}), "
+            f"expected states (..., {STATES}) and commands (..., {inputs}), "
             f"got {states.shape} and {commands.shape}"
         )
     past = None
     if history is not None and length:
         past = np.asarray(history, dtype=float)
-        if past.shape[-2:] != (length, INPUTS):
-            raise ValueError(f"history: expected shape (..., {length}, {INPUTS}), got {past.shape}")
+        if past.shape[-2:] != (length, inputs):
+            raise ValueError(f"history: expected shape (..., {length}, {inputs}), got {past.shape}")
     lead = states.shape[:-1]
     if lead != commands.shape[:-1] or (past is not None and lead != past.shape[:-2]):
         lead = np.broadcast_shapes(
@@ -36,15 +36,25 @@ def broadcast(
         )
         states, commands = (
             np.broadcast_to(states, (*lead, STATES)),
-            np.broadcast_to(commands, (*lead, INPUTS)),
+            np.broadcast_to(commands, (*lead, inputs)),
         )
-        past = None if past is None else np.broadcast_to(past, (*lead, length, INPUTS))
+        past = None if past is None else np.broadcast_to(past, (*lead, length, inputs))
     return states, commands, past
 
 
 def windows(commands: Array, length: int) -> Array:
-    """The `length` commands before each one, oldest first, (..., T, length, 2)."""
+    """The `length` commands before each one, oldest first, (..., T, length, m)."""
     if not length:
-        return np.empty((*commands.shape[:-1], 0, INPUTS))
+        return np.empty((*commands.shape[:-1], 0, commands.shape[-1]))
     windows = np.lib.stride_tricks.sliding_window_view(commands[..., :-1, :], length, axis=-2)
     return windows.swapaxes(-1, -2)
+
+
+def speeds(commands: Array) -> Array:
+    """Speed in any direction, and turn rate, (..., 2) of commands (..., m): what errors grow with.
+
+    Commands of two numbers are given back as they are.
+    """
+    if commands.shape[-1] == INPUTS:
+        return commands
+    return np.stack([np.hypot(commands[..., 0], commands[..., 1]), commands[..., -1]], axis=-1)

@@ -18,7 +18,7 @@ from kmpc_lite.model.dictionary import Dictionary
 from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.model.noise_model import LARGEST, NoiseModel
 from kmpc_lite.model.symmetric import SymmetricForm
-from kmpc_lite.types import INPUTS, STATES, Array
+from kmpc_lite.types import STATES, Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +110,11 @@ class KoopmanModel:
     """Of a symmetric model; None for any other."""
 
     @property
+    def inputs(self) -> int:
+        """Numbers of a command, m."""
+        return self.dictionary.commands
+
+    @property
     def history(self) -> int:
         """How many past commands the model needs, L."""
         return self.dictionary.history
@@ -125,7 +130,7 @@ class KoopmanModel:
         Parameters
         ----------
         x, u : array_like
-            States (..., 3) [m, m, rad] and commands (..., 2) [m/s, rad/s].
+            States (..., 3) [m, m, rad] and commands (..., m) [m/s, rad/s], m = 2 as a rule.
         history : array_like, optional
             The L commands before `u`, oldest first, (..., L, 2); zeros where not given.
 
@@ -139,7 +144,7 @@ class KoopmanModel:
         ValueError
             For wrong shapes.
         """
-        x, u, past = broadcast(x, u, history, self.history)
+        x, u, past = broadcast(x, u, history, self.history, self.inputs)
         w = self.dictionary.inputs(u, past)
         return self.advance(x, w) if self.closed_form is None else self.closed_form.advance(x, w)
 
@@ -174,13 +179,13 @@ class KoopmanModel:
             For wrong shapes.
         """
         commands = np.asarray(inputs, dtype=float)
-        if commands.ndim < 2 or commands.shape[-1] != INPUTS:
-            raise ValueError(f"inputs: expected shape (T, {INPUTS}), got {commands.shape}")
-        now = np.zeros((*commands.shape[:-2], INPUTS))
-        x, _, past = broadcast(x0, now, history, self.history)
+        if commands.ndim < 2 or commands.shape[-1] != self.inputs:
+            raise ValueError(f"inputs: expected shape (T, {self.inputs}), got {commands.shape}")
+        now = np.zeros((*commands.shape[:-2], self.inputs))
+        x, _, past = broadcast(x0, now, history, self.history, self.inputs)
         steps, length = commands.shape[-2], self.history
-        commands = np.broadcast_to(commands, (*x.shape[:-1], steps, INPUTS))
-        before = np.zeros((*x.shape[:-1], length, INPUTS)) if past is None else past
+        commands = np.broadcast_to(commands, (*x.shape[:-1], steps, self.inputs))
+        before = np.zeros((*x.shape[:-1], length, self.inputs)) if past is None else past
         all_commands = np.concatenate([before, commands], axis=-2)
         w = self.dictionary.inputs(commands, windows(all_commands, length))
         if self.closed_form is not None:
@@ -211,7 +216,7 @@ class KoopmanModel:
         ValueError
             For wrong shapes.
         """
-        x, u, past = broadcast(x, u, history, self.history)
+        x, u, past = broadcast(x, u, history, self.history, self.inputs)
         w = self.dictionary.inputs(u, past)
         lead = w.shape[:-1]
         if self.closed_form is not None:
@@ -223,7 +228,7 @@ class KoopmanModel:
             by_w = by_all[..., 1 + STATES :]
         jacobian = self.dictionary.inputs_jacobian(u, past)
         if jacobian is None:
-            return Linearization(value, by_x, by_w, np.empty((*lead, 0, STATES, INPUTS)))
+            return Linearization(value, by_x, by_w, np.empty((*lead, 0, STATES, self.inputs)))
         by_age = np.einsum("...iw,...wau->...aiu", by_w, jacobian)
         return Linearization(value, by_x, by_age[..., 0, :, :], by_age[..., 1:, :, :])
 
@@ -233,8 +238,8 @@ class KoopmanModel:
         Order: forward [m], left [m], heading [rad]. Zeros where the model has no noise model.
         """
         commands = np.asarray(u, dtype=float)
-        if commands.shape[-1:] != (INPUTS,):
-            raise ValueError(f"expected commands (..., {INPUTS}), got {commands.shape}")
+        if commands.shape[-1:] != (self.inputs,):
+            raise ValueError(f"expected commands (..., {self.inputs}), got {commands.shape}")
         if self.noise_model is None:
             return np.zeros((*commands.shape[:-1], STATES, STATES))
         return self.noise_model.covariance(commands)

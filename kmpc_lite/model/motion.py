@@ -30,6 +30,11 @@ class MotionModel(Protocol):
         ...
 
     @property
+    def inputs(self) -> int:
+        """Numbers of a command, m."""
+        ...
+
+    @property
     def history(self) -> int:
         """How many past commands it needs, L."""
         ...
@@ -85,6 +90,7 @@ class ScaledModel:
 
     def __init__(self, model: KoopmanModel, scale: Scale) -> None:
         self.model, self.scale = model, scale
+        self.inputs = model.inputs
         self.dt, self.history, self.info = model.dt / scale.time, model.history, model.info
         delay = unmodelled_delay(model)
         if delay:
@@ -94,7 +100,7 @@ class ScaledModel:
         self._by_command = scale.command / scale.state[:, None]
         self.noise_model: NoiseModel | None = None
         if model.noise_model is not None:
-            powers = np.array((1.0, *scale.command**2))
+            powers = np.array((1.0, *scale.command[[0, -1]] ** 2))
             between = scale.state * scale.state[:, None]
             coefficients = model.noise_model.coefficients * powers[:, None, None] / between
             found = model.noise_model.sources
@@ -146,7 +152,7 @@ class ScaledModel:
 
 def _sources_in_units(sources: NoiseSources, scale: Scale) -> NoiseSources:
     """Give variances in metres and seconds in the robot's units."""
-    by_state, by_command = scale.state**2, (scale.command**2)[:, None]
+    by_state, by_command = scale.state**2, (scale.command[[0, -1]] ** 2)[:, None]
     return NoiseSources(
         sources.pose / by_state,
         sources.pose_by_speed * scale.command[0] ** 2 / by_state,

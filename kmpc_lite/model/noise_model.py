@@ -8,6 +8,7 @@ import numpy as np
 
 from kmpc_lite.errors import ModelError
 from kmpc_lite.files import real_array
+from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.noise_sources import NoiseSources
 from kmpc_lite.types import STATES, Array
 
@@ -44,7 +45,8 @@ class NoiseModel:
             self.sources.check()
 
     def covariance(self, u: Array) -> Array:
-        """Covariances (..., 3, 3) for commands (..., 2)."""
+        """Covariances (..., 3, 3) for commands (..., m)."""
+        u = speeds(u)
         terms = np.stack([np.ones(u.shape[:-1]), u[..., 0] ** 2, u[..., 1] ** 2], axis=-1)
         covariance: Array = np.tensordot(terms, self.coefficients, axes=(-1, 0))
         return covariance

@@ -15,6 +15,7 @@ import numpy as np
 
 from kmpc_lite.errors import ModelError
 from kmpc_lite.files import real_array
+from kmpc_lite.model.arguments import speeds
 from kmpc_lite.types import INPUTS, STATES, Array
 
 
@@ -77,16 +78,17 @@ class NoiseSources:
         out: Array = terms @ variances
         out[..., 1] += design_across(inputs, dt) @ variances[:, 2]
         if not measured:
-            out -= self.pose + inputs[..., :1] ** 2 * self.pose_by_speed
+            out -= self.pose + speeds(inputs)[..., :1] ** 2 * self.pose_by_speed
         return out
 
 
 def design(inputs: Array, dt: float) -> Array:
     """What multiplies each source after each period, (..., T, 6): commands (..., T, 2)."""
+    inputs = speeds(inputs)
     squares = np.cumsum(inputs**2, axis=-2)
     travelled = np.cumsum(inputs, axis=-2) * dt
-    speeds = inputs[..., :1] ** 2
-    ends = np.concatenate([np.full_like(speeds, 2.0), speeds[..., :1, :] + speeds], axis=-1)
+    driven = inputs[..., :1] ** 2
+    ends = np.concatenate([np.full_like(driven, 2.0), driven[..., :1, :] + driven], axis=-1)
     return np.concatenate([ends, squares, travelled**2], axis=-1)
 
 
@@ -95,7 +97,7 @@ def design_across(inputs: Array, dt: float) -> Array:
 
     An error of the heading leads the robot aside over the distance that it drives afterwards.
     """
-    v, omega = inputs[..., 0], inputs[..., 1]
+    v, omega = np.moveaxis(speeds(inputs), -1, 0)
     travelled = np.cumsum(v, axis=-1) * dt
     # distance driven between the end of period j and the end of period k, for j <= k
     since = travelled[..., :, None] - travelled[..., None, :]

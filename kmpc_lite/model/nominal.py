@@ -21,18 +21,33 @@ def nominal_unicycle(dt: float) -> KoopmanModel:
     >>> nominal_unicycle(0.1).predict([0.0, 0.0, 0.0], [0.5, 0.0]).round(3)
     array([0.05, 0.  , 0.  ])
     """
-    dictionary = UnicycleDictionary()
-    h = np.zeros((STATES, INPUTS, dictionary.size))
-    h[0, 0, dictionary.names.index("cos")] = 1.0
-    h[1, 0, dictionary.names.index("sin")] = 1.0
-    h[2, 1, dictionary.names.index("1")] = 1.0
+    return _obedient(UnicycleDictionary(), dt, "nominal unicycle")
+
+
+def nominal_omni(dt: float) -> KoopmanModel:
+    """Give the robot that drives sideways, too, and obeys (v_x, v_y, omega) exactly, as a model.
+
+    Examples
+    --------
+    >>> nominal_omni(0.1).predict([0.0, 0.0, 0.0], [0.5, 0.2, 0.0]).round(3)
+    array([0.05, 0.02, 0.  ])
+    """
+    return _obedient(UnicycleDictionary(commands=3), dt, "nominal omni")
+
+
+def _obedient(dictionary: UnicycleDictionary, dt: float, method: str) -> KoopmanModel:
+    h = np.zeros((STATES, dictionary.commands, dictionary.size))
+    one, cos, sin = (dictionary.names.index(name) for name in ("1", "cos", "sin"))
+    h[0, 0, cos] = h[1, 0, sin] = h[2, -1, one] = 1.0
+    if dictionary.commands > INPUTS:
+        h[0, 1, sin], h[1, 1, cos] = -1.0, 1.0
     return KoopmanModel(
         dictionary,
         dt,
         A=np.zeros((STATES, dictionary.size)),
-        B=np.zeros((STATES, INPUTS)),
+        B=np.zeros((STATES, dictionary.commands)),
         H=h.reshape(STATES, -1),
         C=np.eye(STATES),
         continuous=True,
-        info={"method": "nominal unicycle"},
+        info={"method": method},
     )

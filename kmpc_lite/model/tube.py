@@ -73,11 +73,11 @@ def feedback_delay(model: MotionModel) -> int:
     """
     if not model.history:
         return round(unmodelled_delay(model) / model.dt)
-    rest = np.zeros((model.history, INPUTS))
-    lin = model.linearize(np.zeros(STATES), np.zeros(INPUTS), rest)
+    rest = np.zeros((model.history, model.inputs))
+    lin = model.linearize(np.zeros(STATES), np.zeros(model.inputs), rest)
     by_age = np.concatenate([lin.B[None], lin.B_past])
     late = 0
-    for effect in (by_age[:, 0, 0], by_age[:, 2, 1]):
+    for effect in (by_age[:, 0, 0], by_age[:, 2, -1]):
         so_far = np.cumsum(effect)
         late = max(late, int(np.argmax(so_far >= HALF_EFFECT * so_far[-1])))
     return late

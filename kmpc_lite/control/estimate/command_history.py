@@ -8,7 +8,7 @@ import numpy as np
 
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.motion import MotionModel
-from kmpc_lite.types import INPUTS, STATES, Array
+from kmpc_lite.types import STATES, Array
 
 CREEPS = 1e-3
 """Speed below which a command says nothing of how the wheels are steered [m/s]."""
@@ -60,11 +60,12 @@ class CommandHistory:
         pose_age : float
             How old poses are on arrival.
         """
+        inputs = len(problem.u_min)
         periods = int(np.ceil(pose_age / problem.dt)) + history if pose_age else 0
         return cls(
-            np.zeros(INPUTS),
-            np.zeros((history, INPUTS)),
-            np.zeros((periods, INPUTS)),
+            np.zeros(inputs),
+            np.zeros((history, inputs)),
+            np.zeros((periods, inputs)),
             np.zeros(STATES),
         )
 

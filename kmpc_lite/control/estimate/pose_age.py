@@ -11,7 +11,7 @@ import numpy as np
 from kmpc_lite.control.options import StepOptions
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import MotionModel, unmodelled_delay
-from kmpc_lite.types import INPUTS, Array
+from kmpc_lite.types import Array
 
 
 def whole_age(pose_age: float, model: KoopmanModel, options: StepOptions) -> float:
@@ -57,7 +57,7 @@ def advance_pose(model: MotionModel, pose: Array, sent: Array, age: float) -> Ar
     if whole == 0:
         return pose
     needed = whole + model.history
-    commands = np.zeros((needed, INPUTS))
+    commands = np.zeros((needed, model.inputs))
     known = min(len(sent), needed)
     commands[needed - known :] = sent[len(sent) - known :]
     # a pose that is older than k periods and younger than k + 1 saw a part of one command: that

@@ -19,6 +19,7 @@ from kmpc_lite.control.estimate.command_history import CommandHistory
 from kmpc_lite.control.margins.model_noise import ModelNoise
 from kmpc_lite.control.options import PoseOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import Array
 
@@ -137,7 +138,7 @@ class PoseWatch:
 
     def _slip(self, state: PoseWatchState, command: Array) -> tuple[float, float]:
         """How far slip may lead away in a period, in position and heading."""
-        (v, omega), (fast, turning) = command.tolist(), state.pace
+        (v, omega), (fast, turning) = speeds(command).tolist(), state.pace
         state.pace = max(abs(v), self._fading * fast), max(abs(omega), self._fading * turning)
         options, dt = self._options, self._dt
         return options.slip * dt * state.pace[0], options.turn_slip * dt * state.pace[1]

@@ -73,8 +73,9 @@ def slower_commands(whole: Array, hardest: Array) -> Array:
     Shares of its change from the hardest braking (2,), then turning alone, then that braking.
     """
     change = whole - hardest
-    turn = change * (0.0, 1.0)
-    shares = SHARES[:, None] * change, TURN_SHARES[:, None] * turn, np.zeros((1, 2))
+    turn = np.zeros_like(change)
+    turn[-1] = change[-1]
+    shares = SHARES[:, None] * change, TURN_SHARES[:, None] * turn, np.zeros((1, len(change)))
     out: Array = hardest + np.concatenate(shares)
     return out
 
@@ -90,14 +91,14 @@ def both_brakes(first: Array, inputs: Array, step: Array, longest: int) -> Array
         straight_brakes(first, step, length),
         brakes_along(first, inputs, step, length),
     )
-    both = np.stack(brakes, axis=1).reshape(2 * len(first), length, 2)
+    both = np.stack(brakes, axis=1).reshape(2 * len(first), length, -1)
     out: Array = np.concatenate([first.repeat(2, axis=0)[:, None], both], axis=1)
     return out
 
 
 def stacked(motions: Sequence[Array]) -> Array:
     """Motions (T, 2) of any lengths as one array (C, T, 2): zeros follow the shorter ones."""
-    out = np.zeros((len(motions), max(map(len, motions)), 2))
+    out = np.zeros((len(motions), max(map(len, motions)), motions[0].shape[1]))
     for row, motion in zip(out, motions, strict=True):
         row[: len(motion)] = motion
     return out

@@ -15,6 +15,7 @@ import numpy as np
 from kmpc_lite.control.options import MarginOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.running_mean import newest_weight
+from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.tube import tube_noise
 from kmpc_lite.types import Array
@@ -129,6 +130,7 @@ class DriftDetector:
         command : ndarray
             (2,) that was held during it.
         """
+        command = speeds(command)
         # also false for NaN and infinity
         if not (abs(command[0]) * self._dt >= self._judged_step and error @ error < np.inf):
             return

@@ -92,7 +92,8 @@ class Margins:
             [m/s], held for long before.
         """
         model, stages = self._model, self._horizon
-        command = np.array([speed, 0.0])
+        command = np.zeros(model.inputs)
+        command[0] = speed
         inputs = np.tile(command, (stages, 1))
         states = np.zeros((stages + 1, 3))
         states[:, 0] = speed * model.dt * np.arange(stages + 1)

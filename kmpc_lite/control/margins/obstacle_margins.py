@@ -16,6 +16,7 @@ from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_noise import FeltNoise, ModelNoise, factor
 from kmpc_lite.control.options import MarginOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.linearization import Linearization
 from kmpc_lite.model.tube import MEMORY, TURN
 from kmpc_lite.types import STATES, Array
@@ -113,13 +114,13 @@ class Tightening:
         """
         kept = np.broadcast_to(np.ravel(path_clearance), len(inputs))
         noise = self._noise_of(drift)
-        return self._kernels.tube_margins(noise, lin.A, states, inputs, normals, kept)
+        return self._kernels.tube_margins(noise, lin.A, states, speeds(inputs), normals, kept)
 
     def covariances(
         self, drift: DriftState, lin: Linearization, states: Array, inputs: Array
     ) -> Array:
         """Covariances (N, 2, 2) of the position at stages 1 to N [m^2]; see `margins`."""
-        factors = tube.factors(self._noise_of(drift), lin.A, states, inputs)[:, :2]
+        factors = tube.factors(self._noise_of(drift), lin.A, states, speeds(inputs))[:, :2]
         out: Array = factors @ factors.transpose(0, 2, 1)
         return out
 

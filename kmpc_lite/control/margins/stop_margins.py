@@ -16,6 +16,7 @@ from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_noise import ModelNoise
 from kmpc_lite.control.options import MarginOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.tube import FLOOR
 from kmpc_lite.types import STATES, Array
 
@@ -97,6 +98,7 @@ class StopMargins:
             (..., 3) by how much clearances grow with the pose, in the robot's frame.
         """
         felt = self._noise.felt(drift)
+        commands = speeds(commands)
         noise = ((commands * commands) @ felt.command).reshape(-1, STATES, STATES)
         variance = np.einsum("...i,cij,...j->c...", slopes, noise, slopes)
         out: Array = self._noise.step_quantile * np.sqrt(np.maximum(variance, 0.0))
@@ -107,7 +109,7 @@ class StopMargins:
         felt = self._noise.felt(drift)
         if not felt.command_errs:
             return np.zeros(len(commands))
-        squares = commands * commands
+        squares = speeds(commands) ** 2
         errors = np.sqrt(squares @ np.array(felt.command_trace))
         if self._reach:
             errors += self._reach * np.sqrt(squares @ felt.command[:, HEADING])

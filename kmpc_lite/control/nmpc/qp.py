@@ -18,7 +18,7 @@ from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.wheels import Car
 from kmpc_lite.model.linearization import Linearization
-from kmpc_lite.types import INPUTS, STATES, Array
+from kmpc_lite.types import STATES, Array
 
 OPEN = 1e3
 """Bound of an unused half-plane row [m]: finite, so that OSQP keeps its factorisation."""
@@ -54,7 +54,7 @@ class QPCost:
         blocks = [q] * (n - 1) + [last] + [r] * n + [2 * quadratic * sp.eye(n)]
         self.P = sp.triu(sp.block_diag(blocks), format="csc")
         self.q = np.zeros(self.P.shape[0])
-        self.q[(STATES + INPUTS) * n :] = linear
+        self.q[(STATES + len(problem.u_min)) * n :] = linear
         self._q_states = self.q[: STATES * n].reshape(n, STATES)
         self._pull, self._whole = -q.toarray(), q_terminal.toarray()
         # columns of the last state begin after those of the others
@@ -92,22 +92,22 @@ class NavigationQP:
         self, problem: NavigationProblem, history: int, slots: int, kernels: Kernels = NUMPY
     ) -> None:
         self._arguments, self._kernels = (problem, history, slots, kernels), kernels
-        n = problem.horizon
+        n, self.inputs = problem.horizon, len(problem.u_min)
         self.problem, self.horizon, self.history, self.slots = problem, n, history, slots
         # turning moves what is not round
         self._directions = 2 if problem.footprint is None else 3
         self.state_columns = np.arange(STATES * n).reshape(n, STATES)
-        self.input_columns = STATES * n + np.arange(INPUTS * n).reshape(n, INPUTS)
-        self.slack_columns = (STATES + INPUTS) * n + np.arange(n)
-        self.size = (STATES + INPUTS + 1) * n
+        self.input_columns = STATES * n + np.arange(self.inputs * n).reshape(n, self.inputs)
+        self.slack_columns = (STATES + self.inputs) * n + np.arange(n)
+        self.size = (STATES + self.inputs + 1) * n
         self._limited = np.flatnonzero(np.isfinite(problem.du_max))
         wheels = 2 if problem.limits_wheels else 0
         steering = 2 if isinstance(problem.wheels, Car) else 0
-        counts = STATES, slots, INPUTS, 1, len(self._limited), wheels, steering
+        counts = STATES, slots, self.inputs, 1, len(self._limited), wheels, steering
         rows = np.cumsum([0, *counts]) * n
         self.dynamics_rows = np.arange(rows[0], rows[1]).reshape(n, STATES)
         self.half_plane_rows = np.arange(rows[1], rows[2]).reshape(n, slots)
-        self.input_rows = np.arange(rows[2], rows[3]).reshape(n, INPUTS)
+        self.input_rows = np.arange(rows[2], rows[3]).reshape(n, self.inputs)
         self.slack_rows = np.arange(rows[3], rows[4])
         self.change_rows = np.arange(rows[4], rows[5]).reshape(n, len(self._limited))
         self.wheel_rows = np.arange(rows[5], rows[6]).reshape(n, wheels)
@@ -252,7 +252,7 @@ class NavigationQP:
         x = np.empty((n + 1, STATES))
         x[0] = x_init
         x[1:] = variables[: STATES * n].reshape(n, STATES)
-        return x, variables[STATES * n : (STATES + INPUTS) * n].reshape(n, INPUTS).copy()
+        return x, variables[STATES * n : (STATES + self.inputs) * n].reshape(n, self.inputs).copy()
 
     def duals_in_the_open(self) -> Array:
         """Multipliers (m,) where no obstacle is near: only slacks are pressed, by their penalty."""

@@ -106,6 +106,7 @@ class SQP:
         self.workspace = choose_solver(solver, self.qp, settings)
         self.keep_out = keep_out(problem, slots, kernels)
         self._tolerated = TOLERATED * step.accepted_defect * unit_length(problem)
+        self._couples = problem.limits_wheels or not problem.wheels.turns_on_the_spot
         self._rates = RateLimit(problem)
         self._u_min, self._u_max, _, _ = problem.bounds
 
@@ -224,4 +225,4 @@ class SQP:
         car = self.problem.wheels
         if isinstance(car, Car):
             inputs = car.steered(inputs, task.curvature, self.problem.dt)
-        return self.problem.within_bounds(inputs) if self.problem.couples else inputs
+        return self.problem.within_bounds(inputs) if self._couples else inputs

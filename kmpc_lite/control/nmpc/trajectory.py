@@ -12,7 +12,7 @@ from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.options import fastest, unit_length
 from kmpc_lite.geometry import nearest_turn
 from kmpc_lite.model.arguments import windows
-from kmpc_lite.types import INPUTS, Array
+from kmpc_lite.types import Array
 
 LOST = 10 / 3, 1.0
 """A pose farther from the predicted one [radii, rad] makes the last plan worthless as a start."""
@@ -37,7 +37,7 @@ class Trajectory:
 def at_rest(qp: NavigationQP, pose: Array) -> Trajectory:
     """Trajectory of a robot that stands at a pose (3,): a cold start."""
     n = qp.horizon
-    return Trajectory(np.tile(pose, (n + 1, 1)), np.zeros((n, INPUTS)), qp.duals_in_the_open())
+    return Trajectory(np.tile(pose, (n + 1, 1)), np.zeros((n, qp.inputs)), qp.duals_in_the_open())
 
 
 def along(qp: NavigationQP, reference: Array, pose: Array) -> Trajectory:
@@ -48,8 +48,11 @@ def along(qp: NavigationQP, reference: Array, pose: Array) -> Trajectory:
     reach = fastest(qp.problem)[0] * dt * np.arange(n + 1)
     states = pose + np.minimum(reach / np.maximum(far, ROUNDING), 1.0)[:, None] * away
     steps = np.diff(states, axis=0)
-    forward = np.cos(states[:-1, 2]) * steps[:, 0] + np.sin(states[:-1, 2]) * steps[:, 1]
-    inputs = np.column_stack([forward, steps[:, 2]]) / dt
+    cos, sin = np.cos(states[:-1, 2]), np.sin(states[:-1, 2])
+    moves = [cos * steps[:, 0] + sin * steps[:, 1], steps[:, 2]]
+    if qp.inputs > len(moves):
+        moves.insert(1, cos * steps[:, 1] - sin * steps[:, 0])
+    inputs = np.column_stack(moves) / dt
     return Trajectory(states, qp.problem.within_bounds(inputs), qp.duals_in_the_open())
 
 

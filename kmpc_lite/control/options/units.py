@@ -16,8 +16,8 @@ def unit_length(problem: NavigationProblem) -> float:
 
 def fastest(problem: NavigationProblem) -> tuple[float, float]:
     """Largest speed [m/s] and turn rate [rad/s] that the command bounds allow in any direction."""
-    speed, turn_rate = (
+    *speeds, turn_rate = (
         max(float(above), -float(below))
         for above, below in zip(problem.u_max, problem.u_min, strict=True)
     )
-    return speed, turn_rate
+    return max(speeds), turn_rate

@@ -183,7 +183,7 @@ def speed_shares(model: MotionModel, problem: NavigationProblem) -> tuple[float,
     """
     ahead, _, turn = drivable_speeds(model, problem).tolist()
     u_min, u_max, _, _ = problem.bounds
-    fastest, quickest = float(u_max[0]), float(min(u_max[1], -u_min[1]))
+    fastest, quickest = float(u_max[0]), float(min(u_max[-1], -u_min[-1]))
     return (
         ahead / fastest if fastest > 0.0 else 1.0,
         turn / quickest if quickest > 0.0 else 1.0,

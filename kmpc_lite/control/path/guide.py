@@ -95,7 +95,7 @@ class Guide:
         self._body = problem.inflation
         arms = 0.0 if problem.footprint is None else problem.footprint.reach
         self._swept = problem.body_radius + arms
-        self._by_poses = problem.follows_poses
+        self._by_poses = problem.wheels.follows_poses
         if planner is None and self._by_poses:
             planner = FieldPlanner(problem, problem.wheels)
         elif planner is None:

@@ -198,13 +198,16 @@ class Path:
     """What it keeps beyond the request's inflation, start and goal aside [m]."""
     switched: bool = True
     """Whether it leads around some obstacle on another side than the path driven."""
+    sideways: bool = False
+    """Whether the robot may drive in any direction: then it has no gears."""
 
     @property
     def gears(self) -> Array:
         """(K - 1,) gear of each piece: 1 ahead, -1 backwards, 0 turning on the spot."""
         steps, headings = np.diff(self.poses[:, :2], axis=0), self.poses[:-1, 2]
         ahead = steps[:, 0] * np.cos(headings) + steps[:, 1] * np.sin(headings)
-        gears: Array = np.where(np.abs(ahead) > ROUNDING, np.sign(ahead), 0.0).astype(int)
+        has_gear = (np.abs(ahead) > ROUNDING) & (not self.sideways)
+        gears: Array = np.where(has_gear, np.sign(ahead), 0.0).astype(int)
         return gears
 
     @property
@@ -284,4 +287,4 @@ class InMetres:
             return found
         times = None if found.times is None else found.times / scale.time
         clearance = found.clearance / scale.length
-        return Path(found.poses / scale.state, times, clearance, found.switched)
+        return Path(found.poses / scale.state, times, clearance, found.switched, found.sideways)

@@ -77,7 +77,7 @@ class Replanner:
         planner: Planner,
     ) -> None:
         self._options, self._dt = options, problem.dt
-        self._off_poses = OFF_POSES if problem.follows_poses else 0.0
+        self._off_poses = OFF_POSES if problem.wheels.follows_poses else 0.0
         self._watch = PathWatch(problem, options)
         moved = MOVED_DISTANCE
         # a velocity that is told otherwise matters once it has led elsewhere: trackers are noisy

@@ -68,7 +68,7 @@ class SearchDriver:
         planner: Planner,
     ) -> None:
         self._options, self._progress, self._clock = options, progress, clock
-        self._dt, self._by_poses = problem.dt, problem.follows_poses
+        self._dt, self._by_poses = problem.dt, problem.wheels.follows_poses
         self._turning = problem.robot_radius + problem.margin
         self._area = np.stack([problem.x_min[:2], problem.x_max[:2]])
         self._inflation, self._is_round = problem.inflation, problem.footprint is None

@@ -15,7 +15,7 @@ import numpy as np
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.geometry import rotate
 from kmpc_lite.model.motion import MotionModel
-from kmpc_lite.types import INPUTS, Array
+from kmpc_lite.types import Array
 
 CENTRE_HEADINGS = 8
 """At so many headings the model is asked for a turn on the spot, to either side."""
@@ -84,8 +84,8 @@ def _turns(
         turns is no turn; a turn about a point moves the pose by (R(before) - R(after)) point.
     """
     u_min, u_max, _, _ = problem.bounds
-    commands = np.zeros((2, headings, INPUTS))
-    commands[:, :, 1] = [[u_min[1]], [u_max[1]]]
+    commands = np.zeros((2, headings, model.inputs))
+    commands[:, :, -1] = [[u_min[-1]], [u_max[-1]]]
     before = math.tau / headings * np.arange(headings) - math.pi
     poses = np.zeros((2, headings, 3))
     poses[..., 2] = before
@@ -104,7 +104,7 @@ def _variance(model: MotionModel, problem: NavigationProblem) -> float:
     """
     u_min, u_max, _, _ = problem.bounds
     usual = 0.5 * np.maximum(u_max, -u_min)
-    turned = float(usual[1]) * model.dt
+    turned = float(usual[-1]) * model.dt
     samples = float(model.info.get("samples", 1))
     noise = float(np.trace(model.noise(usual)[:2, :2]))
     return 0.5 * noise / max(turned * turned * samples, TINY)

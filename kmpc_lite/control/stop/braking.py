@@ -56,7 +56,10 @@ class Braking:
         """Pose (3,) at which a robot stands that brakes at `du_max` from the last command (2,)."""
         periods = np.floor(np.abs(last) / self._rate_step)
         shrinking = 0.5 * np.copysign(self._rate_step, last) * (periods + 1.0)
-        ahead, turn = (self._dt * periods * (last - shrinking)).tolist()
+        ahead, *aside, turn = (self._dt * periods * (last - shrinking)).tolist()
         heading = float(pose[2]) + 0.5 * turn
-        x, y = pose[0] + ahead * math.cos(heading), pose[1] + ahead * math.sin(heading)
+        cos, sin = math.cos(heading), math.sin(heading)
+        x, y = pose[0] + ahead * cos, pose[1] + ahead * sin
+        for left in aside:
+            x, y = x - left * sin, y + left * cos
         return np.array([x, y, pose[2] + turn])

@@ -35,6 +35,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.stop.braking import Braking
 from kmpc_lite.control.stop.surroundings import Surroundings
+from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import Array
 
@@ -166,14 +167,14 @@ class SafeMotions:
             (L, 2) commands already sent.
         """
         if model.history:
-            still = np.zeros((*commands.shape[:-2], model.history, 2))
+            still = np.zeros((*commands.shape[:-2], model.history, commands.shape[-1]))
             commands = np.concatenate([commands, still], axis=-2)
         return model.rollout(here, commands, past)
 
     def _is_far(self, here: Array, ramp: Array, task: MotionTask) -> bool:
         """Whether everything is farther away than the robot can come to until it stands."""
         given = np.abs(np.concatenate([task.past, ramp]))
-        driven, turned = (self._dt * given.sum(axis=0)).tolist()
+        driven, turned = (self._dt * speeds(given).sum(axis=0)).tolist()
         far = OVERSPEED * (driven + self._reach * turned)
         time = self._dt * (len(ramp) + task.model.history)
         assert task.margins is not None and task.drift is not None
@@ -198,7 +199,7 @@ class SafeMotions:
 
     def _others(self, inputs: Array, ramp: Array, task: MotionTask) -> Motions:
         """Further commands of the plan, slower commands, and what turns or brakes alone."""
-        hardest = np.zeros(2)
+        hardest = np.zeros(len(inputs[0]))
         if self._rates.active:
             hardest = self._rates.limit(self._braking.ramp(task.last)[0], task.last)
         first = self._within(kernel.slower_commands(inputs[0], hardest))

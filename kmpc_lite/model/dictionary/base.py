@@ -57,9 +57,14 @@ class Dictionary(Protocol):
         return 0
 
     @property
+    def commands(self) -> int:
+        """Numbers of a command, m: 3 of a robot that drives sideways, too."""
+        return INPUTS
+
+    @property
     def input_size(self) -> int:
         """Number of inputs the model is bilinear in, nw."""
-        return INPUTS
+        return self.commands
 
     def inputs(self, u: Array, history: Array | None = None) -> Array:
         """Give the bilinear inputs (..., nw) of commands (..., 2) and past ones (..., L, 2).
@@ -84,6 +89,11 @@ class LiftedAsBase(Dictionary):
     """A dictionary that lifts poses as its base does, and differs from it in its inputs."""
 
     base: Dictionary
+
+    @property
+    def commands(self) -> int:
+        """As the base."""
+        return self.base.commands
 
     @property
     def names(self) -> tuple[str, ...]:

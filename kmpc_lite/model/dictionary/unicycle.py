@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from kmpc_lite.errors import ModelError
 from kmpc_lite.model.dictionary.base import Dictionary
-from kmpc_lite.types import Array
+from kmpc_lite.types import INPUTS, Array
 
 
 class UnicycleDictionary(Dictionary):
     """The paper's minimal dictionary, ``[1, x, y, theta, cos theta, sin theta]`` (sec. IV).
+
+    Parameters
+    ----------
+    commands : int
+        Numbers of a command: 2, or 3 of a robot that drives sideways, too.
 
     Examples
     --------
@@ -18,6 +26,20 @@ class UnicycleDictionary(Dictionary):
     """
 
     kind = "unicycle"
+
+    def __init__(self, commands: int = INPUTS) -> None:
+        if commands not in (INPUTS, INPUTS + 1):
+            raise ModelError(f"UnicycleDictionary: commands: expected 2 or 3, got {commands!r}")
+        self._commands = int(commands)
+
+    @property
+    def commands(self) -> int:
+        """Numbers of a command."""
+        return self._commands
+
+    def config(self) -> dict[str, Any]:
+        """Give the constructor's arguments, if they are not the usual ones."""
+        return {} if self._commands == INPUTS else {"commands": self._commands}
 
     @property
     def names(self) -> tuple[str, ...]:

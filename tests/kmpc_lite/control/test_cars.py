@@ -81,7 +81,7 @@ def test_wheels_enter_a_step_in_few_places():
             found.add(path.relative_to(room).as_posix())
     assert found == {
         "wheels.py",
-        "problem.py",
+        "problem.py",  # the wheels of a problem that gives none
         "nmpc/qp.py",
         "nmpc/sqp.py",
         "path/field/motions.py",

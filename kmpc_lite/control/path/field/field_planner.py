@@ -22,7 +22,7 @@ from kmpc_lite.control.path.field.plain_field import PlainField
 from kmpc_lite.control.path.field.ways import TINY, Line, Piece, Ways
 from kmpc_lite.control.path.planner import Path, PathRequest
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.wheels import Car, Wheels
+from kmpc_lite.control.wheels import Car, Omni, Wheels
 from kmpc_lite.types import Array
 
 BATCH = 48
@@ -41,8 +41,9 @@ LONGEST_STEP = 4.0
 ROOMY = 0.4
 """... and by less where there is less clearance than this [radii], in finer cells: by its share of
 that, ..."""
-FINENESS = (1, 4)
-"""... to one power after the other, until there is a path."""
+ATTEMPTS = ((0.2, 1, 80), (0.03, 1, 1000), (0.03, 4, 1000))
+"""Clearance that is kept beyond the margin [radii], ... to which power, and for how many batches:
+one after the other, until there is a path."""
 HALVES = np.array((0.5, 1.0))
 BEND = 0.08
 """Largest turn between two poses of a path [rad]."""
@@ -90,9 +91,10 @@ class FieldPlanner:
 
     def _begin_tree(self, attempt: int) -> None:
         """Begin a tree; later ones take finer steps where there is little clearance."""
-        self._attempt = attempt
+        self._attempt, (kept, _, most) = attempt, ATTEMPTS[attempt]
+        self._clearance.keep(kept * self._radius)
         self._tree = PoseTree(self._request.goal, self._cell, self._motions.turn)
-        self._price, self._batches, self._last = math.inf, 0, math.inf
+        self._price, self._batches, self._last = math.inf, 0, most
 
     def path(self) -> Path | str | None:
         """What was found."""
@@ -127,7 +129,7 @@ class FieldPlanner:
         nodes, least = tree.cheapest(BATCH)
         ended = not len(nodes) or tree.is_full or self._batches >= self._last
         if ended or least >= WEIGHT * self._price:
-            last = self._attempt + 1 == len(FINENESS)
+            last = self._attempt + 1 == len(ATTEMPTS)
             if self._best is None and self._field.connects and not last:
                 self._begin_tree(self._attempt + 1)
             else:
@@ -161,8 +163,9 @@ class FieldPlanner:
                 costs[good] + WEIGHT * to_go[good],
                 self._halvings_at(kept[row, column, 1]),
             )
+        first = self._best is None
         self._look(nodes)
-        if self._best is not None and self._last == math.inf:
+        if first and self._best is not None:
             self._last = self._batches + EXTRA + self._batches // 2
 
     def _steps_at(self, room: Array) -> Array:
@@ -170,7 +173,7 @@ class FieldPlanner:
         least = 2.0**-MOST_HALVINGS
         share = np.maximum(room, 0.0) / (ROOMY * self._radius)
         out: Array = np.clip(
-            np.minimum(share, share ** FINENESS[self._attempt]), least, LONGEST_STEP
+            np.minimum(share, share ** ATTEMPTS[self._attempt][1]), least, LONGEST_STEP
         )
         return out
 
@@ -232,10 +235,12 @@ class FieldPlanner:
         # rounding alone
         turns = round(float(poses[-1, 2] - request.goal[2]) / math.tau)
         poses[-1] = request.goal + (0.0, 0.0, turns * math.tau)
-        kept = self._clearance.room(poses)
+        kept = self._clearance.on_way(poses)
         driven = request.driven
         switched = driven is None or _apart(poses[:, :2], driven.points) > 2.0 * self._radius
-        return Path(poses, when, max(float(kept.min()), 0.0), switched)
+        return Path(
+            poses, when, max(float(kept.min()), 0.0), switched, isinstance(self._wheels, Omni)
+        )
 
 
 def _apart(points: Array, line: Array) -> float:

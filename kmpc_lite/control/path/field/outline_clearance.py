@@ -7,7 +7,7 @@ import numpy as np
 from kmpc_lite.control.path.planner import PathRequest
 from kmpc_lite.types import Array
 
-NEAR = 0.6
+NEAR = 1.0
 """Clearance beyond the margin below which driving costs more [radii]."""
 NEAR_PRICE = 1.0
 """What it costs more at the margin, as a share of its time."""
@@ -32,13 +32,13 @@ class OutlineClearance:
 
     def __init__(self, request: PathRequest, margin: float) -> None:
         self._request, self._outline = request, request.outline
-        self._least = margin
+        self._least, self._kept = margin, 0.0
         ends = np.stack([request.start, request.goal])
         self._ends = ends[:, :2]
         self._radius = float(self._outline[:, 2].max())
         arms = np.hypot(self._outline[:, 0], self._outline[:, 1])
         self._reach = 2.0 * float((arms + self._outline[:, 2]).max())
-        self._at_ends = np.minimum(self._distances(ends) - margin, 0.0)
+        self._room_at_ends = self._distances(ends) - margin
         self._near = NEAR * self._radius
 
     def _distances(self, poses: Array) -> Array:
@@ -51,6 +51,17 @@ class OutlineClearance:
         found: Array = (np.concatenate(parts).reshape(len(poses), -1) - radii).min(axis=1)
         return found
 
+    def keep(self, clearance: float) -> None:
+        """Keep so much more than the margin from now on, start and goal aside [m]."""
+        self._kept = clearance
+
+    def on_way(self, poses: Array) -> Array:
+        """Clearance beyond the margin (n,) of a path's poses (n, 3), its ends aside [m]."""
+        found = self.room(poses)
+        away = [np.hypot(*(poses[:, :2] - end).T) > self._reach for end in self._ends]
+        out: Array = np.where(away[0] & away[1], found, np.inf)
+        return out if np.isfinite(out).any() else found
+
     def room(self, poses: Array) -> Array:
         """Clearance beyond the margin (n,) at poses (n, 3) [m]; infinite in the open."""
         out: Array = self._distances(poses) - self._least
@@ -58,8 +69,9 @@ class OutlineClearance:
 
     def at(self, poses: Array) -> Array:
         """Clearance (n,) at poses (n, 3) beyond what must be kept there [m]; below zero outside."""
-        found = self.room(poses)
-        for place, lack in zip(self._ends, self._at_ends, strict=True):
+        found = self.room(poses) - self._kept
+        for place, room in zip(self._ends, self._room_at_ends, strict=True):
+            lack = min(room - self._kept, 0.0)
             if lack < 0.0:
                 near = np.hypot(*(poses[:, :2] - place).T) <= self._reach
                 found = np.where(near, found - lack + ROUNDING, found)
