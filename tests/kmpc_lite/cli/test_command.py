@@ -16,7 +16,16 @@ import pytest
 import kmpc_lab
 import kmpc_lite
 from kmpc_lab.cli.study import maps
-from kmpc_lite.cli.command import ENTRY_POINTS, LAB, LAST, ROBOT, Command, known_commands, load
+from kmpc_lite.cli.command import (
+    ENTRY_POINTS,
+    LAB,
+    LAST,
+    ROBOT,
+    Command,
+    build_parser,
+    known_commands,
+    load,
+)
 from kmpc_lite.cli.extras import EXTRAS
 from kmpc_lite.cli.main import main
 
@@ -27,6 +36,7 @@ ROBOTS, LABS = (
 )
 COMMANDS = {**ROBOTS["entry-points"][ENTRY_POINTS], **LABS["entry-points"][ENTRY_POINTS]}
 EVERY = sorted(COMMANDS)
+NO_JSON = ("completion", "signing")
 STUDIES = ("table1", *maps.STUDIES, "faults")
 
 
@@ -73,7 +83,18 @@ def test_help_and_version_import_nothing_heavy() -> None:
     assert (done.returncode, done.stderr) == (0, "")
     for line, (status, out) in json.loads(done.stdout).items():
         assert status == 0, line
-        assert out.startswith("kmpc_lite" if line == "--version" else "usage: kmpc"), line
+        if line == "--version":
+            assert out.strip() == f"kmpc_lite {kmpc_lite.__version__}"
+        elif line == "--help":
+            assert out.startswith("usage: kmpc") and all(command in out for command in COMMANDS)
+        else:
+            assert out.startswith("usage: kmpc"), line
+            assert "--json" in out or line.split()[0] in NO_JSON, line
+            examples = re.findall(r"^  kmpc (.*)$", out.partition("example:")[2], re.MULTILINE)
+            assert examples, line
+            for example in examples:
+                words = re.split(r"\s+[#>]\s", example)[0].split()
+                assert build_parser(known_commands(), words).parse_args(words).run
 
 
 @pytest.mark.parametrize("study", STUDIES)

@@ -35,7 +35,3 @@ def test_a_wrong_log_is_one_line_and_nothing_written(
     told = capsys.readouterr()
     assert told.out == "" and told.err.count("\n") == 1 and "run.csv: " in told.err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run.csv"]
-
-
-def test_there_are_sixty() -> None:
-    assert len(CASES) >= 60
