@@ -115,6 +115,34 @@ GONE = {
     "margins.check_corrections": "shares are tried at once",
     "margins.check_far_periods": "what is far is told by margins",
     "margins.retreat_share": "a motion that leads away is always allowed",
+    **_gone(
+        "margins",
+        "it is a constant of the innovation",
+        "unknown_floor_inflation innovation_attack_time innovation_release_time fading_period "
+        "innovation_calm largest_innovation judged_step step_tolerance step_tolerance_share "
+        "turn_tolerance turn_tolerance_share usual_speed drift_threshold drift_fading",
+    ),
+    **_gone(
+        "margins",
+        "it follows from `margins.step_risk` and the model's noise",
+        "adapted_step_risk step_quantile_limit adapted_step_quantile_limit unknown_floor_slip",
+    ),
+    **_gone("margins", "it is a constant of the margins", "solver_margin far_clearance"),
+    **_gone("pose", "it is a constant of the innovation", "turn_slip slip_memory"),
+    **_gone(
+        "step",
+        "it is a constant beside its use",
+        "oldest_pose oldest_pose_periods shortest_period longest_period reach_beyond_plan "
+        "lookup_distance accepted_depth",
+    ),
+    "stop.longest_ramp": "a ramp takes ten seconds at the most",
+    **_gone(
+        "adaptation",
+        "it is a constant of adaptation",
+        "fewest_steps confirmation even_noise noise_floor turn_noise_floor least_step least_turn "
+        "jump_factor jump jump_turn held held_turn held_share largest_drift largest_pull "
+        "refusals_for_wrong back_and_forth worse",
+    ),
     "solver.real_time_turn": "another pass follows while the model contradicts the plan",
     "solver.long_period_passes": "another pass follows while the model contradicts the plan",
     "solver.long_step": "another pass follows while the model contradicts the plan",
@@ -122,7 +150,8 @@ GONE = {
     "solver.new_path_passes": "another pass follows while the model contradicts the plan",
     "solver.contradicted_passes": "another pass follows while the model contradicts the plan",
     "solver.cold_tolerance": "another pass follows while the model contradicts the plan",
-    "solver.lagging": "it is `solver.thorough`",
+    **_gone("solver", "it follows from `solver.real_time`", "lagging thorough"),
+    "solver.converged": "passes to convergence solve as exactly as their `tolerance` asks for",
     "solver.half_plane_scale": "rows of the QP are scaled by what they are",
     "solver.slack_scale": "rows of the QP are scaled by what they are",
     "solver.lost_position": "a plan is no start three radii from the pose",

@@ -8,12 +8,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kmpc_lite.adaptation.gains import Gains
 from kmpc_lite.adaptation.options import AdaptationOptions
+from kmpc_lite.adaptation.state import Gains
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.scale import UNIT_RADIUS
 from kmpc_lite.types import Array
+
+LARGEST_DRIFT = 0.6
+"""Sideways drift as a share of the speed, a crab angle of 31 degrees: a floor that slopes or slips
+more makes the robot undrivable."""
+LARGEST_PULL = 0.3
+"""Turn to one side per radius driven [rad]: a flat tyre gives a tenth."""
 
 
 def adapted_model(
@@ -59,10 +65,10 @@ def refuse(gains: Gains, options: AdaptationOptions, length: float) -> Refusal |
     speed = hypot(gains.ahead, gains.left)
     if not (gains.ahead > 0.0 and options.least_gain < speed < options.largest_gain):
         return Refusal(f"it comes {gains.ahead:.2g} times as far ahead as the model says")
-    if not abs(gains.left) < options.largest_drift * speed:
+    if not abs(gains.left) < LARGEST_DRIFT * speed:
         return Refusal(f"it drifts sideways by {gains.left:.2g} of its speed")
     if not options.least_gain < gains.turn < options.largest_gain:
         return Refusal(f"it turns {gains.turn:.2g} times as far as the model says", turning=True)
-    if not abs(gains.pull) * UNIT_RADIUS * length < options.largest_pull:
+    if not abs(gains.pull) * UNIT_RADIUS * length < LARGEST_PULL:
         return Refusal(f"it pulls to one side by {gains.pull:.2g} rad/m")
     return None

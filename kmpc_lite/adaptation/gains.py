@@ -1,6 +1,6 @@
 """Four gains on a learned model: their estimate, its certainty, and the noise that remains.
 
-`columns` says what is kept of a step, and which sums over steps.
+`state` says what is kept of a step, and which sums over steps.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kmpc_lite.adaptation.columns import AS_MEASURED, HEADING, MOTION, SPEEDS, WEIGHTS
+from kmpc_lite.adaptation.state import AS_MEASURED, HEADING, MOTION, SPEEDS, WEIGHTS, Gains
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES, Array
 
@@ -33,19 +33,6 @@ USUAL = (0.3, 0.4)
 RESTLESS = 0.1
 """Least noise that a floor is assumed to have, as a share of a step (standard deviation): the more,
 the sooner an old pose is forgotten."""
-
-
-class Gains(NamedTuple):
-    """Correction of a learned model: of velocities, of the turn rate, and turn per metre."""
-
-    ahead: float = 1.0
-    """Factor of the learned velocity."""
-    left: float = 0.0
-    """Drift to the left, as a share of the learned velocity."""
-    turn: float = 1.0
-    """Factor of the learned turn rate."""
-    pull: float = 0.0
-    """Turn to the left per metre driven [rad/m]."""
 
 
 class Estimate(NamedTuple):

@@ -20,10 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kmpc_lite.adaptation.adapted_model import Refusal, adapted_model, refuse
-from kmpc_lite.adaptation.columns import STEP_SIZE, SUMS
 from kmpc_lite.adaptation.gains import (
     Estimate,
-    Gains,
     contradiction,
     estimate,
     residual_covariance,
@@ -32,13 +30,29 @@ from kmpc_lite.adaptation.gains import (
 )
 from kmpc_lite.adaptation.options import AdaptationOptions
 from kmpc_lite.adaptation.regressor import Regressor, one_period
-from kmpc_lite.adaptation.state import AdaptationCounts, AdaptationState
-from kmpc_lite.adaptation.weighing import kept_steps, reweigh, weigh_by
+from kmpc_lite.adaptation.state import STEP_SIZE, SUMS, AdaptationCounts, AdaptationState, Gains
 from kmpc_lite.errors import ModelError
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES, Array
+
+FEWEST_STEPS = 8
+"""Least number of steps since a change from which a model is given. Steps, not seconds: how surely
+gains are known hangs on how many tell of them."""
+CONFIRMATION = 20.0
+"""Squared distance as that of an alarm, with the noise estimated from the newest steps alone, that
+an alarm must exceed, too: a few slow steps would count too much if poses are noisier than in the
+log."""
+WORSE = 1.1
+"""The learned model returns if the squared errors of the adapted one, over the memory, are this
+many times its own."""
+REFUSALS = 2
+"""Times in a row that gains which no floor can cause must be found, each time from fresh steps,
+before the model counts as another robot's."""
+BACK_AND_FORTH = 0.5
+"""Net distance or turn, as a share of the whole, below which a drive does not tell whether the
+model is another robot's."""
 
 
 class OnlineAdaptation:
@@ -102,9 +116,9 @@ class OnlineAdaptation:
         self.options = AdaptationOptions() if options is None else options
         self.scale = Scale() if scale is None else scale
         period = model.dt / self.scale.time
-        self._window = max(self.options.fewest_steps, round(self.options.window / period))
+        self._window = max(FEWEST_STEPS, round(self.options.window / period))
         self._memory = max(2 * self._window, round(self.options.memory / period))
-        self._regressor = Regressor(model, self.options, self.scale, self._memory)
+        self._regressor = Regressor(model, self.scale, self._memory)
         noise = model.noise_model
         self._learned_noise = np.zeros((3, STATES, STATES)) if noise is None else noise.coefficients
         self.reset()
@@ -115,7 +129,7 @@ class OnlineAdaptation:
         self.state = AdaptationState(
             np.zeros((self._window, SUMS)), np.zeros((self._memory, STEP_SIZE)), [], []
         )
-        weigh_by(self.state, self._learned_noise)
+        self.state.weigh_by(self._learned_noise)
 
     def restore(self, state: AdaptationState, model: KoopmanModel) -> None:
         """Go on from what was remembered, and the model that was made of it."""
@@ -216,17 +230,14 @@ class OnlineAdaptation:
             fading * state.errors[1] + float(adapted),
         )
         state.judged += 1
-        return (
-            state.judged >= 2 * self._window
-            and state.errors[1] > self.options.worse * state.errors[0]
-        )
+        return state.judged >= 2 * self._window and state.errors[1] > WORSE * state.errors[0]
 
     def _return_to_base(self) -> KoopmanModel:
         """Give the learned model again, and begin anew."""
         self.state.forget()
         self.state.gains = Gains()
         self.state.counts.models += 1
-        weigh_by(self.state, self._learned_noise)
+        self.state.weigh_by(self._learned_noise)
         self.model = self.base
         return self.base
 
@@ -241,7 +252,7 @@ class OnlineAdaptation:
         sums = np.cumsum(state.recent[order], axis=0)
         lengths = range(1, self._window + 1)
         best = max(lengths, key=lambda n: self._estimate(sums[n - 1], scaled=False).distance)
-        if best < self.options.fewest_steps:
+        if best < FEWEST_STEPS:
             return None
         state.recent[order[best:]] = 0.0
         state.slow[:] = sums[best - 1]
@@ -250,8 +261,8 @@ class OnlineAdaptation:
 
     def _confirmed(self, gains: Gains, count: int) -> bool:
         """Whether the newest steps contradict the gains in use by more than their own scatter."""
-        steps = self.state.raw[kept_steps(self.state, count)].T
-        return contradiction(steps, self.state.gains, gains) > self.options.confirmation
+        steps = self.state.raw[self.state.kept(count)].T
+        return contradiction(steps, self.state.gains, gains) > CONFIRMATION
 
     def _give(self, gains: Gains) -> KoopmanModel | None:
         """Put gains into use, if a floor can cause them."""
@@ -265,10 +276,10 @@ class OnlineAdaptation:
         state.counts.models += 1
         count = min(state.since, self._memory)
         coefficients = residual_covariance(
-            state.raw[kept_steps(state, count)].T, gains, self._learned_noise, self.scale
+            state.raw[state.kept(count)].T, gains, self._learned_noise, self.scale
         )
         if state.since >= self._window:
-            reweigh(state, coefficients, self._regressor, self.options)
+            self._regressor.reweigh(state, coefficients)
         # few steps tell the noise poorly: two standard errors of a variance on top, so that margins
         # are not too narrow
         noise = NoiseModel(coefficients * (1.0 + 2.0 * sqrt(2.0 / count)))
@@ -279,14 +290,14 @@ class OnlineAdaptation:
     def _refuse(self, gains: Gains, refusal: Refusal) -> None:
         """Forget the steps that led to impossible gains, and count those that explain the drive."""
         state = self.state
-        steps = state.raw[kept_steps(state, min(state.since, self._memory))].T
+        steps = state.raw[state.kept(min(state.since, self._memory))].T
         left, usual = (float(weighed_squares(steps, g).sum()) for g in (gains, Gains()))
         # whatever that was, it was no floor: what comes after it must not be mixed with it
         state.forget()
         if not left < 0.5 * usual:
             return  # nor was it a robot of another kind: those gains explain nothing
-        if went_back_and_forth(steps, self.options.back_and_forth, refusal.turning):
+        if went_back_and_forth(steps, BACK_AND_FORTH, refusal.turning):
             return  # an unknown lag looks like any gain there
         state.refusals += 1
-        if state.refusals >= self.options.refusals_for_wrong:
+        if state.refusals >= REFUSALS:
             state.wrong_model = f"the model is not of this robot: {refusal.reason}"

@@ -12,14 +12,33 @@ from math import cos, hypot, isfinite, pi, remainder, sin
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lite.adaptation.columns import AS_MEASURED, HEADING, MOTION, SPEEDS, WEIGHTS
-from kmpc_lite.adaptation.gains import whitening
-from kmpc_lite.adaptation.options import AdaptationOptions
-from kmpc_lite.adaptation.state import NO_STEPS, AdaptationState
+from kmpc_lite.adaptation.gains import reweighed_sums, whitening
+from kmpc_lite.adaptation.state import (
+    AS_MEASURED,
+    HEADING,
+    MOTION,
+    NO_STEPS,
+    SPEEDS,
+    WEIGHTS,
+    AdaptationState,
+)
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scale import UNIT_RADIUS, Scale
 from kmpc_lite.types import INPUTS, STATES, Array
 
+LEAST_STEP, LEAST_TURN = 1 / 75, 2e-3
+"""A step that should move the robot less [radii], or turn it less [rad], tells nothing of them."""
+JUMP_FACTOR, JUMP, JUMP_TURN = 3.0, 1 / 3, 0.15
+"""A pose that moved more than this many times what was commanded, and this much more [radii, rad],
+is a broken measurement, not a floor."""
+HELD, HELD_TURN, HELD_SHARE = 2 / 15, 0.03, 0.1
+"""A robot that should move by more [radii, rad] and does next to nothing, this share of it, is
+held: by brakes, a wall, a pilot."""
+NOISE_FLOOR, TURN_NOISE_FLOOR = 1 / 300, 5e-4
+"""Smallest noise that a step [radii] and its turn [rad] have: what poses are measured to."""
+EVEN_NOISE = 0.3
+"""Share of the usual noise that is added to every step's own: without it, the few slowest steps
+would outweigh all others where poses are noisy."""
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 
 
@@ -30,27 +49,18 @@ class Regressor:
     ----------
     model : KoopmanModel
         The learned one.
-    options : AdaptationOptions
-        Thresholds below which a step counts as still or held, and above which as broken.
     scale : Scale
         The robot's units.
     memory : int
         Steps that are kept.
     """
 
-    def __init__(
-        self, model: KoopmanModel, options: AdaptationOptions, scale: Scale, memory: int
-    ) -> None:
+    def __init__(self, model: KoopmanModel, scale: Scale, memory: int) -> None:
         self._dictionary, self._dt, self._memory = model.dictionary, model.dt, memory
         self._closed_form = model.closed_form
         radius = scale.length * UNIT_RADIUS
-        self._least_step, self._least_turn = options.least_step * radius, options.least_turn
-        self._jump_factor = options.jump_factor
-        self._jump, self._jump_turn = options.jump * radius, options.jump_turn
-        self._held, self._held_turn = options.held * radius, options.held_turn
-        self._held_share, self._even = options.held_share, options.even_noise
-        self.floors = (options.noise_floor * radius) ** 2, options.turn_noise_floor**2
-        """Least variance of a step's position [m^2], and of its turn [rad^2]."""
+        self._least_step, self._jump, self._held = LEAST_STEP * radius, JUMP * radius, HELD * radius
+        self._floors = (NOISE_FLOOR * radius) ** 2, TURN_NOISE_FLOOR**2
         nz, nw = model.dictionary.size, model.dictionary.input_size
         terms = np.concatenate([model.A[None], model.H.reshape(STATES, nw, nz).transpose(1, 0, 2)])
         self.responses = (terms[1:] @ model.dictionary.lift(np.zeros(STATES)) + model.B.T)[:, 0]
@@ -63,7 +73,7 @@ class Regressor:
         self._rates = rates.reshape(1 + nw, -1)
         noise = model.noise_model
         coefficients = np.zeros((3, STATES, STATES)) if noise is None else noise.coefficients
-        self._carried, self.white = whitening(coefficients, model.dt, scale)
+        self._carried, self._white = whitening(coefficients, model.dt, scale)
         self._weights, self._lifted = np.ones(1 + nw), np.ones(nz + 1)
         self._points = np.empty((3, STATES))
 
@@ -91,7 +101,7 @@ class Regressor:
         turned = remainder(numbers[5] - numbers[2], 2 * pi)
         px, py, h, g = self._given(numbers, heading, dx, dy, turned, command, past)
         moved, drove = hypot(px, py), hypot(dx, dy)
-        if moved < self._least_step and abs(h) < self._least_turn:
+        if moved < self._least_step and abs(h) < LEAST_TURN:
             self._leave_out(state, rejected=False)
             return None
         if self._is_held(moved, h, drove, turned) or self._jumped(moved, h, drove, turned):
@@ -103,7 +113,7 @@ class Regressor:
         # a step that hardly moves, or turns, says nothing about moving, or turning
         if not moved >= self._least_step:
             a = 0.0
-        if not (abs(h) >= self._least_turn or abs(g) >= self._least_step):
+        if not (abs(h) >= LEAST_TURN or abs(g) >= self._least_step):
             b = 0.0
         # noise of a pose makes one step longer and the next one shorter: the fading sums take that
         # back
@@ -116,7 +126,7 @@ class Regressor:
         )
         h, g, turned = h + d * earlier[4], g + d * earlier[5], turned + d * earlier[6]
         state.earlier = px, py, dx, dy, h, g, turned
-        a, b = a / self.white[0], b / self.white[1]
+        a, b = a / self._white[0], b / self._white[1]
         raw = state.raw[state.count % self._memory]
         raw[MOTION], raw[AS_MEASURED] = state.earlier, own
         raw[WEIGHTS], raw[SPEEDS] = (a, b), (v * v, omega * omega)
@@ -163,29 +173,50 @@ class Regressor:
 
     def _is_held(self, moved: float, h: float, drove: float, turned: float) -> bool:
         """Whether the robot should have moved and did next to nothing."""
-        share = self._held_share
+        share = HELD_SHARE
         return (
-            (moved > self._held or abs(h) > self._held_turn)
+            (moved > self._held or abs(h) > HELD_TURN)
             and drove < share * moved + self._held * share
-            and abs(turned) < share * abs(h) + self._held_turn * share
+            and abs(turned) < share * abs(h) + HELD_TURN * share
         )
 
     def _jumped(self, moved: float, h: float, drove: float, turned: float) -> bool:
         """Whether the pose moved farther than any floor lets it."""
-        factor = self._jump_factor
-        return (
-            drove > factor * moved + self._jump or abs(turned) > factor * abs(h) + self._jump_turn
-        )
+        factor = JUMP_FACTOR
+        return drove > factor * moved + self._jump or abs(turned) > factor * abs(h) + JUMP_TURN
 
     def _weigh(self, state: AdaptationState, v2: float, omega2: float) -> tuple[float, float]:
         """Weights of a step's position and turn: one over its variance and a share of the usual."""
         p, q = state.position_noise, state.heading_noise
-        a = p[0] + p[1] * v2 + p[2] * omega2 + self.floors[0]
-        b = q[0] + q[1] * v2 + q[2] * omega2 + self.floors[1]
+        a = p[0] + p[1] * v2 + p[2] * omega2 + self._floors[0]
+        b = q[0] + q[1] * v2 + q[2] * omega2 + self._floors[1]
         share = 1.0 / min(state.count + 1, self._memory)
         first, second = state.usual
         state.usual = first + share * (a - first), second + share * (b - second)
-        return 1.0 / (a + self._even * state.usual[0]), 1.0 / (b + self._even * state.usual[1])
+        return 1.0 / (a + EVEN_NOISE * state.usual[0]), 1.0 / (b + EVEN_NOISE * state.usual[1])
+
+    def reweigh(self, state: AdaptationState, coefficients: Array) -> None:
+        """Weigh the steps since the change anew, by the present estimate of their noise (3, 3, 3).
+
+        With the old weights, the tails of a larger noise would look like changes.
+        """
+        state.weigh_by(coefficients)
+        window, memory = len(state.recent), len(state.raw)
+        count = min(state.since, memory)
+        kept = state.kept(count)
+        steps = state.raw[kept]
+        sums, usual = reweighed_sums(
+            steps,
+            np.array([state.position_noise, state.heading_noise]),
+            np.array(self._floors),
+            np.array(self._white),
+            EVEN_NOISE,
+        )
+        state.raw[kept], state.usual = steps, usual
+        recent = min(count, window)
+        state.recent[(state.count - 1 - np.arange(recent)) % window] = sums[:recent]
+        fading = (1.0 - 1.0 / memory) ** np.arange(count)
+        state.slow, state.slow_count = fading @ sums, float(fading.sum())
 
 
 def one_period(

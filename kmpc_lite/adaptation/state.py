@@ -1,17 +1,53 @@
-"""What online adaptation remembers from step to step: data that copies and pickles."""
+"""What online adaptation remembers from step to step: data that copies and pickles.
+
+20 numbers are kept of a step, and 12 sums over steps: with the weight a of positions p.p, p.d, p x
+d, d.d; with the weight b of turns h h, h g, g g, h turned, g turned, turned turned; and how many
+steps had a weight a, and b. `Regressor.row` and `reweighed_sums` make them in this order,
+`estimate` reads them.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
-from kmpc_lite.adaptation.columns import MOTION_SIZE, SUMS
-from kmpc_lite.adaptation.gains import Gains
 from kmpc_lite.types import Array
 
+MOTION_SIZE = 7
+"""Numbers of a motion: the displacement p = (px, py) that the model gives [m], in the map's frame,
+and the measured one d = (dx, dy); the turn h that the model gives [rad], the way ahead g [m], and
+the measured turn."""
+MOTION = slice(0, MOTION_SIZE)
+"""The motion, whitened: what the noise of a pose shares with the steps before is taken back."""
+WEIGHTS = slice(7, 9)
+"""The weights a of the position and b of the turn."""
+HEADING = slice(9, 11)
+"""cos and sin of the heading before the step."""
+SPEEDS = slice(11, 13)
+"""v^2 and omega^2 of the command."""
+AS_MEASURED = slice(13, 13 + MOTION_SIZE)
+"""The motion once more, as it was measured."""
+STEP_SIZE = AS_MEASURED.stop
+"""Numbers that are kept of a step."""
+SUMS = 12
+"""Sums over steps."""
 NO_STEPS = (0.0,) * MOTION_SIZE
 """Fading sums where the steps before are unknown."""
+
+
+class Gains(NamedTuple):
+    """Correction of a learned model: of velocities, of the turn rate, and turn per metre."""
+
+    ahead: float = 1.0
+    """Factor of the learned velocity."""
+    left: float = 0.0
+    """Drift to the left, as a share of the learned velocity."""
+    turn: float = 1.0
+    """Factor of the learned turn rate."""
+    pull: float = 0.0
+    """Turn to the left per metre driven [rad/m]."""
 
 
 @dataclass
@@ -33,9 +69,9 @@ class AdaptationState:
     """Sums over steps, and what has been made of them."""
 
     recent: Array
-    """(window, SUMS) sums of the newest steps, a ring; see `columns`."""
+    """(window, SUMS) sums of the newest steps, a ring; see above."""
     raw: Array
-    """(memory, STEP_SIZE) the newest steps themselves, a ring; see `columns`."""
+    """(memory, STEP_SIZE) the newest steps themselves, a ring; see above."""
     position_noise: list[float]
     """Variance of a step's position by 1, v^2, omega^2 that steps are weighed by."""
     heading_noise: list[float]
@@ -79,3 +115,13 @@ class AdaptationState:
         self.usual = (0.0, 0.0)
         self.earlier = NO_STEPS
         self.errors, self.judged = (0.0, 0.0), 0
+
+    def kept(self, count: int) -> Array:
+        """Indices of the newest steps in the ring of steps, newest first."""
+        kept: Array = (self.count - 1 - np.arange(count)) % len(self.raw)
+        return kept
+
+    def weigh_by(self, coefficients: Array) -> None:
+        """Weigh coming steps by a covariance (3, 3, 3), as `NoiseModel` has it."""
+        self.position_noise = [float(c[0, 0] + c[1, 1]) / 2 for c in coefficients]
+        self.heading_noise = [float(c[2, 2]) for c in coefficients]

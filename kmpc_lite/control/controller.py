@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from numpy.typing import ArrayLike
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
-from kmpc_lite.control.estimate.command_history import CommandHistory
-from kmpc_lite.control.estimate.estimator import adapt
-from kmpc_lite.control.estimate.pose_age import whole_age
+from kmpc_lite.control.estimate.history import CommandHistory, whole_age
 from kmpc_lite.control.guiding import make_guide
 from kmpc_lite.control.kernels import choose_kernels
 from kmpc_lite.control.knowledge import Examiner, problem_in_units
@@ -159,7 +157,7 @@ class Controller:
             model, adaptation, tightening is not None, scale, options.adaptation
         )
         self.units = units = problem_in_units(problem, model, options, bool(guidance))
-        self._pose_age = whole_age(pose_age, model, options.step) / scale.time
+        self._pose_age = whole_age(pose_age, model) / scale.time
         self._examiner = Examiner(
             units, scale, options, tightening is not None, bool(guidance), kernels
         )
@@ -284,15 +282,23 @@ class Controller:
         self._state.model = model
         self.known = self._examiner.examine(self._state.base_model, model)
         if before is not None and self.known.margins is not None:
-            self.known.margins.drift_detector.carry_over(self._state.drift, before.drift_detector)
+            errors = self.known.margins.expected_errors
+            errors.carry_over(self._state.innovation, before.expected_errors)
 
     def _learn(self, seen: Observation) -> str:
         """Adapt to the past period; return why the model cannot be used, empty where it can."""
         if self.adaptation is None:
             return ""
-        model = adapt(self.adaptation, self._state.history, seen.pose, self.scale)
-        if model is not None:
-            self._take_over(model)
+        before, scale = self._state.history.driven, self.scale
+        if before is not None:
+            model = self.adaptation.update(
+                before.pose * scale.state,
+                before.command * scale.command,
+                seen.pose * scale.state,
+                before.earlier * scale.command,
+            )
+            if model is not None:
+                self._take_over(model)
         return self.adaptation.wrong_model
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -51,7 +51,6 @@ class Fallback:
         passes: int = 0,
     ) -> Plan:
         """Drive the last safe motion on while it is clear, else brake."""
-        state.history.planned = None
         rest = state.backup.rest
         here = seen.pose if seen.pose_is_known else state.backup.expected
         blocked = False

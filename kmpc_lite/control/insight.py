@@ -68,7 +68,7 @@ def _margins(controller: Controller, plan: Plan) -> Array:
     if state.guide is not None:
         clearance = state.guide.kept_on_the_way(states, controller.units.inflation)
     found = known.margins.tightening.margins(
-        state.drift, lin, states, inputs, np.tile(around, (len(inputs), 1, 1)), clearance
+        state.innovation, lin, states, inputs, np.tile(around, (len(inputs), 1, 1)), clearance
     )
     out: Array = asked + found.max(axis=1) * scale.length
     return out

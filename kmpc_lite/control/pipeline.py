@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.control.answers import Answers
-from kmpc_lite.control.estimate.estimator import observe_drift
-from kmpc_lite.control.estimate.pose_age import advance_pose
+from kmpc_lite.control.estimate.history import advance_pose
 from kmpc_lite.control.fallback import Fallback
 from kmpc_lite.control.guiding import Guiding
 from kmpc_lite.control.kernels import Kernels
@@ -24,11 +23,12 @@ from kmpc_lite.control.nmpc.task import SQPResult, Task
 from kmpc_lite.control.nmpc.trajectory import along, at_rest, one_period_later
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
+from kmpc_lite.control.path.goal_reference import GoalReference
 from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.recent_times import longest_lately
-from kmpc_lite.control.standstill import StandstillWatch
+from kmpc_lite.control.standstill import Present, StandstillWatch
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE, StepClock
 from kmpc_lite.control.stop.braking import Braking
@@ -42,6 +42,12 @@ from kmpc_lite.scale import Scale
 if TYPE_CHECKING:
     from kmpc_lite.control.path.guide import Guide
     from kmpc_lite.control.path.reference import Guidance
+
+REACH_BEYOND_PLAN = 2.0
+"""Solids are looked at as far as the fastest plan reaches and this much farther [radii]: for
+margins, and because the pose may be wrong."""
+LOOKUP_DISTANCE = 2.0
+"""Which solids are near is looked up again after the robot has driven this far [radii]."""
 
 
 class Pipeline:
@@ -81,12 +87,13 @@ class Pipeline:
         step = options.step
         self._options, self._problem = options, units
         self._sqp, self._pose_age = sqp, pose_age
-        self._guiding = Guiding(units, options.stop, guide)
+        self._guiding = Guiding(units, guide)
+        self._goal_reference = GoalReference(units)
         self._rates = RateLimit(units)
         self._emerging_speed = options.sight.emerging_speed / scale.speed
         self._kernels = kernels
         motions = SafeMotions(units, options.stop, kernels)
-        self._braking = Braking(units, options.stop)
+        self._braking = Braking(units)
         self._verification = Verification(units, step, motions)
         self._answers = Answers(problem, scale)
         self.fallback = Fallback(
@@ -94,21 +101,16 @@ class Pipeline:
         )
         unit = unit_length(units)
         reach = units.horizon * units.dt * fastest(units)[0] + units.robot_radius + units.margin
-        reach += step.reach_beyond_plan * unit
-        self.scene = Scene(scale.length, reach, step.lookup_distance * unit)
+        reach += REACH_BEYOND_PLAN * unit
+        self.scene = Scene(scale.length, reach, LOOKUP_DISTANCE * unit)
         self._watching = Watching(units, scale, options, reach, self._answers)
         self._standstill = StandstillWatch(units, scale, options.guidance)
 
     def estimate(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
-        """Find the robot's present pose, and observe drift.
-
-        Drift means that the model was wrong about the past period.
-        """
+        """Place the robot among what is around it."""
         seen.place(self.scene, state.scene)
         self._watching.look(state, seen, known)
-        if known.margins is not None:
-            observe_drift(known.margins.drift_detector, state.drift, state.history, seen.here)
-            self._answers.events.drift(state.drift.drifting)
+        self._answers.events.drift(state.innovation.drifting)
 
     def bring_forward(self, state: ControllerState, seen: Observation, known: Knowledge) -> None:
         """Note what was really sent in the command history; bring an old pose forward.
@@ -116,7 +118,7 @@ class Pipeline:
         Circles and pose are compared with what was expected of them (`Watching.watch`).
         """
         if seen.sent is not None:
-            state.history.correct(seen.sent, known.model, self._problem)
+            state.history.correct(seen.sent, self._problem)
         if self._pose_age:
             given = state.history.given
             seen.bring_forward(advance_pose(known.model, seen.pose, given, self._pose_age))
@@ -132,7 +134,7 @@ class Pipeline:
     ) -> Plan:
         """Stop in a step that cannot be planned, short of what scans show in it all the same."""
         self._answers.events.refused(refusal)
-        if seen.pose_is_known and state.pose.believed is None:
+        if seen.pose_is_known and state.innovation.believed is None:
             seen.place(self.scene, state.scene)
             self._watching.look(state, seen, known)
         else:
@@ -159,7 +161,7 @@ class Pipeline:
     ) -> SQPResult:
         """Run the passes of the SQP from the last plan; along the reference if that is new."""
         if guidance is None:
-            reference = self._guiding.towards_goal(state, seen)
+            reference = self._goal_reference.reference(state.goal, seen.here, seen.goal)
         else:
             reference = guidance.states
         clock.lap("guide")
@@ -183,7 +185,7 @@ class Pipeline:
             curvature=state.history.curvature,
             solids=seen.nearby,
             tightening=None if margins is None else margins.tightening,
-            drift=state.drift,
+            drift=state.innovation,
             path_clearance=math.inf if guidance is None else guidance.path_clearance,
             terminal_share=1.0 if guidance is None else guidance.share_at_goal,
             deadline=deadline,
@@ -218,7 +220,7 @@ class Pipeline:
             last=state.history.command,
             around=around,
             margins=None if margins is None else margins.stop_margins,
-            drift=state.drift,
+            drift=state.innovation,
         )
         verified = self._verification.check(result, seen, task)
         state.trajectory = verified.trajectory
@@ -239,7 +241,6 @@ class Pipeline:
         trajectory, motion = verified.trajectory, verified.motion
         assert trajectory is not None and motion is not None
         state.backup.sent(motion, motion[0], trajectory.states[1])
-        state.history.expect(seen.here, trajectory.inputs[0], verified.expected)
         state.history.remember(trajectory.inputs[0])
         states = trajectory.states + (0.0, 0.0, seen.turns) if seen.turns else trajectory.states
         status = PlanStatus.FEASIBLE if verified.reason else PlanStatus.SOLVED
@@ -247,10 +248,8 @@ class Pipeline:
         if guidance is not None:
             reason = "; ".join(filter(None, (guidance.reason, reason)))
             reachable, progress = guidance.reachable, guidance.progress
-        place, guided = np.concatenate([seen.here, seen.goal]), guidance is not None
-        reason, progress = self._standstill.tell(
-            state.standstill, place, trajectory.inputs[0], guided, reason, progress
-        )
+        now = Present(seen.here, seen.goal, trajectory.inputs[0], guidance is not None)
+        reason, progress = self._standstill.tell(state.standstill, now, reason, progress)
         return self._answers.plan(
             seen,
             states,
@@ -283,7 +282,6 @@ class Pipeline:
         motion = np.concatenate([plan.inputs[:1], ramp])
         state.backup.sent(motion, motion[0], plan.states[1])
         state.history.remember(plan.inputs[0])
-        state.history.planned = None
         return self._answers.plan(
             seen,
             plan.states + (seen.pose - seen.here),

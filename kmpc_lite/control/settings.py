@@ -10,6 +10,7 @@ import numpy as np
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
 from kmpc_lite.adaptation.state import AdaptationState
+from kmpc_lite.control.estimate.history import oldest_pose
 from kmpc_lite.control.nmpc.choose_solver import MakeSolver
 from kmpc_lite.control.options import (
     AdaptationOptions,
@@ -26,6 +27,10 @@ from kmpc_lite.types import INPUTS
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.planner import Planner
+
+SHORTEST_PERIOD, LONGEST_PERIOD = 1e-4, 100.0
+"""Periods of a problem [s]: a ramp of a second would else have more stages than there is memory
+for, and what is longer is no control period but a slip of the pen."""
 
 
 @dataclass(frozen=True)
@@ -98,17 +103,17 @@ def check_settings(model: Any, problem: NavigationProblem, settings: Settings) -
         if isinstance(value, bool) or not isinstance(value, int) or value < 1:
             raise ProblemError(f"{name}: expected a whole number >= 1, got {value!r}")
     tolerance, budget, age = settings.tolerance, settings.time_budget, settings.pose_age
-    tightening, limits = settings.tightening, settings.options.step
+    tightening = settings.tightening
     if not (np.isfinite(tolerance) and tolerance > 0):
         raise ProblemError(f"tolerance: expected a number > 0, got {tolerance!r}")
     if budget is not None and not (np.isfinite(budget) and budget > 0):
         raise ProblemError(f"time_budget: expected a time > 0 s, got {budget!r}")
-    if not limits.shortest_period <= problem.dt <= limits.longest_period:
+    if not SHORTEST_PERIOD <= problem.dt <= LONGEST_PERIOD:
         raise ProblemError(
-            f"dt: expected a period from {limits.shortest_period:g} to "
-            f"{limits.longest_period:g} s, got {problem.dt:g} s"
+            f"dt: expected a period from {SHORTEST_PERIOD:g} to {LONGEST_PERIOD:g} s, "
+            f"got {problem.dt:g} s"
         )
-    oldest = min(limits.oldest_pose, limits.oldest_pose_periods * problem.dt)
+    oldest = oldest_pose(problem.dt)
     if not 0.0 <= age <= oldest:
         raise ProblemError(f"pose_age: expected a time from 0 to {oldest:g} s, got {age!r}")
     if tightening not in (None, "learned"):

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kmpc_lite.adaptation.state import AdaptationState
-from kmpc_lite.control.estimate.command_history import CommandHistory
-from kmpc_lite.control.estimate.pose_watch import PoseWatchState
-from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.estimate.history import CommandHistory
+from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.nmpc.trajectory import Trajectory
+from kmpc_lite.control.path.goal_reference import GoalReferenceState
 from kmpc_lite.control.standstill import StandstillState
 from kmpc_lite.control.stop.backup import BackupState
 from kmpc_lite.control.world.circle_memory import CircleMemoryState
@@ -42,22 +42,20 @@ class ControllerState:
     """Commands sent, and the past period."""
     scene: SceneState
     """Polygons, walls and grids that were prepared."""
+    goal: GoalReferenceState
+    """Side to which the robot turns towards its goal, without guidance."""
     guide: GuideState | None
     """Path, search and checkers; none without guidance."""
-    drift: DriftState
-    """Of the drift detector."""
     backup: BackupState
     """Stop trajectory of the last good plan."""
-    pose: PoseWatchState = field(default_factory=PoseWatchState)
-    """Whether the pose has jumped."""
+    innovation: InnovationState = field(default_factory=InnovationState)
+    """How poses differed from what was predicted, and whether the pose has jumped."""
     circles: MotionWatchState = field(default_factory=MotionWatchState)
     """Who moves otherwise than told."""
     out_of_sight: CircleMemoryState = field(default_factory=CircleMemoryState)
     """Circles that stand, told now or before; none without `sensor_range`."""
     walkers: Tracks | None = None
     """Who walks, as scans show it, in metres and seconds; None without scans."""
-    turn: float = 0.0
-    """Signed turn to the goal's heading in the step before, without guidance [rad]."""
     standstill: StandstillState = field(default_factory=StandstillState)
     """Where the robot stands, and what it was commanded there."""
     trajectory: Trajectory | None = None
@@ -91,8 +89,8 @@ class ControllerState:
             model=model,
             history=history,
             scene=SceneState(),
+            goal=GoalReferenceState(),
             guide=guide,
-            drift=DriftState(),
             backup=BackupState(command=np.zeros_like(history.command)),
             adaptation=adaptation,
         )

@@ -23,6 +23,10 @@ from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotions
 from kmpc_lite.types import Array
 
+ACCEPTED_DEPTH = 2 / 15
+"""How deep a plan that was rolled out may cut into an obstacle and still be driven, without margins
+[radii]: the next pass mends it."""
+
 
 class Verified(NamedTuple):
     """A solver's answer after its checks."""
@@ -31,8 +35,6 @@ class Verified(NamedTuple):
     """What the next step is warm started from; None where the answer is of no use."""
     motion: Array | None
     """(T, 2) from the coming command to rest; None: the plan must not be driven."""
-    expected: Array
-    """(3,) pose at the end of the coming period."""
     reason: str
     """What is wrong; empty where nothing is."""
 
@@ -55,17 +57,16 @@ class Verification:
     ) -> None:
         unit = unit_length(problem)
         self._accepted_defect = options.accepted_defect * unit
-        self._accepted_depth = options.accepted_depth * unit
+        self._accepted_depth = ACCEPTED_DEPTH * unit
         self._problem, self._motions, self._rates = problem, motions, RateLimit(problem)
 
     def check(self, result: SQPResult, seen: Observation, task: MotionTask) -> Verified:
         """Check whether a result may be driven; slow its first command where that makes it safe."""
-        nothing = result.next_state
         if result.status is QPStatus.FAILED:
-            return Verified(None, None, nothing, result.reason)
+            return Verified(None, None, result.reason)
         if not np.isfinite(result.defect):
-            return Verified(None, None, nothing, "the model's prediction is not finite")
-        found, reason, expected = result.trajectory, result.reason, result.next_state
+            return Verified(None, None, "the model's prediction is not finite")
+        found, reason = result.trajectory, result.reason
         states, inputs = found.states, found.inputs
         contradicted = not result.defect <= self._accepted_defect
         if contradicted:
@@ -77,20 +78,17 @@ class Verification:
             inputs[0] = command
             states = task.model.rollout(states[0], inputs, task.past)
             if not np.isfinite(states).all():
-                return Verified(Trajectory(states, inputs, found.duals), None, nothing, reason)
-            expected = states[1]
+                return Verified(Trajectory(states, inputs, found.duals), None, reason)
         if contradicted and task.margins is None:
             # without margins nothing else would keep such a plan from an obstacle
             if not self.clearance(states, seen) >= -self._accepted_depth:
-                return Verified(found, None, expected, reason)
+                return Verified(found, None, reason)
         motion = self._motions.find(states, inputs, task)
         if motion.commands is None:
             reason = "no way to a stop is clear"
-        if motion.slowed:
-            expected = motion.states[1]
         if motion.inputs is not found.inputs:
             found = Trajectory(motion.states, motion.inputs, found.duals)
-        return Verified(found, motion.commands, expected, reason)
+        return Verified(found, motion.commands, reason)
 
     def clearance(self, states: Array, seen: Observation) -> float:
         """Smallest distance between the edges of robot and obstacles along states (K, 3)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from kmpc_lite.control.answers import Answers
-from kmpc_lite.control.estimate.pose_watch import PoseWatch
+from kmpc_lite.control.estimate.innovation import Innovation
 from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.observation import Observation
@@ -49,7 +49,7 @@ class Watching:
         from kmpc_lite.control.world.walkers import Walkers
 
         self._answers, self._dt = answers, units.dt
-        self._poses = PoseWatch(units, options.pose)
+        self._innovation = Innovation(units, options.pose)
         speed = fastest(units)[0] or 1.0
         spread_max = units.body_radius + units.margin
         self._motion = MotionWatch(units.dt, options.tracker, unit_length(units), speed, spread_max)
@@ -66,21 +66,24 @@ class Watching:
         that tell nothing any more. Circles that stand out of reach are added to those that are told
         (`CircleMemory`). Controllers without margins, as the paper's, believe what they are told.
         """
+        pose = seen.pose if seen.pose_is_known else None
         if known.margins is None:
+            state.history.measured = pose
             return
         seen.things = self._motion.see(state.circles, seen.things)
         if seen.pose_is_known and (seen.scans or state.scans is not None):
             self._look_out(state, seen)
             self._find_walkers(state, seen)
-        noise, pose = known.margins.noise, seen.pose if seen.pose_is_known else None
-        instead = self._poses.see(state.pose, state.history, known.model, noise, pose)
+        noise, found = known.margins.noise, state.innovation
+        errors, size = noise.expected_errors, noise.pose_errors
+        instead = self._innovation.see(found, state.history, known.model, errors, size, pose)
         if instead is not None:
             # circles that are seen from a pose that jumped have jumped, too
             self._motion.forget(state.circles)
             state.walkers = None
             seen.pose = instead
-            seen.refusal = seen.refusal or self._answers.jump(state.pose.jump)
-        elif state.pose.elsewhere:
+            seen.refusal = seen.refusal or self._answers.jump(found.jump)
+        elif found.elsewhere:
             # the poses stay where they jumped to: what scans showed lies elsewhere now
             state.seen, state.scans, state.out_of_sight = None, None, CircleMemoryState()
         if not seen.refusal and seen.pose_is_known:

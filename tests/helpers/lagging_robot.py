@@ -6,11 +6,10 @@ import numpy as np
 
 import kmpc_lite as kl
 from kmpc_lite.control.nmpc.trajectory import Trajectory
-from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.stop.braking import Braking
 
 PROBLEM = kl.NavigationProblem()
-BRAKING = Braking(PROBLEM, StopOptions())
+BRAKING = Braking(PROBLEM)
 
 
 def lagging() -> kl.KoopmanModel:

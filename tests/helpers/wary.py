@@ -8,8 +8,8 @@ import numpy as np
 
 import kmpc_lab
 import kmpc_lite as kl
+from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels.clearance import things_of
-from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.options import MarginOptions, StopOptions
 from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotion, SafeMotions
@@ -30,11 +30,14 @@ class Wary:
         **options: Any,
     ) -> None:
         self.problem, self.options, self.model = problem, MarginOptions(**options), model
-        self.drift, self.of = DriftState(), Margins(model, problem, self.options, adapted=adapted)
+        self.drift, self.of = (
+            InnovationState(),
+            Margins(model, problem, self.options, adapted=adapted),
+        )
 
     @property
     def inflation(self) -> float:
-        return self.of.drift_detector.inflation(self.drift)
+        return self.of.expected_errors.inflation(self.drift)
 
     @property
     def quantile(self) -> float:
@@ -45,15 +48,15 @@ class Wary:
         return self.of.tightening.widest(self.drift)
 
     def reset(self) -> None:
-        self.drift = DriftState()
+        self.drift = InnovationState()
 
     def update(self, model: kl.KoopmanModel, adapted: bool = False) -> None:
         self.model = model
         before, self.of = self.of, Margins(model, self.problem, self.options, adapted=adapted)
-        self.of.drift_detector.carry_over(self.drift, before.drift_detector)
+        self.of.expected_errors.carry_over(self.drift, before.expected_errors)
 
     def observe(self, error: np.ndarray, heading: float, command: np.ndarray) -> None:
-        self.of.drift_detector.observe(self.drift, error, heading, command)
+        self.of.expected_errors.judge(self.drift, error, heading, command)
 
     def margins(self, *plan: Any, **more: Any) -> np.ndarray:
         return self.of.tightening.margins(self.drift, *plan, **more)

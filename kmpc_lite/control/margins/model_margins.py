@@ -1,11 +1,11 @@
-"""All that depends on a model's noise: margins of plans and motions, drift detector."""
+"""All that depends on a model's noise: margins of plans and of motions, and innovations."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels import NUMPY, Kernels
-from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_noise import ModelNoise
 from kmpc_lite.control.margins.obstacle_margins import Tightening
 from kmpc_lite.control.margins.stop_margins import StopMargins
@@ -15,10 +15,10 @@ from kmpc_lite.model.motion import MotionModel
 
 
 class Margins:
-    """Margins of plans, those of motions, and the drift detector, for one model.
+    """Margins of plans, those of motions, and what innovations are expected, for one model.
 
-    It remembers nothing of a drive: what the drift detector has seen is a `DriftState`, the first
-    argument of all that depends on it. Another model gets other `Margins`.
+    It remembers nothing of a drive: past innovations are an `InnovationState`, the first argument
+    of all that depends on them. Another model gets other `Margins`.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class Margins:
     ----------
     noise : ModelNoise
         Noise and quantiles.
-    drift_detector : DriftDetector
+    expected_errors : ExpectedErrors
         Tells whether the robot does otherwise than its model says.
     tightening : Tightening
         Margins of plans.
@@ -55,8 +55,8 @@ class Margins:
     >>> import numpy as np
     >>> from kmpc_lite import nominal_unicycle
     >>> from kmpc_lite.control.kernels import NUMPY, Kernels
-    from kmpc_lite.control.margins.drift_detector import DriftState
-    >>> model, drift = nominal_unicycle(0.1), DriftState()
+    from kmpc_lite.control.estimate.innovation import InnovationState
+    >>> model, drift = nominal_unicycle(0.1), InnovationState()
     >>> margins = Margins(model, NavigationProblem())
     >>> inputs = np.tile([0.6, 0.0], (20, 1))
     >>> states = model.rollout((0.0, 0.0, 0.0), inputs)
@@ -77,7 +77,7 @@ class Margins:
     ) -> None:
         options = MarginOptions() if options is None else options
         self.noise = ModelNoise(model, problem, options, adapted)
-        self.drift_detector = self.noise.drift_detector
+        self.expected_errors = self.noise.expected_errors
         self.tightening = Tightening(self.noise, problem, options, kernels)
         self.stop_margins = StopMargins(self.noise, problem, options, kernels)
         self._model, self._horizon = model, problem.horizon
@@ -101,6 +101,6 @@ class Margins:
         lin = model.linearize(states[:-1], inputs, past)
         normals = np.tile(np.eye(2, self._directions), (stages, 1, 1))
         found = self.tightening.margins(
-            DriftState(), lin, states, inputs, normals, path_clearance=0.0
+            InnovationState(), lin, states, inputs, normals, path_clearance=0.0
         )
         return float(found[-1, 0]), float(found[-1, 1])

@@ -1,7 +1,7 @@
 """The errors that a model expects of itself, and how much larger they are on an unknown floor.
 
 The noise of one period grows with its command, ``v^2 white[0] + omega^2 white[1]``, and so do the
-errors that last longer than a plan. The drift detector inflates both; quantiles turn them into
+errors that last longer than a plan. Innovations inflate both; quantiles turn them into
 distances.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kmpc_lite.control.margins.drift_detector import DriftDetector, DriftState
+from kmpc_lite.control.estimate.innovation import ExpectedErrors, InnovationState
 from kmpc_lite.control.margins.quantiles import default_quantile, model_quantile
 from kmpc_lite.control.options import MarginOptions, fastest
 from kmpc_lite.control.problem import NavigationProblem
@@ -20,10 +20,24 @@ from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.model.tube import feedback_delay, tube_noise
 from kmpc_lite.types import STATES, Array
 
+SOLVER_MARGIN = 1 / 30
+"""Added to every margin [radii]: what a QP that is stopped at its tolerance, and linearised once,
+may leave of a half-plane."""
+STEP_QUANTILE_LIMIT, ADAPTED_STEP_QUANTILE_LIMIT = 2.0, 3.0
+"""The margin of a single command, in standard deviations, is at most this many times that of a
+plan, and with an adapted model: slip with exponential tails needs 1.9 and 2.6 times as many; a log
+whose pose jumps would ask for nonsense."""
+ADAPTED_SHARE = 0.1
+"""Share of the risk of a single command that is taken with an adapted model: it knows its floor
+from a few seconds only."""
+UNKNOWN_FLOOR_SLIP = 0.35
+"""Standard deviation of a command's error on an unknown floor, as a share of what it drives: a slip
+of 0.2 pushes farther than five times that once in ten thousand periods."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FeltNoise:
-    """The noise of a model as inflated by a state of the drift detector.
+    """The noise of a model as inflated by past innovations.
 
     Rows of a (2, 9) array are covariances (3, 3) to be multiplied by v^2 and by omega^2.
     """
@@ -56,7 +70,7 @@ class ModelNoise:
     Parameters
     ----------
     model : MotionModel
-        Its noise model; without one there is only what the drift detector adds.
+        Its noise model; without one there is only what innovations add.
     problem : NavigationProblem
         The robot's radius and speeds.
     options : MarginOptions
@@ -74,7 +88,7 @@ class ModelNoise:
         How many standard deviations the margins of plans, and those of single commands, are.
     pose_errors : tuple
         By how much two measured poses may err together, in position [m] and heading [rad].
-    drift_detector : DriftDetector
+    expected_errors : ExpectedErrors
         Judges past periods by this noise.
 
     Raises
@@ -97,17 +111,17 @@ class ModelNoise:
         self._lasts = bool(self._lasting.any())
         self._learned = model.noise_model is not None
         self._fastest = fastest(problem)[0]
-        self._unknown_floor_variance = (options.unknown_floor_slip * model.dt) ** 2
-        self.drift_detector = DriftDetector(model, problem, options)
+        self._unknown_floor_variance = (UNKNOWN_FLOOR_SLIP * model.dt) ** 2
+        self.expected_errors = ExpectedErrors(model, problem)
         risk = options.risk
         info = model.info
         # a log that the model fits to rounding says nothing about the errors on a real floor
         if model_quantile(info, risk) < default_quantile(risk):
             info = {}
         self.quantile = model_quantile(info, risk)
-        step_risk, limit = options.step_risk, options.step_quantile_limit
+        step_risk, limit = options.step_risk, STEP_QUANTILE_LIMIT
         if adapted:
-            step_risk, limit = options.adapted_step_risk, options.adapted_step_quantile_limit
+            step_risk, limit = ADAPTED_SHARE * step_risk, ADAPTED_STEP_QUANTILE_LIMIT
         step_quantile = max(self.quantile, model_quantile(info, step_risk))
         self.step_quantile = min(step_quantile, limit * self.quantile)
         self.pose_errors = self._pose_errors()
@@ -124,11 +138,11 @@ class ModelNoise:
             self.step_quantile * math.sqrt(max(heading, 0.0)),
         )
 
-    def felt(self, drift: DriftState) -> FeltNoise:
-        """Return the noise as inflated by a state of the drift detector."""
+    def felt(self, drift: InnovationState) -> FeltNoise:
+        """Return the noise as inflated by past innovations."""
         if drift.level != self._level or drift.drifting != self._drifting:
-            detector = self.drift_detector
-            inflation, unknown = detector.inflation(drift), detector.is_unknown_floor(drift)
+            errors = self.expected_errors
+            inflation, unknown = errors.inflation(drift), errors.is_unknown_floor(drift)
             if (inflation, unknown) != self._felt_for:
                 self._felt_for, self._felt = (
                     (inflation, unknown),
@@ -141,7 +155,7 @@ class ModelNoise:
         """Scale the noise; inflated noise gets the errors that every model may have added to it."""
         plan, lasting = self._white, self._lasting
         if inflation != 1.0:
-            tolerated = self.drift_detector.tolerated
+            tolerated = self.expected_errors.tolerated
             plan = inflation**2 * self._white + (inflation**2 - 1.0) * tolerated
         if self._lasts:
             lasting = inflation**2 * lasting

@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
+from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels import NUMPY, Kernels, tube
-from kmpc_lite.control.margins.drift_detector import DriftState
-from kmpc_lite.control.margins.model_noise import FeltNoise, ModelNoise, factor
+from kmpc_lite.control.margins.model_noise import SOLVER_MARGIN, FeltNoise, ModelNoise, factor
 from kmpc_lite.control.options import MarginOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.arguments import speeds
@@ -23,6 +23,10 @@ from kmpc_lite.types import STATES, Array
 
 NOTHING = np.empty((STATES, 0))
 """Factors of a noise that there is none of."""
+
+FAR_CLEARANCE = 2 / 3
+"""Margins are worked out for obstacles within the widest margin and this much more [radii]; for
+those farther away the widest margin is used."""
 
 
 class Tightening:
@@ -59,9 +63,9 @@ class Tightening:
         """How far what is kept off obstacles lies from the pose: turning moves it [m]."""
         self._noise, self._kernels = noise, kernels
         unit = unit_length(problem)
-        self._solver_margin = options.solver_margin * unit
+        self._solver_margin = SOLVER_MARGIN * unit
         self.side_margin = options.side_margin * unit
-        self.far_clearance = options.far_clearance * unit
+        self.far_clearance = FAR_CLEARANCE * unit
         self._robot_radius = float(problem.body_radius)
         self._touch = float(problem.body_radius + problem.margin)
         self._fastest = fastest(problem)
@@ -73,7 +77,7 @@ class Tightening:
         self.pose_deviation = math.sqrt(max(0.5 * self._pose_variance, 0.0))
         self._heading_periods = self._periods_off(noise)
         self._chord_at_full_speed = self._chord(noise.dt)
-        felt = noise.felt(DriftState())
+        felt = noise.felt(InnovationState())
         self._pose = factor(noise.tube.pose)
         by_speed = noise.tube.pose_by_speed
         self._pose_by_speed = factor(by_speed) if by_speed.any() else NOTHING
@@ -82,7 +86,7 @@ class Tightening:
 
     def margins(
         self,
-        drift: DriftState,
+        drift: InnovationState,
         lin: Linearization,
         states: Array,
         inputs: Array,
@@ -93,8 +97,8 @@ class Tightening:
 
         Parameters
         ----------
-        drift : DriftState
-            Of the drift detector.
+        drift : InnovationState
+            What past innovations say of the noise.
         lin : Linearization
             Of the model at `states[:-1]` and `inputs`.
         states, inputs : ndarray
@@ -117,14 +121,14 @@ class Tightening:
         return self._kernels.tube_margins(noise, lin.A, states, speeds(inputs), normals, kept)
 
     def covariances(
-        self, drift: DriftState, lin: Linearization, states: Array, inputs: Array
+        self, drift: InnovationState, lin: Linearization, states: Array, inputs: Array
     ) -> Array:
         """Covariances (N, 2, 2) of the position at stages 1 to N [m^2]; see `margins`."""
         factors = tube.factors(self._noise_of(drift), lin.A, states, speeds(inputs))[:, :2]
         out: Array = factors @ factors.transpose(0, 2, 1)
         return out
 
-    def _noise_of(self, drift: DriftState) -> tube.Noise:
+    def _noise_of(self, drift: InnovationState) -> tube.Noise:
         felt = self._noise.felt(drift)
         if felt is not self._tube_for:
             self._tube_for, self._tube = felt, self._tube_of(felt)
@@ -145,7 +149,7 @@ class Tightening:
             spreads=felt.plan_spreads,
         )
 
-    def widest(self, drift: DriftState) -> float:
+    def widest(self, drift: InnovationState) -> float:
         """Margin that no plan within the command bounds exceeds [m]."""
         felt = self._noise.felt(drift)
         if felt is not self._widest_for:

@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
+from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels import NUMPY, Kernels
-from kmpc_lite.control.margins.drift_detector import DriftState
-from kmpc_lite.control.margins.model_noise import ModelNoise
+from kmpc_lite.control.margins.model_noise import SOLVER_MARGIN, ModelNoise
 from kmpc_lite.control.options import MarginOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.model.arguments import speeds
@@ -53,19 +53,19 @@ class StopMargins:
         options: MarginOptions,
         kernels: Kernels = NUMPY,
     ) -> None:
-        self._noise, self._solver_margin = noise, options.solver_margin * unit_length(problem)
+        self._noise, self._solver_margin = noise, SOLVER_MARGIN * unit_length(problem)
         self._kernels = kernels
         self._reach = 0.0 if problem.footprint is None else problem.footprint.reach
         variance = noise.tube.pose_deviation[0] ** 2 - FLOOR**2
         self.pose_error = noise.quantile * math.sqrt(max(variance, 0.0))
 
-    def of_motions(self, drift: DriftState, distances: Array, turns: Array) -> Array:
+    def of_motions(self, drift: InnovationState, distances: Array, turns: Array) -> Array:
         """Margins (..., T) at the end of each period [m].
 
         Parameters
         ----------
-        drift : DriftState
-            Of the drift detector.
+        drift : InnovationState
+            What past innovations say of the noise.
         distances, turns : ndarray
             What is driven [m] and turned [rad] in each period, (..., T).
         """
@@ -85,13 +85,13 @@ class StopMargins:
         errors += self._solver_margin
         return errors
 
-    def of_commands(self, drift: DriftState, commands: Array, slopes: Array) -> Array:
+    def of_commands(self, drift: InnovationState, commands: Array, slopes: Array) -> Array:
         """Errors (C, ...) of single commands (C, 2) towards things [m].
 
         Parameters
         ----------
-        drift : DriftState
-            Of the drift detector.
+        drift : InnovationState
+            What past innovations say of the noise.
         commands : ndarray
             (C, 2) [m/s, rad/s].
         slopes : ndarray
@@ -104,7 +104,7 @@ class StopMargins:
         out: Array = self._noise.step_quantile * np.sqrt(np.maximum(variance, 0.0))
         return out
 
-    def most_of_commands(self, drift: DriftState, commands: Array) -> Array:
+    def most_of_commands(self, drift: InnovationState, commands: Array) -> Array:
         """Errors (C,) of single commands (C, 2) in any direction, at the most [m]."""
         felt = self._noise.felt(drift)
         if not felt.command_errs:

@@ -22,7 +22,13 @@ from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
 from kmpc_lite.control.nmpc.task import SQPResult, Task
 from kmpc_lite.control.nmpc.trajectory import Trajectory, command_windows
-from kmpc_lite.control.options import SolverOptions, StepOptions, fastest, unit_length
+from kmpc_lite.control.options import (
+    OSQPOptions,
+    SolverOptions,
+    StepOptions,
+    fastest,
+    unit_length,
+)
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.wheels import Car
@@ -38,6 +44,13 @@ TOLERATED = 0.3
 FAR_TURN = 0.6
 """Turn in a period [rad] from which on QPs are solved thoroughly: stopped early, they let a robot
 that drives far in a period cut into what it passes."""
+THOROUGH = 5
+"""Times the iterations for such robots, and for models with input history: what the robot still
+does of past commands it cannot take back, and multipliers become large."""
+CONVERGED = OSQPOptions(
+    tolerance=1e-7, max_iter=4000, alpha=1.6, adaptive_rho=True, scaling=10, check_termination=25
+)
+"""For passes to convergence, whose steps become as small as their tolerance."""
 EXACT_PENALTY = 10.0
 """Passes to convergence weigh slack by this many times more: above the multipliers of all that a
 plan can pass by, so that slack is used only where there is no way without. One pass a period does
@@ -101,8 +114,17 @@ class SQP:
         soft = replace(problem, slack_weights=penalties)
         self.qp = NavigationQP(soft, history, slots, kernels)
         turns_far = problem.dt * fastest(problem)[1] > FAR_TURN
-        one_pass = options.thorough if history or turns_far else options.real_time
-        settings = options.converged if iterations > 1 else one_pass
+        settings = options.real_time
+        if iterations > 1:
+            settings = CONVERGED
+        elif history or turns_far:
+            longest = settings.max_iter
+            settings = replace(
+                settings,
+                max_iter=THOROUGH * longest,
+                adaptive_rho=True,
+                adaptive_rho_interval=longest,
+            )
         self.workspace = choose_solver(solver, self.qp, settings)
         self.keep_out = keep_out(problem, slots, kernels)
         self._tolerated = TOLERATED * step.accepted_defect * unit_length(problem)
@@ -131,7 +153,7 @@ class SQP:
             guess = replace(guess, inputs=self._rates.in_reach(guess.inputs, task.last))
         self.qp.cost.set_terminal_share(task.terminal_share)
         self._steer(task, guess.states[0])
-        run = SQPResult(guess, guess.states[0])
+        run = SQPResult(guess)
         share, longest = 1.0, 0.0
         while True:
             begin, before = self.clock(), run.step
@@ -213,7 +235,7 @@ class SQP:
             )
         past = command_windows(task.model.history, task.past, found.inputs)
         predicted = task.model.predict(found.states[:-1], found.inputs, past)
-        run.trajectory, run.next_state = found, predicted[0]
+        run.trajectory = found
         run.defect = float(np.abs(predicted - found.states[1:]).max())
 
     def _in_bounds(self, inputs: Array, task: Task) -> Array:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from kmpc_lite.control.margins.drift_detector import DriftState
+from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.margins.obstacle_margins import Tightening
 from kmpc_lite.control.nmpc.qp_solvers import QPStatus
 from kmpc_lite.control.nmpc.trajectory import Trajectory
@@ -35,8 +35,8 @@ class Task:
     """Polygons, walls and grids that the robot can come to."""
     tightening: Tightening | None = None
     """Margins beyond the radii; worked out at each linearisation and held during the pass."""
-    drift: DriftState | None = None
-    """Of the drift detector; given with `tightening`."""
+    drift: InnovationState | None = None
+    """What past innovations say of the noise; given with `tightening`."""
     path_clearance: float | Array = math.inf
     """What the path keeps from obstacles beyond the problem's margin [m], or at each stage,
     (N, 1)."""
@@ -54,8 +54,6 @@ class SQPResult:
 
     trajectory: Trajectory
     """The iterate; the start before the first pass."""
-    next_state: Array
-    """(3,) what the model expects after the first command."""
     status: QPStatus = QPStatus.FAILED
     """Of the last QP."""
     passes: int = 0

@@ -19,12 +19,6 @@ class PoseOptions:
     slip: float = share(1.0)
     """How much more difference slipping wheels may make, as a share of the commanded distance: all
     of it where they slide or spin."""
-    turn_slip: float = share(2.5)
-    """The same for turns: adaptation learns turns of up to two and a half times the commanded ones,
-    and must see those that it refuses."""
-    slip_memory: float = seconds(0.5, zero=False)
-    """A faster command in the past counts, too, and fades within this time [s]: robots answer late.
-    """
     agreement: float = seconds(2.0)
     """Poses that jumped are believed once they have agreed with each other for this long [s], which
     is longer than errors of a second last. Zero: they are believed at once."""

@@ -1,4 +1,4 @@
-"""Options of the solver: how a QP is solved, how many passes are made, and when they end."""
+"""Options of the solver: how a QP is solved."""
 
 from __future__ import annotations
 
@@ -38,23 +38,8 @@ class SolverOptions:
     """How the nonlinear program is solved."""
 
     real_time: OSQPOptions = group(OSQPOptions())
-    """For the passes of a period."""
-    thorough: OSQPOptions = group(
-        OSQPOptions(max_iter=300, adaptive_rho=True, adaptive_rho_interval=60)
-    )
-    """The same for a model with input history, and for a robot that turns far in a period: what it
-    still does of past commands it cannot take back, and the multipliers become large."""
-    converged: OSQPOptions = group(
-        OSQPOptions(
-            tolerance=1e-7,
-            max_iter=4000,
-            alpha=1.6,
-            adaptive_rho=True,
-            scaling=10,
-            check_termination=25,
-        )
-    )
-    """For passes to convergence, whose steps become as small as the tolerance of the passes."""
+    """For the passes of a period. A model with input history, and a robot that turns far in a
+    period, get five times the iterations, and an adapted `rho`."""
 
     def __post_init__(self) -> None:
         check(self)

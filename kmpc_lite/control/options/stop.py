@@ -20,8 +20,6 @@ class StopOptions:
     get free."""
     swerve_time: float = seconds(0.3)
     """Longest time for which a moving obstacle may walk in any direction at its speed [s]."""
-    longest_ramp: float = seconds(10.0, zero=False)
-    """Longest braking ramp [s]; a robot that brakes more slowly is told to stand by then."""
 
     def __post_init__(self) -> None:
         check(self)

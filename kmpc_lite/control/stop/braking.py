@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 
-from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
 
 ROUNDING = 1e-9
 """Rounding error of a count of periods."""
+LONGEST_RAMP = 10.0
+"""Longest braking ramp [s]; a robot that brakes more slowly is told to stand by then."""
 UNLIMITED = 1e6
 """Largest change of a command in a period that is reckoned with: more than any speed [m/s]."""
 
@@ -23,8 +24,6 @@ class Braking:
     ----------
     problem : NavigationProblem
         Period, `deceleration` and `du_max`.
-    options : StopOptions
-        Longest ramp.
 
     Attributes
     ----------
@@ -34,10 +33,10 @@ class Braking:
         Most periods of a ramp.
     """
 
-    def __init__(self, problem: NavigationProblem, options: StopOptions) -> None:
+    def __init__(self, problem: NavigationProblem) -> None:
         self._dt = problem.dt
         self.ramp_step: Array = np.asarray(problem.deceleration) * problem.dt
-        self.longest_ramp = max(round(options.longest_ramp / problem.dt), 1)
+        self.longest_ramp = max(round(LONGEST_RAMP / problem.dt), 1)
         self._rate_step = np.minimum(problem.dt * problem.du_max, UNLIMITED)
 
     def ramp(self, command: Array) -> Array:

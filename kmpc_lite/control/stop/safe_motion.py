@@ -25,10 +25,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.footprint import places_of
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.kernels import safe_motion as kernel
-from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.stop_margins import StopMargins
 from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.problem import NavigationProblem
@@ -63,8 +63,8 @@ class MotionTask:
     """What is around the robot."""
     margins: StopMargins | None = None
     """Of motions; without them every plan is accepted."""
-    drift: DriftState | None = None
-    """Of the drift detector; given with `margins`."""
+    drift: InnovationState | None = None
+    """What past innovations say of the noise; given with `margins`."""
 
 
 class SafeMotion(NamedTuple):
@@ -117,7 +117,7 @@ class SafeMotions:
         self._options, self._dt, self._radius = options, problem.dt, problem.body_radius
         self._footprint = problem.footprint
         self._reach = 0.0 if problem.footprint is None else problem.footprint.reach
-        self._braking, self._rates = Braking(problem, options), RateLimit(problem)
+        self._braking, self._rates = Braking(problem), RateLimit(problem)
         self._within = problem.wheels.within
         self._faster = problem.dt * problem.du_max
         self._slower = problem.dt * np.maximum(problem.du_max, problem.deceleration)

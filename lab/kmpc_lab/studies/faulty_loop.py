@@ -197,7 +197,7 @@ class FaultyLoop:
         self._switch = Switch(self._random)
         solver = partial(BrokenWorkspace, self._switch)
         self.controller = Controller(model, problem, options=options, solver=solver, **timed)
-        self._braking = Braking(self.controller.problem, StopOptions())
+        self._braking = Braking(self.controller.problem)
         self._step, self._begin, self._end = 0, 0, 0
         self._frozen = np.zeros(3)
         self._stop_left, self._sane, self._blind, self._planned = 0, 0, 0, False

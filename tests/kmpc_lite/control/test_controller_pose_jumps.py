@@ -170,7 +170,7 @@ def test_nothing_is_learned_from_a_jump() -> None:
     drive(jumping, jump(0.5, 0.5, 0.0, NO_STEPS, NO_STEPS + 1), 40)
     assert plain.adaptation is not None and jumping.adaptation is not None
     assert jumping.adaptation.counts.rejected == plain.adaptation.counts.rejected
-    assert jumping.state.drift.level <= 1.5 * plain.state.drift.level + 0.5
+    assert jumping.state.innovation.level <= 1.5 * plain.state.innovation.level + 0.5
 
 
 def test_a_drive_goes_on_after_a_copy_in_the_middle_of_a_jump() -> None:

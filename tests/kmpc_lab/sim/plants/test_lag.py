@@ -14,7 +14,7 @@ from kmpc_lite import (
     fit,
     nominal_unicycle,
 )
-from kmpc_lite.control.estimate.pose_age import advance_pose
+from kmpc_lite.control.estimate.history import advance_pose
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.scenario.files import Scenario
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.estimate.pose_watch import PoseWatch, PoseWatchState
+from kmpc_lite.control.estimate.innovation import Innovation, InnovationState
 from kmpc_lite.control.options import PoseOptions
 from kmpc_lite.types import Array
 
@@ -70,10 +70,12 @@ def test_a_model_that_drifts_out_of_all_numbers_is_not_followed(pose: Array | No
     problem, history = controller.units, controller.state.history
     margins = controller.known.margins
     assert margins is not None
-    watch, state = PoseWatch(problem, PoseOptions()), PoseWatchState(last=np.zeros(3))
+    innovation, state = Innovation(problem, PoseOptions()), InnovationState()
+    history.measured = np.zeros(3)
     if pose is not None:
         state.believed = np.zeros(3)
     history.remember(np.zeros(2))
     runaway = SimpleNamespace(predict=lambda *_: np.full(3, np.inf))
-    assert watch.see(state, history, runaway, margins.noise, pose) is None
-    assert state.believed is None and state.last is pose
+    errors, noise = margins.expected_errors, margins.noise.pose_errors
+    assert innovation.see(state, history, runaway, errors, noise, pose) is None
+    assert state.believed is None and history.measured is pose

@@ -16,12 +16,14 @@ from kmpc_lite import (
     fit,
     nominal_unicycle,
 )
+from kmpc_lite.control.estimate.innovation import CALM
+from kmpc_lite.control.margins.model_noise import SOLVER_MARGIN
 from kmpc_lite.control.options import MarginOptions
 from kmpc_lite.model.noise_model import NoiseModel
 from kmpc_lite.model.tube import FLOOR, FORWARD, LATERAL, MEMORY, STILL, TURN
 
 HEADWAY = MarginOptions().headway * PROBLEM.robot_radius
-RESERVE = MarginOptions().solver_margin * PROBLEM.robot_radius
+RESERVE = SOLVER_MARGIN * PROBLEM.robot_radius
 
 
 def naive_covariance(model, lin, states, inputs, stage):
@@ -79,7 +81,7 @@ def test_grows_with_risk_and_speed(model):
     ]
     assert all((b > a).all() for a, b in zip(by_risk, by_risk[1:], strict=False))
     by_speed = [
-        of_noise(model, solver_margin=0.0).margins(*plan(model, v, 0.0), normals)
+        of_noise(model).margins(*plan(model, v, 0.0), normals) - RESERVE
         for v in (0.0, 0.1, 0.3, 0.6)
     ]
     assert all((b > a).all() for a, b in zip(by_speed, by_speed[1:], strict=False))
@@ -148,7 +150,7 @@ def test_turns_with_the_map(model):
 def test_without_noise_only_the_chord_counts():
     model, radius = nominal_unicycle(0.1), PROBLEM.robot_radius
     lin, states, inputs = plan(model, 0.6, 0.0)
-    margins = of_noise(model, solver_margin=0.0).margins(lin, states, inputs, directions(20, 3))
+    margins = of_noise(model).margins(lin, states, inputs, directions(20, 3)) - RESERVE
     assert margins.shape == (20, 3)
     # a robot whose samples keep this distance touches the circle in the middle between them, and no
     # more
@@ -161,8 +163,7 @@ def test_an_arc_between_samples_stays_outside_the_circle():
     inputs = np.tile(u, (20, 1))
     states = model.rollout((0.0, 0.0, 0.0), inputs)
     lin = model.linearize(states[:-1], inputs)
-    wary = of_noise(model, solver_margin=0.0)
-    margin = wary.margins(lin, states, inputs, directions(20, 1))[4, 0]
+    margin = of_noise(model).margins(lin, states, inputs, directions(20, 1))[4, 0] - RESERVE
     fine = model.with_dt(0.001).rollout(states[4], np.tile(u, (100, 1)))
     # a circle on the outer side, as near as the margin lets both samples be
     middle, chord = (states[4, :2] + states[5, :2]) / 2, states[5, :2] - states[4, :2]
@@ -181,14 +182,14 @@ def test_deviations_under_feedback_stay_within_the_margins(slip, v, omega):
     """Drive the slipping plant many times with the assumed feedback; count who leaves the tube."""
     model, risk, trials = slipping(slip), 0.05, 4000
     lin, states, inputs = plan(model, v, omega)
-    wary = Wary(model, PROBLEM, risk=risk, solver_margin=0.0, headway=0.0)
+    wary = Wary(model, PROBLEM, risk=risk, headway=0.0)
     covariances = wary.covariances(lin, states, inputs)
     closed = naive_feedback(lin, states)
     gains = np.linalg.pinv(lin.B) @ closed
     plant = DifferentialDrive(slip, seed=99)
     x = np.tile(states[0], (trials, 1))
     normals = directions(20, 6, seed=5)
-    margins = wary.margins(lin, states, inputs, normals)
+    margins = wary.margins(lin, states, inputs, normals) - RESERVE
     worst, outside = np.zeros(trials), np.zeros((20, 6))
     for k in range(20):
         u = inputs[k] + (x - states[k]) @ gains[k].T
@@ -235,7 +236,7 @@ def test_no_plan_within_the_bounds_asks_for_more_than_the_widest_margin(history,
         base = fit(data, InputHistoryDictionary(UnicycleDictionary(), tuple(range(history + 1))))
     model = replace(base, noise_model=noise)
     wary = Wary(model, problem)
-    wary.drift.level = inflation**2 + wary.options.innovation_calm - 1.0
+    wary.drift.level = inflation**2 + CALM - 1.0
     assert wary.inflation == pytest.approx(inflation)
     random, most = np.random.default_rng(4), 0.0
     for _ in range(40):

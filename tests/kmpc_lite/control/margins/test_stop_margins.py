@@ -10,11 +10,11 @@ from wary import CIRCLES, PROBLEM, Wary, slipping
 
 from kmpc_lab import DifferentialDrive
 from kmpc_lite import Footprint, NavigationProblem, nominal_unicycle
-from kmpc_lite.control.margins.drift_detector import DriftState
-from kmpc_lite.control.options import MarginOptions
+from kmpc_lite.control.estimate.innovation import UNKNOWN_INFLATION, InnovationState
+from kmpc_lite.control.margins.model_noise import UNKNOWN_FLOOR_SLIP
 from kmpc_lite.model.noise_model import NoiseModel
 
-STRANGE = MarginOptions().unknown_floor_inflation, MarginOptions().unknown_floor_slip
+STRANGE = UNKNOWN_INFLATION, UNKNOWN_FLOOR_SLIP
 
 
 def test_speed_share_far_away_is_one(model):
@@ -125,7 +125,7 @@ def test_speed_share_is_not_deceived_by_a_curve_that_ends_farther_away(dt, accur
 
 def test_errors_of_a_stop_add_up_by_their_squares_and_what_lasts_as_it_is() -> None:
     wary = Wary(slipping(0.2), PROBLEM)
-    check, calm = wary.of.stop_margins, DriftState()
+    check, calm = wary.of.stop_margins, InnovationState()
     felt, solver = check._noise.felt(calm), wary.margin(0.0, 0.0)
     one, four = (check.of_motions(calm, np.full(n, 0.06), np.full(n, 0.03))[-1] for n in (1, 4))
     # its headings lead aside by a hair
@@ -147,7 +147,7 @@ def test_a_heading_that_is_off_leads_a_stop_aside_by_all_that_is_driven_after() 
         nominal_unicycle(0.1),
         noise_model=NoiseModel(coefficients),
     )
-    check, calm = Wary(model, PROBLEM).of.stop_margins, DriftState()
+    check, calm = Wary(model, PROBLEM).of.stop_margins, InnovationState()
     distances, turns = np.array([0.06, 0.04, 0.02, 0.0]), np.array([0.05, -0.03, 0.0, 0.0])
     found = check.of_motions(calm, distances, turns) - check.of_motions(calm, 0 * turns, 0 * turns)
     off = 2e-3 * (distances / 0.1) ** 2 + 1e-3 * (turns / 0.1) ** 2
@@ -179,4 +179,4 @@ def test_a_stop_of_a_robot_that_is_not_round_has_room_for_errors_of_its_turn() -
     )
     round_one = Wary(slipping(0.2), PROBLEM).of.stop_margins
     wider = check.of_motions(wary.drift, still, turns)
-    assert (wider > 2.0 * round_one.of_motions(DriftState(), still, turns)).all()
+    assert (wider > 2.0 * round_one.of_motions(InnovationState(), still, turns)).all()

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
+from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels.clearance import things_of
-from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.task import Task
@@ -29,16 +29,16 @@ CIRCLES = things_of(np.array([[0.6, 0.5, 0.15, 0.0, 0.0], [1.0, 1.3, 0.1, 0.0, -
 def test_a_copied_drift_state_goes_on_as_the_one_it_was_copied_from(
     copied: Any, learned: kl.KoopmanModel
 ) -> None:
-    detector, state = Margins(learned, PROBLEM).drift_detector, DriftState()
-    random, other = np.random.default_rng(1), DriftState()
+    errors, state = Margins(learned, PROBLEM).expected_errors, InnovationState()
+    random, other = np.random.default_rng(1), InnovationState()
     for k in range(40):
         seen = random.normal(size=3) * 0.01, float(random.normal()), random.uniform(-0.6, 0.6, 2)
-        detector.observe(state, *seen)
+        errors.judge(state, *seen)
         if k == 20:
             other = copied(state)
         elif k > 20:
-            detector.observe(other, *seen)
-    assert state == other and state is not other and state != DriftState()
+            errors.judge(other, *seen)
+    assert state == other and state is not other and state != InnovationState()
 
 
 def solve(sqp: SQP, model: kl.KoopmanModel, guess: Trajectory, margins: Margins) -> Trajectory:
@@ -49,7 +49,7 @@ def solve(sqp: SQP, model: kl.KoopmanModel, guess: Trajectory, margins: Margins)
         np.zeros((model.history, 2)),
         np.zeros(2),
         tightening=margins.tightening,
-        drift=DriftState(),
+        drift=InnovationState(),
     )
     return sqp.solve(guess, task).trajectory
 
@@ -77,7 +77,11 @@ def test_a_solver_answers_the_same_whatever_it_solved_before_and_so_does_its_cop
 def test_margins_of_a_state_do_not_depend_on_the_states_asked_for_before(
     learned: kl.KoopmanModel,
 ) -> None:
-    margins, calm, alarmed = Margins(learned, PROBLEM), DriftState(), DriftState(level=30.0)
+    margins, calm, alarmed = (
+        Margins(learned, PROBLEM),
+        InnovationState(),
+        InnovationState(level=30.0),
+    )
     inputs = np.tile((0.5, 0.2), (20, 1))
     states = learned.rollout(np.zeros(3), inputs)
     plan = learned.linearize(states[:-1], inputs), states, inputs, np.tile((0.0, 1.0), (20, 2, 1))
@@ -94,7 +98,7 @@ def test_a_model_that_expects_more_noise_finds_less_of_it_unexpected(
     noise = learned.noise_model
     assert noise is not None
     louder = replace(learned, noise_model=replace(noise, coefficients=9.0 * noise.coefficients))
-    state = DriftState(level=40.0, ahead=0.1, drifting=True)
-    after = Margins(louder, PROBLEM).drift_detector
-    after.carry_over(state, Margins(learned, PROBLEM).drift_detector)
+    state = InnovationState(level=40.0, ahead=0.1, drifting=True)
+    after = Margins(louder, PROBLEM).expected_errors
+    after.carry_over(state, Margins(learned, PROBLEM).expected_errors)
     assert 1.0 <= state.level < 40.0 and not state.drifting and not state.ahead

@@ -141,9 +141,6 @@ def test_times_are_the_robots_but_where_sensors_and_computers_set_the_pace() -> 
     }
     assert by_the_clock == {
         "SightOptions.blind_time",
-        "StepOptions.oldest_pose",
-        "StepOptions.shortest_period",
-        "StepOptions.longest_period",
     }
 
 

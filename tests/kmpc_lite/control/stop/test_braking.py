@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import kmpc_lite as kl
-from kmpc_lite.control.options import StopOptions
-from kmpc_lite.control.stop.braking import Braking
+from kmpc_lite.control.stop.braking import LONGEST_RAMP, Braking
 
 DT = 0.1
 MODEL = kl.nominal_unicycle(DT)
@@ -28,23 +27,23 @@ def test_ramp_ends_at_zero_within_the_limits_on_the_curve(
 ) -> None:
     command, limits = np.array([v, omega]), np.array([limit_v, limit_w]) * dt
     problem = kl.NavigationProblem(dt=dt, deceleration=(limit_v, limit_w))
-    braking = Braking(problem, StopOptions(longest_ramp=100 * dt))
-    commands = braking.ramp(command)
+    braking = Braking(problem)
+    commands, longest = braking.ramp(command), max(round(LONGEST_RAMP / dt), 1)
     assert len(commands) == min(
-        max(1, int(np.ceil(max(abs(v) / limits[0], abs(omega) / limits[1]) - 1e-9))), 100
+        max(1, int(np.ceil(max(abs(v) / limits[0], abs(omega) / limits[1]) - 1e-9))), longest
     )
     assert not commands[-1].any()
     all_of_them = np.vstack([command, commands])
     assert (np.diff(np.abs(all_of_them), axis=0) <= 1e-12).all()
     np.testing.assert_allclose(all_of_them[:, 0] * omega, all_of_them[:, 1] * v, atol=1e-9)
-    if len(commands) < 100:
+    if len(commands) < longest:
         # no faster than either limit allows
         assert (np.abs(np.diff(all_of_them, axis=0)) <= limits * (1 + 1e-6) + 1e-9).all()
 
 
 def test_the_pose_at_rest_is_that_of_braking_period_by_period() -> None:
     braking, command, x = (
-        Braking(WEAK, StopOptions()),
+        Braking(WEAK),
         np.array([0.33, 0.0]),
         np.array([0.1, 0.2, 0.5]),
     )
@@ -53,4 +52,4 @@ def test_the_pose_at_rest_is_that_of_braking_period_by_period() -> None:
         command = np.maximum(command - DT * WEAK.du_max, 0.0)
         x = MODEL.predict(x, command)
     np.testing.assert_allclose(expected, x, atol=1e-9)
-    np.testing.assert_allclose(Braking(ONE, StopOptions()).pose_at_rest(x, np.array([0.6, 0.0])), x)
+    np.testing.assert_allclose(Braking(ONE).pose_at_rest(x, np.array([0.6, 0.0])), x)

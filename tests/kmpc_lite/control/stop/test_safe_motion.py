@@ -12,8 +12,8 @@ from wary import slipping
 
 import kmpc_lab as lab
 import kmpc_lite as kl
+from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.kernels import safe_motion as kernel
-from kmpc_lite.control.margins.drift_detector import DriftState
 from kmpc_lite.control.margins.model_margins import Margins
 from kmpc_lite.control.options import StopOptions
 from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotion, SafeMotions
@@ -55,7 +55,7 @@ def find(
     margins = Margins(model, problem).stop_margins
     if pose_error is not None:
         margins.pose_error = pose_error
-    task = MotionTask(model, past, last, around, margins, DriftState())
+    task = MotionTask(model, past, last, around, margins, InnovationState())
     return SafeMotions(problem, StopOptions(**options)).find(states, inputs, task)
 
 
@@ -300,10 +300,10 @@ def test_a_drifting_floor_slows_a_motion_beside_a_thing() -> None:
     model, margins = NOMINAL, Margins(NOMINAL, PROBLEM)
     beside, inputs = Surroundings(rows((0.0, 0.39, 0.2))), np.tile((0.6, 0.0), (20, 1))
     states, none = model.rollout(np.zeros(3), inputs), np.zeros((0, 2))
-    drift = DriftState()
+    drift = InnovationState()
     motions = SafeMotions(PROBLEM, StopOptions())
     task = MotionTask(model, none, np.zeros(2), beside, margins.stop_margins, drift)
     assert not motions.find(states, inputs, task).slowed
     for _ in range(3):
-        margins.drift_detector.observe(drift, np.array([0.0, -0.015, 0.0]), 0.0, inputs[0])
+        margins.expected_errors.judge(drift, np.array([0.0, -0.015, 0.0]), 0.0, inputs[0])
     assert motions.find(states, inputs, replace(task, drift=drift)).inputs[0, 0] < 0.4

@@ -1,0 +1,162 @@
+"""What was sent, and from where: an old pose is brought forward by it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.motion import MotionModel, unmodelled_delay
+from kmpc_lite.types import Array
+
+OLDEST_POSE, OLDEST_POSE_PERIODS = 2.0, 1000
+"""Largest `pose_age` [s]: of an older pose nothing follows for the present one. The same in
+periods: each is rolled out in every step."""
+
+
+def oldest_pose(dt: float) -> float:
+    """Largest age of a pose that is accepted at a period [s]."""
+    return min(OLDEST_POSE, OLDEST_POSE_PERIODS * dt)
+
+
+def whole_age(pose_age: float, model: KoopmanModel) -> float:
+    """Age of a pose, and how late the robot answers beyond what its model knows [s].
+
+    To a model without input history a pose that shows old commands is an old pose.
+    """
+    return max(pose_age, min(pose_age + unmodelled_delay(model), oldest_pose(model.dt)))
+
+
+CREEPS = 1e-3
+"""Speed below which a command says nothing of how the wheels are steered [m/s]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class DrivenPeriod:
+    """The past period, as innovation and adaptation want to see it."""
+
+    pose: Array
+    """(3,) at its beginning."""
+    command: Array
+    """(2,) that was held during it."""
+    earlier: Array
+    """(L, 2) commands before it, oldest first."""
+
+
+@dataclass(slots=True)
+class CommandHistory:
+    """Commands sent, and the last period: data, in the robot's units."""
+
+    command: Array
+    """(2,) the one sent last."""
+    commands: Array
+    """(L, 2) that the model wants to know, oldest first."""
+    given: Array
+    """(K, 2) those since the newest pose was taken, and the L before, oldest first."""
+    curvature: float = 0.0
+    """Of the last command that drove the robot [1/m]."""
+    measured: Array | None = None
+    """(3,) pose that was measured last, predicted since if it is lost; none before the first."""
+    driven: DrivenPeriod | None = None
+    """The past period; none if nobody knows what was sent, or where."""
+
+    @classmethod
+    def start(cls, problem: NavigationProblem, history: int, pose_age: float) -> CommandHistory:
+        """History of a robot that stands.
+
+        Parameters
+        ----------
+        problem : NavigationProblem
+            Its period.
+        history : int
+            Past commands that the model depends on, L.
+        pose_age : float
+            How old poses are on arrival.
+        """
+        inputs = len(problem.u_min)
+        periods = int(np.ceil(pose_age / problem.dt)) + history if pose_age else 0
+        return cls(np.zeros(inputs), np.zeros((history, inputs)), np.zeros((periods, inputs)))
+
+    def remember(self, command: Array) -> None:
+        """Take in the command that is sent now."""
+        self.command, self.driven = command.copy(), None
+        self._see_curvature()
+        if self.measured is not None:
+            self.driven = DrivenPeriod(self.measured, self.command, self.commands.copy())
+        for earlier in (self.commands, self.given):
+            if len(earlier):
+                earlier[:-1] = earlier[1:]
+                earlier[-1] = command
+
+    def _see_curvature(self) -> None:
+        speed, turn_rate = float(self.command[0]), float(self.command[-1])
+        if abs(speed) > CREEPS:
+            self.curvature = turn_rate / speed
+
+    def correct(self, command: Array, problem: NavigationProblem) -> None:
+        """Put what was really sent, NaN where nobody knows, in the place of the last command."""
+        if not np.isfinite(command).all():
+            self.driven = None
+            return
+        self.command = problem.within_bounds(command)
+        self._see_curvature()
+        for earlier in (self.commands, self.given):
+            if len(earlier):
+                earlier[-1] = command
+        if self.driven is not None:
+            self.driven = DrivenPeriod(self.driven.pose, command.copy(), self.driven.earlier)
+
+
+def advance_pose(model: MotionModel, pose: Array, sent: Array, age: float) -> Array:
+    """Predict where the robot is now from where it was.
+
+    Parameters
+    ----------
+    model : MotionModel
+        Its period is that of the commands. Dead time and motor lag that it has learned with its
+        input history are part of it, not of the pose's age.
+    pose : ndarray
+        Measured (3,).
+    sent : ndarray
+        Commands already sent, oldest first, (K, 2), one per period; those before the first are
+        taken to be zero.
+    age : float
+        Of the pose, at the moment that the next command acts [s]; not negative.
+
+    Returns
+    -------
+    ndarray
+        Pose (3,) now.
+
+    Examples
+    --------
+    >>> from kmpc_lite import nominal_unicycle
+    >>> sent = np.array([[0.2, 0.0], [0.4, 0.0]])
+    >>> advance_pose(nominal_unicycle(0.1), np.zeros(3), sent, age=0.15).round(3)
+    array([0.05, 0.  , 0.  ])
+    """
+    periods = max(age, 0.0) / model.dt
+    whole = int(np.ceil(periods - 1e-6))
+    if whole == 0:
+        return pose
+    needed = whole + model.history
+    commands = np.zeros((needed, model.inputs))
+    known = min(len(sent), needed)
+    commands[needed - known :] = sent[len(sent) - known :]
+    # a pose that is older than k periods and younger than k + 1 saw a part of one command: that
+    # share of the step is left to do. Taken as a straight piece of the step: off by v omega dt^2 /
+    # 8 at most, 0.6 mm at 0.6 m/s, pi/4 rad/s and 0.1 s
+    states = model.rollout(pose, commands[model.history :], commands[: model.history])
+    first = 1.0 - (whole - periods)
+    if first > 1.0 - 1e-6:
+        last: Array = states[-1]
+        return last
+    begun: Array = pose + first * (states[1] - pose)
+    if whole == 1:
+        return begun
+    now: Array = model.rollout(
+        begun, commands[model.history + 1 :], commands[1 : model.history + 1]
+    )[-1]
+    return now
