@@ -30,7 +30,7 @@ from kmpc_lite.control.footprint import places_of
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.kernels import safe_motion as kernel
 from kmpc_lite.control.margins.stop_margins import StopMargins
-from kmpc_lite.control.options import StopOptions
+from kmpc_lite.control.options import StopOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.stop.braking import Braking
@@ -115,6 +115,8 @@ class SafeMotions:
     ) -> None:
         self._kernels = kernels
         self._options, self._dt, self._radius = options, problem.dt, problem.body_radius
+        # what chords and differences are small beside; of a point robot, too
+        self._unit = unit_length(problem)
         self._footprint = problem.footprint
         self._reach = 0.0 if problem.footprint is None else problem.footprint.reach
         self._braking, self._rates = Braking(problem), RateLimit(problem)
@@ -235,7 +237,7 @@ class SafeMotions:
         steps = np.diff(states, axis=1)
         distances = np.hypot(steps[..., 0], steps[..., 1])
         longest = float(distances.max())
-        count = kernel.samples_a_period(longest, radius)
+        count = kernel.samples_a_period(longest, self._unit)
         poses, begin = self._kernels.samples(states, count), places_of(self._footprint, here)
         places = places_of(self._footprint, poses).reshape(*poses.shape[:2], *begin.shape)
         times = self._dt / count * np.arange(1, poses.shape[1] + 1)
@@ -246,13 +248,13 @@ class SafeMotions:
         travel = distances[:, 0] + self._reach * np.abs(steps[:, 0, 2])
         error = margins.most_of_commands(drift, commands[:, 0]) + margins.pose_error
         chord = (longest + self._reach * float(np.abs(steps[..., 2]).max())) / count
-        lost = chord * chord / (8.0 * radius) if radius else 0.5 * chord
+        lost = chord * chord / (8.0 * self._unit)
         sure = self._kernels.surely_clear(clearance, needed, error, travel, ends, lost)
         if sure[0]:
             return sure
         standing = around.clearance(begin[None, None], times, begin) - radius
-        clearance = self._kernels.between_samples(clearance, standing, places, begin, radius)
-        slopes = around.slopes(begin, here, kernel.TINY_STEP * radius)
+        clearance = self._kernels.between_samples(clearance, standing, places, begin, self._unit)
+        slopes = around.slopes(begin, here, kernel.TINY_STEP * self._unit)
         errors = margins.of_commands(drift, commands[:, 0], slopes)
         if self._stands_at_once(task):
             # the command's own error, towards each thing, is all that it drives
