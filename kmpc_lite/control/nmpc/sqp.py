@@ -32,7 +32,7 @@ from kmpc_lite.control.options import (
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.wheels import Car
-from kmpc_lite.control.world.half_planes import keep_out
+from kmpc_lite.control.world.half_planes import KeepOut
 from kmpc_lite.types import Array
 
 LEAST_SOLVE_TIME = 5e-5
@@ -126,7 +126,7 @@ class SQP:
                 adaptive_rho_interval=longest,
             )
         self.workspace = choose_solver(solver, self.qp, settings)
-        self.keep_out = keep_out(problem, slots, kernels)
+        self.keep_out = KeepOut(problem, slots, kernels)
         self._tolerated = TOLERATED * step.accepted_defect * unit_length(problem)
         self._couples = problem.limits_wheels or not problem.wheels.turns_on_the_spot
         self._rates = RateLimit(problem)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from kmpc_lite.control.footprint import places_of
 from kmpc_lite.control.kernels import NUMPY, Kernels
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
@@ -33,26 +34,30 @@ class Clearances(NamedTuple):
 
 
 class KeepOut:
-    """What the robot's centre must stay out of: obstacles and the outside of the area.
+    """What the circles of a robot's outline stay out of: obstacles, and the outside of the area.
 
-    Obstacles are circles and solids, grown by the robot's radius and the problem's margin. Holds
-    the memory for one problem; what it returns is overwritten by the next call.
+    Obstacles are circles and solids, grown by the circles' radius and the problem's margin. Columns
+    are those of the first circle, then of the next, and so on: for all things, then for all solids;
+    the sides of the area are kept from the pose alone.
 
     Parameters
     ----------
     problem : NavigationProblem
-        Bounds, radius, margin, horizon.
+        Bounds, outline, margin, horizon.
     slots : int
         Half-planes per stage: the nearest of all obstacles and sides.
     kernels : Kernels
         Measure and choose.
+
+    Attributes
+    ----------
+    directions : int
+        By how many of a state's coordinates a clearance has slopes: x, y, and the heading of a
+        robot that is not round.
     """
 
-    directions = 2
-    """By how many of a state's coordinates a clearance has slopes: x and y."""
-
     def __init__(self, problem: NavigationProblem, slots: int, kernels: Kernels = NUMPY) -> None:
-        self._kernels = kernels
+        self._kernels, self._footprint = kernels, problem.footprint
         _, _, x_min, x_max = problem.bounds
         sides = [
             (axis, sign, bound)
@@ -60,16 +65,16 @@ class KeepOut:
             for sign, bound in ((1.0, x_min[axis]), (-1.0, x_max[axis]))
             if np.isfinite(bound)
         ]
-        self._side_normals = np.array(
-            [[sign if axis == i else 0.0 for i in (0, 1)] for axis, sign, _ in sides]
-        ).reshape(-1, 2)
+        self._side_normals = np.zeros((len(sides), 2))
+        for row, (axis, sign, _) in zip(self._side_normals, sides, strict=True):
+            row[axis] = sign
         self._side_offsets = np.array([sign * bound for _, sign, bound in sides])
         self._distance = problem.body_radius + problem.margin
         self._range = problem.sensor_range
-        self._side_count = len(sides) + (self._range is not None)
+        self.directions = 2 if problem.footprint is None else 3
         self.horizon, self.slots = problem.horizon, slots
-        self._times = problem.dt * np.arange(1, problem.horizon + 1)
-        self._count = -1
+        circles = 1 if problem.footprint is None else len(problem.footprint.circles)
+        self._times = np.repeat(problem.dt * np.arange(1, problem.horizon + 1), circles)
 
     def clearances(self, states: Array, things: Array, solids: Nearby | None) -> Clearances:
         """Clearances of stages 1 to N from things, solids, then sides, in this order.
@@ -85,47 +90,43 @@ class KeepOut:
         solids : Nearby, optional
             Solids that the robot can come to.
         """
-        thing_count = len(things)
-        count = thing_count + (0 if solids is None else solids.columns)
-        if count != self._count:
-            self._count = count
-            self._values = np.empty((self.horizon, count + self._side_count))
-            self._all_normals = np.empty((*self._values.shape, 2))
-            self._all_normals[:, count : count + len(self._side_offsets)] = self._side_normals
-        positions = states[1:, :2]
-        if thing_count:
-            gaps, self._all_normals[:, :thing_count] = self._kernels.distances_and_directions(
-                things, positions, self._times
-            )
-            np.subtract(gaps, self._distance, out=self._values[:, :thing_count])
+        points = places_of(self._footprint, states[1:])
+        found = []
+        if len(things):
+            found.append(self._kernels.distances_and_directions(things, points, self._times))
         if solids is not None:
-            gaps, self._all_normals[:, thing_count:count] = solids.measure(positions)
-            np.subtract(gaps, self._distance, out=self._values[:, thing_count:count])
-        np.subtract(
-            positions @ self._side_normals.T,
-            self._side_offsets_from(states[0]),
-            out=self._values[:, count : count + len(self._side_offsets)],
-        )
-        if self._range is not None:
-            away = states[0, :2] - positions
-            distance = np.hypot(away[:, 0], away[:, 1])
-            self._values[:, -1] = self._range - distance
-            self._all_normals[:, -1] = away / np.maximum(distance, LEAST_DISTANCE)[:, None]
-        return Clearances(self._values, self._all_normals, count)
+            found.append(solids.measure(points))
+        values = [gaps.reshape(self.horizon, -1) - self._distance for gaps, _ in found]
+        normals = [self._slopes(away, points, states) for _, away in found]
+        count = sum(part.shape[1] for part in values)
+        for distances, away in self._sides(states):
+            values.append(distances)
+            normals.append(np.zeros((*distances.shape, self.directions)))
+            normals[-1][..., :2] = away
+        return Clearances(np.concatenate(values, axis=1), np.concatenate(normals, axis=1), count)
 
-    def _side_offsets_from(self, present: Array) -> Array:
-        """Offsets of the sides (sides,) for a robot that is at `present` (3,)."""
-        offsets: Array = np.minimum(self._side_offsets, self._side_normals @ present[:2])
-        return offsets
+    def _slopes(self, away: Array, points: Array, states: Array) -> Array:
+        """Normals (N, K, directions) of directions (n, M, 2) at points (n, 2).
 
-    def _outside(self, states: Array) -> Array:
-        """How far stages 1 to N lie beyond the sides (N, sides) [m]."""
-        beyond: Array = self._side_offsets_from(states[0]) - states[1:, :2] @ self._side_normals.T
+        Turning moves a circle across its arm.
+        """
+        if self._footprint is not None:
+            arms = points.reshape(self.horizon, -1, 2) - states[1:, None, :2]
+            across = np.stack([-arms[..., 1], arms[..., 0]], axis=-1).reshape(-1, 1, 2)
+            slopes = (away * across).sum(axis=-1, keepdims=True)
+            away = np.concatenate([away, slopes], axis=-1)
+        return away.reshape(self.horizon, -1, self.directions)
+
+    def _sides(self, states: Array) -> list[tuple[Array, Array]]:
+        """Distances (N, S) [m] and normals of the sides of the area, and of what is known."""
+        offsets = np.minimum(self._side_offsets, self._side_normals @ states[0, :2])
+        sides = [(states[1:, :2] @ self._side_normals.T - offsets, self._side_normals)]
         if self._range is not None:
-            away = states[1:, :2] - states[0, :2]
-            farther = np.hypot(away[:, 0], away[:, 1]) - self._range
-            beyond = np.concatenate([beyond, farther[:, None]], axis=1)
-        return beyond
+            back = states[0, :2] - states[1:, :2]
+            distance = np.hypot(back[:, 0], back[:, 1])[:, None]
+            normals = (back / np.maximum(distance, LEAST_DISTANCE))[:, None]
+            sides.append((self._range - distance, normals))
+        return sides
 
     def half_planes(self, states: Array, clearances: Array, normals: Array) -> tuple[Array, Array]:
         """Nearest half-planes ``normal . p >= offset`` of stages 1 to N.
@@ -141,13 +142,3 @@ class KeepOut:
             (N, slots, `directions`); (N, slots) [m], minus infinity where a slot is not needed.
         """
         return self._kernels.nearest_half_planes(states, clearances, normals, self.slots)
-
-
-def keep_out(problem: NavigationProblem, slots: int, kernels: Kernels = NUMPY) -> KeepOut:
-    """What a robot must stay out of, with so many half-planes per stage."""
-    if problem.footprint is None:
-        return KeepOut(problem, slots, kernels)
-    # here, since most robots are round
-    from kmpc_lite.control.world.body_half_planes import BodyKeepOut
-
-    return BodyKeepOut(problem, problem.footprint, slots, kernels)

@@ -1,13 +1,53 @@
-"""Obstacles and sides of the area as the half-planes that the QP keeps a robot out of."""
+"""Obstacles and sides of the area as half-planes, in position and in a footprint's heading."""
 
 from __future__ import annotations
 
 import numpy as np
 
 import kmpc_lite as kl
-from kmpc_lite.control.kernels.clearance import things_of
+from kmpc_lite.control.kernels.clearance import VELOCITY, things_of
 from kmpc_lite.control.world.half_planes import KeepOut
 from kmpc_lite.control.world.solids import Solids
+
+CART = kl.Footprint.rectangle(0.8, 0.3, ahead=-0.2)
+PROBLEM = kl.NavigationProblem(horizon=5, footprint=CART, margin=0.02, sensor_range=1.0)
+CIRCLES = things_of(np.array([[0.9, 0.4, 0.2, 0.0, 0.0], [-0.5, -0.7, 0.1, 0.1, 0.3]]))
+SOLIDS = Solids([kl.Polygon([(0.2, -1.0), (0.8, -1.0), (0.5, -0.4)]), kl.Wall(-1, 1, 1, 1, 0.1)])
+STATES = np.random.default_rng(2).uniform((-0.1, -0.1, -3.0), (0.1, 0.1, 3.0), (6, 3))
+
+
+def test_clearance_is_that_of_the_nearest_circle_of_the_robot() -> None:
+    found = KeepOut(PROBLEM, 10).clearances(STATES, CIRCLES, SOLIDS.whole)
+    assert found.values.shape == (5, 4 * 4 + 5) and found.obstacle_count == 16
+    assert found.normals.shape == (5, 21, 3)
+    places, times = CART.places(STATES[1:]), PROBLEM.dt * np.arange(1, 6)
+    centres = CIRCLES[:, :2] + times[:, None, None] * CIRCLES[:, VELOCITY]
+    away = np.hypot(*(places[:, :, None] - centres[:, None]).transpose(3, 0, 1, 2))
+    expected = (away - CIRCLES[:, 2]).min(axis=1) - CART.circle_radius - 0.02
+    assert np.allclose(found.values[:, :8].reshape(5, 4, 2).min(axis=1), expected)
+    solids = SOLIDS.whole.least(places.reshape(-1, 2)).reshape(5, 4).min(axis=1)
+    assert np.allclose(found.values[:, 8:16].min(axis=1), solids - CART.circle_radius - 0.02)
+
+
+def test_normals_are_slopes_by_place_and_heading() -> None:
+    keeper, step = KeepOut(PROBLEM, 10), 1e-6
+    found = keeper.clearances(STATES, CIRCLES, SOLIDS.whole)
+    values, normals = found.values.copy(), found.normals.copy()
+    for axis in range(3):
+        moved = STATES.copy()
+        moved[1:, axis] += step
+        slopes = (keeper.clearances(moved, CIRCLES, SOLIDS.whole).values - values) / step
+        assert np.allclose(slopes, normals[..., axis], atol=1e-5)
+
+
+def test_half_planes_hold_the_clearance_where_they_were_made() -> None:
+    keeper = KeepOut(PROBLEM, 6)
+    found = keeper.clearances(STATES, CIRCLES, SOLIDS.whole)
+    normals, offsets = keeper.half_planes(STATES, found.values, found.normals)
+    assert normals.shape == (5, 6, 3)
+    left = (normals * STATES[1:, None]).sum(axis=-1) - offsets
+    assert np.allclose(np.sort(left), np.sort(found.values, axis=1)[:, :6])
+
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 
