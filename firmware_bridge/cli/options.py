@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TextIO
 
 from firmware_bridge.messages import ConfigError
 from firmware_bridge.robot_file import DRIVERS, TOPICS, Robot, load_robot
 from firmware_bridge.sensors.lidar.options import LIDARS
 from kmpc_lite.cli.extras import need
+from kmpc_lite.cli.numbers import positive
 from kmpc_lite.cli.tuning import TURN_SHARE
 from kmpc_lite.reading import parse_toml
 
@@ -120,6 +122,17 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="arm an autopilot and choose GUIDED; else the pilot does both",
     )
+    add_loop_options(add)
+    add(
+        "--command-period",
+        type=float,
+        metavar="S",
+        help="control.command_period: time between commands on the wire [s] (default: 0.02)",
+    )
+
+
+def add_loop_options(add: Callable[..., object]) -> None:
+    """Add the controller's period, what is known of its lateness, and its priority."""
     add(
         "--period",
         type=float,
@@ -127,22 +140,41 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
         help="control.period: of the controller [s]; the model's where not given",
     )
     add(
-        "--command-period",
+        "--latency",
         type=float,
         metavar="S",
-        help="control.command_period: time between commands on the wire [s] (default: 0.02)",
+        help="control.latency: from the wire to the wheels [s] "
+        "(default: 0; 0.2 of an autopilot with a model without lags)",
     )
     add(
         "--realtime",
         action="store_true",
         help="ask for real-time priority, and say what was not permitted",
     )
+
+
+def add_course_options(add: Callable[..., object]) -> None:
+    """Add the model that plans, when a goal counts as held, and where the drive is recorded."""
     add(
-        "--latency",
-        type=float,
-        metavar="S",
-        help="control.latency: from the wire to the wheels [s] "
-        "(default: 0; 0.2 of an autopilot with a model without lags)",
+        "--model",
+        metavar="FILE",
+        help="learned model (kmpc fit); the nominal unicycle where not given",
+    )
+    add(
+        "--trust-model",
+        action="store_true",
+        default=None,
+        help="drive with a model although it is another vehicle's, of another period, or learned "
+        "from slower driving",
+    )
+    held = "how long the goal must be held [s] (default: 1)"
+    add("--settle", type=positive, metavar="S", default=1.0, help=held)
+    add(
+        "--record",
+        type=Path,
+        metavar="DIR",
+        help="new folder for the drive: drive.mcap (kmpc report DIR shows it, Foxglove plays it),\n"
+        "drive.csv, and what went over the link",
     )
 
 

@@ -6,10 +6,16 @@ import argparse
 import json
 from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from firmware_bridge.cli.options import add_limits, overrides_of, people, prepare
+from firmware_bridge.cli.options import (
+    add_course_options,
+    add_limits,
+    add_loop_options,
+    overrides_of,
+    people,
+    prepare,
+)
 from firmware_bridge.cli.topics import add_network_options, is_stamped, node_options
 from firmware_bridge.messages import BridgeError, ConfigError
 from firmware_bridge.robot_file import TOPICS, Robot, load_robot
@@ -82,13 +88,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def _add_driving(parser: argparse.ArgumentParser) -> None:
     """Add how the robot is driven, and where to."""
     add = parser.add_argument_group("driving").add_argument
-    add("--model", metavar="FILE", help="learned model (kmpc fit)")
-    add(
-        "--trust-model",
-        action="store_true",
-        default=None,
-        help="drive with a model of another robot, or beyond what its log shows",
-    )
+    add_course_options(add)
+    add_loop_options(add)
     add(
         "--radius",
         type=positive,
@@ -96,8 +97,6 @@ def _add_driving(parser: argparse.ArgumentParser) -> None:
         metavar="R",
         help="of the robot [m] (default: 0.15)",
     )
-    add("--period", type=float, metavar="S", help="control.period: of the controller [s]")
-    add("--latency", type=float, metavar="S", help="control.latency [s]")
     add(
         "--goal",
         nargs=3,
@@ -111,15 +110,6 @@ def _add_driving(parser: argparse.ArgumentParser) -> None:
         help="drive an emulated robot among a scenario's obstacles, to its goal, and end",
     )
     add("--seconds", type=positive, metavar="S", help="end after this time [s]")
-    add(
-        "--settle",
-        type=positive,
-        default=1.0,
-        metavar="S",
-        help="how long a goal must be held [s] (default: 1)",
-    )
-    add("--record", type=Path, metavar="DIR", help="folder for the drive: .mcap, .csv")
-    add("--realtime", action="store_true", help="ask for real-time priority")
     add(
         "--timeout",
         type=positive,

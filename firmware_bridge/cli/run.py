@@ -6,12 +6,12 @@ import argparse
 import json
 from contextlib import ExitStack
 from functools import partial
-from pathlib import Path
 
 from firmware_bridge.cli.course import DRIVE_TIME, Course, course
 from firmware_bridge.cli.live import Showing
 from firmware_bridge.cli.live_options import add_live_options, asked_views
 from firmware_bridge.cli.options import (
+    add_course_options,
     add_drive_options,
     add_robot_options,
     people,
@@ -34,8 +34,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add what `run` reads."""
     add_robot_options(parser)
     add_drive_options(parser)
-    add_model_options(parser)
     add = parser.add_argument
+    add_course_options(add)
+    add(
+        "--rehearse",
+        action="store_true",
+        help="first drive with a model: half speed, stopped where the model predicts no better "
+        "than the nominal robot; where that was shown before, drive at full speed",
+    )
     add(
         "--scenario",
         metavar="NAME",
@@ -62,39 +68,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="how long to wait for the vehicle before it drives [s] (default: as --seconds)",
     )
-    held = "how long the goal must be held [s] (default: 1)"
-    add("--settle", type=positive, metavar="S", default=1.0, help=held)
-    add(
-        "--record",
-        type=Path,
-        metavar="DIR",
-        help="new folder for the drive: drive.mcap (kmpc report DIR shows it, Foxglove plays it),\n"
-        "drive.csv, and what went over the link",
-    )
     add_live_options(parser)
-
-
-def add_model_options(parser: argparse.ArgumentParser) -> None:
-    """Add what is driven with, and how far it is trusted."""
-    add = parser.add_argument
-    add(
-        "--model",
-        metavar="FILE",
-        help="learned model (kmpc fit); the nominal unicycle where not given",
-    )
-    add(
-        "--rehearse",
-        action="store_true",
-        help="first drive with a model: half speed, stopped where the model predicts no better "
-        "than the nominal robot; where that was shown before, drive at full speed",
-    )
-    add(
-        "--trust-model",
-        action="store_true",
-        default=None,
-        help="drive with a model although it is another vehicle's, of another period, or learned "
-        "from slower driving",
-    )
 
 
 def run(options: argparse.Namespace) -> int:

@@ -88,17 +88,13 @@ def map_packet(scenario: Scenario, title: str) -> Packet:
 
 def plan_packet(step: LastStep, goal: Sequence[float]) -> Packet:
     """Give what a plan leads along and past, and how it came about."""
-    plan, scan, here = step.plan, step.scan, np.array([step.pose])
-    circles = plan.around.circles
-    if len(circles) > MOST_CIRCLES:
-        distances = np.hypot(circles[:, 0] - here[0, 0], circles[:, 1] - here[0, 1])
-        circles = circles[np.argsort(distances - circles[:, 2])[:MOST_CIRCLES]]
-    clearance = plan.around.clearance(here)
+    plan, scan = step.plan, step.scan
+    clearance = plan.around.clearance(np.array([step.pose]))
     return {
         "plan": numbers(plan.states),
         "path": numbers(_thinned_path(step.insight.path)),
         "margins": numbers(step.insight.margins),
-        "circles": numbers(circles),
+        "circles": numbers(nearest_circles(step)),
         "scan": None if scan is None else numbers(_placed(hits(scan, MOST_BEAMS), step.pose)),
         "seen": None if scan is None else numbers(_placed(outline(scan), step.pose)),
         "distance": math.dist(step.pose[:2], tuple(goal)[:2]),
@@ -108,6 +104,15 @@ def plan_packet(step: LastStep, goal: Sequence[float]) -> Packet:
         "progress": _progress(plan),
         "reason": plan.reason,
     }
+
+
+def nearest_circles(step: LastStep) -> Array:
+    """Circles (M, 5) that a plan drives past; of many, the nearest to the robot."""
+    circles: Array = step.plan.around.circles
+    if len(circles) > MOST_CIRCLES:
+        away = np.hypot(circles[:, 0] - step.pose[0], circles[:, 1] - step.pose[1])
+        circles = circles[np.argsort(away - circles[:, 2])[:MOST_CIRCLES]]
+    return circles
 
 
 def _progress(plan: Plan) -> str:

@@ -15,11 +15,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Self
 
-import numpy as np
-
 from firmware_bridge.live.address import LOOPBACK, LiveError
 from firmware_bridge.live.channel import LONGEST
-from firmware_bridge.live.moment import MOST_CIRCLES, LastStep
+from firmware_bridge.live.moment import LastStep, nearest_circles
 from firmware_bridge.recording.drive.records import Gate, Health, PoseSeen, Record, Sent, Stepped
 from kmpc_lite.control.plan import PlannedAround
 
@@ -71,11 +69,7 @@ class Shown:
 
 def _stepped(now: float, step: LastStep) -> Stepped:
     """Make the record of a step, without the map around it, which the viewer has."""
-    plan, around = step.plan, step.plan.around
-    circles = around.circles
-    if len(circles) > MOST_CIRCLES:
-        away = np.hypot(circles[:, 0] - step.pose[0], circles[:, 1] - step.pose[1])
-        circles = circles[np.argsort(away - circles[:, 2])[:MOST_CIRCLES]]
+    plan, around, circles = step.plan, step.plan.around, nearest_circles(step)
     known = PlannedAround(circles, None, around.radius, around.dt, footprint=around.footprint)
     light = replace(plan, around=known)
     light.__dict__["clearance"] = plan.clearance

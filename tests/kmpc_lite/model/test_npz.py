@@ -288,6 +288,3 @@ def test_a_model_of_another_kind_is_a_model_error(
     rewrite(saved, **change)
     with pytest.raises(kl.ModelError, match=words):
         kl.KoopmanModel.load(saved)
-
-
-# saving
