@@ -109,7 +109,7 @@ class _Loop:
         self.bounds = problem.u_min, problem.u_max
         self.controller = kl.Controller(setup.model, problem, **{"clock": no_time, **setup.options})
         self.pose = np.array(setup.start, dtype=float)
-        self.sent = np.zeros(2)
+        self.sent = np.zeros(problem.wheels.inputs)
         trace.poses.append(self.pose)
         trace.path.append(self.pose)
         noise = 3.0 * np.array(setup.noise)
@@ -212,6 +212,10 @@ class _Loop:
             trace.faults.append(f"step {k}: command {u} is out of bounds")
         elif abs(u[0]) + 0.5 * problem.track * abs(u[1]) > problem.max_wheel_speed + 1e-9:
             trace.faults.append(f"step {k}: command {u} is too fast for a wheel")
+        elif isinstance(problem.wheels, kl.Car):
+            sharpest = abs(u[0]) * problem.wheels.curvature
+            if abs(u[1]) > sharpest + 1e-9:
+                trace.faults.append(f"step {k}: command {u} turns a car that cannot")
 
 
 def clearances(setup: Setup, poses: Array, times: Array) -> Array:
@@ -237,7 +241,7 @@ def result_of(row: Row, trace: Trace) -> Result:
     setup, gaps = trace.setup, np.array(trace.gaps)
     radius = setup.problem.body_radius
     statuses = [status for status, _, _ in trace.plans] or ["STOPPED"]
-    commands = np.array(trace.commands).reshape(-1, 2)
+    commands = np.array(trace.commands).reshape(-1, setup.problem.wheels.inputs)
     full = np.maximum(np.abs(setup.problem.u_min), np.abs(setup.problem.u_max))
     changes = np.diff(commands, axis=0) / full
     clearance = float(gaps.min(initial=np.inf)) / radius

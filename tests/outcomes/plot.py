@@ -61,7 +61,7 @@ def draw(row: Row, trace: Trace, path: Path) -> None:
         f"least clearance {found.clearance:.2f} r {found.faults}",
         fontsize=9,
     )
-    commands = np.array(trace.commands).reshape(-1, 2)
+    commands = np.array(trace.commands)
     times = setup.dt * np.arange(len(commands))
     lower.step(times, commands[:, 0], where="post", label="v [m/s]")
     lower.step(times, commands[:, 1], where="post", label="omega [rad/s]")

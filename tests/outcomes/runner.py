@@ -40,7 +40,7 @@ def drive_key(key: Key) -> Driven:
     trace = drive_row(row, seed, perturbed)
     if trace is None:
         return Driven(key, None, np.empty((0, 2)))
-    commands = np.array(trace.commands, dtype=float).reshape(-1, 2)
+    commands = np.array(trace.commands, dtype=float).reshape(len(trace.commands), -1)
     return Driven(key, result_of(row, trace), commands)
 
 

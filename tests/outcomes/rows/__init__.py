@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from outcomes.rows import controllers, goals, maps, mishaps, moving, reach, robots, sight
+from outcomes.rows import controllers, goals, maps, mishaps, moving, reach, robots, sight, wheels
 from outcomes.setup import Row
 
 TABLES = (
@@ -31,6 +31,8 @@ TABLES = (
     controllers.STATE,
     controllers.PAPER,
     controllers.REAL,
+    wheels.CARS,
+    wheels.OMNIS,
 )
 ROWS: dict[str, Row] = {row.name: row for table in TABLES for row in table.rows}
 if len(ROWS) != sum(len(table.rows) for table in TABLES):
