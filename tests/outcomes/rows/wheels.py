@@ -52,10 +52,11 @@ def free(seed: int, make: Any, number: int, *arguments: Any, **more: Any) -> Set
 
 def mapped(seed: int, number: int, kind: str, problem: dict[str, Any]) -> Setup:
     """Drive over a random map."""
+    model, plant = "nominal", Bicycle(SLIPS, 0.1, [seed, 3])
     if kind == "omnis":
         model, plant = kl.nominal_omni(0.1), Mecanum(ROLLS, 0.1, [seed, 3])
-        return on_map(seed, FAMILIES[number % 3], number, problem=problem, model=model, plant=plant)
-    return on_map(seed, FAMILIES[number % 3], number, problem=problem, plant=Bicycle(SLIPS, 0.1, [seed, 3]))
+    family = FAMILIES[number % 3]
+    return on_map(seed, family, number, problem=problem, model=model, plant=plant)
 
 
 for number in range(6):

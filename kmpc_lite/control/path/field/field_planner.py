@@ -41,7 +41,7 @@ LONGEST_STEP = 4.0
 ROOMY = 0.4
 """... and by less where there is less clearance than this [radii], in finer cells: by its share of
 that, ..."""
-ATTEMPTS = ((0.2, 1, 80), (0.03, 1, 1000), (0.03, 4, 1000))
+ATTEMPTS = ((0.2, 1, 80), (0.03, 1, 400), (0.03, 4, 400))
 """Clearance that is kept beyond the margin [radii], ... to which power, and for how many batches:
 one after the other, until there is a path."""
 HALVES = np.array((0.5, 1.0))
@@ -82,7 +82,7 @@ class FieldPlanner:
         tightest = float(np.abs(self._motions.twists[:, 2]).max())
         # a step turns by an angle at the least, and leaves its cell
         self._step = max(self._motions.turn / tightest, self._radius / speed)
-        self._cell = 0.9 * self._step * speed
+        self._speed, self._cell = speed, 0.9 * self._step * speed
         self._field = PlainField(request, self._radius)
         self._best: tuple[Piece, int] | None = None
         self._line: Line | None = None
@@ -170,11 +170,12 @@ class FieldPlanner:
 
     def _steps_at(self, room: Array) -> Array:
         """Lengths (n,) of steps from poses of a clearance (n,), in usual ones."""
-        least = 2.0**-MOST_HALVINGS
-        share = np.maximum(room, 0.0) / (ROOMY * self._radius)
-        out: Array = np.clip(
-            np.minimum(share, share ** ATTEMPTS[self._attempt][1]), least, LONGEST_STEP
-        )
+        room = np.maximum(room, 0.0)
+        share = np.minimum(room / (ROOMY * self._radius), 1.0)
+        finer = np.maximum(share ** ATTEMPTS[self._attempt][1], 2.0**-MOST_HALVINGS)
+        # what is surely clear
+        longer = np.clip(room / (self._step * self._speed), 1.0, LONGEST_STEP)
+        out: Array = finer * longer
         return out
 
     def _halvings_at(self, room: Array) -> Array:
