@@ -12,7 +12,6 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import StepClock
-from kmpc_lite.control.stop.braking import Braking
 from kmpc_lite.control.stop.safe_motion import SafeMotions
 from kmpc_lite.control.verification import Verification
 from kmpc_lite.types import Array
@@ -25,7 +24,7 @@ class Fallback:
     ----------
     problem : NavigationProblem
         In the robot's units.
-    motions, braking, verification, rates, answers
+    motions, verification, rates, answers
         Those of the pipeline.
     """
 
@@ -33,13 +32,12 @@ class Fallback:
         self,
         problem: NavigationProblem,
         motions: SafeMotions,
-        braking: Braking,
         verification: Verification,
         rates: RateLimit,
         answers: Answers,
     ) -> None:
-        self._problem, self._motions, self._braking = problem, motions, braking
-        self._verification, self._rates, self._answers = verification, rates, answers
+        self._problem, self._motions, self._verification = problem, motions, verification
+        self._rates, self._answers = rates, answers
 
     def stop(
         self,
@@ -51,24 +49,22 @@ class Fallback:
         passes: int = 0,
     ) -> Plan:
         """Drive the last safe motion on while it is clear, else brake."""
-        rest = state.backup.rest
-        here = seen.pose if seen.pose_is_known else state.backup.expected
+        history = state.history
+        rest, here = history.rest, seen.pose if seen.pose_is_known else history.measured
         blocked = False
         if rest is not None and here is not None:
             # checked again from where the robot is now, and against the obstacles that are seen now
-            states = self._motions.rollout(known.model, here, rest, state.history.commands)
+            states = self._motions.rollout(known.model, here, rest, history.commands)
             blocked = not self._verification.clearance(states, seen) >= 0.0
             if not blocked and np.isfinite(states).all():
                 return self._replay(state, seen, states, rest, reason, clock, passes)
         state.trajectory = None
         # where the stop trajectory would end in an obstacle, zero is commanded at once: a robot
         # without lag stands, and one with lag brakes as hard as it can
-        last = state.backup.command
-        command = np.zeros_like(last) if blocked else self._braking.ramp(last)[0]
-        if self._rates.active:
-            command = self._rates.limit(command, state.history.command)
-        state.backup.sent(None, command, None)
-        state.history.remember(command)
+        last = history.command
+        command = np.zeros_like(last) if blocked else self._rates.ramp(last)[0]
+        command = self._rates.limit(command, last)
+        history.remember(command)
         inputs = np.zeros((self._problem.horizon, len(command)))
         inputs[0] = command
         pose = np.where(np.isfinite(seen.pose), seen.pose, 0.0)
@@ -95,10 +91,8 @@ class Fallback:
         passes: int,
     ) -> Plan:
         """Send the next command of the stop trajectory (T, 2), which leads along states (K, 3)."""
-        if self._rates.active:
-            rest[0] = self._rates.limit(rest[0], state.history.command)
-        state.backup.sent(rest, rest[0], states[1])
-        state.history.remember(rest[0])
+        rest[0] = self._rates.limit(rest[0], state.history.command)
+        state.history.remember(rest[0], rest)
         n = self._problem.horizon
         commands = np.zeros((n, rest.shape[1]))
         commands[: len(rest)] = rest[:n]

@@ -21,7 +21,6 @@ from kmpc_lite.control.path.guide_task import GuideTask
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.state import ControllerState
-from kmpc_lite.control.stop.braking import Braking
 from kmpc_lite.model.arguments import speeds
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ class Guiding:
     def __init__(self, units: NavigationProblem, guide: Guide | None) -> None:
         self._guide, self._dt = guide, units.dt
         self._inflation = units.inflation
-        self._ramps = Braking(units) if RateLimit(units).active else None
+        self._rates = RateLimit(units)
 
     def reference(
         self, state: ControllerState, seen: Observation, known: Knowledge, until: float
@@ -74,8 +73,8 @@ class Guiding:
         if late:
             things = later(things, late * self._dt)
         rest = None
-        if self._ramps is not None:
-            rest = self._ramps.pose_at_rest(here, state.history.command)
+        if self._rates.active:
+            rest = self._rates.pose_at_rest(here, state.history.command)
         task = GuideTask(
             pose=here,
             goal=seen.goal,

@@ -31,7 +31,6 @@ from kmpc_lite.control.recent_times import longest_lately
 from kmpc_lite.control.standstill import Present, StandstillWatch
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE, StepClock
-from kmpc_lite.control.stop.braking import Braking
 from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotions
 from kmpc_lite.control.stop.surroundings import Surroundings
 from kmpc_lite.control.verification import Verification, Verified
@@ -93,12 +92,9 @@ class Pipeline:
         self._emerging_speed = options.sight.emerging_speed / scale.speed
         self._kernels = kernels
         motions = SafeMotions(units, options.stop, kernels)
-        self._braking = Braking(units)
         self._verification = Verification(units, step, motions)
         self._answers = Answers(problem, scale)
-        self.fallback = Fallback(
-            units, motions, self._braking, self._verification, self._rates, self._answers
-        )
+        self.fallback = Fallback(units, motions, self._verification, self._rates, self._answers)
         unit = unit_length(units)
         reach = units.horizon * units.dt * fastest(units)[0] + units.robot_radius + units.margin
         reach += REACH_BEYOND_PLAN * unit
@@ -240,8 +236,7 @@ class Pipeline:
         """Send the first command of a verified plan."""
         trajectory, motion = verified.trajectory, verified.motion
         assert trajectory is not None and motion is not None
-        state.backup.sent(motion, motion[0], trajectory.states[1])
-        state.history.remember(trajectory.inputs[0])
+        state.history.remember(trajectory.inputs[0], motion)
         states = trajectory.states + (0.0, 0.0, seen.turns) if seen.turns else trajectory.states
         status = PlanStatus.FEASIBLE if verified.reason else PlanStatus.SOLVED
         reason, reachable, progress = verified.reason, True, GoalProgress.DRIVING
@@ -272,16 +267,12 @@ class Pipeline:
     ) -> Plan:
         """Stand at the goal, or as near to it as the area allows."""
         plan, history = at_rest(self._sqp.qp, seen.here), state.history
-        if self._rates.active:
-            plan.inputs[0] = self._rates.limit(plan.inputs[0], history.command)
-            if plan.inputs[0].any():
-                # it still brakes
-                plan.states[:] = known.model.rollout(seen.here, plan.inputs, history.commands)
+        plan.inputs[0] = command = self._rates.limit(plan.inputs[0], history.command)
+        if command.any():
+            # it still brakes
+            plan.states[:] = known.model.rollout(seen.here, plan.inputs, history.commands)
         state.trajectory = plan
-        ramp = self._braking.ramp(plan.inputs[0])
-        motion = np.concatenate([plan.inputs[:1], ramp])
-        state.backup.sent(motion, motion[0], plan.states[1])
-        state.history.remember(plan.inputs[0])
+        history.remember(command, np.vstack([command, self._rates.ramp(command)]))
         return self._answers.plan(
             seen,
             plan.states + (seen.pose - seen.here),

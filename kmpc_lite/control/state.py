@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from kmpc_lite.adaptation.state import AdaptationState
 from kmpc_lite.control.estimate.history import CommandHistory
 from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.path.goal_reference import GoalReferenceState
 from kmpc_lite.control.standstill import StandstillState
-from kmpc_lite.control.stop.backup import BackupState
 from kmpc_lite.control.world.circle_memory import CircleMemoryState
 from kmpc_lite.control.world.motion_watch import MotionWatchState
 from kmpc_lite.control.world.scene import SceneState
@@ -46,8 +43,6 @@ class ControllerState:
     """Side to which the robot turns towards its goal, without guidance."""
     guide: GuideState | None
     """Path, search and checkers; none without guidance."""
-    backup: BackupState
-    """Stop trajectory of the last good plan."""
     innovation: InnovationState = field(default_factory=InnovationState)
     """How poses differed from what was predicted, and whether the pose has jumped."""
     circles: MotionWatchState = field(default_factory=MotionWatchState)
@@ -91,6 +86,5 @@ class ControllerState:
             scene=SceneState(),
             goal=GoalReferenceState(),
             guide=guide,
-            backup=BackupState(command=np.zeros_like(history.command)),
             adaptation=adaptation,
         )

@@ -71,7 +71,7 @@ class Verification:
         contradicted = not result.defect <= self._accepted_defect
         if contradicted:
             reason = f"rolled out anew: the model contradicted the plan by {result.defect:.3g}"
-        command = self._rates.limit(inputs[0], task.last) if self._rates.active else inputs[0]
+        command = self._rates.limit(inputs[0], task.last)
         beyond = not np.array_equal(command, inputs[0])
         if contradicted or beyond:
             inputs = inputs.copy()

@@ -6,10 +6,10 @@ import numpy as np
 
 import kmpc_lite as kl
 from kmpc_lite.control.nmpc.trajectory import Trajectory
-from kmpc_lite.control.stop.braking import Braking
+from kmpc_lite.control.rate_limit import RateLimit
 
 PROBLEM = kl.NavigationProblem()
-BRAKING = Braking(PROBLEM)
+BRAKING = RateLimit(PROBLEM)
 
 
 def lagging() -> kl.KoopmanModel:

@@ -59,6 +59,8 @@ class CommandHistory:
     """Of the last command that drove the robot [1/m]."""
     measured: Array | None = None
     """(3,) pose that was measured last, predicted since if it is lost; none before the first."""
+    motion: Array | None = None
+    """(T, 2) the last safe motion, from the command sent last to rest; none if there is none."""
     driven: DrivenPeriod | None = None
     """The past period; none if nobody knows what was sent, or where."""
 
@@ -79,9 +81,14 @@ class CommandHistory:
         periods = int(np.ceil(pose_age / problem.dt)) + history if pose_age else 0
         return cls(np.zeros(inputs), np.zeros((history, inputs)), np.zeros((periods, inputs)))
 
-    def remember(self, command: Array) -> None:
-        """Take in the command that is sent now."""
-        self.command, self.driven = command.copy(), None
+    @property
+    def rest(self) -> Array | None:
+        """What is left of the motion (T, 2) after the command sent last; none after its end."""
+        return None if self.motion is None or len(self.motion) < 2 else self.motion[1:].copy()
+
+    def remember(self, command: Array, motion: Array | None = None) -> None:
+        """Take in the command (2,) that is sent now, and the motion (T, 2) that it begins."""
+        self.command, self.motion, self.driven = command.copy(), motion, None
         self._see_curvature()
         if self.measured is not None:
             self.driven = DrivenPeriod(self.measured, self.command, self.commands.copy())

@@ -1,5 +1,5 @@
 """What a robot may drive of a plan: the largest share from which it comes to rest clear.
 
-`safe_motion` finds it; `backup` keeps the last one, which `control/fallback.py` drives on, or
-brakes, when the QP solver fails or no motion is clear.
+`safe_motion` finds it; the last one is driven on by `control/fallback.py`, which else brakes, when
+the QP solver fails or no motion is clear.
 """

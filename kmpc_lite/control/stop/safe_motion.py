@@ -33,7 +33,6 @@ from kmpc_lite.control.margins.stop_margins import StopMargins
 from kmpc_lite.control.options import StopOptions, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
-from kmpc_lite.control.stop.braking import Braking
 from kmpc_lite.control.stop.surroundings import Surroundings
 from kmpc_lite.model.arguments import speeds
 from kmpc_lite.model.motion import MotionModel
@@ -119,10 +118,8 @@ class SafeMotions:
         self._unit = unit_length(problem)
         self._footprint = problem.footprint
         self._reach = 0.0 if problem.footprint is None else problem.footprint.reach
-        self._braking, self._rates = Braking(problem), RateLimit(problem)
+        self._rates = RateLimit(problem)
         self._within = problem.wheels.within
-        self._faster = problem.dt * problem.du_max
-        self._slower = problem.dt * np.maximum(problem.du_max, problem.deceleration)
         self._further = min(round(options.further_time / problem.dt), problem.horizon - 1)
 
     def find(self, states: Array, inputs: Array, task: MotionTask) -> SafeMotion:
@@ -135,7 +132,7 @@ class SafeMotions:
         task : MotionTask
             What it must be clear of.
         """
-        ramp = np.concatenate([inputs[:1], self._braking.ramp(inputs[0])])
+        ramp = np.concatenate([inputs[:1], self._rates.ramp(inputs[0])])
         if task.margins is None or task.around.is_empty or self._is_far(states[0], ramp, task):
             return SafeMotion(states, inputs, ramp)
         # of a plan that is clear nothing else is rolled out, which is most of the time
@@ -196,14 +193,14 @@ class SafeMotions:
             at_once = np.zeros_like(ramp)
             at_once[0] = inputs[0]
             return Motions.of(np.stack([ramp, at_once]))
-        step, longest = self._braking.ramp_step, self._braking.longest_ramp
+        step, longest = self._rates.ramp_step, self._rates.longest_ramp
         return Motions.of(self._possible(kernel.both_brakes(inputs[:1], inputs, step, longest)))
 
     def _others(self, inputs: Array, ramp: Array, task: MotionTask) -> Motions:
         """Further commands of the plan, slower commands, and what turns or brakes alone."""
         hardest = np.zeros(len(inputs[0]))
         if self._rates.active:
-            hardest = self._rates.limit(self._braking.ramp(task.last)[0], task.last)
+            hardest = self._rates.limit(self._rates.ramp(task.last)[0], task.last)
         first = self._within(kernel.slower_commands(inputs[0], hardest))
         # a round robot that turns slowly stays where it is: it must get free of what it touches
         free = np.zeros(len(first), dtype=bool)
@@ -211,10 +208,10 @@ class SafeMotions:
         if self._stands_at_once(task):
             motions = np.stack([first, np.zeros_like(first)], axis=1)
             return Motions(motions, np.zeros(len(first), dtype=bool), free)
-        step, longest = self._braking.ramp_step, self._braking.longest_ramp
+        step, longest = self._rates.ramp_step, self._rates.longest_ramp
         slower = self._possible(kernel.both_brakes(first, inputs, step, longest))
         further = [
-            np.concatenate([inputs[: j + 1], self._braking.ramp(inputs[j])])
+            np.concatenate([inputs[: j + 1], self._rates.ramp(inputs[j])])
             for j in range(1, self._further + 1)
         ]
         strict = np.arange(len(further) + len(slower)) < len(further)
@@ -224,7 +221,7 @@ class SafeMotions:
     def _possible(self, motions: Array) -> Array:
         """Brake straight instead of along the plan where the commands would change too fast."""
         motions = self._within(motions)
-        allowed = kernel.changes_allowed(motions, self._faster, self._slower)
+        allowed = kernel.changes_allowed(motions, self._rates.faster, self._rates.slower)
         allowed[::2] = True
         return motions[np.where(allowed, np.arange(len(motions)), np.arange(len(motions)) - 1)]
 

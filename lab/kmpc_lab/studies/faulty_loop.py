@@ -17,7 +17,7 @@ from kmpc_lite.control.nmpc.qp import NavigationQP
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.options import OSQPOptions, StopOptions
 from kmpc_lite.control.plan import Plan, PlanStatus
-from kmpc_lite.control.stop.braking import Braking
+from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.types import Array
@@ -197,7 +197,7 @@ class FaultyLoop:
         self._switch = Switch(self._random)
         solver = partial(BrokenWorkspace, self._switch)
         self.controller = Controller(model, problem, options=options, solver=solver, **timed)
-        self._braking = Braking(self.controller.problem)
+        self._rates = RateLimit(self.controller.problem)
         self._step, self._begin, self._end = 0, 0, 0
         self._frozen = np.zeros(3)
         self._stop_left, self._sane, self._blind, self._planned = 0, 0, 0, False
@@ -257,7 +257,7 @@ class FaultyLoop:
             self._stop_left -= 1
         else:
             # the longest stop trajectory that this command can have; its last command is zero
-            self._stop_left = len(self._braking.ramp(plan.command)) - 1
+            self._stop_left = len(self._rates.ramp(plan.command)) - 1
             if self.controller.model.history:
                 self._stop_left += round(StopOptions().further_time / DT)
         self.failing = failing

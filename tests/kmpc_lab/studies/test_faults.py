@@ -14,8 +14,8 @@ from kmpc_lab.studies.faults import FIXED, drive_faults, faults_study, format_fa
 from kmpc_lab.studies.faulty_loop import KINDS, STATUSES, FaultCounts, FaultyLoop
 from kmpc_lab.studies.records import Work
 from kmpc_lab.studies.training import train
+from kmpc_lite.control.estimate.history import CommandHistory
 from kmpc_lite.control.plan import PlanStatus
-from kmpc_lite.control.stop.backup import BackupState
 from kmpc_lite.control.stop.safe_motion import SafeMotion, SafeMotions
 from kmpc_lite.control.verification import Verification
 from kmpc_lite.model.koopman import KoopmanModel
@@ -83,10 +83,10 @@ def test_the_injected_status_reaches_the_controller(kind: str, slippery: Koopman
 def test_the_study_sees_a_robot_that_does_not_stop(
     monkeypatch: pytest.MonkeyPatch, slippery: KoopmanModel
 ) -> None:
-    def drive_on(state: BackupState) -> Array:
+    def drive_on(state: CommandHistory) -> Array:
         return np.tile(state.command, (2, 1))
 
-    monkeypatch.setattr(BackupState, "rest", property(drive_on))
+    monkeypatch.setattr(CommandHistory, "rest", property(drive_on))
     monkeypatch.setattr(Verification, "clearance", lambda *_: np.inf)
     scenarios = [random_map("dense", seed, 0.2) for seed in range(3)]
     blind = drive_faults("pose lost for long", 0.2, slippery, scenarios)

@@ -137,10 +137,10 @@ class SightLoop:
         """The verified stop trajectory (T, 2) that the controller would drive now."""
         assert self.controller is not None
         problem, state = self.controller.problem, self.controller.state
-        backup, model = state.backup, state.model
-        if backup.motion is None:
+        motion, model = state.history.motion, state.model
+        if motion is None:
             return pose[None, :2]
-        commands = backup.motion * problem.scale.command
+        commands = motion * problem.scale.command
         if model.history:
             commands = np.concatenate([commands, np.zeros((model.history, 2))])
         past = state.history.commands * problem.scale.command

@@ -15,7 +15,7 @@ from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
 from kmpc_lite.control.path.capabilities import clearance_at_speed
 from kmpc_lite.control.path.progress_checker import ProgressChecker, ProgressState
 from kmpc_lite.control.path.turning_centre import turning_centre
-from kmpc_lite.control.stop.braking import Braking
+from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.weights import with_goal_weights
 
 PROBLEM = kl.NavigationProblem()
@@ -75,7 +75,7 @@ def test_nor_for_one_that_is_turned_by_a_radian(turned: float, kept: bool) -> No
 
 def test_a_ramp_takes_ten_seconds_at_most() -> None:
     slow = kl.NavigationProblem(deceleration=(0.01, 0.01))
-    braking = Braking(with_goal_weights(slow))
+    braking = RateLimit(with_goal_weights(slow))
     assert len(braking.ramp(np.array([0.6, 0.0]))) == 100
 
 

@@ -8,34 +8,25 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.stop.backup import BackupState
+from kmpc_lite.control.estimate.history import CommandHistory
 from kmpc_lite.control.stop.safe_motion import SafeMotion, SafeMotions
 
 MOTION = np.array([(0.4, 0.1), (0.3, 0.1), (0.1, 0.0), (0.0, 0.0)])
 
 
 def test_a_motion_is_driven_to_its_end_and_then_there_is_none() -> None:
-    state = BackupState()
-    assert state.rest is None
-    state.sent(MOTION, MOTION[0], np.zeros(3))
+    history = CommandHistory.start(kl.NavigationProblem(), 0, 0.0)
+    assert history.rest is None
+    history.remember(MOTION[0], MOTION.copy())
     for k in range(1, len(MOTION)):
-        rest = state.rest
+        rest = pickle.loads(pickle.dumps(history)).rest
+        np.testing.assert_array_equal(rest, MOTION[k:])
+        rest[:] = np.nan
+        rest = history.rest
         assert rest is not None
         np.testing.assert_array_equal(rest, MOTION[k:])
-        state.sent(rest, rest[0], np.full(3, float(k)))
-    assert state.rest is None
-    assert state.expected is not None and not state.command.any()
-
-
-def test_a_copied_state_goes_on_as_the_one_it_was_copied_from() -> None:
-    state = BackupState()
-    state.sent(MOTION.copy(), MOTION[0], np.zeros(3))
-    other = pickle.loads(pickle.dumps(state))
-    np.testing.assert_array_equal(state.rest, other.rest)
-    rest = state.rest
-    assert rest is not None
-    rest[:] = np.nan
-    np.testing.assert_array_equal(state.rest, MOTION[1:])
+        history.remember(rest[0], rest)
+    assert history.rest is None and not history.command.any()
 
 
 @pytest.mark.parametrize("du_max", [(np.inf, np.inf), (1.0, 4.0)])
