@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.path.grid_field import LATTICE_BORDER, GridField
 from kmpc_lite.types import Array
 
@@ -62,6 +61,21 @@ FINE = Fineness(0.05, 40_000)
 """A third of a radius, and what memory and a few steps of searching allow."""
 
 
+class LatticeTask(NamedTuple):
+    """Between what, and how far from what, a path on a lattice is looked for."""
+
+    start: Array
+    """Pose (3,)."""
+    goal: Array
+    """Pose (3,)."""
+    inflation: float
+    """Distance from the edges of solids and circles [m]."""
+    circles: Array
+    """(K, 5), at rest."""
+    area: Array
+    """xmin, ymin, xmax, ymax (4,)."""
+
+
 class Search(NamedTuple):
     """Of the whole lattice, from a goal."""
 
@@ -69,9 +83,6 @@ class Search(NamedTuple):
     """(n,) of every node to the goal [m]; infinite where no way is known."""
     towards: NDArray[np.int32]
     """(n,) the node that comes next."""
-    start: int
-    """Node of the start for which the graph was made: nodes around it may be nearer to solids than
-    a path leads."""
 
 
 class Lattice:
@@ -103,14 +114,14 @@ class Lattice:
         """(L, 2) a point in each of the grids' pieces that hang together [m]."""
 
     def cover(self, *points: Array) -> None:
-        """Lay the lattice so that it holds the solids and points (2,)."""
+        """Lay the lattice so that it holds the solids and points (2,), unless it lies so."""
         border = LATTICE_BORDER
         ends = np.stack([p[:2] for p in points])
         first, last = ends.min(axis=0), ends.max(axis=0)
         low = np.maximum(np.minimum(self._corners[0], first) - border, self._limits[0])
         high = np.minimum(np.maximum(self._corners[1], last) + border, self._limits[1])
         low, high = np.minimum(low, first), np.maximum(high, last)
-        if (low >= self._low).all() and (high <= self._high).all():
+        if (low == self._low).all() and (high == self._high).all():
             return
         self._low, self._high = low, high
         self._searches.clear()
@@ -133,82 +144,59 @@ class Lattice:
                 np.minimum(distance[some], near, out=distance[some])
         self._distance = distance.reshape(self._shape)
 
-    def path(
-        self, start: Array, goal: Array, inflation: float, circles: Array, area: Array
-    ) -> LatticePath | None:
-        """Find the shortest path that keeps a distance from all solids and from circles at rest.
-
-        Parameters
-        ----------
-        start, goal : ndarray
-            Points (2,), or poses.
-        inflation : float
-            Distance from the solids' edges [m].
-        circles : ndarray
-            (M, 5); those that move are not looked at.
-        area : ndarray
-            xmin, ymin, xmax, ymax (4,).
-        """
-        search = self.find(start, goal, inflation, circles, area)
-        begin, end = self._node(start), self._node(goal)
+    def path(self, task: LatticeTask) -> LatticePath | None:
+        """Find the shortest path."""
+        search = self.find(task)
+        begin, end = self._node(task.start), self._node(task.goal)
         if not np.isfinite(search.cost[begin]):
             return None
         nodes = [begin]
         while nodes[-1] != end:
             nodes.append(int(search.towards[nodes[-1]]))
-        points = np.concatenate([start[None, :2], self._places[nodes[1:-1]], goal[None, :2]])
-        return LatticePath(
-            self, points, inflation, min(self.clearance(start), self.clearance(goal))
-        )
+        start, goal = task.start[None, :2], task.goal[None, :2]
+        points = np.concatenate([start, self._places[nodes[1:-1]], goal])
+        ends = min(self.clearance(task.start), self.clearance(task.goal))
+        return LatticePath(self, points, task.inflation, ends)
 
-    def link(
-        self, start: Array, goal: Array, inflation: float, circles: Array, area: Array
-    ) -> None:
+    def link(self, task: LatticeTask) -> None:
         """Make the graph that `find` searches: half of the work."""
-        self.cover(start, goal)
-        key, still = self._key(goal, inflation, circles, area)
-        if not self._is_known(key, start):
-            self._linked = key, self._graph(start, goal, inflation, still, area)
+        self.cover(task.start, task.goal)
+        key = self._key(task)
+        if key not in self._searches:
+            self._linked = key, self._graph(task)
 
-    def find(
-        self, start: Array, goal: Array, inflation: float, circles: Array, area: Array
-    ) -> Search:
+    def find(self, task: LatticeTask) -> Search:
         """Search from the goal; what was found is kept, as `path` will need it."""
-        self.cover(start, goal)
-        key, still = self._key(goal, inflation, circles, area)
-        if not self._is_known(key, start):
-            self._searches.pop(key, None)
+        self.cover(task.start, task.goal)
+        key = self._key(task)
+        if key not in self._searches:
             if len(self._searches) >= LATTICE_SEARCHES:
                 del self._searches[next(iter(self._searches))]
             linked, self._linked = self._linked, None
             if linked is None or linked[0] != key:
-                linked = key, self._graph(start, goal, inflation, still, area)
-            cost, towards = dijkstra(
-                linked[1], directed=False, indices=self._node(goal), return_predecessors=True
+                linked = key, self._graph(task)
+            goal = self._node(task.goal)
+            self._searches[key] = Search(
+                *dijkstra(linked[1], directed=False, indices=goal, return_predecessors=True)
             )
-            self._searches[key] = Search(cost, towards, self._node(start))
         return self._searches[key]
 
-    def _is_known(self, key: tuple[object, ...], start: Array) -> bool:
-        """Whether a search tells of a start: one from elsewhere may end before it."""
-        search, node = self._searches.get(key), self._node(start)
-        return search is not None and (search.start == node or np.isfinite(search.cost[node]))
-
-    def _key(
-        self, goal: Array, inflation: float, circles: Array, area: Array
-    ) -> tuple[tuple[object, ...], Array]:
-        """What a search from a goal depends on, and the circles (K, 5) at rest."""
-        still = circles[~circles[:, VELOCITY].any(axis=1)]
-        return (self._node(goal), inflation, still.tobytes(), area.tobytes()), still
+    def _key(self, task: LatticeTask) -> tuple[object, ...]:
+        """All that a search depends on: a start only where it is nearer than paths lead."""
+        start, circles = self._node(task.start), task.circles
+        away = np.hypot(*(circles[:, :2] - task.start[:2]).T) - circles[:, 2]
+        around = min(self._distance.item(start), away.min(initial=np.inf))
+        needed = start if around < task.inflation + 2.0 * self.step else None
+        places = self._node(task.goal), needed
+        return (*places, task.inflation, circles.tobytes(), task.area.tobytes())
 
     def _node(self, point: Array) -> int:
         row, column = np.rint((point[:2] - self._low) / self.step).astype(int)
         return int(row * self._shape[1] + column)
 
-    def _graph(
-        self, start: Array, goal: Array, inflation: float, still: Array, area: Array
-    ) -> csr_matrix:
+    def _graph(self, task: LatticeTask) -> csr_matrix:
         """Links between the nodes that keep the distance."""
+        start, goal, inflation, still, area = task
         distance = self._distance.copy()
         places = self._places.reshape(*self._shape, 2)
         for x, y, radius in still[:, :3]:

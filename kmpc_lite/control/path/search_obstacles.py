@@ -34,8 +34,6 @@ class PathMap:
         At rest.
     coarseness : float
         How far the solids may stand out of what they were made of: they are cells [m].
-    later : bool
-        Whether the lattice is made part by part, by `prepare`, and a path on it found so, too.
     limits : tuple of ndarray, optional
         Corners (2,), (2,) of the area that paths lie in [m].
     fineness : Fineness
@@ -46,7 +44,6 @@ class PathMap:
         self,
         solids: Solids,
         coarseness: float = 0.0,
-        later: bool = False,
         limits: tuple[Array, Array] | None = None,
         fineness: Fineness = FINE,
     ) -> None:
@@ -54,8 +51,6 @@ class PathMap:
         self.solids, self._fineness = solids, fineness
         self.coarseness = coarseness
         """How far the solids may stand out of what they were made of [m]."""
-        self.later = later
-        """Whether work on the lattice is done part by part."""
         self.lattice: Lattice | None = None
         """Where the grids have too many corners."""
         many = solids.rectangle_count > LATTICE_RECTANGLES
@@ -65,8 +60,6 @@ class PathMap:
         """(L, 2) a point in each obstacle [m]: paths differ by the sides on which they pass."""
         self.is_ready = not many
         """Whether a search may begin."""
-        if many and not later:
-            self._make_lattice(limits)
 
     def prepare(self, start: Array, goal: Array) -> None:
         """Do what is left before a search from a start to a goal may begin."""
@@ -75,9 +68,6 @@ class PathMap:
             # only start and goal may lie outside
             low, high = np.minimum(start[:2], goal[:2]), np.maximum(start[:2], goal[:2])
             limits = np.minimum(limits[0], low), np.maximum(limits[1], high)
-        self._make_lattice(limits)
-
-    def _make_lattice(self, limits: tuple[Array, Array] | None) -> None:
         self.lattice = Lattice(self.solids, limits, self._fineness)
         self.landmarks = np.concatenate([self.corners.middles, self.lattice.landmarks])
         self.is_ready = True

@@ -13,12 +13,13 @@ from enum import Enum, auto
 
 import numpy as np
 
+from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.options import (
     GuidanceOptions,
     lengths_from_radii,
     unit_length,
 )
-from kmpc_lite.control.path.lattice import Fineness, LatticePath
+from kmpc_lite.control.path.lattice import Fineness, LatticePath, LatticeTask
 from kmpc_lite.control.path.planner import Path, PathRequest, same_solids
 from kmpc_lite.control.path.price import (
     extra_time,
@@ -40,7 +41,6 @@ from kmpc_lite.control.path.tangent_search import Part, TangentSearch
 from kmpc_lite.control.path.timed_path import poses_along
 from kmpc_lite.control.path.way_out import led_out, way_out
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.types import Array
 
 UNFIT_COST = 1000.0
 """What a path costs on which a robot that is not round does not fit: it is driven if there is no
@@ -72,7 +72,7 @@ SEEN_STEP = 0.5
 SEEN_NODES = 12_000
 """Most nodes of that lattice: a search is a matter of milliseconds."""
 ON_LATTICE = Stage.OBSTACLES, Stage.LINKED, Stage.STRAIGHTEN
-"""Where a search on a lattice that is made part by part does the most work."""
+"""Where a search on a lattice does the most work."""
 
 
 class TangentPlanner:
@@ -129,10 +129,10 @@ class TangentPlanner:
             return None
         limits = request.area[0], request.area[1]
         if known is not None:
-            return PathMap(solids, known.coarseness, True, limits, self._coarse)
+            return PathMap(solids, known.coarseness, limits, self._coarse)
         if self._map is not None and same_solids(solids, self._map.solids):
             return self._map
-        return PathMap(solids, later=not request.in_time)
+        return PathMap(solids)
 
     def path(self) -> Path | str | None:
         """What was found."""
@@ -149,7 +149,8 @@ class TangentPlanner:
     @property
     def _weight(self) -> int:
         """How many quanta the next part counts as: long ones on a lattice as those of a step."""
-        if self._map is not None and self._map.later and self._stage in ON_LATTICE:
+        on_lattice = self._map is not None and (self._map.lattice or not self._map.is_ready)
+        if on_lattice and self._stage in ON_LATTICE:
             return self._options.hurried_parts
         if self._stage is Stage.TANGENTS and self._tangents is not None:
             return self._tangents.weight
@@ -170,7 +171,7 @@ class TangentPlanner:
             self._clearances, self._widest = clearances, clearances[0]
             self._try_next_clearance()
         elif self._stage is Stage.LINKED and path_map is not None and path_map.lattice is not None:
-            path_map.lattice.find(*self._on_lattice())
+            path_map.lattice.find(self._on_lattice)
             self._stage = Stage.STRAIGHTEN
         elif self._stage is Stage.STRAIGHTEN:
             self._straighten()
@@ -190,24 +191,24 @@ class TangentPlanner:
         self._clearance, self._keeps_side = self._clearances.pop(0), False
         path_map = self._map
         if path_map is not None and path_map.lattice is not None:
-            path_map.lattice.link(*self._on_lattice())
+            path_map.lattice.link(self._on_lattice)
             self._stage = Stage.LINKED
-            if not path_map.later:
-                self._straighten()
             return
         self._begin_graph()
         self._look()
 
-    def _on_lattice(self) -> tuple[Array, Array, float, Array, Array]:
+    @property
+    def _on_lattice(self) -> LatticeTask:
         """Between what, and how far from what, a path on the lattice is looked for."""
         assert self._obstacles is not None
         request, inflation = self._request, self._inflation + self._clearance
-        return request.start, request.goal, inflation, request.circles, self._obstacles.area
+        still = request.circles[~request.circles[:, VELOCITY].any(axis=1)]
+        return LatticeTask(request.start, request.goal, inflation, still, self._obstacles.area)
 
     def _straighten(self) -> None:
         """Pull the lattice's path straight, if there is one."""
         assert self._map is not None and self._map.lattice is not None
-        self._lattice_path = self._map.lattice.path(*self._on_lattice())
+        self._lattice_path = self._map.lattice.path(self._on_lattice)
         self._stage = Stage.LATTICE
 
     def _begin_graph(self) -> None:

@@ -214,7 +214,7 @@ def test_the_unknown_of_a_path_counts_a_fifth_more() -> None:
 class Turning:
     """A model that turns about a point, with noise and with motions that are no turn."""
 
-    dt, history, noise_model = 0.1, 0, None
+    dt, history, inputs, noise_model = 0.1, 0, 2, None
     info: dict[str, Any] = {}
 
     def __init__(self, ahead: float, deviation: float = 0.0, other: float = 0.0) -> None:

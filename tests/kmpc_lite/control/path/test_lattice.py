@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import kmpc_lite as kl
-from kmpc_lite.control.path.lattice import LATTICE_CUT
-from kmpc_lite.control.path.search_obstacles import LATTICE_RECTANGLES, PathMap
+from kmpc_lite.control.path.lattice import LATTICE_CUT, Lattice, LatticeTask
+from kmpc_lite.control.path.search_obstacles import LATTICE_RECTANGLES
 from kmpc_lite.control.world.solids import Solids
 
 AREA = np.array([-3.0, -3.0, 3.0, 3.0])
@@ -28,9 +28,8 @@ def test_paths_keep_their_distance_and_bend_where_they_must() -> None:
     solids = Solids([slanted()])
     assert solids.rectangle_count > LATTICE_RECTANGLES
     start, goal = np.array([0.0, -2.5]), np.array([0.0, 2.5])
-    lattice = PathMap(solids).lattice
-    assert lattice is not None
-    path = lattice.path(start, goal, 0.21, NO_CIRCLES, AREA)
+    lattice = Lattice(solids)
+    path = lattice.path(LatticeTask(start, goal, 0.21, NO_CIRCLES, AREA))
     assert path is not None and 3 <= len(path.points) <= 8
     share = np.linspace(0.0, 1.0, 100)[:, None]
     along = np.concatenate(
@@ -43,19 +42,21 @@ def test_paths_keep_their_distance_and_bend_where_they_must() -> None:
     assert solids.whole.least(along).min() >= 0.21 - LATTICE_CUT - 0.06
     np.testing.assert_allclose(solids.whole.least(path.corners), 0.0, atol=1e-9)
     # a door that is too narrow, a circle in the door, or no door at all
-    assert lattice.path(start, goal, 0.36, NO_CIRCLES, AREA) is None
-    assert lattice.path(start, goal, 0.21, np.array([[-1.2, -0.4, 0.1, 0.0, 0.0]]), AREA) is None
-    closed = PathMap(Solids([slanted(None)])).lattice
-    assert closed is not None and closed.path(start, goal, 0.21, NO_CIRCLES, AREA) is None
+    assert lattice.path(LatticeTask(start, goal, 0.36, NO_CIRCLES, AREA)) is None
+    assert (
+        lattice.path(LatticeTask(start, goal, 0.21, np.array([[-1.2, -0.4, 0.1, 0.0, 0.0]]), AREA))
+        is None
+    )
+    closed = Lattice(Solids([slanted(None)]))
+    assert closed.path(LatticeTask(start, goal, 0.21, NO_CIRCLES, AREA)) is None
 
 
 def test_a_start_near_a_wall_is_left_though_a_search_for_another_start_is_known() -> None:
-    lattice = PathMap(Solids([slanted()])).lattice
-    assert lattice is not None
+    lattice = Lattice(Solids([slanted()]))
     goal, far = np.array([0.0, 2.5]), np.array([0.0, -2.5])
     near = np.array([-1.0, -0.46])
     assert 0.15 < lattice.clearance(near) < 0.21
-    assert lattice.path(far, goal, 0.21, NO_CIRCLES, AREA) is not None
-    assert lattice.path(near, goal, 0.21, NO_CIRCLES, AREA) is not None
+    assert lattice.path(LatticeTask(far, goal, 0.21, NO_CIRCLES, AREA)) is not None
+    assert lattice.path(LatticeTask(near, goal, 0.21, NO_CIRCLES, AREA)) is not None
     # and the other way round
-    assert lattice.path(far, goal, 0.21, NO_CIRCLES, AREA) is not None
+    assert lattice.path(LatticeTask(far, goal, 0.21, NO_CIRCLES, AREA)) is not None

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import kmpc_lite as kl
-from kmpc_lite.control.path.lattice import Lattice, LatticePath
+from kmpc_lite.control.path.lattice import Lattice, LatticePath, LatticeTask
 from kmpc_lite.control.path.tangent_graph import PathQuery
 from kmpc_lite.control.path.tangent_search import Part, TangentSearch
 from kmpc_lite.control.world.solids import Solids
@@ -38,7 +38,7 @@ def test_a_step_along_an_obstacle_counts_a_fifth_more() -> None:
     lattice = Lattice(walls(200, 0, 11))
     start, goal = np.array([3.0, 0.3]), np.array([7.0, 0.3])
     lattice.cover(start, goal)
-    cost = lattice.find(start, goal, 0.2249, NO_CIRCLES, AREA).cost
+    cost = lattice.find(LatticeTask(start, goal, 0.2249, NO_CIRCLES, AREA)).cost
     assert cost[lattice._node(start)] == pytest.approx(1.2 * 4.0, rel=0.002)
 
 
