@@ -1,5 +1,8 @@
 """The public names of kmpc_lite: `kmpc_lite.X` imports this file when the first X is asked for."""
 
+import importlib
+import typing
+
 from kmpc_lite.control import (
     Circle,
     Controller,
@@ -33,6 +36,8 @@ __all__ = [
     "Accumulator",
     "Car",
     "Circle",
+    "CompiledController",
+    "CompiledPlan",
     "Controller",
     "ControllerOptions",
     "DataError",
@@ -65,8 +70,22 @@ __all__ = [
     "UnicycleDictionary",
     "Wall",
     "evaluate",
+    "export",
     "fit",
     "nominal_omni",
     "nominal_unicycle",
     "with_quantiles",
 ]
+
+_IN_C = {"CompiledController", "CompiledPlan", "export"}
+"""Names that few programs need, and whose modules take time to import."""
+
+if typing.TYPE_CHECKING:
+    from kmpc_lite.embedded import CompiledController, CompiledPlan, export
+else:
+
+    def __getattr__(name: str) -> typing.Any:
+        """Import a name of the controller in C."""
+        if name not in _IN_C:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return getattr(importlib.import_module("kmpc_lite.embedded"), name)

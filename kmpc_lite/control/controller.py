@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from numpy.typing import ArrayLike
 
 from kmpc_lite.adaptation.online import OnlineAdaptation
+from kmpc_lite.control import settings as settings_of
 from kmpc_lite.control.estimate.history import CommandHistory, whole_age
 from kmpc_lite.control.guiding import make_guide
 from kmpc_lite.control.kernels import choose_kernels
@@ -21,17 +22,6 @@ from kmpc_lite.control.options import ControllerOptions, GuidanceOptions
 from kmpc_lite.control.pipeline import Pipeline
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.control.problem import NavigationProblem
-from kmpc_lite.control.settings import (
-    Settings,
-    adapt_anew,
-    adaptation_of,
-    check_budget,
-    check_replacement,
-    check_settings,
-    choose_adaptation,
-    choose_options,
-    choose_problem,
-)
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import StepClock
 from kmpc_lite.control.world.scene import Obstacles
@@ -57,8 +47,7 @@ class Controller:
         Without it the goal itself is the reference, as in the paper. The problem's weights count
         in both modes; where they are not given, each mode has defaults of its own.
     tightening : {"learned", None}
-        Whether to keep margins from obstacles beyond the radii for what the model does not know:
-        from its noise model, and for the chord between samples. None is the paper.
+        Whether to keep margins beyond the radii for what the model does not know; None: the paper.
     risk : float, optional
         Probability that the margins are made for; `MarginOptions.risk` where not given.
     adaptation : bool or OnlineAdaptation, optional
@@ -74,8 +63,8 @@ class Controller:
     tolerance : float
         Change of the plan from pass to pass below which no more passes are run.
     time_budget : float, optional
-        Longest that a step may take [s]. Passes that would not end in time are not begun, and the
-        QP solver is stopped; what it has by then is used if it passes the checks (FEASIBLE).
+        Longest that a step may take [s]. The QP solver is stopped in time; what it has by then is
+        used if it passes the checks (FEASIBLE).
     solver : str or callable
         ``"osqp"``, the fast path, any QP solver that qpsolvers knows and finds installed, or what
         makes a `QPSolver` from a `NavigationQP` and `OSQPOptions`.
@@ -133,9 +122,9 @@ class Controller:
         compiled: bool | None = None,
         clock: Callable[[], float] = perf_counter,
     ) -> None:
-        problem = choose_problem(problem)
-        self.options = options = choose_options(options, guidance, risk)
-        self._settings = settings = Settings(
+        problem = settings_of.choose_problem(problem)
+        self.options = options = settings_of.choose_options(options, guidance, risk)
+        self._settings = settings = settings_of.Settings(
             guidance=bool(guidance),
             tightening=tightening,
             pose_age=pose_age,
@@ -149,18 +138,16 @@ class Controller:
             compiled=compiled,
             clock=clock,
         )
-        check_settings(model, problem, settings)
+        settings_of.check_settings(model, problem, settings)
         kernels = choose_kernels(compiled)
         self.problem = problem = movable(model, problem)
         self.scale = scale = problem.scale
-        self.adaptation = choose_adaptation(
-            model, adaptation, tightening is not None, scale, options.adaptation
-        )
+        asked = adaptation, tightening is not None, scale, options.adaptation
+        self.adaptation = settings_of.choose_adaptation(model, *asked)
         self.units = units = problem_in_units(problem, model, options, bool(guidance))
         self._pose_age = whole_age(pose_age, model) / scale.time
-        self._examiner = Examiner(
-            units, scale, options, tightening is not None, bool(guidance), kernels
-        )
+        tightens, guides = tightening is not None, bool(guidance)
+        self._examiner = Examiner(units, scale, options, tightens, guides, kernels)
         self._sqp = SQP(
             units,
             model.history,
@@ -173,11 +160,10 @@ class Controller:
             clock=clock,
             kernels=kernels,
         )
-        check_budget(time_budget, solver, self._sqp.workspace.can_be_stopped)
+        settings_of.check_budget(time_budget, solver, self._sqp.workspace.can_be_stopped)
         guide = make_guide(units, options, clock, planner, scale) if guidance else None
-        self._pipeline = Pipeline(
-            problem, units, scale, options, self._sqp, guide, self._pose_age, kernels
-        )
+        age = self._pose_age
+        self._pipeline = Pipeline(problem, units, scale, options, self._sqp, guide, age, kernels)
         self._admission = Admission(scale, self._pipeline.scene, options.obstacles)
         self._learned = model
         self.reset()
@@ -199,12 +185,10 @@ class Controller:
             Pose to reach (3,).
         obstacles : sequence of Circle, Polygon, Wall, OccupancyGrid and LaserScan, or array_like
             Where they are now; an array has rows x, y, radius or x, y, radius, vx, vy. Polygons,
-            walls and grids are prepared in the first step that sees them, and quickly known again
-            as the same or equal objects. A scan is seen from `x`.
+            walls and grids are prepared in the first step that sees them. A scan is seen from `x`.
         sent : array_like, optional
-            Mean command (2,) of the past period where it was not the last plan's: from a gate with
-            acceleration limits, or a pilot. Adaptation would else take the difference for an effect
-            of the floor. NaN where nobody knows it: adaptation leaves that period out.
+            Mean command (2,) of the past period if it was not the last plan's: from a gate with
+            acceleration limits, or a pilot. NaN if nobody knows it.
 
         Returns
         -------
@@ -247,14 +231,14 @@ class Controller:
     @state.setter
     def state(self, state: ControllerState) -> None:
         self._state = state
-        self.adaptation = adaptation_of(self.adaptation, state.base_model)
+        self.adaptation = settings_of.adaptation_of(self.adaptation, state.base_model)
         if self.adaptation is not None and state.adaptation is not None:
             self.adaptation.restore(state.adaptation, state.model)
         self.known = self._examiner.examine(state.base_model, state.model)
 
     def reset(self) -> None:
         """Forget the last plan, the commands sent, the path, and what was learned while driving."""
-        self.adaptation, adaptation = adapt_anew(self.adaptation, self._learned)
+        self.adaptation, adaptation = settings_of.adapt_anew(self.adaptation, self._learned)
         history = CommandHistory.start(self.units, self._learned.history, self._pose_age)
         guided = self._settings.guidance
         self._state = ControllerState.start(self._learned, history, guided, adaptation)
@@ -270,10 +254,10 @@ class Controller:
         ProblemError
             For another period, or another length of input history.
         """
-        check_replacement(model, self.model, self.problem)
+        settings_of.check_replacement(model, self.model, self.problem)
         check_motion(model, self.problem)
         self._learned = self._state.base_model = model
-        self.adaptation, self._state.adaptation = adapt_anew(self.adaptation, model)
+        self.adaptation, self._state.adaptation = settings_of.adapt_anew(self.adaptation, model)
         self._take_over(model)
 
     def _take_over(self, model: KoopmanModel) -> None:
@@ -308,7 +292,7 @@ class Controller:
 
 
 def _restored(
-    model: KoopmanModel, problem: NavigationProblem, settings: Settings, *drive: Any
+    model: KoopmanModel, problem: NavigationProblem, settings: settings_of.Settings, *drive: Any
 ) -> Controller:
     """Continue a drive with a new controller; the state of its adaptation is not touched."""
     controller = Controller(model, problem, adaptation=False, **vars(settings))

@@ -18,10 +18,13 @@ typedef double real;
 #define M(function) function
 #endif
 
+#ifndef KMPC_HORIZON
+#define KMPC_HORIZON 50 /* stages at most */
+#endif
+
 enum {
     KMPC_STATES = 3,   /* x, y, heading */
     KMPC_INPUTS = 3,   /* commands at most: speed, turn rate; or two speeds and the turn rate */
-    KMPC_HORIZON = 50, /* stages at most */
     KMPC_HISTORY = 8,  /* past commands at most */
     KMPC_SLOTS = 16,   /* half-planes a stage at most */
     KMPC_THING = 7     /* x, y, radius, vx, vy, spread rate, largest spread */

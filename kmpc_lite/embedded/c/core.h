@@ -1,0 +1,77 @@
+/* What the files of the controller share: its numbers, and its parts. All in the robot's units. */
+#ifndef KMPC_CORE_H
+#define KMPC_CORE_H
+
+#include "kmpc.h"
+
+enum { KMPC_TERMS = 9, KMPC_AROUND = 2 * KMPC_THINGS, KMPC_MOST = KMPC_THINGS + 4 };
+
+struct kmpc_numbers {
+    real dt;
+    real state[3], command[2], circle[5]; /* metres and seconds of a unit */
+    real u_min[2], u_max[2];
+    real radius, distance; /* of the body, and with the margin [units] */
+    real side_normal[8], side_offset[4];
+    int sides;
+    /* model */
+    real kernel[(KMPC_L + 1) * 2]; /* weights of commands by age, newest first */
+    real smoothing[2], limits[2];
+    int term[KMPC_TERMS], terms; /* which of the terms are bilinear inputs */
+    real motion[3 * KMPC_TERMS], node[8];
+    int nodes;
+    /* cost */
+    real pull[9], pull_terminal[9], slack_dual;
+    /* limits of changes */
+    int limits_changes;
+    real change[2], brake[2], ramp_step[2];
+    int longest_ramp, further;
+    /* passes */
+    int most_passes;
+    real tolerated, lost, fastest[2];
+    /* margins */
+    int tightens, errs;
+    real white[18], lasting[18], pose[9], pose_by_speed[9];
+    int lasts, by_speed, delay, spreads;
+    real quantile, step_quantile, headway_time, solver_margin, side_margin, far_clearance, widest;
+    real position_errors[4], heading_errors[4], command_noise[18];
+    real pose_error, spend_share, swerve_time;
+    real accepted_defect, accepted_depth;
+    real half_plane_scale, open, rho;
+    int places[KMPC_WRITTEN]; /* of the entries that a pass writes */
+    real entries[KMPC_ENTRIES], lower[KMPC_ROWS], upper[KMPC_ROWS], q[KMPC_VARIABLES];
+    int next_stage[KMPC_ROWS];
+};
+
+extern const struct kmpc_numbers kmpc_numbers;
+
+/* model.c: predictions of N commands that follow L past ones; `window` is (L + N, 2), oldest first */
+void kmpc_model_linearize(const real *states, const real *window, int count, real *value,
+                          real *by_x, real *by_u, real *by_past);
+void kmpc_model_predict(const real *states, const real *window, int count, real *next);
+void kmpc_model_rollout(const real *here, const real *window, int count, real *states);
+
+/* solve.c */
+struct kmpc_iterate {
+    real states[KMPC_N + 1][3], inputs[KMPC_N][2], duals[KMPC_ROWS];
+};
+struct kmpc_result {
+    int failed, early, passes;
+    real defect, next_state[3];
+    const char *reason;
+};
+void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const real *reference, int things,
+                const real *thing, int least, struct kmpc_result *result);
+void kmpc_duals_in_the_open(real *duals);
+void kmpc_rate_limit(const real *last, real *command);
+
+/* motions.c */
+struct kmpc_motion_to_rest {
+    int length;
+    real commands[KMPC_T][2];
+};
+int kmpc_braking(const real *command, real *ramp);
+int kmpc_find_motion(real *states, real *inputs, const real *past, int things, const real *thing,
+                     struct kmpc_motion_to_rest *found, int *slowed);
+real kmpc_clearance_along(const real *states, int count, int things, const real *thing);
+
+#endif

@@ -1,0 +1,115 @@
+/* The learned model: a symmetric form whose inputs are terms of filtered commands. */
+#include "core.h"
+
+#include <math.h>
+
+#define K kmpc_numbers
+
+/* Terms (9,) of a filtered command, and their derivatives (9, 2). */
+static void terms_of(const real *answered, real *out, real *slope)
+{
+    real inside[2];
+    int within[2];
+    for (int i = 0; i < 2; i++) {
+        within[i] = M(fabs)(answered[i]) <= K.limits[i];
+        inside[i] = within[i] ? answered[i] : M(copysign)(K.limits[i], answered[i]);
+    }
+    const real v = inside[0], o = inside[1], vv = v * v, oo = o * o;
+    const real vs = K.smoothing[0] * K.smoothing[0], os = K.smoothing[1] * K.smoothing[1];
+    const real v_root = vv + vs, o_root = oo + os;
+    const real v_size = vv / M(sqrt)(v_root), size = oo / M(sqrt)(o_root);
+    const real size_slope = o * (oo + 2 * os) / (o_root * M(sqrt)(o_root));
+    const real found[KMPC_TERMS] = {answered[0], answered[1], v * o,     v * size, v * oo,
+                                    v * v_size,  o * size,    o * oo,    vv * o};
+    const real by[KMPC_TERMS][2] = {
+        {1, 0},
+        {0, 1},
+        {o, v},
+        {size, v * size_slope},
+        {oo, 2 * v * o},
+        {v_size + vv * (vv + 2 * vs) / (v_root * M(sqrt)(v_root)), 0},
+        {0, size + o * size_slope},
+        {0, 3 * oo},
+        {2 * v * o, vv},
+    };
+    for (int i = 0; i < KMPC_TERMS; i++) {
+        out[i] = found[i];
+        for (int j = 0; j < 2; j++)
+            slope[2 * i + j] = i < 2 || within[j] ? by[i][j] : 0;
+    }
+}
+
+/* Bilinear inputs (terms,) of the L + 1 commands up to one, and derivatives (terms, 2) by what the
+ * motors make of them; `newest` points at that command, in units. */
+static void inputs_of(const real *newest, real *w, real *slope)
+{
+    real answered[2] = {0, 0}, all[KMPC_TERMS], by[2 * KMPC_TERMS];
+    for (int age = 0; age <= KMPC_L; age++)
+        for (int i = 0; i < 2; i++)
+            answered[i] += K.kernel[2 * age + i] * newest[i - 2 * age] * K.command[i];
+    terms_of(answered, all, by);
+    for (int i = 0; i < K.terms; i++) {
+        w[i] = all[K.term[i]];
+        slope[2 * i] = by[2 * K.term[i]];
+        slope[2 * i + 1] = by[2 * K.term[i] + 1];
+    }
+}
+
+static struct kmpc_motion form(void)
+{
+    const struct kmpc_motion motion = {K.terms, K.nodes, K.motion, K.node};
+    return motion;
+}
+
+static void to_metres(const real *state, real *out)
+{
+    for (int i = 0; i < 3; i++)
+        out[i] = state[i] * K.state[i];
+}
+
+void kmpc_model_linearize(const real *states, const real *window, int count, real *value,
+                          real *by_x, real *by_u, real *by_past)
+{
+    const struct kmpc_motion motion = form();
+    for (int k = 0; k < count; k++, value += 3, by_x += 9, by_u += 6, by_past += 6 * KMPC_L) {
+        real x[3], w[KMPC_TERMS], slope[2 * KMPC_TERMS], by_w[3 * KMPC_TERMS];
+        to_metres(states + 3 * k, x);
+        inputs_of(window + 2 * (KMPC_L + k), w, slope);
+        kmpc_linearize(&motion, 1, x, w, value, by_x, by_w);
+        for (int i = 0; i < 3; i++) {
+            value[i] /= K.state[i];
+            for (int j = 0; j < 3; j++)
+                by_x[3 * i + j] *= K.state[j] / K.state[i];
+            for (int j = 0; j < 2; j++) {
+                real by_answered = 0;
+                for (int t = 0; t < K.terms; t++)
+                    by_answered += by_w[i * K.terms + t] * slope[2 * t + j];
+                by_answered *= K.command[j] / K.state[i];
+                by_u[2 * i + j] = by_answered * K.kernel[j];
+                for (int age = 1; age <= KMPC_L; age++)
+                    by_past[6 * (age - 1) + 2 * i + j] = by_answered * K.kernel[2 * age + j];
+            }
+        }
+    }
+}
+
+void kmpc_model_predict(const real *states, const real *window, int count, real *next)
+{
+    const struct kmpc_motion motion = form();
+    for (int k = 0; k < count; k++, next += 3) {
+        real x[3], w[KMPC_TERMS], slope[2 * KMPC_TERMS];
+        to_metres(states + 3 * k, x);
+        inputs_of(window + 2 * (KMPC_L + k), w, slope);
+        kmpc_advance(&motion, 1, x, w, next);
+        for (int i = 0; i < 3; i++)
+            next[i] /= K.state[i];
+    }
+}
+
+void kmpc_model_rollout(const real *here, const real *window, int count, real *states)
+{
+    for (int i = 0; i < 3; i++)
+        states[i] = here[i];
+    for (int k = 0; k < count; k++)
+        kmpc_model_predict(states + 3 * k, window + 2 * k, 1, states + 3 * (k + 1));
+}

@@ -1,0 +1,289 @@
+/* The passes of the SQP: linearise, fill the QP, solve it, go there. */
+#include "core.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "kmpc_workspace.h"
+#include "osqp.h"
+
+#define K kmpc_numbers
+
+static const real LARGEST = R(1e10), INFINITE = R(1e20), LEAST_SHARE = R(0.1);
+
+static int rho_is_adapted;
+static real entries[KMPC_ENTRIES], lower[KMPC_ROWS], upper[KMPC_ROWS], q[KMPC_VARIABLES];
+
+void kmpc_duals_in_the_open(real *duals)
+{
+    for (int i = 0; i < KMPC_ROWS; i++)
+        duals[i] = 0;
+    for (int i = 0; i < KMPC_N; i++)
+        duals[KMPC_SLACK_ROW + i] = K.slack_dual;
+}
+
+/* Go from the last command towards a new one as far as is allowed, by one share of both. */
+void kmpc_rate_limit(const real *last, real *command)
+{
+    real share = 1;
+    for (int i = 0; i < 2; i++) {
+        const real change = command[i] - last[i], size = M(fabs)(change);
+        real allowed = K.change[i];
+        if (change * last[i] < 0) {
+            const real brake = K.brake[i] < M(fabs)(last[i]) ? K.brake[i] : M(fabs)(last[i]);
+            allowed = allowed > brake ? allowed : brake;
+        }
+        if (size > allowed * (1 + R(1e-9)) && allowed / size < share)
+            share = allowed / size;
+    }
+    if (share < 1)
+        for (int i = 0; i < 2; i++)
+            command[i] = last[i] + share * (command[i] - last[i]);
+}
+
+static real clip(real value, real least, real most)
+{
+    return value < least ? least : value > most ? most : value;
+}
+
+/* Margins (N, things + sides) of what is given, taken off clearances. */
+static void take_off_margins(const struct kmpc_iterate *at, const real *by_x, int things,
+                             const real *normals, real *clearances)
+{
+    const int kinds = things + K.sides;
+    real margins[KMPC_N * KMPC_THINGS], of_things[2 * KMPC_N * KMPC_THINGS], path[KMPC_N];
+    real nearest = INFINITE;
+    for (int k = 0; k < KMPC_N; k++)
+        for (int i = 0; i < things; i++)
+            if (clearances[k * kinds + i] < nearest)
+                nearest = clearances[k * kinds + i];
+    const int near = nearest < K.widest + K.far_clearance;
+    if (things && near) {
+        const struct kmpc_noise noise = {
+            2,          K.delay,          K.white,  K.lasts ? K.lasting : NULL,
+            K.pose,     K.by_speed ? K.pose_by_speed : NULL,
+            K.quantile, K.headway_time,   K.distance, 0, K.solver_margin, K.spreads,
+        };
+        for (int k = 0; k < KMPC_N; k++) {
+            path[k] = INFINITE;
+            memcpy(of_things + 2 * k * things, normals + 2 * k * kinds,
+                   2 * (size_t)things * sizeof(real));
+        }
+        kmpc_tube_margins(&noise, KMPC_N, things, 2, by_x, at->states[0], at->inputs[0], of_things,
+                          path, margins);
+    }
+    for (int k = 0; k < KMPC_N; k++) {
+        for (int i = 0; i < things; i++)
+            clearances[k * kinds + i] -= near ? margins[k * things + i] : K.widest;
+        for (int i = 0; i < K.sides; i++)
+            clearances[k * kinds + things + i] -= K.side_margin;
+    }
+}
+
+/* Clearances and normals (N, things + sides) of stages 1 to N. */
+static void clearances_of(const struct kmpc_iterate *at, int things, const real *thing,
+                          real *clearances, real *normals)
+{
+    const int kinds = things + K.sides;
+    real distance[KMPC_THINGS], away[2 * KMPC_THINGS];
+    for (int k = 0; k < KMPC_N; k++) {
+        const real time = K.dt * (real)(k + 1), *p = at->states[k + 1];
+        kmpc_distances_and_directions(things, thing, 1, p, &time, distance, away);
+        for (int i = 0; i < things; i++) {
+            clearances[k * kinds + i] = distance[i] - K.distance;
+            normals[2 * (k * kinds + i)] = away[2 * i];
+            normals[2 * (k * kinds + i) + 1] = away[2 * i + 1];
+        }
+        for (int i = 0; i < K.sides; i++) {
+            const real *n = K.side_normal + 2 * i;
+            const real now = n[0] * at->states[0][0] + n[1] * at->states[0][1];
+            /* a robot that stands outside is asked to come back, at no obstacle's expense */
+            const real offset = K.side_offset[i] < now ? K.side_offset[i] : now;
+            clearances[k * kinds + things + i] = n[0] * p[0] + n[1] * p[1] - offset;
+            normals[2 * (k * kinds + things + i)] = n[0];
+            normals[2 * (k * kinds + things + i) + 1] = n[1];
+        }
+    }
+}
+
+/* Why OSQP must not be given these numbers; null if it may. */
+static const char *fault(void)
+{
+    for (int i = 0; i < KMPC_ENTRIES; i++)
+        if (!(M(fabs)(entries[i]) <= LARGEST))
+            return "QP data not finite";
+    for (int i = 0; i < KMPC_VARIABLES; i++)
+        if (!(M(fabs)(q[i]) <= LARGEST))
+            return "QP data not finite";
+    for (int i = 0; i < KMPC_ROWS; i++)
+        if (!(lower[i] <= upper[i]))
+            return "QP bounds not finite, or they cross";
+    return NULL;
+}
+
+/* One pass from an iterate: what its QP finds; the reason if it failed, null else. */
+static const char *pass(const struct kmpc_iterate *at, const real *window, const real *last,
+                        const real *reference, int things, const real *thing,
+                        struct kmpc_iterate *found, int *early)
+{
+    static real value[3 * KMPC_N], by_x[9 * KMPC_N], by_u[6 * KMPC_N];
+    static real by_past[6 * KMPC_N * (KMPC_L > 0 ? KMPC_L : 1)];
+    static real clearances[KMPC_N * KMPC_MOST], normals[2 * KMPC_N * KMPC_MOST];
+    static real chosen[2 * KMPC_N * KMPC_SLOTS_USED], offsets[KMPC_N * KMPC_SLOTS_USED];
+    static real local[3 * (KMPC_N + 1)], start[KMPC_VARIABLES], duals[KMPC_ROWS];
+    const struct kmpc_layout size = {KMPC_N, 2, KMPC_L, KMPC_SLOTS_USED, 2, K.half_plane_scale,
+                                     K.open};
+    const int kinds = things + K.sides, inputs = 3 * KMPC_N, slacks = 5 * KMPC_N;
+    const real *origin = at->states[0];
+    kmpc_model_linearize(at->states[0], window, KMPC_N, value, by_x, by_u, by_past);
+    clearances_of(at, things, thing, clearances, normals);
+    if (K.tightens)
+        take_off_margins(at, by_x, things, normals, clearances);
+    for (int k = 0; k <= KMPC_N; k++)
+        for (int i = 0; i < 3; i++)
+            local[3 * k + i] = at->states[k][i] - (i < 2 ? origin[i] : 0);
+    for (int k = 0; k < KMPC_N; k++) {
+        real violation = 0;
+        for (int i = 0; i < kinds; i++)
+            if (-clearances[k * kinds + i] > violation)
+                violation = -clearances[k * kinds + i];
+        start[slacks + k] = violation;
+        for (int i = 0; i < 2; i++) {
+            value[3 * k + i] -= origin[i];
+            start[inputs + 2 * k + i] = at->inputs[k][i];
+        }
+        const real *weight = k + 1 < KMPC_N ? K.pull : K.pull_terminal;
+        for (int i = 0; i < 3; i++) {
+            real sum = 0;
+            for (int j = 0; j < 3; j++)
+                sum += (reference[3 * (k + 1) + j] - (j < 2 ? origin[j] : 0)) * weight[3 * j + i];
+            q[3 * k + i] = sum;
+            start[3 * k + i] = local[3 * (k + 1) + i];
+        }
+    }
+    kmpc_nearest_half_planes(KMPC_N, kinds, KMPC_SLOTS_USED, 2, local, clearances, normals, chosen,
+                             offsets);
+    kmpc_fill(&size, value, by_x, by_u, by_past, local, at->inputs[0], chosen, offsets, K.places,
+              entries, lower, upper, lower + 3 * KMPC_N);
+    memcpy(duals, at->duals, sizeof(duals));
+    const char *wrong = fault();
+    if (wrong)
+        return wrong;
+    if (osqp_update_data_vec(&kmpc_solver, q, lower, upper) ||
+        osqp_update_data_mat(&kmpc_solver, NULL, NULL, 0, entries, NULL, KMPC_ENTRIES))
+        return "OSQP refused the data";
+    osqp_warm_start(&kmpc_solver, start, duals);
+    osqp_solve(&kmpc_solver);
+    rho_is_adapted = rho_is_adapted || kmpc_solver.info->rho_updates > 0;
+    const OSQPInt status = kmpc_solver.info->status_val;
+    *early = status != OSQP_SOLVED;
+    if (*early && status != OSQP_SOLVED_INACCURATE && status != OSQP_MAX_ITER_REACHED)
+        return "OSQP found no solution";
+    const OSQPFloat *x = kmpc_solver.solution->x, *y = kmpc_solver.solution->y;
+    for (int i = 0; i < KMPC_VARIABLES; i++)
+        if (!(M(fabs)(x[i]) <= LARGEST))
+            return "OSQP: solution not finite";
+    for (int i = 0; i < KMPC_ROWS; i++) {
+        if (!(M(fabs)(y[i]) <= LARGEST))
+            return "OSQP: solution not finite";
+        found->duals[i] = y[i];
+    }
+    for (int i = 0; i < 3; i++)
+        found->states[0][i] = origin[i];
+    for (int k = 0; k < KMPC_N; k++) {
+        for (int i = 0; i < 3; i++)
+            found->states[k + 1][i] = x[3 * k + i] + (i < 2 ? origin[i] : 0);
+        for (int i = 0; i < 2; i++) {
+            real u = x[inputs + 2 * k + i];
+            if (!k && K.limits_changes)
+                u = clip(u, last[i] - K.change[i], last[i] + K.change[i]);
+            found->inputs[k][i] = clip(u, K.u_min[i], K.u_max[i]);
+        }
+    }
+    return NULL;
+}
+
+/* Take a share of the step to what a QP found, and ask the model about it. */
+static real go(struct kmpc_iterate *at, struct kmpc_iterate *found, real *window, real share,
+               struct kmpc_result *result)
+{
+    static real predicted[3 * KMPC_N];
+    real step = 0;
+    for (int k = 0; k <= KMPC_N; k++)
+        for (int i = 0; i < 3; i++) {
+            const real change = found->states[k][i] - at->states[k][i];
+            step = M(fabs)(change) > step ? M(fabs)(change) : step;
+            if (share < 1)
+                found->states[k][i] = at->states[k][i] + share * change;
+        }
+    for (int k = 0; k < KMPC_N; k++)
+        for (int i = 0; i < 2; i++) {
+            const real change = found->inputs[k][i] - at->inputs[k][i];
+            step = M(fabs)(change) > step ? M(fabs)(change) : step;
+            if (share < 1)
+                found->inputs[k][i] = at->inputs[k][i] + share * change;
+            window[2 * (KMPC_L + k) + i] = found->inputs[k][i];
+        }
+    kmpc_model_predict(found->states[0], window, KMPC_N, predicted);
+    result->defect = 0;
+    for (int i = 0; i < 3 * KMPC_N; i++) {
+        const real apart = M(fabs)(predicted[i] - found->states[1 + i / 3][i % 3]);
+        if (!(apart <= result->defect)) /* also of NaN */
+            result->defect = apart;
+    }
+    memcpy(result->next_state, predicted, 3 * sizeof(real));
+    memcpy(at, found, sizeof(*at));
+    return step;
+}
+
+void kmpc_solve(struct kmpc_iterate *iterate, const real *past, const real *reference, int things,
+                const real *thing, int least, struct kmpc_result *result)
+{
+    static struct kmpc_iterate found;
+    real window[2 * (KMPC_L + KMPC_N)], share = 1, step = INFINITE;
+    const real *last = past + 2 * (KMPC_PAST - 1);
+    memcpy(entries, K.entries, sizeof(entries));
+    memcpy(lower, K.lower, sizeof(lower));
+    memcpy(upper, K.upper, sizeof(upper));
+    memcpy(q, K.q, sizeof(q));
+    memcpy(window, past, 2 * KMPC_L * sizeof(real));
+    if (rho_is_adapted) /* as if nothing had been solved before */
+        osqp_update_rho(&kmpc_solver, K.rho);
+    rho_is_adapted = 0;
+    for (int k = 0; k < KMPC_N; k++)
+        for (int i = 0; i < 2; i++) {
+            if (K.limits_changes) {
+                const real reach = (real)(k + 1) * K.change[i];
+                iterate->inputs[k][i] =
+                    clip(iterate->inputs[k][i], last[i] - reach, last[i] + reach);
+            }
+            window[2 * (KMPC_L + k) + i] = iterate->inputs[k][i];
+        }
+    if (K.limits_changes)
+        for (int i = 0, row = KMPC_CHANGE_ROW; i < 2; i++)
+            if (K.change[i] < INFINITE) {
+                lower[row] = last[i] - K.change[i];
+                upper[row++] = last[i] + K.change[i];
+            }
+    memset(result, 0, sizeof(*result));
+    result->reason = "";
+    memcpy(result->next_state, iterate->states[0], 3 * sizeof(real));
+    for (;;) {
+        const real before = step;
+        const char *wrong =
+            pass(iterate, window, last, reference, things, thing, &found, &result->early);
+        result->passes++;
+        result->reason = result->early ? "maximum iterations reached" : "";
+        if (wrong) {
+            result->failed = 1;
+            result->reason = wrong;
+            return;
+        }
+        step = go(iterate, &found, window, share, result);
+        if (result->passes >= least &&
+            (result->defect <= K.tolerated || result->passes >= K.most_passes))
+            return;
+        if (step >= before) /* going there and back: the half of it lies between */
+            share = R(0.5) * share > LEAST_SHARE ? R(0.5) * share : LEAST_SHARE;
+    }
+}

@@ -1,0 +1,315 @@
+/* A step: take in, solve, verify, command; or drive the last way to a stop on, or brake. */
+#include "core.h"
+
+#include <math.h>
+#include <string.h>
+
+#define K kmpc_numbers
+
+static const real PI = R(3.14159265358979323846), LIMIT = R(1e4), ROUNDING = R(1e-9);
+
+static real nearest_turn(real angle)
+{
+    return 2 * PI * M(rint)(angle / (2 * PI));
+}
+
+static int plausible(const real *numbers, int count)
+{
+    for (int i = 0; i < count; i++)
+        if (!(M(fabs)(numbers[i]) <= LIMIT)) /* also NaN */
+            return 0;
+    return 1;
+}
+
+static int finite_all(const real *numbers, int count)
+{
+    for (int i = 0; i < count; i++)
+        if (!(M(fabs)(numbers[i]) < INFINITY))
+            return 0;
+    return 1;
+}
+
+static real within(real value, int i)
+{
+    return value < K.u_min[i] ? K.u_min[i] : value > K.u_max[i] ? K.u_max[i] : value;
+}
+
+/* What a step sees, in the robot's units, its heading within one turn. */
+struct seen {
+    real pose[3], goal[3], turns;
+    real thing[KMPC_THINGS * KMPC_THING];
+    int things, pose_is_known;
+    const char *refusal; /* null if it can be planned */
+};
+
+static void take_in(const struct kmpc_input *input, struct seen *seen)
+{
+    seen->refusal = NULL;
+    seen->things = 0;
+    seen->pose_is_known = plausible(input->pose, 3);
+    if (input->circles < 0 || input->circles > KMPC_THINGS)
+        seen->refusal = "too many obstacles";
+    for (int i = 0; i < input->circles && !seen->refusal; i++) {
+        const real *circle = input->circle + 5 * i;
+        real *row = seen->thing + KMPC_THING * i;
+        if (!plausible(circle, 5) || circle[2] < 0) {
+            seen->refusal = "obstacle not usable";
+            break;
+        }
+        for (int j = 0; j < 5; j++)
+            row[j] = circle[j] / K.circle[j];
+        row[5] = row[6] = 0;
+    }
+    if (!seen->refusal) {
+        seen->things = input->circles;
+        if (!seen->pose_is_known)
+            seen->refusal = "pose not usable";
+        else if (!plausible(input->goal, 3))
+            seen->refusal = "goal not usable";
+    }
+    for (int i = 0; i < 3; i++) {
+        seen->pose[i] = input->pose[i] / K.state[i];
+        seen->goal[i] = input->goal[i] / K.state[i];
+    }
+    seen->turns = seen->pose_is_known ? nearest_turn(seen->pose[2]) : 0;
+    seen->pose[2] -= seen->turns;
+    if (!seen->refusal)
+        seen->goal[2] -= nearest_turn(seen->goal[2]);
+}
+
+/* The goal as the reference; near a half turn the side of the step before is kept. */
+static void reference_of(struct kmpc *robot, const struct seen *seen, real *reference)
+{
+    real turn = seen->goal[2] - seen->pose[2];
+    turn -= nearest_turn(turn);
+    if (M(fabs)(turn) > R(0.75) * PI && turn * robot->turn < 0 &&
+        M(fabs)(robot->turn) > R(0.5) * PI)
+        turn -= M(copysign)(2 * PI, turn);
+    robot->turn = turn;
+    for (int k = 0; k <= KMPC_N; k++) {
+        reference[3 * k] = seen->goal[0];
+        reference[3 * k + 1] = seen->goal[1];
+        reference[3 * k + 2] = seen->pose[2] + turn;
+    }
+}
+
+/* The last plan one period later, if the robot is where that put it; whether it is. */
+static int one_period_later(const struct kmpc *robot, const real *here, struct kmpc_iterate *out)
+{
+    if (!robot->planned)
+        return 0;
+    const real off[3] = {robot->states[1][0] - here[0], robot->states[1][1] - here[1],
+                         robot->states[1][2] - here[2]};
+    const real turns = M(fabs)(off[2]) <= LIMIT ? nearest_turn(off[2]) : 0;
+    /* also false for NaN */
+    if (!(M(fabs)(off[0]) <= K.lost && M(fabs)(off[1]) <= K.lost && M(fabs)(off[2] - turns) <= 1))
+        return 0;
+    for (int k = 0; k <= KMPC_N; k++) {
+        const int from = k + 1 < KMPC_N ? k + 1 : KMPC_N;
+        for (int i = 0; i < 3; i++) {
+            out->states[k][i] = k ? robot->states[from][i] : here[i];
+            if (!(M(fabs)(out->states[k][i] - here[i]) <= 2 * LIMIT))
+                return 0;
+        }
+        if (k)
+            out->states[k][2] -= turns;
+    }
+    for (int k = 0; k < KMPC_N; k++)
+        for (int i = 0; i < 2; i++)
+            out->inputs[k][i] = robot->inputs[k + 1 < KMPC_N ? k + 1 : KMPC_N - 1][i];
+    for (int i = 0; i < KMPC_ROWS; i++)
+        out->duals[i] = robot->duals[K.next_stage[i]];
+    return 1;
+}
+
+/* A robot that follows a reference as fast as it can, whatever its wheels can. */
+static void along(const real *reference, const real *here, struct kmpc_iterate *out)
+{
+    for (int k = 0; k <= KMPC_N; k++) {
+        const real *to = reference + 3 * k;
+        const real far = M(hypot)(to[0] - here[0], to[1] - here[1]);
+        const real share = K.fastest[0] * K.dt * (real)k / (far > ROUNDING ? far : ROUNDING);
+        for (int i = 0; i < 3; i++)
+            out->states[k][i] = here[i] + (share < 1 ? share : 1) * (to[i] - here[i]);
+    }
+    for (int k = 0; k < KMPC_N; k++) {
+        const real *a = out->states[k], *b = out->states[k + 1];
+        const real ahead = M(cos)(a[2]) * (b[0] - a[0]) + M(sin)(a[2]) * (b[1] - a[1]);
+        out->inputs[k][0] = within(ahead / K.dt, 0);
+        out->inputs[k][1] = within((b[2] - a[2]) / K.dt, 1);
+    }
+    kmpc_duals_in_the_open(out->duals);
+}
+
+static void remember(struct kmpc *robot, const real *command)
+{
+    memmove(robot->past[0], robot->past[KMPC_PAST > 1 ? 1 : 0],
+            2 * (KMPC_PAST - 1) * sizeof(real));
+    memcpy(robot->past[KMPC_PAST - 1], command, 2 * sizeof(real));
+}
+
+static void answer(const struct seen *seen, const real *states, const real *inputs,
+                   struct kmpc_plan *plan)
+{
+    for (int k = 0; k <= KMPC_N; k++)
+        for (int i = 0; i < 3; i++)
+            plan->states[k][i] =
+                (states[3 * k + i] + (i == 2 ? seen->turns : 0)) * K.state[i];
+    for (int k = 0; k < KMPC_N; k++)
+        for (int i = 0; i < 2; i++)
+            plan->inputs[k][i] = inputs[2 * k + i] * K.command[i];
+    for (int i = 0; i < 2; i++) {
+        const real least = K.u_min[i] * K.command[i], most = K.u_max[i] * K.command[i];
+        const real asked = plan->inputs[0][i];
+        plan->command[i] = asked >= least ? (asked <= most ? asked : most) : least;
+        if (!(asked >= least || asked <= most)) /* NaN: never sent */
+            plan->command[i] = 0;
+    }
+}
+
+/* Without a plan: the last way to a stop while it is clear, else brake. */
+static void stop(struct kmpc *robot, const struct seen *seen, const char *reason, int passes,
+                 struct kmpc_plan *plan)
+{
+    static real states[3 * (KMPC_T + KMPC_L + 1)], shown[3 * (KMPC_N + 1)], inputs[2 * KMPC_N];
+    static real window[2 * (KMPC_L + KMPC_T + KMPC_L)], ramp[2 * KMPC_T];
+    const real *here = seen->pose_is_known ? seen->pose : robot->expected;
+    int blocked = 0;
+    plan->passes = passes;
+    plan->reason = reason;
+    memset(inputs, 0, sizeof(inputs));
+    if (robot->resting && (seen->pose_is_known || robot->expects)) {
+        const int periods = robot->resting + KMPC_L;
+        memset(window, 0, sizeof(window));
+        memcpy(window, robot->past[KMPC_PAST - KMPC_L], 2 * KMPC_L * sizeof(real));
+        memcpy(window + 2 * KMPC_L, robot->rest[0], 2 * (size_t)robot->resting * sizeof(real));
+        kmpc_model_rollout(here, window, periods, states);
+        blocked =
+            !(kmpc_clearance_along(states, periods + 1, seen->things, seen->thing) >= 0);
+        if (!blocked && finite_all(states, 3 * (periods + 1))) {
+            real command[2] = {robot->rest[0][0], robot->rest[0][1]};
+            if (K.limits_changes)
+                kmpc_rate_limit(robot->past[KMPC_PAST - 1], command);
+            for (int k = 0; k < KMPC_N && k < robot->resting; k++)
+                for (int i = 0; i < 2; i++)
+                    inputs[2 * k + i] = k ? robot->rest[k][i] : command[i];
+            for (int k = 0; k <= KMPC_N; k++)
+                memcpy(shown + 3 * k, states + 3 * (k < periods ? k : periods), 3 * sizeof(real));
+            robot->resting--;
+            memmove(robot->rest[0], robot->rest[1], 2 * (size_t)robot->resting * sizeof(real));
+            memcpy(robot->expected, states + 3, 3 * sizeof(real));
+            robot->expects = 1;
+            remember(robot, command);
+            plan->status = KMPC_FALLBACK;
+            answer(seen, shown, inputs, plan);
+            return;
+        }
+    }
+    robot->planned = 0;
+    if (!blocked) {
+        kmpc_braking(robot->past[KMPC_PAST - 1], ramp);
+        memcpy(inputs, ramp, 2 * sizeof(real));
+    }
+    if (K.limits_changes)
+        kmpc_rate_limit(robot->past[KMPC_PAST - 1], inputs);
+    robot->resting = robot->expects = 0;
+    remember(robot, inputs);
+    for (int k = 0; k <= KMPC_N; k++)
+        for (int i = 0; i < 3; i++)
+            shown[3 * k + i] = finite_all(seen->pose + i, 1) ? seen->pose[i] : 0;
+    plan->status = KMPC_STOPPED;
+    answer(seen, shown, inputs, plan);
+}
+
+void kmpc_reset(struct kmpc *robot)
+{
+    memset(robot, 0, sizeof(*robot));
+}
+
+/* Whether what a solver found may be driven, slowed where that makes it safe; why not fully. */
+static int verify(const struct kmpc *robot, const struct seen *seen, struct kmpc_iterate *plan,
+                  struct kmpc_result *result, struct kmpc_motion_to_rest *motion)
+{
+    int slowed;
+    if (result->failed)
+        return 0;
+    if (!(result->defect < INFINITY)) {
+        result->reason = "the model's prediction is not finite";
+        result->failed = 1;
+        return 0;
+    }
+    const int contradicted = !(result->defect <= K.accepted_defect);
+    real command[2] = {plan->inputs[0][0], plan->inputs[0][1]};
+    if (contradicted)
+        result->reason = "rolled out anew: the model contradicted the plan";
+    if (K.limits_changes)
+        kmpc_rate_limit(robot->past[KMPC_PAST - 1], command);
+    if (contradicted || command[0] != plan->inputs[0][0] || command[1] != plan->inputs[0][1]) {
+        real window[2 * (KMPC_L + KMPC_N)];
+        memcpy(plan->inputs[0], command, sizeof(command));
+        memcpy(window, robot->past[KMPC_PAST - KMPC_L], 2 * KMPC_L * sizeof(real));
+        memcpy(window + 2 * KMPC_L, plan->inputs[0], 2 * KMPC_N * sizeof(real));
+        kmpc_model_rollout(plan->states[0], window, KMPC_N, plan->states[0]);
+        if (!finite_all(plan->states[0], 3 * (KMPC_N + 1)))
+            return 0;
+        memcpy(result->next_state, plan->states[1], 3 * sizeof(real));
+    }
+    if (contradicted && !K.tightens &&
+        !(kmpc_clearance_along(plan->states[0], KMPC_N + 1, seen->things, seen->thing) >=
+          -K.accepted_depth))
+        return 0;
+    if (!kmpc_find_motion(plan->states[0], plan->inputs[0], robot->past[0], seen->things,
+                          seen->thing, motion, &slowed)) {
+        result->reason = "no way to a stop is clear";
+        return 0;
+    }
+    if (slowed)
+        memcpy(result->next_state, plan->states[1], 3 * sizeof(real));
+    return 1;
+}
+
+void kmpc_step(struct kmpc *robot, const struct kmpc_input *input, struct kmpc_plan *plan)
+{
+    static struct seen seen;
+    static struct kmpc_iterate found;
+    static struct kmpc_motion_to_rest motion;
+    static real reference[3 * (KMPC_N + 1)];
+    struct kmpc_result result;
+    take_in(input, &seen);
+    if (input->sent && plausible(input->sent, 2))
+        for (int i = 0; i < 2; i++)
+            robot->past[KMPC_PAST - 1][i] = within(input->sent[i] / K.command[i], i);
+    if (seen.refusal) {
+        stop(robot, &seen, seen.refusal, 0, plan);
+        return;
+    }
+    reference_of(robot, &seen, reference);
+    int least = 1;
+    if (!one_period_later(robot, seen.pose, &found)) {
+        along(reference, seen.pose, &found);
+        least = 2;
+    }
+    kmpc_solve(&found, robot->past[0], reference, seen.things, seen.thing, least, &result);
+    const int good = verify(robot, &seen, &found, &result, &motion);
+    if (!result.failed) {
+        robot->planned = 1;
+        memcpy(robot->states, found.states, sizeof(found.states));
+        memcpy(robot->inputs, found.inputs, sizeof(found.inputs));
+        memcpy(robot->duals, found.duals, sizeof(found.duals));
+    } else {
+        robot->planned = 0;
+    }
+    if (!good) {
+        stop(robot, &seen, result.reason, result.passes, plan);
+        return;
+    }
+    robot->resting = motion.length - 1;
+    memcpy(robot->rest[0], motion.commands[1], 2 * (size_t)robot->resting * sizeof(real));
+    memcpy(robot->expected, found.states[1], 3 * sizeof(real));
+    robot->expects = 1;
+    remember(robot, found.inputs[0]);
+    plan->status = result.reason[0] ? KMPC_FEASIBLE : KMPC_SOLVED;
+    plan->passes = result.passes;
+    plan->reason = result.reason;
+    answer(&seen, found.states[0], found.inputs[0], plan);
+}

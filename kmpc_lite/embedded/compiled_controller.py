@@ -1,0 +1,226 @@
+"""Drive with an exported controller from Python: the same C code, as a library of this machine."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kmpc_lite.control.input_checks import to_numbers
+from kmpc_lite.control.plan import PlanStatus
+from kmpc_lite.control.world.circles import Circle
+from kmpc_lite.control.world.occupancy import OccupancyGrid
+from kmpc_lite.control.world.scan import LaserScan
+from kmpc_lite.control.world.shapes import Polygon, Wall
+from kmpc_lite.embedded.vectors import STATUSES
+from kmpc_lite.errors import ProblemError
+from kmpc_lite.types import INPUTS, STATES, Array
+
+ABOUT, LIBRARY = "kmpc.json", "libkmpc.so"
+MOST_CIRCLES = 4096
+"""Rows that are handed over at all; the C code refuses more than it has room for."""
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledPlan:
+    """What a step of an exported controller answers; as `Plan`, as far as it goes."""
+
+    command: Array
+    """(2,) finite, within bounds [m/s, rad/s]."""
+    states: Array
+    """(N + 1, 3) [m, m, rad]."""
+    inputs: Array
+    """(N, 2) [m/s, rad/s]."""
+    status: PlanStatus
+    iterations: int
+    """Passes of the SQP."""
+    reason: str
+    """Why it is not SOLVED; empty else."""
+
+
+class CompiledController:
+    """The controller of a folder that `export` wrote, built by the C compiler of this machine.
+
+    Parameters
+    ----------
+    folder : path
+        With its sources; the library is built there if it is missing or older than they are.
+
+    Attributes
+    ----------
+    dt : float
+        Period [s].
+    horizon : int
+        Stages of a plan.
+
+    Raises
+    ------
+    ProblemError
+        For a folder that holds no export, of another format, or where no compiler is.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str]) -> None:
+        self.folder = Path(folder)
+        about = _read_about(self.folder)
+        self.dt, sizes = float(about["dt"]), about["sizes"]
+        self.horizon = int(sizes["KMPC_N"])
+        self._real = ctypes.c_float if about["float32"] else ctypes.c_double
+        self._library = _load(_built(self.folder))
+        self._input, plan, robot = _structures(self._real, sizes)
+        self._plan, self._robot = plan(), robot()
+        self._step = self._library.kmpc_step
+        self._step.restype = self._library.kmpc_reset.restype = None
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the drive: the robot stands."""
+        self._library.kmpc_reset(ctypes.byref(self._robot))
+
+    def step(
+        self,
+        x: ArrayLike,
+        goal: ArrayLike,
+        obstacles: Sequence[Circle] | ArrayLike = (),
+        sent: ArrayLike | None = None,
+    ) -> CompiledPlan:
+        """Plan from the measured pose; as `Controller.step`, past circles alone.
+
+        Raises
+        ------
+        ValueError
+            For wrong shapes, and for nothing else.
+        """
+        pose, target = to_numbers("x", x), to_numbers("goal", goal)
+        if pose.shape != (STATES,) or target.shape != (STATES,):
+            raise ValueError(
+                f"x and goal: expected shape ({STATES},) each, got {pose.shape} and {target.shape}"
+            )
+        circles = _rows(obstacles)
+        command = None if sent is None else to_numbers("sent", sent)
+        if command is not None and command.shape != (INPUTS,):
+            raise ValueError(f"sent: expected shape ({INPUTS},), got {command.shape}")
+        kind = np.float32 if self._real is ctypes.c_float else np.float64
+        rows = np.ascontiguousarray(circles, dtype=kind)
+        last = None if command is None else np.ascontiguousarray(command, dtype=kind)
+        pointer = ctypes.POINTER(self._real)
+        given = self._input(
+            (self._real * STATES)(*pose),
+            (self._real * STATES)(*target),
+            len(rows),
+            rows.ctypes.data_as(pointer),
+            None if last is None else last.ctypes.data_as(pointer),
+        )
+        plan = self._plan
+        self._step(ctypes.byref(self._robot), ctypes.byref(given), ctypes.byref(plan))
+        return CompiledPlan(
+            np.array(plan.command, dtype=float),
+            np.array(plan.states, dtype=float),
+            np.array(plan.inputs, dtype=float),
+            STATUSES[plan.status],
+            plan.passes,
+            plan.reason.decode(),
+        )
+
+
+def _read_about(folder: Path) -> dict[str, Any]:
+    try:
+        about: dict[str, Any] = json.loads((folder / ABOUT).read_text())
+    except (OSError, ValueError) as error:
+        raise ProblemError(f"{folder}: no exported controller: {ABOUT}: {error}") from error
+    if about.get("format") != 1:
+        raise ProblemError(f"{folder}: expected an export of format 1, got {about.get('format')!r}")
+    return about
+
+
+def _built(folder: Path) -> Path:
+    """Build the library of a folder if that is needed."""
+    library = folder / LIBRARY
+    newest = max(path.stat().st_mtime for path in folder.rglob("*.[ch]"))
+    if library.is_file() and library.stat().st_mtime >= newest:
+        return library
+    make = shutil.which("make")
+    if make is None or shutil.which(os.environ.get("CC", "cc")) is None:
+        raise ProblemError(f"{folder}: a C compiler (cc) and make are needed to build {LIBRARY}")
+    done = subprocess.run(
+        [make, "-s", "-C", str(folder), LIBRARY], capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        raise ProblemError(f"{folder}: make {LIBRARY}: {done.stderr.strip().splitlines()[-1:]}")
+    return library
+
+
+def _load(library: Path) -> ctypes.CDLL:
+    """Load a copy: the solver's memory is static, and each controller needs its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        own = Path(folder) / LIBRARY
+        shutil.copy(library, own)
+        # what is loaded stays, without its file
+        return ctypes.CDLL(str(own))
+
+
+def _rows(obstacles: Sequence[Circle] | ArrayLike) -> Array:
+    """Rows (M, 5) of circles, given as objects or as an array (M, 3) or (M, 5)."""
+    given: list[Any] = list(obstacles) if isinstance(obstacles, Sequence) else []
+    if given and all(isinstance(o, Circle) for o in given):
+        rows = np.array([(o.x, o.y, o.radius, o.vx, o.vy) for o in given], dtype=float)
+    elif any(isinstance(o, Polygon | Wall | OccupancyGrid | LaserScan) for o in given):
+        raise ValueError("obstacles: an exported controller drives past circles alone")
+    else:
+        rows = to_numbers("obstacles", obstacles)  # type: ignore[arg-type]
+    if not rows.size:
+        return np.empty((0, 5))
+    if rows.ndim != 2 or rows.shape[1] not in (3, 5) or len(rows) > MOST_CIRCLES:
+        raise ValueError(f"obstacles: expected shape (M, 3) or (M, 5), got {rows.shape}")
+    return np.hstack([rows, np.zeros((len(rows), 5 - rows.shape[1]))])
+
+
+def _structures(real: Any, sizes: dict[str, int]) -> tuple[Any, Any, Any]:
+    """The structures of kmpc.h."""
+    n, past, rest = sizes["KMPC_N"], sizes["KMPC_PAST"], sizes["KMPC_T"]
+    states, inputs, integer = (real * STATES) * (n + 1), (real * INPUTS) * n, ctypes.c_int
+    pointer = ctypes.POINTER(real)
+
+    def structure(name: str, *fields: tuple[str, Any]) -> Any:
+        return type(name, (ctypes.Structure,), {"_fields_": list(fields)})
+
+    given = structure(
+        "Input",
+        ("pose", real * STATES),
+        ("goal", real * STATES),
+        ("circles", integer),
+        ("circle", pointer),
+        ("sent", pointer),
+    )
+    plan = structure(
+        "Plan",
+        ("command", real * INPUTS),
+        ("status", integer),
+        ("passes", integer),
+        ("reason", ctypes.c_char_p),
+        ("states", states),
+        ("inputs", inputs),
+    )
+    robot = structure(
+        "Robot",
+        ("planned", integer),
+        ("resting", integer),
+        ("expects", integer),
+        ("states", states),
+        ("inputs", inputs),
+        ("duals", real * sizes["KMPC_ROWS"]),
+        ("past", (real * INPUTS) * past),
+        ("rest", (real * INPUTS) * rest),
+        ("expected", real * STATES),
+        ("turn", real),
+    )
+    return given, plan, robot

@@ -1,0 +1,201 @@
+"""The numbers of a controller, as its C code has them: read from a controller of Python."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from kmpc_lite.control.controller import Controller
+from kmpc_lite.control.estimate.innovation import InnovationState
+from kmpc_lite.control.kernels import tube
+from kmpc_lite.control.kernels.safe_motion import TINY
+from kmpc_lite.control.knowledge import motion_model
+from kmpc_lite.control.nmpc.qp import HALF_PLANE_SCALE, OPEN, SLACK_SCALE
+from kmpc_lite.control.nmpc.sqp import MOST_PASSES
+from kmpc_lite.control.nmpc.trajectory import LOST
+from kmpc_lite.control.options import fastest, unit_length
+from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.wheels import Differential
+from kmpc_lite.errors import ProblemError
+from kmpc_lite.model.dictionary import ResponseDictionary, UnicycleDictionary
+from kmpc_lite.model.dictionary.response import TERMS
+from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.scale import Scale
+from kmpc_lite.types import INPUTS, STATES, Array
+
+MOST_THINGS = 24
+"""Circles that a step looks at."""
+NO_LIMIT = 1e30
+"""What stands for infinity in numbers that are written."""
+
+
+def check_can_be_exported(model: KoopmanModel, problem: NavigationProblem) -> None:
+    """Raise ProblemError for what the C code does not have, with what would do instead."""
+    if model.closed_form is None or not isinstance(
+        model.dictionary, UnicycleDictionary | ResponseDictionary
+    ):
+        raise ProblemError(
+            f"export: expected a symmetric model of the unicycle or with a response, got one of "
+            f'{type(model.dictionary).__name__}; fit(data, symmetric=True, lags="auto") makes one'
+        )
+    refused = {
+        "wheels": not isinstance(problem.wheels, Differential),
+        "footprint": problem.footprint is not None,
+        "sensor_range": problem.sensor_range is not None,
+        "max_wheel_speed": problem.limits_wheels,
+        "robot_radius": not problem.robot_radius > 0.0,
+    }
+    for name, given in refused.items():
+        if given:
+            raise ProblemError(
+                f"export: {name}: the C code drives round robots past circles that are all given; "
+                f"got {name}={getattr(problem, name)!r}"
+            )
+
+
+def sizes_of(controller: Controller) -> dict[str, float]:
+    """Sizes of the arrays, by their names in C."""
+    qp, units = controller._sqp.qp, controller.units
+    braking = controller._pipeline.fallback._braking
+    command = np.maximum(np.abs(units.u_min), np.abs(units.u_max))
+    ramp = math.ceil(float((command / braking.ramp_step).max()) - TINY) + 1
+    ramp = min(max(ramp, 1), braking.longest_ramp)
+    further = controller._pipeline.fallback._motions._further
+    history = controller.model.history
+    return {
+        "KMPC_N": units.horizon,
+        "KMPC_L": history,
+        "KMPC_PAST": max(history, 1),
+        "KMPC_T": further + 3 + ramp,
+        "KMPC_THINGS": MOST_THINGS,
+        "KMPC_ROWS": qp.row_count,
+        "KMPC_VARIABLES": qp.size,
+        "KMPC_ENTRIES": qp.A.nnz,
+        "KMPC_WRITTEN": len(qp._places),
+        "KMPC_SLOTS_USED": qp.slots,
+        "KMPC_SLACK_ROW": int(qp.slack_rows[0]),
+        "KMPC_CHANGE_ROW": int(qp.change_rows.ravel()[0]) if qp.change_rows.size else 0,
+    }
+
+
+def numbers_of(controller: Controller) -> dict[str, Any]:
+    """Numbers of `struct kmpc_numbers`, by their names there."""
+    units, scale = controller.units, controller.scale
+    sqp, qp, pipeline = controller._sqp, controller._sqp.qp, controller._pipeline
+    keep_out, rates, verification = sqp.keep_out, sqp._rates, pipeline._verification
+    motions, braking = pipeline.fallback._motions, pipeline.fallback._braking
+    return {
+        "dt": units.dt,
+        "state": scale.state,
+        "command": scale.command,
+        "circle": scale.circle,
+        "u_min": units.u_min,
+        "u_max": units.u_max,
+        "radius": units.body_radius,
+        "distance": units.body_radius + units.margin,
+        "side_normal": _padded(keep_out._side_normals, 8),
+        "side_offset": _padded(keep_out._side_offsets, 4),
+        "sides": len(keep_out._side_offsets),
+        **_model(controller),
+        "pull": qp.cost._pull,
+        "pull_terminal": qp.cost._pull_terminal,
+        "slack_dual": -float(units.slack_weights[0]) / SLACK_SCALE,
+        "limits_changes": int(rates.active),
+        "change": rates._change,
+        "brake": rates._brake,
+        "ramp_step": braking.ramp_step,
+        "longest_ramp": braking.longest_ramp,
+        "further": motions._further,
+        "most_passes": MOST_PASSES,
+        "tolerated": sqp._tolerated,
+        "lost": LOST[0] * unit_length(units),
+        "fastest": fastest(units),
+        **_margins(controller),
+        "spend_share": motions._options.spend_share,
+        "swerve_time": controller.options.stop.swerve_time,
+        "accepted_defect": verification._accepted_defect,
+        "accepted_depth": verification._accepted_depth,
+        "half_plane_scale": HALF_PLANE_SCALE,
+        "open": OPEN,
+        "rho": controller.options.solver.real_time.rho,
+        "places": qp._places,
+        "entries": qp.A.data,
+        "lower": qp.lower,
+        "upper": qp.upper,
+        "q": qp.q,
+        "next_stage": qp._next_stage,
+    }
+
+
+def _model(controller: Controller) -> dict[str, Any]:
+    """The symmetric form, and how its inputs follow from commands."""
+    driven = motion_model(controller.model, controller.units, Scale())
+    assert isinstance(driven, KoopmanModel) and driven.closed_form is not None
+    form, dictionary = driven.closed_form, driven.dictionary
+    kernel, terms = np.ones((1, INPUTS)), TERMS[:INPUTS]
+    smoothing, limits = (1.0, 1.0), (NO_LIMIT, NO_LIMIT)
+    if isinstance(dictionary, ResponseDictionary):
+        kernel, terms = dictionary._kernel, dictionary.terms
+        smoothing, limits = dictionary.smoothing, dictionary.limits
+    return {
+        "kernel": kernel,
+        "smoothing": smoothing,
+        "limits": limits,
+        "term": _padded(np.array([TERMS.index(name) for name in terms]), len(TERMS)),
+        "terms": len(terms),
+        "motion": _padded(form.motion, STATES * len(TERMS)),
+        "node": _padded(np.array(form.nodes), 8),
+        "nodes": len(form.nodes),
+    }
+
+
+def _margins(controller: Controller) -> dict[str, Any]:
+    """Margins of plans and of motions; zeros of a controller without."""
+    margins, drift = controller.known.margins, InnovationState()
+    if margins is None:
+        nothing = np.zeros(9 * INPUTS)
+        noise = tube.Noise(nothing, nothing, nothing, nothing, 0, 0, 0, 0, 0, 0, False)
+        return _tube(noise) | dict.fromkeys(
+            (
+                *("tightens", "errs", "side_margin", "far_clearance", "widest", "pose_error"),
+                *("position_errors", "heading_errors", "command_noise", "step_quantile"),
+            ),
+            0,
+        )
+    tightening, felt = margins.tightening, margins.noise.felt(drift)
+    return _tube(tightening._noise_of(drift)) | {
+        "tightens": 1,
+        "errs": int(felt.command_errs),
+        "side_margin": tightening.side_margin,
+        "far_clearance": tightening.far_clearance,
+        "widest": tightening.widest(drift),
+        "position_errors": np.array(felt.command_trace + felt.lasting_trace),
+        "heading_errors": np.concatenate([felt.command[:, 8], felt.lasting[:, 8]]),
+        "command_noise": felt.command,
+        "step_quantile": margins.noise.step_quantile,
+        "pose_error": margins.stop_margins.pose_error,
+    }
+
+
+def _tube(noise: tube.Noise) -> dict[str, Any]:
+    return {
+        "white": _padded(noise.white, 9 * INPUTS),
+        "lasting": _padded(noise.lasting, 9 * INPUTS),
+        "pose": _padded(noise.pose, 9),
+        "pose_by_speed": _padded(noise.pose_by_speed, 9),
+        "lasts": int(bool(noise.lasting.any())),
+        "by_speed": int(bool(noise.pose_by_speed.any())),
+        "delay": noise.delay,
+        "spreads": int(noise.spreads),
+        "quantile": noise.quantile,
+        "headway_time": noise.headway_time,
+        "solver_margin": noise.solver_margin,
+    }
+
+
+def _padded(values: Array, count: int) -> Array:
+    """All of an array in a row, zeros after it."""
+    flat = np.ravel(values)[:count]
+    return np.concatenate([flat, np.zeros(count - len(flat), dtype=flat.dtype)])

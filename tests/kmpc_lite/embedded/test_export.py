@@ -1,0 +1,204 @@
+"""An exported controller: the same answers as Python's, whatever comes in; honest refusals."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import kmpc_lite as kl
+from kmpc_lite.cli.main import main
+from kmpc_lite.errors import ProblemError
+from kmpc_lite.model.dictionary import ResponseDictionary
+from kmpc_lite.model.noise_model import NoiseModel
+
+pytestmark = pytest.mark.skipif(
+    shutil.which("cc") is None or shutil.which("make") is None, reason="no C compiler, or no make"
+)
+AREA = {"x_min": (-6.0, -6.0, -np.inf), "x_max": (6.0, 6.0, np.inf)}
+
+
+def noisy(dt: float = 0.1) -> kl.KoopmanModel:
+    noise = np.zeros((3, 3, 3))
+    noise[0] = 1e-7 * np.eye(3)
+    noise[1], noise[2] = np.diag([1e-4, 5e-5, 1e-5]), np.diag([1e-5, 1e-5, 1e-4])
+    return replace(kl.nominal_unicycle(dt), noise_model=NoiseModel(noise))
+
+
+def lagging(dt: float = 0.1) -> kl.KoopmanModel:
+    model = noisy(dt)
+    late = ResponseDictionary(model.dictionary, speed=(0.3, 0.5, 0.2), turn=(0.2, 0.8))
+    return replace(model, dictionary=late)
+
+
+CASES: dict[str, tuple[kl.KoopmanModel, dict[str, Any]]] = {
+    "nominal": (kl.nominal_unicycle(0.1), {}),
+    "lag and slow changes": (lagging(), {"du_max": (0.6, 2.0), "horizon": 12}),
+    "large": (noisy(), {"robot_radius": 0.6, "u_min": (-1.0, -1.0), "u_max": (2.0, 1.0)}),
+}
+
+
+@pytest.fixture(scope="module", params=CASES)
+def both(request, tmp_path_factory) -> tuple[kl.Controller, kl.CompiledController]:
+    """The controller in Python, and the exported one."""
+    model, given = CASES[request.param]
+    problem = kl.NavigationProblem(dt=model.dt, **(AREA | given))
+    folder = kl.export(model, problem, tmp_path_factory.mktemp("export") / "robot")
+    python = kl.Controller(model, problem, guidance=False, adaptation=False, compiled=False)
+    return python, kl.CompiledController(folder)
+
+
+def random_scene(seed: int, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    random, wide = np.random.default_rng(seed), 9.0 * radius
+    circles = np.column_stack(
+        [
+            random.uniform(-wide, wide, (6, 2)),
+            random.uniform(0.3 * radius, 1.5 * radius, 6),
+            np.where(random.random((6, 2)) < 0.3, random.uniform(-0.3, 0.3, (6, 2)), 0.0),
+        ]
+    )
+    pose, goal = (
+        np.array([*random.uniform(-wide, wide, 2), random.uniform(-9.0, 9.0)]) for _ in range(2)
+    )
+    return pose, goal, circles
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_answers_as_python_does(both, seed):
+    """Statuses are the same and commands within 1e-7, among circles, inside them, in motion."""
+    python, exported = both
+    python.reset(), exported.reset()
+    pose, goal, circles = random_scene(seed, python.problem.robot_radius)
+    model, past = python.model, np.zeros((python.model.history, 2))
+    for k in range(40):
+        now = circles.copy()
+        now[:, :2] += circles[:, 3:] * k * model.dt
+        theirs, ours = python.step(pose, goal, now), exported.step(pose, goal, now)
+        assert ours.status is theirs.status, (k, ours.reason, theirs.reason)
+        np.testing.assert_allclose(ours.command, theirs.command, rtol=0, atol=1e-7)
+        np.testing.assert_allclose(ours.states, theirs.states, rtol=0, atol=1e-5)
+        assert ours.iterations == theirs.iterations
+        pose = model.predict(pose, theirs.command, past)
+        past = np.concatenate([past, theirs.command[None]])[1:] if len(past) else past
+
+
+def test_nothing_that_comes_in_is_answered_by_more_than_bounds(both):
+    """NaN, infinity, huge and negative numbers, too many circles: a safe command and a status."""
+    python, exported = both
+    least, most, _, _ = python.problem.bounds
+    random = np.random.default_rng(9)
+    wrong = [np.nan, np.inf, -np.inf, 1e300, -1e300, 1e5, -1.0, 0.0]
+    exported.reset()
+    for k in range(200):
+        pose, goal, circles = random_scene(k, python.problem.robot_radius)
+        circles = np.repeat(circles, random.integers(0, 6), axis=0)
+        sent = random.uniform(-1.0, 1.0, 2)
+        for array in (pose, goal, sent, circles):
+            if array.size and random.random() < 0.3:
+                array.flat[random.integers(array.size)] = random.choice(wrong)
+        plan = exported.step(pose, goal, circles, sent if random.random() < 0.5 else None)
+        assert np.isfinite(plan.command).all()
+        assert (plan.command >= least).all() and (plan.command <= most).all()
+        usable = all(np.isfinite(a).all() for a in (pose, goal, circles)) and len(circles) <= 24
+        if not usable:
+            assert plan.status.name in ("FALLBACK", "STOPPED") and plan.reason
+
+
+def test_wrong_shapes_are_refused(both):
+    _, exported = both
+    for wrong in (
+        {"x": (0.0, 0.0), "goal": (1.0, 0.0, 0.0)},
+        {"x": (0.0, 0.0, 0.0), "goal": (1.0, 0.0, 0.0), "obstacles": [(1.0, 2.0)]},
+        {"x": (0.0, 0.0, 0.0), "goal": (1.0, 0.0, 0.0), "sent": (1.0,)},
+        {"x": (0.0, 0.0, 0.0), "goal": (1.0, 0.0, 0.0), "obstacles": [kl.Wall(0, 0, 1, 1)]},
+    ):
+        with pytest.raises(ValueError, match="expected shape|circles alone"):
+            exported.step(**wrong)
+    around = [kl.Circle(1.0, 0.0, 0.2)]
+    assert exported.step((0, 0, 0), (2, 0, 0), around).status.name in ("SOLVED", "FEASIBLE")
+
+
+def make(folder: Path, *arguments: str) -> str:
+    done = subprocess.run(
+        ["make", "-s", "-C", str(folder), *arguments], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_float_is_float_and_loses_little(tmp_path):
+    problem = kl.NavigationProblem(robot_radius=0.3)
+    folder = kl.export(noisy(), problem, tmp_path / "small", float32=True)
+    told = make(folder, "test")
+    found = re.search(r"80 steps: commands differ by (\S+) at the most, 0 statuses", told)
+    assert found and float(found[1]) < 0.02
+    if shutil.which("nm"):
+        objects = sorted(map(str, folder.glob("*.o")))
+        shown = subprocess.run(["nm", "-u", *objects], capture_output=True, text=True, check=True)
+        called = set(re.findall(r"U (\w+)", shown.stdout))
+        assert not called & {"cos", "sin", "tan", "sqrt", "hypot", "fabs", "ceil", "rint", "malloc"}
+        assert called & {"cosf", "sincosf"}
+
+
+def test_sanitizers_find_nothing(tmp_path):
+    folder = kl.export(lagging(), kl.NavigationProblem(du_max=(0.6, 2.0)), tmp_path / "checked")
+    flags = "CFLAGS=-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all"
+    told = make(folder, "vectors", flags)
+    done = subprocess.run([folder / "vectors"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, told + done.stdout + done.stderr
+
+
+def test_the_example_arrives(tmp_path):
+    folder = kl.export(kl.nominal_unicycle(0.1), kl.NavigationProblem(), tmp_path / "example")
+    make(folder, "example")
+    lines = subprocess.run([folder / "example"], capture_output=True, text=True, check=True).stdout
+    assert "19.00 s:   1.80 m  -0.0" in lines.replace("  0.0", "  -0.0")
+
+
+def test_what_is_not_in_c_is_refused(tmp_path):
+    model = kl.nominal_unicycle(0.1)
+    for given, told in (
+        ({"footprint": kl.Footprint.rectangle(0.5, 0.3)}, "export: footprint: "),
+        ({"wheels": kl.Car(0.5)}, "export: wheels: "),
+        ({"sensor_range": 2.0}, "export: sensor_range: "),
+        ({"track": 0.3, "max_wheel_speed": 0.5}, "export: max_wheel_speed: "),
+    ):
+        with pytest.raises(ProblemError, match=told):
+            kl.export(model, kl.NavigationProblem(**given), tmp_path / "no")
+    other = replace(model, dictionary=kl.InputHistoryDictionary(kl.UnicycleDictionary(), (0,)))
+    with pytest.raises(ProblemError, match="expected a symmetric model"):
+        kl.export(other, kl.NavigationProblem(), tmp_path / "no")
+    assert not (tmp_path / "no").exists()
+
+
+def test_a_folder_of_somebody_else_is_left_alone(tmp_path):
+    (tmp_path / "thesis.txt").write_text("all of it")
+    with pytest.raises(ProblemError, match="is not empty, and no exported controller is in it"):
+        kl.export(kl.nominal_unicycle(0.1), kl.NavigationProblem(), tmp_path)
+    assert os.listdir(tmp_path) == ["thesis.txt"]
+    with pytest.raises(ProblemError, match="no exported controller"):
+        kl.CompiledController(tmp_path)
+
+
+def test_the_command(tmp_path, capsys):
+    model = tmp_path / "robot.npz"
+    noisy().save(model)
+    folder = tmp_path / "firmware"
+    ask = ["export", str(model), "-o", str(folder), "--radius", "0.2", "--horizon", "8"]
+    assert main(ask) == 0
+    assert f"make -C {folder} test" in capsys.readouterr().out
+    about = json.loads((folder / "kmpc.json").read_text())
+    assert about["sizes"]["KMPC_N"] == 8 and about["robot_radius"] == 0.2
+    assert main([*ask, "--float32", "--scenario", "four_circles_1", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["folder"] == str(folder)
+    assert json.loads((folder / "kmpc.json").read_text())["float32"]
+    assert main(["export", "missing.npz", "-o", str(folder)]) == 2
+    assert (folder / "kmpc.json").is_file()
