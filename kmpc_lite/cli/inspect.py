@@ -73,7 +73,8 @@ def describe(found: Findings) -> str:
     lines += [f"{name:<8} {text}" for name, text in found.lines]
     lines += [f"note     {text}" for text in found.notes]
     lines += [paint(f"suspect  {text}", "red", sys.stdout) for text in found.suspects]
-    return "\n".join(lines if found.suspects else [*lines, "good     nothing is suspect"])
+    good = () if found.suspects or found.early else ("good     nothing is suspect",)
+    return "\n".join([*lines, *good])
 
 
 COMMAND = Command(

@@ -6,13 +6,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from kmpc_lite.cli.numbers import positive
 from kmpc_lite.errors import DataError
 
 if TYPE_CHECKING:
     from kmpc_lite.learn.logs import ReadOptions
 
 LOGS = (
-    "tables (.csv, .tsv, .txt, .npz with t,x,y,theta,v,omega or names that mean them), ROS bags "
+    "tables (.csv, .tsv, .txt, .npz with t,x,y,theta,v,omega, lat,lon or left,right), ROS bags "
     "(rosbag2 folder, .mcap, .db3, .bag), ArduPilot .bin and .tlog, PX4 .ulg, TUM and EuRoC "
     "trajectories; or a folder of them"
 )
@@ -58,6 +59,12 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         help="table with t, v, omega for trajectories that have none",
     )
     add(
+        "--track",
+        type=positive,
+        metavar="M",
+        help="distance between left and right wheels, if the commands are their speeds",
+    )
+    add(
         "--shift",
         type=float,
         default=0.0,
@@ -90,6 +97,7 @@ def read_options(options: argparse.Namespace) -> ReadOptions:
         units=pairs("--units", options.units),
         frame=options.frame,
         commands=options.commands,
+        track=options.track,
         shift=options.shift,
         force=getattr(options, "force", False),
         progress=ProgressBar("reading", quiet=options.json),

@@ -17,8 +17,9 @@ import numpy as np
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
 from kmpc_lite.learn.dataset import Dataset
-from kmpc_lite.learn.ramps import as_driven
+from kmpc_lite.learn.ramps import let_through
 from kmpc_lite.model.koopman import KoopmanModel
+from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.model.tube import tube_memory, window_deviations
 from kmpc_lite.types import Array
 
@@ -170,7 +171,7 @@ def with_quantiles(
     are too few for are left out; `kmpc_lite.control.margins.quantiles` extends the table by its
     slope.
     """
-    values = scores(model, as_driven(model, held_out))
+    values = scores(model, let_through(held_out, Ramps.of(model.info)))
     table = [
         (float(r), q)
         for r in sorted(risks, reverse=True)

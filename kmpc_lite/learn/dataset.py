@@ -80,6 +80,7 @@ class Dataset:
         units: Mapping[str, str] | None = None,
         frame: str = "enu",
         commands: str | os.PathLike[str] | None = None,
+        track: float | None = None,
         shift: float = 0.0,
         force: bool = False,
     ) -> Dataset:
@@ -88,9 +89,10 @@ class Dataset:
         Parameters
         ----------
         path : path
-            A table (.csv, .tsv, .txt, .npz) with t, x, y, theta, v, omega, or names that mean them;
-            a rosbag2 folder, .mcap, .db3 or .bag; an ArduPilot .bin or .tlog; a PX4 .ulg; a TUM or
-            EuRoC trajectory with `commands` beside it.
+            A table (.csv, .tsv, .txt, .npz) with t, x, y, theta, v, omega, or names that mean them,
+            or lat, lon and left, right in their place; a rosbag2 folder, .mcap, .db3 or .bag; an
+            ArduPilot .bin or .tlog; a PX4 .ulg; a TUM or EuRoC trajectory with `commands` beside
+            it.
         dt : float, optional
             Period [s] to resample to; without it a table must be evenly sampled and keeps its own,
             as what was saved comes back; other logs get 0.1 s, or the period of their poses if it
@@ -108,6 +110,8 @@ class Dataset:
             How the poses lie.
         commands : path, optional
             A table of commands for logs that hold poses only.
+        track : float, optional
+            Distance between left and right wheels [m], for tables whose commands are their speeds.
         shift : float
             Added to the times of the commands [s].
         force : bool
@@ -132,6 +136,7 @@ class Dataset:
             units=units or {},
             frame=frame,
             commands=None if commands is None else Path(commands),
+            track=track,
             shift=shift,
             force=force,
         )

@@ -15,7 +15,9 @@ from kmpc_lite.learn.cross_validation import (
     cross_validate,
     solve_columns,
 )
+from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.responses import AT_ONCE, AgedResponse, Response, first_candidates, neighbours
+from kmpc_lite.learn.unmodelled_delay import DelayOptions, unmodelled_delay
 from kmpc_lite.learn.windows import (
     Moments,
     Windows,
@@ -85,6 +87,10 @@ class Direction:
     """What the score had to exceed."""
 
 
+STAYS = Direction(NOMINAL, 0.0, float("inf"))
+"""What is said of a log that is too short for a choice."""
+
+
 @dataclass
 class Search:
     """Moments of the responses looked at so far."""
@@ -92,6 +98,8 @@ class Search:
     windows: Windows
     smoothing: tuple[float, float]
     limits: tuple[float, float]
+    log: Dataset
+    """What the windows are of."""
     given: tuple[AgedResponse, AgedResponse] | None = None
     """Of speed and turn rate, where there is no choice between responses."""
     known: dict[tuple[AnyResponse, AnyResponse], Moments] = field(default_factory=dict)
@@ -101,6 +109,16 @@ class Search:
         if self.given is not None:
             return (self.given[which],)
         return first_candidates(self.windows.dt, self.windows.longest)
+
+    def late(self, chosen: AnyResponse, which: int) -> AnyResponse:
+        """Give a mean delay to a robot that was chosen to obey at once, if its log is sure of one.
+
+        That it answers late is one number, which a log shows long before any term of a model.
+        """
+        if self.given is not None or chosen != AT_ONCE:
+            return chosen
+        delay = unmodelled_delay(self.log, DelayOptions(axes=(which,)))
+        return Response(min(delay, self.windows.longest * self.log.dt), 0.0)
 
     def moments(self, speed: AnyResponse, turn: AnyResponse) -> Moments:
         """Second moments of the blocks for a pair of responses."""
@@ -125,7 +143,8 @@ def choose_heading(
             candidates.append(Candidate(moment, moment, np.array(terms), base, complexity))
             names.append((response, step))
     reference = squared_errors(search.moments(AT_ONCE, AT_ONCE).heading, base)
-    return _decide(candidates, names, HEADING_LADDER, reference, options)
+    response, direction, chosen = _decide(candidates, names, HEADING_LADDER, reference, options)
+    return search.late(response, 1), direction, chosen
 
 
 def choose_along(
@@ -143,7 +162,8 @@ def choose_along(
             candidates.append(Candidate(both, moment.along, columns, position_base(), complexity))
             names.append((response, step))
     reference = squared_errors(search.moments(AT_ONCE, turn).along, position_base())
-    return _decide(candidates, names, ALONG_LADDER, reference, options)
+    response, direction, chosen = _decide(candidates, names, ALONG_LADDER, reference, options)
+    return search.late(response, 0), direction, chosen
 
 
 def choose_across(
@@ -185,7 +205,7 @@ def _decide(
     return response, Direction(name, choice.score, critical), terms
 
 
-def refine(
+def _refine(
     start: AnyResponse,
     error: Callable[[AnyResponse], float],
     search: Search,
@@ -205,22 +225,37 @@ def refine(
     return best
 
 
-def heading_error(search: Search, turn: AnyResponse, terms: tuple[int, ...]) -> float:
-    """Squared heading error of the best rows for a response."""
-    total = search.moments(AT_ONCE, turn).heading.sum(axis=0)
-    weights = solve_columns(total, np.array(terms), nominal_rows().heading)
-    return float(squared_errors(total[None], weights)[0])
+def refine_heading(
+    search: Search, turn: AnyResponse, terms: tuple[int, ...], options: SelectionOptions
+) -> AnyResponse:
+    """Response near one of the turn rate by which the best rows err least."""
+
+    def error(response: AnyResponse) -> float:
+        total = search.moments(AT_ONCE, response).heading.sum(axis=0)
+        weights = solve_columns(total, np.array(terms, dtype=int), nominal_rows().heading)
+        return float(squared_errors(total[None], weights)[0])
+
+    return _refine(turn, error, search, options)
 
 
-def along_error(
-    search: Search, speed: AnyResponse, turn: AnyResponse, terms: tuple[int, ...]
-) -> float:
-    """Squared forward error of the best rows for a response."""
-    moment = search.moments(speed, turn)
+def refine_along(
+    search: Search,
+    speed: AnyResponse,
+    turn: AnyResponse,
+    terms: tuple[int, ...],
+    options: SelectionOptions,
+) -> AnyResponse:
+    """Response near one of the forward speed by which the best rows err least."""
     columns = np.concatenate([terms, TERM_COUNT + np.array(BESIDE)]).astype(int)
-    both = (moment.along + moment.across).sum(axis=0)
-    weights = solve_columns(both, columns, position_base())
-    return float(squared_errors(moment.along.sum(axis=0)[None], weights)[0])
+
+    def error(response: AnyResponse) -> float:
+        moment = search.moments(response, turn)
+        weights = solve_columns(
+            (moment.along + moment.across).sum(axis=0), columns, position_base()
+        )
+        return float(squared_errors(moment.along.sum(axis=0)[None], weights)[0])
+
+    return _refine(speed, error, search, options)
 
 
 def position_base() -> Array:

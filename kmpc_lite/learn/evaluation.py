@@ -14,9 +14,10 @@ from kmpc_lite.files import SAME_DT
 from kmpc_lite.geometry import seen_along
 from kmpc_lite.learn.dataset import CHUNK, Dataset
 from kmpc_lite.learn.episode import Episode, check_time
-from kmpc_lite.learn.ramps import as_driven
+from kmpc_lite.learn.ramps import let_through
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle
+from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.types import STATES, Array
 
 
@@ -92,7 +93,7 @@ def evaluate(
     if stride != int(stride) or stride < 1:
         raise DataError(f"stride: expected a whole number >= 1, got {stride}")
     stride, steps = int(stride), max(1, int(round(check_time("horizon", horizon) / model.dt)))
-    nominal, passed = nominal_unicycle(model.dt), as_driven(model, dataset)
+    nominal, passed = nominal_unicycle(model.dt), let_through(dataset, Ramps.of(model.info))
     sums = np.zeros((4, 3))
     total, count, long_count = 0.0, 0, 0
     # a model may diverge far from its data: then its error is infinite, and no warning is due

@@ -12,7 +12,7 @@ import numpy as np
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.checklist import LogVerdict, judge, refuse_car_like
 from kmpc_lite.learn.checks.poses import tell_poses
-from kmpc_lite.learn.checks.relations import refuse_late, tell_delay
+from kmpc_lite.learn.checks.relations import is_early, refuse_late, tell_delay
 from kmpc_lite.learn.cutting import cut, model_period
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import check_time
@@ -115,6 +115,8 @@ class Findings:
     """What it is about, and what there is to say."""
     notes: tuple[str, ...]
     suspects: tuple[str, ...]
+    early: bool
+    """Whether the motion comes before its command."""
 
     def as_dict(self) -> dict[str, Any]:
         """All of it as values that JSON can hold."""
@@ -155,7 +157,8 @@ def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
         ("drives", drives),
         ("delay", _tell_delay(verdict.delay, log)),
     )
-    return Findings(str(file), log, log.topics, lines, tuple(notes), tuple(suspects))
+    early = verdict.delay is not None and is_early(verdict.delay, model_period(log))
+    return Findings(str(file), log, log.topics, lines, tuple(notes), tuple(suspects), early)
 
 
 def _read(file: Path, how: ReadOptions) -> tuple[Log, list[str]]:
@@ -198,4 +201,4 @@ def _tell_delay(delay: float | None, log: Log) -> str:
     """How long after its command the motion comes [s], in words."""
     if delay is None:
         return "not known: the commands hardly change, or explain too little of the motion"
-    return f"the motion comes {tell_delay(delay, model_period(log))}"
+    return f"the motion {tell_delay(delay, model_period(log))}"

@@ -27,7 +27,12 @@ SPEED = {
     "kn": 1852.0 / 3600.0,
 }
 TURN_RATE = {**{f"{name}/s": size for name, size in ANGLE.items()}, "rpm": pi / 30.0}
-KNOWN = {"t": TIME, "x": LENGTH, "y": LENGTH, "theta": ANGLE, "v": SPEED, "omega": TURN_RATE}
+PLACE = {"deg": 1.0, "rad": 180.0 / pi}
+"""Of a latitude or a longitude, which are kept in degrees until they become metres."""
+KNOWN = {
+    **{"t": TIME, "x": LENGTH, "y": LENGTH, "theta": ANGLE, "v": SPEED, "omega": TURN_RATE},
+    **{"lat": PLACE, "lon": PLACE, "left": SPEED, "right": SPEED},
+}
 """Size of each unit, by column."""
 FORM = re.compile(r"(?P<sign>-?)(?P<unit>[a-zA-Z/]+|[0-9.]+(?:e-?[0-9]+)?)(?P<offset>[+-][0-9.]+)?")
 
@@ -166,6 +171,8 @@ class ReadOptions:
     """How the poses lie: enu, ned or swapped; see `FRAMES`."""
     commands: Path | None = None
     """A table of commands, for logs that hold poses only."""
+    track: float | None = None
+    """Distance between left and right wheels, for commands that are their speeds [m]."""
     shift: float = 0.0
     """Added to the times of the commands, where their clock is another [s]."""
     force: bool = False
@@ -184,28 +191,26 @@ class ReadOptions:
             raise DataError(f"frame: expected {', '.join(FRAMES)}, got {self.frame!r}")
         if not np.isfinite(self.shift):
             raise DataError(f"shift: expected a time in s, got {self.shift}")
+        if self.track is not None and not 0.0 < self.track < np.inf:
+            raise DataError(f"track: expected a distance > 0 m, got {self.track}")
         parse_units(self.units)
-
-    @property
-    def parsed_units(self) -> dict[str, Unit]:
-        """Units by column."""
-        return parse_units(self.units)
 
 
 def correct(log: Log, options: ReadOptions) -> Log:
     """Bring a log into s, m, rad, x east, y north, theta counter-clockwise from east."""
-    units = options.parsed_units
+    poses = in_units(log.poses, ("x", "y", "theta"), options.units)
     return replace(
         log,
-        poses=_in_frame(_in_units(log.poses, ("x", "y", "theta"), units), options.frame),
-        commands=_shifted(_in_units(log.commands, ("v", "omega"), units), options.shift),
+        poses=_in_frame(poses, options.frame),
+        commands=_shifted(in_units(log.commands, ("v", "omega"), options.units), options.shift),
         together=log.together and options.shift == 0.0,
     )
 
 
-def _in_units(series: Series, names: tuple[str, ...], units: Mapping[str, Unit]) -> Series:
-    """Values in SI units."""
-    if not units.keys() & {"t", *names}:
+def in_units(series: Series, names: tuple[str, ...], given: Mapping[str, str]) -> Series:
+    """Give a series in SI units, from those that are given by column."""
+    units = parse_units({name: unit for name, unit in given.items() if name in ("t", *names)})
+    if not units:
         return series
     values = series.values.copy()
     for k, name in enumerate(names):

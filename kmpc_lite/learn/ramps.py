@@ -157,11 +157,6 @@ def let_through(dataset: Dataset, ramps: Ramps) -> Dataset:
     return Dataset(episodes)
 
 
-def as_driven(model: KoopmanModel, dataset: Dataset) -> Dataset:
-    """Give the same driving with its commands as the ramps that a model knows let them through."""
-    return let_through(dataset, Ramps.of(model.info))
-
-
 def _follow(told: Array, faster: Array, slower: Array, dt: float) -> Array:
     """Mean speeds (T, C) of each period that follow told ones (T,) by ramps (C,)."""
     speed = np.full(len(faster), told[0])

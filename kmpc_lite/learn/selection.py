@@ -9,43 +9,32 @@ All candidates are judged on the same windows. The chosen rows become a model wi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.checklist import refuse_car_like, refuse_frozen
-from kmpc_lite.learn.cross_validation import (
-    SelectionOptions,
-    solve_columns,
-)
+from kmpc_lite.learn.cross_validation import SelectionOptions, solve_columns
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.directions import (
     NOMINAL,
+    STAYS,
     TERM_COUNT,
     AnyResponse,
     Direction,
     Search,
-    along_error,
     choose_across,
     choose_along,
     choose_heading,
-    heading_error,
     position_base,
-    refine,
+    refine_along,
+    refine_heading,
 )
 from kmpc_lite.learn.least_squares import require_trigonometry, symmetric_generator
-from kmpc_lite.learn.responses import AT_ONCE, Response, shares_of_ages
-from kmpc_lite.learn.unmodelled_delay import DelayOptions, unmodelled_delay
-from kmpc_lite.learn.windows import (
-    Moments,
-    Rows,
-    Windows,
-    cut,
-    largest_speeds,
-    nominal_rows,
-)
+from kmpc_lite.learn.responses import AT_ONCE, shares_of_ages
+from kmpc_lite.learn.windows import Moments, Rows, Windows, cut, largest_speeds, nominal_rows
 from kmpc_lite.model.dictionary import Dictionary
 from kmpc_lite.model.dictionary.response import LINEAR, TERMS, ResponseDictionary
 from kmpc_lite.model.koopman import KoopmanModel
@@ -54,23 +43,23 @@ from kmpc_lite.types import INPUTS, STATES, Array
 
 @dataclass(frozen=True)
 class Selection:
-    """What the log supports."""
+    """What the log supports; by default nothing beyond the nominal robot."""
 
-    rows: Rows
-    speed: AnyResponse
-    turn: AnyResponse
-    longest: int
-    """Longest history that was looked at [periods]."""
     smoothing: tuple[float, float]
     limits: tuple[float, float]
-    along: Direction
-    across: Direction
-    heading: Direction
     blocks: int
     """Blocks that the choice was made on."""
-    windows: int
+    rows: Rows = field(default_factory=nominal_rows)
+    speed: AnyResponse = AT_ONCE
+    turn: AnyResponse = AT_ONCE
+    longest: int = 0
+    """Longest history that was looked at [periods]."""
+    along: Direction = STAYS
+    across: Direction = STAYS
+    heading: Direction = STAYS
+    windows: int = 0
     """Windows that the rows were fitted to."""
-    condition: float
+    condition: float = 1.0
     """Condition number of the position's terms, as columns of length one."""
 
     @property
@@ -93,11 +82,11 @@ def select(
         What is fitted.
     options : SelectionOptions, optional
         How.
-    whole : Dataset, optional
-        What terms are chosen on: the log of which `dataset` is a part; `dataset` where not given.
     ages : sequence of int
         Of the commands that act [periods]; where there are none, a dead time and a time constant
         are looked for.
+    whole : Dataset, optional
+        What terms are chosen on: the log of which `dataset` is a part; `dataset` where not given.
 
     Raises
     ------
@@ -105,9 +94,8 @@ def select(
         For ages that a log is too short for.
     """
     options = SelectionOptions() if options is None else options
-    windows = cut_for(dataset, options, ages)
-    limits = largest_speeds(dataset)
-    smoothing = 0.05 * limits[0], 0.05 * limits[1]
+    windows, limits = cut_for(dataset, options, ages), largest_speeds(dataset)
+    terms = (0.05 * limits[0], 0.05 * limits[1]), limits
     blocks = len(windows.blocks)
     if blocks < 3 and ages:
         longest = (windows.longest + windows.length) * dataset.dt
@@ -116,65 +104,32 @@ def select(
             f"gap, as lags up to {max(ages)} periods need; got {blocks}"
         )
     if blocks < 3:
-        stays = Direction(NOMINAL, 0.0, float("inf"))
-        return Selection(
-            nominal_rows(),
-            AT_ONCE,
-            AT_ONCE,
-            0,
-            smoothing,
-            limits,
-            stays,
-            stays,
-            stays,
-            blocks,
-            0,
-            1.0,
-        )
+        return Selection(*terms, blocks)
     given = shares_of_ages(windows, ages) if ages else None
-    fitted = Search(cut_for(_thinned(dataset, options), options, ages), smoothing, limits, given)
-    search, log = fitted, dataset
-    if whole is not None:
-        log = whole
-        judged = cut_for(_thinned(whole, options), options, ages)
-        search = Search(judged, smoothing, limits, given)
-        blocks = len(judged.blocks)
+    fitted, search = (
+        Search(cut_for(_thinned(log, options), options, ages), *terms, log, given)
+        for log in (dataset, dataset if whole is None else whole)
+    )
     turn, heading, heading_terms = choose_heading(search, options)
-    turn = _late(turn, log, 1, search)
     speed, along, along_terms = choose_along(search, turn, options)
-    speed = _late(speed, log, 0, search)
     across, across_terms = choose_across(search, speed, turn, along_terms, options)
-    if heading_terms or turn != AT_ONCE:
-        turn = refine(turn, lambda r: heading_error(fitted, r, heading_terms), fitted, options)
-    if along_terms or speed != AT_ONCE:
-        speed = refine(speed, lambda r: along_error(fitted, r, turn, along_terms), fitted, options)
-    every = Search(windows, smoothing, limits).moments(speed, turn)
+    turn = refine_heading(fitted, turn, heading_terms, options)
+    speed = refine_along(fitted, speed, turn, along_terms, options)
+    every = Search(windows, *terms, dataset).moments(speed, turn)
     rows, condition = _fit_rows(every, along_terms, across_terms, heading_terms)
     return Selection(
+        *terms,
+        len(search.windows.blocks),
         rows,
         speed,
         turn,
         windows.longest,
-        smoothing,
-        limits,
         along,
         across,
         heading,
-        blocks,
         windows.count,
         condition,
     )
-
-
-def _late(chosen: AnyResponse, log: Dataset, axis: int, search: Search) -> AnyResponse:
-    """Give a mean delay to a robot that was chosen to obey at once, if its log is sure of one.
-
-    That it answers late is one number, which a log shows long before any term of a model.
-    """
-    if search.given is not None or chosen != AT_ONCE:
-        return chosen
-    delay = unmodelled_delay(log, DelayOptions(axes=(axis,)))
-    return Response(min(delay, search.windows.longest * log.dt), 0.0)
 
 
 def cut_for(dataset: Dataset, options: SelectionOptions, ages: Sequence[int] = ()) -> Windows:

@@ -33,7 +33,7 @@ def wheel_speeds(case: Case) -> str | None:
         return None
     return (
         "the robot drives by the sum of v and omega and turns by their difference: they are the "
-        "speeds of two wheels; expected v = (right + left) / 2 and omega = (right - left) / width"
+        "speeds of two wheels; --columns left=NAME right=NAME --track M"
     )
 
 
@@ -131,6 +131,11 @@ TOO_LATE = 1.2
 """A motion that comes later than this many times what a model can know is refused."""
 
 
+def is_early(delay: float, dt: float) -> bool:
+    """Whether a motion comes before its command by more than a period [s]."""
+    return delay < -dt
+
+
 def tell_delay(delay: float, dt: float) -> str:
     """How long after its command the motion comes [s], and whether a model can know that.
 
@@ -141,12 +146,12 @@ def tell_delay(delay: float, dt: float) -> str:
     dt : float
         The model's period [s].
     """
-    if delay < -dt:
+    if is_early(delay, dt):
         return (
-            f"{-delay:.2f} s before its command, as no robot can, and is learned as if it came "
-            f"with it; where it is the clocks that differ, --shift {delay:.2f}"
+            f"precedes its command by {-delay:.2f} s, which is impossible; delay set to zero. If "
+            f"the clocks differ: --shift {delay:.2f}"
         )
-    told = f"{delay:.2f} s after its command"
+    told = f"comes {delay:.2f} s after its command"
     known = SelectionOptions().longest_history(dt) * dt
     if delay <= known:
         return told

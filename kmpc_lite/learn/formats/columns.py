@@ -3,41 +3,78 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from kmpc_lite.errors import DataError, did_you_mean
 from kmpc_lite.learn.logs import KNOWN
 
 COLUMNS = ("t", "x", "y", "theta", "v", "omega")
-UNITS = ("s", "m", "m", "rad", "m/s", "rad/s")
+"""Columns of the tables that are written."""
+
+
+class Names(NamedTuple):
+    """How other tools call a column; in lower case, with underscores between the words."""
+
+    whole: tuple[str, ...]
+    endings: tuple[str, ...] = ()
+    """Last words of longer names: ``pose.pose.position.x``."""
+
+
+V = ("cmd_v", "v_cmd", "u_v", "v_ref", "cmd_vel", "linear", "speed", "velocity", "vel", "vx")
+OMEGA = ("cmd_omega", "omega_cmd", "cmd_w", "w_cmd", "w", "wz", "angular", "yaw_rate", "yawrate")
+WHEEL = ("speed", "vel", "velocity")
+NAMES = {
+    "t": Names(
+        ("time", "stamp", "timestamp", "secs", "sec", "seconds", "time_stamp", "ts", "elapsed"),
+        ("header_stamp", "timestamp", "time"),
+    ),
+    **{
+        a: Names(
+            (f"p{a}", f"t{a}", f"pos_{a}", f"{a}_pos", *compass),
+            (f"position_{a}", f"pos_{a}", f"translation_{a}", f"pose_{a}", f"r_{a}"),
+        )
+        for a, compass in (("x", ("east", "easting")), ("y", ("north", "northing")))
+    },
+    "theta": Names(
+        ("yaw", "heading", "psi", "th", "phi", "angle", "orientation", "azimuth"),
+        ("theta", "yaw", "heading"),
+    ),
+    "v": Names(V, ("linear_x", "lin_vel", "linear_velocity", "lin_x", "v")),
+    "omega": Names(
+        (*OMEGA, "turn_rate", "cmd_yaw_rate", "omega_ref", "u_omega", "u_w"),
+        ("angular_z", "ang_vel", "angular_velocity", "ang_z", "omega", "yaw_rate"),
+    ),
+    "lat": Names(("latitude", "gps_lat"), ("latitude", "lat")),
+    "lon": Names(("longitude", "lng", "long", "gps_lon"), ("longitude", "lon", "lng")),
+    **{
+        side: Names(
+            (f"v_{side}", f"{side}_v", f"v{side[0]}", f"v_{side[0]}", f"cmd_{side}"),
+            (
+                *(f"{side}{of}_{what}" for of in ("", "_wheel") for what in WHEEL),
+                *(f"{side}_wheel", f"wheel_{side}"),
+            ),
+        )
+        for side in ("left", "right")
+    },
+    **{
+        f"q{a}": Names(
+            (f"q_{a}", f"rot_{a}"),
+            (f"orientation_{a}", f"rotation_{a}", f"q_rs_{a}", f"quat_{a}"),
+        )
+        for a in "xyzw"
+    },
+}
+"""By our name; those of other kinds of robots are added here, in `KNOWN` and in `WAYS`."""
 QUATERNION = ("qx", "qy", "qz", "qw")
-COMMANDS = ("v", "omega")
-NAMES: dict[str, tuple[str, ...]] = {
-    "t": ("time", "stamp", "timestamp", "secs", "sec", "seconds", "time_stamp", "ts", "elapsed"),
-    "x": ("px", "tx", "pos_x", "x_pos", "east", "easting"),
-    "y": ("py", "ty", "pos_y", "y_pos", "north", "northing"),
-    "theta": ("yaw", "heading", "psi", "th", "phi", "angle", "orientation", "azimuth"),
-    "v": ("cmd_v", "v_cmd", "u_v", "v_ref", "cmd_vel", "linear", "speed", "velocity", "vel", "vx"),
-    "omega": ("cmd_omega", "omega_cmd", "cmd_w", "w_cmd", "w", "wz", "angular", "yaw_rate")
-    + ("yawrate", "turn_rate", "cmd_yaw_rate", "omega_ref", "u_omega", "u_w"),
-    "qx": ("q_x", "rot_x"),
-    "qy": ("q_y", "rot_y"),
-    "qz": ("q_z", "rot_z"),
-    "qw": ("q_w", "rot_w"),
+WAYS = {
+    "position": (("x", "y"), ("lat", "lon")),
+    "heading": (("theta",), QUATERNION),
+    "command": (("v", "omega"), ("left", "right")),
 }
-"""Whole names, in lower case, with underscores between their words."""
-ENDINGS: dict[str, tuple[str, ...]] = {
-    "t": ("header_stamp", "timestamp", "time"),
-    "x": ("position_x", "pos_x", "translation_x", "pose_x", "r_x"),
-    "y": ("position_y", "pos_y", "translation_y", "pose_y", "r_y"),
-    "theta": ("theta", "yaw", "heading"),
-    "v": ("linear_x", "lin_vel", "linear_velocity", "lin_x", "v"),
-    "omega": ("angular_z", "ang_vel", "angular_velocity", "ang_z", "omega", "yaw_rate"),
-    **{f"q{a}": (f"orientation_{a}", f"rotation_{a}", f"q_rs_{a}", f"quat_{a}") for a in "xyzw"},
-}
-"""Last words of longer names: ``pose.pose.position.x``."""
+"""Columns that say the same; the first of which all are there are taken."""
 WORDS = {"°": "deg", "degrees": "deg", "degree": "deg", "°/s": "deg/s", "degrees/s": "deg/s"}
 """Units as headers spell them too."""
 COMMANDED = ("cmd", "command", "target", "setpoint", "desired", "ref")
@@ -65,6 +102,12 @@ class Found:
     header: tuple[str, ...] = ()
     """Names of all the table's columns."""
 
+    @property
+    def command(self) -> tuple[str, ...]:
+        """Columns of the commands; none where the table has none."""
+        way = _way("command", self.where.keys())
+        return way if set(way) <= self.where.keys() else ()
+
     def shown(self, name: str) -> str:
         """Give the file's name of a column, fit for a message."""
         return short(self.names[name])
@@ -80,9 +123,10 @@ class Found:
         lines = [f"columns: {', '.join(told)}"] if told else []
         if self.passed_over:
             others = ", ".join(map(short, self.passed_over[:4]))
+            taken = " and ".join(f"{name}={self.shown(name)}" for name in self.command)
             lines.append(
-                f"v={self.shown('v')} and omega={self.shown('omega')} are learned from; commands "
-                f"may be in {others}, too (--columns v=... omega=...)"
+                f"{taken} are learned from; commands may be in {others}, too "
+                "(--columns v=... omega=...)"
             )
         return tuple(lines)
 
@@ -121,28 +165,29 @@ def find_columns(
             found[name] = places[0]
         elif places:
             several[name] = places
-    wanted = _wanted(found, several, poses)
-    missing = [name for name in wanted if name not in found and name not in several]
-    doubled = [name for name in (*wanted, *COMMANDS) if name in several]
+    there = found.keys() | several.keys()
+    commands = _way("command", there)
+    pose = (*_way("position", there), *_way("heading", there))
+    wanted = ("t", *pose) if poses else ("t", *commands)
+    missing = [name for name in wanted if name not in there]
+    every = tuple(dict.fromkeys((*wanted, *commands)))
+    doubled = [name for name in every if name in several]
     if missing or doubled:
         _refuse(file, header, where, missing, {n: several[n] for n in doubled})
-    kept = [n for n in (*wanted, *COMMANDS) if n in found]
+    kept = [n for n in every if n in found]
     units = {n: u for n in kept if (u := _unit(n, header[found[n]]))}
     names = {n: header[found[n]] for n in kept}
     taken = set(names.values())
     others = tuple(h for h in header if h not in taken and _is_commanded(h))
-    plain = all(n in names and n not in chosen and not _is_commanded(names[n]) for n in COMMANDS)
+    plain = all(n in names and n not in chosen and not _is_commanded(names[n]) for n in commands)
     passed_over = others if plain else ()
     return Found({n: found[n] for n in kept}, names, units, passed_over, tuple(header))
 
 
-def _wanted(found: Mapping[str, int], several: Mapping[str, list[int]], poses: bool) -> list[str]:
-    """Columns that must be there."""
-    if not poses:
-        return ["t", *COMMANDS]
-    quaternion = "theta" not in found and "theta" not in several and "qz" in found
-    turn = list(QUATERNION) if quaternion else ["theta"]
-    return ["t", "x", "y", *turn]
+def _way(kind: str, there: Collection[str]) -> tuple[str, ...]:
+    """Columns by which a table says a thing."""
+    whole = (way for way in WAYS[kind] if all(name in there for name in way))
+    return next(whole, WAYS[kind][0])
 
 
 def _places(file: Path, header: Sequence[str], name: str, chosen: Mapping[str, str]) -> list[int]:
@@ -158,13 +203,13 @@ def _places(file: Path, header: Sequence[str], name: str, chosen: Mapping[str, s
     if exact:
         return exact
     plain = [_plain(theirs) for theirs in header]
-    for alias in (name, *NAMES[name]):
+    for alias in (name, *NAMES[name].whole):
         if places := [k for k, theirs in enumerate(plain) if theirs == alias]:
             return places
-    for ending in ENDINGS[name]:
+    for ending in NAMES[name].endings:
         if places := [k for k, theirs in enumerate(plain) if f"_{theirs}".endswith(f"_{ending}")]:
             sure = [k for k in places if any(word in plain[k] for word in COMMANDED)]
-            return sure if len(sure) == 1 and name in COMMANDS else places
+            return sure if len(sure) == 1 and name in WAYS["command"][0] else places
     return []
 
 

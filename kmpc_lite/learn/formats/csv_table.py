@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from itertools import chain, islice
 from pathlib import Path
 
@@ -25,6 +26,10 @@ MAX_LINE = 100_000
 """Characters of the longest line: a file without line ends is no table."""
 MAX_REMARKS = 100
 """Lines before the header that begin with # and are no header."""
+MISSING = ("", "nan", "none", "null", "na", "n/a")
+"""What stands where a value is missing, in lower case."""
+EPOCH_NANOSECONDS = 9e17
+"""Times that are larger count nanoseconds since 1970, from 1998 on: no robot runs so long [s]."""
 DELIMITERS = (",", ";", "\t", "|")
 TUM = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 """Columns of a trajectory as the TUM benchmark has them."""
@@ -64,14 +69,29 @@ def read_csv(
     tuple
         Which columns they are, their values (n,) by our name, and whether the table has a header.
     """
+    try:
+        return _read(file, options, poses, tolerant=False)
+    except DataError:
+        raise
+    except ValueError:  # values are missing, times are dates, or something is wrong
+        return _read(file, options, poses, tolerant=True)
+
+
+def _read(
+    file: Path, options: ReadOptions, poses: bool, tolerant: bool
+) -> tuple[Found, dict[str, Array], bool]:
+    """Read the columns; a table in which every value is a number takes a tenth of the time."""
     with closing(text_lines(file, MAX_LINE)) as lines:
         layout = _layout(file, lines)
         found = find_columns(file, layout.header, options.columns, layout.where, poses)
         rows = _rows(file, lines, layout)
         first = next(rows, None)
-        names = list(found.where)
         if first is None:
-            return found, {name: np.empty(0) for name in names}, not layout.first
+            return found, {name: np.empty(0) for name in found.where}, not layout.first
+        convert: dict[int | str, Callable[[str], float]] = {}
+        if tolerant:
+            convert.update({place: parse_number for place in found.where.values()})
+            convert[found.where["t"]] = parse_time
         try:
             table = np.loadtxt(
                 chain([first], rows),
@@ -80,12 +100,39 @@ def read_csv(
                 ndmin=2,
                 comments=None,
                 quotechar='"',
+                converters=convert or None,
+                encoding="utf-8",
             )
         except DataError:
             raise
         except ValueError as error:
+            if not tolerant:
+                raise
             raise DataError(f"{file}: {_bad_value(file, layout, found) or error}") from error
-    return found, dict(zip(names, table.T, strict=True)), not layout.first
+    columns = dict(zip(found.where, table.T, strict=True))
+    if "t" not in found.units and np.median(columns["t"]) > EPOCH_NANOSECONDS:
+        found = replace(found, units={**found.units, "t": "ns"})
+    return found, columns, not layout.first
+
+
+def parse_number(text: str) -> float:
+    """Read a number; NaN where it is missing."""
+    bare = text.strip()
+    if bare.lower() in MISSING:
+        return float("nan")
+    if not is_number(bare):
+        raise ValueError(bare)
+    return float(bare)
+
+
+def parse_time(text: str) -> float:
+    """Read a number, or a date and a time as ISO 8601 has them, as seconds since 1970."""
+    try:
+        return parse_number(text)
+    except ValueError:
+        when = datetime.fromisoformat(text.strip())
+    # where no zone is told only differences count, and those of local clocks may jump by an hour
+    return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
 
 
 def _layout(file: Path, lines: Iterator[str]) -> Layout:
@@ -158,14 +205,13 @@ def _bad_value(file: Path, layout: Layout, found: Found) -> str | None:
             values = layout.values(line)
             for name, place in found.where.items() if line.strip() else ():
                 text = values[place].strip() if place < len(values) else ""
-                if not is_number(text.replace(",", ".") if layout.delimiter == ";" else text):
-                    return f"line {number}, column {found.shown(name)}: {_expected(text)}"
+                parse = parse_time if name == "t" else parse_number
+                try:
+                    parse(text.replace(",", ".") if layout.delimiter == ";" else text)
+                except ValueError:
+                    told = f"expected a number, got {short(text)!r}"
+                    return f"line {number}, column {found.shown(name)}: {told}"
     return None
-
-
-def _expected(text: str) -> str:
-    """What an error says was expected where a value is no number."""
-    return f"expected a number, got {short(text)!r}"
 
 
 def is_number(text: str) -> bool:

@@ -17,15 +17,24 @@ from kmpc_lite.learn.dataset import CHUNK
 from kmpc_lite.learn.episode import MAX_ROWS, Episode
 from kmpc_lite.learn.formats.columns import (
     COLUMNS,
-    COMMANDS,
     QUATERNION,
-    UNITS,
+    WAYS,
     Found,
     find_columns,
     listed,
 )
 from kmpc_lite.learn.formats.csv_table import line_of, read_csv
-from kmpc_lite.learn.logs import Log, ReadOptions, Series, parse_units, row_number
+from kmpc_lite.learn.formats.streams import local_metres
+from kmpc_lite.learn.logs import (
+    KNOWN,
+    Log,
+    ReadOptions,
+    Series,
+    correct,
+    in_units,
+    parse_units,
+    row_number,
+)
 from kmpc_lite.types import Array
 
 ENDINGS = (".csv", ".npz", ".tsv", ".txt", ".tum")
@@ -45,47 +54,59 @@ def read_table(file: Path, options: ReadOptions) -> Log:
     DataError
         With file, line and column, for whatever is wrong.
     """
-    apart = options.commands is not None
     found, columns, where = _read_columns(file, options)
-    poses = _as_poses(columns)
-    if not apart and not set(COMMANDS) <= set(columns):
-        missing = [name for name in COMMANDS if name not in columns]
+    if options.commands is None and not found.command:
+        missing = [name for name in WAYS["command"][0] if name not in columns]
         named = " ".join(f"{name}=NAME" for name in missing)
         raise DataError(
             f"{file}: {where(-1)}{', '.join(missing)} missing; expected {','.join(COLUMNS)}, got "
             f"{listed(found.header)}; --columns {named} tells which they are, --commands FILE "
             "gives commands that lie elsewhere"
         )
+    columns, where, notes = _whole_rows(columns, found, where)
     _check(file, columns, found, where, options.force)
-    notes = found.notes
-    series = Series(columns["t"], poses, str(file))
-    if options.commands is None:
-        values = np.column_stack([columns["v"], columns["omega"]])
-        commands = Series(columns["t"], values, str(file))
-    else:
-        commands = read_commands(options.commands, options)
-    log = Log(str(file), series, commands, together=not apart, notes=notes, where=where)
-    return _in_header_units(log, found, options, apart)
+    units = _header_units(found, options)
+    poses = Series(columns["t"], _poses(columns, found, options), str(file))
+    if options.commands is not None:
+        held, more = read_commands(options.commands, options)
+        poses = in_units(poses, ("x", "y", "theta"), units)
+        return Log(str(file), poses, held, notes=(*found.notes, *notes, *more), where=where)
+    held = Series(columns["t"], _commands(file, columns, found, options), str(file))
+    notes = (*found.notes, *notes)
+    log = Log(str(file), poses, held, together=True, notes=notes, where=where)
+    return correct(log, ReadOptions(units=units))
 
 
-def read_commands(file: Path, options: ReadOptions) -> Series:
-    """Read a table of commands alone: t, v, omega."""
+def read_commands(file: Path, options: ReadOptions) -> tuple[Series, tuple[str, ...]]:
+    """Read a table of commands alone; notes beside it."""
     found, columns, where = _read_columns(file, options, poses=False)
+    columns, where, notes = _whole_rows(columns, found, where)
     _check(file, columns, found, where, options.force)
-    units = parse_units({k: u for k, u in found.units.items() if k not in options.units})
-    values = {k: units[k].apply(c) if k in units else c for k, c in columns.items()}
-    return Series(values["t"], np.column_stack([values["v"], values["omega"]]), str(file))
+    held = Series(columns["t"], _commands(file, columns, found, options), str(file))
+    return in_units(held, ("v", "omega"), _header_units(found, options)), notes
 
 
-def _in_header_units(log: Log, found: Found, options: ReadOptions, apart: bool) -> Log:
-    """A log in SI units, as far as its header tells others; what the user says goes first."""
-    from kmpc_lite.learn.logs import correct
+def _header_units(found: Found, options: ReadOptions) -> dict[str, str]:
+    """Units that the header tells; what the user says goes first."""
+    return {k: u for k, u in found.units.items() if k not in options.units}
 
-    units = {k: u for k, u in found.units.items() if k not in options.units}
-    if not units:
-        return log
-    told = correct(log, ReadOptions(units=units))
-    return Log(**{**vars(told), "commands": log.commands}) if apart else told
+
+def _whole_rows(
+    columns: dict[str, Array], found: Found, where: Callable[[int], str]
+) -> tuple[dict[str, Array], Callable[[int], str], tuple[str, ...]]:
+    """Rows in which nothing is missing, how they are named, and a note on the others.
+
+    Where most rows miss something, all are kept, and the check names the first.
+    """
+    lacking = {name: np.isnan(column) for name, column in columns.items()}
+    kept = ~np.any(list(lacking.values()), axis=0)
+    if kept.all() or 2 * int(kept.sum()) < len(kept):
+        return columns, where, ()
+    rows = np.flatnonzero(kept)
+    names = ", ".join(found.shown(name) for name, missing in lacking.items() if missing.any())
+    note = f"{len(kept) - len(rows)} rows without a number in {names} were left out"
+    whole = {name: column[rows] for name, column in columns.items()}
+    return whole, lambda row: where(int(rows[row]) if row >= 0 else row), (note,)
 
 
 def _read_columns(
@@ -109,12 +130,37 @@ def _line_of_text(file: Path, header: bool, row: int) -> str:
     return "line 1: header: " if row < 0 else line_of(file, row, header)
 
 
-def _as_poses(columns: dict[str, Array]) -> Array:
+def _poses(columns: dict[str, Array], found: Found, options: ReadOptions) -> Array:
     """Poses (n, 3); the heading of quaternions is that of the robot's x axis."""
     theta = columns.get("theta")
     if theta is None:
         theta = heading(*(columns[q] for q in QUATERNION))
+    if "lat" in columns:
+        place = _in_own_units(columns, ("lat", "lon"), found, options)
+        north, east = local_metres(*place).T
+        return np.column_stack([east, north, theta])
     return np.column_stack([columns["x"], columns["y"], theta])
+
+
+def _commands(file: Path, columns: dict[str, Array], found: Found, options: ReadOptions) -> Array:
+    """Commands v and omega (n, 2), also of a left and a right wheel."""
+    if "left" not in columns:
+        return np.column_stack([columns["v"], columns["omega"]])
+    if options.track is None:
+        raise DataError(
+            f"{file}: commands are speeds of a left and a right wheel: --track M tells how far "
+            "apart they are"
+        )
+    left, right = _in_own_units(columns, ("left", "right"), found, options)
+    return np.column_stack([0.5 * (left + right), (right - left) / options.track])
+
+
+def _in_own_units(
+    columns: dict[str, Array], names: tuple[str, ...], found: Found, options: ReadOptions
+) -> list[Array]:
+    """Columns that become others, in the units that the user gave, or the header."""
+    units = parse_units({**found.units, **options.units})
+    return [units[n].apply(columns[n]) if n in units else columns[n] for n in names]
 
 
 def heading(qx: Array, qy: Array, qz: Array, qw: Array) -> Array:
@@ -154,11 +200,11 @@ def _check(
     force: bool,
 ) -> None:
     """Refuse a table that no episode can be made of, with the line."""
-    units = dict(zip(COLUMNS, UNITS, strict=True))
     if len(columns["t"]) < 2:
         raise DataError(f"{file}: {len(columns['t'])} row(s); expected at least 2")
     for name, column in columns.items():
-        unit = f" in {units[name]}" if name in units and name not in found.units else ""
+        si = next((unit for unit, size in KNOWN.get(name, {}).items() if size == 1.0), "")
+        unit = f" in {si}" if si and name not in found.units else ""
         wrong = ~np.isfinite(column)
         if wrong.any():
             row = int(np.argmax(wrong))

@@ -19,6 +19,7 @@ from kmpc_lab.report.style import (
     write_picture,
 )
 from kmpc_lite.geometry import wrap
+from kmpc_lite.learn.cutting import GAP
 from kmpc_lite.learn.logs import Log
 from kmpc_lite.types import Array
 
@@ -55,13 +56,13 @@ def log_picture(log: Log) -> Figure:
         _draw_path(top, log)
         since = float(log.poses.time.min())
         shown = _some(len(log.commands.time))
-        time = log.commands.time[shown] - since
+        time, held = _broken(log.commands.time[shown] - since, log.commands.values[shown])
         names = (("Forward speed v", "m/s"), ("Turn rate ω", "rad/s"))
         moved_at, moved = _motion(log)
         for k, (panel, (name, unit)) in enumerate(zip(below, names, strict=True)):
             panel.axhline(0.0, color=GREY, linewidth=0.8)
             panel.plot(moved_at - since, moved[:, k], color=GREEN, linewidth=1.0)
-            panel.step(time, log.commands.values[shown, k], where="post", color=BLUE, linewidth=1.0)
+            panel.step(time, held[:, k], where="post", color=BLUE, linewidth=1.0)
             panel.set_title(f"{name} [{unit}]")
         below[0].sharex(below[1])
         below[1].set_xlabel("time since the first pose [s]")
@@ -82,8 +83,9 @@ def log_picture(log: Log) -> Figure:
 
 def _draw_path(panel: Any, log: Log) -> None:
     """The path, and where the robot faced."""
-    poses = log.poses.values[_some(len(log.poses.time))]
-    panel.plot(poses[:, 0], poses[:, 1], color=GREY, linewidth=1.2)
+    shown = _some(len(log.poses.time))
+    poses = log.poses.values[shown]
+    panel.plot(*_broken(log.poses.time[shown], poses)[1].T[:2], color=GREY, linewidth=1.2)
     panel.plot(*poses[0, :2], color=GREEN, marker="o", markersize=5)
     few = poses[:: max(1, len(poses) // ARROWS)]
     arrow = 0.05 * max(float(np.ptp(poses[:, 0])), float(np.ptp(poses[:, 1])), 1e-9)
@@ -109,6 +111,14 @@ def _motion(log: Log) -> tuple[Array, Array]:
     good = (seconds > 0.0) & (seconds < LONGEST * n * usual)  # not across a gap
     rates = np.where(good[:, None], np.column_stack([ahead, turned]), np.nan)
     return time[shown] + 0.5 * seconds, rates / np.where(good, seconds, 1.0)[:, None]
+
+
+def _broken(time: Array, values: Array) -> tuple[Array, Array]:
+    """Times (n,) and values (n, k) with a row of NaN in each gap, at which a line ends."""
+    steps = np.diff(time)
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    gaps = np.flatnonzero((steps > max(GAP * usual, LONGEST * WINDOW)) | (steps < 0.0)) + 1
+    return np.insert(time, gaps, time[gaps - 1]), np.insert(values, gaps, np.nan, axis=0)
 
 
 def _some(count: int) -> Array:

@@ -56,7 +56,7 @@ BAD_LOGS: dict[str, tuple[Callable[[Rows], Rows], str]] = {
         lambda rows: [[*line, line[1]] for line in rows],
         "line 1: header: x doubled",
     ),
-    "NaN": (put(7, "y", "nan"), "line 7, column y: expected a finite number in m, got nan"),
+    "infinity": (put(7, "y", "inf"), "line 7, column y: expected a finite number in m, got inf"),
     "no number": (put(7, "v", "fast"), "line 7, column v: expected a number, got 'fast'"),
     "time runs back": (
         put(9, "t", "0.2"),

@@ -49,7 +49,8 @@ def test_a_motion_before_its_command_is_told(
     for shift, early in (("0.1", False), ("0.4", True)):
         assert cli.main(["inspect", str(made), "--shift", shift]) == 0
         told = capsys.readouterr().out
-        assert ("s before its command, as no robot can" in told) is early
+        assert ("precedes its command by 0.3" in told) is early
+        assert ("nothing is suspect" in told) is not early
         assert ("--shift -0.3" in told) is early
 
 

@@ -53,7 +53,7 @@ def columns(**changed: Any) -> dict[str, Any]:
         ({"v": np.zeros(5, dtype=[("a", float)])}, "array v: expected an array of real numbers"),
         ({"v": np.array([0, 1, None, 3, 4], dtype=object)}, "Object arrays cannot be loaded"),
         (
-            {"v": np.array([0, 1, np.nan, 3, 4])},
+            {"v": np.array([0, 1, np.nan, np.nan, np.nan])},
             "row 2, column v: expected a finite number in m/s, got nan",
         ),
         ({"t": np.array([0, 1, 2, 2, 4])}, "row 3, column t: time must grow"),

@@ -98,9 +98,9 @@ def test_poses_without_commands_need_a_table_of_commands(tmp_path: Path) -> None
 
 
 def test_missing_commands_are_sought_among_all_columns_of_the_table(tmp_path: Path) -> None:
-    path = tmp_path / "wheels.csv"
-    np.savetxt(path, TABLE, delimiter=",", header="t,x,y,theta,v_left,v_right", comments="")
-    words = "got t,x,y,theta,v_left,v_right; --columns v=NAME omega=NAME"
+    path = tmp_path / "axles.csv"
+    np.savetxt(path, TABLE, delimiter=",", header="t,x,y,theta,v_front,v_rear", comments="")
+    words = "got t,x,y,theta,v_front,v_rear; --columns v=NAME omega=NAME"
     with pytest.raises(kl.DataError, match=words):
         read_log(path)
 
