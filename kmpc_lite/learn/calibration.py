@@ -16,8 +16,9 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
-from kmpc_lite.learn.dataset import Dataset
+from kmpc_lite.learn.dataset import Dataset, Pieces
 from kmpc_lite.learn.ramps import let_through
+from kmpc_lite.model.arguments import windows
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.ramps import Ramps
 from kmpc_lite.model.tube import tube_memory, window_deviations
@@ -64,20 +65,8 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int | None = None) -> 
     length = model.history
     if steps is None:
         steps = tube_memory(model)
-    parts: list[tuple[Array, Array, Array, Array | None]] = []
-    found = []
-    for episode in held_out.episodes:
-        count = (len(episode) - length) // steps
-        if count < 1:
-            continue
-        rows = length + np.arange(count * steps).reshape(count, steps)
-        past = episode.inputs[rows[..., None] + np.arange(-length, 0)] if length else None
-        parts.append((episode.states[rows], episode.inputs[rows], episode.states[rows + 1], past))
-        if sum(len(p[0]) for p in parts) >= BATCH:
-            found.append(_largest(model, parts))
-            parts = []
-    if parts:
-        found.append(_largest(model, parts))
+    pieces = held_out.pieces(steps, length, stride=steps, chunk=BATCH)
+    found = [_largest(model, part) for part in pieces]
     if not found:
         longest = max(len(e) for e in held_out.episodes)
         raise DataError(
@@ -87,11 +76,14 @@ def scores(model: KoopmanModel, held_out: Dataset, steps: int | None = None) -> 
     return np.concatenate(found)
 
 
-def _largest(model: KoopmanModel, parts: list[tuple[Array, Array, Array, Array | None]]) -> Array:
+def _largest(model: KoopmanModel, pieces: Pieces) -> Array:
     """Largest score of each window."""
-    x, u, x_next = (np.concatenate([p[i] for p in parts]) for i in range(3))
-    past = np.concatenate([p[3] for p in parts if p[3] is not None]) if model.history else None
-    deviations, covariances = window_deviations(model, x, u, x_next, past)
+    x, x_next = pieces.states[:, :-1], pieces.states[:, 1:]
+    past = None
+    if model.history:
+        every = np.concatenate([pieces.before, pieces.inputs], axis=1)
+        past = windows(every, model.history)
+    deviations, covariances = window_deviations(model, x, pieces.inputs, x_next, past)
     squares = np.einsum(
         "nki,nki->nk", deviations, np.linalg.solve(covariances, deviations[..., None])[..., 0]
     )

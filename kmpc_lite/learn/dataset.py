@@ -31,6 +31,17 @@ class Transitions(NamedTuple):
     """Commands before `u`, oldest first, (n, L, 2); None for L = 0."""
 
 
+class Pieces(NamedTuple):
+    """Equally long pieces of driving, gathered over episodes."""
+
+    states: Array
+    """(n, steps + 1, 3)."""
+    before: Array
+    """Commands before each piece, oldest first, (n, history, 2)."""
+    inputs: Array
+    """Commands of each piece, (n, steps, 2)."""
+
+
 class Dataset:
     """Episodes of one robot, all at one sampling period.
 
@@ -209,6 +220,31 @@ class Dataset:
             raise DataError(f"no episode is as long as one period of {dt:g} s")
         return Dataset(kept)
 
+    def pieces(
+        self, steps: int, history: int = 0, stride: int = 1, chunk: int = CHUNK
+    ) -> Iterator[Pieces]:
+        """Yield all pieces of `steps` steps that begin every `stride`, in chunks of about `chunk`.
+
+        Pieces without a full input history are left out.
+        """
+        batch: list[Pieces] = []
+        count = 0
+        for episode in self.episodes:
+            starts = np.arange(history, len(episode) - steps + 1, stride)
+            for k in range(0, len(starts), chunk):
+                batch.append(_pieces(episode, starts[k : k + chunk], steps, history))
+                count += len(batch[-1].states)
+                if count >= chunk:
+                    yield _joined(batch)
+                    batch, count = [], 0
+        if batch:
+            yield _joined(batch)
+
+    def every_piece(self, steps: int, history: int = 0, stride: int = 1) -> Pieces:
+        """Give what `pieces` yields at once; empty arrays where no episode is long enough."""
+        none = _pieces(self.episodes[0], np.arange(0), steps, history)
+        return _joined([none, *self.pieces(steps, history, stride)])
+
     def transitions(self, history: int = 0, chunk: int = CHUNK) -> Iterator[Transitions]:
         """Yield all steps in chunks of about `chunk` rows.
 
@@ -239,6 +275,21 @@ class Dataset:
                     batch, rows = [], 0
         if batch:
             yield _gather(batch)
+
+
+def _pieces(episode: Episode, starts: Array, steps: int, history: int) -> Pieces:
+    """Pieces of one episode from its rows `starts` (n,) on."""
+    rows = starts[:, None]
+    return Pieces(
+        episode.states[rows + np.arange(steps + 1)],
+        episode.inputs[rows + np.arange(-history, 0)],
+        episode.inputs[rows + np.arange(steps)],
+    )
+
+
+def _joined(batch: list[Pieces]) -> Pieces:
+    """Pieces one after another."""
+    return Pieces(*map(np.concatenate, zip(*batch, strict=True)))
 
 
 def _gather(batch: list[Transitions]) -> Transitions:

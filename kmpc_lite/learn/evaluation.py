@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.files import SAME_DT
 from kmpc_lite.geometry import seen_along
-from kmpc_lite.learn.dataset import CHUNK, Dataset
+from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import Episode, check_time
 from kmpc_lite.learn.ramps import let_through
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.nominal import nominal_unicycle
 from kmpc_lite.model.ramps import Ramps
-from kmpc_lite.types import STATES, Array
+from kmpc_lite.types import INPUTS, STATES, Array
 
 
 @dataclass(frozen=True)
@@ -93,46 +93,58 @@ def evaluate(
     if stride != int(stride) or stride < 1:
         raise DataError(f"stride: expected a whole number >= 1, got {stride}")
     stride, steps = int(stride), max(1, int(round(check_time("horizon", horizon) / model.dt)))
-    nominal, passed = nominal_unicycle(model.dt), let_through(dataset, Ramps.of(model.info))
-    sums = np.zeros((4, 3))
-    total, count, long_count = 0.0, 0, 0
-    # a model may diverge far from its data: then its error is infinite, and no warning is due
-    with np.errstate(over="ignore", invalid="ignore"):
-        for (x, inputs, truth), (_, driven, _) in zip(
-            _segments(dataset, model.history, 1, stride),
-            _segments(passed, model.history, 1, stride),
-            strict=True,
-        ):
-            predicted = model.predict(x, driven[:, -1], driven[:, :-1])
-            sums[0] += _squares(predicted, truth, x)
-            sums[1] += _squares(nominal.predict(x, inputs[:, -1]), truth, x)
-            total += float(np.sum((predicted - truth) ** 2))
-            count += len(x)
-        for (x, inputs, truth), (_, driven, _) in zip(
-            _segments(dataset, model.history, steps, stride),
-            _segments(passed, model.history, steps, stride),
-            strict=True,
-        ):
-            past, future = driven[:, : model.history], driven[:, model.history :]
-            sums[2] += _squares(model.rollout(x, future, past)[:, -1], truth, x)
-            sums[3] += _squares(nominal.rollout(x, inputs[:, model.history :])[:, -1], truth, x)
-            long_count += len(x)
-    if long_count == 0:
+    sums = [_squared_errors(model, dataset, length, stride) for length in (1, steps)]
+    if not sums[1].starts:
         longest = max(len(e) for e in dataset.episodes) * dataset.dt
         raise DataError(
             f"no held-out episode is as long as {horizon:g} s "
             f"plus an input history of {model.history} steps (longest {longest:g} s)"
         )
-    sums, total = np.where(np.isnan(sums), np.inf, sums), np.inf if np.isnan(total) else total
-    rms = np.sqrt(sums / np.array([count, count, long_count, long_count])[:, None])
+    one, many = sums
     return FitReport(
         steps * model.dt,
-        long_count,
-        as_triple(rms[0]),
-        as_triple(rms[2]),
-        as_triple(rms[1]),
-        as_triple(rms[3]),
-        100 * float(np.sqrt(total / count)),
+        many.starts,
+        as_triple(one.model),
+        as_triple(many.model),
+        as_triple(one.nominal),
+        as_triple(many.nominal),
+        100 * one.state,
+    )
+
+
+class _Errors(NamedTuple):
+    """Root mean squares of errors after some steps."""
+
+    model: Array
+    """Along, across, heading, (3,)."""
+    nominal: Array
+    state: float
+    """Of the model, over all three together."""
+    starts: int
+
+
+def _squared_errors(model: KoopmanModel, dataset: Dataset, steps: int, stride: int) -> _Errors:
+    """Errors of a model, and of the nominal robot, after some steps from each start."""
+    nominal, passed = nominal_unicycle(model.dt), let_through(dataset, Ramps.of(model.info))
+    sums, total, count = np.zeros((2, 3)), 0.0, 0
+    # a model may diverge far from its data: then its error is infinite, and no warning is due
+    with np.errstate(over="ignore", invalid="ignore"):
+        for told, driven in zip(
+            dataset.pieces(steps, model.history, stride),
+            passed.pieces(steps, model.history, stride),
+            strict=True,
+        ):
+            start, end = told.states[:, 0], told.states[:, -1]
+            ours = model.rollout(start, driven.inputs, driven.before)[:, -1] - end
+            theirs = nominal.rollout(start, told.inputs)[:, -1] - end
+            for sum_, error in zip(sums, (ours, theirs), strict=True):
+                sum_ += np.sum(seen_along(error, start[:, 2]) ** 2, axis=0)
+            total += float(np.sum(ours**2))
+            count += len(start)
+    most = max(count, 1)
+    ours, theirs = np.sqrt(np.where(np.isnan(sums), np.inf, sums) / most)
+    return _Errors(
+        ours, theirs, float(np.sqrt((np.inf if np.isnan(total) else total) / most)), count
     )
 
 
@@ -140,45 +152,6 @@ def as_triple(errors: Array) -> tuple[float, float, float]:
     """Errors (3,) along [m], across [m] and of the heading [rad] as plain numbers."""
     along, across, heading = errors.tolist()
     return along, across, heading
-
-
-def _segments(
-    dataset: Dataset, history: int, steps: int, stride: int
-) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield starts (n, 3), commands (n, history + steps, 2) and final states (n, 3).
-
-    They come in chunks over the episodes.
-    """
-    batch: list[tuple[Array, Array, Array]] = []
-    rows = 0
-    for episode in dataset.episodes:
-        all_starts = np.arange(history, len(episode) - steps + 1, stride)
-        for k in range(0, len(all_starts), CHUNK):
-            starts = all_starts[k : k + CHUNK]
-            windows = np.lib.stride_tricks.sliding_window_view(
-                episode.inputs, history + steps, axis=0
-            ).transpose(0, 2, 1)
-            batch.append(
-                (episode.states[starts], windows[starts - history], episode.states[starts + steps])
-            )
-            rows += len(starts)
-            if rows >= CHUNK:
-                yield _joined(batch)
-                batch, rows = [], 0
-    if batch:
-        yield _joined(batch)
-
-
-def _joined(batch: list[tuple[Array, Array, Array]]) -> tuple[Array, Array, Array]:
-    """One set of arrays from many."""
-    x, inputs, truth = (np.concatenate(column) for column in zip(*batch, strict=True))
-    return x, inputs, truth
-
-
-def _squares(predicted: Array, truth: Array, start: Array) -> Array:
-    """Sum the squared errors along and across the starting heading, and of the heading."""
-    along, across, heading = seen_along(predicted - truth, start[:, 2]).T
-    return np.array([np.sum(along**2), np.sum(across**2), np.sum(heading**2)])
 
 
 class ModelVerdict(Enum):
@@ -239,7 +212,7 @@ def compare(model: KoopmanModel, episodes: Sequence[Episode]) -> Comparison:
     episodes : sequence of Episode
         The drive, at the model's period.
     """
-    starts, past, commands, ends = _windows(model, episodes)
+    starts, past, commands, ends = _driven(model, episodes)
     none = (0.0, 0.0, 0.0)
     if len(starts) < FEWEST:
         return Comparison(ModelVerdict.SHORT, len(starts), none, none)
@@ -266,20 +239,13 @@ def compare(model: KoopmanModel, episodes: Sequence[Episode]) -> Comparison:
     return Comparison(ModelVerdict.WORSE if is_worse else ModelVerdict.UNSURE, *found)
 
 
-def _windows(model: KoopmanModel, episodes: Sequence[Episode]) -> tuple[Array, Array, Array, Array]:
+def _driven(model: KoopmanModel, episodes: Sequence[Episode]) -> tuple[Array, Array, Array, Array]:
     """First poses (n, 3), commands before (n, L, 2), commands (n, T, 2) and last poses (n, 3)."""
     steps, history = max(1, round(HORIZON / model.dt)), model.history
-    inputs = [np.abs(e.inputs).max(axis=0) for e in episodes]
-    largest = np.maximum(np.max(inputs, axis=0), 1e-9) if inputs else np.ones(2)
-    found: list[tuple[Array, Array, Array, Array]] = []
-    for e in episodes:
-        for k in range(history, len(e) - steps + 1, steps):
-            held = e.inputs[k : k + steps]
-            if float((np.abs(held).mean(axis=0) / largest).max()) > MOVING:
-                before = e.inputs[k - history : k]
-                found.append((e.states[k], before, held, e.states[k + steps]))
-    if not found:
-        empty = np.zeros((0, STATES))
-        return empty, empty, empty, empty
-    starts, past, commands, ends = (np.array(part) for part in zip(*found, strict=True))
-    return starts, past, commands, ends
+    if not episodes:
+        return np.zeros((0, STATES)), *np.zeros((2, 0, 1, INPUTS)), np.zeros((0, STATES))
+    drives = Dataset(episodes)
+    largest = np.maximum(np.max([np.abs(e.inputs).max(axis=0) for e in episodes], axis=0), 1e-9)
+    states, before, inputs = drives.every_piece(steps, history, stride=steps)
+    moving = (np.abs(inputs).mean(axis=1) / largest).max(axis=1) > MOVING
+    return states[moving, 0], before[moving], inputs[moving], states[moving, -1]

@@ -97,18 +97,12 @@ def prediction_errors(
         (n, T, 3) [m, m, rad] and (n, T, 2); n may be zero.
     """
     steps = max(2, round(seconds / dataset.dt))
-    poses, commands = [], []
-    for episode in dataset.episodes:
-        starts = np.arange(model.history, len(episode) - steps + 1)
-        if len(starts):
-            poses.append(episode.states[starts[:, None] + np.arange(steps + 1)])
-            commands.append(episode.inputs[starts[:, None] + np.arange(-model.history, steps)])
-    if not poses:
-        return np.zeros((0, steps, 3)), np.zeros((0, steps, 2))
-    every = -(-sum(len(p) for p in poses) // most)
-    x, u = np.concatenate(poses)[::every], np.concatenate(commands)[::every]
-    future, past = u[:, model.history :], u[:, : model.history]
-    predicted = model.rollout(x[:, 0], future, past)[:, 1:]
+    x, before, future = dataset.every_piece(steps, model.history)
+    every = max(1, -(-len(x) // most))
+    x, before, future = x[::every], before[::every], future[::every]
+    if not len(x):
+        return np.zeros((0, steps, STATES)), future
+    predicted = model.rollout(x[:, 0], future, before)[:, 1:]
     return seen_along(x[:, 1:] - predicted, predicted[..., 2]), future
 
 

@@ -32,7 +32,6 @@ from kmpc_lite.learn.checks.relations import clocks_differ, other_source, unrela
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.logs import Log
 from kmpc_lite.learn.unmodelled_delay import aligned, unmodelled_delay
-from kmpc_lite.types import Array
 
 NEVER_MOVES = (
     "the poses never move though the commands do, so the log does not excite the model: expected "
@@ -77,7 +76,10 @@ def refuse_car_like(dataset: Dataset) -> None:
     """
     delay = unmodelled_delay(dataset)
     answered = aligned(dataset, delay) if delay else dataset
-    asked, turned, speeds = _windows(answered, max(1, round(SPOT / dataset.dt)))
+    length = max(1, round(SPOT / dataset.dt))
+    states, _, inputs = answered.every_piece(length, stride=length)
+    asked, turned = inputs[..., 1].sum(axis=1) * dataset.dt, states[:, -1, 2] - states[:, 0, 2]
+    speeds = np.abs(inputs[..., 0]).max(axis=1)
     v_max, omega_max = np.abs(speeds).max(initial=0.0), np.abs(asked).max(initial=0.0)
     turning = np.abs(asked) > TURNING * omega_max
     on_the_spot = turning & (speeds < SLOW * v_max)
@@ -94,18 +96,6 @@ def refuse_car_like(dataset: Dataset) -> None:
             f"{spot:.2f} of the command while it stands, {usual:.2f} while it drives. Car-like "
             "robots are not supported; plans here turn on the spot"
         )
-
-
-def _windows(dataset: Dataset, length: int) -> tuple[Array, Array, Array]:
-    """Asked turns [rad], turns [rad] and largest |v| [m/s] of stretches that do not overlap."""
-    asked, turned, speeds = [], [], []
-    for episode in dataset.episodes:
-        for k in range(0, len(episode) - length + 1, length):
-            inputs = episode.inputs[k : k + length]
-            asked.append(inputs[:, 1].sum() * dataset.dt)
-            turned.append(episode.states[k + length, 2] - episode.states[k, 2])
-            speeds.append(np.abs(inputs[:, 0]).max())
-    return np.array(asked), np.array(turned), np.array(speeds)
 
 
 CHECKS: dict[str, Callable[[Case], str | None]] = {

@@ -16,8 +16,16 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.formats.streams import Thinned, enu, held_together, local_metres, with_heading
-from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
+from kmpc_lite.learn.formats.streams import (
+    Thinned,
+    counted_topics,
+    held_together,
+    local_metres,
+    make_log,
+    pick,
+    with_heading,
+)
+from kmpc_lite.learn.logs import Log, ReadOptions, Series
 from kmpc_lite.reading import open_regular
 from kmpc_lite.types import Array
 
@@ -167,33 +175,10 @@ def read_dataflash(path: Path, options: ReadOptions) -> Log:
                 if np.isfinite([time, values[0]]).all():
                     kept[name].add(time, *values)
     rows = {name: samples.rows() for name, samples in kept.items() if samples.seen}
-    poses = _poses(path, rows, options.topics, counts)
-    commands, note = _commands(path, rows, options.topics, counts)
-    seconds = float(np.ptp(poses.time)) or None
-    topics = tuple(
-        Topic(name, "DataFlash", count, count / seconds if seconds else None)
-        for name, count in sorted(counts.items())
-    )
-    notes = (f"poses: {poses.source}; commands: {commands.source}", *note)
-    return Log(str(path), poses, commands, shares=SHARES in notes, topics=topics, notes=notes)
-
-
-def pick(path: Path, name: str, chosen: Mapping[str, str], there: list[str], seen: str) -> str:
-    """Choose a source: the user's, else the first that is there.
-
-    Raises
-    ------
-    DataError
-        Where it is not.
-    """
-    wanted = chosen.get(name)
-    if wanted is None and there:
-        return there[0]
-    if wanted in there:
-        return str(wanted)
-    what = "pose" if name == "odom" else "command"
-    told = f"topics: {name}={wanted}: not logged" if wanted else f"no {what} is logged"
-    raise DataError(f"{path}: {told}; here are {', '.join(there) or seen or 'no messages at all'}")
+    source, poses = _poses(path, rows, options.topics, counts)
+    commands, shares = _commands(path, rows, options.topics, counts)
+    topics = counted_topics("DataFlash", dict(sorted(counts.items())), poses[:, 0])
+    return make_log(path, poses, f"{source} (north, east, yaw)", commands, shares, topics)
 
 
 def _seen(counts: Mapping[str, int]) -> str:
@@ -203,8 +188,8 @@ def _seen(counts: Mapping[str, int]) -> str:
 
 def _poses(
     path: Path, rows: Mapping[str, Array], chosen: Mapping[str, str], counts: Mapping[str, int]
-) -> Series:
-    """Poses with x east."""
+) -> tuple[str, Array]:
+    """Source, and time, north, east and yaw of poses (n, 4)."""
     there = [n for n in ("XKF1", "NKF1") if len(rows.get(n, ())) > 1]
     if len(rows.get("POS", ())) > 1 and len(rows.get("ATT", ())) > 1:
         there.append("POS")
@@ -217,42 +202,24 @@ def _poses(
     else:
         found = rows[name].copy()
         found[:, 3] = np.radians(found[:, 3])
-    if len(found) < 2:
-        raise DataError(f"{path}: {name}: {len(found)} pose(s) with a heading; expected at least 2")
-    return Series(found[:, 0], enu(found), f"{name} (north, east, yaw)")
+    return name, found
 
 
 def _commands(
     path: Path, rows: Mapping[str, Array], chosen: Mapping[str, str], counts: Mapping[str, int]
-) -> tuple[Series, tuple[str, ...]]:
-    """Commands, turns to the left positive; with a note where they are no speeds."""
+) -> tuple[Series, bool]:
+    """Commands, turns to the left positive, and whether they are shares of what motors can do."""
     there = []
     if all(len(rows.get(n, ())) > 1 for n in ("THR", "STER")):
         moving = [np.nan_to_num(rows[n][:, 1]).any() for n in ("THR", "STER")]
         there = ["desired", "output"] if all(moving) else ["output"]
     name = pick(path, "cmd", chosen, there, f"{_seen(counts)}; THR and STER hold commands")
-    return _desired(rows) if name == "desired" else _output(rows)
-
-
-def _desired(rows: Mapping[str, Array]) -> tuple[Series, tuple[str, ...]]:
-    """Speeds that the autopilot wants."""
-    both = held_together(rows["THR"][:, :2], rows["STER"][:, :2])
-    values = np.column_stack([both[:, 1], -np.radians(both[:, 2])])
-    return Series(both[:, 0], values, "THR.DesSpeed, STER.DesTurnRate"), ()
-
-
-def _output(rows: Mapping[str, Array]) -> tuple[Series, tuple[str, ...]]:
-    """Shares of what the motors can do."""
-    both = held_together(rows["THR"][:, [0, 2]], rows["STER"][:, [0, 2]])
+    desired = name == "desired"
+    field = 1 if desired else 2
+    both = held_together(rows["THR"][:, [0, field]], rows["STER"][:, [0, field]])
+    if desired:
+        values = np.column_stack([both[:, 1], -np.radians(both[:, 2])])
+        return Series(both[:, 0], values, "THR.DesSpeed, STER.DesTurnRate"), False
     full = FULL_STEERING if np.abs(both[:, 2]).max() > 1.5 else 1.0
     values = np.column_stack([both[:, 1] / 100.0, -both[:, 2] / full])
-    return (
-        Series(both[:, 0], values, "THR.ThrOut, STER.SteerOut"),
-        (SHARES,),
-    )
-
-
-SHARES = (
-    "commands are shares of full throttle and steering, not m/s and rad/s: the model is one of "
-    "those shares, and drives a robot that is commanded by them"
-)
+    return Series(both[:, 0], values, "THR.ThrOut, STER.SteerOut"), True

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
+from kmpc_lite.errors import DataError
+from kmpc_lite.geometry import wrap
+from kmpc_lite.learn.logs import Log, Series, Topic
 from kmpc_lite.types import Array
 
 MOST_SAMPLES = 1_000_000
@@ -52,6 +57,73 @@ class Thinned:
     def rows(self) -> Array:
         """Time and values, (n, 1 + width)."""
         return np.array(self._rows, dtype=float).reshape(-1, 1 + self._width)
+
+
+SHARES = (
+    "commands are shares of full throttle and steering, not m/s and rad/s: the model is one of "
+    "those shares, and drives a robot that is commanded by them"
+)
+
+
+def pick(path: Path, name: str, chosen: Mapping[str, str], there: list[str], seen: str) -> str:
+    """Choose a source: the user's, else the first that is there.
+
+    Raises
+    ------
+    DataError
+        Where it is not.
+    """
+    wanted = chosen.get(name)
+    if wanted is None and there:
+        return there[0]
+    if wanted in there:
+        return str(wanted)
+    what = "pose" if name == "odom" else "command"
+    told = f"topics: {name}={wanted}: not logged" if wanted else f"no {what} is logged"
+    raise DataError(f"{path}: {told}; here are {', '.join(there) or seen or 'no messages at all'}")
+
+
+def make_log(
+    path: Path, poses: Array, pose_source: str, commands: Series, shares: bool, topics: list[Topic]
+) -> Log:
+    """Put a log together from poses and commands of an autopilot.
+
+    Parameters
+    ----------
+    path : Path
+        For messages.
+    poses : ndarray
+        Time, north, east and yaw from north, (n, 4).
+    pose_source : str
+        Where they were found.
+    commands : Series
+        Turns to the left positive.
+    shares : bool
+        Whether the commands are shares of what the motors can do.
+    topics : list of Topic
+        All that is in the file.
+
+    Raises
+    ------
+    DataError
+        For fewer than two poses.
+    """
+    if len(poses) < 2:
+        raise DataError(
+            f"{path}: {pose_source}: {len(poses)} pose(s) with a heading; expected at least 2"
+        )
+    series = Series(poses[:, 0], enu(poses), pose_source)
+    notes = (f"poses: {pose_source}; commands: {commands.source}", *((SHARES,) if shares else ()))
+    return Log(str(path), series, commands, shares=shares, topics=tuple(topics), notes=notes)
+
+
+def counted_topics(kind: str, counts: Mapping[str, int], time: Array) -> list[Topic]:
+    """Messages by their names, with rates over the span of times (n,) [s]."""
+    seconds = float(np.ptp(time)) if len(time) else 0.0
+    return [
+        Topic(name, kind, count, count / seconds if seconds > 0.0 else None)
+        for name, count in counts.items()
+    ]
 
 
 EARTH = 6_378_137.0
@@ -109,4 +181,4 @@ def local_metres(latitude: Array, longitude: Array) -> Array:
 
 def enu(rows: Array) -> Array:
     """Poses (n, 3) with x east from rows (n, 4) of time, north, east and yaw from north."""
-    return np.column_stack([rows[:, 2], rows[:, 1], 0.5 * np.pi - rows[:, 3]])
+    return np.column_stack([rows[:, 2], rows[:, 1], wrap(0.5 * np.pi - rows[:, 3])])

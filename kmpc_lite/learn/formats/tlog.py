@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Mapping
-from math import pi
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.formats.dataflash import SHARES, pick
-from kmpc_lite.learn.formats.streams import Thinned, enu, local_metres, with_heading
-from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
+from kmpc_lite.learn.formats.streams import (
+    Thinned,
+    counted_topics,
+    local_metres,
+    make_log,
+    pick,
+    with_heading,
+)
+from kmpc_lite.learn.logs import Log, ReadOptions, Series
 from kmpc_lite.reading import open_regular
 from kmpc_lite.types import Array
 
@@ -170,21 +175,6 @@ def _log(
     if chosen == "GLOBAL_POSITION_INT":
         where = np.column_stack([where[:, 0], local_metres(where[:, 1], where[:, 2])])
     found = with_heading(where, rows["ATTITUDE"])
-    if len(found) < 2:
-        raise DataError(f"{path}: {chosen}: {len(found)} pose(s) with a heading; expected 2")
-    seconds = float(found[-1, 0] - found[0, 0])
-    topics = tuple(
-        Topic(n, "MAVLink", count, count / seconds if seconds > 0.0 else None)
-        for n, count in counts.items()
-    )
-    speeds = source == COMMANDS[0]
-    notes = (f"poses: {chosen}, ATTITUDE; commands: {source}", *(() if speeds else (SHARES,)))
     held = Series(rows[source][:, 0], rows[source][:, 1:], source)
-    pose = Series(found[:, 0], _wrapped(enu(found)), f"{chosen}, ATTITUDE")
-    return Log(str(path), pose, held, shares=not speeds, topics=topics, notes=notes)
-
-
-def _wrapped(poses: Array) -> Array:
-    """Headings within half a turn."""
-    poses[:, 2] = np.remainder(poses[:, 2] + pi, 2.0 * pi) - pi
-    return poses
+    topics = counted_topics("MAVLink", counts, found[:, 0])
+    return make_log(path, found, f"{chosen}, ATTITUDE", held, source != COMMANDS[0], topics)

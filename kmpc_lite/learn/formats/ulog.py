@@ -12,8 +12,13 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.formats.columns import short
-from kmpc_lite.learn.formats.dataflash import SHARES, pick
-from kmpc_lite.learn.formats.streams import enu, held_together, with_heading
+from kmpc_lite.learn.formats.streams import (
+    counted_topics,
+    held_together,
+    make_log,
+    pick,
+    with_heading,
+)
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
 from kmpc_lite.reading import open_regular
 from kmpc_lite.types import Array
@@ -63,10 +68,8 @@ def read_ulog(path: Path, options: ReadOptions) -> Log:
     both = held_together(rows[row[0], row[1]], rows[row[2] or row[0], row[3]])
     source = ", ".join(f"{t}.{f}" for t, f in ((row[0], row[1]), (row[2] or row[0], row[3])))
     commands = Series(both[:, 0], both[:, 1:] * [1.0, -1.0], source)
-    notes = (f"poses: {poses.source}; commands: {source}", *((SHARES,) if row in SHARED else ()))
-    return Log(
-        str(path), poses, commands, shares=SHARES in notes, topics=_topics(data), notes=notes
-    )
+    where = f"{POSITION} (north, east, heading)"
+    return make_log(path, poses, where, commands, row in SHARED, _topics(data))
 
 
 def _load(path: Path, names: list[str]) -> tuple[list[Any], str]:
@@ -124,8 +127,8 @@ def _rows_of(data: list[Any]) -> dict[tuple[str, str], Array]:
     return found
 
 
-def _poses(path: Path, rows: Mapping[tuple[str, str], Array], said: str) -> Series:
-    """Poses with x east."""
+def _poses(path: Path, rows: Mapping[tuple[str, str], Array], said: str) -> Array:
+    """Time, north, east and heading of poses, (n, 4)."""
     parts = [rows.get((POSITION, field)) for field in ("x", "y")]
     turned = rows.get((POSITION, "heading"), rows.get((POSITION, "yaw")))
     if turned is None and (ATTITUDE, "q[0]") in rows:
@@ -137,19 +140,15 @@ def _poses(path: Path, rows: Mapping[tuple[str, str], Array], said: str) -> Seri
             f"{path}: no pose is logged: {POSITION} with x, y and heading expected, "
             f"got {said or 'nothing'}"
         )
-    where = held_together(parts[0], parts[1])
-    found = with_heading(where, turned)
-    if len(found) < 2:
-        raise DataError(f"{path}: {POSITION}: {len(found)} pose(s) with a heading")
-    return Series(found[:, 0], enu(found), f"{POSITION} (north, east, heading)")
+    return with_heading(held_together(parts[0], parts[1]), turned)
 
 
-def _topics(data: list[Any]) -> tuple[Topic, ...]:
+def _topics(data: list[Any]) -> list[Topic]:
     """Topics that were read, with rates."""
-    told = []
-    for topic in data:
-        time = 1e-6 * topic.data["timestamp"].astype(float)
-        seconds = float(time[-1] - time[0]) if len(time) > 1 else 0.0
-        rate = len(time) / seconds if seconds > 0.0 else None
-        told.append(Topic(topic.name, "ULog", len(time), rate))
-    return tuple(sorted(told))
+    return sorted(
+        topic
+        for read in data
+        for topic in counted_topics(
+            "ULog", {read.name: len(read.data["timestamp"])}, 1e-6 * read.data["timestamp"]
+        )
+    )

@@ -105,7 +105,7 @@ def test_every_start_is_used_once_whatever_the_chunks(monkeypatch: pytest.Monkey
         whole.multi_step, np.sqrt(np.mean(np.square(errors), axis=0)), rtol=1e-9
     )
     for chunk in (1, 7, 50):
-        monkeypatch.setattr("kmpc_lite.learn.evaluation.CHUNK", chunk)
+        monkeypatch.setattr(kl.Dataset.pieces, "__defaults__", (0, 1, chunk))
         parts = kl.evaluate(model, data, horizon=1.0)
         np.testing.assert_allclose(
             parts.multi_step + parts.one_step, whole.multi_step + whole.one_step, rtol=1e-12
