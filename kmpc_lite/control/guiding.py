@@ -1,4 +1,4 @@
-"""What the guide is asked in a step: from where, and when, a robot can still be led.
+"""What is steered for in a step: along the guide's path, or the goal itself.
 
 A robot that answers late goes on for a while as earlier commands told it. What is decided now acts
 after that: its path is looked up from there, not from where it is. A reference from where it is
@@ -7,6 +7,7 @@ would lie behind what the robot can do, and ask it to make up for that at full s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -17,11 +18,13 @@ from kmpc_lite.control.kernels.clearance import later
 from kmpc_lite.control.knowledge import Knowledge
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import ControllerOptions
-from kmpc_lite.control.path.guide_task import GuideTask
+from kmpc_lite.control.path.situation import GuideTask
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.state import ControllerState
+from kmpc_lite.geometry import wrap
 from kmpc_lite.model.arguments import speeds
+from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.path.guide import Guide
@@ -43,7 +46,7 @@ class Guiding:
 
     def __init__(self, units: NavigationProblem, guide: Guide | None) -> None:
         self._guide, self._dt = guide, units.dt
-        self._inflation = units.inflation
+        self._inflation, self._stages = units.inflation, units.horizon + 1
         self._rates = RateLimit(units)
 
     def reference(
@@ -91,6 +94,16 @@ class Guiding:
             states = np.concatenate([led[:-1], states])[: len(states)]
         kept = state.guide.kept_on_the_way(states, self._inflation)
         return replace(guidance, states=states, path_clearance=kept)
+
+    def towards_goal(self, state: ControllerState, seen: Observation) -> Array:
+        """Give the goal itself as the reference (N + 1, 3), as in the paper, without guidance."""
+        here, goal, before = seen.here, seen.goal, state.turn
+        turn = wrap(float(goal[2] - here[2]))
+        # near a half turn, the side of the step before is kept
+        if abs(turn) > 0.75 * math.pi and turn * before < 0.0 and abs(before) > 0.5 * math.pi:
+            turn -= math.copysign(math.tau, turn)
+        state.turn = turn
+        return np.tile(np.array([goal[0], goal[1], here[2] + turn]), (self._stages, 1))
 
 
 def make_guide(

@@ -23,12 +23,11 @@ from kmpc_lite.control.nmpc.task import SQPResult, Task
 from kmpc_lite.control.nmpc.trajectory import along, at_rest, one_period_later
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
-from kmpc_lite.control.path.goal_reference import GoalReference
 from kmpc_lite.control.plan import GoalProgress, Plan, PlanStatus
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.recent_times import longest_lately
-from kmpc_lite.control.standstill import Present, StandstillWatch
+from kmpc_lite.control.standstill import StandstillWatch
 from kmpc_lite.control.state import ControllerState
 from kmpc_lite.control.step_clock import LEAST_AFTER_SOLVE, StepClock
 from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotions
@@ -87,7 +86,6 @@ class Pipeline:
         self._options, self._problem = options, units
         self._sqp, self._pose_age = sqp, pose_age
         self._guiding = Guiding(units, guide)
-        self._goal_reference = GoalReference(units)
         self._rates = RateLimit(units)
         self._emerging_speed = options.sight.emerging_speed / scale.speed
         self._kernels = kernels
@@ -157,7 +155,7 @@ class Pipeline:
     ) -> SQPResult:
         """Run the passes of the SQP from the last plan; along the reference if that is new."""
         if guidance is None:
-            reference = self._goal_reference.reference(state.goal, seen.here, seen.goal)
+            reference = self._guiding.towards_goal(state, seen)
         else:
             reference = guidance.states
         clock.lap("guide")
@@ -243,8 +241,10 @@ class Pipeline:
         if guidance is not None:
             reason = "; ".join(filter(None, (guidance.reason, reason)))
             reachable, progress = guidance.reachable, guidance.progress
-        now = Present(seen.here, seen.goal, trajectory.inputs[0], guidance is not None)
-        reason, progress = self._standstill.tell(state.standstill, now, reason, progress)
+        place, guided = np.concatenate([seen.here, seen.goal]), guidance is not None
+        reason, progress = self._standstill.tell(
+            state.standstill, place, trajectory.inputs[0], guided, reason, progress
+        )
         return self._answers.plan(
             seen,
             states,

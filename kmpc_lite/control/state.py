@@ -9,7 +9,6 @@ from kmpc_lite.adaptation.state import AdaptationState
 from kmpc_lite.control.estimate.history import CommandHistory
 from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.nmpc.trajectory import Trajectory
-from kmpc_lite.control.path.goal_reference import GoalReferenceState
 from kmpc_lite.control.standstill import StandstillState
 from kmpc_lite.control.world.circle_memory import CircleMemoryState
 from kmpc_lite.control.world.motion_watch import MotionWatchState
@@ -39,8 +38,6 @@ class ControllerState:
     """Commands sent, and the past period."""
     scene: SceneState
     """Polygons, walls and grids that were prepared."""
-    goal: GoalReferenceState
-    """Side to which the robot turns towards its goal, without guidance."""
     guide: GuideState | None
     """Path, search and checkers; none without guidance."""
     innovation: InnovationState = field(default_factory=InnovationState)
@@ -51,6 +48,8 @@ class ControllerState:
     """Circles that stand, told now or before; none without `sensor_range`."""
     walkers: Tracks | None = None
     """Who walks, as scans show it, in metres and seconds; None without scans."""
+    turn: float = 0.0
+    """Signed turn to the goal's heading in the step before, without guidance [rad]."""
     standstill: StandstillState = field(default_factory=StandstillState)
     """Where the robot stands, and what it was commanded there."""
     trajectory: Trajectory | None = None
@@ -84,7 +83,6 @@ class ControllerState:
             model=model,
             history=history,
             scene=SceneState(),
-            goal=GoalReferenceState(),
             guide=guide,
             adaptation=adaptation,
         )

@@ -23,17 +23,15 @@ from kmpc_lite.control.options import (
 from kmpc_lite.control.path.capabilities import Capabilities
 from kmpc_lite.control.path.field.field_planner import FieldPlanner
 from kmpc_lite.control.path.goal_checker import GoalTolerances, content_with, holds
-from kmpc_lite.control.path.guide_task import GuideTask
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles
 from kmpc_lite.control.path.planner import Planner
-from kmpc_lite.control.path.progress_checker import PATIENCE, gets_on
 from kmpc_lite.control.path.reference import (
     Guidance,
     told_progress,
     wait_in_sight,
 )
 from kmpc_lite.control.path.replan import Replanner
-from kmpc_lite.control.path.situation import Situation, Surveyor
+from kmpc_lite.control.path.situation import GuideTask, Situation, Surveyor
 from kmpc_lite.control.path.state import BLOCKED, GuideState
 from kmpc_lite.control.path.tangent_planner import TangentPlanner
 from kmpc_lite.control.path.timed_path import TimedPath
@@ -220,7 +218,7 @@ class Guide:
         state.yielding = scale != 1.0
         state.yielded = max(state.yielded + (self._dt if scale == 0.0 else -self._dt), 0.0)
         left = path.duration - place
-        drives_on = gets_on(state.progress, left, PATIENCE)
+        drives_on = state.progress.gets_on(left)
         progress, reason = told_progress(state, hold, scale, drives_on)
         if reason == NO_PROGRESS and now.view is not None:
             unseen = now.view.is_dark(now.pose[None, :2], self._swept)[0]

@@ -10,7 +10,6 @@ import numpy as np
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.planner import NEAR_GOAL, Planner, same_solids
-from kmpc_lite.control.path.progress_checker import ProgressChecker
 from kmpc_lite.control.path.search_driver import SearchDriver
 from kmpc_lite.control.path.situation import Situation
 from kmpc_lite.control.path.state import GuideState
@@ -82,8 +81,7 @@ class Replanner:
         moved = MOVED_DISTANCE
         # a velocity that is told otherwise matters once it has led elsewhere: trackers are noisy
         self._moved = np.array([moved, moved, moved, np.inf, np.inf])
-        self._progress = ProgressChecker(options)
-        self._searches = SearchDriver(problem, options, self._progress, clock, planner)
+        self._searches = SearchDriver(problem, options, clock, planner)
 
     def update(self, state: GuideState, now: Situation, off: float) -> tuple[bool, bool]:
         """Look for another path where there is a reason.
@@ -115,7 +113,7 @@ class Replanner:
         # the robot drives on what it knows meanwhile, and keeps clear of what has shown up
         cut = state.search is None and not at_once and self._watch.watch_path(state, now)
         if at_once or cut:
-            self._progress.expect_new_path(state.progress)
+            state.progress.expect_new_path()
         renewed = grown or (state.search is None and self._watch.is_to_be_renewed(state, now))
         begins = at_once or cut or stalled or renewed or (strayed and state.search is None)
         if begins:
@@ -131,7 +129,9 @@ class Replanner:
         """Note how far it is; whether it is off its path, stands, or has had none for long."""
         if state.path is None:
             return state.age >= RETRY_INTERVAL
-        self._progress.see(state.progress, state.path.duration - state.place)
+        counts = not (state.turning or state.centre_moved)
+        left = state.path.duration - state.place
+        stands = state.progress.see(left, self._dt if counts else 0.0)
         if state.turning:
             return False
         if state.centre_moved:
@@ -140,7 +140,7 @@ class Replanner:
         least = max(least, self._off_poses)
         allowed = min(max(least, OFF_PATH_SHARE * now.distance), OFF_PATH_LIMIT)
         too_far = state.age > o.replan_interval and off > allowed
-        return self._progress.wait(state.progress, self._dt) or (too_far and self._settled(now))
+        return stands or (too_far and self._settled(now))
 
     def _settled(self, now: Situation) -> bool:
         """Whether nothing carries the robot nearer to its goal any more: it is far, or slow."""
@@ -154,14 +154,14 @@ class Replanner:
         """
         progress, path = state.progress, state.path
         if now.target.tolist() != state.goal.tolist():
-            self._progress.expect_new_goal(progress)
+            progress.expect_new_goal()
             state.tried = ()
             return False
         if path is None or state.urgent or state.goal_checker.holding:
             return False
         period = 0.0 if state.yielding else self._dt
         left = path.duration - state.place
-        stalled = self._progress.watch(progress, now.pose, left, period)
+        stalled = progress.watch(left, period, self._options.stall_time)
         if not progress.stalls:
             state.tried = ()
         elif stalled and now.distance > NEAR_GOAL:

@@ -13,7 +13,6 @@ from kmpc_lite.control.kernels.clearance import VELOCITY
 from kmpc_lite.control.options import GuidanceOptions
 from kmpc_lite.control.path.lattice import LATTICE_SAMPLE
 from kmpc_lite.control.path.planner import NEAR_GOAL, Known, Path, PathRequest, Planner
-from kmpc_lite.control.path.progress_checker import ProgressChecker
 from kmpc_lite.control.path.situation import Situation
 from kmpc_lite.control.path.state import BLOCKED, GuideState, Search
 from kmpc_lite.control.path.timed_path import TimedPath
@@ -51,8 +50,6 @@ class SearchDriver:
         Radius, margin, area, period.
     options : GuidanceOptions
         How paths are found; lengths as the problem's.
-    progress : ProgressChecker
-        Is told of new paths.
     clock : callable
         Gives the time [s] that a situation's `until` is on.
     planner : Planner
@@ -63,11 +60,10 @@ class SearchDriver:
         self,
         problem: NavigationProblem,
         options: GuidanceOptions,
-        progress: ProgressChecker,
         clock: Callable[[], float],
         planner: Planner,
     ) -> None:
-        self._options, self._progress, self._clock = options, progress, clock
+        self._options, self._clock = options, clock
         self._dt, self._by_poses = problem.dt, problem.wheels.follows_poses
         self._turning = problem.robot_radius + problem.margin
         self._area = np.stack([problem.x_min[:2], problem.x_max[:2]])
@@ -99,7 +95,7 @@ class SearchDriver:
         state.circles_at_rest = b"" if now.moving is not None else now.circles.tobytes()
         can, progress = now.capabilities, state.progress
         driven = None
-        if state.path is not None and same_goal and not progress.stuck:
+        if state.path is not None and same_goal and not progress.is_stuck:
             driven = state.path.route(start, state.place, 0.0)
         request = PathRequest(
             start=start,
@@ -122,7 +118,7 @@ class SearchDriver:
             gear_time=0.0 if now.view is None else GEAR_TIME,
             in_time=not state.only_renews,
         )
-        self._search(state, now, Search(request, same_goal, progress.stuck, lead))
+        self._search(state, now, Search(request, same_goal, progress.is_stuck, lead))
 
     def _search(self, state: GuideState, now: Situation, search: Search) -> None:
         """Begin a search; it has ended already where the robot cannot stand at its goal."""
@@ -248,7 +244,7 @@ class SearchDriver:
         other = path.switched or previous is None or not search.same_goal
         begin, _ = state.path.locate(request.start, 0.0)
         left, turn_time = state.path.duration - begin, free_turn / float(speed[1])
-        self._progress.begin_path(state.progress, left, turn_time, other or search.stuck)
+        state.progress.begin_path(left, turn_time, other or search.stuck)
         state.place, _ = state.path.locate(now.pose, 0.0)
         return other
 

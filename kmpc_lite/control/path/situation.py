@@ -11,7 +11,6 @@ import numpy as np
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, some_move, some_spread
 from kmpc_lite.control.options import MovingObstacleOptions, lengths_from_radii, unit_length
 from kmpc_lite.control.path.capabilities import Capabilities
-from kmpc_lite.control.path.guide_task import GuideTask
 from kmpc_lite.control.path.moving_obstacles import MovingObstacles, MovingObstacleTable
 from kmpc_lite.control.path.turning_centre import point_of, swing
 from kmpc_lite.control.problem import NavigationProblem
@@ -22,6 +21,29 @@ if TYPE_CHECKING:
     from kmpc_lite.control.path.state import GuideState
     from kmpc_lite.control.world.sight.view import View
     from kmpc_lite.control.world.solids import Solids
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GuideTask:
+    """From where to where, among what; poses are those of the tracked point."""
+
+    pose: Array
+    """(3,) of the robot [m, m, rad]."""
+    goal: Array
+    """(3,)."""
+    circles: Array
+    """(M, 7) what is round, now: a table of `kernels.clearance`."""
+    solids: Solids | None = None
+    """Polygons, walls and grids; unequal ones are another map."""
+    rest: Array | None = None
+    """Pose (3,) at which the robot would stand if it braked now; where it is, if not given."""
+    until: float = math.inf
+    """When to leave a search that is needed at once to the next step [s], on the guide's clock; the
+    old path is kept meanwhile, and where there was none the robot stands."""
+    view: View | None = None
+    """What scans have shown: another path is looked for where that stands on the one driven."""
+    speed: float = 0.0
+    """That was commanded last, in either direction [m/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from kmpc_lite.control.kernels.clearance import COLUMNS, VELOCITY
 from kmpc_lite.control.path.goal_checker import GoalCheckerState
 from kmpc_lite.control.path.planner import PathRequest, Route, distances_around
-from kmpc_lite.control.path.progress_checker import ProgressState
+from kmpc_lite.control.path.progress import ProgressState
 from kmpc_lite.control.path.timed_path import TimedPath
 from kmpc_lite.types import Array
 

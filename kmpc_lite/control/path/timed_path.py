@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kmpc_lite.control.path.planner import Path, Route
-from kmpc_lite.control.path.tangent_graph import GeometricPath
 from kmpc_lite.geometry import wrap
 from kmpc_lite.types import Array
+
+if TYPE_CHECKING:
+    from kmpc_lite.control.path.tangent_graph import GeometricPath
 
 GRID_STEP = 0.05
 """Time between neighbouring poses of a path, among which the robot's place is looked for [s]."""

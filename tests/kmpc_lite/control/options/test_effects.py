@@ -13,7 +13,7 @@ from kmpc_lite.control.nmpc.sqp import SQP
 from kmpc_lite.control.nmpc.trajectory import at_rest, one_period_later
 from kmpc_lite.control.options import GuidanceOptions, lengths_from_radii
 from kmpc_lite.control.path.capabilities import clearance_at_speed
-from kmpc_lite.control.path.progress_checker import ProgressChecker, ProgressState
+from kmpc_lite.control.path.progress import ProgressState
 from kmpc_lite.control.path.turning_centre import turning_centre
 from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.weights import with_goal_weights
@@ -97,46 +97,22 @@ def test_a_turning_centre_counts_from_four_millimetres(ahead: float, seen: bool)
     assert (centre is not None) == seen
 
 
-def stalls_after(pose_of: Any, left: float = 10.0) -> float:
-    """When a robot that gets no nearer is told that it has stalled [s]."""
-    checker, state = ProgressChecker(GUIDANCE), ProgressState()
-    checker.expect_new_goal(state)
-    checker.begin_path(state, left, 0.0, other=True)
-    for k in range(1, 1000):
-        if checker.watch(state, np.asarray(pose_of(k)), left, 0.01):
-            return 0.01 * k
-    return math.inf
-
-
 def test_a_robot_that_gets_no_nearer_has_stalled_after_five_seconds() -> None:
-    assert stalls_after(lambda k: (0.0, 0.0, 0.0)) == pytest.approx(5.0, abs=0.02)
-
-
-def test_a_robot_that_moves_by_a_radius_does_not_stand() -> None:
-    """One that stands gets no time for a detour; one that moves gets twice its length."""
-    for axis, size, stands in ((0, 0.149, True), (0, 0.151, False), (2, 3.0, True)):
-        checker, state = ProgressChecker(GUIDANCE), ProgressState()
-        checker.expect_new_goal(state)
-        checker.begin_path(state, 10.0, 0.0, other=True)
-        stalled = False
-        for k in range(1, 600):
-            pose = np.zeros(3)
-            pose[axis] = size * (k // 100 % 2)
-            stalled |= checker.watch(state, pose, 12.0, 0.01)
-        assert stalled == stands, (axis, size)
+    state = ProgressState()
+    state.begin_path(10.0, 0.0, other=True)
+    stalls = [state.watch(10.0, 0.01, GUIDANCE.stall_time) for _ in range(510)]
+    assert sum(stalls) == 1 and np.argmax(stalls) == pytest.approx(500, abs=2)
 
 
 def test_a_path_that_is_half_a_second_longer_is_a_detour() -> None:
-    checker, state = ProgressChecker(GUIDANCE), ProgressState()
-    checker.begin_path(state, 10.0, 0.0, other=True)
-    checker.wait(state, 0.3)
-    checker.begin_path(state, 10.49, 0.0, other=False)
+    state = ProgressState()
+    state.begin_path(10.0, 0.0, other=True)
+    state.see(10.0, 0.3)
+    state.begin_path(10.49, 0.0, other=False)
     assert state.waited == 0.3
-    checker.begin_path(state, 10.51, 0.0, other=False)
+    state.begin_path(10.51, 0.0, other=False)
     assert state.waited == 0.0
-    checker.wait(state, 0.3)
-    checker.see(state, 10.47)
+    state.see(10.47, 0.3)
     assert state.waited == 0.3
-    checker.see(state, 10.45)
-    assert state.waited == 0.0
-    assert not checker.wait(state, 0.79) and checker.wait(state, 0.02)
+    assert not state.see(10.45, 0.0) and state.waited == 0.0
+    assert not state.see(10.45, 0.79) and state.see(10.45, 0.02)

@@ -10,7 +10,7 @@ from lagging_robot import lagging
 
 import kmpc_lite as kl
 from kmpc_lite.control.path.guide import Guide
-from kmpc_lite.control.path.guide_task import GuideTask
+from kmpc_lite.control.path.situation import GuideTask
 
 START, GOAL, LATE = np.array([0.0, 0.0, 0.3]), (3.0, 1.0, 0.0), 4
 WALKER = [kl.Circle(1.0, 1.5, 0.2, 0.1, -0.2)]

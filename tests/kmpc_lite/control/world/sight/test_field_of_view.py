@@ -11,7 +11,7 @@ import kmpc_lite as kl
 from kmpc_lab.sim.lidar import box_edges
 from kmpc_lab.sim.plants.robots import DifferentialDrive
 from kmpc_lite.control.options import SightOptions
-from kmpc_lite.control.path.progress_checker import ProgressState, gets_on
+from kmpc_lite.control.path.progress import ProgressState
 from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap
 from kmpc_lite.control.world.sight.outlook import Outlook, Outlooks, outlook_of
 from kmpc_lite.scenario.world import World
@@ -154,7 +154,6 @@ def test_a_turn_faces_what_is_not_looked_at() -> None:
 
 
 def test_a_robot_that_drives_a_detour_gets_on() -> None:
-    drives = ProgressState(worst_left=20.0, since_best=3.0, since_moved=0.2)
-    assert gets_on(drives, 18.0, 0.8) and not gets_on(drives, 19.5, 0.8)
-    stands = ProgressState(worst_left=20.0, since_best=3.0, since_moved=3.0)
-    assert not gets_on(stands, 18.0, 0.8)
+    drives = ProgressState(worst_left=20.0, waited=0.2)
+    assert drives.gets_on(18.0) and not drives.gets_on(19.5)
+    assert not ProgressState(worst_left=20.0, waited=3.0).gets_on(18.0)
