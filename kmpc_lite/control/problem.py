@@ -243,6 +243,14 @@ class NavigationProblem:
             np.zeros((STATES, STATES)) if self.Q_terminal is None else self.Q_terminal,
         )
 
+    def with_wheels(self, wheels: Wheels) -> NavigationProblem:
+        """The same for a robot on other wheels: an omni's limits sideways are those ahead."""
+        if wheels.inputs == self.wheels.inputs:
+            return replace(self, wheels=wheels)
+        limits = ("u_min", "u_max", "du_max", "deceleration")
+        told = {name: getattr(self, name)[list(wheels.axes)] for name in limits}
+        return replace(self, wheels=wheels, R=None, **told)
+
     def within_ramps(self, ramps: Ramps) -> NavigationProblem:
         """The same for a robot that changes its speeds by ramps: it is asked for no faster changes.
 

@@ -13,7 +13,7 @@ motions (`path/field/motions.py`). Each kind says
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -195,3 +195,16 @@ def read_wheels(value: Any) -> Wheels:
     except TypeError:
         raise ProblemError(f"wheels: {value!r:.80}: unknown or missing entries") from None
     return wheels
+
+
+def wheels_to_table(wheels: Wheels) -> dict[str, Any]:
+    """Undo `read_wheels`: kind, and what was given.
+
+    Examples
+    --------
+    >>> wheels_to_table(Car(0.6))
+    {'kind': 'car', 'turning_radius': 0.6, 'reverse': True}
+    """
+    kind = next(name for name, cls in KINDS.items() if isinstance(wheels, cls))
+    given = {key: value for key, value in asdict(wheels).items() if value is not None}
+    return {"kind": kind, **given}

@@ -18,6 +18,7 @@ import numpy as np
 from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.wheels import Wheels, wheels_to_table
 from kmpc_lite.control.world.circles import Circle
 from kmpc_lite.control.world.occupancy import OccupancyGrid
 from kmpc_lite.control.world.scene import Solid
@@ -93,10 +94,11 @@ class Scenario:
     du_max: tuple[float, float] | None = None
     """How fast commands may change [m/s^2, rad/s^2]; as the problem has it where not given. In a
     file [] is the same."""
-    wheels: tuple[float, float] | None = None
+    wheels: tuple[float, float] | Wheels | None = None
     """Distance between the wheels [m] and how fast one turns at its rim [m/s], where they limit
-    speed and turn rate together; as the problem has it where not given. In a file [] is the
-    same."""
+    speed and turn rate together; or the kind of the wheels. As the problem has it where not given.
+    In a file [] is the same, and kinds are "omni" or tables like {kind = "car",
+    turning_radius = 0.6}."""
     turning_point: tuple[float, float] = (0.0, 0.0)
     """Where the point lies about which the plant turns on the spot, as seen from its pose: ahead,
     left [m]."""
@@ -200,11 +202,13 @@ class Scenario:
             values[key] = list(getattr(self, key))
         for key in ("via", "floors", "ground_changes", "ground_patches"):
             values[key] = [list(row) for row in getattr(self, key)]
-        pairs = {"du_max": self.du_max, "wheels": self.wheels}
-        values.update({key: list(pair or ()) for key, pair in pairs.items()})
+        values["du_max"] = list(self.du_max or ())
+        wheels = self.wheels or ()
+        told = list(wheels) if isinstance(wheels, tuple) else wheels_to_table(wheels)
+        values["wheels"] = told
         values["footprint"] = () if self.footprint is None else self.footprint.corners
         left_out = {"grid", "radius" if self.footprint else "footprint"}
-        left_out |= {key for key, pair in pairs.items() if not pair}
+        left_out |= {key for key in ("du_max", "wheels") if not values[key]}
         left_out |= set() if self.has_area else {"bounds"}
         values["polygons"] = [[list(corner) for corner in p.vertices] for p in self.polygons]
         values["walls"] = [[w.x1, w.y1, w.x2, w.y2, w.thickness] for w in self.walls]
@@ -226,7 +230,11 @@ class Scenario:
         """Navigation problem of this map and robot, the rest as in `base` or the paper."""
         x_min, y_min, x_max, y_max = self.bounds if self.has_area else NO_AREA
         base = base or NavigationProblem()
-        track, max_wheel_speed = self.wheels or (base.track, base.max_wheel_speed)
+        track, max_wheel_speed = base.track, base.max_wheel_speed
+        if isinstance(self.wheels, tuple):
+            track, max_wheel_speed = self.wheels
+        elif self.wheels is not None:
+            base = base.with_wheels(self.wheels)
         try:
             return replace(
                 base,

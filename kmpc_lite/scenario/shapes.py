@@ -103,7 +103,7 @@ def grid_to_toml(grid: OccupancyGrid) -> str:
 
 
 def to_toml(value: Any) -> str:
-    """Render a number, a text, or lists of them as a TOML value.
+    """Render a number, a text, or lists and tables of them as a TOML value.
 
     >>> to_toml([1, 2.5, "carpet", True])
     '[1, 2.5, "carpet", true]'
@@ -117,6 +117,8 @@ def to_toml(value: Any) -> str:
         return repr(int(value))
     if isinstance(value, float):
         return repr(float(value))
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key} = {to_toml(v)}' for key, v in value.items())}}}"
     return f"[{', '.join(map(to_toml, value))}]"
 
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from kmpc_lite.control.footprint import Footprint
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.options.obstacles import USUAL_OBSTACLES
+from kmpc_lite.control.wheels import Wheels, read_wheels
 from kmpc_lite.control.world.circles import Circle
 from kmpc_lite.errors import ProblemError, ScenarioError, did_you_mean
 from kmpc_lite.scenario.arrival import ARRIVED
@@ -236,6 +237,15 @@ def _pair(where: str, value: Any) -> tuple[float, float] | None:
     return numbers
 
 
+def _wheels(where: str, value: Any) -> tuple[float, float] | Wheels | None:
+    if isinstance(value, list):
+        return _pair(where, value)
+    try:
+        return read_wheels(value)
+    except (ProblemError, TypeError, ValueError) as error:
+        raise ScenarioError(f"{where}: {error}") from error
+
+
 def _footprint(where: str, value: Any) -> Footprint | None:
     if value == []:
         return None
@@ -278,7 +288,7 @@ READERS: Mapping[str, Callable[[str, Any], Any]] = {
     "seed": _seed,
     "via": _poses,
     "walls": read_walls,
-    "wheels": _pair,
+    "wheels": _wheels,
     "x": read_number,
     "y": read_number,
 }

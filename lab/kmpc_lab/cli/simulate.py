@@ -103,7 +103,9 @@ def run(options: argparse.Namespace) -> int:
     model = (
         kl.KoopmanModel.load(options.model)
         if options.model
-        else kl.nominal_unicycle(SHORTEST_PERIOD)
+        else (kl.nominal_omni if isinstance(scenario.wheels, kl.Omni) else kl.nominal_unicycle)(
+            SHORTEST_PERIOD
+        )
     )
     adaptation = False if options.no_adaptation else None
     views = asked_views(options)
@@ -171,8 +173,8 @@ def simulate(
     info: dict[str, Any] = {
         "plant": plant,
         "model": model.info.get("method", ""),
-        "u_min": u_min.tolist(),
-        "u_max": u_max.tolist(),
+        "u_min": u_min[[0, -1]].tolist(),
+        "u_max": u_max[[0, -1]].tolist(),
     }
     recorder = SimulationRecorder(controller)
     lidar = None

@@ -96,7 +96,7 @@ class Columns:
             "status": str(told["status"]),
             "progress": str(told["progress"]),
             "reason": _word(told["reason"]),
-            "command": _numbers(told["command"], 2),
+            "command": _numbers(told["command"], None)[[0, -1]],
             "clearance": math.inf if clearance is None else number(clearance),
             "pose_age": math.nan if age is None else number(age),
             "step_time": number(told["step_time"]),

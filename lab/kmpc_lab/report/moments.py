@@ -60,7 +60,7 @@ def _worked_out(run: Run) -> Details:
         plans=run.plans,
         stage_time=run.dt,
         margins=np.zeros((count, run.plans.shape[1])),
-        commands=run.inputs,
+        commands=run.inputs[:, [0, -1]],
         statuses=run.statuses,
         progress=("",) * count,
         reasons=("",) * count,
@@ -72,7 +72,7 @@ def _worked_out(run: Run) -> Details:
         circles=tuple(run.scenario.circles_at(time) for time in times[: 1 + count * _moves(run)]),
         circles_of=np.arange(count) * _moves(run),
         measured=np.empty((0, 4)),
-        sent=np.column_stack([times, run.inputs]),
+        sent=np.column_stack([times, run.inputs[:, [0, -1]]]),
         scans=run.scans,
     )
 

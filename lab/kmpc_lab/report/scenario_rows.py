@@ -8,6 +8,7 @@ from typing import Any
 from kmpc_lab.report.words import angle, length, milliseconds
 from kmpc_lab.sim.closed_loop import Run
 from kmpc_lite.control.options import ControllerOptions
+from kmpc_lite.control.wheels import Car, Omni
 from kmpc_lite.scenario.files import Scenario
 
 LISTED = 12
@@ -70,7 +71,11 @@ def robot_rows(run: Run) -> Iterable[tuple[str, str]]:
             "Commands change by at most",
             f"{scenario.du_max[0]:g} m/s², {scenario.du_max[1]:g} rad/s²",
         )
-    if scenario.wheels is not None:
+    if isinstance(scenario.wheels, Car):
+        yield "Wheels", f"steered, turning radius {length(scenario.wheels.turning_radius)}"
+    elif isinstance(scenario.wheels, Omni):
+        yield "Wheels", "drive sideways, too; what is shown is the speed ahead"
+    elif isinstance(scenario.wheels, tuple):
         track, fastest = scenario.wheels
         yield "Wheels", f"{length(track)} apart, at most {fastest:g} m/s each"
     if plant not in kinds:

@@ -137,7 +137,7 @@ def _checked(arrays: dict[str, Array], steps: int) -> dict[str, Any]:
     expected = {
         "states": (steps + 1, 3),
         "path": (substeps * steps + 1, 3),
-        "inputs": (steps, 2),
+        "inputs": (steps, 3 if checked["inputs"].shape[-1:] == (3,) else 2),
         "plans": (steps, stages, 3),
         "step_times": (steps,),
     }

@@ -48,13 +48,13 @@ def commands_picture(
         for i, (panel, title, unit) in enumerate(
             zip(panels, ("Forward speed v", "Turn rate ω"), ("m/s", "rad/s"), strict=True)
         ):
-            handles = _status_bands(panel, run)
+            handles, commands = _status_bands(panel, run), run.inputs[:, [0, -1][i]]
             panel.axhline(0.0, color=GREY, linewidth=0.8)
-            panel.stairs(run.inputs[:, i], edges, baseline=None, color=BLUE, linewidth=1.8)
+            panel.stairs(commands, edges, baseline=None, color=BLUE, linewidth=1.8)
             bounds = [float(bound[i]) for bound in (low, high) if bound is not None]
             for bound in bounds:
                 panel.axhline(bound, color=RED, linestyle="--", linewidth=1.3)
-            around = np.array([*bounds, *run.inputs[np.isfinite(run.inputs[:, i]), i], 0.0])
+            around = np.array([*bounds, *commands[np.isfinite(commands)], 0.0])
             pad = 0.1 * float(np.ptp(around)) or 0.1
             panel.set_ylim(float(around.min()) - pad, float(around.max()) + pad)
             panel.set_title(f"{title} [{unit}]")

@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike
 
 from kmpc_lab.sim.plants.lag import LaggingDrive
 from kmpc_lab.sim.plants.robots import DifferentialDrive
+from kmpc_lab.sim.plants.steered import MecanumDrive, SteeredDrive
+from kmpc_lite.control.wheels import Car, Omni
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.types import Array
 
@@ -22,6 +24,10 @@ class Plant(Protocol):
 
 def scenario_plant(scenario: Scenario) -> Plant:
     """Build the robot of a scenario: one that lags where motors lag or the floor changes."""
+    if isinstance(scenario.wheels, Car):
+        return SteeredDrive(scenario.wheels, scenario.slip, seed=scenario.seed)
+    if isinstance(scenario.wheels, Omni):
+        return MecanumDrive(scenario.slip, scenario.seed)
     if scenario.lag or scenario.dead_time or scenario.floors:
         return LaggingDrive(
             scenario.lag,
