@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import reduce
 from typing import Any
 
 from firmware_bridge.ros2.inputs import Inputs
@@ -31,3 +32,11 @@ def odometry(here: Inputs, now: float, pose: Any, stamp: float | None = None, **
 def transform(here: Inputs, now: float, parent: str, child: str, pose: Any, **how: bool) -> None:
     message = MAKE.transforms((parent, child, pose), time=EPOCH + now)
     here.transforms.take(message, now, how.get("static", False))
+
+
+def spoil(message: Any, changes: dict[str, Any]) -> Any:
+    """A message with some of its parts changed, such as ``info.width``."""
+    for path, value in changes.items():
+        *parts, last = path.split(".")
+        setattr(reduce(getattr, parts, message), last, value)
+    return message

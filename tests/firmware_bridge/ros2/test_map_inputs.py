@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rosbags", reason="the extra ros2 (rosbags) is not installed")
-from ros_inputs import EPOCH, MAKE, NAN, TYPES, inputs, transform
+from ros_inputs import EPOCH, MAKE, NAN, TYPES, inputs, spoil, transform
 
 from firmware_bridge.ros2.message_types import GRID_UPDATE
 from firmware_bridge.ros2.obstacles import GridOptions
@@ -63,50 +63,25 @@ def test_a_costmap_that_falls_silent_stops_the_robot() -> None:
     assert here.problems(11.5) == ("no map on /map for 1.5 s",)
 
 
-def wrong_map(what: str) -> Any:
-    message = map_of([[0, 0], [0, 100]])
-    if what == "too few cells":
-        message.info.height = 3
-    elif what == "four billion columns":
-        message.info.width = 2**32 - 1
-    elif what == "no cells":
-        message.info.width = message.info.height = 0
-        message.data = np.zeros(0, dtype=np.int8)
-    elif what == "value":
-        message.data = np.array([0, 0, 0, 101], dtype=np.int8)
-    elif what == "resolution":
-        message.info.resolution = NAN
-    elif what == "origin":
-        message.info.origin.position.x = math.inf
-    elif what == "orientation":
-        message.info.origin.orientation.w = 0.0
-    elif what == "tilted":
-        message.info.origin.orientation.x = 1.0
-        message.info.origin.orientation.w = 0.0
-    else:
-        assert what == "noise"
-        noise = np.random.default_rng(0).integers(0, 2, (600, 600)) * 100
-        message = map_of(noise, 0.05)
-    return message
+NOISE = np.random.default_rng(0).integers(0, 2, 360_000).astype(np.int8) * 100
+TURNED = "info.origin.orientation"
+WRONG: dict[str, dict[str, Any]] = {
+    "too few cells": {"info.height": 3},
+    "four billion columns": {"info.width": 2**32 - 1},
+    "no cells": {"info.width": 0, "info.height": 0, "data": np.zeros(0, dtype=np.int8)},
+    "value": {"data": np.array([0, 0, 0, 101], dtype=np.int8)},
+    "resolution": {"info.resolution": NAN},
+    "origin": {"info.origin.position.x": math.inf},
+    "orientation": {f"{TURNED}.w": 0.0},
+    "tilted": {f"{TURNED}.x": 1.0, f"{TURNED}.w": 0.0},
+    "noise": {"info.width": 600, "info.height": 600, "info.resolution": 0.05, "data": NOISE},
+}
 
 
-@pytest.mark.parametrize(
-    "what",
-    [
-        "too few cells",
-        "four billion columns",
-        "no cells",
-        "value",
-        "resolution",
-        "origin",
-        "orientation",
-        "tilted",
-        "noise",
-    ],
-)
+@pytest.mark.parametrize("what", WRONG)
 def test_a_map_that_is_none_is_told_in_one_line_and_not_driven_by(what: str) -> None:
     here = inputs("scan=")
-    here.grids[0].take(wrong_map(what), 10.0)
+    here.grids[0].take(spoil(map_of([[0, 0], [0, 100]]), WRONG[what]), 10.0)
     here.build(10.0)
     (text,) = here.problems(10.0)
     assert text.startswith("/map: ") and "\n" not in text and len(text) < 250

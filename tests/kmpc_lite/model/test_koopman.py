@@ -100,7 +100,7 @@ def test_linearize_gives_prediction_and_its_derivatives(model: kl.KoopmanModel) 
 
 
 @every_model
-@pytest.mark.parametrize("lead", [(1,), (20,), (2, 3), (0,)])
+@pytest.mark.parametrize("lead", [(20,), (2, 3), (0,)])
 def test_a_batch_is_many_singles(model: kl.KoopmanModel, lead: tuple[int, ...]) -> None:
     x, u, past = points(model, *lead)
     inputs = 0.3 * np.random.default_rng(3).normal(size=(*lead, 4, 2))

@@ -18,7 +18,7 @@ from kmpc_lab.sim.maps.families import (
 from kmpc_lite.scenario.files import Scenario
 
 AREA = np.array(BOUNDS)
-SEEDS = range(12)
+SEEDS = range(4)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
