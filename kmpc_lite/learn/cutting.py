@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from kmpc_lite.defaults import SHORTEST_PERIOD
 from kmpc_lite.errors import DataError
+from kmpc_lite.geometry import wrap
 from kmpc_lite.learn.episode import Episode, resample
 from kmpc_lite.learn.logs import Log
 from kmpc_lite.types import Array
@@ -19,6 +22,89 @@ GAP = 2.5
 LONGEST_HOLD = 1.0
 """A command that is not repeated is taken to be held for this long, or for `GAP` of its stream's
 periods, if that is longer [s]."""
+
+
+NEAR = 7
+"""Steps around each that tell how fast the robot drives there."""
+SMOOTH = 21
+"""Rows over which stamps of a busy recorder are averaged."""
+FOLLOWED = 0.5
+"""Share of the jitter of stamps that the motion follows if they tell when a pose was measured."""
+SURE = 3.0
+"""Standard errors by which that share must be less before stamps are doubted."""
+
+
+def even_stamps(log: Log) -> Log:
+    """Give poses the times at which they were measured, if a busy recorder stamped them later.
+
+    Such a recorder stamps rows when it comes to write them. Steps of time jitter then, and the
+    motion from row to row does not: it was measured evenly. If a row's step is long because it was
+    measured late, the robot has moved farther in it, and the stamps stay.
+    """
+    time = log.poses.time
+    steps = np.diff(time)
+    if len(steps) < 2 * SMOOTH or not (steps >= 0.0).all():
+        return log
+    # a stall lets steps of many rows be short: their median is no period
+    period = float(np.median(time[SMOOTH:] - time[:-SMOOTH])) / SMOOTH
+    whole = ~_lasting_gaps(time, period)
+    if whole.sum() < 2 * SMOOTH:
+        return log
+    jitter = float(np.std(steps[whole]))
+    if jitter <= JITTER * period or _followed_share(log.poses.values, steps, whole) >= FOLLOWED:
+        return log
+    evened = [_evened(part) for part in np.split(time, np.flatnonzero(~whole) + 1)]
+    poses = replace(log.poses, time=np.concatenate(evened))
+    note = (
+        f"steps between poses jitter by {1e3 * jitter:.0f} ms and the motion does not: the "
+        "recorder was busy; times were made even"
+    )
+    commands = replace(log.commands, time=poses.time) if log.together else log.commands
+    return replace(log, poses=poses, commands=commands, notes=(*log.notes, note))
+
+
+def _lasting_gaps(time: Array, period: float) -> Array:
+    """Which steps (n - 1,) are gaps that no burst of rows makes up for, as after a stall."""
+    clock = time - period * np.arange(len(time))
+    padded = np.pad(clock[1:], (0, SMOOTH - 1), constant_values=np.inf)
+    least = np.lib.stride_tricks.sliding_window_view(padded, SMOOTH).min(axis=1)
+    lasting: Array = (np.diff(time) > GAP * period) & (least - clock[:-1] > (GAP - 1.0) * period)
+    return lasting
+
+
+def _followed_share(poses: Array, steps: Array, whole: Array) -> float:
+    """Share of the steps' jitter that the motion follows, and what it may be beyond chance."""
+
+    def near(values: Array) -> Array:
+        sums: Array = np.convolve(values, np.ones(NEAR), "valid")
+        return sums
+
+    inner = slice(NEAR // 2, len(steps) - NEAR // 2)
+    unbroken = near(whole.astype(float)) > NEAR - 0.5
+    usual = near(steps) / NEAR
+    moves = np.hypot(*np.diff(poses[:, :2], axis=0).T), np.abs(wrap(np.diff(poses[:, 2])))
+    jitters, answers = [], []
+    for moved in moves:
+        speed = near(moved) / np.maximum(near(steps), 1e-12)
+        driven = unbroken & (speed > 0.3 * np.quantile(speed, 0.9)) & (speed > 0.0)
+        jitters.append((steps[inner] - usual)[driven])
+        answers.append(moved[inner][driven] / speed[driven] - usual[driven])
+    jitter, answer = np.concatenate(jitters), np.concatenate(answers)
+    size = float(jitter @ jitter)
+    if size <= 0.0:
+        return 1.0
+    share = float(jitter @ answer) / size
+    left = answer - share * jitter
+    return share + SURE * float(np.sqrt(left @ left / len(left) / size))
+
+
+def _evened(time: Array) -> Array:
+    """Times (n,) of rows without a gap, on a clock that changes slowly."""
+    if len(time) < SMOOTH:
+        return time
+    even = np.linspace(0.0, time[-1] - time[0], len(time))
+    padded = np.pad(time - even, SMOOTH // 2, mode="edge")
+    return even + np.convolve(padded, np.ones(SMOOTH) / SMOOTH, "valid")
 
 
 def period_of(log: Log) -> float:

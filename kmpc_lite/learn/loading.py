@@ -13,7 +13,7 @@ from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.checklist import LogVerdict, judge, refuse_car_like
 from kmpc_lite.learn.checks.poses import tell_poses
 from kmpc_lite.learn.checks.relations import is_early, refuse_late, tell_delay
-from kmpc_lite.learn.cutting import cut, model_period
+from kmpc_lite.learn.cutting import cut, even_stamps, model_period
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import check_time
 from kmpc_lite.learn.formats.readers import find_logs, read_log, refuse_unused
@@ -81,7 +81,7 @@ def read_checked(file: Path, how: ReadOptions, dt: float | None) -> tuple[Log, L
     verdict = judge(log)
     if not how.force:
         verdict.refuse(log)
-    return log, verdict
+    return even_stamps(log), verdict
 
 
 def _account(log: Log, verdict: LogVerdict, dt: float, tell: Callable[[str], None]) -> None:
@@ -138,7 +138,7 @@ def inspect(file: Path, how: ReadOptions | None = None) -> Findings:
         Where it cannot be read.
     """
     log, suspects = _read(file, ReadOptions() if how is None else how)
-    verdict = judge(log)
+    verdict, log = judge(log), even_stamps(log)
     suspects += [suspect.reason for suspect in verdict.suspects]
     notes = list(log.notes)
     try:

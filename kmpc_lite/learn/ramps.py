@@ -178,7 +178,10 @@ def _find(dataset: Dataset, axis: int, options: RampOptions) -> tuple[float, flo
     pieces = _pieces(dataset, axis, options)
     told = np.concatenate([u for u, _ in pieces]) if pieces else np.zeros(1)
     fastest = float(np.abs(told).max())
-    jumps = max((float(np.abs(np.diff(u)).max()) for u, _ in pieces), default=0.0) / dataset.dt
+    jumps = (
+        max((float(np.abs(np.diff(u)).max(initial=0.0)) for u, _ in pieces), default=0.0)
+        / dataset.dt
+    )
     least = fastest / options.longest
     if fastest <= 0.0 or jumps <= least:
         return FREE, FREE
