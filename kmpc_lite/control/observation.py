@@ -25,9 +25,8 @@ from kmpc_lite.scale import Scale
 from kmpc_lite.types import STATES, Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.world.nearby import Nearby
     from kmpc_lite.control.world.sight.view import View
-    from kmpc_lite.control.world.solids import Solids
+    from kmpc_lite.control.world.solids import Nearby, Solids
 
 
 @dataclass(slots=True)

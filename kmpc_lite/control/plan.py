@@ -15,8 +15,7 @@ from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
     from kmpc_lite.control.footprint import Footprint
-    from kmpc_lite.control.world.nearby import Nearby
-    from kmpc_lite.control.world.solids import Solids
+    from kmpc_lite.control.world.solids import Nearby, Solids
 
 NO_PROGRESS = "no progress, on this path and on another one"
 UNSEEN = "no progress: what stands beside the robot was never seen (sight.free_at_start)"

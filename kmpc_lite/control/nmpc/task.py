@@ -14,7 +14,7 @@ from kmpc_lite.model.motion import MotionModel
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.world.nearby import Nearby
+    from kmpc_lite.control.world.solids import Nearby
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -20,7 +20,7 @@ from kmpc_lite.control.kernels.clearance import (
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.world.nearby import Nearby
+    from kmpc_lite.control.world.solids import Nearby
 
 
 @dataclass(frozen=True, eq=False)

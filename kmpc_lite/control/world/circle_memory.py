@@ -15,7 +15,7 @@ from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY, things_of
 from kmpc_lite.control.options import ControllerOptions
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.world.circles import COLUMNS
-from kmpc_lite.control.world.pairing import pairs
+from kmpc_lite.control.world.tracks import pairs
 from kmpc_lite.types import Array
 
 SAME_PLACE = 0.01

@@ -16,7 +16,7 @@ from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.world.nearby import Nearby
+    from kmpc_lite.control.world.solids import Nearby
 
 LEAST_DISTANCE = 1e-9
 """Distance from the robot below which there is no direction towards it [m]."""

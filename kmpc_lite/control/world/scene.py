@@ -20,8 +20,7 @@ from kmpc_lite.control.world.shapes import Polygon, Wall
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:
-    from kmpc_lite.control.world.nearby import Nearby
-    from kmpc_lite.control.world.solids import Solids
+    from kmpc_lite.control.world.solids import Nearby, Solids
 
 SOLID = (Polygon, Wall, OccupancyGrid)
 PREPARED = (*SOLID, LaserScan)

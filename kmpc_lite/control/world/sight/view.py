@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kmpc_lite.control.world.nearby import Nearby
 from kmpc_lite.control.world.sight.local_map import UNKNOWN, LocalMap
 from kmpc_lite.control.world.sight.outlook import Outlooks
-from kmpc_lite.control.world.solids import Solids
+from kmpc_lite.control.world.solids import Nearby, Solids
 from kmpc_lite.types import Array
 
 if TYPE_CHECKING:

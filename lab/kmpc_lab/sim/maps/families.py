@@ -19,10 +19,9 @@ from scipy import ndimage
 from kmpc_lab.sim.maps.layout import BOUNDS, ROBOT_RADIUS, Layout, Random, at_rest, draw_ends
 from kmpc_lab.sim.maps.solids import draw_polygons, draw_rooms, draw_walls
 from kmpc_lite.control.world.circles import Circle
-from kmpc_lite.control.world.nearby import Nearby
 from kmpc_lite.control.world.outlines import Outlines
 from kmpc_lite.control.world.scene import Solid
-from kmpc_lite.control.world.solids import Solids
+from kmpc_lite.control.world.solids import Nearby, Solids
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.types import Array
