@@ -6,13 +6,12 @@ It is plain data, which copies and pickles. All lengths are in the robot's units
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from kmpc_lite.control.world.sight.outlook import Outlook
 from kmpc_lite.types import Array
 
 UNKNOWN = -1
@@ -51,8 +50,9 @@ class LocalMap:
     """When cells were forgotten last."""
     trail: Array = field(default_factory=lambda: NO_POSES)
     """(K, 4) time and pose of the steps before."""
-    outlooks: dict[Outlook, float] = field(default_factory=dict)
-    """Where scanners look, and when each has told something last, on `clock`."""
+    outlooks: Array = field(default_factory=lambda: np.empty((0, 5)))
+    """(S, 5) where scanners look (`outlook_of`), and when each has told something last, on
+    `clock`."""
 
     @classmethod
     def around(cls, low: Array, high: Array, cell: float, is_fixed: bool) -> LocalMap:
@@ -194,17 +194,21 @@ class LocalMap:
         free: NDArray[np.bool_] = (state == 0) | ((state > 0) & (taken >= self.clock - time))
         return free
 
-    def forget(self, memory: float) -> None:
-        """Forget what was seen longer ago than the memory reaches; at times, not in each step."""
+    def forget(self, memory: float, blind: float) -> None:
+        """Forget what was seen longer ago than the memory reaches; at times, not in each step.
+
+        Scanners that told nothing for longer than `blind` look no more.
+        """
+        self.outlooks = self.outlooks[self.outlooks[:, 4] >= self.clock - blind]
         if self.clock - self.forgotten < memory / 16:
             return
         self.forgotten = self.clock
         self.state[self.seen < self.clock - memory] = UNKNOWN
 
-    def look_out(self, outlooks: Iterable[Outlook], memory: float) -> None:
-        """Note where scanners look; which told nothing for so long, look no more."""
-        told = self.outlooks | dict.fromkeys(outlooks, self.clock)
-        self.outlooks = {o: time for o, time in told.items() if time >= self.clock - memory}
+    def look_out(self, row: Sequence[float]) -> None:
+        """Note where a scanner looks that has told something now, as of `outlook_of`."""
+        others = self.outlooks[(self.outlooks[:, :4] != row).any(axis=1)]
+        self.outlooks = np.concatenate([others, [[*row, self.clock]]])
 
     def remember_pose(self, pose: Array, most: int) -> None:
         """Remember where the robot (3,) is now."""

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,19 +15,11 @@ BEYOND = 1e-6
 """How far beyond its end a sector is looked at, to tell whether another one goes on there [rad]."""
 
 
-class Outlook(NamedTuple):
-    """Where one scanner looks, in the robot's frame and units."""
+def outlook_of(scan: LaserScan, unit: float) -> tuple[float, float, float, float] | None:
+    """Where the scanner of a scan looks, in the robot's frame and units; none if no beam counts.
 
-    x: float
-    y: float
-    middle: float
-    """Direction of the middle of what it sees [rad]."""
-    half: float
-    """How far to either side it sees [rad]; pi: all around."""
-
-
-def outlook_of(scan: LaserScan, unit: float) -> Outlook | None:
-    """Where the scanner of a scan looks; nowhere if no beam counts.
+    Its x and y, the direction of the middle of what it sees, and how far to either side it sees
+    [rad]; pi: all around.
 
     Parameters
     ----------
@@ -41,7 +31,7 @@ def outlook_of(scan: LaserScan, unit: float) -> Outlook | None:
     sector = _sector(scan.layout, scan.ignore)
     if sector is None:
         return None
-    return Outlook(scan.mount[0] / unit, scan.mount[1] / unit, *sector)
+    return scan.mount[0] / unit, scan.mount[1] / unit, *sector
 
 
 @lru_cache(maxsize=16)
@@ -68,12 +58,12 @@ class Outlooks:
 
     Parameters
     ----------
-    outlooks : iterable of Outlook
-        One of each scanner.
+    rows : ndarray
+        (S, 4) of each scanner, as of `outlook_of`.
     """
 
-    def __init__(self, outlooks: Iterable[Outlook]) -> None:
-        self._rows = np.array(list(outlooks)).reshape(-1, 4)
+    def __init__(self, rows: Array) -> None:
+        self._rows = rows
         ends = self._rows[:, 2] + self._rows[:, 3] + BEYOND
         halves = self._rows[:, 3]
         some = len(halves) > 0 and float(halves.max()) < math.pi

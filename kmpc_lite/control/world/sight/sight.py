@@ -115,11 +115,13 @@ class Sight:
         here.clock += self._dt
         here.follow(pose[:2], self._reach)
         here.remember_pose(pose, TRAIL)
-        here.forget(options.memory)
+        here.forget(options.memory, options.blind_time / self._scale.time)
         scans = self.without_robot(scans)
         unit = self._scale.length
-        looks = (outlook_of(scan, unit) for scan in scans)
-        here.look_out((o for o in looks if o is not None), options.blind_time / self._scale.time)
+        for scan in scans:
+            look = outlook_of(scan, unit)
+            if look is not None:
+                here.look_out(look)
         rays = [Rays(s, self._pose_of(here, s, pose), unit, here.cell) for s in scans]
         for ray in rays:
             self._clear(here, ray)

@@ -36,7 +36,7 @@ class View:
 
     def __init__(self, sight: Sight, here: LocalMap, pose: Array, speed: float) -> None:
         self._sight, self._map, self._pose = sight, here, pose
-        self._outlooks = Outlooks(here.outlooks)
+        self._outlooks = Outlooks(here.outlooks[:, :4])
         self.is_narrow = self._outlooks.is_narrow
         """Whether there are directions in which no scanner looks."""
         self._seen = sight.seen(here, pose, speed)
