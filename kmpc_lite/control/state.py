@@ -10,8 +10,7 @@ from kmpc_lite.control.estimate.history import CommandHistory
 from kmpc_lite.control.estimate.innovation import InnovationState
 from kmpc_lite.control.nmpc.trajectory import Trajectory
 from kmpc_lite.control.standstill import StandstillState
-from kmpc_lite.control.world.circle_memory import CircleMemoryState
-from kmpc_lite.control.world.motion_watch import MotionWatchState
+from kmpc_lite.control.world.given_circles import GivenCircles
 from kmpc_lite.control.world.scene import SceneState
 from kmpc_lite.model.koopman import KoopmanModel
 
@@ -42,10 +41,8 @@ class ControllerState:
     """Path, search and checkers; none without guidance."""
     innovation: InnovationState = field(default_factory=InnovationState)
     """How poses differed from what was predicted, and whether the pose has jumped."""
-    circles: MotionWatchState = field(default_factory=MotionWatchState)
-    """Who moves otherwise than told."""
-    out_of_sight: CircleMemoryState = field(default_factory=CircleMemoryState)
-    """Circles that stand, told now or before; none without `sensor_range`."""
+    circles: GivenCircles = field(default_factory=GivenCircles)
+    """Circles as given, those that move otherwise, and those that stand out of reach."""
     walkers: Tracks | None = None
     """Who walks, as scans show it, in metres and seconds; None without scans."""
     turn: float = 0.0

@@ -12,8 +12,7 @@ from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import ControllerOptions, fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
 from kmpc_lite.control.state import ControllerState
-from kmpc_lite.control.world.circle_memory import CircleMemory, CircleMemoryState
-from kmpc_lite.control.world.motion_watch import MotionWatch
+from kmpc_lite.control.world.given_circles import CircleMemory, GivenCircles, MotionWatch
 from kmpc_lite.control.world.tracks import Tracks
 from kmpc_lite.scale import Scale
 
@@ -85,11 +84,11 @@ class Watching:
             seen.refusal = seen.refusal or self._answers.jump(found.jump)
         elif found.elsewhere:
             # the poses stay where they jumped to: what scans showed lies elsewhere now
-            state.seen, state.scans, state.out_of_sight = None, None, CircleMemoryState()
+            state.seen, state.scans, state.circles = None, None, GivenCircles()
         if not seen.refusal and seen.pose_is_known:
             driven = abs(float(state.history.command[0])) * self._dt
             seen.things = self._memory.recall(
-                state.out_of_sight, seen.things, seen.measured, noise.pose_errors[0], driven
+                state.circles, seen.things, seen.measured, noise.pose_errors[0], driven
             )
 
     def _look_out(self, state: ControllerState, seen: Observation) -> None:

@@ -16,7 +16,7 @@ from kmpc_lite.control.kernels.clearance import SPREAD_RATE, VELOCITY, things_of
 from kmpc_lite.control.observation import Observation
 from kmpc_lite.control.options import TrackerOptions
 from kmpc_lite.control.stop.safe_motion import MotionTask, SafeMotion, SafeMotions
-from kmpc_lite.control.world.motion_watch import MotionWatch, MotionWatchState
+from kmpc_lite.control.world.given_circles import GivenCircles, MotionWatch
 from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
 
@@ -34,7 +34,7 @@ def walker(k: int, vx: float = 0.0, vy: float = 0.7) -> Array:
 
 
 def test_circles_that_do_as_told_are_the_same_array() -> None:
-    state, looking = MotionWatchState(), watch()
+    state, looking = GivenCircles(), watch()
     still = np.array([[0.0, 1.0, 0.2, 0.0, 0.0], [1.0, 1.0, 0.2, 0.3, 0.1]])
     for k in range(20):
         circles = things_of(still)
@@ -46,7 +46,7 @@ def test_circles_that_do_as_told_are_the_same_array() -> None:
 
 @pytest.mark.parametrize("speed", [0.3, 0.7, 1.0])
 def test_a_walker_who_is_told_to_stand_is_noticed_in_half_a_second(speed: float) -> None:
-    state, looking = MotionWatchState(), watch()
+    state, looking = GivenCircles(), watch()
     for k in range(6):
         seen = looking.see(state, things_of(walker(k, vy=speed)))
     assert seen[0, SPREAD_RATE] > 0.0
@@ -54,7 +54,7 @@ def test_a_walker_who_is_told_to_stand_is_noticed_in_half_a_second(speed: float)
 
 
 def test_the_others_stay_as_they_are_told() -> None:
-    state, looking = MotionWatchState(), watch()
+    state, looking = GivenCircles(), watch()
     for k in range(10):
         other = [3.0 + 0.02 * k, 0.0, 0.2, 0.2, 0.0]
         seen = looking.see(state, things_of(np.vstack([walker(k), other])))
@@ -62,7 +62,7 @@ def test_the_others_stay_as_they_are_told() -> None:
 
 
 def test_a_circle_that_appears_or_is_put_elsewhere_does_not_walk() -> None:
-    state, looking = MotionWatchState(), watch()
+    state, looking = GivenCircles(), watch()
     for k in range(12):
         rows = [[0.0, 0.0, 0.2, 0.0, 0.0], [1.0 + 0.5 * (k >= 6), 0.0, 0.2, 0.0, 0.0]]
         rows += [[2.0, 2.0, 0.2, 0.0, 0.0]] * (k >= 3)
@@ -70,7 +70,7 @@ def test_a_circle_that_appears_or_is_put_elsewhere_does_not_walk() -> None:
 
 
 def test_who_stops_stands_and_the_watch_calms_down() -> None:
-    state, looking = MotionWatchState(), watch()
+    state, looking = GivenCircles(), watch()
     for k in range(80):
         seen = looking.see(state, things_of(walker(min(k, 15))))
     assert not seen[:, 3:].any()
@@ -106,7 +106,7 @@ def test_a_drive_with_walkers_goes_on_after_a_copy_and_a_pickle() -> None:
 
 
 def test_who_turns_on_the_spot_counts_as_moving_without_a_break() -> None:
-    state, looking, random = MotionWatchState(), watch(), np.random.default_rng(1)
+    state, looking, random = GivenCircles(), watch(), np.random.default_rng(1)
     for k in range(20):
         turned = max(k - 12, 0)
         place = [0.8 * DT * (min(k, 12) - 0.3 * turned), 0.7 * DT * turned]

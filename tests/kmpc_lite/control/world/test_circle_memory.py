@@ -13,7 +13,7 @@ from kmpc_lab.sim.maps.families import random_map
 from kmpc_lab.studies.sight import circles as study
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, things_of
 from kmpc_lite.control.options import ControllerOptions
-from kmpc_lite.control.world.circle_memory import CircleMemory, CircleMemoryState
+from kmpc_lite.control.world.given_circles import CircleMemory, GivenCircles
 from kmpc_lite.types import Array
 
 REACH = 0.5
@@ -33,7 +33,7 @@ def at_distance(gap: float) -> Array:
 
 def recall(
     memory: CircleMemory,
-    state: CircleMemoryState,
+    state: GivenCircles,
     circles: Array,
     pose: Array,
     spread_rate: Array | float = 0.0,
@@ -50,16 +50,16 @@ def memory() -> CircleMemory:
 
 
 @pytest.fixture
-def state(memory: CircleMemory) -> CircleMemoryState:
+def state(memory: CircleMemory) -> GivenCircles:
     """Of a robot that was told of a circle at the origin."""
-    made = CircleMemoryState()
+    made = GivenCircles()
     recall(memory, made, standing((0.0, 0.0)), at_distance(0.4))
     return made
 
 
 @pytest.mark.parametrize(("gap", "remembered"), [(0.51, True), (0.48, False), (0.1, False)])
 def test_what_is_not_told_is_remembered_out_of_reach_and_forgotten_within(
-    memory: CircleMemory, state: CircleMemoryState, gap: float, remembered: bool
+    memory: CircleMemory, state: GivenCircles, gap: float, remembered: bool
 ) -> None:
     assert len(recall(memory, state, NOTHING, at_distance(gap))) == remembered
     assert len(recall(memory, state, NOTHING, at_distance(2.0))) == remembered
@@ -67,7 +67,7 @@ def test_what_is_not_told_is_remembered_out_of_reach_and_forgotten_within(
 
 @pytest.mark.parametrize("known", [{"noise": 0.03}, {"driven": 0.03}])
 def test_a_list_may_be_as_old_as_a_period_and_as_wrong_as_the_pose(
-    memory: CircleMemory, state: CircleMemoryState, known: dict[str, float]
+    memory: CircleMemory, state: GivenCircles, known: dict[str, float]
 ) -> None:
     assert len(recall(memory, state, NOTHING, at_distance(0.47), **known)) == 1
     assert not len(recall(memory, state, NOTHING, at_distance(0.45), **known))
@@ -75,14 +75,14 @@ def test_a_list_may_be_as_old_as_a_period_and_as_wrong_as_the_pose(
 
 def test_it_is_forgotten_with_time() -> None:
     options = ControllerOptions.from_dict({"sight": {"memory": 1.0}})
-    memory, state = CircleMemory(PROBLEM, options), CircleMemoryState()
+    memory, state = CircleMemory(PROBLEM, options), GivenCircles()
     recall(memory, state, standing((0.0, 0.0)), at_distance(0.4))
     found = [len(recall(memory, state, NOTHING, at_distance(2.0))) for _ in range(12)]
     assert sum(found) in (9, 10) and not found[-1]
 
 
 def test_who_is_told_again_is_not_there_twice_and_keeps_its_row(
-    memory: CircleMemory, state: CircleMemoryState
+    memory: CircleMemory, state: GivenCircles
 ) -> None:
     here, other, far = at_distance(0.4), (0.0, 0.6), at_distance(2.0)
     for circles in (standing((0.0, 0.0), other), NOTHING, standing(other)):
@@ -95,12 +95,12 @@ def test_who_is_told_again_is_not_there_twice_and_keeps_its_row(
 
 
 def test_two_that_are_told_at_one_place_stay_two(memory: CircleMemory) -> None:
-    state, both = CircleMemoryState(), standing((0.0, 0.0), (0.0, 0.0))
+    state, both = GivenCircles(), standing((0.0, 0.0), (0.0, 0.0))
     for circles in (both, both, NOTHING):
         assert len(recall(memory, state, circles, at_distance(0.6))) == 2
 
 
-def test_who_moves_is_not_remembered(memory: CircleMemory, state: CircleMemoryState) -> None:
+def test_who_moves_is_not_remembered(memory: CircleMemory, state: GivenCircles) -> None:
     walks, far = standing((0.0, 0.0)) + (0.0, 0.0, 0.0, 0.3, 0.0), at_distance(2.0)
     np.testing.assert_array_equal(recall(memory, state, walks, far), walks)
     assert not len(recall(memory, state, NOTHING, far))
@@ -109,7 +109,7 @@ def test_who_moves_is_not_remembered(memory: CircleMemory, state: CircleMemorySt
     assert not len(recall(memory, state, NOTHING, far))
 
 
-def test_spreads_stay_with_their_circles(memory: CircleMemory, state: CircleMemoryState) -> None:
+def test_spreads_stay_with_their_circles(memory: CircleMemory, state: GivenCircles) -> None:
     circles = standing((3.0, 0.0), (2.0, 0.0))
     seen = things_of(circles, np.array((0.1, 0.0)))
     known = memory.recall(state, seen, at_distance(2.0), noise=0.0, driven=0.0)
@@ -119,7 +119,7 @@ def test_spreads_stay_with_their_circles(memory: CircleMemory, state: CircleMemo
 
 def test_the_latest_are_remembered_where_there_are_too_many() -> None:
     options = ControllerOptions.from_dict({"obstacles": {"circles": 3}})
-    memory, state, far = CircleMemory(PROBLEM, options), CircleMemoryState(), at_distance(9.0)
+    memory, state, far = CircleMemory(PROBLEM, options), GivenCircles(), at_distance(9.0)
     for x in range(5):
         known = recall(memory, state, standing((float(x), 0.0)), far)
     np.testing.assert_array_equal(known[:, 0], (2.0, 3.0, 4.0))
@@ -127,7 +127,7 @@ def test_the_latest_are_remembered_where_there_are_too_many() -> None:
 
 
 def test_without_a_range_nothing_is_remembered() -> None:
-    memory, state = CircleMemory(kl.NavigationProblem(), ControllerOptions()), CircleMemoryState()
+    memory, state = CircleMemory(kl.NavigationProblem(), ControllerOptions()), GivenCircles()
     things = things_of(standing((0.0, 0.0)))
     assert memory.recall(state, things, at_distance(0.4), 0.0, 0.0) is things
     assert not len(state.circles)
@@ -148,7 +148,7 @@ def test_the_path_leads_around_what_is_out_of_reach() -> None:
     assert away.min() > 0.4 + 0.15
     robot.reset()
     robot.step(START, GOAL)
-    assert not len(robot.state.out_of_sight.circles)
+    assert not len(robot.state.circles.circles)
 
 
 def test_a_robot_between_two_paths_does_not_go_to_and_fro() -> None:
@@ -175,8 +175,8 @@ def test_after_poses_that_stay_where_they_jumped_to_nothing_is_remembered() -> N
     robot.step(START, GOAL)
     for k in range(40):
         robot.step(jumped, jumped)
-        assert k > 10 or len(robot.state.out_of_sight.circles) == 1
-    assert not len(robot.state.out_of_sight.circles)
+        assert k > 10 or len(robot.state.circles.circles) == 1
+    assert not len(robot.state.circles.circles)
 
 
 def test_the_memory_copies_and_pickles_with_the_state() -> None:
@@ -197,7 +197,7 @@ def test_the_memory_copies_and_pickles_with_the_state() -> None:
         plan = robot.step(x, scenario.goal, circles[gaps <= 0.3])
         if k % 10 == 9:
             np.testing.assert_array_equal(plan.inputs, first.inputs)
-        remembered = max(remembered, np.count_nonzero(robot.state.out_of_sight.unseen))
+        remembered = max(remembered, np.count_nonzero(robot.state.circles.unseen))
         x = robot.model.predict(x, plan.command)
     assert remembered
 
@@ -208,7 +208,7 @@ def test_a_robot_twice_as_large_remembers_twice_as_far() -> None:
         for problem in (PROBLEM, kl.NavigationProblem(robot_radius=0.3, sensor_range=2.0 * REACH))
     )
     by = np.array((2.0, 2.0, 2.0, 1.0, 1.0))
-    one, two = CircleMemoryState(), CircleMemoryState()
+    one, two = GivenCircles(), GivenCircles()
     for gap in (0.4, 0.49, 0.495, 0.6, 0.48):
         told = standing((0.0, 0.0)) if gap == 0.4 else NOTHING
         known = recall(small, one, told, at_distance(gap))

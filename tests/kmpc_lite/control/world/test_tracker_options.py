@@ -10,7 +10,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lite.control.kernels.clearance import SPREAD_RATE, things_of
 from kmpc_lite.control.options import TrackerOptions
-from kmpc_lite.control.world.motion_watch import MotionWatch, MotionWatchState
+from kmpc_lite.control.world.given_circles import GivenCircles, MotionWatch
 from kmpc_lite.control.world.tracker import ObstacleTracker
 from kmpc_lite.scenario.world import World
 from kmpc_lite.types import Array
@@ -74,7 +74,7 @@ def test_who_is_hidden_is_expected_for_a_second_and_a_half() -> None:
 
 
 def test_who_was_seen_to_move_grows_by_three_standard_deviations_of_his_velocity() -> None:
-    watch, state = MotionWatch(DT, TrackerOptions(), 0.15, 0.6, 0.15), MotionWatchState()
+    watch, state = MotionWatch(DT, TrackerOptions(), 0.15, 0.6, 0.15), GivenCircles()
     for k in range(12):
         seen = watch.see(state, things_of(np.array([[0.08 * k, 1.0, 0.2, 0.0, 0.0]])))
     assert state.tracks is not None
