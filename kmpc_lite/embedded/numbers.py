@@ -17,6 +17,7 @@ from kmpc_lite.control.nmpc.sqp import MOST_PASSES
 from kmpc_lite.control.nmpc.trajectory import LOST
 from kmpc_lite.control.options import fastest, unit_length
 from kmpc_lite.control.problem import NavigationProblem
+from kmpc_lite.control.rate_limit import RateLimit
 from kmpc_lite.control.wheels import Differential
 from kmpc_lite.errors import ProblemError
 from kmpc_lite.model.dictionary import ResponseDictionary, UnicycleDictionary
@@ -58,10 +59,10 @@ def check_can_be_exported(model: KoopmanModel, problem: NavigationProblem) -> No
 def sizes_of(controller: Controller) -> dict[str, float]:
     """Sizes of the arrays, by their names in C."""
     qp, units = controller._sqp.qp, controller.units
-    braking = controller._pipeline.fallback._braking
+    rates = RateLimit(units)
     command = np.maximum(np.abs(units.u_min), np.abs(units.u_max))
-    ramp = math.ceil(float((command / braking.ramp_step).max()) - TINY) + 1
-    ramp = min(max(ramp, 1), braking.longest_ramp)
+    ramp = math.ceil(float((command / rates.ramp_step).max()) - TINY) + 1
+    ramp = min(max(ramp, 1), rates.longest_ramp)
     further = controller._pipeline.fallback._motions._further
     history = controller.model.history
     return {
@@ -84,8 +85,8 @@ def numbers_of(controller: Controller) -> dict[str, Any]:
     """Numbers of `struct kmpc_numbers`, by their names there."""
     units, scale = controller.units, controller.scale
     sqp, qp, pipeline = controller._sqp, controller._sqp.qp, controller._pipeline
-    keep_out, rates, verification = sqp.keep_out, sqp._rates, pipeline._verification
-    motions, braking = pipeline.fallback._motions, pipeline.fallback._braking
+    keep_out, rates, verification = sqp.keep_out, RateLimit(units), pipeline._verification
+    motions = pipeline.fallback._motions
     return {
         "dt": units.dt,
         "state": scale.state,
@@ -103,10 +104,10 @@ def numbers_of(controller: Controller) -> dict[str, Any]:
         "pull_terminal": qp.cost._pull_terminal,
         "slack_dual": -float(units.slack_weights[0]) / SLACK_SCALE,
         "limits_changes": int(rates.active),
-        "change": rates._change,
-        "brake": rates._brake,
-        "ramp_step": braking.ramp_step,
-        "longest_ramp": braking.longest_ramp,
+        "change": rates.faster,
+        "brake": rates.slower,
+        "ramp_step": rates.ramp_step,
+        "longest_ramp": rates.longest_ramp,
         "further": motions._further,
         "most_passes": MOST_PASSES,
         "tolerated": sqp._tolerated,
