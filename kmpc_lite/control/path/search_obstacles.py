@@ -52,17 +52,18 @@ class PathMap:
         self.coarseness = coarseness
         """How far the solids may stand out of what they were made of [m]."""
         self.lattice: Lattice | None = None
-        """Where the grids have too many corners."""
-        many = solids.rectangle_count > LATTICE_RECTANGLES
-        self.corners = solids.outline_corners if many else solids.all_corners
+        """Made by `prepare`."""
+        self.has_lattice = solids.rectangle_count > LATTICE_RECTANGLES
+        """Whether the grids have too many corners for the tangent graph."""
+        self.corners = solids.outline_corners if self.has_lattice else solids.all_corners
         """What paths go around: all corners, but for those of grids with a lattice."""
         self.landmarks = self.corners.middles
         """(L, 2) a point in each obstacle [m]: paths differ by the sides on which they pass."""
-        self.is_ready = not many
-        """Whether a search may begin."""
 
     def prepare(self, start: Array, goal: Array) -> None:
-        """Do what is left before a search from a start to a goal may begin."""
+        """Make the lattice, if there is to be one, for a search from a start to a goal."""
+        if self.lattice is not None or not self.has_lattice:
+            return
         limits = self._limits
         if limits is not None:
             # only start and goal may lie outside
@@ -70,7 +71,6 @@ class PathMap:
             limits = np.minimum(limits[0], low), np.maximum(limits[1], high)
         self.lattice = Lattice(self.solids, limits, self._fineness)
         self.landmarks = np.concatenate([self.corners.middles, self.lattice.landmarks])
-        self.is_ready = True
 
 
 class Obstacles(NamedTuple):

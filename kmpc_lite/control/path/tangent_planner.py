@@ -53,6 +53,8 @@ TOO_MANY = "too many obstacles are in the way to find a path around them"
 class Stage(Enum):
     """What the next part of a search is."""
 
+    MAP = auto()
+    """Make the lattice, unless it was made for the last search: this search has as many parts."""
     OBSTACLES = auto()
     """Gather the obstacles, and begin with the widest clearance."""
     LINKED = auto()
@@ -71,7 +73,7 @@ SEEN_STEP = 0.5
 """Least distance between neighbours of the lattice among what scans show [radii]."""
 SEEN_NODES = 12_000
 """Most nodes of that lattice: a search is a matter of milliseconds."""
-ON_LATTICE = Stage.OBSTACLES, Stage.LINKED, Stage.STRAIGHTEN
+ON_LATTICE = Stage.MAP, Stage.OBSTACLES, Stage.LINKED, Stage.STRAIGHTEN
 """Where a search on a lattice does the most work."""
 
 
@@ -121,6 +123,8 @@ class TangentPlanner:
         """Whether more obstacles were in the way than a search takes."""
         self._found: Path | str | None = None
         self._map = self._map_of(request)
+        if self._map is not None and self._map.has_lattice:
+            self._stage = Stage.MAP
 
     def _map_of(self, request: PathRequest) -> PathMap | None:
         """The solids, prepared: as they were for the last search, where they are the same."""
@@ -149,8 +153,7 @@ class TangentPlanner:
     @property
     def _weight(self) -> int:
         """How many quanta the next part counts as: long ones on a lattice as those of a step."""
-        on_lattice = self._map is not None and (self._map.lattice or not self._map.is_ready)
-        if on_lattice and self._stage in ON_LATTICE:
+        if self._map is not None and self._map.has_lattice and self._stage in ON_LATTICE:
             return self._options.hurried_parts
         if self._stage is Stage.TANGENTS and self._tangents is not None:
             return self._tangents.weight
@@ -159,8 +162,9 @@ class TangentPlanner:
     def _do_part(self) -> None:
         """Do one part of the work."""
         request, path_map = self._request, self._map
-        if path_map is not None and not path_map.is_ready:
+        if self._stage is Stage.MAP and path_map is not None:
             path_map.prepare(request.start, request.goal)
+            self._stage = Stage.OBSTACLES
         elif self._stage is Stage.OBSTACLES:
             self._obstacles = gather(request, path_map)
             clearances = all_clearances(request, self._turning, self._options)
