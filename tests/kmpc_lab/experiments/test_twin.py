@@ -12,6 +12,7 @@ import pytest
 from boards import TABLES
 from courses import PATIENT
 from mavlink_rig import Rig
+from robots import Clock
 
 from firmware_bridge.drivers.mavlink.options import MavlinkOptions
 from firmware_bridge.link.framing import roboclaw_packet
@@ -34,16 +35,9 @@ margin = 0.05
 """
 
 
-class Time:
-    now = 0.0
-
-    def __call__(self):
-        return self.now
-
-
 @pytest.fixture
 def board():
-    clock = Time()
+    clock = Clock()
     emulator = RoboClawEmulator.from_options(TABLES["roboclaw"], clock=clock)
     twin = Twin(pose=(0.2, 0.1, 0.4))
     emulator.put_on(TwinBody(emulator.geometry, twin, clock()))

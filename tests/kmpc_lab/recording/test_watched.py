@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from robots import Clock
 
 import kmpc_lite as kl
 from firmware_bridge.live.moment import map_packet
@@ -11,18 +12,6 @@ from firmware_bridge.live.watchers import Picture
 from kmpc_lab import Outcome, drive
 from kmpc_lab.recording.watched import WatchedController
 from kmpc_lite.scenario.files import Scenario
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.now, self.slept = 0.0, 0.0
-
-    def __call__(self) -> float:
-        return self.now
-
-    def sleep(self, seconds: float) -> None:
-        self.now += seconds
-        self.slept += seconds
 
 
 def watched(scenario: Scenario):
@@ -37,7 +26,7 @@ def test_it_drives_as_without_a_page_at_the_pace_of_the_clock():
     plain, _ = watched(scenario)
     run, same = drive(seen, scenario), drive(plain._controller, scenario)
     assert run.outcome is Outcome.REACHED and np.array_equal(run.inputs, same.inputs)
-    assert clock.slept == pytest.approx(run.duration)
+    assert sum(clock.slept) == pytest.approx(run.duration)
     shown = Picture()
     shown.take({**map_packet(scenario, "a"), **seen.packet()})
     values = shown.values
