@@ -15,8 +15,9 @@ NEIGHBOURS = 8
 """Most neighbours on each side that a range is averaged with."""
 SAME_SURFACE = 3.0
 """Ranges that differ by more standard deviations are of two surfaces."""
-INDEPENDENT = 4
-"""Most beams whose errors count as independent: a scanner errs alike in neighbouring ones."""
+INDEPENDENT = 2
+"""Most beams whose errors count as independent: a scanner errs alike in neighbouring ones, and what
+is averaged over an edge lies behind it."""
 
 
 def averaged_ranges(

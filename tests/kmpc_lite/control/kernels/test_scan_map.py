@@ -22,7 +22,7 @@ def test_a_surface_nearby_is_known_better_than_one_beam_tells() -> None:
     ranges = 0.3 + 0.01 * random.normal(size=720)
     averaged, deviations = averaged_ranges(ranges, ALL, STEP, 0.01, 0.025)
     inner = slice(8, -8)
-    assert deviations[inner] == pytest.approx(0.005)
+    assert deviations[inner] == pytest.approx(0.01 / np.sqrt(2.0))
     assert np.std(averaged[inner] - 0.3) < 0.004 < 0.009 < np.std(ranges)
 
 

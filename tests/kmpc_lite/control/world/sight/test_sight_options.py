@@ -77,12 +77,12 @@ def test_a_cell_that_was_hit_is_free_after_three_scans_have_passed() -> None:
 
 
 def test_a_surface_is_nearer_than_seen_by_two_standard_deviations() -> None:
-    """Of a range that is averaged with what the two beams beside it measure, and of the pose."""
+    """Of a range that counts with its neighbours, and of the pose."""
     here = sight().look(None, [scan(1.0, noise=0.003)], HERE, 0.001)
     assert here is not None
     cells, _ = here.cells_of(np.array([[1.01, 0.01], [0.99, 0.01]]))
     (nearest, _), _ = here.boxes(cells[here.state.ravel()[cells] > 0])[0].min(axis=0), None
-    errors = 2.0 * np.hypot(0.003 / np.sqrt(3.0), 0.001)
+    errors = 2.0 * np.hypot(0.003 / np.sqrt(2.0), 0.001)
     assert nearest == pytest.approx(np.cos(2.0 * STEP) - errors, abs=1e-6)
 
 
