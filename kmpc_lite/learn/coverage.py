@@ -14,14 +14,13 @@ import numpy as np
 
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.stopping import STANDING, find_stops
+from kmpc_lite.learn.windows import largest_inputs
 from kmpc_lite.types import Array
 
 TURNING = 0.3
 """Share of the largest turn rate above which a robot is told to turn."""
 FAST = 0.6
 """Share of the largest speed that parts slow driving from fast driving."""
-OUTLIERS = 0.005
-"""Share of the rows whose speeds may lie above the largest that counts."""
 # how much a log must show of each way of driving
 WHOLE = 60.0
 """Length of the log [s]."""
@@ -131,7 +130,7 @@ def find_coverage(
     """
     rows = np.concatenate([np.empty((0, 2)), *stretches])
     if limits is None:
-        v_max, turn = _largest(rows, OUTLIERS)
+        v_max, turn = largest_inputs(rows) if len(rows) else (0.0, 0.0)
         limits = v_max, v_max, turn
     fastest = max(*limits[:2], 1e-9)
     v, omega = rows[:, 0] / fastest, rows[:, 1] / max(limits[2], 1e-9)
@@ -194,14 +193,6 @@ def _seconds_of(v: Array, omega: Array, dt: float, reverses: bool) -> list[Part]
         )
     )
     return parts
-
-
-def _largest(rows: Array, outliers: float) -> tuple[float, float]:
-    """Largest |v| and |omega| of a log, single outliers left out."""
-    if not len(rows):
-        return 0.0, 0.0
-    v, omega = np.quantile(np.abs(rows), 1.0 - outliers, axis=0)
-    return float(v), float(omega)
 
 
 def find_gaps(*datasets: Dataset) -> list[str]:

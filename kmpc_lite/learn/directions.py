@@ -17,7 +17,7 @@ from kmpc_lite.learn.cross_validation import (
 )
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.responses import AT_ONCE, AgedResponse, Response, first_candidates, neighbours
-from kmpc_lite.learn.unmodelled_delay import DelayOptions, unmodelled_delay
+from kmpc_lite.learn.stopping import DelayOptions, unmodelled_delay
 from kmpc_lite.learn.windows import (
     Moments,
     Windows,

@@ -173,16 +173,13 @@ def describe_fit(
 
 def warn_of_errors(report: FitReport) -> list[str]:
     """Warnings on held-out errors: directions in which the nominal unicycle predicts better."""
-    told = []
-    names = ("along", "across", "in heading")
-    for name, ours, nominal in zip(
-        names, report.multi_step, report.nominal_multi_step, strict=True
-    ):
-        if ours > 1.02 * nominal:
-            told.append(
-                f"{name} it predicts worse than the nominal robot: {ours:.3g} against {nominal:.3g}"
-            )
-    return told
+    return [
+        f"{name} it predicts worse than the nominal robot: {ours:.3g} against {nominal:.3g}"
+        for name, ours, nominal in zip(
+            DIRECTIONS, report.multi_step, report.nominal_multi_step, strict=True
+        )
+        if ours > WORSE * nominal
+    ]
 
 
 def format_summary(facts: Mapping[str, Any]) -> str:

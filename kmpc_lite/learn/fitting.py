@@ -11,7 +11,7 @@ from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.least_squares import wants_symmetry
 from kmpc_lite.learn.noise import fit_noise, with_noise
 from kmpc_lite.learn.regression import Accumulator, Method
-from kmpc_lite.learn.unmodelled_delay import aligned, unmodelled_delay
+from kmpc_lite.learn.stopping import aligned, unmodelled_delay
 from kmpc_lite.model.dictionary import Dictionary, InputHistoryDictionary, UnicycleDictionary
 from kmpc_lite.model.koopman import KoopmanModel
 from kmpc_lite.model.motion import UNMODELLED_DELAY

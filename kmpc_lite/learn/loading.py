@@ -11,7 +11,7 @@ import numpy as np
 
 from kmpc_lite.errors import DataError
 from kmpc_lite.learn.checks.checklist import LogVerdict, judge, refuse_car_like
-from kmpc_lite.learn.checks.poses import tell_poses
+from kmpc_lite.learn.checks.motion import tell_poses
 from kmpc_lite.learn.checks.relations import is_early, refuse_late, tell_delay
 from kmpc_lite.learn.cutting import cut, even_stamps, model_period
 from kmpc_lite.learn.dataset import Dataset

@@ -209,7 +209,11 @@ def squared_errors(moment: Array, weights: Array) -> Array:
 
 
 def largest_speeds(dataset: Dataset) -> tuple[float, float]:
-    """Largest |v| and |omega| of a log's inputs, single outliers left out."""
-    inputs = np.abs(np.concatenate([e.inputs for e in dataset.episodes]))
-    v, omega = np.quantile(inputs, 0.995, axis=0)
+    """Largest |v| and |omega| of a log's inputs, as `largest_inputs` gives them."""
+    return largest_inputs(np.concatenate([e.inputs for e in dataset.episodes]))
+
+
+def largest_inputs(inputs: Array) -> tuple[float, float]:
+    """Largest |v| and |omega| of inputs (n, 2), single outliers left out; never zero."""
+    v, omega = np.quantile(np.abs(inputs), 0.995, axis=0)
     return max(float(v), 1e-6), max(float(omega), 1e-6)

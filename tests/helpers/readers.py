@@ -40,7 +40,7 @@ from kmpc_lab.recording.drive_file import load_drive
 from kmpc_lab.recording.simulated import SimulationRecorder
 from kmpc_lab.studies.records import RecordFile
 from kmpc_lite.errors import KmpcError
-from kmpc_lite.learn.formats.mcap_layout import MAGIC, RECORD, Op
+from kmpc_lite.learn.formats.mcap import MAGIC, RECORD, Op
 from kmpc_lite.learn.formats.readers import read_log
 from kmpc_lite.learn.logs import ReadOptions
 from kmpc_lite.reading import parse_toml

@@ -25,7 +25,7 @@ import kmpc_lite as kl
 from firmware_bridge.recording.drive.mcap_writer import McapWriter
 from firmware_bridge.recording.drive.schemas import TOPICS
 from kmpc_lite.cli import main as cli
-from kmpc_lite.learn.formats.mcap_layout import MESSAGE, RECORD, Op, record
+from kmpc_lite.learn.formats.mcap import MESSAGE, RECORD, Op, record
 
 HELPERS = Path(__file__).parents[1] / "helpers"
 Make = Callable[[Path], object]

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 from zlib import crc32
 
-from kmpc_lite.learn.formats.mcap_layout import (
+from kmpc_lite.learn.formats.mcap import (
     CHUNK,
     MAGIC,
     MESSAGE,

@@ -31,7 +31,7 @@ from kmpc_lite.learn.checks.readings import (
 from kmpc_lite.learn.checks.relations import clocks_differ, other_source, unrelated, wheel_speeds
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.logs import Log
-from kmpc_lite.learn.unmodelled_delay import aligned, unmodelled_delay
+from kmpc_lite.learn.stopping import aligned, unmodelled_delay
 
 NEVER_MOVES = (
     "the poses never move though the commands do, so the log does not excite the model: expected "

@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kmpc_lite.errors import DataError, did_you_mean
-from kmpc_lite.learn.formats.mcap_layout import DRIVE
-from kmpc_lite.learn.formats.mcap_records import is_ours
+from kmpc_lite.learn.formats.mcap import DRIVE, is_ours
 from kmpc_lite.learn.formats.tables import LARGEST
 from kmpc_lite.learn.logs import Log, ReadOptions, correct
 from kmpc_lite.reading import open_regular

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from kmpc_lite.errors import DataError
-from kmpc_lite.learn.formats.mcap_layout import LARGEST_MESSAGE
-from kmpc_lite.learn.formats.mcap_records import Found, read_mcap
+from kmpc_lite.learn.formats.mcap import LARGEST_MESSAGE, Found, read_mcap
 from kmpc_lite.learn.formats.streams import Thinned
 from kmpc_lite.learn.logs import Log, ReadOptions, Series, Topic
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from firmware_bridge.recording.drive.seen import ranges_of
 from kmpc_lite.control.world.scan import LaserScan
-from kmpc_lite.learn.formats.mcap_layout import LARGEST_MESSAGE
-from kmpc_lite.learn.formats.mcap_records import Found
+from kmpc_lite.learn.formats.mcap import LARGEST_MESSAGE, Found
 from kmpc_lite.types import Array
 
 MOST_STEPS = 500_000

@@ -16,8 +16,7 @@ from kmpc_lab.sim.details import Details
 from kmpc_lab.sim.run_file import errors_of
 from kmpc_lite.control.plan import GoalProgress, PlanStatus
 from kmpc_lite.errors import ScenarioError
-from kmpc_lite.learn.formats.mcap_layout import DRIVE
-from kmpc_lite.learn.formats.mcap_records import is_ours, read_messages
+from kmpc_lite.learn.formats.mcap import DRIVE, is_ours, read_messages
 from kmpc_lite.reading import open_regular, parse_toml
 from kmpc_lite.scenario.files import Scenario
 from kmpc_lite.scenario.gaps import obstacle_gaps

@@ -22,7 +22,7 @@ from kmpc_lite.control.insight import insight
 from kmpc_lite.control.plan import Plan
 from kmpc_lite.errors import ScenarioError
 from kmpc_lite.files import write_whole
-from kmpc_lite.learn.formats.mcap_layout import DRIVE
+from kmpc_lite.learn.formats.mcap import DRIVE
 from kmpc_lite.types import Array
 
 

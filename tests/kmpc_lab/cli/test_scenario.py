@@ -93,7 +93,7 @@ def test_a_drawn_scenario_is_driven_and_can_be_read_back(
 def test_a_route_is_driven_goal_by_goal_and_recorded_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from kmpc_lite.learn.formats.mcap_records import read_messages
+    from kmpc_lite.learn.formats.mcap import read_messages
 
     monkeypatch.chdir(tmp_path)
     line = "simulate --goal 0.5 0 0 --goal 0.5 0.4 90deg --goal 0 0 0 --json --record drive"

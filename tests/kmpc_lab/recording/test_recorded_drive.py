@@ -17,7 +17,7 @@ from kmpc_lab import Outcome, Run, drive
 from kmpc_lab.recording.drive_file import load_drive
 from kmpc_lab.recording.simulated import SimulationRecorder, circle_rows
 from kmpc_lite.cli import main as cli
-from kmpc_lite.learn.formats.mcap_layout import DRIVE
+from kmpc_lite.learn.formats.mcap import DRIVE
 from kmpc_lite.scenario.files import Scenario
 
 
@@ -167,7 +167,7 @@ def test_what_is_no_drive_is_refused(
 ) -> None:
     path, run = tmp_path / "drive.mcap", content.replace(old, new)
     # without checksums, so that what they hold is read
-    from kmpc_lite.learn.formats import mcap_records as read
+    from kmpc_lite.learn.formats import mcap as read
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(read, "crc32", lambda data: 0)

@@ -8,7 +8,7 @@ import pytest
 import kmpc_lite as kl
 from kmpc_lab.studies.any_robot import Robot, record
 from kmpc_lab.studies.robot_drives import drive
-from kmpc_lite.learn.unmodelled_delay import aligned, unmodelled_delay
+from kmpc_lite.learn.stopping import aligned, unmodelled_delay
 
 
 @pytest.mark.parametrize("dt", [0.05, 0.1, 0.2])

@@ -11,8 +11,15 @@ from zlib import crc32
 import pytest
 
 from firmware_bridge.recording.drive.mcap_writer import McapWriter, Message, Topic
-from kmpc_lite.learn.formats.mcap_layout import MAGIC, RECORD, Op, record
-from kmpc_lite.learn.formats.mcap_records import is_ours, read_mcap, read_messages
+from kmpc_lite.learn.formats.mcap import (
+    MAGIC,
+    RECORD,
+    Op,
+    is_ours,
+    read_mcap,
+    read_messages,
+    record,
+)
 
 A = {"title": "test.A", "type": "object", "properties": {"n": {"type": "integer"}}}
 TOPICS = (Topic("/a", "test.A", A), Topic("/b", "test.A", A))

@@ -86,7 +86,7 @@ def test_a_mirrored_scan_is_shown_where_it_was_seen(scenario: Scenario) -> None:
 
 
 def _streamed(content: bytes) -> Iterator[tuple[str, str, str, dict[str, Any]]]:
-    from kmpc_lite.learn.formats.mcap_records import read_messages
+    from kmpc_lite.learn.formats.mcap import read_messages
 
     for found in read_messages(BytesIO(content)):
         if found.topic.startswith("/"):
