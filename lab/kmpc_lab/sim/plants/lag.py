@@ -8,9 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kmpc_lab.sim.plants.robots import DifferentialDrive
+from kmpc_lab.sim.plants.robots import DifferentialDrive, checked, drawn_slip, slipped_arc
 from kmpc_lite.errors import ProblemError
-from kmpc_lite.geometry import exact_arc
 from kmpc_lite.learn.dataset import Dataset
 from kmpc_lite.learn.episode import Episode
 from kmpc_lite.scenario.values import Floor
@@ -98,18 +97,9 @@ class LaggingDrive:
 
     def trace(self, x: ArrayLike, u: ArrayLike, dt: float, substeps: int) -> Array:
         """Evenly spaced states during one period, without the first: (substeps, ..., 3)."""
-        state, command = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
-        if state.shape[-1:] != (STATES,) or command.shape[-1:] != (INPUTS,):
-            raise ValueError(
-                f"expected states (..., {STATES}) and commands (..., {INPUTS}), "
-                f"got {state.shape} and {command.shape}"
-            )
+        state, command = checked(x, u)
         floor = self.floor
-        ratios = (
-            self._random.exponential(floor.slip, (3, *state.shape[:-1]))
-            if floor.slip
-            else np.zeros((3, *state.shape[:-1]))
-        )
+        ratios = drawn_slip(self._random, floor.slip, state.shape[:-1])
         self._sent.append((self.time + self.dead_time, command.copy()))
         self.speeds = np.broadcast_to(self.speeds, command.shape)
         self._held = np.broadcast_to(self._held, command.shape)
@@ -138,23 +128,10 @@ class LaggingDrive:
                 self.speeds = self._held + (self.speeds - self._held) * decay
             else:
                 mean = self.speeds = self._held
-            state = _move(state, mean * (1.0, turn_gain), ratios, h, self.turning_point)
+            state = slipped_arc(state, mean * (1.0, turn_gain), ratios, h, self.turning_point)
             self.time += h
         self.time = end
         return state
-
-
-def _move(state: Array, speeds: Array, ratios: Array, h: float, turning_point: Array) -> Array:
-    """Move slipping robots exactly along arcs at held speeds (paper, eq. 13).
-
-    States are (..., 3), speeds (..., 2), ratios (3, ...).
-    """
-    alpha, beta, gamma = ratios
-    v, omega = speeds[..., 0], (1.0 + gamma) * speeds[..., 1]
-    # the pose goes around the turning point
-    forward = (1.0 + beta) * v + omega * turning_point[1]
-    left = -alpha * v - omega * turning_point[0]
-    return exact_arc(state, forward, omega, h, left)
 
 
 def drive_log(

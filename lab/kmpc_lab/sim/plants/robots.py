@@ -63,28 +63,44 @@ class DifferentialDrive:
 
     def trace(self, x: ArrayLike, u: ArrayLike, dt: float, substeps: int) -> Array:
         """Evenly spaced states during one period, without the first: (substeps, ..., 3)."""
-        state, command = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
-        if state.shape[-1:] != (STATES,) or command.shape[-1:] != (INPUTS,):
-            raise ValueError(
-                "expected states (..., 3) and commands (..., 2), "
-                f"got {state.shape} and {command.shape}"
-            )
-        lead = np.broadcast_shapes(
-            state.shape[:-1], command.shape[:-1]
-        )  # each robot slips on its own, whoever shares a command
+        state, command = checked(x, u)
+        # each robot slips on its own, whoever shares a command
+        lead = np.broadcast_shapes(state.shape[:-1], command.shape[:-1])
+        speeds = np.broadcast_to(command, (*lead, INPUTS)) * (1.0, self.turn_gain)
+        ratios = drawn_slip(self._random, self.slip, lead)
+        t = (dt / substeps * np.arange(1, substeps + 1)).reshape(-1, *(1 for _ in lead))
         state = np.broadcast_to(state, (*lead, STATES))
-        command = np.broadcast_to(command, (*lead, INPUTS))
-        v, omega = command[..., 0], command[..., 1] * self.turn_gain
-        if self.slip:
-            alpha, beta, gamma = self._random.exponential(self.slip, (3, *v.shape))
-        else:
-            alpha = beta = gamma = np.zeros_like(v)
-        forward, left, turn = (1 + beta) * v, -alpha * v, (1 + gamma) * omega
-        # the pose goes around the turning point
-        forward, left = forward + turn * self.turning_point[1], left - turn * self.turning_point[0]
-        # speeds are constant in the robot's frame, so the path is an arc
-        t = (dt / substeps * np.arange(1, substeps + 1)).reshape(-1, *(1 for _ in v.shape))
-        return exact_arc(state, forward, turn, t, left)
+        return slipped_arc(state, speeds, ratios, t, self.turning_point)
+
+
+def checked(x: ArrayLike, u: ArrayLike) -> tuple[Array, Array]:
+    """States (..., 3) and commands (..., 2) as arrays; ValueError for other shapes."""
+    state, command = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
+    if state.shape[-1:] != (STATES,) or command.shape[-1:] != (INPUTS,):
+        raise ValueError(
+            f"expected states (..., 3) and commands (..., 2), got {state.shape} and {command.shape}"
+        )
+    return state, command
+
+
+def drawn_slip(random: np.random.Generator, mean: float, lead: tuple[int, ...]) -> Array:
+    """Draw the three slip ratios of each robot, (3, ...)."""
+    return random.exponential(mean, (3, *lead)) if mean else np.zeros((3, *lead))
+
+
+def slipped_arc(
+    state: Array, speeds: Array, ratios: Array, t: Array | float, turning_point: Array
+) -> Array:
+    """Move slipping robots exactly along arcs at held speeds (paper, eq. 13).
+
+    States are (..., 3), speeds (..., 2), ratios (3, ...).
+    """
+    alpha, beta, gamma = ratios
+    v, turn = speeds[..., 0], (1.0 + gamma) * speeds[..., 1]
+    # the pose goes around the turning point
+    forward = (1.0 + beta) * v + turn * turning_point[1]
+    left = -alpha * v - turn * turning_point[0]
+    return exact_arc(state, forward, turn, t, left)
 
 
 def generate_dataset(

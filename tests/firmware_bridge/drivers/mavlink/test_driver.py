@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from free_port import free_port
@@ -19,7 +20,6 @@ from mavlink_rig import decode, set_point_frame
 from rover_link import READY
 
 from firmware_bridge.drivers.mavlink.driver import MavlinkDriver
-from firmware_bridge.drivers.mavlink.options import MavlinkOptions
 from firmware_bridge.link import OnBytes, open_transport
 from kmpc_lab.emulator.rover.parameters import MOTION_CAPTURE
 from kmpc_lab.emulator.rover.rover import RoverEmulator
@@ -59,15 +59,27 @@ def drive_until(
     wait(sent)
 
 
-def test_over_every_link(url: str, closing: Callable[..., None]) -> None:
-    """Found, taken, driven, stopped, given back."""
-    rover = RoverEmulator(**READY)  # type: ignore[arg-type]
+def started(url: str, closing: Callable[..., None], **options: Any) -> RoverEmulator:
+    """A rover that is ready to drive, at a link."""
+    rover = RoverEmulator(**{**READY, **options})
     closing(rover)
     rover.start(url)
-    driver = MavlinkDriver(open_transport(url), MavlinkOptions(arm=True))
+    return rover
+
+
+def taken(url: str, closing: Callable[..., None], **board: Any) -> MavlinkDriver:
+    """A driver that has armed what is at a link."""
+    table = {"board": {"arm": True, **board}}
+    driver = MavlinkDriver.from_options(open_transport(url), table)
     closing(driver)
     driver.connect(20.0)
     wait(lambda: driver.health().ready)
+    return driver
+
+
+def test_over_every_link(url: str, closing: Callable[..., None]) -> None:
+    """Found, taken, driven, stopped, given back."""
+    rover, driver = started(url, closing), taken(url, closing)
     drive(driver, 0.4, 0.3, 1.2)
     driver.stop()
     wait(lambda: rover.mode == "HOLD" and rover.stopped)
@@ -84,22 +96,14 @@ def test_over_every_link(url: str, closing: Callable[..., None]) -> None:
 
 
 def test_close_stops_a_rover_that_moves_by_our_word(tcp: str, closing: Callable[..., None]) -> None:
-    rover = RoverEmulator(**READY)  # type: ignore[arg-type]
-    closing(rover)
-    rover.start(tcp)
-    driver = MavlinkDriver(open_transport(tcp), MavlinkOptions(arm=True))
-    closing(driver)
-    driver.connect(20.0)
-    wait(lambda: driver.health().ready)
+    rover, driver = started(tcp, closing), taken(tcp, closing)
     drive(driver, 0.4, 0.0, 0.5)
     driver.close()
     assert rover.mode == "HOLD", "close has waited for the confirmation"
 
 
 def test_close_leaves_alone_what_it_did_not_move(tcp: str, closing: Callable[..., None]) -> None:
-    rover = RoverEmulator(**READY)  # type: ignore[arg-type]
-    closing(rover)
-    rover.start(tcp)
+    rover = started(tcp, closing)
     wait(lambda: rover.pilot_mode(15))
     rover.pilot_arm()
     driver = MavlinkDriver(open_transport(tcp))
@@ -113,9 +117,7 @@ def test_close_leaves_alone_what_it_did_not_move(tcp: str, closing: Callable[...
 
 def test_motion_capture(tcp: str, closing: Callable[..., None]) -> None:
     """Poses from a thread of their own; the robot is taken later, by hand."""
-    rover = RoverEmulator(**READY, parameters=MOTION_CAPTURE, pose=(1.0, 2.0, 0.5))  # type: ignore[arg-type]
-    closing(rover)
-    rover.start(tcp)
+    rover = started(tcp, closing, parameters=MOTION_CAPTURE, pose=(1.0, 2.0, 0.5))
     driver = MavlinkDriver.from_options(
         open_transport(tcp), {"board": {"pose": "mocap", "origin": [47.0, 8.0, 400.0]}}
     )
@@ -152,34 +154,20 @@ def test_a_signed_link(tcp: str, tmp_path: Path, closing: Callable[..., None]) -
     key = tmp_path / "key"
     key.write_text(bytes(range(32)).hex())
     key.chmod(0o600)
-    rover = RoverEmulator(**READY, key=bytes(range(32)))  # type: ignore[arg-type]
-    closing(rover)
-    rover.start(tcp)
-    driver = MavlinkDriver.from_options(
-        open_transport(tcp), {"board": {"arm": True, "key_file": str(key)}}
-    )
-    closing(driver)
-    driver.connect(20.0)
-    wait(lambda: driver.health().ready)
+    rover = started(tcp, closing, key=bytes(range(32)))
+    driver = taken(tcp, closing, key_file=str(key))
     drive_until(driver, 0.3, 0.0, lambda: rover.counters["set_points"] > 10)
     assert rover.counters["unsigned"] == 0
 
 
 def test_unplugged_and_plugged_in_again(tcp: str, closing: Callable[..., None]) -> None:
     """The vehicle keeps its mode; telemetry is asked for again by itself."""
-    first = RoverEmulator(**READY)  # type: ignore[arg-type]
-    first.start(tcp)
-    driver = MavlinkDriver(open_transport(tcp), MavlinkOptions(arm=True))
-    closing(driver)
-    driver.connect(20.0)
-    wait(lambda: driver.health().ready)
+    first, driver = started(tcp, closing), taken(tcp, closing)
     first.close()
     wait(lambda: not driver.health().connected)
     driver.send(0.2, 0.0)
     driver.stop()
-    second = RoverEmulator(**READY)  # type: ignore[arg-type]
-    closing(second)
-    second.start(tcp)
+    started(tcp, closing)
     wait(lambda: driver.health().connected)
     unplugged = time.monotonic()
     wait(lambda: driver.state() is not None and driver.state().stamp > unplugged)  # type: ignore[union-attr]
@@ -190,9 +178,7 @@ def test_unplugged_and_plugged_in_again(tcp: str, closing: Callable[..., None]) 
 def test_no_exception_leaves_the_io_thread_and_none_is_kept_quiet(
     tcp: str, closing: Callable[..., None]
 ) -> None:
-    rover = RoverEmulator(**READY)  # type: ignore[arg-type]
-    closing(rover)
-    rover.start(tcp)
+    started(tcp, closing)
     driver = MavlinkDriver(open_transport(tcp))
     closing(driver)
     driver.connect(20.0)
@@ -263,9 +249,7 @@ while True:
 
 
 def test_kill_9_the_rover_stops_by_its_own_time_out(tcp: str, closing: Callable[..., None]) -> None:
-    rover = RoverEmulator(**READY)  # type: ignore[arg-type]
-    closing(rover)
-    rover.start(tcp)
+    rover = started(tcp, closing)
     root = str(Path(__file__).parents[4])
     child = subprocess.Popen(
         [sys.executable, "-c", DRIVE_FOR_EVER, tcp],
